@@ -1,0 +1,202 @@
+/* The life of an instance: start values, refresh of derived values, and do_step, which is
+ * RK4 in sub-steps, cut at the sample instants of the component's clocks. */
+#include "uuv_component.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "uuv_random.h"
+
+UUV_EXPORT const uuv_component *uuv_get_component(void) { return &uuv_the_component; }
+
+static uint32_t max_draws(const uuv_component *c) {
+    uint32_t n = 0;
+    for (uint32_t i = 0; i < c->n_clocks; i++)
+        if (c->clocks[i].n_draws > n) n = c->clocks[i].n_draws;
+    return n;
+}
+
+static V broadcast(double value) { return uuv_const(value); }
+
+UUV_EXPORT uuv_instance *uuv_instantiate(const uuv_component *c) {
+    uuv_instance *s = calloc(1, sizeof *s);
+    if (!s) return NULL;
+    size_t scratch = 6 * (size_t)c->n_x + c->n_z + max_draws(c) + 1;
+    s->component = c;
+    s->b = calloc(c->n_block, sizeof(V));
+    s->k = calloc(c->n_clocks + 1, sizeof *s->k);
+    s->scratch = calloc(scratch, sizeof(V));
+    if (!s->b || !s->k || !s->scratch) {
+        uuv_free(s);
+        return NULL;
+    }
+    uuv_reset(s);
+    return s;
+}
+
+UUV_EXPORT void uuv_free(uuv_instance *s) {
+    if (!s) return;
+    free(s->b);
+    free(s->k);
+    free(s->scratch);
+    free(s);
+}
+
+UUV_EXPORT void uuv_reset(uuv_instance *s) {
+    for (uint32_t i = 0; i < s->component->n_block; i++)
+        s->b[i] = broadcast(s->component->start[i]);
+    memset(s->k, 0, s->component->n_clocks * sizeof *s->k);
+    s->dirty = 1;
+    s->outputs_stale = 1;
+    s->initialized = 0;
+}
+
+UUV_EXPORT void uuv_refresh(uuv_instance *s) {
+    if (!s->dirty) return;
+    s->component->derived(s->b);
+    if (!s->initialized) s->component->initial(s->b);
+    s->dirty = 0;
+    s->outputs_stale = 1;
+}
+
+UUV_EXPORT void uuv_exit_initialization(uuv_instance *s) {
+    uuv_refresh(s);
+    s->initialized = 1;
+}
+
+UUV_EXPORT void uuv_update_outputs(uuv_instance *s) {
+    uuv_refresh(s);
+    if (!s->outputs_stale) return;
+    s->component->outputs(s->b);
+    s->outputs_stale = 0;
+}
+
+UUV_EXPORT void uuv_forward(const uuv_instance *s, const V *seed, V *sensitivity) {
+    s->component->forward(s->b, seed, sensitivity);
+}
+
+/* One classical Runge-Kutta step of length h from time t. */
+static void rk4(uuv_instance *s, double t, double h) {
+    const uuv_component *c = s->component;
+    const uint32_t n = c->n_x;
+    V *x = s->b + c->off_x;
+    V *x0 = s->scratch, *k1 = x0 + n, *k2 = k1 + n, *k3 = k2 + n, *k4 = k3 + n;
+    const V half = broadcast(0.5 * h), sixth = broadcast(h / 6.0), whole = broadcast(h);
+    const V two = broadcast(2.0);
+    memcpy(x0, x, n * sizeof(V));
+    s->b[0] = broadcast(t);
+    c->rhs(s->b, k1);
+    s->b[0] = broadcast(t + 0.5 * h);
+    for (uint32_t i = 0; i < n; i++) x[i] = x0[i] + half * k1[i];
+    c->rhs(s->b, k2);
+    for (uint32_t i = 0; i < n; i++) x[i] = x0[i] + half * k2[i];
+    c->rhs(s->b, k3);
+    s->b[0] = broadcast(t + h);
+    for (uint32_t i = 0; i < n; i++) x[i] = x0[i] + whole * k3[i];
+    c->rhs(s->b, k4);
+    for (uint32_t i = 0; i < n; i++)
+        x[i] = x0[i] + sixth * (k1[i] + two * k2[i] + two * k3[i] + k4[i]);
+}
+
+static void integrate(uuv_instance *s, double t, double end) {
+    const uuv_component *c = s->component;
+    const double length = end - t;
+    if (c->n_x == 0 || length <= 0.0) return;
+    const double pieces = length / c->h_max;
+    uint32_t n = (uint32_t)pieces;
+    if ((double)n < pieces - 1e-6) n++; /* a hair over a whole number is that number */
+    if (n == 0) n = 1;
+    const double h = length / (double)n;
+    for (uint32_t i = 0; i < n; i++) rk4(s, t + (double)i * h, h);
+}
+
+/* Tick k of a clock, in seconds; correctly rounded, as the master's own label of time is. */
+static double instant(const uuv_clock *clock, uint64_t k) {
+    return (double)(k * clock->period_num) / (double)clock->period_den;
+}
+
+static void tick(uuv_instance *s, uint32_t i) {
+    const uuv_component *c = s->component;
+    const uuv_clock *clock = &c->clocks[i];
+    V *z_new = s->scratch + 6 * (size_t)c->n_x;
+    V *draws = z_new + c->n_z;
+    if (clock->n_draws) {
+        const uint32_t seed0 = (uint32_t)(int32_t)uuv_lane(s->b[c->off_seed], 0);
+        const uint32_t seed1 = (uint32_t)(int32_t)uuv_lane(s->b[c->off_seed + 1], 0);
+        uuv_normal(seed0, seed1, clock->index, s->k[i], clock->n_draws, (double *)draws);
+    }
+    s->b[0] = broadcast(instant(clock, s->k[i]));
+    memcpy(z_new, s->b + c->off_z, c->n_z * sizeof(V));
+    clock->update(s->b, draws, z_new);
+    memcpy(s->b + c->off_z, z_new, c->n_z * sizeof(V));
+    s->k[i]++;
+}
+
+UUV_EXPORT int32_t uuv_do_step(uuv_instance *s, double t, double h) {
+    const uuv_component *c = s->component;
+    const double end = t + h;
+    const double tolerance = 1e-6 * h; /* for masters that accumulate time */
+    double now = t;
+    uuv_refresh(s);
+    for (;;) {
+        uint32_t next = c->n_clocks;
+        double at = end - tolerance;
+        for (uint32_t i = 0; i < c->n_clocks; i++) {
+            const double due = instant(&c->clocks[i], s->k[i]);
+            if (due < at) {
+                at = due;
+                next = i;
+            }
+        }
+        if (next == c->n_clocks) break;
+        if (at > now + tolerance) {
+            integrate(s, now, at);
+            now = at;
+        }
+        tick(s, next);
+    }
+    integrate(s, now, end);
+    s->b[0] = broadcast(end);
+    s->outputs_stale = 1;
+    uuv_update_outputs(s);
+    for (uint32_t i = c->off_x; i < c->n_block; i++)
+        if (!uuv_all_finite(s->b[i])) return (int32_t)(1 + i);
+    return 0;
+}
+
+UUV_EXPORT size_t uuv_state_size(const uuv_instance *s) {
+    return s->component->n_block * sizeof(V) + (s->component->n_clocks + 1) * sizeof(uint64_t);
+}
+
+UUV_EXPORT void uuv_get_state(const uuv_instance *s, void *out) {
+    const size_t n = s->component->n_block * sizeof(V);
+    const uint64_t flags = (uint64_t)(s->dirty | s->outputs_stale << 1 | s->initialized << 2);
+    char *p = out;
+    memcpy(p, s->b, n);
+    memcpy(p + n, s->k, s->component->n_clocks * sizeof *s->k);
+    memcpy(p + n + s->component->n_clocks * sizeof *s->k, &flags, sizeof flags);
+}
+
+UUV_EXPORT void uuv_set_state(uuv_instance *s, const void *in) {
+    const size_t n = s->component->n_block * sizeof(V);
+    uint64_t flags;
+    const char *p = in;
+    memcpy(s->b, p, n);
+    memcpy(s->k, p + n, s->component->n_clocks * sizeof *s->k);
+    memcpy(&flags, p + n + s->component->n_clocks * sizeof *s->k, sizeof flags);
+    s->dirty = (int)(flags & 1);
+    s->outputs_stale = (int)(flags >> 1 & 1);
+    s->initialized = (int)(flags >> 2 & 1);
+}
+
+UUV_EXPORT const uuv_variable *uuv_find(const uuv_component *c, uint32_t offset) {
+    uint32_t low = 0, high = c->n_variables;
+    while (low < high) {
+        const uint32_t middle = low + (high - low) / 2;
+        if (c->variables[middle].offset < offset)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low < c->n_variables && c->variables[low].offset == offset ? &c->variables[low] : NULL;
+}

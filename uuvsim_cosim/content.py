@@ -1,0 +1,16 @@
+"""Where the content folders (models, fmus, orchestrator) lie: in the wheel, else in the checkout."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+__all__ = ["content"]
+
+_PACKAGE = Path(__file__).resolve().parent
+
+
+def content(*parts: str) -> Path:
+    """Give the path of a content file or folder, e.g. ``content("models", "vehicles")``."""
+    installed = _PACKAGE / "_content"
+    root = installed if installed.is_dir() else _PACKAGE.parent
+    return root.joinpath(*parts)

@@ -1,0 +1,86 @@
+"""Every error that a caller may want to catch; the command line turns each into one sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+__all__ = [
+    "ComponentFailed",
+    "FmuError",
+    "InputInvalid",
+    "LoopNotConverged",
+    "ParameterInvalid",
+    "Problem",
+    "RecordingError",
+    "SystemInvalid",
+    "ToolchainError",
+    "UuvsimError",
+]
+
+
+class UuvsimError(Exception):
+    """Base of all errors of this package; `exit_status` is what the command line returns."""
+
+    exit_status = 2
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing that is wrong: where, what was read, what would have been right."""
+
+    place: str
+    read: str
+    expected: str
+
+    def __str__(self) -> str:
+        """Give the sentence that a user reads."""
+        return f"{self.place}: {self.read}; expected {self.expected}"
+
+
+class SystemInvalid(UuvsimError):
+    """A system that cannot exist; lists every problem, not only the first."""
+
+    def __init__(self, problems: Sequence[Problem]) -> None:
+        self.problems = tuple(problems)
+        count = len(self.problems)
+        head = "" if count == 1 else f"{count} problems:\n  "
+        super().__init__(head + "\n  ".join(str(p) for p in self.problems))
+
+
+class InputInvalid(UuvsimError):
+    """A file, option or value given by the user that cannot be used."""
+
+
+class ParameterInvalid(InputInvalid):
+    """A parameter file or value with a wrong name, unit, shape or range."""
+
+
+class FmuError(UuvsimError):
+    """An FMU that cannot be read, or does not do what FMI asks of it."""
+
+
+class ComponentFailed(UuvsimError):
+    """A component that failed while it ran; names its path and the time."""
+
+    exit_status = 3
+
+    def __init__(self, path: str, time: float, reason: str) -> None:
+        self.path = path
+        self.time = time
+        self.reason = reason
+        super().__init__(f"component {path!r} failed at t = {time:.9g} s: {reason}")
+
+
+class LoopNotConverged(UuvsimError):
+    """An algebraic loop without a solution that could be found; names its hops."""
+
+    exit_status = 3
+
+
+class ToolchainError(UuvsimError):
+    """A C compiler that is missing, or cannot compile for the wanted platform."""
+
+
+class RecordingError(UuvsimError):
+    """A recording that cannot be written or read."""

@@ -1,0 +1,1 @@
+"""A declaration becomes a file, a file becomes a component."""

@@ -1,0 +1,78 @@
+"""The protocol of everything that a master can step: FMU, native component, Python class."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any, Protocol
+
+from uuvsim_cosim.fmus.description import Description, Variable
+
+__all__ = ["Binding", "BindingKind", "Component"]
+
+
+class BindingKind(IntEnum):
+    """How the stepping loop calls a component; the numbers are those of uuv_core.h."""
+
+    NATIVE = 1
+    FMI2 = 2
+    FMI3 = 3
+    CALLBACK = 4
+
+
+@dataclass(frozen=True)
+class Binding:
+    """Addresses for the stepping loop in C.
+
+    `functions` maps FMI names without prefix (``DoStep``, ``GetFloat64``, ``SetReal``, …; only
+    those that the binary has) to addresses. Native: ``DoStep`` is ``uuv_do_step`` and
+    ``instance`` a ``uuv_instance *``. Callback: see the core.
+    """
+
+    kind: BindingKind
+    instance: int
+    functions: Mapping[str, int]
+
+
+class Component(Protocol):
+    """One live instance. Call order as in FMI 3.0: instantiate happens in the constructor."""
+
+    path: str
+    description: Description
+
+    def get(self, variable: Variable) -> Any:
+        """Read a value: float/int/bool/str/bytes for a scalar, else a numpy array of its shape."""
+
+    def set(self, variable: Variable, value: Any) -> None:
+        """Set a value of the variable's shape (a scalar is not broadcast)."""
+
+    def enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None: ...
+
+    def exit_initialization_mode(self) -> None: ...
+
+    def do_step(self, current_communication_point: float, step_size: float) -> None:
+        """Advance by one communication step; raises ComponentFailed."""
+
+    def get_fmu_state(self) -> Any:
+        """Copy the state; raises FmuError if the component cannot."""
+
+    def set_fmu_state(self, state: Any) -> None: ...
+
+    def serialize_fmu_state(self, state: Any) -> bytes: ...
+
+    def deserialize_fmu_state(self, data: bytes) -> Any: ...
+
+    def directional_derivative(
+        self, unknowns: list[Variable], knowns: list[Variable], seed: Any
+    ) -> Any:
+        """Give d(unknowns)/d(knowns) · seed, flat; raises FmuError if not provided."""
+
+    def reset(self) -> None: ...
+
+    def terminate(self) -> None: ...
+
+    def free(self) -> None: ...
+
+    def binding(self) -> Binding:
+        """Give the addresses that the stepping loop in C calls."""

@@ -1,0 +1,76 @@
+"""What a component says of itself, in FMI 3.0's words, whatever kind it is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from uuvsim_cosim.models.units import Unit
+
+__all__ = ["Causality", "Description", "Variability", "Variable", "VariableType"]
+
+Causality = Literal[
+    "parameter", "calculatedParameter", "input", "output", "local", "independent",
+    "structuralParameter",
+]  # fmt: skip
+Variability = Literal["constant", "fixed", "tunable", "discrete", "continuous"]
+VariableType = Literal[
+    "Float32", "Float64", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64",
+    "UInt64", "Boolean", "String", "Binary", "Enumeration", "Clock",
+]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One variable; an FMI 2 group ``x[1] … x[n]`` is one variable of shape (n,).
+
+    `value_references` holds one reference in FMI 3 (also for an array), and one for each
+    element in FMI 2. `unit` is None if the description names none. `dependencies` (outputs
+    only) are names of the inputs that the value depends on directly; None if undeclared.
+    """
+
+    name: str
+    type: VariableType
+    causality: Causality
+    variability: Variability
+    shape: tuple[int, ...] = ()
+    unit: str | None = None
+    start: Any = None
+    min: float | None = None
+    max: float | None = None
+    description: str = ""
+    initial: str | None = None
+    value_references: tuple[int, ...] = ()
+    dependencies: tuple[str, ...] | None = None
+
+    @property
+    def size(self) -> int:
+        """Give the number of scalar elements."""
+        n = 1
+        for extent in self.shape:
+            n *= extent
+        return n
+
+
+@dataclass(frozen=True)
+class Description:
+    """A component's interface: variables by name, capabilities, and where it came from."""
+
+    name: str
+    kind: Literal["FMI 2.0", "FMI 3.0", "native", "python"]
+    variables: Mapping[str, Variable]
+    token: str = ""
+    description: str = ""
+    generation_tool: str = ""
+    units: Mapping[str, Unit] = field(default_factory=dict)
+    default_step_size: float | None = None
+    can_get_and_set_state: bool = False
+    can_serialize_state: bool = False
+    can_be_instantiated_only_once: bool = False
+    provides_directional_derivatives: bool = False
+    needs_execution_tool: bool = False
+
+    def of(self, *causalities: Causality) -> list[Variable]:
+        """List the variables of the given causalities, in the order of the description."""
+        return [v for v in self.variables.values() if v.causality in causalities]

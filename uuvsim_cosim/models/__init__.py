@@ -1,0 +1,1 @@
+"""What one component is: declarations in CasADi, in Fossen's notation."""

@@ -1,0 +1,68 @@
+"""The plan: a system flattened to tables, which say who steps when and which value goes where."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import Any, Literal
+
+from uuvsim_cosim.fmus.description import Description, Variable
+
+__all__ = ["Group", "Plan", "PlannedComponent", "Transfer"]
+
+Algorithm = Literal["jacobi", "gauss-seidel"]
+
+
+@dataclass(frozen=True)
+class PlannedComponent:
+    """A component as the master will run it; `step_ticks` base steps are one of its own."""
+
+    path: str
+    source: str
+    description: Description
+    start: Mapping[str, Any] = field(default_factory=dict)  # of the variable's shape, in its unit
+    seed: tuple[int, int] = (0, 0)
+    step_ticks: int = 1
+
+
+@dataclass(frozen=True)
+class Transfer:
+    """Value flow: target element j gets factor · (source element i) + offset, pair by pair."""
+
+    source: int  # index into Plan.components
+    source_variable: Variable
+    source_elements: tuple[int, ...]
+    target: int
+    target_variable: Variable
+    target_elements: tuple[int, ...]
+    factor: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True)
+class Group:
+    """Components stepped together: all at once (Jacobi), or in this order (Gauss-Seidel)."""
+
+    algorithm: Algorithm
+    members: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A pure function of the system. Time is the tick count k; one tick is `tick` seconds.
+
+    At each communication point k, the inputs of every component that is due (k divisible by its
+    `step_ticks`) are set from outputs valid at k, then each steps by ``step_ticks · tick``; its
+    outputs become visible at k + step_ticks. Within a Gauss-Seidel group, a member's inputs are
+    set just before it steps and see what earlier members of the group produced in this step.
+    `initialization` lists the components in the order in which their outputs are known; an
+    entry of more than one is an algebraic loop through declared (or undeclared) feedthrough.
+    """
+
+    tick: Fraction
+    components: tuple[PlannedComponent, ...]
+    transfers: tuple[Transfer, ...]
+    groups: tuple[Group, ...]
+    initialization: tuple[tuple[int, ...], ...]
+    warnings: tuple[str, ...] = ()
