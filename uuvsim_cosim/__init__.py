@@ -1,5 +1,54 @@
 """uuvsim-cosim: unmanned underwater vehicles as a co-simulation of exchangeable parts."""
 
-from uuvsim_cosim._version import __version__
+from __future__ import annotations
 
-__all__ = ["__version__"]
+from typing import TYPE_CHECKING, Any
+
+from uuvsim_cosim._version import __version__
+from uuvsim_cosim.errors import UuvsimError
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.models.model import Model
+    from uuvsim_cosim.orchestrator.master import Master
+    from uuvsim_cosim.orchestrator.recording import Signals, read_signals
+    from uuvsim_cosim.orchestrator.run import Run, run
+    from uuvsim_cosim.orchestrator.system import System
+    from uuvsim_cosim.orchestrator.systems import available, load
+
+__all__ = [
+    "Master",
+    "Model",
+    "Run",
+    "Signals",
+    "System",
+    "UuvsimError",
+    "__version__",
+    "available",
+    "load",
+    "read_signals",
+    "run",
+]
+
+# Names are imported when first used: `uuvsim --help` must not wait for CasADi or Arrow.
+_HOME = {
+    "Master": "orchestrator.master",
+    "Model": "models.model",
+    "Run": "orchestrator.run",
+    "Signals": "orchestrator.recording",
+    "System": "orchestrator.system",
+    "available": "orchestrator.systems",
+    "load": "orchestrator.systems",
+    "read_signals": "orchestrator.recording",
+    "run": "orchestrator.run",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name on first use."""
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value

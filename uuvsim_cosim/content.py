@@ -1,4 +1,4 @@
-"""Where the content folders (models, fmus, orchestrator) lie: in the wheel, else in the checkout."""
+"""Where the content folders (models, fmus, orchestrator) lie: in the wheel, else beside it."""
 
 from __future__ import annotations
 

@@ -33,7 +33,8 @@ def describe(model: Model, eq: Equations | None = None) -> Description:
         for p in eq.layout.placed
         if p.variable.kind != "derived"
     }
-    units = {v.unit: parse_unit(v.unit) for v in variables.values() if v.unit is not None}
+    names = {v.unit_of_element(i) for v in variables.values() for i in range(v.size)}
+    units = {name: parse_unit(name) for name in sorted(n for n in names if n is not None)}
     return Description(
         name=model.name,
         kind="native",
@@ -83,7 +84,7 @@ def _variable(p: Placed, dependencies: tuple[str, ...] | None) -> Variable:
         causality=CAUSALITY[v.kind],
         variability=variability,
         shape=v.shape,
-        unit=v.unit if v.type == "Float64" else None,
+        unit=v.unit if v.type == "Float64" and not v.units else None,
         start=start,
         min=v.min,
         max=v.max,
@@ -91,4 +92,5 @@ def _variable(p: Placed, dependencies: tuple[str, ...] | None) -> Variable:
         initial="exact" if start is not None else "calculated",
         value_references=(p.offset,),
         dependencies=dependencies,
+        element_units=v.units,
     )

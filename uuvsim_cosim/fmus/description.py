@@ -43,6 +43,7 @@ class Variable:
     initial: str | None = None
     value_references: tuple[int, ...] = ()
     dependencies: tuple[str, ...] | None = None
+    element_units: tuple[str | None, ...] = ()  # where the elements' units differ; unit is None
 
     @property
     def size(self) -> int:
@@ -51,6 +52,10 @@ class Variable:
         for extent in self.shape:
             n *= extent
         return n
+
+    def unit_of_element(self, i: int) -> str | None:
+        """Give the unit of element i, from 0, in the array's flat order."""
+        return self.element_units[i] if self.element_units else self.unit
 
 
 @dataclass(frozen=True)

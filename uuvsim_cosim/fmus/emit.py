@@ -15,20 +15,18 @@ __all__ = ["emit_function", "emit_tables", "literal"]
 
 # CasADi operation -> function of fmus/runtime/uuv_math.h; arithmetic is written as operators.
 INFIX = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
-NAMED = {
-    getattr(ca, f"OP_{name.upper()}"): f"uuv_{name}"
-    for name in (
-        "neg exp log pow constpow sqrt sq twice sin cos tan asin acos atan lt le eq ne not and "
-        "or floor ceil fmod fabs sign copysign if_else_zero fmin fmax inv sinh cosh tanh asinh "
-        "acosh atanh atan2 log1p expm1 hypot remainder"
-    ).split()
-}
+NAMES = (
+    "neg exp log pow constpow sqrt sq twice sin cos tan asin acos atan lt le eq ne not and or "
+    "floor ceil fmod fabs sign copysign if_else_zero fmin fmax inv sinh cosh tanh asinh acosh "
+    "atanh atan2 log1p expm1 hypot remainder"
+)
+NAMED = {getattr(ca, f"OP_{name.upper()}"): f"uuv_{name}" for name in NAMES.split()}
 
 
 def literal(value: float) -> str:
     """Write a double so that C reads the same bits."""
     if math.isnan(value):
-        return "__builtin_nan(\"\")"
+        return '__builtin_nan("")'
     if math.isinf(value):
         return "-__builtin_inf()" if value < 0 else "__builtin_inf()"
     return repr(float(value))
@@ -111,9 +109,7 @@ def _table(name: str, suffix: str, a: list[str]) -> str:
     if table.n_in == 1:
         return f"uuv_table1{suffix}({a[0]}, {name}_x, {name}_values, {nx})"
     ny = len(table.y)
-    return (
-        f"uuv_table2{suffix}({a[0]}, {a[1]}, {name}_x, {nx}, {name}_y, {ny}, {name}_values)"
-    )
+    return f"uuv_table2{suffix}({a[0]}, {a[1]}, {name}_x, {nx}, {name}_y, {ny}, {name}_values)"
 
 
 def emit_tables(functions: list[Any]) -> str:

@@ -46,14 +46,13 @@ def equations(model: Model) -> Equations:
     sensitivity = ca.jtimes(result, known, seed) if known.numel() else ca.SX(result.shape)
 
     def function(name: str, value: Any, *more: Any) -> Any:
-        try:
-            return ca.Function(name, [b, *more], [ca.densify(value)], {"allow_free": False})
-        except RuntimeError as error:
-            text = str(error)
-            free = text[text.find("[") : text.find("]") + 1]
+        f = ca.Function(name, [b, *more], [ca.densify(value)], {"allow_free": True})
+        if f.has_free():
             raise ParameterInvalid(
-                f"{model.name}: its {name} depend on {free}, which this model does not declare"
-            ) from None
+                f"{model.name}: its {name} depend on {', '.join(f.get_free())}, "
+                "which this model does not declare"
+            )
+        return f
 
     return Equations(
         layout,

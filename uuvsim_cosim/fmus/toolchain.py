@@ -142,9 +142,7 @@ def _run(command: list[str]) -> None:
     environment.setdefault("ZIG_GLOBAL_CACHE_DIR", str(cache_dir("zig")))
     environment.setdefault("ZIG_LOCAL_CACHE_DIR", str(cache_dir("zig")))
     try:
-        done = subprocess.run(
-            command, capture_output=True, text=True, env=environment, check=False
-        )
+        done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
     except OSError as error:
         raise ToolchainError(f"{command[0]}: cannot be run ({error.strerror})") from error
     if done.returncode != 0:

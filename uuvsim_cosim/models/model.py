@@ -25,6 +25,7 @@ from uuvsim_cosim.models.units import unit_of
 
 __all__ = ["Clock", "Declared", "Model", "Value"]
 
+Units = str | Sequence[str]
 Value = float | int | bool | Sequence[float] | np.ndarray
 Kind = Literal["input", "parameter", "derived", "state", "discrete", "output"]
 Type = Literal["Float64", "Int32", "Boolean"]
@@ -45,6 +46,7 @@ class Declared:
     max: float | None = None
     variability: str = "continuous"
     description: str = ""
+    units: tuple[str, ...] = ()  # one for each element where they differ; `unit` is "" then
 
     @property
     def size(self) -> int:
@@ -82,7 +84,7 @@ class Model:
         name: str,
         shape: int | tuple[int, ...] = (),
         *,
-        unit: str,
+        unit: Units,
         start: Value = 0.0,
         min: float | None = None,
         max: float | None = None,
@@ -101,7 +103,7 @@ class Model:
         value: Value,
         shape: int | tuple[int, ...] | None = None,
         *,
-        unit: str,
+        unit: Units,
         min: float | None = None,
         max: float | None = None,
         type: Type = "Float64",
@@ -138,10 +140,10 @@ class Model:
         start: Any = 0.0,
         shape: int | tuple[int, ...] = (),
         *,
-        unit: str,
+        unit: Units,
         description: str = "",
     ) -> Any:
-        """Declare a continuous state; `start` is a number, an array, or a function of parameters."""
+        """Declare a continuous state; `start` is a number, an array or an SX of parameters."""
         return self._declare(
             name, "state", shape, unit, start, "Float64", None, None, "continuous", description
         )
@@ -152,7 +154,7 @@ class Model:
         start: Any = 0.0,
         shape: int | tuple[int, ...] = (),
         *,
-        unit: str,
+        unit: Units,
         description: str = "",
     ) -> Any:
         """Declare a discrete state, which changes only in `update` at ticks of a clock."""
@@ -203,7 +205,7 @@ class Model:
         name: str,
         expression: Any,
         *,
-        unit: str,
+        unit: Units,
         type: Type = "Float64",
         description: str = "",
         discrete: bool = False,
@@ -213,18 +215,19 @@ class Model:
         shape: tuple[int, ...] = () if expression.numel() == 1 else (int(expression.numel()),)
         variability = "discrete" if discrete or type != "Float64" else "continuous"
         flat = ca.vec(expression.T)
-        unit_of(unit, f"{self.name}.{name}")
+        common, units = self._units(name, unit, int(flat.numel()))
         self._add(
             Declared(
                 name,
                 "output",
                 flat,
-                unit,
+                common,
                 shape,
                 None,
                 type,
                 variability=variability,
                 description=description,
+                units=units,
             )
         )
         return expression
@@ -240,7 +243,7 @@ class Model:
         name: str,
         kind: Kind,
         shape: int | tuple[int, ...],
-        unit: str,
+        unit: Units,
         start: Any,
         type: Type,
         low: float | None,
@@ -248,14 +251,15 @@ class Model:
         variability: str,
         description: str,
     ) -> Any:
-        if shape == () and np.shape(start) != () and not isinstance(start, ca.SX):
-            shape = np.shape(start)
-        if shape == () and isinstance(start, ca.SX) and start.numel() > 1:
-            shape = start.numel()
+        if shape == ():
+            if isinstance(start, ca.SX):
+                shape = int(start.numel()) if start.numel() > 1 else ()
+            else:
+                shape = np.shape(start)
         if isinstance(shape, int):
             shape = (shape,)
-        unit_of(unit, f"{self.name}.{name}")
         size = int(np.prod(shape, dtype=int))
+        common, units = self._units(name, unit, size)
         flat = ca.SX.sym(name, size)
         if not isinstance(start, ca.SX):
             start = np.broadcast_to(np.asarray(start, dtype=float), shape).ravel()
@@ -265,10 +269,31 @@ class Model:
             )
         self._add(
             Declared(
-                name, kind, flat, unit, shape, start, type, low, high, variability, description
+                name,
+                kind,
+                flat,
+                common,
+                shape,
+                start,
+                type,
+                low,
+                high,
+                variability,
+                description,
+                units,
             )
         )
         return ca.reshape(flat, shape[1], shape[0]).T if len(shape) == 2 else flat
+
+    def _units(self, name: str, unit: Units, size: int) -> tuple[str, tuple[str, ...]]:
+        each = (unit,) * size if isinstance(unit, str) else tuple(unit)
+        for text in dict.fromkeys(each):
+            unit_of(text, f"{self.name}.{name}")
+        if len(each) != size:
+            raise ParameterInvalid(
+                f"{self.name}.{name}: {len(each)} units; expected one, or {size}"
+            )
+        return (each[0] if each else "1", ()) if len(set(each)) <= 1 else ("", each)
 
     def _add(self, declared: Declared) -> None:
         if declared.name in self.variables:

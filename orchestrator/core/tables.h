@@ -1,0 +1,90 @@
+/* The tables that the loop reads, as build.c makes them. */
+#ifndef UUV_CORE_TABLES_H
+#define UUV_CORE_TABLES_H
+
+#include "uuv_core.h"
+
+typedef enum { CLASS_FLOAT, CLASS_SIGNED, CLASS_UNSIGNED, CLASS_BOOLEAN, CLASS_BLOB } slot_class;
+
+slot_class class_of(int type);
+
+/* One grouped call of a member. */
+typedef struct {
+    uint8_t type, class;
+    uint8_t consecutive; /* native: the offsets follow each other */
+    uint32_t slot, n_values, n_references;
+    uint32_t *references;
+    void *function;
+    void *scratch; /* n_values of the component's own type, where that is not the slot's */
+    size_t *sizes; /* of binaries */
+} access;
+
+/* `count` slots from a member's outputs to another's inputs. */
+typedef struct {
+    uint32_t from, source, target, count;
+    uint8_t early, copy, source_class, target_class;
+    double factor, offset;
+} transfer;
+
+typedef struct member member;
+
+/* How a kind of component is written, stepped and read; each gives 1, or 0 and fills `why`. */
+typedef struct {
+    int (*set)(member *m, const uuv_slot *slots, uuv_failure *why);
+    int (*do_step)(member *m, const uuv_slot *slots, double t, double h, uuv_failure *why);
+    int (*get)(member *m, uuv_slot *slots, uuv_failure *why);
+} kind;
+
+extern const kind kind_native, kind_fmi2, kind_fmi3, kind_callback;
+
+struct member {
+    const kind *kind;
+    void *instance, *do_step, *get;
+    uint64_t due; /* the communication point that its last step reached; its next step's start */
+    uint64_t step_ticks;
+    double h;         /* its communication step [s] */
+    uuv_slot *fresh;  /* where its outputs are read to: the visible slots, or those of `early` */
+    int sequential;
+    access *sets, *gets;
+    uint32_t n_sets, n_gets;
+    transfer *transfers;
+    uint32_t n_transfers;
+};
+
+/* A run of recorded slots. */
+typedef struct {
+    uint32_t slot, column, count;
+} run;
+
+/* The recording: rows that the caller provides, and the texts that they name. */
+typedef struct {
+    run *runs;
+    uint32_t n_runs, n_columns;
+    uint32_t *text_columns, *text_slots, n_texts;
+    uint64_t *last_text; /* of each text column: index of its last text, or UINT64_MAX */
+    uint64_t every, next;
+    uint64_t *rows;
+    int64_t *ticks;
+    uint32_t n_rows, used;
+    uuv_blob *texts;
+    uint64_t n_stored, capacity;
+} recording;
+
+struct uuv_core {
+    member *members;
+    uint32_t n_members, n_slots;
+    uint64_t num, den, tick;
+    uuv_slot *slots, *fresh;
+    uint8_t *classes;
+    recording record;
+    uuv_failure why;
+};
+
+int blob_assign(uuv_blob *blob, const char *data, size_t size);
+int record_row(uuv_core *core);
+int record_is_full(const uuv_core *core);
+int transfer_inputs(uuv_core *core, member *target);
+int failed(uuv_failure *why, int outcome, int status, int action);
+int all_finite(const uuv_slot *slots, uint32_t n, uint32_t *which);
+
+#endif

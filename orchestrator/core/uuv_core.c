@@ -1,0 +1,103 @@
+/* The stepping loop. Start reading at `uuv_core_run`. */
+#include "uuv_core.h"
+
+#include <string.h>
+
+#include "budget.h"
+#include "tables.h"
+
+/* Seconds at a communication point: from integers, rounded once, never summed up. */
+static double seconds_at(const uuv_core *core, uint64_t tick) {
+    return (double)(tick * core->num) / (double)core->den;
+}
+
+/* Copies what a member's last step produced to where everybody sees it. */
+static int make_visible(uuv_core *core, member *m) {
+    for (uint32_t i = 0; i < m->n_gets; i++) {
+        const access *a = &m->gets[i];
+        for (uint32_t s = a->slot; s < a->slot + a->n_values; s++) {
+            if (a->class != CLASS_BLOB)
+                core->slots[s] = core->fresh[s];
+            else if (!blob_assign(core->slots[s].blob, core->fresh[s].blob->data, core->fresh[s].blob->size))
+                return failed(&core->why, UUV_CORE_NO_MEMORY, 0, UUV_CORE_GET);
+        }
+    }
+    return 1;
+}
+
+/* Reads a member's outputs, and refuses values that are not finite. */
+static int read_outputs(uuv_core *core, member *m) {
+    if (m->n_gets == 0) return 1;
+    if (!m->kind->get(m, m->fresh, &core->why)) return 0;
+    for (uint32_t i = 0; i < m->n_gets; i++) {
+        const access *a = &m->gets[i];
+        uint32_t which;
+        if (a->class == CLASS_FLOAT && !all_finite(m->fresh + a->slot, a->n_values, &which)) {
+            core->why.slot = a->slot + which;
+            return failed(&core->why, UUV_CORE_NOT_FINITE, 0, UUV_CORE_GET);
+        }
+    }
+    return 1;
+}
+
+/* Inputs from the outputs that are valid now, then one communication step of the member. */
+static int step_member(uuv_core *core, member *m, double t) {
+    if (!transfer_inputs(core, m)) return 0;
+    if (!m->kind->set(m, core->slots, &core->why)) return 0;
+    if (!m->kind->do_step(m, core->slots, t, m->h, &core->why)) return 0;
+    m->due += m->step_ticks;
+    return m->sequential ? read_outputs(core, m) : 1;
+}
+
+static int32_t stop(uuv_core *core, const member *m) {
+    core->why.member = (uint32_t)(m - core->members);
+    core->why.tick = core->tick;
+    return core->why.outcome;
+}
+
+/* Makes communication steps; the members stand in stepping order. Outputs are read only at the
+ * point where their step ends, so that within a tick everybody sees the values valid at its
+ * start (Jacobi). The exception are transfers marked `early` (Gauss-Seidel). */
+UUV_CORE_API int32_t uuv_core_run(uuv_core *core, uint64_t n_ticks, double seconds) {
+    member *const end = core->members + core->n_members;
+    const uint64_t last = core->tick + n_ticks;
+    budget wall = budget_of(seconds);
+    while (core->tick < last && !record_is_full(core) && !budget_is_spent(&wall)) {
+        const double t = seconds_at(core, core->tick);
+        for (member *m = core->members; m < end; m++)
+            if (m->due == core->tick && !step_member(core, m, t)) return stop(core, m);
+        core->tick++;
+        for (member *m = core->members; m < end; m++)
+            if (m->due == core->tick && !(m->sequential ? make_visible : read_outputs)(core, m))
+                return stop(core, m);
+        if (!record_row(core)) return stop(core, core->members);
+    }
+    return UUV_CORE_GOOD;
+}
+
+UUV_CORE_API int32_t uuv_core_begin(uuv_core *core, uint64_t tick) {
+    core->tick = tick;
+    core->record.next = tick;
+    for (member *m = core->members; m < core->members + core->n_members; m++) {
+        m->due = tick;
+        if (!read_outputs(core, m)) return stop(core, m);
+        if (m->sequential && !make_visible(core, m)) return stop(core, m);
+    }
+    return record_row(core) ? UUV_CORE_GOOD : stop(core, core->members);
+}
+
+int failed(uuv_failure *why, int outcome, int status, int action) {
+    why->outcome = outcome;
+    why->status = status;
+    why->action = action;
+    return 0;
+}
+
+int all_finite(const uuv_slot *slots, uint32_t n, uint32_t *which) {
+    const uint64_t exponent = UINT64_C(0x7ff0000000000000);
+    int bad = 0;
+    for (uint32_t i = 0; i < n; i++) bad |= (slots[i].u & exponent) == exponent;
+    if (!bad) return 1;
+    for (*which = 0; (slots[*which].u & exponent) != exponent;) ++*which;
+    return 0;
+}

@@ -1,0 +1,113 @@
+/* The stepping loop's public face: build the tables of a plan, then run communication steps.
+ *
+ * Every value lives in a slot of 8 bytes. The caller numbers the slots, fills in the members
+ * (the plan's components, in stepping order), their grouped reads and writes, and the transfers
+ * between slots; `uuv_core_run` does the rest without Python.
+ */
+#ifndef UUV_CORE_H
+#define UUV_CORE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#if defined(_WIN32)
+#define UUV_CORE_API __declspec(dllexport)
+#else
+#define UUV_CORE_API __attribute__((visibility("default")))
+#endif
+
+/* Text or bytes in memory that the core owns; `data` always ends with a zero byte. */
+typedef struct {
+    char *data;
+    size_t size, capacity;
+} uuv_blob;
+
+/* By class of its type: double, int64, uint64, Boolean as 0 or 1 in `u`, pointer to a blob. */
+typedef union {
+    double f;
+    int64_t i;
+    uint64_t u;
+    uuv_blob *blob;
+} uuv_slot;
+
+enum uuv_core_kind { UUV_CORE_NATIVE = 1, UUV_CORE_FMI2, UUV_CORE_FMI3, UUV_CORE_CALLBACK };
+
+enum uuv_core_type {
+    UUV_CORE_FLOAT64 = 0, UUV_CORE_FLOAT32,
+    UUV_CORE_INT8, UUV_CORE_INT16, UUV_CORE_INT32, UUV_CORE_INT64,
+    UUV_CORE_UINT8, UUV_CORE_UINT16, UUV_CORE_UINT32, UUV_CORE_UINT64,
+    UUV_CORE_BOOLEAN, UUV_CORE_STRING, UUV_CORE_BINARY
+};
+
+enum uuv_core_outcome {
+    UUV_CORE_GOOD = 0,
+    UUV_CORE_BAD_STATUS,       /* `status` is what the component returned */
+    UUV_CORE_NOT_FINITE,       /* output in `slot` */
+    UUV_CORE_STATE_NOT_FINITE, /* native value at offset `status` */
+    UUV_CORE_OUT_OF_RANGE,     /* value in `slot` does not fit the input's integer type */
+    UUV_CORE_ENDED,            /* the component asks to end the simulation */
+    UUV_CORE_EARLY_RETURN,     /* the component ended its step before the step's end */
+    UUV_CORE_NO_MEMORY
+};
+
+enum uuv_core_action { UUV_CORE_SET = 1, UUV_CORE_DO_STEP, UUV_CORE_GET };
+
+/* Why the loop stopped: which member, doing what, at which communication point. */
+typedef struct {
+    int32_t outcome, status, action;
+    uint32_t member, slot;
+    uint64_t tick;
+} uuv_failure;
+
+/* What a callback member offers; both return 0, or a status that stops the loop. `in` and `out`
+ * are the member's input and output slots, ordered by type (as above), then as described. */
+typedef int32_t uuv_callback_do_step(void *user, double t, double h, const uuv_slot *in);
+typedef int32_t uuv_callback_get(void *user, uuv_slot *out);
+
+typedef struct uuv_core uuv_core;
+
+/* One tick is num / den seconds. NULL: no memory. */
+UUV_CORE_API uuv_core *uuv_core_new(uint32_t n_members, uint32_t n_slots, uint64_t num, uint64_t den);
+UUV_CORE_API void uuv_core_free(uuv_core *core);
+
+/* Building: 1 is success, 0 no memory. `get`: UpdateOutputs of a native member, the callback's
+ * get, else NULL. `sequential`: outputs are read right after the step (Gauss-Seidel). */
+UUV_CORE_API int uuv_core_member(uuv_core *core, uint32_t member, int kind, void *instance,
+                                 void *do_step, void *get, uint64_t step_ticks, int sequential);
+/* One grouped call: `n_values` slots from `slot` on, of one type. `function` is the FMI getter
+ * or setter; native members take one offset in their block for each value instead. */
+UUV_CORE_API int uuv_core_access(uuv_core *core, uint32_t member, int action, int type,
+                                 uint32_t slot, uint32_t n_values, uint32_t n_references,
+                                 const uint32_t *references, void *function);
+/* `early`: the source's new value is seen if it stepped in the same tick (Gauss-Seidel). */
+UUV_CORE_API int uuv_core_transfer(uuv_core *core, uint32_t target, uint32_t source,
+                                   uint32_t target_slot, uint32_t source_slot, int early,
+                                   double factor, double offset);
+/* Slots that a row of the recording holds, in order. */
+UUV_CORE_API int uuv_core_record(uuv_core *core, uint32_t n, const uint32_t *slots, uint64_t every);
+
+/* Where rows go, until the next call: `n_rows` rows of the recorded slots, and their ticks.
+ * A text in a row is the index of a text in `uuv_core_text`. */
+UUV_CORE_API void uuv_core_rows(uuv_core *core, uint64_t *rows, int64_t *ticks, uint32_t n_rows);
+UUV_CORE_API uint32_t uuv_core_rows_used(const uuv_core *core);
+UUV_CORE_API uint64_t uuv_core_texts(const uuv_core *core);
+UUV_CORE_API const char *uuv_core_text(const uuv_core *core, uint64_t index, size_t *size);
+
+/* Running. `uuv_core_begin` reads every output at communication point `tick`, and writes the
+ * first row; `run` makes at most
+ * `n_ticks` steps, fewer when the rows are full or about `seconds` of wall time have passed. */
+UUV_CORE_API int32_t uuv_core_begin(uuv_core *core, uint64_t tick);
+UUV_CORE_API int32_t uuv_core_run(uuv_core *core, uint64_t n_ticks, double seconds);
+UUV_CORE_API void uuv_core_why(const uuv_core *core, uuv_failure *failure);
+
+/* State of the loop, for snapshots. `fresh` holds values that exist but are not visible yet. */
+UUV_CORE_API uint64_t uuv_core_tick(const uuv_core *core);
+UUV_CORE_API void uuv_core_set_tick(uuv_core *core, uint64_t tick);
+UUV_CORE_API uint64_t uuv_core_due(const uuv_core *core, uint32_t member);
+UUV_CORE_API void uuv_core_set_due(uuv_core *core, uint32_t member, uint64_t tick);
+UUV_CORE_API uuv_slot *uuv_core_slots(uuv_core *core);
+UUV_CORE_API uuv_slot *uuv_core_fresh(uuv_core *core);
+UUV_CORE_API const char *uuv_core_read_blob(const uuv_slot *slot, size_t *size);
+UUV_CORE_API int uuv_core_write_blob(uuv_slot *slot, const char *data, size_t size);
+
+#endif

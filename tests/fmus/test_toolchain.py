@@ -1,0 +1,78 @@
+"""The tool chain: one compiler everywhere, and sentences where it cannot."""
+
+import ctypes
+from pathlib import Path
+
+import pytest
+
+from uuvsim_cosim.errors import ToolchainError
+from uuvsim_cosim.fmus import toolchain
+
+SOURCE = "__attribute__((visibility(\"default\"))) double twice(double x) { return 2 * x; }\n"
+
+
+@pytest.fixture
+def source(tmp_path: Path) -> Path:
+    path = tmp_path / "twice.c"
+    path.write_text(SOURCE)
+    return path
+
+
+def test_a_library_that_was_compiled_loads_and_computes(source: Path) -> None:
+    library = ctypes.CDLL(str(toolchain.compile_shared([source], name="twice")))
+    library.twice.restype = ctypes.c_double
+    library.twice.argtypes = [ctypes.c_double]
+    assert library.twice(2.5) == 5.0
+
+
+def test_a_second_compilation_is_the_cached_file(
+    source: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = toolchain.compile_shared([source], name="twice")
+    monkeypatch.setattr(toolchain, "_run", lambda command: pytest.fail("compiled again"))
+    assert toolchain.compile_shared([source], name="twice") == first
+
+
+def test_a_changed_header_is_another_key(source: Path, tmp_path: Path) -> None:
+    include = tmp_path / "include"
+    include.mkdir()
+    (include / "a.h").write_text("/* 1 */")
+    first = toolchain.compile_shared([source], name="twice", include=[include])
+    (include / "a.h").write_text("/* 2 */")
+    assert toolchain.compile_shared([source], name="twice", include=[include]) != first
+
+
+def test_what_does_not_compile_is_quoted(tmp_path: Path) -> None:
+    path = tmp_path / "bad.c"
+    path.write_text("int f(void) { return missing; }\n")
+    with pytest.raises(ToolchainError, match="missing"):
+        toolchain.compile_shared([path], name="bad")
+
+
+def test_a_cc_that_does_not_exist_is_named(
+    source: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CC", "no-such-compiler")
+    with pytest.raises(ToolchainError, match="no-such-compiler"):
+        toolchain.compile_shared([source], name="twice")
+
+
+def test_a_cc_that_cannot_compile_is_an_error(
+    source: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CC", "false")
+    with pytest.raises(ToolchainError, match="failed with status 1"):
+        toolchain.compile_shared([source], name="twice")
+
+
+def test_an_unknown_platform_lists_the_known(source: Path) -> None:
+    with pytest.raises(ToolchainError, match="linux64"):
+        toolchain.compile_shared([source], name="twice", platform="amiga")
+
+
+def test_cc_is_refused_for_another_platform(
+    source: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CC", "true")
+    with pytest.raises(ToolchainError, match="this machine only"):
+        toolchain.compile_shared([source], name="twice", platform="aarch64-darwin")

@@ -1,0 +1,163 @@
+"""What model descriptions of FMI 2.0 and 3.0 have in common: values, units, place of a fault."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, get_args
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from uuvsim_cosim.errors import FmuError
+from uuvsim_cosim.fmus.description import Causality, Variability, VariableType
+from uuvsim_cosim.models.units import BASE, Unit, parse_unit
+
+__all__ = ["DTYPES", "SimpleType", "Source", "flag", "read_units"]
+
+DTYPES: Mapping[str, type[np.generic]] = {
+    "Float32": np.float32, "Float64": np.float64,
+    "Int8": np.int8, "UInt8": np.uint8, "Int16": np.int16, "UInt16": np.uint16,
+    "Int32": np.int32, "UInt32": np.uint32, "Int64": np.int64, "UInt64": np.uint64,
+    "Enumeration": np.int64, "Boolean": np.bool_, "Clock": np.bool_,
+    "String": np.object_, "Binary": np.object_,
+}  # fmt: skip
+_TRUE, _FALSE = ("true", "1"), ("false", "0")
+
+
+@dataclass(frozen=True)
+class SimpleType:
+    """A declared type, from which variables inherit what they do not say themselves."""
+
+    attributes: Mapping[str, str]
+    items: Mapping[int, str]
+
+
+@dataclass(frozen=True)
+class Source:
+    """The file that is read; every fault is raised with its name and the variable's."""
+
+    place: str
+
+    def fault(self, where: str, read: str, expected: str) -> FmuError:
+        """Give the error for one fault."""
+        return FmuError(f"{self.place}: {where}: {read}; expected {expected}")
+
+    def required(self, element: Element, attribute: str, where: str) -> str:
+        """Read an attribute that must be there."""
+        text = element.get(attribute)
+        if text is None:
+            raise self.fault(where, f"no attribute {attribute!r}", f"one on <{element.tag}>")
+        return text
+
+    def number(self, element: Element | Mapping[str, str], attribute: str, where: str) -> float:
+        """Read a number; raises if the attribute is there but no number."""
+        text = element.get(attribute, "")
+        try:
+            return float(text)
+        except ValueError:
+            raise self.fault(where, f"{attribute} = {text!r}", "a number") from None
+
+    def optional_number(
+        self, element: Element | Mapping[str, str], attribute: str, where: str
+    ) -> float | None:
+        """Read a number, or None where the attribute is missing."""
+        return None if element.get(attribute) is None else self.number(element, attribute, where)
+
+    def natural(self, text: str | None, what: str, where: str) -> int:
+        """Read a value reference, an index or an extent."""
+        try:
+            value = int(text or "")
+        except ValueError:
+            value = -1
+        if value < 0:
+            raise self.fault(where, f"{what} {text!r}", "a whole number, 0 or more")
+        return value
+
+    def items(self, element: Element, where: str) -> dict[int, str]:
+        """Read the items of an enumeration, by value."""
+        try:
+            return {int(i.get("value", "")): i.get("name", "") for i in element.iterfind("Item")}
+        except ValueError:
+            raise self.fault(where, "an item without a whole value", "integers") from None
+
+    def value(self, kind: VariableType, text: str, where: str) -> Any:
+        """Read one start value of a type."""
+        convert = _CONVERT.get(kind, int)
+        try:
+            return convert(text)
+        except (ValueError, KeyError):
+            raise self.fault(where, f"start {text!r}", f"a value of type {kind}") from None
+
+    def causality(self, element: Element, where: str) -> Causality:
+        """Read the causality; ``local`` unless given."""
+        text = element.get("causality", "local")
+        if text not in get_args(Causality):
+            raise self.fault(where, f"causality {text!r}", f"one of {get_args(Causality)}")
+        return text  # type: ignore[return-value]
+
+    def variability(
+        self, element: Element, causality: Causality, kind: VariableType, where: str
+    ) -> Variability:
+        """Read the variability; parameters are ``fixed`` unless they say otherwise."""
+        text = element.get("variability")
+        if text is None:
+            if causality in ("parameter", "calculatedParameter", "structuralParameter"):
+                return "fixed"
+            return "continuous" if kind in ("Float32", "Float64") else "discrete"
+        if text not in get_args(Variability):
+            raise self.fault(where, f"variability {text!r}", f"one of {get_args(Variability)}")
+        return text  # type: ignore[return-value]
+
+
+def _boolean(text: str) -> bool:
+    lowered = text.strip().lower()
+    if lowered not in _TRUE + _FALSE:
+        raise ValueError(text)
+    return lowered in _TRUE
+
+
+def _binary(text: str) -> bytes:
+    return bytes.fromhex(text)
+
+
+_CONVERT: Mapping[str, Callable[[str], Any]] = {
+    "Float32": float, "Float64": float, "Boolean": _boolean, "Clock": _boolean,
+    "String": str, "Binary": _binary,
+}  # fmt: skip
+
+
+def flag(element: Element, *names: str) -> bool:
+    """Say whether a capability flag is set, under any of its names."""
+    return any(element.get(name, "false").lower() in _TRUE for name in names)
+
+
+def read_units(source: Source, root: Element) -> dict[str, Unit]:
+    """Read the unit definitions; a unit without base unit is taken by its name, if known."""
+    units: dict[str, Unit] = {}
+    for element in root.iterfind("UnitDefinitions/Unit"):
+        name = source.required(element, "name", "a unit")
+        where = f"unit {name!r}"
+        base = element.find("BaseUnit")
+        if base is None:
+            _add_known(units, name)
+            continue
+        try:
+            exponents = tuple(int(base.get(b, "0")) for b in BASE)
+        except ValueError:
+            raise source.fault(where, "an exponent that is not whole", "integers") from None
+        factor = source.optional_number(base, "factor", where)
+        offset = source.optional_number(base, "offset", where)
+        units[name] = Unit(name, exponents, 1.0 if factor is None else factor, offset or 0.0)
+    for variable in root.iter():
+        unit = variable.get("unit")
+        if unit is not None and unit not in units:
+            _add_known(units, unit)
+    return units
+
+
+def _add_known(units: dict[str, Unit], name: str) -> None:
+    try:
+        units[name] = parse_unit(name)
+    except ValueError:
+        return

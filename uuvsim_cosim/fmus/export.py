@@ -1,0 +1,187 @@
+"""A declaration becomes an .fmu: binaries, sources, documentation and a reference result."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import zipfile
+from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
+from io import BytesIO
+from pathlib import Path
+from xml.etree.ElementTree import Element, SubElement
+
+from uuvsim_cosim.cache import cache_dir, content_hash
+from uuvsim_cosim.content import content
+from uuvsim_cosim.errors import InputInvalid, ToolchainError
+from uuvsim_cosim.fmus.describe import describe
+from uuvsim_cosim.fmus.documentation import csv_text, index_html, variables_markdown
+from uuvsim_cosim.fmus.experiment import reference_result
+from uuvsim_cosim.fmus.lowering import Lowered, lower, runtime
+from uuvsim_cosim.fmus.model_description import (
+    FmiVersion,
+    model_description,
+    model_identifier,
+    xml_text,
+)
+from uuvsim_cosim.fmus.native import generated_source
+from uuvsim_cosim.fmus.toolchain import compile_shared, compiler, platform_named
+from uuvsim_cosim.models.model import Model
+
+__all__ = ["build_fmu", "build_many", "compile_fmu", "write_archive"]
+
+
+def build_fmu(
+    model: Model,
+    *,
+    fmi: FmiVersion = 3,
+    platforms: Sequence[str] = ("host",),
+    target: Path | None = None,
+) -> Path:
+    """Build an .fmu and give its path: `target` (a file, or a folder), else in the cache.
+
+    The same declaration, platforms and compiler give the same bytes. Raises ToolchainError if a
+    platform cannot be compiled for, and InputInvalid if `target` cannot be written.
+    """
+    if fmi not in (2, 3):
+        raise InputInvalid(f"{model.name}: FMI version {fmi!r}; expected 2 or 3")
+    wanted = sorted({platform_named(p).fmi2 for p in platforms})
+    lowered = lower(model)
+    name = f"{model_identifier(model.name)}.fmu"
+    texts = _texts(lowered, fmi)
+    parts = [f"{k}\0{v}" for k, v in sorted(texts.items())]
+    cached = cache_dir("fmus", content_hash([compiler()[1], *wanted, *parts])) / name
+    if not cached.is_file():
+        members = {k: v.encode() for k, v in texts.items()}
+        for platform in wanted:
+            place = platform_named(platform)
+            folder = place.fmi2 if fmi == 2 else place.fmi3
+            binary = f"{model_identifier(model.name)}{place.suffix}"
+            members[f"binaries/{folder}/{binary}"] = compile_fmu(lowered, platform).read_bytes()
+        members |= _results(model)
+        write_archive(cached, members)
+    if target is None:
+        return cached
+    file = target if target.suffix == ".fmu" else target / name
+    _write(file, cached.read_bytes())
+    return file
+
+
+def build_many(
+    names: Sequence[str],
+    fmi: FmiVersion = 3,
+    platforms: Sequence[str] = ("host",),
+    target_dir: Path | None = None,
+) -> list[Path]:
+    """Build an .fmu for each named declaration of the library, and give their paths."""
+    from uuvsim_cosim.models.library import declare
+
+    models = [declare(name) for name in names]  # a wrong name is refused before anything is built
+    return [build_fmu(m, fmi=fmi, platforms=platforms, target=target_dir) for m in models]
+
+
+def compile_fmu(lowered: Lowered, platform: str = "host") -> Path:
+    """Compile one library with both FMI shells and the native functions; cached.
+
+    One compilation serves FMI 2.0 and FMI 3.0: the shells' objects are the compiler's to keep.
+    """
+    shells = [runtime() / f"fmi{fmi}_shell.c" for fmi in (2, 3)]
+    # Without -Bsymbolic an importer that loads with RTLD_GLOBAL would mix up two components.
+    flags = ("-Wl,-Bsymbolic",) if platform_named(platform).suffix == ".so" else ()
+    return compile_shared(
+        [generated_source(lowered), runtime() / "uuv_runtime.c", *shells],
+        name=model_identifier(lowered.model.name),
+        platform=platform,
+        include=[runtime(), fmi_headers()],
+        flags=flags,
+    )
+
+
+def fmi_headers() -> Path:
+    """Give the folder of FMI's own headers, which come with fmpy."""
+    spec = find_spec("fmpy")
+    places = (spec.submodule_search_locations or []) if spec else []
+    for place in places:
+        folder = Path(place) / "c-code"
+        if (folder / "fmi3Functions.h").is_file():
+            return folder
+    raise ToolchainError("FMI's C headers are missing; expected them with `pip install fmpy`")
+
+
+def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
+    """Write a zip file, whole or not at all; equal members give equal bytes."""
+    buffer = BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        for name in sorted(members):
+            info = zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
+            info.compress_type = zipfile.ZIP_DEFLATED
+            info.create_system = 3
+            info.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
+            archive.writestr(info, members[name])
+    _write(path, buffer.getvalue())
+
+
+def _write(path: Path, data: bytes) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, scratch = tempfile.mkstemp(dir=path.parent, prefix=".uuvsim-")
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(data)
+            os.chmod(scratch, 0o644)
+            os.replace(scratch, path)
+        except OSError:
+            Path(scratch).unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        raise InputInvalid(
+            f"{path}: cannot be written ({error.strerror}); expected a folder that can be written"
+        ) from error
+
+
+def _texts(lowered: Lowered, fmi: FmiVersion) -> dict[str, str]:
+    """Give every member that is text, but for the reference result."""
+    identifier = model_identifier(lowered.model.name)
+    description = describe(lowered.model, lowered.equations)
+    compiled = [f"{identifier}.c", "uuv_runtime.c", f"fmi{fmi}_shell.c"]
+    texts = {
+        "modelDescription.xml": model_description(
+            lowered.equations, fmi=fmi, token=lowered.token, sources=compiled
+        ),
+        f"sources/{identifier}.c": lowered.source,
+        "documentation/index.html": index_html(description),
+        "documentation/variables.md": variables_markdown(description),
+        "resources/README.txt": "This component needs no resources.\n",
+    }
+    headers = sorted(runtime().glob("uuv_*.h"))
+    for file in [runtime() / n for n in (*compiled[1:], "shell_common.h")] + headers:
+        texts[f"sources/{file.name}"] = file.read_text()
+    if fmi == 3:
+        texts["sources/buildDescription.xml"] = _build_description(identifier, compiled)
+    licence = content("LICENSE")
+    if licence.is_file():
+        texts["documentation/licenses/license.txt"] = licence.read_text()
+    return texts
+
+
+def _build_description(identifier: str, compiled: Sequence[str]) -> str:
+    root = Element("fmiBuildDescription", fmiVersion="3.0")
+    configuration = SubElement(root, "BuildConfiguration", modelIdentifier=identifier)
+    files = SubElement(
+        configuration,
+        "SourceFileSet",
+        language="C11",
+        compilerOptions="-O2 -ffp-contract=off -fno-math-errno",
+    )
+    for name in compiled:
+        SubElement(files, "SourceFile", name=name)
+    return xml_text(root)
+
+
+def _results(model: Model) -> dict[str, bytes]:
+    description = describe(model)
+    given, results = reference_result(model)
+    return {
+        "documentation/input.csv": csv_text(description.of("input"), given).encode(),
+        "documentation/reference.csv": csv_text(description.of("output"), results).encode(),
+    }

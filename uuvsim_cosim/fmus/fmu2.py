@@ -1,0 +1,139 @@
+"""An instance of an FMI 2.0 Co-Simulation FMU in this process."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping
+from typing import Any, ClassVar, final
+
+import numpy as np
+
+from uuvsim_cosim.fmus.component import BindingKind
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.fmus.fmu_access import Access, NumericAccess, StringAccess
+from uuvsim_cosim.fmus.fmu_binary import FmuBinary
+from uuvsim_cosim.fmus.fmu_library import Signatures
+
+__all__ = ["Fmu2"]
+
+_P, _I, _D, _Z, _S = (
+    ctypes.c_void_p,
+    ctypes.c_int,
+    ctypes.c_double,
+    ctypes.c_size_t,
+    ctypes.c_char_p,
+)
+_VALUES = (_I, (_P, _P, _Z, _P))
+_CO_SIMULATION, _TERMINATED, _DISCARD = 1, 3, 2
+
+
+class _Callbacks(ctypes.Structure):
+    """``fmi2CallbackFunctions``."""
+
+    _fields_ = (
+        ("logger", _P),
+        ("allocate_memory", _P),
+        ("free_memory", _P),
+        ("step_finished", _P),
+        ("environment", _P),
+    )
+
+
+@final
+class Fmu2(FmuBinary):
+    """The `Component` protocol over FMI 2.0's functions."""
+
+    prefix = "fmi2"
+    kind = BindingKind.FMI2
+    state_word = "FMUstate"
+    deserialize = "DeSerializeFMUstate"
+    signatures: ClassVar[Signatures] = {
+        "Instantiate": (_P, (_S, _I, _S, _S, _P, _I, _I)),
+        "FreeInstance": (None, (_P,)),
+        "SetupExperiment": (_I, (_P, _I, _D, _D, _I, _D)),
+        "EnterInitializationMode": (_I, (_P,)),
+        "ExitInitializationMode": (_I, (_P,)),
+        "Terminate": (_I, (_P,)),
+        "Reset": (_I, (_P,)),
+        **{f"Get{t}": _VALUES for t in ("Real", "Integer", "Boolean", "String")},
+        **{f"Set{t}": _VALUES for t in ("Real", "Integer", "Boolean", "String")},
+        "GetFMUstate": (_I, (_P, _P)),
+        "SetFMUstate": (_I, (_P, _P)),
+        "FreeFMUstate": (_I, (_P, _P)),
+        "SerializedFMUstateSize": (_I, (_P, _P, _P)),
+        "SerializeFMUstate": (_I, (_P, _P, _P, _Z)),
+        "DeSerializeFMUstate": (_I, (_P, _P, _Z, _P)),
+        "GetDirectionalDerivative": (_I, (_P, _P, _Z, _P, _Z, _P, _P)),
+        "DoStep": (_I, (_P, _D, _D, _I)),
+        "GetBooleanStatus": (_I, (_P, _I, _P)),
+    }
+
+    def _instantiate(self, logging_on: bool) -> int | None:
+        log = self._log
+        # The FMU keeps the pointer, so the structure lives as long as the instance.
+        self._callbacks = _Callbacks(
+            log.address("uuv_log_fmi2"),
+            log.address("uuv_allocate"),
+            log.address("uuv_release"),
+            None,
+            log.environment,
+        )
+        instance: int | None = self._library.function("Instantiate")(
+            self.path.encode(),
+            _CO_SIMULATION,
+            self.description.token.encode(),
+            (self.archive.folder / "resources").as_uri().encode(),
+            ctypes.addressof(self._callbacks),
+            0,
+            int(logging_on),
+        )
+        return instance
+
+    def _enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
+        stop = (0, 0.0) if stop_time is None else (1, stop_time)
+        self._call("SetupExperiment", 0, 0.0, start_time, *stop)
+        self._call("EnterInitializationMode")
+
+    def _do_step(self, time: float, step_size: float) -> None:
+        status = self._library.function("DoStep")(self._live(), time, step_size, 0)
+        if status == _DISCARD and self._asks_to_end():
+            failed = self.failure("DoStep", status, time)
+            failed.reason += " (it asks to end the simulation)"
+            raise type(failed)(self.path, time, failed.reason)
+        if status > 1 or status < 0:
+            raise self.failure("DoStep", status, time)
+        self._log.drain()
+
+    def _asks_to_end(self) -> bool:
+        if not self._library.has("GetBooleanStatus"):
+            return False
+        answer = ctypes.c_int(0)
+        status = self._library.function("GetBooleanStatus")(
+            self._live(), _TERMINATED, ctypes.byref(answer)
+        )
+        return status == 0 and answer.value != 0
+
+    def _access(self, variable: Variable) -> Access:
+        if variable.type == "String":
+            return StringAccess(variable, "String", counts_values=False)
+        suffix, dtype = _NUMERIC[variable.type]
+        return NumericAccess(variable, suffix, dtype, counts_values=False)
+
+    def _differentiate(self, unknowns: Any, knowns: Any, seed: Any, result: Any) -> None:
+        self._call(
+            "GetDirectionalDerivative",
+            unknowns,
+            len(unknowns),
+            knowns,
+            len(knowns),
+            seed.ctypes.data,
+            result.ctypes.data,
+        )
+
+
+_NUMERIC: Mapping[str, tuple[str, Any]] = {
+    "Float64": ("Real", np.float64),
+    "Int32": ("Integer", np.int32),
+    "Enumeration": ("Integer", np.int32),
+    "Boolean": ("Boolean", np.int32),
+}

@@ -1,0 +1,90 @@
+"""The shared library inside an FMU: found for this platform, loaded, its symbols bound lazily."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from uuvsim_cosim.errors import FmuError
+from uuvsim_cosim.fmus.read_description import FmuArchive
+from uuvsim_cosim.fmus.toolchain import host
+
+__all__ = ["FmuLibrary"]
+
+Signatures = Mapping[str, tuple[Any, Sequence[Any]]]
+
+
+class FmuLibrary:
+    """A loaded library; `signatures` maps names without prefix to (result, arguments)."""
+
+    def __init__(self, archive: FmuArchive, prefix: str, signatures: Signatures) -> None:
+        self.archive = archive
+        self.file = _library(archive)
+        self._prefix = prefix
+        self._signatures = signatures
+        self._bound: dict[str, Any] = {}
+        try:
+            with _searching(self.file.parent):
+                self._c = ctypes.CDLL(str(self.file))
+        except OSError as error:
+            raise FmuError(
+                f"{archive.path}: its library {self.file.name} cannot be loaded ({error}); "
+                "expected one that this machine can load"
+            ) from None
+
+    def function(self, name: str) -> Any:
+        """Bind a function at its first use; raises FmuError if the FMU does not export it."""
+        bound = self._bound.get(name)
+        if bound is None:
+            try:
+                bound = self._c[self._prefix + name]
+            except AttributeError:
+                raise FmuError(
+                    f"{self.archive.path}: does not export {self._prefix}{name}, which is needed"
+                ) from None
+            bound.restype, bound.argtypes = self._signatures[name]
+            self._bound[name] = bound
+        return bound
+
+    def has(self, name: str) -> bool:
+        """Say whether the FMU exports a function."""
+        try:
+            self.function(name)
+        except FmuError:
+            return False
+        return True
+
+    def addresses(self) -> dict[str, int]:
+        """Give the addresses of all functions that the FMU exports, by name without prefix."""
+        return {
+            name: ctypes.cast(self.function(name), ctypes.c_void_p).value or 0
+            for name in self._signatures
+            if self.has(name)
+        }
+
+
+def _library(archive: FmuArchive) -> Path:
+    machine = host()
+    folders = [machine.fmi3]
+    if archive.description.kind == "FMI 2.0":
+        folders.insert(0, machine.fmi2)
+        if machine.suffix == ".dylib":
+            folders.append("darwin64")  # universal binaries
+    for folder in folders:
+        file = archive.folder / "binaries" / folder / (archive.model_identifier + machine.suffix)
+        if file.is_file():
+            return file
+    there = ", ".join(archive.binaries) or "none (only sources, or nothing)"
+    raise FmuError(f"{archive.path}: no binary for this platform, {folders[0]}; there are: {there}")
+
+
+def _searching(folder: Path) -> contextlib.AbstractContextManager[Any]:
+    """Let the library find those that lie beside it, on Windows."""
+    if sys.platform == "win32":
+        return os.add_dll_directory(str(folder))
+    return contextlib.nullcontext()

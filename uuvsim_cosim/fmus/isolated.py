@@ -1,0 +1,213 @@
+"""A component in a process of its own: its crash or hang is an error here, nothing more."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import pickle
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Callable, Sequence
+from typing import Any, BinaryIO, final
+
+from uuvsim_cosim.errors import ComponentFailed, FmuError
+from uuvsim_cosim.fmus.component import Binding, BindingKind, Component
+from uuvsim_cosim.fmus.description import Description, Variable
+
+__all__ = ["Isolated"]
+
+_GRACE = 2.0  # [s] that a child is given to end by itself
+
+
+class RemoteState:
+    """A state that the child holds, by its number; given up when nobody holds it here."""
+
+    def __init__(self, number: int, orphans: list[int]) -> None:
+        self.number = number
+        self._orphans = orphans
+
+    def __del__(self) -> None:
+        self._orphans.append(self.number)
+
+
+@final
+class Isolated:
+    """The `Component` protocol over pipes to a child, which makes the component by `factory`.
+
+    `factory` is a function at a module's top level. A call that takes longer than `watchdog`
+    seconds ends the child.
+    """
+
+    def __init__(
+        self,
+        path: str,
+        description: Description,
+        factory: Callable[..., Component],
+        arguments: Sequence[Any],
+        *,
+        watchdog: float | None = None,
+    ) -> None:
+        self.path = path
+        self.description = description
+        self.messages: list[tuple[str, str]] = []
+        self._watchdog = watchdog
+        self._time = 0.0
+        self._orphans: list[int] = []
+        self._logger = logging.getLogger(f"uuvsim_cosim.{path}")
+        self._words = tempfile.TemporaryFile()  # noqa: SIM115
+        search = os.pathsep.join(p for p in sys.path if p)
+        self._child: subprocess.Popen[bytes] | None = subprocess.Popen(
+            [sys.executable, "-m", "uuvsim_cosim.fmus.isolated_child"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._words,
+            env={**os.environ, "PYTHONPATH": search},
+        )
+        try:
+            self._call("instantiate", factory, tuple(arguments))
+        except BaseException:
+            self.free()
+            raise
+
+    # ---- the protocol -------------------------------------------------------------------------
+
+    def get(self, variable: Variable) -> Any:
+        """Read a value."""
+        return self._call("get", variable)
+
+    def set(self, variable: Variable, value: Any) -> None:
+        """Set a value of the variable's shape."""
+        self._call("set", variable, value)
+
+    def enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
+        """Enter Initialization Mode."""
+        self._time = start_time
+        self._call("enter_initialization_mode", start_time, stop_time)
+
+    def exit_initialization_mode(self) -> None:
+        """Leave Initialization Mode."""
+        self._call("exit_initialization_mode")
+
+    def do_step(self, current_communication_point: float, step_size: float) -> None:
+        """Advance; raises ComponentFailed, also if the child died or hangs."""
+        self._time = current_communication_point
+        self._call("do_step", current_communication_point, step_size)
+
+    def get_fmu_state(self) -> RemoteState:
+        """Copy the state, which stays with the child."""
+        return RemoteState(self._call("get_fmu_state"), self._orphans)
+
+    def set_fmu_state(self, state: RemoteState) -> None:
+        """Restore a state."""
+        self._call("set_fmu_state", state.number)
+
+    def serialize_fmu_state(self, state: RemoteState) -> bytes:
+        """Turn a state into bytes."""
+        data: bytes = self._call("serialize_fmu_state", state.number)
+        return data
+
+    def deserialize_fmu_state(self, data: bytes) -> RemoteState:
+        """Turn bytes into a state."""
+        return RemoteState(self._call("deserialize_fmu_state", data), self._orphans)
+
+    def directional_derivative(
+        self, unknowns: list[Variable], knowns: list[Variable], seed: Any
+    ) -> Any:
+        """Give d(unknowns)/d(knowns) · seed."""
+        return self._call("directional_derivative", unknowns, knowns, seed)
+
+    def reset(self) -> None:
+        """Go back to the state after instantiation."""
+        self._call("reset")
+
+    def terminate(self) -> None:
+        """End stepping; does nothing if the child is gone."""
+        if self._child is not None:
+            self._call("terminate")
+
+    def free(self) -> None:
+        """Free the component and end the child; a second call does nothing."""
+        child, self._child = self._child, None
+        if child is None:
+            return
+        for pipe in (child.stdin, child.stdout):
+            if pipe is not None:
+                with contextlib.suppress(OSError):  # the child, if alive, ends on end of file
+                    pipe.close()
+        try:
+            child.wait(_GRACE)
+        except subprocess.TimeoutExpired:
+            child.kill()
+            child.wait()
+        self._words.close()
+
+    def binding(self) -> Binding:
+        """Say that the stepping loop in C has to call Python."""
+        return Binding(BindingKind.CALLBACK, 0, {})
+
+    # ---- the wire -----------------------------------------------------------------------------
+
+    def _call(self, method: str, *arguments: Any) -> Any:
+        child = self._child
+        if child is None or child.stdin is None or child.stdout is None:
+            raise FmuError(f"{self.path}: used after it was freed, or after its process died")
+        dropped = [self._orphans.pop() for _ in range(len(self._orphans))]
+        late = threading.Event()
+        timer = self._timer(child, late)
+        try:
+            _send(child.stdin, (method, arguments, dropped))
+            status, result, messages = pickle.load(child.stdout)
+        except (EOFError, OSError, pickle.UnpicklingError):
+            raise self._died(child, late.is_set()) from None
+        finally:
+            if timer is not None:
+                timer.cancel()
+        for level, text in messages:
+            self.messages.append((level, text))
+            severe = logging.INFO if level == "ok" else logging.WARNING
+            self._logger.log(severe, "%s", text)
+        if status == "failed":
+            raise ComponentFailed(*result)
+        if status == "refused":
+            raise FmuError(result)
+        return result
+
+    def _timer(
+        self, child: subprocess.Popen[bytes], late: threading.Event
+    ) -> threading.Timer | None:
+        if self._watchdog is None:
+            return None
+
+        def end() -> None:
+            late.set()
+            child.kill()
+
+        timer = threading.Timer(self._watchdog, end)
+        timer.daemon = True
+        timer.start()
+        return timer
+
+    def _died(self, child: subprocess.Popen[bytes], late: bool) -> ComponentFailed:
+        try:
+            status = child.wait(_GRACE)
+        except subprocess.TimeoutExpired:
+            child.kill()
+            status = child.wait()
+        self._words.seek(0)
+        words = self._words.read().decode(errors="replace").strip().splitlines()[-1:]
+        self.free()
+        if late:
+            reason = f"did not answer within {self._watchdog} s; its process was ended"
+        else:
+            how = f"signal {-status}" if status < 0 else f"status {status}"
+            reason = f"its process died ({how})" + (f": {words[0][:200]}" if words else "")
+        return ComponentFailed(self.path, self._time, reason)
+
+
+def _send(pipe: Any, message: Any) -> None:
+    sink: BinaryIO = pipe
+    pickle.dump(message, sink, protocol=pickle.HIGHEST_PROTOCOL)
+    sink.flush()

@@ -1,0 +1,132 @@
+"""A model against a reference trajectory: the greatest deviation of each column.
+
+The file has `#` lines, then a header: t_s, N_m E_m D_m phi_rad theta_rad psi_rad, u_mps v_mps
+w_mps p_rps q_rps r_rps, and optionally X_N Y_N Z_N K_Nm M_Nm N_Nm, the generalised force about
+CO. The first row is the initial state. Between rows the force is what `Signal` makes of its
+column; a `#` line with "zero-order hold" (or "zoh") says instead that it is held. A `#` line
+with "no surface" compares the hull as submerged at any depth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.library import declare
+from uuvsim_cosim.models.signal import Signal
+from uuvsim_cosim.models.simulate import simulate
+
+__all__ = ["Deviation", "Reference", "check", "read_reference"]
+
+Array = NDArray[np.float64]
+ETA = ("N_m", "E_m", "D_m", "phi_rad", "theta_rad", "psi_rad")
+NU = ("u_mps", "v_mps", "w_mps", "p_rps", "q_rps", "r_rps")
+TAU = ("X_N", "Y_N", "Z_N", "K_Nm", "M_Nm", "N_Nm")
+ANGLES = ("phi_rad", "theta_rad", "psi_rad")
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """The greatest deviation of one column, and the time [s] at which it is."""
+
+    column: str
+    max: float
+    t: float
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A trajectory from elsewhere: times (n,), eta and nu (n, 6), tau (n, 6)."""
+
+    t: Array
+    eta: Array
+    nu: Array
+    tau: Array
+    held: bool
+    surface: bool
+
+
+def check(model_id: str, reference_csv: str | Path, h: float = 1e-3) -> list[Deviation]:
+    """Give the deviations of a model, such as ``bluerov2_heavy@wu_2018``, from a file."""
+    reference = read_reference(Path(reference_csv))
+    options = {} if reference.surface else {"surface": False}
+    signals = [Signal(reference.t, reference.tau[:, i], reference.held) for i in range(6)]
+    result = simulate(
+        declare(model_id, **options),
+        at=[float(t) for t in reference.t],
+        h=h,
+        tau=lambda t: [signal(t) for signal in signals],
+        parameters={"eta_0": reference.eta[0], "nu_0": reference.nu[0]},
+    )
+    deviations = []
+    for names, ours, theirs in (
+        (ETA, result["eta"], reference.eta),
+        (NU, result["nu"], reference.nu),
+    ):
+        difference = ours - theirs
+        for i, name in enumerate(names):
+            column = difference[:, i]
+            if name in ANGLES:
+                column = np.remainder(column + np.pi, 2 * np.pi) - np.pi
+            worst = int(np.argmax(np.abs(column)))
+            deviations.append(Deviation(name, float(abs(column[worst])), float(reference.t[worst])))
+    return deviations
+
+
+def read_reference(path: Path) -> Reference:
+    """Read a reference trajectory; raises InputInvalid that names the line."""
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputInvalid(f"{path}: cannot be read: {error}") from None
+    notes = " ".join(line for line in lines if line.startswith("#")).lower()
+    body = [(n, x) for n, x in enumerate(lines, 1) if x.strip() and not x.startswith("#")]
+    if not body:
+        raise InputInvalid(f"{path}: no header; expected t_s,{','.join(ETA + NU)}")
+    at, header = body[0]
+    names = [name.strip() for name in header.split(",")]
+    wanted = ("t_s", *ETA, *NU)
+    lacking = [name for name in wanted if name not in names]
+    unknown = [name for name in names if name not in (*wanted, *TAU)]
+    if lacking or unknown or len(set(names)) != len(names):
+        raise InputInvalid(
+            f"{path}:{at}: columns {', '.join(names)}; expected {', '.join(wanted)}"
+            f" and optionally {', '.join(TAU)}, each once"
+        )
+    table = np.array([_numbers(path, n, text, names) for n, text in body[1:]])
+    if len(table) < 2 or not np.all(np.diff(table[:, names.index("t_s")]) > 0):
+        raise InputInvalid(f"{path}: t_s; expected two or more rows at rising times")
+
+    def columns(of: Sequence[str]) -> Array:
+        zero = np.zeros(len(table))
+        return np.column_stack([table[:, names.index(c)] if c in names else zero for c in of])
+
+    return Reference(
+        columns(["t_s"])[:, 0],
+        columns(ETA),
+        columns(NU),
+        columns(TAU),
+        held="zero-order hold" in notes or "zoh" in notes,
+        surface="no surface" not in notes and "no thrusters, surface" not in notes,
+    )
+
+
+def _numbers(path: Path, line: int, text: str, names: list[str]) -> list[float]:
+    parts = text.split(",")
+    if len(parts) != len(names):
+        raise InputInvalid(f"{path}:{line}: {len(parts)} values; expected {len(names)}")
+    numbers = []
+    for name, part in zip(names, parts, strict=True):
+        try:
+            number = float(part)
+        except ValueError:
+            number = float("nan")
+        if not np.isfinite(number):
+            raise InputInvalid(f"{path}:{line}: {name} = {part.strip()!r}; expected a number")
+        numbers.append(number)
+    return numbers

@@ -1,0 +1,152 @@
+"""The names that a hull's parameters may have, their units, and the matrices made of them.
+
+Names are Fossen's letters with the element's indices from 1: `M_A_15`, `D_q_11`, `I_b_12`, `z_g`.
+A parameter that a set does not list is structurally zero: it costs nothing and cannot be set.
+A listed zero is a parameter like any other. `M_A_15` stands for `M_A_51` too unless that is
+listed; inertia is symmetric, indices rising; damping is not, both elements count.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+from uuvsim_cosim.errors import ParameterInvalid
+from uuvsim_cosim.models.kinematics import sparse
+from uuvsim_cosim.models.model import Model
+from uuvsim_cosim.models.rigid_body import M_RB, inertia_about_CO
+
+__all__ = ["Meaning", "declare_parameters", "meaning_of", "missing", "structure"]
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """What a parameter of some name is: its unit, a least value, and words for it."""
+
+    unit: str
+    words: str
+    min: float | None = None
+
+
+_SCALARS = {
+    "m": Meaning("kg", "mass", 1e-9),
+    "W": Meaning("N", "weight", 0.0),
+    "B": Meaning("N", "buoyancy of the submerged hull", 0.0),
+    "rho": Meaning("kg/m3", "density of the water", 0.0),
+    "nabla": Meaning("m3", "volume of the submerged hull", 0.0),
+    "g": Meaning("m/s2", "acceleration of gravity", 0.0),
+    "height": Meaning("m", "height of the hull, over which buoyancy is lost", 1e-6),
+    **{f"{a}_g": Meaning("m", f"{a} of the centre of gravity from CO") for a in "xyz"},
+    **{f"{a}_b": Meaning("m", f"{a} of the centre of buoyancy from CO") for a in "xyz"},
+}
+_ELEMENT = re.compile(r"(I_b|I_g|M_A|D_l|D_q)_([1-6])([1-6])$")
+_MASS = ("kg", "kg.m", "kg.m", "kg.m2")
+_LINEAR = ("N.s/m", "N.s/rad", "N.m.s/m", "N.m.s/rad")
+_QUADRATIC = ("N.s2/m2", "N.s2/rad2", "N.m.s2/m2", "N.m.s2/rad2")
+
+
+def meaning_of(name: str) -> Meaning | None:
+    """Give what a hull's parameter of this name is; None if there is none of this name."""
+    if name in _SCALARS:
+        return _SCALARS[name]
+    match = _ELEMENT.match(name)
+    if match is None:
+        return None
+    kind, i, j = match[1], int(match[2]), int(match[3])
+    block = 2 * (i > 3) + (j > 3)
+    if kind in ("I_b", "I_g"):
+        point = "CO" if kind == "I_b" else "CG"
+        return Meaning("kg.m2", f"inertia about {point}") if i <= j <= 3 else None
+    if kind == "M_A":
+        return Meaning(_MASS[block], "added mass")
+    if kind == "D_l":
+        return Meaning(_LINEAR[block], "linear damping")
+    return Meaning(_QUADRATIC[block], "quadratic damping")
+
+
+def missing(names: Collection[str], surface: bool = True) -> Iterator[str]:
+    """Give a sentence for each contradiction or gap among the names of a set."""
+    if "m" not in names:
+        yield "m is missing; expected the mass"
+    by_force, by_volume = {"W", "B"}, {"rho", "nabla", "g"}
+    given = set(names)
+    if given & by_force and given & by_volume:
+        both = ", ".join(sorted(given & (by_force | by_volume)))
+        yield f"{both} are given; expected either W and B, or rho, nabla and g, never both"
+    elif not (by_force <= given or by_volume <= given):
+        yield "weight and buoyancy are incomplete; expected either W and B, or rho, nabla and g"
+    kinds = {k for k in ("I_b", "I_g") if any(n.startswith(k) for n in names)}
+    if len(kinds) != 1:
+        found = "both I_b and I_g are" if kinds else "no inertia is"
+        yield f"{found} given; expected I_b_.. about CO, or I_g_.. about CG"
+    for kind in kinds:
+        lacking = [f"{kind}_{i}{i}" for i in (1, 2, 3) if f"{kind}_{i}{i}" not in names]
+        if lacking:
+            yield f"{', '.join(lacking)} missing; expected all three moments of inertia"
+    if surface and "height" not in names:
+        yield "height is missing; expected the hull's height, or a hull declared without surface"
+
+
+def declare_parameters(
+    m: Model, numbers: Mapping[str, float], surface: bool, sources: Mapping[str, str]
+) -> dict[str, Any]:
+    """Declare the parameters of a hull, each with its unit and source; gives their symbols."""
+    wrong = [f"{n!r} is not a parameter of a hull" for n in numbers if meaning_of(n) is None]
+    wrong += missing(numbers, surface)
+    if wrong:
+        raise ParameterInvalid(f"{m.name}: " + "; ".join(wrong))
+    symbols: dict[str, Any] = {}
+    for name, value in numbers.items():
+        meaning = meaning_of(name)
+        if meaning is None or (name == "height" and not surface):
+            continue
+        if meaning.min is not None and not value >= meaning.min:
+            raise ParameterInvalid(
+                f"{m.name}.{name}: {value} {meaning.unit}; expected at least {meaning.min:g}"
+            )
+        words = meaning.words + (f" ({sources[name]})" if name in sources else "")
+        symbols[name] = m.parameter(
+            name, float(value), unit=meaning.unit, min=meaning.min, description=words
+        )
+    return symbols
+
+
+def structure(p: Mapping[str, Any]) -> tuple[Any, ...]:
+    """Give (M, W, B, r_g, r_b, D_l, D_q) of a hull's parameters, zeros structural."""
+    r_g, r_b = _vector(p, "g"), _vector(p, "b")
+    inertia = _symmetric(p, "I_b")
+    if not inertia.nnz():
+        inertia = inertia_about_CO(p["m"], _symmetric(p, "I_g"), r_g)
+    M = M_RB(p["m"], inertia, r_g) + _symmetric(p, "M_A")
+    if "W" in p:
+        W, B = p["W"], p["B"]
+    else:
+        W, B = p["m"] * p["g"], p["rho"] * p["g"] * p["nabla"]
+    return M, W, B, r_g, r_b, _elements(p, "D_l", 6), _elements(p, "D_q", 6)
+
+
+def _vector(p: Mapping[str, Any], point: str) -> Any:
+    at = {(i, 0): p[f"{a}_{point}"] for i, a in enumerate("xyz") if f"{a}_{point}" in p}
+    return sparse(3, 1, at)
+
+
+def _elements(p: Mapping[str, Any], kind: str, size: int) -> Any:
+    found = {}
+    for name, symbol in p.items():
+        match = _ELEMENT.match(name)
+        if match is not None and match[1] == kind:
+            found[int(match[2]) - 1, int(match[3]) - 1] = symbol
+    return sparse(size, size, found)
+
+
+def _symmetric(p: Mapping[str, Any], kind: str) -> Any:
+    out = _elements(p, kind, 3 if kind.startswith("I") else 6)
+    rows, columns = out.sparsity().get_triplet()
+    for i, j in list(zip(rows, columns, strict=True)):
+        if not out.sparsity().has_nz(j, i):
+            out[j, i] = out[i, j]
+    return ca.SX(out)

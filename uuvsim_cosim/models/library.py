@@ -1,0 +1,58 @@
+"""The registry: components by name; one line here makes a declaration known everywhere.
+
+A vehicle needs no line: each folder in models/vehicles is one, addressed as ``id`` or ``id@set``.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.model import Model
+
+__all__ = ["LIBRARY", "available", "declare"]
+
+LIBRARY: dict[str, str] = {
+    "battery": "uuvsim_cosim.models.battery:battery",
+    "current_gauss_markov": "uuvsim_cosim.models.current:current_gauss_markov",
+    "thruster": "uuvsim_cosim.models.thruster:thruster",
+    "thruster_t200": "uuvsim_cosim.models.thruster:thruster_t200",
+    "vehicle": "uuvsim_cosim.models.vehicle:vehicle",
+    "wrench": "uuvsim_cosim.models.wrench:wrench",
+}
+
+
+def available() -> list[str]:
+    """List the names that `declare` knows; ``vehicle`` itself needs an id and is left out."""
+    from uuvsim_cosim.models.parameters import vehicle_ids, vehicle_sets
+
+    addresses = []
+    for id in vehicle_ids():
+        addresses += [id, *(f"{id}@{name}" for name in vehicle_sets(id))]
+    return sorted([*addresses, *(name for name in LIBRARY if name != "vehicle")])
+
+
+def declare(name: str, **options: Any) -> Model:
+    """Declare a component by name; options go to its function, e.g. ``set`` of a vehicle.
+
+    Raises InputInvalid for a name or an option that does not exist.
+    """
+    from uuvsim_cosim.models.parameters import split_address, vehicle_ids
+
+    id, published = split_address(name)
+    if id in vehicle_ids() or id.endswith((".yaml", ".yml")):
+        options = {"id": id, **({"set": published} if published else {}), **options}
+        name = "vehicle"
+    if name not in LIBRARY:
+        raise InputInvalid(f"there is no model {name!r}; expected one of {', '.join(available())}")
+    module, function = LIBRARY[name].split(":")
+    declaration = getattr(import_module(module), function)
+    try:
+        model = declaration(**options)
+    except TypeError as error:
+        if "argument" not in str(error):
+            raise
+        raise InputInvalid(f"model {name!r}: {error}") from None
+    assert isinstance(model, Model)
+    return model

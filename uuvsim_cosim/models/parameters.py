@@ -1,0 +1,175 @@
+"""Parameter files: YAML with value, unit and source beside each number, checked line by line."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from uuvsim_cosim.content import content
+from uuvsim_cosim.errors import ParameterInvalid
+from uuvsim_cosim.models.hull_parameters import meaning_of, missing
+from uuvsim_cosim.models.units import parse_unit
+
+__all__ = [
+    "ParameterSet",
+    "Quantity",
+    "in_unit",
+    "line_of",
+    "parameter_set",
+    "read_yaml",
+    "split_address",
+    "vehicle_ids",
+    "vehicle_sets",
+]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One number in its unit, and where it was published."""
+
+    value: float
+    unit: str
+    source: str
+
+
+@dataclass(frozen=True)
+class ParameterSet:
+    """One published set of a vehicle's parameters, whole; sets are never mixed."""
+
+    vehicle: str
+    name: str
+    is_default: bool
+    citation: str
+    quantities: Mapping[str, Quantity]
+
+
+def split_address(address: str) -> tuple[str, str | None]:
+    """Give (vehicle, set) of an address such as ``bluerov2_heavy@wu_2018``."""
+    vehicle, _, name = address.partition("@")
+    return vehicle, name or None
+
+
+def vehicle_ids() -> list[str]:
+    """List the vehicles that are shipped: each folder that holds a parameter file."""
+    return sorted(p.parent.name for p in content("models", "vehicles").glob("*/parameters.yaml"))
+
+
+def vehicle_sets(id: str) -> list[str]:
+    """List the names of a vehicle's parameter sets, the default one first."""
+    data = _vehicle_file(id)
+    return sorted(data["sets"], key=lambda name: name != data["default"])
+
+
+def parameter_set(id: str, set: str | None = None) -> ParameterSet:
+    """Read one set of a vehicle, the default one unless named, each number in the model's unit."""
+    data = _vehicle_file(id)
+    name = set or str(data["default"])
+    if name not in data["sets"]:
+        raise ParameterInvalid(
+            f"{id}: there is no parameter set {name!r}; expected {', '.join(data['sets'])}"
+        )
+    chosen = data["sets"][name]
+    quantities = {}
+    for key, entry in chosen["parameters"].items():
+        meaning = meaning_of(key)
+        assert meaning is not None  # the file has been checked
+        value = in_unit(float(entry["value"]), str(entry["unit"]), meaning.unit)
+        quantities[str(key)] = Quantity(value, meaning.unit, str(entry["source"]))
+    default = name == data["default"]
+    return ParameterSet(str(data["id"]), name, default, str(chosen["citation"]), quantities)
+
+
+def in_unit(value: float, read: str, wanted: str) -> float:
+    """Convert a value; raises ValueError if the units are not commensurable."""
+    one, other = parse_unit(read), parse_unit(wanted)
+    if not one.commensurable(other):
+        raise ValueError(f"unit {read!r}; expected {wanted!r} or one commensurable with it")
+    factor, offset = one.conversion_to(other)
+    return factor * value + offset
+
+
+def read_yaml(path: Path, schema: str) -> Any:
+    """Read a YAML file that keeps to models/schema/<schema>; each mistake with its line."""
+    from jsonschema import Draft202012Validator
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import MarkedYAMLError, YAMLError
+
+    try:
+        data = YAML(typ="rt", pure=True).load(path.read_text(encoding="utf-8"))
+    except MarkedYAMLError as error:
+        line = error.problem_mark.line + 1 if error.problem_mark else 1
+        problem = str(error.problem or error.context).splitlines()[0]
+        raise ParameterInvalid(f"{path}:{line}: {problem}; expected YAML") from None
+    except (OSError, UnicodeDecodeError, YAMLError) as error:
+        raise ParameterInvalid(f"{path}: cannot be read as YAML: {error}") from None
+    rules = json.loads(content("models", "schema", schema).read_text(encoding="utf-8"))
+    errors = Draft202012Validator(rules).iter_errors(data)
+    _refuse(path, [(line_of(data, list(e.absolute_path)), _sentence(e)) for e in errors])
+    return data
+
+
+def line_of(data: Any, path: list[Any]) -> int:
+    """Give the line, from 1, of the element at `path` of what `read_yaml` gave."""
+    line = 0
+    for key in path:
+        position = getattr(data, "lc", None)
+        try:
+            line = position.key(key)[0] if isinstance(data, Mapping) else position.item(key)[0]  # type: ignore[union-attr]
+            data = data[key]
+        except (AttributeError, KeyError, TypeError, IndexError):
+            break
+    return int(line) + 1
+
+
+def _sentence(error: Any) -> str:
+    place = ".".join(str(part) for part in error.absolute_path) or "the file"
+    expected = error.schema.get("description", f"{error.validator}: {error.validator_value}")
+    return f"{place}: {error.message}; expected {expected}"
+
+
+def _refuse(path: Path, problems: list[tuple[int, str]]) -> None:
+    if problems:
+        raise ParameterInvalid("\n  ".join(f"{path}:{n}: {text}" for n, text in sorted(problems)))
+
+
+def _vehicle_file(id: str) -> Any:
+    path = Path(id) if id.endswith((".yaml", ".yml")) else None
+    if path is None and id not in vehicle_ids():
+        raise ParameterInvalid(
+            f"there is no vehicle {id!r}; expected {', '.join(vehicle_ids())}, "
+            "or the path of a parameter file (.yaml)"
+        )
+    return _read_vehicle(path or content("models", "vehicles", id, "parameters.yaml"))
+
+
+@lru_cache
+def _read_vehicle(path: Path) -> Any:
+    data = read_yaml(path, "vehicle.schema.json")
+    _refuse(path, list(_mistakes(data)))
+    return data
+
+
+def _mistakes(data: Any) -> Iterator[tuple[int, str]]:
+    if data["default"] not in data["sets"]:
+        known = ", ".join(data["sets"])
+        yield line_of(data, ["default"]), f"default: {data['default']!r}; expected one of {known}"
+    for name, chosen in data["sets"].items():
+        for sentence in missing(chosen["parameters"]):
+            yield line_of(data, ["sets", name]), f"sets.{name}: {sentence}"
+        for key, entry in chosen["parameters"].items():
+            line = line_of(data, ["sets", name, "parameters", key])
+            meaning = meaning_of(key)
+            if meaning is None:
+                yield line, f"{key}: not a parameter of a hull; expected m, W, z_g, M_A_11, ..."
+                continue
+            try:
+                value = in_unit(float(entry["value"]), str(entry["unit"]), meaning.unit)
+            except ValueError as error:
+                yield line, f"{key}: {error}"
+                continue
+            if meaning.min is not None and not value >= meaning.min:
+                yield line, f"{key}: {value:g} {meaning.unit}; expected at least {meaning.min:g}"

@@ -1,0 +1,83 @@
+"""The rigid body: M_RB and C_RB about CO.
+
+Fossen (2021), 2nd ed., section 3.3 (M_RB; C_RB in the form that is independent of linear
+velocity) and Theorem 3.2 (C from any M, here `m2c`).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+
+from uuvsim_cosim.models.kinematics import S
+
+__all__ = ["C_RB", "M_RB", "coriolis", "inertia_about_CO", "inverse", "m2c"]
+
+
+def inertia_about_CO(m: Any, I_g: Any, r_g: Any) -> Any:
+    """Give I_b = I_g - m S²(r_g): the inertia about CO [kg.m2] of the one about CG."""
+    return I_g - m * ca.mtimes(S(r_g), S(r_g))
+
+
+def M_RB(m: Any, I_b: Any, r_g: Any) -> Any:
+    """Give the 6x6 rigid-body mass of m [kg], I_b about CO [kg.m2], CG at r_g [m] from CO."""
+    mS = m * S(r_g)
+    return ca.blockcat([[m * ca.SX.eye(3), -mS], [mS, I_b]])
+
+
+def C_RB(m: Any, I_b: Any, r_g: Any, omega: Any) -> Any:
+    """Give the 6x6 C_RB of omega = (p, q, r) alone, so that C_RB nu_r serves in a current too."""
+    mS = m * S(omega)
+    return ca.blockcat(
+        [
+            [mS, -ca.mtimes(mS, S(r_g))],
+            [ca.mtimes(S(r_g), mS), -S(ca.mtimes(I_b, omega))],
+        ]
+    )
+
+
+def m2c(M: Any, nu: Any) -> Any:
+    """Give the skew-symmetric C(nu) of a 6x6 M, as published (M is not made symmetric)."""
+    momentum = ca.mtimes(ca.SX(M), nu)
+    a, b = momentum[:3], momentum[3:]
+    return ca.blockcat([[ca.SX(3, 3), -S(a)], [-S(a), -S(b)]])
+
+
+def coriolis(M: Any, nu: Any) -> Any:
+    """Give m2c(M, nu) nu without forming the matrix:  (w x a, v x a + w x b), (a, b) = M nu."""
+    momentum = ca.mtimes(ca.SX(M), nu)
+    a, b = momentum[:3], momentum[3:]
+    v, w = nu[:3], nu[3:]
+    return ca.vertcat(ca.cross(w, a), ca.cross(v, a) + ca.cross(w, b))
+
+
+def inverse(M: Any) -> Any:
+    """Give M⁻¹ by elimination without pivots, for M with positive definite symmetric part.
+
+    What is structurally zero in M⁻¹ stays so, and no more instructions arise than needed.
+    """
+    M = ca.SX(M)
+    n = M.size1()
+    has = M.sparsity().has_nz
+    A: list[dict[int, Any]] = [{j: M[i, j] for j in range(n) if has(i, j)} for i in range(n)]
+    X: list[dict[int, Any]] = [{i: ca.SX(1)} for i in range(n)]
+
+    def subtract(target: dict[int, Any], factor: Any, source: dict[int, Any]) -> None:
+        for j, value in source.items():
+            target[j] = target[j] - factor * value if j in target else -factor * value
+
+    for k in range(n):
+        pivot = A[k][k]
+        X[k] = {j: value / pivot for j, value in X[k].items()}
+        A[k] = {j: value / pivot for j, value in A[k].items() if j > k}
+        for i in range(n):
+            if i != k and k in A[i]:
+                factor = A[i].pop(k)
+                subtract(A[i], factor, A[k])
+                subtract(X[i], factor, X[k])
+    out = ca.SX(n, n)
+    for i in range(n):
+        for j, value in X[i].items():
+            out[i, j] = value
+    return out

@@ -1,0 +1,46 @@
+"""Sample and hold: a value that is taken at the ticks of a clock and shown until the next."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+
+from uuvsim_cosim.models.model import Clock, Model, Type, Value
+
+__all__ = ["BEFORE_FIRST", "held_output", "sample_time"]
+
+BEFORE_FIRST = -1.0  # the sample time of a reading that has not been taken yet [s]
+
+
+def held_output(
+    m: Model,
+    clock: Clock,
+    name: str,
+    value: Any,
+    *,
+    unit: str,
+    start: Value = 0.0,
+    type: Type = "Float64",
+    description: str = "",
+) -> Any:
+    """Declare an output that takes `value` at each tick; gives the discrete state behind it."""
+    size = int(ca.SX(value).numel())
+    shape: tuple[int, ...] = () if size == 1 else (size,)
+    held = m.discrete(f"{name}_held", start, shape, unit=unit)
+    m.update(clock, held, value)
+    m.output(name, held, unit=unit, type=type, description=description, discrete=True)
+    return held
+
+
+def sample_time(m: Model, clock: Clock) -> Any:
+    """Declare the output `t_sample`: when the reading that is shown was taken."""
+    return held_output(
+        m,
+        clock,
+        "t_sample",
+        m.t,
+        unit="s",
+        start=BEFORE_FIRST,
+        description="when the reading was taken; -1 before the first",
+    )

@@ -1,0 +1,103 @@
+"""The hull: Fossen's equation of motion in six degrees of freedom, assembled.
+
+    M_RB nu_dot + C_RB(nu) nu + M_A nu_r_dot + C_A(nu_r) nu_r + D(nu_r) nu_r + g(eta) = tau
+
+In a uniform current that does not rotate, M_RB nu_dot + C_RB(nu) nu is equally
+M_RB nu_r_dot + C_RB(nu_r) nu_r (the rigid body's equation in a frame that drifts with the
+water; Fossen 2021, 2nd ed., section 10.3). With M = M_RB + M_A and C from M, what is solved is
+
+    M nu_r_dot = tau - C(nu_r) nu_r - D(nu_r) nu_r - g(eta),   nu_dot = nu_r_dot + nu_c_dot
+
+so that added mass is implicit, through M, and stable at any mass ratio.
+Everything is about CO, in `b` (FRD); p = (N, E, D) and the current v_c are in `n` (NED).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import casadi as ca
+
+from uuvsim_cosim.models.current import nu_c, nu_c_dot
+from uuvsim_cosim.models.damping import damping
+from uuvsim_cosim.models.hull_parameters import declare_parameters, structure
+from uuvsim_cosim.models.kinematics import R, T_q, euler_of_q, q_of_euler
+from uuvsim_cosim.models.model import Model
+from uuvsim_cosim.models.parameters import parameter_set
+from uuvsim_cosim.models.restoring import g, submerged_fraction
+from uuvsim_cosim.models.rigid_body import coriolis, inverse
+
+__all__ = ["hull", "vehicle"]
+
+
+def vehicle(
+    id: str,
+    set: str | None = None,
+    surface: bool | str = True,
+    values: Mapping[str, float] | None = None,
+) -> Model:
+    """Declare the hull of the vehicle in the folder `id`, by one of its published sets.
+
+    `values` replaces parameters, or adds one that the set leaves out as structurally zero.
+    """
+    published = parameter_set(id, set)
+    name = published.vehicle + ("" if published.is_default else f"_{published.name}")
+    numbers = {k: q.value for k, q in published.quantities.items()} | dict(values or {})
+    sources = {k: q.source for k, q in published.quantities.items()}
+    above = surface not in (False, "false", "False", "0")
+    return hull(name, numbers, surface=above, sources=sources, description=published.citation)
+
+
+def hull(
+    name: str,
+    numbers: Mapping[str, float],
+    *,
+    surface: bool = True,
+    sources: Mapping[str, str] | None = None,
+    description: str = "",
+) -> Model:
+    """Declare a hull of the parameters named in `hull_parameters`; those left out are zero.
+
+    Without `surface` the hull counts as submerged at any depth.
+    """
+    m = Model(name, description, h_max=0.01)
+    p = declare_parameters(m, numbers, surface, sources or {})
+    M_expression, W, B, r_g, r_b, D_l, D_q = structure(p)
+    M = m.derived("M", M_expression)
+    M_inv = m.derived("M_inv", inverse(M_expression))
+
+    tau = m.input("tau", 6, unit="1", description="generalised force about CO in b [N, N.m]")
+    v_c = m.input("v_c", 3, unit="m/s", description="velocity of the water in n")
+    eta_0 = m.parameter(
+        "eta_0", (0, 0, 5, 0, 0, 0), unit="1", description="initial N E D phi theta psi [m, rad]"
+    )
+    nu_0 = m.parameter("nu_0", (0,) * 6, unit="1", description="initial nu [m/s, rad/s]")
+    position = m.state("p", eta_0[:3], unit="m", description="CO in NED")
+    q = m.state("q_nb", q_of_euler(eta_0[3], eta_0[4], eta_0[5]), unit="1")
+    nu = m.state("nu_b", nu_0, unit="1", description="nu of CO in b [m/s, rad/s]")
+
+    Rnb = R(q)
+    down = Rnb[2, :].T
+    v_c_b = nu_c(Rnb, v_c)
+    nu_r = nu - v_c_b
+    omega = nu[3:]
+    afloat = submerged_fraction(position[2], r_b, down, p["height"]) if surface else 1.0
+
+    restoring = g(W, B * afloat, r_g, r_b, down)
+    load = tau - coriolis(M, nu_r) - damping(D_l, D_q, nu_r) - restoring
+    nu_dot = ca.mtimes(M_inv, load) + nu_c_dot(omega, v_c_b[:3])
+    m.der(position, ca.mtimes(Rnb, nu[:3]))
+    m.der(q, ca.mtimes(T_q(q), omega))
+    m.der(nu, nu_dot)
+
+    m.output(
+        "eta",
+        ca.vertcat(position, euler_of_q(q)),
+        unit="1",
+        description="N E D of CO [m], phi theta psi [rad]",
+    )
+    m.output("q", q / ca.sqrt(ca.sumsqr(q)), unit="1", description="attitude, scalar first")
+    m.output("nu", nu, unit="1", description="u v w p q r of CO in b [m/s, rad/s]")
+    m.output("nu_dot", nu_dot, unit="1", description="its time derivative in b [m/s2, rad/s2]")
+    m.output("nu_r", nu_r, unit="1", description="nu relative to the water [m/s, rad/s]")
+    return m

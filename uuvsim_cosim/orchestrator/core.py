@@ -1,0 +1,294 @@
+"""The stepping loop in C (orchestrator/core), compiled at first use and called through ctypes."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from fractions import Fraction
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from uuvsim_cosim.content import content
+from uuvsim_cosim.errors import UuvsimError
+from uuvsim_cosim.fmus.description import Variable
+
+__all__ = ["Access", "Action", "Core", "Failure", "Outcome", "Type", "by_type", "library"]
+
+
+class Type(IntEnum):
+    """Types of values, with the numbers of uuv_core.h."""
+
+    Float64 = 0
+    Float32 = 1
+    Int8 = 2
+    Int16 = 3
+    Int32 = 4
+    Int64 = 5
+    UInt8 = 6
+    UInt16 = 7
+    UInt32 = 8
+    UInt64 = 9
+    Boolean = 10
+    String = 11
+    Binary = 12
+
+    @classmethod
+    def of(cls, variable: Variable) -> Type:
+        """Give the type of a variable's slots; enumerations are integers, clocks Booleans."""
+        renamed = {"Enumeration": "Int64", "Clock": "Boolean"}
+        return cls[renamed.get(variable.type, variable.type)]
+
+    @property
+    def dtype(self) -> str:
+        """Give numpy's type of a slot; of text and binary it is a pointer."""
+        if self <= Type.Float32:
+            return "f8"
+        return "i8" if self <= Type.Int64 else "u8"
+
+    @property
+    def is_blob(self) -> bool:
+        """Say whether the slot points to text or bytes."""
+        return self >= Type.String
+
+
+class Outcome(IntEnum):
+    """Why the loop stopped."""
+
+    GOOD = 0
+    BAD_STATUS = 1
+    NOT_FINITE = 2
+    STATE_NOT_FINITE = 3
+    OUT_OF_RANGE = 4
+    ENDED = 5
+    EARLY_RETURN = 6
+    NO_MEMORY = 7
+
+
+class Action(IntEnum):
+    """What the loop was doing with a component."""
+
+    SET = 1
+    DO_STEP = 2
+    GET = 3
+
+
+class Failure(ctypes.Structure):
+    """Why the loop stopped: which member, doing what, at which communication point."""
+
+    _fields_ = (
+        ("outcome", ctypes.c_int32),
+        ("status", ctypes.c_int32),
+        ("action", ctypes.c_int32),
+        ("member", ctypes.c_uint32),
+        ("slot", ctypes.c_uint32),
+        ("tick", ctypes.c_uint64),
+    )
+
+
+@dataclass(frozen=True)
+class Access:
+    """One grouped call: `n_values` slots from `slot` on, all of one type."""
+
+    action: Action
+    type: Type
+    slot: int
+    n_values: int
+    references: tuple[int, ...]
+    function: int = 0
+
+
+def by_type(variables: Iterable[Variable]) -> list[Variable]:
+    """Order variables as their slots are: by type, and as described within a type."""
+    return sorted(variables, key=Type.of)
+
+
+class Core:
+    """The tables of one plan in C's memory, and the calls that run it."""
+
+    def __init__(self, n_members: int, n_slots: int, tick: Fraction) -> None:
+        self._c = library()
+        self._core = self._c.uuv_core_new(n_members, n_slots, tick.numerator, tick.denominator)
+        if not self._core:
+            raise UuvsimError(f"no memory for {n_members} components with {n_slots} values")
+        self.n_members = n_members
+        self.slots = _array(self._c.uuv_core_slots(self._core), n_slots)
+        self.fresh = _array(self._c.uuv_core_fresh(self._core), n_slots)
+        self._rows = np.zeros((0, 0), np.uint64)
+        self._ticks = np.zeros(0, np.int64)
+
+    # ---- building -------------------------------------------------------------------------
+
+    def member(
+        self,
+        index: int,
+        kind: int,
+        instance: int,
+        do_step: int,
+        get: int,
+        step_ticks: int,
+        sequential: bool,
+    ) -> None:
+        """Fill in a component; members stand in stepping order."""
+        self._c.uuv_core_member(
+            self._core, index, kind, instance, do_step, get, step_ticks, sequential
+        )
+
+    def access(self, member: int, a: Access) -> None:
+        """Add a grouped read or write of a component."""
+        n = len(a.references)
+        references = (ctypes.c_uint32 * n)(*a.references)
+        self._made(
+            self._c.uuv_core_access(
+                self._core, member, a.action, a.type, a.slot, a.n_values, n, references, a.function
+            )
+        )
+
+    def transfer(
+        self,
+        target: int,
+        source: int,
+        slots: tuple[int, int],
+        early: bool,
+        conversion: tuple[float, float],
+    ) -> None:
+        """Add a value's way from slot to slot; `slots` are (target's, source's)."""
+        self._made(
+            self._c.uuv_core_transfer(self._core, target, source, *slots, early, *conversion)
+        )
+
+    def record(self, slots: Sequence[int], every: int, n_rows: int) -> None:
+        """Choose the slots of a row, and make room for rows."""
+        self._made(
+            self._c.uuv_core_record(
+                self._core, len(slots), (ctypes.c_uint32 * len(slots))(*slots), every
+            )
+        )
+        self._rows = np.zeros((n_rows, len(slots)), np.uint64)
+        self._ticks = np.zeros(n_rows, np.int64)
+        self.clear_rows()
+
+    # ---- running --------------------------------------------------------------------------
+
+    def begin(self, tick: int) -> Failure | None:
+        """Read all outputs at a communication point, and write the first row."""
+        return self._failure(self._c.uuv_core_begin(self._core, tick))
+
+    def run(self, n_ticks: int, seconds: float) -> Failure | None:
+        """Step: at most `n_ticks`, fewer when rows are full or `seconds` of wall time are over."""
+        return self._failure(self._c.uuv_core_run(self._core, n_ticks, seconds))
+
+    def rows(self) -> tuple[np.ndarray, np.ndarray, list[bytes]]:
+        """Give (ticks, rows, texts) written since the last `clear_rows`; views, not copies."""
+        n = self._c.uuv_core_rows_used(self._core)
+        return self._ticks[:n], self._rows[:n], self._texts()
+
+    def clear_rows(self) -> None:
+        """Make the rows free for the next steps."""
+        self._c.uuv_core_rows(
+            self._core, self._rows.ctypes.data, self._ticks.ctypes.data, len(self._ticks)
+        )
+
+    @property
+    def tick(self) -> int:
+        """The communication point that has been reached."""
+        return int(self._c.uuv_core_tick(self._core))
+
+    def free(self) -> None:
+        """Free the tables; a second call does nothing."""
+        if self._core:
+            self.slots = self.fresh = np.zeros(0, np.uint64)
+            self._c.uuv_core_free(self._core)
+            self._core = None
+
+    # ---- state ----------------------------------------------------------------------------
+
+    def get_clock(self) -> tuple[int, tuple[int, ...]]:
+        """Give the tick, and the tick that each member's last step has reached."""
+        due = (self._c.uuv_core_due(self._core, i) for i in range(self.n_members))
+        return self.tick, tuple(int(d) for d in due)
+
+    def set_clock(self, clock: tuple[int, Sequence[int]]) -> None:
+        """Restore what `get_clock` gave."""
+        self._c.uuv_core_set_tick(self._core, clock[0])
+        for i, due in enumerate(clock[1]):
+            self._c.uuv_core_set_due(self._core, i, due)
+
+    def _texts(self) -> list[bytes]:
+        size = ctypes.c_size_t()
+        count = self._c.uuv_core_texts(self._core)
+        texts = []
+        for i in range(count):
+            data = self._c.uuv_core_text(self._core, i, ctypes.byref(size))
+            texts.append(ctypes.string_at(data, size.value))
+        return texts
+
+    def _made(self, done: int) -> None:
+        if not done:
+            raise UuvsimError("no memory for the tables of the stepping loop")
+
+    def _failure(self, outcome: int) -> Failure | None:
+        if outcome == Outcome.GOOD:
+            return None
+        failure = Failure()
+        self._c.uuv_core_why(self._core, ctypes.byref(failure))
+        return failure
+
+
+def _array(address: int, n: int) -> np.ndarray:
+    if n == 0:
+        return np.zeros(0, np.uint64)
+    return np.ctypeslib.as_array(ctypes.cast(address, ctypes.POINTER(ctypes.c_uint64)), (n,))
+
+
+@lru_cache
+def library() -> Any:
+    """Compile the core if the cache has none, and load it."""
+    from importlib.util import find_spec
+    from pathlib import Path
+
+    from uuvsim_cosim.fmus.toolchain import compile_shared
+
+    spec = find_spec("fmpy")
+    if spec is None or spec.origin is None:
+        raise UuvsimError("the package 'fmpy' is missing; expected `pip install fmpy`")
+    folder = content("orchestrator", "core")
+    headers = [folder, content("fmus", "runtime"), Path(spec.origin).parent / "c-code"]
+    sources = sorted(folder.glob("*.c"))
+    c = ctypes.CDLL(str(compile_shared(sources, name="uuv_core", include=headers)))
+    for name, (result, arguments) in _signatures().items():
+        function = getattr(c, name)
+        function.restype, function.argtypes = result, arguments
+    return c
+
+
+def _signatures() -> dict[str, tuple[Any, list[Any]]]:
+    pointer, size, double = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_double
+    i32, u32, u64 = ctypes.c_int32, ctypes.c_uint32, ctypes.c_uint64
+    i = ctypes.c_int
+    return {
+        "uuv_core_new": (pointer, [u32, u32, u64, u64]),
+        "uuv_core_free": (None, [pointer]),
+        "uuv_core_member": (i, [pointer, u32, i, pointer, pointer, pointer, u64, i]),
+        "uuv_core_access": (i, [pointer, u32, i, i, u32, u32, u32, pointer, pointer]),
+        "uuv_core_transfer": (i, [pointer, u32, u32, u32, u32, i, double, double]),
+        "uuv_core_record": (i, [pointer, u32, pointer, u64]),
+        "uuv_core_rows": (None, [pointer, pointer, pointer, u32]),
+        "uuv_core_rows_used": (u32, [pointer]),
+        "uuv_core_texts": (u64, [pointer]),
+        "uuv_core_text": (pointer, [pointer, u64, pointer]),
+        "uuv_core_begin": (i32, [pointer, u64]),
+        "uuv_core_run": (i32, [pointer, u64, double]),
+        "uuv_core_why": (None, [pointer, pointer]),
+        "uuv_core_tick": (u64, [pointer]),
+        "uuv_core_set_tick": (None, [pointer, u64]),
+        "uuv_core_due": (u64, [pointer, u32]),
+        "uuv_core_set_due": (None, [pointer, u32, u64]),
+        "uuv_core_slots": (pointer, [pointer]),
+        "uuv_core_fresh": (pointer, [pointer]),
+        "uuv_core_read_blob": (pointer, [pointer, pointer]),
+        "uuv_core_write_blob": (i, [pointer, ctypes.c_char_p, size]),
+    }

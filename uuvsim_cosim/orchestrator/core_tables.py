@@ -1,0 +1,191 @@
+"""A plan and its live components become the tables of the stepping loop: slots and addresses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+
+
+from uuvsim_cosim.errors import FmuError
+from uuvsim_cosim.fmus.component import Binding, BindingKind, Component
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.orchestrator.callback import component_binding
+from uuvsim_cosim.orchestrator.core import Access, Action, Core, Type, by_type
+from uuvsim_cosim.orchestrator.plan import Plan
+
+__all__ = ["Placed", "Tables", "tables_of"]
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A variable of a component, and its first slot; element i (from 0) is at slot + i."""
+
+    member: int
+    variable: Variable
+    slot: int
+
+    @property
+    def slots(self) -> range:
+        """Give the variable's slots."""
+        return range(self.slot, self.slot + self.variable.size)
+
+
+@dataclass(frozen=True)
+class Tables:
+    """The core with its tables, and where values lie; members count in stepping order."""
+
+    core: Core
+    order: tuple[int, ...]  # member -> index into Plan.components
+    bindings: tuple[Binding, ...]  # by member
+    inputs: dict[tuple[int, str], Placed]  # by (index into Plan.components, name)
+    outputs: dict[tuple[int, str], Placed]
+
+    def placed_at(self, slot: int) -> tuple[Placed, int]:
+        """Find the variable and the element (from 0) of a slot."""
+        for p in (*self.inputs.values(), *self.outputs.values()):
+            if slot in p.slots:
+                return p, slot - p.slot
+        raise LookupError(slot)
+
+
+def tables_of(
+    plan: Plan,
+    components: Sequence[Component],
+    recorded: Sequence[tuple[int, Variable]],
+    every: int = 1,
+    n_rows: int = 0,
+) -> Tables:
+    """Number the slots, and fill in the core; `recorded` are (index, variable) of each row."""
+    order = tuple(i for group in plan.groups for i in group.members)
+    bindings = tuple(_binding(components[i]) for i in order)
+    inputs = _place(_connected_inputs(plan, components, order, bindings), 0)
+    first_output = sum(p.variable.size for p in inputs.values())
+    outputs = _place(_read_outputs(plan, components, order, bindings, recorded), first_output)
+    n_slots = first_output + sum(p.variable.size for p in outputs.values())
+    core = Core(len(order), n_slots, plan.tick)
+    sequential = {i for g in plan.groups if g.algorithm == "gauss-seidel" for i in g.members}
+    for member, i in enumerate(order):
+        b = bindings[member]
+        get = b.functions.get("UpdateOutputs" if b.kind == BindingKind.NATIVE else "Get", 0)
+        step = _function(b, "DoStep", components[i].path)
+        ticks = plan.components[i].step_ticks
+        core.member(member, b.kind, b.instance, step, get, ticks, i in sequential)
+        for action, placed in ((Action.SET, inputs), (Action.GET, outputs)):
+            mine = [p for p in placed.values() if p.member == member]
+            for access in _accesses(b, action, mine, components[i].path):
+                core.access(member, access)
+    tables = Tables(core, order, bindings, inputs, outputs)
+    _add_transfers(plan, tables)
+    if recorded:
+        slots = [s for i, v in recorded for s in _recorded_slots(tables, i, v)]
+        core.record(slots, every, n_rows)
+    return tables
+
+
+def _binding(component: Component) -> Binding:
+    binding = component.binding()
+    if binding.kind == BindingKind.CALLBACK and not binding.functions:
+        return component_binding(component)
+    return binding
+
+
+_Wanted = Iterator[tuple[int, int, Iterable[Variable]]]  # member, component, variables
+
+
+def _connected_inputs(
+    plan: Plan, components: Sequence[Component], order: Sequence[int], bindings: Sequence[Binding]
+) -> _Wanted:
+    for member, i in enumerate(order):
+        described = components[i].description
+        if bindings[member].kind == BindingKind.CALLBACK:
+            yield member, i, described.of("input")
+            continue
+        names = {t.target_variable.name for t in plan.transfers if t.target == i}
+        yield member, i, [v for v in described.variables.values() if v.name in names]
+
+
+def _read_outputs(
+    plan: Plan,
+    components: Sequence[Component],
+    order: Sequence[int],
+    bindings: Sequence[Binding],
+    recorded: Sequence[tuple[int, Variable]],
+) -> _Wanted:
+    for member, i in enumerate(order):
+        described = components[i].description
+        if bindings[member].kind == BindingKind.CALLBACK:
+            yield member, i, described.of("output", "local")
+            continue
+        names = {t.source_variable.name for t in plan.transfers if t.source == i}
+        names |= {v.name for j, v in recorded if j == i}
+        yield member, i, [v for v in described.variables.values() if v.name in names]
+
+
+def _place(wanted: _Wanted, first: int) -> dict[tuple[int, str], Placed]:
+    placed = {}
+    for member, i, variables in wanted:
+        for v in by_type(variables):
+            placed[i, v.name] = Placed(member, v, first)
+            first += v.size
+    return placed
+
+
+def _accesses(
+    b: Binding, action: Action, placed: Sequence[Placed], path: str
+) -> Iterator[Access]:
+    for type_, same in groupby(placed, lambda p: Type.of(p.variable)):
+        run = list(same)
+        count = sum(p.variable.size for p in run)
+        references = tuple(r for p in run for r in _references(b, p.variable))
+        function = 0
+        if b.kind in (BindingKind.FMI2, BindingKind.FMI3):
+            function = _function(b, _fmi_name(b.kind, action, type_), path)
+        yield Access(action, type_, run[0].slot, count, references, function)
+
+
+def _references(b: Binding, v: Variable) -> tuple[int, ...]:
+    if b.kind == BindingKind.NATIVE and len(v.value_references) != v.size:
+        return tuple(v.value_references[0] + i for i in range(v.size))
+    return v.value_references
+
+
+def _fmi_name(kind: BindingKind, action: Action, type_: Type) -> str:
+    verb = "Set" if action == Action.SET else "Get"
+    if kind == BindingKind.FMI3:
+        return verb + type_.name
+    if type_ in (Type.Boolean, Type.String):
+        return verb + type_.name
+    return verb + ("Real" if type_ == Type.Float64 else "Integer")
+
+
+def _function(b: Binding, name: str, path: str) -> int:
+    if name not in b.functions:
+        prefix = {BindingKind.FMI2: "fmi2", BindingKind.FMI3: "fmi3"}.get(b.kind, "")
+        raise FmuError(f"{path}: its binary has no function {prefix}{name}; expected one")
+    return b.functions[name]
+
+
+def _add_transfers(plan: Plan, tables: Tables) -> None:
+    group_of = {i: n for n, g in enumerate(plan.groups) for i in g.members}
+    member_of = {i: member for member, i in enumerate(tables.order)}
+    for t in plan.transfers:
+        source = tables.outputs[t.source, t.source_variable.name]
+        target = tables.inputs[t.target, t.target_variable.name]
+        early = (
+            plan.groups[group_of[t.source]].algorithm == "gauss-seidel"
+            and group_of[t.source] == group_of[t.target]
+            and member_of[t.source] < member_of[t.target]
+            and plan.components[t.source].step_ticks <= plan.components[t.target].step_ticks
+        )
+        for a, b in zip(t.source_elements, t.target_elements, strict=True):
+            slots = (target.slot + b, source.slot + a)
+            core = tables.core
+            core.transfer(target.member, source.member, slots, early, (t.factor, t.offset))
+
+
+def _recorded_slots(tables: Tables, i: int, v: Variable) -> range:
+    placed = tables.outputs.get((i, v.name)) or tables.inputs[i, v.name]
+    return placed.slots
+
+

@@ -1,0 +1,183 @@
+"""A system becomes a plan: nested systems dissolve into paths, connections into transfers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from uuvsim_cosim.errors import Problem, SystemInvalid
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.orchestrator.elements import step_text
+from uuvsim_cosim.orchestrator.endpoints import Endpoint, resolve_endpoint
+from uuvsim_cosim.orchestrator.initialization import initialization_order
+from uuvsim_cosim.orchestrator.plan import Group, Plan, PlannedComponent, Transfer
+from uuvsim_cosim.orchestrator.seeds import component_seed
+from uuvsim_cosim.orchestrator.sources import resolve
+from uuvsim_cosim.orchestrator.system import System
+from uuvsim_cosim.orchestrator.values import as_array, flat
+
+__all__ = ["flatten"]
+
+
+@dataclass(frozen=True)
+class _Leaf:
+    """One element of a variable of a component of the plan."""
+
+    component: int
+    variable: Variable
+    element: int
+
+
+def flatten(system: System, seed: int = 0) -> Plan:
+    """Give the plan of a system; `seed` is the system's, from which each component's follows."""
+    flat_ = _Flat(system, seed)
+    transfers = flat_.transfers()
+    order, warnings = initialization_order(flat_.components, transfers)
+    return Plan(
+        tick=system.base_step,
+        components=tuple(flat_.components),
+        transfers=transfers,
+        groups=flat_.groups(),
+        initialization=order,
+        warnings=(*system.notes, *warnings),
+    )
+
+
+class _Flat:
+    """The components of a system and of its nested systems, numbered in depth-first order."""
+
+    def __init__(self, system: System, seed: int) -> None:
+        self.system = system
+        self.seed = seed
+        self.components: list[PlannedComponent] = []
+        self.index: dict[str, int] = {}
+        problems: list[Problem] = []
+        self._collect(system, "", problems)
+        if not self.components:
+            problems.append(Problem(system.name, "no components", "at least one"))
+        if problems:
+            raise SystemInvalid(problems)
+
+    def _collect(self, system: System, prefix: str, problems: list[Problem]) -> None:
+        for element in system.elements:
+            path = prefix + element.name
+            nested = system.nested_or_none(element.name)
+            if nested is not None:
+                self._collect(nested, f"{path}.", problems)
+                continue
+            step = Fraction(element.rate or system.base_step)
+            ticks = step / self.system.base_step
+            if ticks.denominator != 1:
+                problems.append(
+                    Problem(
+                        path,
+                        f"a communication step of {step_text(step)} s, which the tick of "
+                        f"{step_text(self.system.base_step)} s does not divide",
+                        f"a whole multiple of {step_text(self.system.base_step)} s",
+                    )
+                )
+            assert isinstance(element.source, str)
+            description = system.checked.descriptions[element.name]
+            self.index[path] = len(self.components)
+            self.components.append(
+                PlannedComponent(
+                    path=path,
+                    source=_absolute(element.source, system.base),
+                    description=description,
+                    start={
+                        n: as_array(description.variables[n], v) for n, v in element.start.items()
+                    },
+                    seed=_seed(element.start.get("seed"), self.seed, path),
+                    step_ticks=int(ticks),
+                )
+            )
+
+    def transfers(self) -> tuple[Transfer, ...]:
+        """Give the value flow, one transfer a pair of variables, grouped by pair of components."""
+        found: dict[tuple[Any, ...], tuple[list[_Leaf], list[_Leaf]]] = {}
+        for a, b, factor, offset in self._links(self.system, ""):
+            key = (a.component, b.component, a.variable.name, b.variable.name, factor, offset)
+            sources, targets = found.setdefault(key, ([], []))
+            sources.append(a)
+            targets.append(b)
+        order = {pair: i for i, pair in enumerate(dict.fromkeys(k[:2] for k in found))}
+        return tuple(
+            Transfer(
+                source=key[0],
+                source_variable=sources[0].variable,
+                source_elements=tuple(leaf.element for leaf in sources),
+                target=key[1],
+                target_variable=targets[0].variable,
+                target_elements=tuple(leaf.element for leaf in targets),
+                factor=key[4],
+                offset=key[5],
+            )
+            for key, (sources, targets) in sorted(found.items(), key=lambda kv: order[kv[0][:2]])
+        )
+
+    def _links(self, system: System, prefix: str) -> Iterator[tuple[_Leaf, _Leaf, float, float]]:
+        for wire in system.checked.wires:
+            for i, j in zip(wire.source.elements, wire.target.elements, strict=True):
+                for a in self._leaves(system, prefix, wire.source, i):
+                    for b in self._leaves(system, prefix, wire.target, j):
+                        yield a, b, wire.factor, wire.offset
+        for element in system.elements:
+            nested = system.nested_or_none(element.name)
+            if nested is not None:
+                yield from self._links(nested, f"{prefix}{element.name}.")
+
+    def _leaves(
+        self, system: System, prefix: str, point: Endpoint, element: int
+    ) -> Iterator[_Leaf]:
+        """Follow an element of a connector into nested systems, to the components behind it."""
+        nested = system.nested_or_none(point.element)
+        if nested is None:
+            component = self.index[prefix + point.element]
+            description = self.components[component].description
+            yield _Leaf(component, description.variables[point.variable.name], element)
+            return
+        for item in nested.exposed:
+            if item.name == point.variable.name:
+                inner = resolve_endpoint(item.path, nested.checked.descriptions)
+                yield from self._leaves(
+                    nested, f"{prefix}{point.element}.", inner, inner.elements[element]
+                )
+
+    def groups(self) -> tuple[Group, ...]:
+        """Give the Jacobi group of all that have no group of their own, then the others."""
+        explicit = list(self._explicit(self.system, ""))
+        grouped = {i for g in explicit for i in g.members}
+        rest = tuple(i for i in range(len(self.components)) if i not in grouped)
+        return (*((Group("jacobi", rest),) if rest else ()), *explicit)
+
+    def _explicit(self, system: System, prefix: str) -> Iterator[Group]:
+        taken: set[str] = set()
+        for group in system.groups:
+            members = [i for m in group.members for i in self._members(system, prefix, m)]
+            taken.update(group.members)
+            yield Group(group.algorithm, tuple(members))
+        for element in system.elements:
+            nested = system.nested_or_none(element.name)
+            if nested is not None and element.name not in taken:
+                yield from self._explicit(nested, f"{prefix}{element.name}.")
+
+    def _members(self, system: System, prefix: str, name: str) -> list[int]:
+        path = prefix + name
+        if system.nested_or_none(name) is None:
+            return [self.index[path]]
+        return [i for p, i in self.index.items() if p.startswith(f"{path}.")]
+
+
+def _absolute(source: str, base: Path | None) -> str:
+    return resolve(source, base).text
+
+
+def _seed(start: Any, seed: int, path: str) -> tuple[int, int]:
+    """Give the seed that the user set, if any, else the one that follows from the system's."""
+    given = flat(start) if start is not None else []
+    if len(given) == 2 and all(isinstance(v, int) for v in given):
+        return given[0], given[1]
+    return component_seed(seed, path)

@@ -1,0 +1,88 @@
+"""Each control loop of a plan and its delay: every Jacobi connection delays by one step."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+
+from uuvsim_cosim.orchestrator.graphs import simple_cycles
+from uuvsim_cosim.orchestrator.plan import Plan
+
+__all__ = ["Loop", "alike", "loop_delays", "stacked_name"]
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A cycle through the system; equal numbered components stand as one, ``thruster_1 … 8``."""
+
+    path: tuple[str, ...]
+    delay: Fraction  # s
+
+    def __str__(self) -> str:
+        """Write the delay and the path."""
+        return f"{float(self.delay) * 1e3:g} ms: {' -> '.join((*self.path, self.path[0]))}"
+
+
+def loop_delays(plan: Plan) -> list[Loop]:
+    """Give the loops, the slowest first. A hop costs the step of its source component.
+
+    Within a Gauss-Seidel group, a hop from an earlier to a later member costs nothing.
+    """
+    paths = [c.path for c in plan.components]
+    edges = {(t.source, t.target) for t in plan.transfers}
+    neighbours: dict[str, set[str]] = {p: set() for p in paths}
+    for a, b in edges:
+        neighbours[paths[a]].add(f"> {paths[b]}")
+        neighbours[paths[b]].add(f"< {paths[a]}")
+    kinds = {c.path: f"{c.source.partition('?')[0]}/{c.step_ticks}" for c in plan.components}
+    names = alike(kinds, neighbours)
+    free = _free_hops(plan)
+    graph: dict[str, dict[str, int]] = {names[p]: {} for p in paths}
+    for a, b in sorted(edges):
+        cost = 0 if (a, b) in free else plan.components[a].step_ticks
+        hops = graph[names[paths[a]]]
+        hops[names[paths[b]]] = max(cost, hops.get(names[paths[b]], 0))
+    loops = []
+    for cycle in simple_cycles(graph):
+        ticks = sum(graph[a][b] for a, b in zip(cycle, cycle[1:] + cycle[:1], strict=True))
+        loops.append(Loop(tuple(cycle), ticks * plan.tick))
+    return sorted(loops, key=lambda loop: (-loop.delay, loop.path))
+
+
+def alike(kinds: Mapping[str, str], neighbours: Mapping[str, set[str]]) -> dict[str, str]:
+    """Give each path the name of its stack: numbered, of equal kind, connected alike."""
+    stacks: dict[tuple[str, str], list[str]] = {}
+    for path, kind in kinds.items():
+        match = re.fullmatch(r"(.*?)_?(\d+)", path)
+        if match:
+            stacks.setdefault((match[1], kind), []).append(path)
+    stems = {p: f"{stem}#" for (stem, _), ps in stacks.items() if len(ps) > 1 for p in ps}
+
+    def around(path: str) -> frozenset[str]:
+        return frozenset(n[:2] + stems.get(n[2:], n[2:]) for n in neighbours.get(path, set()))
+
+    result = {p: p for p in kinds}
+    for paths in stacks.values():
+        same: dict[frozenset[str], list[str]] = {}
+        for p in paths:
+            same.setdefault(around(p), []).append(p)
+        for members in same.values():
+            if len(members) > 1:
+                result.update(dict.fromkeys(members, stacked_name(members)))
+    return result
+
+
+def stacked_name(members: list[str]) -> str:
+    """Write the name of a stack: its first and its last member."""
+    return f"{members[0]} … {members[-1]}"
+
+
+def _free_hops(plan: Plan) -> set[tuple[int, int]]:
+    free: set[tuple[int, int]] = set()
+    for group in plan.groups:
+        if group.algorithm == "gauss-seidel":
+            for i, a in enumerate(group.members):
+                free.update((a, b) for b in group.members[i + 1 :])
+    return free

@@ -1,0 +1,221 @@
+"""System structure descriptions (.ssd): a system is written to a file without loss."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from urllib.parse import quote
+from xml.etree.ElementTree import Element as Xml
+from xml.etree.ElementTree import SubElement
+
+from uuvsim_cosim._version import __version__
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.fmus.description import Description, Variable
+from uuvsim_cosim.models.units import Unit
+from uuvsim_cosim.orchestrator.elements import Element, step_text
+from uuvsim_cosim.orchestrator.endpoints import Endpoint, find_variable, index_text
+from uuvsim_cosim.orchestrator.sources import resolve
+from uuvsim_cosim.orchestrator.ssd_read import read_ssd
+from uuvsim_cosim.orchestrator.ssp_xml import (
+    MIME,
+    SspVersion,
+    add_annotation,
+    add_units,
+    document,
+    number,
+    type_name,
+)
+from uuvsim_cosim.orchestrator.ssv import parameter_set
+from uuvsim_cosim.orchestrator.system import System
+from uuvsim_cosim.orchestrator.values import is_float
+from uuvsim_cosim.orchestrator.wiring import Wire
+
+__all__ = ["format_ssd", "read_ssd", "write_ssd"]
+
+
+def write_ssd(system: System, path: Path, version: SspVersion = "2.0") -> None:
+    """Write a system; relative files of its sources are named from the file's folder."""
+    data = format_ssd(system, version, path.parent)
+    scratch = path.with_name(f".{path.name}.part")
+    try:
+        scratch.write_bytes(data)
+        scratch.replace(path)
+    except OSError as error:
+        raise InputInvalid(
+            f"{path}: cannot be written ({error.strerror}); expected a folder that can be written"
+        ) from None
+
+
+def format_ssd(system: System, version: SspVersion = "2.0", folder: Path | None = None) -> bytes:
+    """Give the document; `folder` is where it will lie (default: the system's base)."""
+    writer = _Writer(version, folder or system.base or Path())
+    root = Xml(
+        "ssd:SystemStructureDescription",
+        version=version,
+        name=system.name,
+        generationTool=f"uuvsim-cosim {__version__}",
+    )
+    root.append(writer.system(system, system.name))
+    add_units(root, writer.unit_names, writer.units, "ssd:Units")
+    return document(root, "ssc", "ssd", "ssv", "uuvsim")
+
+
+class _Writer:
+    """Writes elements, and gathers the units that they refer to."""
+
+    def __init__(self, version: SspVersion, folder: Path) -> None:
+        self.version: SspVersion = version
+        self.folder = folder
+        self.unit_names: set[str] = set()
+        self.units: dict[str, Unit] = {}
+
+    def system(self, system: System, name: str, description: str | None = None) -> Xml:
+        xml = Xml("ssd:System", name=name)
+        text = system.description if description is None else description
+        if text:
+            xml.set("description", text)
+        self._connectors(xml, system.interface(), [x.name for x in system.exposed])
+        if system.elements:
+            parent = SubElement(xml, "ssd:Elements")
+            for element in system.elements:
+                parent.append(self._element(system, element))
+        self._connections(xml, system)
+        note = Xml("uuvsim:System", tick=step_text(system.base_step))
+        for group in system.groups:
+            item = SubElement(note, "uuvsim:Group", algorithm=group.algorithm)
+            for member in group.members:
+                SubElement(item, "uuvsim:Member", name=member)
+        if name != system.name:
+            note.set("name", system.name)
+        if text != system.description:
+            note.set("description", system.description)
+        add_annotation(xml, note)
+        return xml
+
+    def _element(self, system: System, element: Element) -> Xml:
+        if not isinstance(element.source, str):
+            text = element.description or element.source.description
+            return self.system(element.source, element.name, text)
+        source, mime = self._source(element.source, system.base)
+        xml = Xml("ssd:Component", name=element.name, source=quote(source, safe="/:?&=@#~+,;"))
+        xml.set("type", mime)
+        if element.description:
+            xml.set("description", element.description)
+        description = system.checked.descriptions[element.name]
+        points = [p for w in system.checked.wires for p in (w.source, w.target)]
+        used = [p.variable.name for p in points if p.element == element.name]
+        for item in system.exposed:
+            owner, _, rest = item.path.partition(".")
+            if owner == element.name:
+                used.append(find_variable(rest, description)[0].name)
+        self._connectors(xml, description, [*used, *element.units])
+        if element.start:
+            bindings = SubElement(xml, "ssd:ParameterBindings")
+            binding = SubElement(bindings, "ssd:ParameterBinding", type=MIME["ssv"])
+            values = SubElement(binding, "ssd:ParameterValues")
+            items = element.start.items()
+            # Files of SSP 2.0 and 1.0 name their sets' versions likewise.
+            values.append(parameter_set(items, description, self.version, element.name))
+            self._use([description.variables[n] for n in element.start], description)
+        if element.rate is not None:
+            add_annotation(xml, Xml("uuvsim:Component", step=step_text(element.rate)))
+        return xml
+
+    def _source(self, source: str, base: Path | None) -> tuple[str, str]:
+        """Give the source as seen from the file's folder, and its MIME type."""
+        resolved = resolve(source, base)
+        suffix = Path(source.partition("#")[0]).suffix.lower().removeprefix(".")
+        mime = MIME.get(resolved.kind, MIME.get(suffix, MIME["other"]))
+        file, colon, rest = source.rpartition(":") if resolved.kind == "Python" else (source, "", "")
+        is_file = resolved.kind in ("FMU", "system") or file.endswith(".py")
+        if not is_file or Path(file).is_absolute():
+            return source, mime
+        here = Path(os.path.abspath(base or Path()))
+        there = Path(os.path.abspath(self.folder))
+        if here != there:
+            file = Path(os.path.relpath(here / file, there)).as_posix()
+        return f"{file}{colon}{rest}", mime
+
+    def _connectors(self, parent: Xml, description: Description, names: list[str]) -> None:
+        wanted = set(names)
+        found = [v for v in description.variables.values() if v.name in wanted]
+        if not found:
+            return
+        section = SubElement(parent, "ssd:Connectors")
+        self._use(found, description)
+        for variable in found:
+            if self.version == "2.0":
+                self._connector(section, variable, variable.name, variable.shape)
+                continue
+            for i in range(variable.size):
+                self._connector(section, variable, f"{variable.name}{index_text(variable, i)}", ())
+
+    def _connector(
+        self, parent: Xml, variable: Variable, name: str, shape: tuple[int, ...]
+    ) -> None:
+        xml = SubElement(parent, "ssd:Connector", name=name, kind=variable.causality)
+        kind = SubElement(xml, f"ssc:{type_name(variable.type, self.version)}")
+        if variable.unit and is_float(variable):
+            kind.set("unit", variable.unit)
+        for extent in shape:
+            SubElement(xml, "ssc:Dimension", size=str(extent))
+
+    def _connections(self, parent: Xml, system: System) -> None:
+        section = Xml("ssd:Connections")
+        for wire in system.checked.wires:
+            self._wire(section, wire)
+        for item in system.exposed:
+            owner, _, rest = item.path.partition(".")
+            variable, elements, whole = find_variable(rest, system.checked.descriptions[owner])
+            inner = Endpoint(owner, variable, elements, whole)
+            outer = Endpoint("", variable, elements, whole)
+            if self.version == "2.0" or not whole:
+                pairs = [(None, None if whole else elements[0])]
+            else:
+                pairs = [(i, i) for i in elements]
+            for a, b in pairs:
+                ends = [(outer, item.name, a), (inner, variable.name, b)]
+                if variable.causality == "output":
+                    ends.reverse()
+                self._connection(section, ends)
+        if len(section):
+            parent.append(section)
+
+    def _wire(self, section: Xml, wire: Wire) -> None:
+        source, target = wire.source, wire.target
+        whole = source.whole and target.whole
+        if whole and self.version == "2.0":
+            pairs: list[tuple[int | None, int | None]] = [(None, None)]
+        else:
+            pairs = list(zip(source.elements, target.elements, strict=True))
+        c = wire.connection
+        for i, j in pairs:
+            ends = [(source, source.variable.name, i), (target, target.variable.name, j)]
+            xml = self._connection(section, ends)
+            if not c.convert:
+                xml.set("suppressUnitConversion", "true")
+            if (c.factor, c.offset) != (1.0, 0.0):
+                SubElement(
+                    xml,
+                    "ssc:LinearTransformation",
+                    factor=number(c.factor),
+                    offset=number(c.offset),
+                )
+
+    def _connection(self, section: Xml, ends: list[tuple[Endpoint, str, int | None]]) -> Xml:
+        xml = SubElement(section, "ssd:Connection")
+        for side, (point, name, i) in zip(("start", "end"), ends, strict=True):
+            if point.element:
+                xml.set(f"{side}Element", point.element)
+            index = "" if i is None else index_text(point.variable, i)
+            if self.version == "2.0":
+                xml.set(f"{side}Connector", name)
+                if index:
+                    xml.set(f"{side}Indices", index[1:-1].replace(",", " "))
+            else:
+                xml.set(f"{side}Connector", f"{name}{index}")
+        return xml
+
+    def _use(self, variables: list[Variable], description: Description) -> None:
+        self.units.update(description.units)
+        self.unit_names.update(v.unit for v in variables if v.unit and is_float(v))

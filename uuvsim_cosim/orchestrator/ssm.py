@@ -1,0 +1,71 @@
+"""Parameter mappings (.ssm): which name of a source goes to which name of a target."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree.ElementTree import Element, SubElement
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.fmus.safe_xml import read_xml
+from uuvsim_cosim.orchestrator.ssp_xml import SspVersion, document, q
+
+__all__ = ["MappingEntry", "read_mapping", "read_names", "read_ssm", "write_ssm"]
+
+
+@dataclass(frozen=True)
+class MappingEntry:
+    """The target gets factor · source + offset."""
+
+    source: str
+    target: str
+    factor: float = 1.0
+    offset: float = 0.0
+
+
+def read_ssm(path: Path) -> list[MappingEntry]:
+    """Read a mapping file."""
+    root = read_xml(path, InputInvalid)
+    if root.tag != q("ssm:ParameterMapping"):
+        tag = root.tag.rpartition("}")[2]
+        raise InputInvalid(f"{path}: <{tag}>; expected <ssm:ParameterMapping>")
+    return read_mapping(root, str(path))
+
+
+def read_names(path: Path) -> dict[str, str]:
+    """Read a mapping file that only renames; raises InputInvalid if it transforms values."""
+    entries = read_ssm(path)
+    for entry in entries:
+        if (entry.factor, entry.offset) != (1.0, 0.0):
+            raise InputInvalid(
+                f"{path}: {entry.source} is transformed by {entry.factor:g} x + {entry.offset:g}; "
+                "expected names only (units are converted at the connections)"
+            )
+    return {e.source: e.target for e in entries}
+
+
+def read_mapping(root: Element, place: str) -> list[MappingEntry]:
+    """Read the element ``ssm:ParameterMapping``."""
+    found: list[MappingEntry] = []
+    for item in root.iterfind(q("ssm:MappingEntry")):
+        source, target = item.get("source"), item.get("target")
+        if not source or not target:
+            raise InputInvalid(f"{place}: an entry without source or target; expected both")
+        factor, offset = 1.0, 0.0
+        for child in item:
+            tag = child.tag.rpartition("}")[2]
+            if tag == "LinearTransformation":
+                factor, offset = float(child.get("factor", 1)), float(child.get("offset", 0))
+            elif tag != "Annotations":
+                raise InputInvalid(f"{place}: {source} has a {tag}; expected a linear one")
+        found.append(MappingEntry(source, target, factor, offset))
+    return found
+
+
+def write_ssm(names: Mapping[str, str], path: Path, version: SspVersion = "2.0") -> None:
+    """Write a mapping that only renames."""
+    root = Element("ssm:ParameterMapping", version=version)
+    for source, target in names.items():
+        SubElement(root, "ssm:MappingEntry", source=source, target=target)
+    path.write_bytes(document(root, "ssm"))

@@ -1,0 +1,42 @@
+"""System structure packages (.ssp): read from a safe unpacking, written reproducibly."""
+
+from __future__ import annotations
+
+import os
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.fmus.archive import unpack
+from uuvsim_cosim.orchestrator.ssd_read import read_ssd
+from uuvsim_cosim.orchestrator.system import System
+
+__all__ = ["read_ssp", "write_archive"]
+
+_EPOCH = (1980, 1, 1, 0, 0, 0)
+
+
+def read_ssp(path: Path, variant: str = "SystemStructure.ssd", tick: str | None = None) -> System:
+    """Read the system of a package; `variant` is another .ssd at its top."""
+    folder = unpack(path, must_contain=variant)
+    return read_ssd(folder / variant, tick, confined=True)
+
+
+def write_archive(members: Mapping[str, bytes], path: Path) -> None:
+    """Write a zip archive; equal members give equal bytes. Nothing half-written is left."""
+    scratch = path.with_name(f".{path.name}.part")
+    try:
+        with zipfile.ZipFile(scratch, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name in sorted(members, key=lambda n: (n != "SystemStructure.ssd", n)):
+                info = zipfile.ZipInfo(name, _EPOCH)
+                info.compress_type = zipfile.ZIP_DEFLATED
+                info.external_attr = 0o644 << 16
+                info.create_system = 3
+                archive.writestr(info, members[name])
+        os.replace(scratch, path)
+    except OSError as error:
+        scratch.unlink(missing_ok=True)
+        raise InputInvalid(
+            f"{path}: cannot be written ({error.strerror}); expected a folder that can be written"
+        ) from None

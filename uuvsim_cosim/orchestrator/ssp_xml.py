@@ -1,0 +1,127 @@
+"""The XML that SSP's files share: namespaces, units, typed elements, this project's annotation.
+
+SSP 2.0 kept the namespaces of 1.0; a file's `version` tells them apart. Arrays and the types of
+FMI 3.0 exist in 2.0 only; in 1.0 an array is written element by element, as ``tau[1]``.
+
+What SSP has no word for stands in annotations of type ``org.uuvsim.cosim``: on the system
+``<uuvsim:System tick="0.01"><uuvsim:Group algorithm="…"><uuvsim:Member name="…"/>``, and on a
+component ``<uuvsim:Component step="0.02"/>``, both in s. Readers that do not know them see
+plain SSP.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, Literal
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+from uuvsim_cosim.fmus.description import VariableType
+from uuvsim_cosim.models.units import BASE, Unit
+from uuvsim_cosim.orchestrator.values import unit_named
+
+__all__ = ["ANNOTATION", "MIME", "NAMESPACES", "SspVersion", "add_annotation", "add_units",
+           "boolean", "document", "find_annotation", "number", "q", "read_units", "text_of", "type_name"]  # fmt: skip
+
+SspVersion = Literal["1.0", "2.0"]
+ANNOTATION = "org.uuvsim.cosim"
+NAMESPACES = {
+    "ssc": "http://ssp-standard.org/SSP1/SystemStructureCommon",
+    "ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription",
+    "ssm": "http://ssp-standard.org/SSP1/SystemStructureParameterMapping",
+    "ssv": "http://ssp-standard.org/SSP1/SystemStructureParameterValues",
+    "uuvsim": "urn:uuvsim:cosim:1",
+}
+MIME = {
+    "FMU": "application/x-fmu-sharedlibrary",
+    "model": "application/vnd.uuvsim.model",
+    "Python": "application/vnd.uuvsim.python",
+    "ssd": "application/x-ssp-definition",
+    "ssp": "application/x-ssp-package",
+    "ssv": "application/x-ssp-parameter-set",
+    "other": "application/vnd.uuvsim.source",
+}
+_SCALAR_TYPES = {"Float64": "Real", "Float32": "Real", "Boolean": "Boolean", "String": "String",
+                 "Binary": "Binary"}  # fmt: skip
+
+
+def q(name: str) -> str:
+    """Expand ``ssd:System`` to the tag that ElementTree reads."""
+    prefix, _, local = name.partition(":")
+    return f"{{{NAMESPACES[prefix]}}}{local}"
+
+
+def document(root: Element, *prefixes: str) -> bytes:
+    """Write a tree of literal prefixed tags as a UTF-8 document; equal trees give equal bytes."""
+    for prefix in prefixes:
+        root.set(f"xmlns:{prefix}", NAMESPACES[prefix])
+    indent(root, "  ")
+    text = tostring(root, encoding="unicode", short_empty_elements=True)
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'.encode()
+
+
+def number(value: float) -> str:
+    """Write a number so that it reads back as the same bits."""
+    return repr(float(value))
+
+
+def type_name(kind: VariableType, version: SspVersion) -> str:
+    """Give SSP's name of a type: FMI 3.0's in 2.0; Real, Integer, … in 1.0."""
+    if version == "2.0":
+        # An enumeration must name its definition, which a description does not keep.
+        return "Int64" if kind == "Enumeration" else kind
+    return _SCALAR_TYPES.get(kind, "Integer")
+
+
+def add_units(parent: Element, names: Iterable[str], units: Mapping[str, Unit], tag: str) -> None:
+    """Define the units that a file refers to; one that nobody can read has no dimension."""
+    listed = sorted(set(names))
+    if not listed:
+        return
+    section = SubElement(parent, tag)
+    for name in listed:
+        unit = unit_named(name, units) or Unit(name, (0,) * len(BASE))
+        base = {b: str(e) for b, e in zip(BASE, unit.exponents, strict=True) if e}
+        if unit.factor != 1.0:
+            base["factor"] = number(unit.factor)
+        if unit.offset != 0.0:
+            base["offset"] = number(unit.offset)
+        SubElement(SubElement(section, "ssc:Unit", name=name), "ssc:BaseUnit", base)
+
+
+def read_units(parent: Element, tag: str) -> dict[str, Unit]:
+    """Read the units that a file defines."""
+    found: dict[str, Unit] = {}
+    for item in parent.iterfind(f"{q(tag)}/{q('ssc:Unit')}"):
+        base = item.find(q("ssc:BaseUnit"))
+        given: Mapping[str, str] = {} if base is None else base.attrib
+        exponents = tuple(int(given.get(b, "0")) for b in BASE)
+        name = item.get("name", "")
+        factor, offset = float(given.get("factor", "1")), float(given.get("offset", "0"))
+        found[name] = Unit(name, exponents, factor, offset)
+    return found
+
+
+def add_annotation(parent: Element, content: Element, tag: str = "ssd:Annotations") -> None:
+    """Add this project's annotation as the last child."""
+    section = SubElement(parent, tag)
+    SubElement(section, "ssc:Annotation", type=ANNOTATION).append(content)
+
+
+def find_annotation(parent: Element, tag: str = "ssd:Annotations") -> Element | None:
+    """Find the content of this project's annotation."""
+    for item in parent.iterfind(f"{q(tag)}/{q('ssc:Annotation')}"):
+        if item.get("type") == ANNOTATION and len(item):
+            return item[0]
+    return None
+
+
+def boolean(text: str | None, default: bool = False) -> bool:
+    """Read an xs:boolean."""
+    return default if text is None else text.strip() in ("true", "1")
+
+
+def text_of(value: Any) -> str:
+    """Write one element of a value."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return number(value) if isinstance(value, float) else str(value)

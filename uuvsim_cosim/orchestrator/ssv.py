@@ -1,0 +1,151 @@
+"""Parameter sets (.ssv): values by name, with types, units and, in SSP 2.0, dimensions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element, SubElement
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.fmus.description import Description, Variable
+from uuvsim_cosim.fmus.safe_xml import read_xml
+from uuvsim_cosim.models.units import Unit
+from uuvsim_cosim.orchestrator.endpoints import index_text
+from uuvsim_cosim.orchestrator.ssp_xml import (
+    SspVersion,
+    add_units,
+    document,
+    number,
+    q,
+    read_units,
+    text_of,
+    type_name,
+)
+from uuvsim_cosim.orchestrator.values import flat, is_float
+
+__all__ = ["ParameterValue", "parameter_set", "read_parameter_set", "read_ssv", "write_ssv"]
+
+
+@dataclass(frozen=True)
+class ParameterValue:
+    """One parameter as a file gives it: a scalar or a flat list, row by row, and its unit."""
+
+    name: str
+    value: Any
+    unit: str | None = None
+
+
+def write_ssv(
+    start: Mapping[str, Any], description: Description, path: Path, version: SspVersion = "2.0"
+) -> None:
+    """Write values of a component's variables as a file of its own."""
+    root = parameter_set(start.items(), description, version, path.stem)
+    named = {v.unit for v in _named(start, description) if v.unit and is_float(v)}
+    add_units(root, named, description.units, "ssv:Units")
+    path.write_bytes(document(root, "ssc", "ssv"))
+
+
+def read_ssv(path: Path) -> tuple[list[ParameterValue], dict[str, Unit]]:
+    """Read a file of values, with the units that it defines."""
+    root = read_xml(path, InputInvalid)
+    if root.tag != q("ssv:ParameterSet"):
+        raise InputInvalid(f"{path}: <{_local(root)}>; expected <ssv:ParameterSet>")
+    return read_parameter_set(root, str(path)), read_units(root, "ssv:Units")
+
+
+def parameter_set(
+    start: Iterable[tuple[str, Any]], description: Description, version: SspVersion, name: str
+) -> Element:
+    """Give the element ``ssv:ParameterSet`` for fitted values, without its units."""
+    root = Element("ssv:ParameterSet", version=version, name=name)
+    parameters = SubElement(root, "ssv:Parameters")
+    for key, value in start:
+        variable = description.variables[key]
+        if version == "2.0":
+            _add(parameters, key, variable, flat(value), version, variable.shape)
+            continue
+        for i, element in enumerate(flat(value)):
+            _add(parameters, f"{key}{index_text(variable, i)}", variable, [element], version, ())
+    return root
+
+
+def _add(
+    parent: Element,
+    name: str,
+    variable: Variable,
+    values: list[Any],
+    version: SspVersion,
+    shape: tuple[int, ...],
+) -> None:
+    parameter = SubElement(parent, "ssv:Parameter", name=name)
+    attributes: dict[str, str] = {}
+    if variable.unit and is_float(variable):
+        attributes["unit"] = variable.unit
+    kind = SubElement(parameter, f"ssv:{type_name(variable.type, version)}")
+    if variable.type in ("String", "Binary") and len(values) > 1:
+        for value in values:
+            SubElement(kind, "ssv:Value", value=_text(variable, value))
+    else:
+        kind.set("value", " ".join(_text(variable, v) for v in values))
+    for key, text in attributes.items():
+        kind.set(key, text)
+    for extent in shape:
+        SubElement(parameter, "ssv:Dimension", size=str(extent))
+
+
+def _text(variable: Variable, value: Any) -> str:
+    if variable.type == "Binary":
+        return bytes(value).hex()
+    return number(value) if is_float(variable) else text_of(value)
+
+
+def read_parameter_set(root: Element, place: str) -> list[ParameterValue]:
+    """Read the element ``ssv:ParameterSet``."""
+    found: list[ParameterValue] = []
+    for parameter in root.iterfind(f"{q('ssv:Parameters')}/{q('ssv:Parameter')}"):
+        name = parameter.get("name", "")
+        shape = [int(d.get("size", "0")) for d in parameter.iterfind("*")
+                 if _local(d) == "Dimension"]  # fmt: skip
+        typed = next((e for e in parameter if _local(e) not in ("Dimension", "Annotations")), None)
+        if typed is None:
+            raise InputInvalid(f"{place}: parameter {name!r} has no value; expected <ssv:Real …>")
+        try:
+            values = [_value(_local(typed), t) for t in _texts(typed, bool(shape))]
+        except (ValueError, KeyError):
+            raise InputInvalid(
+                f"{place}: parameter {name!r} is {typed.get('value')!r}; "
+                f"expected a value of type {_local(typed)}"
+            ) from None
+        value = values if shape else values[0]
+        found.append(ParameterValue(name, value, typed.get("unit")))
+    return found
+
+
+def _texts(typed: Element, array: bool) -> list[str]:
+    listed = [e.get("value", "") for e in typed if _local(e) == "Value"]
+    if listed:
+        return listed
+    text = typed.get("value", "")
+    return text.split() if array and _local(typed) not in ("String", "Binary") else [text]
+
+
+def _value(kind: str, text: str) -> Any:
+    if kind in ("Real", "Float64", "Float32"):
+        return float(text)
+    if kind == "Boolean":
+        return {"true": True, "1": True, "false": False, "0": False}[text.strip()]
+    if kind == "Binary":
+        return bytes.fromhex(text)
+    if kind in ("String", "Enumeration"):
+        return text
+    return int(text)
+
+
+def _named(start: Mapping[str, Any], description: Description) -> list[Variable]:
+    return [description.variables[name] for name in start]
+
+
+def _local(element: Element) -> str:
+    return element.tag.rpartition("}")[2]

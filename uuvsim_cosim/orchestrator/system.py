@@ -1,0 +1,331 @@
+"""A system is a value: components, connections and start values; a wrong one never exists.
+
+>>> system = (
+...     System("tank", tick="0.01")
+...     .add("hull", "model:hull?id=bluerov2_heavy")
+...     .add("controller", "my.py:MyController", rate="0.02", start={"Kp": 3})
+...     .connect("hull.eta", "controller.eta")
+...     .connect("controller.tau_d", "hull.tau")
+... )  # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from uuvsim_cosim.errors import Problem, SystemInvalid, UuvsimError
+from uuvsim_cosim.fmus.description import Description, Variable
+from uuvsim_cosim.orchestrator.elements import Connection, Element, Exposed, StepGroup
+from uuvsim_cosim.orchestrator.endpoints import close_names, resolve_endpoint
+from uuvsim_cosim.orchestrator.plan import Algorithm
+from uuvsim_cosim.orchestrator.validation import Checked, as_step, check, problem_of
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.orchestrator.slot import Slot
+
+__all__ = ["System"]
+
+
+@dataclass(frozen=True)
+class System:
+    """Components, their connections and start values; every edit gives a new system.
+
+    `tick` is the base step in s, exact. Relative files of sources lie in `base`. Raises
+    SystemInvalid, with every problem, if the parts do not make a system.
+    """
+
+    name: str
+    tick: Fraction | str | float = "0.01"
+    description: str = ""
+    elements: tuple[Element, ...] = ()
+    connections: tuple[Connection, ...] = ()
+    groups: tuple[StepGroup, ...] = ()
+    exposed: tuple[Exposed, ...] = ()
+    base: Path | None = field(default=None, compare=False)
+    remarks: tuple[str, ...] = field(default=(), compare=False)
+    checked: Checked = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Check the whole, and keep its parts in their one form."""
+        try:
+            object.__setattr__(self, "tick", as_step(self.tick, self.name))
+        except UuvsimError as error:
+            raise SystemInvalid([problem_of(self.name, error)]) from None
+        checked = check(self)
+        if checked.problems:
+            raise SystemInvalid(checked.problems)
+        object.__setattr__(self, "elements", checked.elements)
+        object.__setattr__(self, "connections", tuple(w.connection for w in checked.wires))
+        object.__setattr__(self, "exposed", checked.exposed)
+        object.__setattr__(self, "checked", checked)
+
+    # ---- building -------------------------------------------------------------------------
+
+    def add(
+        self,
+        path: str,
+        source: str | System,
+        start: Mapping[str, Any] | None = None,
+        rate: Fraction | str | float | None = None,
+        description: str = "",
+    ) -> System:
+        """Add a component, or a nested system; `rate` is its communication step in s."""
+        inner = self._inside(path)
+        if inner is not None:
+            name, rest = inner
+            return self._edited(name, self.nested(name).add(rest, source, start, rate, description))
+        if path in self.components:
+            raise SystemInvalid([Problem(path, "a second component of this name", "a new name")])
+        step = None if rate is None else _step(rate, path)
+        if start:
+            nested = self._as_nested(source)
+            if nested is not None:
+                source, start = _all_set(nested, start), None
+        element = Element(path, source, dict(start or {}), step, description)
+        return replace(self, elements=(*self.elements, element))
+
+    def connect(
+        self,
+        source: str,
+        target: str,
+        *,
+        factor: float = 1.0,
+        offset: float = 0.0,
+        convert: bool = True,
+    ) -> System:
+        """Connect an output to an input: ``a.y``, one element ``a.y[3]``, a slice ``a.y[1:3]``."""
+        connection = Connection(source, target, float(factor), float(offset), convert)
+        return replace(self, connections=(*self.connections, connection))
+
+    def disconnect(self, target: str) -> System:
+        """Remove what leads to an input, or to elements of it."""
+        point = self._endpoint(target)
+        kept: list[Connection] = []
+        found = False
+        for wire in self.checked.wires:
+            mine = (wire.target.element, wire.target.variable) == (point.element, point.variable)
+            if not mine or not set(wire.target.elements) & set(point.elements):
+                kept.append(wire.connection)
+                continue
+            found = True
+            pairs = zip(wire.source.texts(), wire.target.texts(), wire.target.elements, strict=True)
+            kept += [
+                replace(wire.connection, source=a, target=b)
+                for a, b, i in pairs
+                if i not in point.elements
+            ]
+        if not found:
+            raise SystemInvalid([Problem(target, "not connected", "a connected input")])
+        return replace(self, connections=tuple(kept))
+
+    def set(self, path: str, value: Any) -> System:
+        """Set a start value, in the variable's unit, or as text with a unit: ``"2 km/h"``."""
+        inner = self._inside(path)
+        if inner is not None:
+            name, rest = inner
+            nested = self.nested(name)
+            for item in nested.exposed:
+                if item.name == rest.partition("[")[0]:
+                    rest = item.path + rest.removeprefix(item.name)
+            return self._edited(name, nested.set(rest, value))
+        if "." not in path:
+            expected = close_names(path, self._settable(), "COMPONENT.VARIABLE")
+            raise SystemInvalid([Problem(path, "no component and variable", expected)])
+        name, key = self._split(path)
+        before = dict(self.components[name].start)
+        return self._with(replace(self.components[name], start=_put(before, key, value)))
+
+    def group(self, members: Iterable[str], algorithm: Algorithm = "gauss-seidel") -> System:
+        """Step these components together, in this order, by another rule than Jacobi."""
+        return replace(self, groups=(*self.groups, StepGroup(tuple(members), algorithm)))
+
+    def expose(self, name: str, path: str) -> System:
+        """Make an inner connector one of the system's own, for use inside another system."""
+        return replace(self, exposed=(*self.exposed, Exposed(name, path)))
+
+    def replace(
+        self,
+        path: str,
+        source: str | System,
+        map: Mapping[str, str] | str | Path | None = None,
+        rate: Fraction | str | float | None = None,
+        start: Mapping[str, Any] | None = None,
+    ) -> System:
+        """Swap a component for another that fits its slot.
+
+        `map` gives names of the replacement for names of the slot (``{"tau_d": "Out1"}``,
+        ``{"tau_d[3]": "Out3"}``), or is an .ssm file. The slot's step holds unless `rate` is
+        given; of the start values, those hold that the replacement has too.
+        """
+        from uuvsim_cosim.orchestrator.slot import fitted
+
+        inner = self._inside(path)
+        if inner is not None:
+            name, rest = inner
+            return self._edited(name, self.nested(name).replace(rest, source, map, rate, start))
+        self._split(f"{path}.")
+        return fitted(self, path, source, map, rate, start)
+
+    def remove(self, name: str) -> System:
+        """Remove a component with its connections."""
+        self._split(f"{name}.")
+        wires = self.checked.wires
+        members = [replace(g, members=tuple(m for m in g.members if m != name))
+                   for g in self.groups]  # fmt: skip
+        return replace(
+            self,
+            elements=tuple(e for e in self.elements if e.name != name),
+            connections=tuple(
+                w.connection for w in wires if name not in (w.source.element, w.target.element)
+            ),
+            groups=tuple(g for g in members if g.members),
+            exposed=tuple(x for x in self.exposed if not x.path.startswith(f"{name}.")),
+        )
+
+    # ---- reading --------------------------------------------------------------------------
+
+    @property
+    def base_step(self) -> Fraction:
+        """Give the tick, in s."""
+        return Fraction(self.tick)
+
+    @property
+    def components(self) -> dict[str, Element]:
+        """Give the elements by name."""
+        return {e.name: e for e in self.elements}
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Say what was assumed: units that descriptions leave out, values that were dropped."""
+        inner = []
+        for element in self.elements:
+            nested = self._nested(element)
+            inner += [f"{element.name}.{n}" for n in nested.notes] if nested else []
+        return (*self.remarks, *self.checked.notes, *inner)
+
+    def describe(self, path: str) -> Description:
+        """Describe the component at a path."""
+        inner = self._inside(path)
+        if inner is not None:
+            return self.nested(inner[0]).describe(inner[1])
+        self._split(f"{path}.")
+        return self.checked.descriptions[path]
+
+    def nested(self, name: str) -> System:
+        """Give the nested system at a name."""
+        found = self.nested_or_none(name)
+        if found is None:
+            raise SystemInvalid([Problem(name, "not a nested system", "a nested system")])
+        return found
+
+    def nested_or_none(self, name: str) -> System | None:
+        """Give the nested system at a name; None if it is a component, or nothing."""
+        element = self.components.get(name)
+        return None if element is None else self._nested(element)
+
+    def slot(self, path: str) -> Slot:
+        """Give the connectors that a replacement of a component must have."""
+        from uuvsim_cosim.orchestrator.slot import slot
+
+        return slot(self, path)
+
+    def interface(self) -> Description:
+        """Describe the system as a component: its exposed connectors."""
+        variables: dict[str, Variable] = {}
+        for item in self.exposed:
+            point = self._endpoint(item.path)
+            shape = point.variable.shape if point.whole else ()
+            start = self.components[point.element].start.get(point.variable.name)
+            variables.setdefault(
+                item.name,
+                replace(
+                    point.variable,
+                    name=item.name,
+                    shape=shape,
+                    start=point.variable.start if start is None else start,
+                    dependencies=None,
+                ),
+            )
+        units = {n: u for d in self.checked.descriptions.values() for n, u in d.units.items()}
+        return Description(
+            self.name, "native", variables, description=self.description, units=units
+        )
+
+    # ---- inside ---------------------------------------------------------------------------
+
+    def _endpoint(self, text: str) -> Any:
+        from uuvsim_cosim.orchestrator.values import Misfit
+
+        try:
+            return resolve_endpoint(text, self.checked.descriptions)
+        except Misfit as misfit:
+            raise SystemInvalid([misfit.at(text)]) from None
+
+    def _split(self, path: str) -> tuple[str, str]:
+        from uuvsim_cosim.orchestrator.endpoints import find_element
+        from uuvsim_cosim.orchestrator.values import Misfit
+
+        try:
+            return find_element(path, self.components)
+        except Misfit as misfit:
+            raise SystemInvalid([misfit.at(path.removesuffix("."))]) from None
+
+    def _settable(self) -> list[str]:
+        return [
+            f"{name}.{v.name}"
+            for name, d in self.checked.descriptions.items()
+            for v in d.of("parameter", "structuralParameter")
+        ]
+
+    def _inside(self, path: str) -> tuple[str, str] | None:
+        """Split a path that leads into a nested system."""
+        for element in self.elements:
+            if path.startswith(f"{element.name}.") and self._nested(element) is not None:
+                return element.name, path[len(element.name) + 1 :]
+        return None
+
+    def _nested(self, element: Element) -> System | None:
+        return self._as_nested(element.source)
+
+    def _as_nested(self, source: str | System) -> System | None:
+        from uuvsim_cosim.orchestrator.sources import SystemSource, resolve
+
+        if isinstance(source, System):
+            return source
+        if not source.partition("#")[0].lower().endswith((".ssd", ".ssp")):
+            return None
+        found = resolve(source, self.base)
+        return found.system() if isinstance(found, SystemSource) else None
+
+    def _edited(self, name: str, nested: System) -> System:
+        return self._with(replace(self.components[name], source=nested))
+
+    def _with(self, element: Element) -> System:
+        elements = tuple(element if e.name == element.name else e for e in self.elements)
+        return replace(self, elements=elements)
+
+
+def _step(rate: Fraction | str | float, path: str) -> Fraction:
+    try:
+        return as_step(rate, path)
+    except UuvsimError as error:
+        raise SystemInvalid([problem_of(path, error)]) from None
+
+
+def _put(start: dict[str, Any], key: str, value: Any) -> dict[str, Any]:
+    """Set one value last, so that an element of an array changes what the array holds."""
+    if key in start:
+        return start | {key: value}
+    start.pop(key, None)
+    start[key] = value
+    return start
+
+
+def _all_set(system: System, start: Mapping[str, Any]) -> System:
+    for path, value in start.items():
+        system = system.set(path, value)
+    return system

@@ -1,0 +1,230 @@
+"""Values that users give (a number, a list, text with a unit) fit their variable or are refused."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from uuvsim_cosim.errors import Problem
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.models.units import Unit, parse_unit
+
+__all__ = ["Misfit", "Quantity", "as_array", "conversion", "fit", "flat", "is_float", "unit_named"]
+
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_NUMBERS = re.compile(rf"\s*\[?\s*({_NUMBER}(?:[\s,;]+{_NUMBER})*)\s*\]?\s*(.*?)\s*$", re.DOTALL)
+_BOOLEANS = {"true": True, "false": False, "1": True, "0": False}
+_RANGES = {
+    f"{sign}Int{bits}": ((0, 2**bits - 1) if sign else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1))
+    for sign in ("", "U")
+    for bits in (8, 16, 32, 64)
+}
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A value with the name of its unit, and the file's definition of that unit, if any."""
+
+    value: Any
+    unit: str | None
+    definitions: Mapping[str, Unit] = field(default_factory=dict)
+
+
+class Misfit(Exception):
+    """A value that does not fit its variable: what was read, what would have been right."""
+
+    def __init__(self, read: str, expected: str) -> None:
+        super().__init__(f"{read}; expected {expected}")
+        self.read = read
+        self.expected = expected
+
+    def at(self, place: str) -> Problem:
+        """Give the problem at a place."""
+        return Problem(place, self.read, self.expected)
+
+
+def is_float(variable: Variable) -> bool:
+    """Say whether values of the variable have a unit at all."""
+    return variable.type in ("Float64", "Float32")
+
+
+def unit_named(name: str, units: Mapping[str, Unit]) -> Unit | None:
+    """Find a unit by name: as the component defines it, else in our table; None if unknown."""
+    if name in units:
+        return units[name]
+    try:
+        return parse_unit(name)
+    except ValueError:
+        return None
+
+
+def conversion(source: str, target: str, units: Mapping[str, Unit]) -> tuple[float, float] | None:
+    """Give (factor, offset) from one unit to the other; None if they are not commensurable."""
+    if source == target:
+        return 1.0, 0.0
+    a, b = unit_named(source, units), unit_named(target, units)
+    if a is None or b is None or not a.commensurable(b):
+        return None
+    return a.conversion_to(b)
+
+
+def fit(
+    variable: Variable, given: Any, unit: str | None = None, units: Mapping[str, Unit] | None = None
+) -> Any:
+    """Give the value as the variable holds it: a scalar, or nested tuples of its shape.
+
+    `unit` is the unit of `given`; a text may carry its own (``"0.4 m/s"``). Raises Misfit.
+    """
+    if isinstance(given, Quantity):
+        units = {**(units or {}), **given.definitions}
+        given, unit = given.value, given.unit
+    if isinstance(given, str) and variable.type != "String":
+        given, own = _parsed(variable, given)
+        unit = own or unit
+    if isinstance(given, np.ndarray):
+        given = given.tolist()
+    if isinstance(given, list | tuple | np.generic) is False and not np.isscalar(given):
+        raise Misfit(f"a {type(given).__name__}", _kind(variable))
+    elements = [_element(variable, e) for e in flat(given)]
+    _check_shape(variable, given, len(elements))
+    if unit is not None and is_float(variable):
+        elements = _converted(variable, elements, unit, units or {})
+    for e in elements:
+        _check_range(variable, e)
+    return _shaped(elements, variable.shape)
+
+
+def as_array(variable: Variable, value: Any) -> Any:
+    """Give a fitted value as a component takes it: a scalar, or an array of its shape."""
+    if variable.shape == ():
+        return value
+    kinds: dict[str, Any] = {"Float64": float, "Float32": np.float32, "Boolean": bool}
+    dtype = kinds.get(variable.type, object if variable.type in ("String", "Binary") else np.int64)
+    return np.array(flat(value), dtype=dtype).reshape(variable.shape)
+
+
+def flat(value: Any) -> list[Any]:
+    """List the elements of nested sequences, row by row."""
+    return list(_leaves(value))
+
+
+def _leaves(value: Any) -> Iterator[Any]:
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, list | tuple):
+        for part in value:
+            yield from _leaves(part)
+    else:
+        yield value
+
+
+def _parsed(variable: Variable, text: str) -> tuple[Any, str | None]:
+    if variable.type == "Binary":
+        return text.encode(), None
+    words = text.replace("[", " ").replace("]", " ").replace(",", " ").split()
+    if variable.type == "Boolean" and words and all(w.lower() in _BOOLEANS for w in words):
+        values: list[Any] = [_BOOLEANS[w.lower()] for w in words]
+        return (values if variable.shape else values[0]) if len(values) == 1 else values, None
+    match = _NUMBERS.match(text)
+    if match is None:
+        raise Misfit(f"{text!r}", f"{_kind(variable)} such as {_example(variable)}")
+    numbers: list[Any] = [_number(n) for n in re.split(r"[\s,;]+", match[1])]
+    bare = len(numbers) == 1 and (variable.shape == () or "[" not in text)
+    return (numbers[0] if bare else numbers), match[2] or None
+
+
+def _number(text: str) -> float | int:
+    return int(text) if re.fullmatch(r"[-+]?\d+", text) else float(text)
+
+
+def _kind(variable: Variable) -> str:
+    if variable.shape:
+        extents = " x ".join(str(n) for n in variable.shape)
+        return f"{extents} values of type {variable.type}"
+    return f"a value of type {variable.type}"
+
+
+def _example(variable: Variable) -> str:
+    unit = f" {variable.unit}" if variable.unit not in (None, "1") else ""
+    if variable.type == "Boolean":
+        return "true"
+    number = "0.4" if is_float(variable) else "4"
+    if variable.shape:
+        return (
+            f"'[{', '.join([number] * min(variable.size, 3))}{', …' * (variable.size > 3)}]{unit}'"
+        )
+    return f"'{number}{unit}'"
+
+
+def _element(variable: Variable, value: Any) -> Any:
+    if isinstance(value, np.generic):
+        value = value.item()
+    kind = variable.type
+    if kind in ("String", "Binary"):
+        wanted: type = str if kind == "String" else bytes
+        if isinstance(value, wanted):
+            return value
+    elif kind == "Boolean":
+        if isinstance(value, bool) or value in (0, 1):
+            return bool(value)
+    elif isinstance(value, bool):
+        pass
+    elif is_float(variable):
+        if isinstance(value, int | float) and math.isfinite(value):
+            return float(value)
+    elif isinstance(value, int) or (isinstance(value, float) and value.is_integer()):
+        low, high = _RANGES.get(kind, (-(2**63), 2**63 - 1))
+        if low <= value <= high:
+            return int(value)
+    raise Misfit(f"{value!r}", f"{_kind(variable)} such as {_example(variable)}")
+
+
+def _check_shape(variable: Variable, given: Any, count: int) -> None:
+    try:
+        shape = np.shape(given) if not isinstance(given, bytes) else ()
+    except ValueError:
+        raise Misfit("a list of uneven lists", _kind(variable)) from None
+    if shape == variable.shape or (len(variable.shape) > 1 and shape == (variable.size,)):
+        return
+    read = "a scalar" if shape == () else f"{count} values"
+    if len(shape) > 1:
+        read = f"values of shape {' x '.join(map(str, shape))}"
+    raise Misfit(read, _kind(variable) if variable.shape else "a scalar")
+
+
+def _converted(
+    variable: Variable, elements: list[Any], unit: str, units: Mapping[str, Unit]
+) -> list[Any]:
+    if variable.unit is None:
+        return elements
+    pair = conversion(unit, variable.unit, units)
+    if pair is None:
+        raise Misfit(f"a value in {unit!r}", f"one in {variable.unit!r} or a unit of its kind")
+    factor, offset = pair
+    return elements if pair == (1.0, 0.0) else [factor * e + offset for e in elements]
+
+
+def _check_range(variable: Variable, value: Any) -> None:
+    if isinstance(value, str | bytes | bool):
+        return
+    low = variable.min is not None and value < variable.min
+    high = variable.max is not None and value > variable.max
+    if low or high:
+        lower = "-inf" if variable.min is None else f"{variable.min:g}"
+        upper = "inf" if variable.max is None else f"{variable.max:g}"
+        unit = f" {variable.unit}" if variable.unit not in (None, "1") else ""
+        raise Misfit(f"{value:g}{unit} is out of range", f"a value in [{lower}, {upper}]{unit}")
+
+
+def _shaped(elements: list[Any], shape: tuple[int, ...]) -> Any:
+    if shape == ():
+        return elements[0]
+    if len(shape) == 1:
+        return tuple(elements)
+    step = len(elements) // shape[0] if shape[0] else 0
+    return tuple(_shaped(elements[i * step : (i + 1) * step], shape[1:]) for i in range(shape[0]))

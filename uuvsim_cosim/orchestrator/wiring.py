@@ -1,0 +1,188 @@
+"""A connection becomes wires: checked pairs of elements with the conversion between them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from uuvsim_cosim.errors import Problem
+from uuvsim_cosim.fmus.description import Description, Variable
+from uuvsim_cosim.models.units import Unit
+from uuvsim_cosim.orchestrator.elements import Connection
+from uuvsim_cosim.orchestrator.endpoints import Endpoint, find_element, resolve_endpoint
+from uuvsim_cosim.orchestrator.values import Misfit, conversion, is_float, unit_named
+
+__all__ = ["Wire", "joined", "single_source", "wire"]
+
+
+@dataclass(frozen=True)
+class Wire:
+    """A connection whose ends are known, either whole connectors or one element each."""
+
+    connection: Connection
+    source: Endpoint
+    target: Endpoint
+    factor: float
+    offset: float
+
+
+def wire(
+    connection: Connection,
+    descriptions: Mapping[str, Description],
+    unknown: set[str],
+    notes: list[str],
+) -> list[Wire]:
+    """Check one connection; gives one wire if it is whole, else one an element. Raises Misfit."""
+    names = {**descriptions, **dict.fromkeys(unknown, None)}
+    if any(find_element(e, names)[0] in unknown for e in (connection.source, connection.target)):
+        return []
+    source = resolve_endpoint(connection.source, descriptions)
+    target = resolve_endpoint(connection.target, descriptions)
+    _check_causality(source, target)
+    _check_shapes(source, target)
+    _check_types(source.variable, target.variable)
+    units = {**descriptions[source.element].units, **descriptions[target.element].units}
+    factor, offset = 1.0, 0.0
+    if connection.convert and is_float(source.variable) and is_float(target.variable):
+        factor, offset = _between(source, target, units, notes)
+    factor, offset = connection.factor * factor, connection.factor * offset + connection.offset
+    if source.whole and target.whole:
+        return [Wire(connection, source, target, factor, offset)]
+    return [
+        Wire(
+            Connection(a, b, connection.factor, connection.offset, connection.convert),
+            Endpoint(source.element, source.variable, (i,), source.variable.shape == ()),
+            Endpoint(target.element, target.variable, (j,), target.variable.shape == ()),
+            factor,
+            offset,
+        )
+        for a, b, i, j in zip(
+            source.texts(), target.texts(), source.elements, target.elements, strict=True
+        )
+    ]
+
+
+def joined(wires: Iterable[Wire]) -> tuple[Wire, ...]:
+    """Write wires that together join two whole connectors, element by element, as one."""
+    wires = list(wires)
+    parts: dict[tuple[object, ...], dict[int, int]] = {}
+    for w in wires:
+        if len(w.source.elements) == 1 and len(w.target.elements) == 1:
+            parts.setdefault(_pair(w), {})[w.target.elements[0]] = w.source.elements[0]
+    result: dict[Connection, Wire] = {}
+    for w in wires:
+        source, target = w.source.variable, w.target.variable
+        complete = source.shape == target.shape and parts.get(_pair(w)) == {
+            i: i for i in range(target.size)
+        }
+        if complete:
+            c = w.connection
+            whole = Connection(
+                f"{w.source.element}.{source.name}", f"{w.target.element}.{target.name}",
+                c.factor, c.offset, c.convert,
+            )  # fmt: skip
+            every = tuple(range(source.size))
+            w = Wire(
+                whole,
+                Endpoint(w.source.element, source, every, whole=True),
+                Endpoint(w.target.element, target, every, whole=True),
+                w.factor,
+                w.offset,
+            )
+        result.setdefault(w.connection, w)
+    return tuple(result.values())
+
+
+def single_source(wires: Iterable[Wire], exposed: Iterable[tuple[str, Endpoint]]) -> list[Problem]:
+    """Find the inputs with two sources."""
+    feeds = [(w.connection.source, w.target) for w in wires]
+    feeds += [
+        (f"exposed connector {name!r}", point)
+        for name, point in exposed
+        if point.variable.causality == "input"
+    ]
+    taken: dict[tuple[str, str, int], str] = {}
+    doubled: dict[tuple[str, str], list[str]] = {}
+    for source, target in feeds:
+        element, name = target.element, target.variable.name
+        clashes = [taken[element, name, i] for i in target.elements if (element, name, i) in taken]
+        if clashes:
+            doubled.setdefault((element, name), clashes[:1]).append(source)
+        for i in target.elements:
+            taken.setdefault((element, name, i), source)
+    return [
+        Problem(f"{element}.{name}", f"{len(froms)} sources, {' and '.join(froms)}", "one")
+        for (element, name), froms in doubled.items()
+    ]
+
+
+def _pair(w: Wire) -> tuple[object, ...]:
+    return (
+        w.source.element, w.source.variable.name, w.target.element, w.target.variable.name,
+        w.connection.factor, w.connection.offset, w.connection.convert,
+    )  # fmt: skip
+
+
+def _check_causality(source: Endpoint, target: Endpoint) -> None:
+    a, b = source.variable, target.variable
+    if a.causality == "input" and b.causality == "output":
+        raise Misfit("from an input to an output", "the other way round, output to input")
+    if a.causality != "output":
+        raise Misfit(
+            f"{source.element}.{a.name} at its start, of causality {a.causality}", "an output"
+        )
+    if b.causality != "input":
+        raise Misfit(
+            f"{target.element}.{b.name} at its end, of causality {b.causality}", "an input"
+        )
+
+
+def _check_shapes(source: Endpoint, target: Endpoint) -> None:
+    count = len(source.elements)
+    if count != len(target.elements):
+        raise Misfit(f"{_size(source)} to {_size(target)}", "equal sizes")
+    if source.whole and target.whole and count > 1:
+        a, b = source.variable.shape, target.variable.shape
+        if a != b:
+            raise Misfit(f"shape {a} to shape {b}", "equal shapes")
+
+
+def _size(point: Endpoint) -> str:
+    count = len(point.elements)
+    return "a scalar" if point.variable.shape == () else f"{count} element{'s' * (count != 1)}"
+
+
+def _check_types(a: Variable, b: Variable) -> None:
+    if a.type == b.type:
+        return
+    real = ("Float64", "Float32")
+    if b.type in real and a.type not in ("String", "Binary", "Clock"):
+        return
+    whole = "Int" in a.type or a.type == "Enumeration"
+    if whole and ("Int" in b.type or b.type == "Enumeration"):
+        return
+    raise Misfit(f"type {a.type} to type {b.type}", "equal types")
+
+
+def _between(
+    source: Endpoint, target: Endpoint, units: Mapping[str, Unit], notes: list[str]
+) -> tuple[float, float]:
+    a, b = source.variable.unit, target.variable.unit
+    if a is None and b is None:
+        return 1.0, 0.0
+    if a is None or b is None:
+        bare = source if a is None else target
+        other = target if a is None else source
+        notes.append(
+            f"{bare.element}.{bare.variable.name}: no unit given, taken as "
+            f"{other.variable.unit} from {other.element}.{other.variable.name}"
+        )
+        return 1.0, 0.0
+    pair = conversion(a, b, units)
+    if pair is None:
+        read = f"unit {a!r} to unit {b!r}"
+        strange = [u for u in (a, b) if unit_named(u, units) is None]
+        if strange:
+            read += f", where {' and '.join(repr(u) for u in strange)} is unknown"
+        raise Misfit(read, "equal or commensurable units")
+    return pair

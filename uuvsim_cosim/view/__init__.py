@@ -1,0 +1,1 @@
+"""What a person looks at: figures of merit, plots, the one-file report and block diagrams."""
