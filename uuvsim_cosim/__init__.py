@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from uuvsim_cosim.orchestrator.recording import Signals, read_signals
     from uuvsim_cosim.orchestrator.run import Run, run
     from uuvsim_cosim.orchestrator.system import System
-    from uuvsim_cosim.orchestrator.systems import available, load
+    from uuvsim_cosim.orchestrator.library import available, load
 
 __all__ = [
     "Master",
@@ -36,8 +36,8 @@ _HOME = {
     "Run": "orchestrator.run",
     "Signals": "orchestrator.recording",
     "System": "orchestrator.system",
-    "available": "orchestrator.systems",
-    "load": "orchestrator.systems",
+    "available": "orchestrator.library",
+    "load": "orchestrator.library",
     "read_signals": "orchestrator.recording",
     "run": "orchestrator.run",
 }

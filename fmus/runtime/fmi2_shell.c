@@ -205,7 +205,7 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte serializedSta
                                    fmi2FMUstate *FMUstate) {
     if (!in_mode(c, "fmi2DeSerializeFMUstate", ANY_MODE)) return fmi2Error;
     void *state = deserialize_state(c, "fmi2DeSerializeFMUstate",
-                                    (const unsigned char *)serializedState, size);
+                                    (const unsigned char *)serializedState, size, *FMUstate);
     if (!state) return fmi2Error;
     *FMUstate = state;
     return fmi2OK;

@@ -265,7 +265,8 @@ fmi3Status fmi3SerializeFMUState(fmi3Instance instance, fmi3FMUState FMUState,
 fmi3Status fmi3DeserializeFMUState(fmi3Instance instance, const fmi3Byte serializedState[],
                                    size_t size, fmi3FMUState *FMUState) {
     if (!in_mode(instance, "fmi3DeserializeFMUState", ANY_MODE)) return fmi3Error;
-    void *state = deserialize_state(instance, "fmi3DeserializeFMUState", serializedState, size);
+    void *state = deserialize_state(instance, "fmi3DeserializeFMUState", serializedState, size,
+                                    *FMUState);
     if (!state) return fmi3Error;
     *FMUState = state;
     return fmi3OK;

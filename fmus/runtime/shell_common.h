@@ -394,16 +394,18 @@ typedef struct {
 
 static const char STATE_MAGIC[8] = {'U', 'U', 'V', 'S', 'T', 'A', 'T', '1'};
 
-static uint64_t hash_bytes(const void *data, size_t n) {
+static const uint64_t HASH_START = 14695981039346656037u;
+
+/* FNV-1a, continued from h. */
+static uint64_t hash_bytes(uint64_t h, const void *data, size_t n) {
     const unsigned char *p = data;
-    uint64_t h = 14695981039346656037u; /* FNV-1a */
     for (size_t i = 0; i < n; i++) h = (h ^ p[i]) * 1099511628211u;
     return h;
 }
 
 static uint64_t token_hash(const shell *s) {
     const char *token = s->block->component->token;
-    return hash_bytes(token, strlen(token));
+    return hash_bytes(HASH_START, token, strlen(token));
 }
 
 static size_t state_bytes(const shell *s) { return sizeof(state_header) + uuv_state_size(s->block); }
@@ -457,13 +459,14 @@ static int serialize_state(shell *s, const char *function, const state_header *s
     header.checksum = 0;
     memcpy(bytes, &header, sizeof header);
     memcpy(bytes + sizeof header, state + 1, size - sizeof header);
-    header.checksum = hash_bytes(bytes, size);
+    header.checksum = hash_bytes(HASH_START, bytes, size);
     memcpy(bytes, &header, sizeof header);
     return 1;
 }
 
+/* Reads a state into memory that is allocated unless `old` is given; NULL if refused. */
 static void *deserialize_state(shell *s, const char *function, const unsigned char *bytes,
-                               size_t size) {
+                               size_t size, void *old) {
     state_header header;
     if (size != state_bytes(s) || !bytes) {
         refuse(s, "%s: %llu bytes; expected %llu", function, (unsigned long long)size,
@@ -472,22 +475,22 @@ static void *deserialize_state(shell *s, const char *function, const unsigned ch
     }
     memcpy(&header, bytes, sizeof header);
     if (!is_state(s, function, &header)) return NULL;
-    unsigned char *state = malloc(size);
+    const uint64_t checksum = header.checksum;
+    header.checksum = 0;
+    const uint64_t head = hash_bytes(HASH_START, &header, sizeof header);
+    const uint64_t found = hash_bytes(head, bytes + sizeof header, size - sizeof header);
+    const int one_mode = header.mode && (header.mode & (header.mode - 1)) == 0;
+    if (found != checksum || !one_mode || header.mode > FAILED) {
+        refuse(s, "%s: the serialized state is damaged: its checksum does not fit", function);
+        return NULL;
+    }
+    state_header *state = old ? old : malloc(size);
     if (!state) {
         refuse(s, "out of memory");
         return NULL;
     }
-    const uint64_t checksum = header.checksum;
-    header.checksum = 0;
     memcpy(state, bytes, size);
-    memcpy(state, &header, sizeof header);
-    const int mode_ok = header.mode && (header.mode & (header.mode - 1)) == 0 &&
-                        header.mode <= FAILED;
-    if (hash_bytes(state, size) != checksum || !mode_ok) {
-        refuse(s, "%s: the serialized state is damaged: its checksum does not fit", function);
-        free(state);
-        return NULL;
-    }
+    state->checksum = 0;
     return state;
 }
 

@@ -21,7 +21,7 @@ static inline V uuv_two_sum_(V a, V b, V *error) {
 /* a + b = sum + *error, where |a| >= |b| or a = 0. */
 static inline V uuv_fast_two_sum_(V a, V b, V *error) {
     const V sum = a + b;
-    *error = (a - sum) + b;
+    *error = (a - sum) + b; /* after the last use of a and b, which may be *error's old value */
     return sum;
 }
 

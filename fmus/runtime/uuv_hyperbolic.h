@@ -43,6 +43,7 @@ static inline V uuv_tanh(V x) {
     V hi, lo, d_lo;
     const V a = uuv_limit_(uuv_fabs(x), 40.0);
     const V k = uuv_expm1_core_(-2.0 * a, &hi, &lo);
+    hi = uuv_fast_two_sum_(hi, lo, &lo);
     const V power = uuv_neg(uuv_power_of_two_(k));
     const V E = power * hi, E_lo = power * lo; /* of the opposite sign */
     const V d = uuv_fast_two_sum_(uuv_const(2.0), uuv_neg(E), &d_lo);
@@ -67,10 +68,10 @@ static inline V uuv_asinh(V x) {
     const V correction = uuv_select(large, uuv_const(0.0), uuv_neg((u_lo + root_lo) / u));
     const V argument = uuv_select(large, a, u);
     const V core = uuv_log_core_(argument, uuv_truth(large), correction);
-    const V beyond = uuv_copysign(uuv_log_edges_(argument, core), x);
-    const V z = x * x;
-    const V near = x + x * (z * uuv_poly12_(z, c));
-    return uuv_select(uuv_mask_lt(a, uuv_const(0.5)), near, beyond);
+    const V beyond = uuv_log_edges_(argument, core);
+    const V z = a * a;
+    const V near = a + a * (z * uuv_poly12_(z, c));
+    return uuv_copysign(uuv_select(uuv_mask_lt(a, uuv_const(0.5)), near, beyond), x);
 }
 
 static inline V uuv_acosh(V x) {
@@ -88,7 +89,9 @@ static inline V uuv_acosh(V x) {
     const V correction =
         uuv_select(large, uuv_const(0.0), uuv_neg((u_lo + (v_lo + root_lo)) / u));
     const V argument = uuv_select(large, x, u);
-    return uuv_log_edges_(argument, uuv_log_core_(argument, uuv_truth(large), correction));
+    const V core = uuv_log_core_(argument, uuv_truth(large), correction);
+    const V result = uuv_log_edges_(argument, core);
+    return uuv_select(uuv_mask_lt(x, one), uuv_const(UUV_NAN), result);
 }
 
 /* atanh(a) = log((1 + a) / (1 - a)) / 2 = log1p(2 a / (1 - a)) / 2 */

@@ -4,7 +4,7 @@
  * V is a plain double for W = 1, a GCC/Clang vector for W = 2, 4, 8, ... All else in the runtime
  * is written once, on V, with + - * / and the functions of this file, so that each lane sees the
  * same operations in the same order for every W. The results are then equal to the last bit
- * between lanes counts, compilers and processors, provided that the compiler
+ * between lane counts, compilers and processors, provided that the compiler
  *   - contracts nothing (-ffp-contract=off),
  *   - keeps IEEE 754 (no -ffast-math) in round to nearest, with subnormals on.
  * NaN is NaN everywhere; its sign and payload are not defined.
@@ -38,10 +38,8 @@ _Static_assert(sizeof(uuv_real) == 8, "only double is implemented as UUV_REAL");
 typedef uuv_real V;
 typedef uint64_t uuv_bits;
 #else
-/* V never crosses a library's border, so that GCC's word on its calling convention is noise. */
-#if !defined(__clang__)
-#pragma GCC diagnostic ignored "-Wpsabi"
-#endif
+/* V never crosses a library's border: what GCC says of its calling convention is noise, which
+ * only -Wno-psabi on the command line silences. */
 typedef uuv_real V __attribute__((vector_size(8 * UUV_W)));
 typedef uint64_t uuv_bits __attribute__((vector_size(8 * UUV_W)));
 typedef uuv_real uuv_unaligned_ __attribute__((vector_size(8 * UUV_W), aligned(8), may_alias));

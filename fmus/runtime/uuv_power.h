@@ -37,9 +37,11 @@ static inline V uuv_pow(V x, V y) {
 
     V log_lo, e, k, r, t;
     const V log_hi = uuv_log_pair_(a, &log_lo);
-    const V p = uuv_two_product_(y, log_hi, &e);
+    /* Beyond 2^100 a power is 0, 1 or infinite, and the product's parts might overflow. */
+    const V exponent = uuv_limit_(y, 0x1p100);
+    const V p = uuv_two_product_(exponent, log_hi, &e);
     const uuv_mask within = uuv_mask_lt(uuv_fabs(p), uuv_const(800.0));
-    const V p_lo = uuv_keep(within, e + y * log_lo);
+    const V p_lo = uuv_keep(within, e + exponent * log_lo);
     uuv_exp_core_(uuv_limit_(p, 800.0), p_lo, &k, &r, &t);
     V result = uuv_scale_(1.0 + (r + t), k);
 

@@ -65,24 +65,17 @@ static inline V uuv_remainder_core_(V x, V y, V quotient, V n, V *divisor, V *un
     const V a = uuv_fabs(x), b = uuv_fabs(y);
     const uuv_mask far = uuv_mask_gt(quotient, uuv_const(UUV_QUOTIENT_NEAR)) &
                          uuv_mask_le(a, largest) & uuv_mask_gt(b, uuv_const(0.0));
-    const uuv_mask huge = uuv_mask_gt(uuv_fmax(a, b), uuv_const(0x1p1000)) & ~far;
+    const uuv_mask huge = uuv_mask_gt(a, uuv_const(0x1p1000)) & ~far;
     const V scale = uuv_select(huge, uuv_const(0x1p-100), one);
     *unscale = uuv_select(huge, uuv_const(0x1p100), one);
     *divisor = b * scale;
     /* Both differences are exact: the first by Sterbenz' lemma, the second is the remainder, a
-     * multiple of b's last bit below b. */
+     * multiple of b's last bit below b. Where n = 0, b may be too large for a product, or inf. */
     const V product = uuv_two_product_(n, *divisor, &error);
-    V r = (a * scale - product) - error;
+    V r = uuv_select(uuv_mask_eq(n, uuv_const(0.0)), a * scale, (a * scale - product) - error);
     *odd = uuv_to_bits(n + UUV_ALL_WHOLE) & 1;
     if (__builtin_expect(uuv_any(far), 0)) uuv_divide_far_(&a, &b, &far, &r, odd);
     return r;
-}
-
-/* A finite x is its own remainder by infinity. */
-static inline V uuv_remainder_edge_(V x, V y, V result) {
-    const V infinity = uuv_const(UUV_INFINITY);
-    const uuv_mask own = uuv_mask_eq(uuv_fabs(y), infinity) & uuv_mask_lt(uuv_fabs(x), infinity);
-    return uuv_select(own, x, result);
 }
 
 /* x - n y, n = x / y rounded towards zero; the sign is x's. */
@@ -92,7 +85,7 @@ static inline V uuv_fmod(V x, V y) {
     const V quotient = uuv_fabs(x) / uuv_fabs(y);
     V r = uuv_remainder_core_(x, y, quotient, uuv_floor(quotient), &divisor, &unscale, &odd);
     r = r + uuv_keep(uuv_mask_lt(r, uuv_const(0.0)), divisor);
-    return uuv_remainder_edge_(x, y, uuv_copysign(r * unscale, x));
+    return uuv_copysign(r * unscale, x);
 }
 
 /* x - n y, n = x / y rounded to nearest, ties to even. */
@@ -105,8 +98,7 @@ static inline V uuv_remainder(V x, V y) {
     const uuv_mask tie = uuv_mask_eq(twice, divisor) & -odd;
     const uuv_mask next = uuv_mask_gt(twice, divisor) | tie;
     r = r - uuv_keep(next, uuv_copysign(divisor, r));
-    const V result = uuv_from_bits(uuv_to_bits(r * unscale) ^ (uuv_to_bits(x) & UUV_SIGN_BIT));
-    return uuv_remainder_edge_(x, y, result);
+    return uuv_from_bits(uuv_to_bits(r * unscale) ^ (uuv_to_bits(x) & UUV_SIGN_BIT));
 }
 
 #endif

@@ -92,7 +92,7 @@ def _call(f: Any, a: list[str]) -> list[str]:
     wrapped = name.removeprefix("fwd1_wrap_")
     if wrapped in TABLES:
         n = TABLES[wrapped].n_in
-        x, seeds = a[:n], a[n + 1 :]
+        x, seeds = a[:n], a[-n:]
         suffixes = ("_d",) if n == 1 else ("_dx", "_dy")
         terms = [
             f"{_table(wrapped, s, x)} * {seed}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -62,14 +63,16 @@ def _wave(v: Variable, start: float, number: int, step: int) -> float:
     return round(middle + size * math.sin(2.0 * math.pi * turns * step + 0.7 * number), 6)
 
 
-def reference_result(model: Model) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+def reference_result(
+    model: Model, library: Path | None = None
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Run the native component; give the inputs at every step, and some steps' outputs.
 
     Each row maps names to values, and ``time`` to the time at which they hold.
     """
     from uuvsim_cosim.fmus.native import Native
 
-    component = Native(model, model.name)
+    component = Native(model, model.name, library)
     step = experiment_of(model).step_size
     inputs, outputs = component.description.of("input"), component.description.of("output")
     firsts = np.cumsum([0, *(v.size for v in inputs)])
@@ -89,7 +92,7 @@ def reference_result(model: Model) -> tuple[list[dict[str, Any]], list[dict[str,
             given.append({"time": k * step, **row})
             if (k + 1) % STEPS_PER_ROW == 0:
                 values = {v.name: component.get(v) for v in outputs}
-                results.append({"time": k * step + step, **values})
+                results.append({"time": (k + 1) * step, **values})
     finally:
         component.free()
     return given, results

@@ -25,7 +25,7 @@ from uuvsim_cosim.fmus.model_description import (
     xml_text,
 )
 from uuvsim_cosim.fmus.native import generated_source
-from uuvsim_cosim.fmus.toolchain import compile_shared, compiler, platform_named
+from uuvsim_cosim.fmus.toolchain import compile_shared, platform_named
 from uuvsim_cosim.models.model import Model
 
 __all__ = ["build_fmu", "build_many", "compile_fmu", "write_archive"]
@@ -48,17 +48,15 @@ def build_fmu(
     wanted = sorted({platform_named(p).fmi2 for p in platforms})
     lowered = lower(model)
     name = f"{model_identifier(model.name)}.fmu"
-    texts = _texts(lowered, fmi)
-    parts = [f"{k}\0{v}" for k, v in sorted(texts.items())]
-    cached = cache_dir("fmus", content_hash([compiler()[1], *wanted, *parts])) / name
+    members = {k: v.encode() for k, v in _texts(lowered, fmi).items()}
+    for place in map(platform_named, wanted):
+        folder = place.fmi2 if fmi == 2 else place.fmi3
+        binary = f"{model_identifier(model.name)}{place.suffix}"
+        members[f"binaries/{folder}/{binary}"] = compile_fmu(lowered, place.fmi2).read_bytes()
+    members |= _results(lowered)
+    parts = [part for k in sorted(members) for part in (k, members[k])]
+    cached = cache_dir("fmus", content_hash(parts)) / name
     if not cached.is_file():
-        members = {k: v.encode() for k, v in texts.items()}
-        for platform in wanted:
-            place = platform_named(platform)
-            folder = place.fmi2 if fmi == 2 else place.fmi3
-            binary = f"{model_identifier(model.name)}{place.suffix}"
-            members[f"binaries/{folder}/{binary}"] = compile_fmu(lowered, platform).read_bytes()
-        members |= _results(model)
         write_archive(cached, members)
     if target is None:
         return cached
@@ -86,8 +84,10 @@ def compile_fmu(lowered: Lowered, platform: str = "host") -> Path:
     One compilation serves FMI 2.0 and FMI 3.0: the shells' objects are the compiler's to keep.
     """
     shells = [runtime() / f"fmi{fmi}_shell.c" for fmi in (2, 3)]
-    # Without -Bsymbolic an importer that loads with RTLD_GLOBAL would mix up two components.
-    flags = ("-Wl,-Bsymbolic",) if platform_named(platform).suffix == ".so" else ()
+    flags = ["-g0", "-s"]  # no folder of this machine inside
+    if platform_named(platform).suffix == ".so":
+        # Else an importer that loads with RTLD_GLOBAL would mix up two components.
+        flags.append("-Wl,-Bsymbolic")
     return compile_shared(
         [generated_source(lowered), runtime() / "uuv_runtime.c", *shells],
         name=model_identifier(lowered.model.name),
@@ -178,9 +178,9 @@ def _build_description(identifier: str, compiled: Sequence[str]) -> str:
     return xml_text(root)
 
 
-def _results(model: Model) -> dict[str, bytes]:
-    description = describe(model)
-    given, results = reference_result(model)
+def _results(lowered: Lowered) -> dict[str, bytes]:
+    description = describe(lowered.model, lowered.equations)
+    given, results = reference_result(lowered.model, compile_fmu(lowered))
     return {
         "documentation/input.csv": csv_text(description.of("input"), given).encode(),
         "documentation/reference.csv": csv_text(description.of("output"), results).encode(),

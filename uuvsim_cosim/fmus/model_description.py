@@ -117,10 +117,9 @@ def _co_simulation(root: Element, fmi: FmiVersion, identifier: str, sources: Seq
         3: "canGetAndSetFMUState canSerializeFMUState providesDirectionalDerivatives "
         "providesAdjointDerivatives",
     }[fmi].split()
-    attributes = ["canHandleVariableCommunicationStepSize", *capabilities]
-    element = SubElement(
-        root, "CoSimulation", modelIdentifier=identifier, **dict.fromkeys(attributes, "true")
-    )
+    names = ["canHandleVariableCommunicationStepSize", *capabilities]
+    attributes = {"modelIdentifier": identifier, **dict.fromkeys(names, "true")}
+    element = SubElement(root, "CoSimulation", attributes)
     if fmi == 2 and sources:
         files = SubElement(element, "SourceFiles")
         for name in sources:

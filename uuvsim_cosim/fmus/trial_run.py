@@ -193,10 +193,9 @@ def _type(x: Any, v: Variable) -> str:
 
 
 def _table(path: Path) -> dict[str, np.ndarray]:
-    words = {"True": 1.0, "False": 0.0}
     with path.open(newline="") as file:
         names, *rows = list(csv.reader(file))
-    columns = np.array([[words[c] if c in words else float(c) for c in row] for row in rows])
+    columns = np.array([[float(cell) for cell in row] for row in rows])
     return {name: columns[:, i] for i, name in enumerate(names)}
 
 

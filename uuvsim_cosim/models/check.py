@@ -112,7 +112,7 @@ def read_reference(path: Path) -> Reference:
         columns(NU),
         columns(TAU),
         held="zero-order hold" in notes or "zoh" in notes,
-        surface="no surface" not in notes and "no thrusters, surface" not in notes,
+        surface="no surface" not in notes,
     )
 
 

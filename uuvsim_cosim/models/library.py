@@ -14,10 +14,19 @@ from uuvsim_cosim.models.model import Model
 __all__ = ["LIBRARY", "available", "declare"]
 
 LIBRARY: dict[str, str] = {
+    "allocation": "uuvsim_cosim.models.allocation:allocation",
     "battery": "uuvsim_cosim.models.battery:battery",
+    "compass": "uuvsim_cosim.models.compass:compass",
+    "controller": "uuvsim_cosim.models.controller:controller",
     "current_gauss_markov": "uuvsim_cosim.models.current:current_gauss_markov",
+    "dvl": "uuvsim_cosim.models.dvl:dvl",
+    "guidance": "uuvsim_cosim.models.guidance:guidance",
+    "imu": "uuvsim_cosim.models.imu:imu",
+    "navigation": "uuvsim_cosim.models.navigation:navigation",
+    "pressure": "uuvsim_cosim.models.pressure:pressure",
     "thruster": "uuvsim_cosim.models.thruster:thruster",
     "thruster_t200": "uuvsim_cosim.models.thruster:thruster_t200",
+    "usbl": "uuvsim_cosim.models.usbl:usbl",
     "vehicle": "uuvsim_cosim.models.vehicle:vehicle",
     "wrench": "uuvsim_cosim.models.wrench:wrench",
 }

@@ -28,13 +28,10 @@ def M_RB(m: Any, I_b: Any, r_g: Any) -> Any:
 
 def C_RB(m: Any, I_b: Any, r_g: Any, omega: Any) -> Any:
     """Give the 6x6 C_RB of omega = (p, q, r) alone, so that C_RB nu_r serves in a current too."""
-    mS = m * S(omega)
-    return ca.blockcat(
-        [
-            [mS, -ca.mtimes(mS, S(r_g))],
-            [ca.mtimes(S(r_g), mS), -S(ca.mtimes(I_b, omega))],
-        ]
-    )
+    Sr, mS = S(r_g), m * S(omega)
+    I_g = I_b + m * ca.mtimes(Sr, Sr)
+    rotation = -ca.mtimes(ca.mtimes(Sr, mS), Sr) - S(ca.mtimes(I_g, omega))
+    return ca.blockcat([[mS, -ca.mtimes(mS, Sr)], [ca.mtimes(Sr, mS), rotation]])
 
 
 def m2c(M: Any, nu: Any) -> Any:

@@ -16,10 +16,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uuvsim_cosim.errors import ComponentFailed, ParameterInvalid
+from uuvsim_cosim.models.draws import normals
 from uuvsim_cosim.models.evaluation import Evaluation
 from uuvsim_cosim.models.model import Kind, Model
 
-__all__ = ["Draws", "Trajectory", "philox_draws", "simulate"]
+__all__ = ["Draws", "Trajectory", "simulate"]
 
 Array = NDArray[np.float64]
 Input = ArrayLike | Callable[[float], ArrayLike]
@@ -38,13 +39,6 @@ class Trajectory:
         return self.values[name]
 
 
-def philox_draws(seed: Array, clock: int, sample: int, size: int) -> Array:
-    """Give standard normals of (seed, clock, sample) alone; other bits than the C runtime's."""
-    key = np.array([int(s) & 0xFFFFFFFF for s in seed], dtype=np.uint64)
-    counter = np.array([0, sample, clock, 0], dtype=np.uint64)
-    return np.random.Generator(np.random.Philox(key=key, counter=counter)).standard_normal(size)
-
-
 def simulate(
     model: Model,
     *,
@@ -54,7 +48,7 @@ def simulate(
     tau: Input | None = None,
     inputs: Mapping[str, Input] | None = None,
     parameters: Mapping[str, ArrayLike] | None = None,
-    draws: Draws = philox_draws,
+    draws: Draws = normals,
 ) -> Trajectory:
     """Integrate by RK4 in steps of at most h, from 0 to `until`, or through the times `at`.
 

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
-
 from uuvsim_cosim.errors import FmuError
 from uuvsim_cosim.fmus.component import Binding, BindingKind, Component
 from uuvsim_cosim.fmus.description import Variable
@@ -131,9 +130,7 @@ def _place(wanted: _Wanted, first: int) -> dict[tuple[int, str], Placed]:
     return placed
 
 
-def _accesses(
-    b: Binding, action: Action, placed: Sequence[Placed], path: str
-) -> Iterator[Access]:
+def _accesses(b: Binding, action: Action, placed: Sequence[Placed], path: str) -> Iterator[Access]:
     for type_, same in groupby(placed, lambda p: Type.of(p.variable)):
         run = list(same)
         count = sum(p.variable.size for p in run)
@@ -187,5 +184,3 @@ def _add_transfers(plan: Plan, tables: Tables) -> None:
 def _recorded_slots(tables: Tables, i: int, v: Variable) -> range:
     placed = tables.outputs.get((i, v.name)) or tables.inputs[i, v.name]
     return placed.slots
-
-

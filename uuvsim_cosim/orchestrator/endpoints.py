@@ -26,7 +26,7 @@ _INDEXED = re.compile(r"(?P<name>.*?)\[(?P<index>[^\[\]]*)\]$", re.DOTALL)
 
 @dataclass(frozen=True)
 class Endpoint:
-    """Elements (flat, from 0) of a variable of an element; `whole` if it was named without index."""
+    """Elements (flat, from 0) of an element's variable; `whole` if it was named without index."""
 
     element: str
     variable: Variable

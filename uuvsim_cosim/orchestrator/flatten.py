@@ -11,7 +11,7 @@ from typing import Any
 from uuvsim_cosim.errors import Problem, SystemInvalid
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.elements import step_text
-from uuvsim_cosim.orchestrator.endpoints import Endpoint, resolve_endpoint
+from uuvsim_cosim.orchestrator.endpoints import Endpoint, index_text, resolve_endpoint
 from uuvsim_cosim.orchestrator.initialization import initialization_order
 from uuvsim_cosim.orchestrator.plan import Group, Plan, PlannedComponent, Transfer
 from uuvsim_cosim.orchestrator.seeds import component_seed
@@ -139,12 +139,13 @@ class _Flat:
             description = self.components[component].description
             yield _Leaf(component, description.variables[point.variable.name], element)
             return
+        whole = point.variable.name
+        single = f"{whole}{index_text(point.variable, element)}"
         for item in nested.exposed:
-            if item.name == point.variable.name:
+            if item.name in (whole, single):
                 inner = resolve_endpoint(item.path, nested.checked.descriptions)
-                yield from self._leaves(
-                    nested, f"{prefix}{point.element}.", inner, inner.elements[element]
-                )
+                place = inner.elements[element if item.name == whole else 0]
+                yield from self._leaves(nested, f"{prefix}{point.element}.", inner, place)
 
     def groups(self) -> tuple[Group, ...]:
         """Give the Jacobi group of all that have no group of their own, then the others."""

@@ -14,7 +14,7 @@ __all__ = ["decode", "encode", "read_blob", "write_blob"]
 
 
 def decode(variable: Variable, raw: np.ndarray) -> Any:
-    """Give the value of a variable's slots: a number, Boolean, text, bytes, or array of its shape."""
+    """Give the value in a variable's slots: a number, text, bytes, or array of its shape."""
     type_ = Type.of(variable)
     if type_.is_blob:
         flat: list[Any] = [read_blob(raw, i) for i in range(variable.size)]

@@ -22,6 +22,7 @@ from uuvsim_cosim.orchestrator.ssp_xml import (
     add_annotation,
     add_units,
     document,
+    has_arrays,
     number,
     type_name,
 )
@@ -60,6 +61,9 @@ def format_ssd(system: System, version: SspVersion = "2.0", folder: Path | None 
     return document(root, "ssc", "ssd", "ssv", "uuvsim")
 
 
+End = tuple[Endpoint, int | None, bool]  # connector, element of it, whether arrays are whole
+
+
 class _Writer:
     """Writes elements, and gathers the units that they refer to."""
 
@@ -69,12 +73,12 @@ class _Writer:
         self.unit_names: set[str] = set()
         self.units: dict[str, Unit] = {}
 
-    def system(self, system: System, name: str, description: str | None = None) -> Xml:
+    def system(self, system: System, name: str, description: str = "") -> Xml:
         xml = Xml("ssd:System", name=name)
-        text = system.description if description is None else description
-        if text:
-            xml.set("description", text)
-        self._connectors(xml, system.interface(), [x.name for x in system.exposed])
+        if description or system.description:
+            xml.set("description", description or system.description)
+        interface = system.interface()
+        self._connectors(xml, interface, list(interface.variables))
         if system.elements:
             parent = SubElement(xml, "ssd:Elements")
             for element in system.elements:
@@ -87,15 +91,14 @@ class _Writer:
                 SubElement(item, "uuvsim:Member", name=member)
         if name != system.name:
             note.set("name", system.name)
-        if text != system.description:
+        if description:
             note.set("description", system.description)
         add_annotation(xml, note)
         return xml
 
     def _element(self, system: System, element: Element) -> Xml:
         if not isinstance(element.source, str):
-            text = element.description or element.source.description
-            return self.system(element.source, element.name, text)
+            return self.system(element.source, element.name, element.description)
         source, mime = self._source(element.source, system.base)
         xml = Xml("ssd:Component", name=element.name, source=quote(source, safe="/:?&=@#~+,;"))
         xml.set("type", mime)
@@ -114,7 +117,6 @@ class _Writer:
             binding = SubElement(bindings, "ssd:ParameterBinding", type=MIME["ssv"])
             values = SubElement(binding, "ssd:ParameterValues")
             items = element.start.items()
-            # Files of SSP 2.0 and 1.0 name their sets' versions likewise.
             values.append(parameter_set(items, description, self.version, element.name))
             self._use([description.variables[n] for n in element.start], description)
         if element.rate is not None:
@@ -126,7 +128,9 @@ class _Writer:
         resolved = resolve(source, base)
         suffix = Path(source.partition("#")[0]).suffix.lower().removeprefix(".")
         mime = MIME.get(resolved.kind, MIME.get(suffix, MIME["other"]))
-        file, colon, rest = source.rpartition(":") if resolved.kind == "Python" else (source, "", "")
+        file, colon, rest = (
+            source.rpartition(":") if resolved.kind == "Python" else (source, "", "")
+        )
         is_file = resolved.kind in ("FMU", "system") or file.endswith(".py")
         if not is_file or Path(file).is_absolute():
             return source, mime
@@ -144,7 +148,7 @@ class _Writer:
         section = SubElement(parent, "ssd:Connectors")
         self._use(found, description)
         for variable in found:
-            if self.version == "2.0":
+            if has_arrays(description, self.version):
                 self._connector(section, variable, variable.name, variable.shape)
                 continue
             for i in range(variable.size):
@@ -163,35 +167,31 @@ class _Writer:
     def _connections(self, parent: Xml, system: System) -> None:
         section = Xml("ssd:Connections")
         for wire in system.checked.wires:
-            self._wire(section, wire)
+            self._wire(section, wire, system)
+        outside = self.version == "2.0"
+        interface = system.interface()
         for item in system.exposed:
             owner, _, rest = item.path.partition(".")
-            variable, elements, whole = find_variable(rest, system.checked.descriptions[owner])
-            inner = Endpoint(owner, variable, elements, whole)
-            outer = Endpoint("", variable, elements, whole)
-            if self.version == "2.0" or not whole:
-                pairs = [(None, None if whole else elements[0])]
-            else:
-                pairs = [(i, i) for i in elements]
+            inner = Endpoint(owner, *find_variable(rest, system.checked.descriptions[owner]))
+            outer = Endpoint("", *find_variable(item.name, interface))
+            inside = has_arrays(system.checked.descriptions[owner], self.version)
+            pairs = self._pairs(outer, inner, inside and outside)
             for a, b in pairs:
-                ends = [(outer, item.name, a), (inner, variable.name, b)]
-                if variable.causality == "output":
+                ends = [(outer, a, outside), (inner, b, inside)]
+                if inner.variable.causality == "output":
                     ends.reverse()
                 self._connection(section, ends)
         if len(section):
             parent.append(section)
 
-    def _wire(self, section: Xml, wire: Wire) -> None:
+    def _wire(self, section: Xml, wire: Wire, system: System) -> None:
         source, target = wire.source, wire.target
-        whole = source.whole and target.whole
-        if whole and self.version == "2.0":
-            pairs: list[tuple[int | None, int | None]] = [(None, None)]
-        else:
-            pairs = list(zip(source.elements, target.elements, strict=True))
+        described = system.checked.descriptions
+        a = has_arrays(described[source.element], self.version)
+        b = has_arrays(described[target.element], self.version)
         c = wire.connection
-        for i, j in pairs:
-            ends = [(source, source.variable.name, i), (target, target.variable.name, j)]
-            xml = self._connection(section, ends)
+        for i, j in self._pairs(source, target, a and b):
+            xml = self._connection(section, [(source, i, a), (target, j, b)])
             if not c.convert:
                 xml.set("suppressUnitConversion", "true")
             if (c.factor, c.offset) != (1.0, 0.0):
@@ -202,13 +202,19 @@ class _Writer:
                     offset=number(c.offset),
                 )
 
-    def _connection(self, section: Xml, ends: list[tuple[Endpoint, str, int | None]]) -> Xml:
+    def _pairs(self, a: Endpoint, b: Endpoint, arrays: bool) -> list[tuple[int | None, int | None]]:
+        if a.whole and b.whole and arrays:
+            return [(None, None)]
+        return list(zip(a.elements, b.elements, strict=True))
+
+    def _connection(self, section: Xml, ends: list[End]) -> Xml:
         xml = SubElement(section, "ssd:Connection")
-        for side, (point, name, i) in zip(("start", "end"), ends, strict=True):
+        for side, (point, i, arrays) in zip(("start", "end"), ends, strict=True):
             if point.element:
                 xml.set(f"{side}Element", point.element)
+            name = point.variable.name
             index = "" if i is None else index_text(point.variable, i)
-            if self.version == "2.0":
+            if arrays:
                 xml.set(f"{side}Connector", name)
                 if index:
                     xml.set(f"{side}Indices", index[1:-1].replace(",", " "))

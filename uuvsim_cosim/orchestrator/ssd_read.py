@@ -1,4 +1,4 @@
-"""System structure descriptions (.ssd): a system is read, with every problem of the file at once."""
+"""System structure descriptions (.ssd): a system is read, with all problems of the file at once."""
 
 from __future__ import annotations
 
@@ -80,11 +80,12 @@ class _Reader:
         connections, exposed = _connections(xml, kinds)
         groups = tuple(
             StepGroup(
-                tuple(m.get("name", "") for m in g), g.get("algorithm", "")  # type: ignore[arg-type]
+                tuple(m.get("name", "") for m in g),
+                g.get("algorithm", ""),  # type: ignore[arg-type]
             )
             for g in (note if note is not None else ())
         )
-        own = (note.attrib if note is not None else {})
+        own = note.attrib if note is not None else {}
         try:
             return System(
                 own.get("name", xml.get("name", "")),
@@ -114,7 +115,11 @@ class _Reader:
                 nested = self.system(child, f"{place}.")
                 if nested is None:
                     broken.add(name)
-                found.append(self._units(Element(name, nested or _BROKEN), child))
+                note = find_annotation(child)
+                text = child.get("description", "")
+                own = text if note is not None and "description" in note.attrib else ""
+                element = Element(name, nested or _BROKEN, description=own)
+                found.append(self._units(element, child))
             elif child.tag == q("ssd:Component"):
                 found.append(self._component(child, place))
             else:
@@ -273,7 +278,9 @@ def _connector_kinds(xml: Xml) -> dict[tuple[str, str], str]:
     """Give the kind of each connector, by element ("" for the system itself) and name."""
     kinds: dict[tuple[str, str], str] = {}
     section = xml.find(q("ssd:Elements"))
-    owners = [("", xml)] + [(e.get("name", ""), e) for e in (section if section is not None else ())]
+    owners = [("", xml)] + [
+        (e.get("name", ""), e) for e in (section if section is not None else ())
+    ]
     for name, owner in owners:
         for c in owner.iterfind(f"{q('ssd:Connectors')}/{q('ssd:Connector')}"):
             kinds[name, c.get("name", "")] = c.get("kind", "")
@@ -310,5 +317,3 @@ def _end(item: Xml, side: str) -> str:
     indices = item.get(f"{side}Indices")
     index = f"[{','.join(indices.split())}]" if indices else ""
     return f"{element}.{connector}{index}" if element else f"{connector}{index}"
-
-

@@ -15,12 +15,27 @@ from collections.abc import Iterable, Mapping
 from typing import Any, Literal
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from uuvsim_cosim.fmus.description import VariableType
+from uuvsim_cosim.fmus.description import Description, VariableType
 from uuvsim_cosim.models.units import BASE, Unit
 from uuvsim_cosim.orchestrator.values import unit_named
 
-__all__ = ["ANNOTATION", "MIME", "NAMESPACES", "SspVersion", "add_annotation", "add_units",
-           "boolean", "document", "find_annotation", "number", "q", "read_units", "text_of", "type_name"]  # fmt: skip
+__all__ = [
+    "ANNOTATION",
+    "MIME",
+    "NAMESPACES",
+    "SspVersion",
+    "add_annotation",
+    "add_units",
+    "boolean",
+    "document",
+    "find_annotation",
+    "has_arrays",
+    "number",
+    "q",
+    "read_units",
+    "text_of",
+    "type_name",
+]
 
 SspVersion = Literal["1.0", "2.0"]
 ANNOTATION = "org.uuvsim.cosim"
@@ -70,6 +85,11 @@ def type_name(kind: VariableType, version: SspVersion) -> str:
         # An enumeration must name its definition, which a description does not keep.
         return "Int64" if kind == "Enumeration" else kind
     return _SCALAR_TYPES.get(kind, "Integer")
+
+
+def has_arrays(description: Description, version: SspVersion) -> bool:
+    """Say whether arrays are written whole: SSP 1.0 has none, nor do the FMUs of FMI 2.0."""
+    return version == "2.0" and description.kind != "FMI 2.0"
 
 
 def add_units(parent: Element, names: Iterable[str], units: Mapping[str, Unit], tag: str) -> None:

@@ -17,6 +17,7 @@ from uuvsim_cosim.orchestrator.ssp_xml import (
     SspVersion,
     add_units,
     document,
+    has_arrays,
     number,
     q,
     read_units,
@@ -59,11 +60,12 @@ def parameter_set(
     start: Iterable[tuple[str, Any]], description: Description, version: SspVersion, name: str
 ) -> Element:
     """Give the element ``ssv:ParameterSet`` for fitted values, without its units."""
+    arrays = has_arrays(description, version)
     root = Element("ssv:ParameterSet", version=version, name=name)
     parameters = SubElement(root, "ssv:Parameters")
     for key, value in start:
         variable = description.variables[key]
-        if version == "2.0":
+        if arrays:
             _add(parameters, key, variable, flat(value), version, variable.shape)
             continue
         for i, element in enumerate(flat(value)):

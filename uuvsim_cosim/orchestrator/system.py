@@ -20,9 +20,15 @@ from typing import TYPE_CHECKING, Any
 from uuvsim_cosim.errors import Problem, SystemInvalid, UuvsimError
 from uuvsim_cosim.fmus.description import Description, Variable
 from uuvsim_cosim.orchestrator.elements import Connection, Element, Exposed, StepGroup
-from uuvsim_cosim.orchestrator.endpoints import close_names, resolve_endpoint
+from uuvsim_cosim.orchestrator.endpoints import (
+    Endpoint,
+    close_names,
+    find_element,
+    resolve_endpoint,
+)
 from uuvsim_cosim.orchestrator.plan import Algorithm
 from uuvsim_cosim.orchestrator.validation import Checked, as_step, check, problem_of
+from uuvsim_cosim.orchestrator.values import Misfit, flat
 
 if TYPE_CHECKING:
     from uuvsim_cosim.orchestrator.slot import Slot
@@ -129,7 +135,7 @@ class System:
             name, rest = inner
             nested = self.nested(name)
             for item in nested.exposed:
-                if item.name == rest.partition("[")[0]:
+                if item.name in (rest, rest.partition("[")[0]):
                     rest = item.path + rest.removeprefix(item.name)
             return self._edited(name, nested.set(rest, value))
         if "." not in path:
@@ -240,35 +246,30 @@ class System:
             point = self._endpoint(item.path)
             shape = point.variable.shape if point.whole else ()
             start = self.components[point.element].start.get(point.variable.name)
+            start = point.variable.start if start is None else start
             variables.setdefault(
                 item.name,
                 replace(
                     point.variable,
                     name=item.name,
                     shape=shape,
-                    start=point.variable.start if start is None else start,
+                    start=start if point.whole or start is None else flat(start)[point.elements[0]],
                     dependencies=None,
                 ),
             )
         units = {n: u for d in self.checked.descriptions.values() for n, u in d.units.items()}
-        return Description(
-            self.name, "native", variables, description=self.description, units=units
-        )
+        folded = _folded(variables)
+        return Description(self.name, "native", folded, description=self.description, units=units)
 
     # ---- inside ---------------------------------------------------------------------------
 
-    def _endpoint(self, text: str) -> Any:
-        from uuvsim_cosim.orchestrator.values import Misfit
-
+    def _endpoint(self, text: str) -> Endpoint:
         try:
             return resolve_endpoint(text, self.checked.descriptions)
         except Misfit as misfit:
             raise SystemInvalid([misfit.at(text)]) from None
 
     def _split(self, path: str) -> tuple[str, str]:
-        from uuvsim_cosim.orchestrator.endpoints import find_element
-        from uuvsim_cosim.orchestrator.values import Misfit
-
         try:
             return find_element(path, self.components)
         except Misfit as misfit:
@@ -329,3 +330,23 @@ def _all_set(system: System, start: Mapping[str, Any]) -> System:
     for path, value in start.items():
         system = system.set(path, value)
     return system
+
+
+def _folded(variables: dict[str, Variable]) -> dict[str, Variable]:
+    """Give scalars ``x[1] … x[n]`` as one variable ``x`` of shape (n,)."""
+    groups: dict[str, list[Variable]] = {}
+    for v in variables.values():
+        stem, bracket, index = v.name.rpartition("[")
+        if bracket and v.shape == () and index == f"{len(groups.get(stem, [])) + 1}]":
+            groups.setdefault(stem, []).append(v)
+    result: dict[str, Variable] = {}
+    for v in variables.values():
+        stem = v.name.rpartition("[")[0]
+        parts = groups.get(stem, [])
+        if v not in parts or stem in variables:
+            result[v.name] = v
+            continue
+        starts = tuple(p.start for p in parts)
+        start = None if None in starts else starts
+        result[stem] = replace(parts[0], name=stem, shape=(len(parts),), start=start)
+    return result

@@ -1,0 +1,124 @@
+"""FMUs that nobody of this project's code made: built by other tools, or by hand in C."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import pytest
+
+from uuvsim_cosim.cache import cache_dir, content_hash
+from uuvsim_cosim.fmus.toolchain import compile_shared, host
+
+FOREIGN = Path(__file__).parent / "fmus" / "foreign"
+FIRST_ORDER = {v: FOREIGN / f"first_order_fmi{v}.xml" for v in (2, 3)}
+CFmu = Callable[..., Path]
+
+
+def write_archive(path: Path, members: dict[str, bytes]) -> Path:
+    """Write a zip whose bytes depend on the members alone."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in members.items():
+            archive.writestr(zipfile.ZipInfo(name), data)
+    return path
+
+
+def forget(path: Path) -> None:
+    """Take an archive's folder out of the user's cache."""
+    if path.is_file():
+        shutil.rmtree(cache_dir("archives") / content_hash([path.read_bytes()]), True)
+
+
+@pytest.fixture(scope="session")
+def c_fmu(tmp_path_factory: pytest.TempPathFactory) -> Iterator[CFmu]:
+    """Build the hand-written first-order FMU: ``c_fmu(2)``, with edits of its description."""
+    import fmpy
+
+    headers = Path(fmpy.__file__).parent / "c-code"
+    folder = tmp_path_factory.mktemp("c_fmus")
+    made: list[Path] = []
+
+    def build(
+        version: int, *, edits: Sequence[tuple[str, str]] = (), flags: Sequence[str] = ()
+    ) -> Path:
+        library = compile_shared(
+            [FOREIGN / f"first_order_fmi{version}.c"],
+            name=f"first_order_fmi{version}",
+            include=[headers],
+            flags=flags,
+        )
+        description = FIRST_ORDER[version].read_text()
+        for old, new in edits:
+            assert old in description
+            description = description.replace(old, new)
+        platform = host().fmi2 if version == 2 else host().fmi3
+        members = {
+            "modelDescription.xml": description.encode(),
+            f"binaries/{platform}/first_order{host().suffix}": library.read_bytes(),
+        }
+        key = content_hash([str(version), description, *flags])[:8]
+        path = folder / f"first_order_fmi{version}_{key}.fmu"
+        if path not in made:
+            made.append(write_archive(path, members))
+        return path
+
+    yield build
+    for path in made:
+        forget(path)
+
+
+@pytest.fixture(scope="session")
+def first_order_fmi2(c_fmu: CFmu) -> Path:
+    """dy/dt = (k u - y) / T in C, FMI 2.0: all types, arrays v[3], w[3] = 2 v, m[2,2], faults."""
+    return c_fmu(2)
+
+
+@pytest.fixture(scope="session")
+def first_order_fmi3(c_fmu: CFmu) -> Path:
+    """dy/dt = (k u - y) / T in C, FMI 3.0: an echo of each type, arrays, faults."""
+    return c_fmu(3)
+
+
+def _built_by(tool: str, script: str, folder: Path) -> Path:
+    """Build as a user does, on the command line of the tool."""
+    arguments = ["build", "-f", str(FOREIGN / f"{script}.py"), "-d", str(folder)]
+    done = subprocess.run(
+        [sys.executable, "-m", tool, *arguments], capture_output=True, text=True, check=False
+    )
+    built = list(folder.glob("*.fmu"))
+    assert built, done.stdout + done.stderr
+    return built[0]
+
+
+def _python_fmu(tool: str, script: str, factory: pytest.TempPathFactory) -> Iterator[Path]:
+    path = _built_by(tool, script, factory.mktemp(tool))
+    yield path
+    forget(path)
+
+
+@pytest.fixture(scope="session")
+def pythonfmu2_controller(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A PID by pythonfmu: eta_d, nu_d, eta, nu -> tau_d as x[1] … x[6]; Kp, Ki, Kd; no units."""
+    yield from _python_fmu("pythonfmu", "pid_fmi2", tmp_path_factory)
+
+
+@pytest.fixture(scope="session")
+def pythonfmu3_controller(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A PID by pythonfmu3: eta_d, nu_d, eta, nu -> tau_d of shape (6,); Kp, Ki, Kd; no units."""
+    yield from _python_fmu("pythonfmu3", "pid_fmi3", tmp_path_factory)
+
+
+@pytest.fixture(scope="session")
+def pythonfmu2_lag(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A first-order lag by pythonfmu: u -> y, parameters T and limit; logs each step."""
+    yield from _python_fmu("pythonfmu", "lag_fmi2", tmp_path_factory)
+
+
+@pytest.fixture(scope="session")
+def pythonfmu3_lag(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A first-order lag by pythonfmu3: u -> y, parameter T; logs each step."""
+    yield from _python_fmu("pythonfmu3", "lag_fmi3", tmp_path_factory)

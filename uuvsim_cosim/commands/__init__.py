@@ -1,0 +1,1 @@
+"""The commands of `uuvsim`, one file each; heavy imports stand inside the functions."""

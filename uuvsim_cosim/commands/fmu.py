@@ -1,0 +1,108 @@
+"""`uuvsim fmu`: build FMUs from declarations, look into any, check any."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from uuvsim_cosim.commands.terminal import console, line, size_of, table, tilde
+from uuvsim_cosim.errors import InputInvalid
+
+__all__ = ["app", "fmi_version"]
+
+app = typer.Typer(help="Build, inspect and check FMUs.", no_args_is_help=True)
+
+
+def fmi_version(number: int) -> Any:
+    """Give 2 or 3; raises InputInvalid for another number."""
+    if number not in (2, 3):
+        raise InputInvalid(f"--fmi: {number} was read; expected 2 or 3")
+    return number
+
+
+@app.command("build")
+def build(
+    names: Annotated[list[str], typer.Argument(help="Names as `uuvsim models` lists them.")],
+    fmi: Annotated[int, typer.Option(help="FMI version: 2 or 3.")] = 3,
+    platform: Annotated[
+        str, typer.Option(help="Comma-separated: host, linux64, win64, darwin64, …")
+    ] = "host",
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder to write into.")] = Path(
+        "fmus/dist"
+    ),
+) -> None:
+    """Build an FMU of each named model, with a binary for each platform."""
+    version = fmi_version(fmi)
+    platforms = [p.strip() for p in platform.split(",") if p.strip()]
+    from uuvsim_cosim.fmus.export import build_many
+    from uuvsim_cosim.fmus.toolchain import platform_named
+
+    for name in platforms:
+        platform_named(name)  # a wrong name is refused before anything is built
+    with console(stderr=True).status(f"building {', '.join(names)} for {', '.join(platforms)}"):
+        built = build_many(names, fmi=version, platforms=platforms, target_dir=out)
+    for path in built:
+        line(f"{tilde(path)}  {size_of(path)}")
+
+
+@app.command("inspect")
+def inspect(
+    file: Annotated[Path, typer.Argument(help="An .fmu.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Everything, as JSON.")] = False,
+) -> None:
+    """Say what is inside an FMU: variables, units, capabilities, platforms."""
+    from uuvsim_cosim.fmus.inspect_fmu import inspect as look
+
+    found = look(file).as_dict()
+    if as_json:
+        line(json.dumps(found, indent=2, default=str))
+        return
+    able = [name.replace("_", " ") for name, yes in found["capabilities"].items() if yes]
+    rows = [
+        ("file", tilde(file)),
+        ("name", found["name"]),
+        ("FMI", found["fmi"]),
+        ("description", found["description"]),
+        ("written by", found["tool"] or "not said"),
+        ("platforms", ", ".join(found["platforms"]) or "none (sources only)"),
+        ("can", ", ".join(able) or "only step"),
+        ("step size", found["step_size"] if found["step_size"] is not None else "not said"),
+    ]
+    table(("", ""), rows)
+    line()
+    wanted = ("input", "output", "parameter", "structuralParameter")
+    table(
+        ("causality", "variable", "size", "type", "unit", "start", "description"),
+        [
+            (v["causality"], v["name"], " x ".join(map(str, v["shape"])) or "1", v["type"],
+             v["unit"] or "-", _short(v["start"]), v["description"] or "")
+            for v in sorted(
+                (v for v in found["variables"] if v["causality"] in wanted),
+                key=lambda v: wanted.index(v["causality"]),
+            )
+        ],
+    )  # fmt: skip
+
+
+def _short(value: Any) -> str:
+    if value is None:
+        return ""
+    text = f"{value:.6g}" if isinstance(value, float) else str(value)
+    return text if len(text) <= 32 else text[:31] + "…"
+
+
+@app.command("check")
+def check(file: Annotated[Path, typer.Argument(help="An .fmu.")]) -> None:
+    """Check an FMU against FMI's schema and rules, and run it; status 2 if something is wrong."""
+    from uuvsim_cosim.fmus.check_fmu import check as find
+
+    with console(stderr=True).status(f"checking {file.name}"):
+        findings = find(file)
+    for finding in findings:
+        line(str(finding))
+    if findings:
+        raise InputInvalid(f"{file}: {len(findings)} finding(s); expected none")
+    line(f"{tilde(file)}: nothing wrong was found")

@@ -1,0 +1,33 @@
+"""`uuvsim pack`: a system as plain SSP, with its FMUs inside."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from uuvsim_cosim.commands.fmu import fmi_version
+from uuvsim_cosim.commands.terminal import console, line, size_of, tilde
+from uuvsim_cosim.errors import InputInvalid
+
+__all__ = ["pack_command"]
+
+
+def pack_command(
+    system: Annotated[str, typer.Argument(help="Name of a system, or an .ssd or .ssp file.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="The .ssp to write.")],
+    fmi: Annotated[int, typer.Option(help="2: FMI 2 in SSP 1.0; 3: FMI 3 in SSP 2.0.")] = 2,
+    seed: Annotated[int, typer.Option(help="Seed that the packed values come from.")] = 0,
+) -> None:
+    """Write a system as SSP that other tools can simulate: FMUs, values and units inside."""
+    version = fmi_version(fmi)
+    if out.suffix.lower() != ".ssp":
+        raise InputInvalid(f"{out}: ending {out.suffix!r} was read; expected .ssp")
+    from uuvsim_cosim.orchestrator.pack import pack
+    from uuvsim_cosim.orchestrator.systems import load
+
+    found = load(system)
+    with console(stderr=True).status(f"packing {system}"):
+        pack(found, out, fmi=version, seed=seed)
+    line(f"{tilde(out)}  {size_of(out)}")

@@ -1,0 +1,48 @@
+"""The table at the end of a run: figures of merit, what was assumed, what was written where."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from uuvsim_cosim.commands.terminal import line, size_of, table, tilde
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.orchestrator.run import Run
+
+__all__ = ["show_run"]
+
+MOST_NOTES = 12
+
+
+def show_run(run: Run, report: Path | None) -> None:
+    """Print the table of a run."""
+    from uuvsim_cosim.view.metrics import figures
+    from uuvsim_cosim.view.run_report import traces_of
+
+    path = None if run.waypoints is None else np.asarray(run.waypoints)
+    rows = [
+        (f.label, f"{f.value:{f.form}}", f.unit, f.note) for f in figures(traces_of(run.folder), path)
+    ]
+    rows.append(("simulated", f"{run.time:g}", "s", f"{run.steps} steps of {run.tick:g} s"))
+    rows.append(("real-time factor", f"{run.real_time_factor:.1f}", "", f"{run.wall_time:.2f} s"))
+    if run.loop_delay is not None:
+        rows.append(("slowest control loop's delay", f"{1e3 * run.loop_delay:g}", "ms",
+                     run.loop_path))  # fmt: skip
+    line()
+    table(("", "", "", ""), rows, title=f"{run.system}, seed {run.seed}")
+    for title, items in (("assumed", run.notes), ("warning", run.warnings)):
+        for note in items[:MOST_NOTES]:
+            line(f"{title}: {note}")
+        if len(items) > MOST_NOTES:
+            line(f"{title}: and {len(items) - MOST_NOTES} more, in run.json")
+    line()
+    if run.asked is not None:
+        line(f"{tilde(run.asked)} has something in it already, so this run went beside it")
+    files = [run.recording, *([report] if report else []), run.folder / "run.json",
+             run.folder / "system.ssd"]  # fmt: skip
+    table(("written", "", ""), [(tilde(f), size_of(f), "") for f in files if f.is_file()])
+    if run.interrupted:
+        line(run.interrupted)

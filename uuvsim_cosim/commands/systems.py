@@ -1,0 +1,92 @@
+"""`uuvsim systems`: list the systems, show one with its diagram, or one of its slots."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from uuvsim_cosim.commands.terminal import line, size_of, table, tilde
+from uuvsim_cosim.errors import InputInvalid
+
+__all__ = ["app"]
+
+app = typer.Typer(help="List the systems, show one, or what a replacement must have.")
+
+
+@app.callback(invoke_without_command=True)
+def every(context: typer.Context) -> None:
+    """List the systems that `uuvsim run` knows by name."""
+    if context.invoked_subcommand is not None:
+        return
+    from uuvsim_cosim.orchestrator.library import available, load
+
+    rows = []
+    for name in available():
+        system = load(name)
+        rows.append((name, len(system.components), " ".join(system.description.split())))
+    table(("system", "components", "what it is"), rows)
+
+
+@app.command("show")
+def show(
+    name: Annotated[str, typer.Argument(help="A name, or a path to .ssd, .ssp or .fmu.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="The diagram: NAME.svg if not given.")
+    ] = None,
+    plan: Annotated[bool, typer.Option("--plan", help="Print the plan instead.")] = False,
+) -> None:
+    """Draw a system's block diagram with rates and units, and list components and loops."""
+    if out is not None and out.suffix.lower() != ".svg":
+        raise InputInvalid(f"{out}: ending {out.suffix!r} was read; expected .svg")
+    from uuvsim_cosim.orchestrator.flatten import flatten
+    from uuvsim_cosim.orchestrator.library import load
+    from uuvsim_cosim.orchestrator.loops import loop_delays
+    from uuvsim_cosim.orchestrator.plan_table import format_plan
+
+    system = load(name)
+    found = flatten(system)
+    if plan:
+        line(format_plan(found))
+        return
+    line(f"{system.name}: {' '.join(system.description.split())}")
+    line()
+    table(
+        ("component", "kind", "step [s]", "inputs", "outputs", "what it is"),
+        [
+            (c.path, _kind(c.source), f"{float(c.step_ticks * found.tick):g}",
+             len(c.description.of("input")), len(c.description.of("output")),
+             c.description.description)
+            for c in found.components
+        ],
+    )  # fmt: skip
+    line()
+    for loop in loop_delays(found)[:12]:
+        line(f"loop {loop}")
+    for note in system.notes:
+        line(f"assumed: {note}")
+    from uuvsim_cosim.view.diagram import write_diagram
+
+    target = out or Path(f"{system.name}.svg")
+    write_diagram(system, target)
+    line(f"{tilde(target)}  {size_of(target)}")
+
+
+def _kind(source: str) -> str:
+    if source.startswith("model:"):
+        return source.removeprefix("model:")
+    return Path(source).name
+
+
+@app.command("slot")
+def slot(
+    name: Annotated[str, typer.Argument(help="A name, or a path to .ssd or .ssp.")],
+    component: Annotated[str, typer.Argument(help="A component of the system.")],
+) -> None:
+    """Print the connectors that a replacement of a component must have."""
+    from uuvsim_cosim.orchestrator.library import load
+    from uuvsim_cosim.orchestrator.slot import format_slot
+
+    found = load(name).slot(component)
+    line(format_slot(found))

@@ -1,0 +1,60 @@
+"""What commands write to the terminal: tables and lines to stdout, progress to stderr."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+__all__ = ["console", "line", "size_of", "table", "tilde"]
+
+
+def console(*, stderr: bool = False) -> Console:
+    """Give a console; wide when its output goes into a file or a pipe, so that nothing wraps."""
+    found = Console(stderr=stderr, highlight=False)
+    return found if found.is_terminal else Console(stderr=stderr, highlight=False, width=160)
+
+
+def line(text: str = "") -> None:
+    """Write one line to stdout, as it is."""
+    console().print(escape(text), soft_wrap=True)
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[object]], title: str | None = None) -> None:
+    """Write a table to stdout; columns of numbers line up on the right."""
+    shown = [[str(cell) for cell in row] for row in rows]
+    grid = Table(title=title, title_justify="left", title_style="bold", box=None,
+                 show_header=any(head), header_style="dim", padding=(0, 2, 0, 0))  # fmt: skip
+    for number, name in enumerate(head):
+        numeric = bool(shown) and all(_numeric(row[number]) for row in shown)
+        grid.add_column(name, justify="right" if numeric else "left", overflow="fold")
+    for row in shown:
+        grid.add_row(*(escape(cell) for cell in row))
+    console().print(grid)
+
+
+def _numeric(text: str) -> bool:
+    return text[:1].isdigit() or text[:1] in "-+." or not text
+
+
+def tilde(path: str | Path) -> str:
+    """Give a path as a person would write it: from here if below, else with ~ for home."""
+    path = Path(path).absolute()
+    for base, prefix in ((Path.cwd(), ""), (Path.home(), "~/")):
+        if path.is_relative_to(base) and base != Path("/"):
+            return prefix + str(path.relative_to(base))
+    return str(path)
+
+
+def size_of(path: Path) -> str:
+    """Give a file's or folder's size in words."""
+    files = [path] if path.is_file() else [p for p in path.rglob("*") if p.is_file()]
+    size = float(sum(p.stat().st_size for p in files))
+    for unit in ("B", "kB", "MB"):
+        if size < 1000:
+            return f"{size:.3g} {unit}"
+        size /= 1000
+    return f"{size:.3g} GB"

@@ -1,0 +1,135 @@
+"""Doppler velocity log: four Janus beams over a flat bottom, and their least-squares velocity.
+
+Beam i points along d_i = (sin t cos a_i, sin t sin a_i, cos t) in sensor axes, z down. It
+measures the velocity of the sensor along itself, positive towards the bottom,
+
+    v_i = d_i · R_bs^T (v + omega x r) + noise,   range_i = height / (R R_bs d_i)_z,
+
+and is lost beyond its range, at flat incidence, or by chance. Velocity solves
+min sum_i valid_i (d_i · v - v_i)², given three beams or more.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+
+from uuvsim_cosim.models.kinematics import R
+from uuvsim_cosim.models.model import Clock, Model
+from uuvsim_cosim.models.mounting import Pose, mounting
+from uuvsim_cosim.models.preset import Preset, preset
+from uuvsim_cosim.models.rigid_body import inverse
+from uuvsim_cosim.models.safe_math import abs_
+from uuvsim_cosim.models.sampled import held_output, sample_time
+from uuvsim_cosim.models.sensor_error import uniform
+
+__all__ = ["beam_directions", "dvl"]
+
+
+def beam_directions(tilt: Any, azimuth: Any) -> Any:
+    """Give D (3, n): unit vectors of the beams in sensor axes; angles in rad."""
+    return ca.horzcat(
+        *(
+            ca.vertcat(
+                ca.sin(tilt) * ca.cos(azimuth[i]), ca.sin(tilt) * ca.sin(azimuth[i]), ca.cos(tilt)
+            )
+            for i in range(4)
+        )
+    )
+
+
+def dvl(id: str = "a50_class", period: str = "0.2") -> Model:
+    """Declare the DVL of a preset, which pings every `period` seconds."""
+    p = preset("sensors", id, "dvl")
+    m = Model("dvl", "Doppler velocity log: four beams, bottom track over a flat bottom")
+    eta = m.input("eta", 6, unit="1", description="of the hull: N E D [m], phi theta psi [rad]")
+    q = m.input("q", 4, unit="1", start=(1, 0, 0, 0), description="attitude of the hull")
+    nu = m.input("nu", 6, unit="1", description="of CO in b [m/s, rad/s]")
+    bottom = m.parameter("bottom_depth", 25.0, unit="m", description="depth of the flat bottom")
+    tilt = m.parameter("tilt", p.number("tilt", "rad"), unit="rad", description="beam from axis")
+    azimuth = m.parameter(
+        "azimuth", p.vector("azimuth", "rad", 4), unit="rad", description="of each beam"
+    )
+    r, R_bs = mounting(m, Pose(p.vector("r_s", "m", 3), p.vector("Theta_s", "rad", 3)))
+    D = m.derived("D", beam_directions(tilt, azimuth))
+
+    ping = m.clock("ping", period)
+    v_s = ca.mtimes(R_bs.T, nu[:3] + ca.cross(nu[3:], r))
+    Rnb = R(q)
+    down = ca.mtimes(D.T, ca.mtimes(R_bs.T, Rnb[2, :].T))  # (R R_bs d_i)_z
+    height = bottom - eta[2] - ca.dot(Rnb[2, :].T, r)
+    velocity, distance, ok = _beams(m, ping, p, ca.mtimes(D.T, v_s), down, height)
+
+    beam_velocity = held_output(
+        m, ping, "beam_velocity", velocity, unit="m/s", start=(0,) * 4, description="along beams"
+    )
+    del beam_velocity
+    held_output(m, ping, "range", distance, unit="m", description="along each beam")
+    held_output(m, ping, "beam_valid", ok, unit="1", description="1: a bottom echo; 0: none")
+    enough = ca.sum1(ok) > 2.5
+    v_b = ca.mtimes(R_bs, _least_squares(D, velocity, ok))
+    last = m.discrete("velocity_held", (0, 0, 0), unit="m/s")
+    m.update(ping, last, ca.if_else(enough, v_b, last))
+    m.output(
+        "velocity", last, unit="m/s", description="of the DVL itself, body axes", discrete=True
+    )
+    altitude = m.discrete("altitude_held", unit="m")
+    count = ca.if_else(enough, ca.sum1(ok), 1.0)
+    mean = ca.cos(tilt) * ca.sum1(ok * distance) / count
+    m.update(ping, altitude, ca.if_else(enough, mean, altitude))
+    m.output(
+        "altitude", altitude, unit="m", description="along the DVL's axis, mean of valid beams",
+        discrete=True,
+    )  # fmt: skip
+    held_output(
+        m, ping, "valid", enough, unit="1", type="Boolean", description="three beams or more"
+    )
+    sample_time(m, ping)
+    return m
+
+
+def _beams(
+    m: Model, ping: Clock, p: Preset, v: Any, down: Any, height: Any
+) -> tuple[Any, Any, Any]:
+    """Give each beam's velocity, range, and 1 where it has an echo, all with noise."""
+    sigma_v = m.parameter(
+        "sigma_v", p.number("sigma_v", "m/s"), unit="m/s", min=0, description="noise of a beam"
+    )
+    relative = m.parameter(
+        "sigma_v_relative",
+        p.number("sigma_v_relative", "1"),
+        unit="1",
+        min=0,
+        description="and its part that grows with the beam's velocity",
+    )
+    sigma_r = m.parameter(
+        "sigma_range", p.number("sigma_range", "m"), unit="m", min=0, description="range noise"
+    )
+    low = m.parameter("range_min", p.number("range_min", "m"), unit="m", min=0)
+    high = m.parameter("range_max", p.number("range_max", "m"), unit="m", min=0)
+    incidence = m.parameter(
+        "incidence_max", p.number("incidence_max", "rad"), unit="rad", min=0, max=1.5707
+    )
+    lost = m.parameter(
+        "dropout", p.number("dropout", "1"), unit="1", min=0, max=1, description="by chance"
+    )
+    w = m.normal(ping, 8)
+    steep = down > ca.cos(incidence)
+    distance = ca.if_else(steep, height / ca.if_else(steep, down, 1.0), 0.0)
+    heard = ca.logic_and(distance >= low, distance <= high)
+    ok = ca.logic_and(ca.logic_and(steep, heard), uniform(m, ping, 4) >= lost)
+    velocity = v + ca.sqrt(sigma_v**2 + (relative * v) ** 2 + 1e-30) * w[:4]
+    zero = ca.SX.zeros(4)
+    return (
+        ca.if_else(ok, velocity, zero),
+        ca.if_else(ok, abs_(distance + sigma_r * w[4:]), zero),
+        ca.if_else(ok, zero + 1.0, zero),
+    )
+
+
+def _least_squares(D: Any, v: Any, ok: Any) -> Any:
+    """Solve for the velocity (3) of the valid beams; a ridge of 1e-9 keeps it finite."""
+    weighted = ca.mtimes(D, ca.diag(ok))
+    normal = ca.mtimes(weighted, D.T) + 1e-9 * ca.SX.eye(3)
+    return ca.mtimes(inverse(normal), ca.mtimes(weighted, v))

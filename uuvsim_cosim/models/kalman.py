@@ -1,0 +1,74 @@
+"""A Kalman filter's steps on symbols: symmetric covariance, one scalar measurement at a time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+__all__ = ["Correction", "Measured", "pack", "propagated", "unpack"]
+
+
+def unpack(upper: Any, n: int) -> Any:
+    """Give the symmetric n x n matrix whose upper triangle is stored row by row."""
+    P = ca.SX(n, n)
+    k = 0
+    for i in range(n):
+        for j in range(i, n):
+            P[i, j] = upper[k]
+            P[j, i] = upper[k]
+            k += 1
+    return P
+
+
+def pack(P: Any) -> Any:
+    """Give the upper triangle, row by row."""
+    n = P.size1()
+    return ca.vertcat(*(P[i, j] for i in range(n) for j in range(i, n)))
+
+
+def propagated(P: Any, F: Any, Q: Any) -> Any:
+    """Give F P F' + Q, with zeros of F skipped; symmetric by construction."""
+    return unpack(pack(ca.mtimes(ca.mtimes(F, P), F.T) + Q), P.size1())
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One scalar: z - h(x) before any correction, the row H (sparse), its variance, if it is new."""
+
+    innovation: Any
+    H: Any
+    variance: Any
+    is_new: Any
+
+
+class Correction:
+    """Scalar updates in sequence: P - w p p', dx + w p nu, with p = P H', S = H p + R, w = 1 / S.
+
+    A measurement beyond `gate` deviations is left out, unless `insists` says that too many in
+    a row have been. `dx` is the error to inject afterwards.
+    """
+
+    def __init__(self, P: Any, gate: Any) -> None:
+        self.P = P
+        self.gate = gate
+        self.n = P.size1()
+        self.dx = ca.SX.zeros(self.n)
+
+    def update(self, z: Measured, insists: Any) -> tuple[Any, Any]:
+        """Take one scalar in; gives (1 where it was left out by the gate, its nu²/S)."""
+        P, H = self.P, z.H
+        p = ca.densify(ca.mtimes(P, H.T))
+        S = ca.mtimes(H, p) + z.variance
+        nu = z.innovation - ca.mtimes(H, self.dx)
+        nis = nu * nu / S
+        inside = ca.logic_or(nis < self.gate**2, insists)
+        taken = ca.logic_and(z.is_new, inside)
+        w = ca.if_else(taken, 1.0 / S, 0.0)
+        k = w * p
+        self.dx = self.dx + k * nu
+        upper = [P[i, j] - k[i] * p[j] for i in range(self.n) for j in range(i, self.n)]
+        self.P = unpack(ca.vertcat(*upper), self.n)
+        refused = ca.if_else(ca.logic_and(z.is_new, ca.logic_not(inside)), 1.0, 0.0)
+        return refused, nis

@@ -1,0 +1,98 @@
+"""Why the stepping loop stopped becomes an error that names component, variable and time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from uuvsim_cosim.errors import ComponentFailed, UuvsimError
+from uuvsim_cosim.fmus.component import BindingKind, Component
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.orchestrator.callback import CallbackBinding
+from uuvsim_cosim.orchestrator.core import Action, Failure, Outcome, Type
+from uuvsim_cosim.orchestrator.core_tables import Tables
+
+__all__ = ["error_of", "last_words"]
+
+_STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
+
+
+def error_of(
+    failure: Failure, tables: Tables, components: Sequence[Component], time: float
+) -> BaseException:
+    """Give the error to raise; an exception of a component in Python is given as it was."""
+    binding = tables.bindings[failure.member]
+    component = components[tables.order[failure.member]]
+    if failure.outcome == Outcome.NO_MEMORY:
+        return UuvsimError(f"{component.path}: no memory for a text or binary value")
+    if failure.outcome == Outcome.BAD_STATUS and isinstance(binding, CallbackBinding):
+        error = binding.callbacks.error
+        if isinstance(error, UuvsimError) or not isinstance(error, Exception | None):
+            return error
+        return ComponentFailed(component.path, time, f"{type(error).__name__}: {error}")
+    own = getattr(component, "failure", None)  # an FMU names its status and its messages
+    if failure.outcome == Outcome.BAD_STATUS and own is not None:
+        told: BaseException = own(_function(failure, binding.kind), failure.status, time)
+        return told
+    reason = _reason(failure, tables, component) + last_words(component)
+    return ComponentFailed(component.path, time, reason)
+
+
+def _function(failure: Failure, kind: BindingKind) -> str:
+    return {Action.SET: "Set…", Action.DO_STEP: "DoStep", Action.GET: "Get…"}[
+        Action(failure.action)
+    ]
+
+
+def _reason(failure: Failure, tables: Tables, component: Component) -> str:
+    outcome = Outcome(failure.outcome)
+    if outcome == Outcome.NOT_FINITE:
+        name, value = _slot(failure.slot, tables)
+        return f"output {name} is {value}; expected a finite number"
+    if outcome == Outcome.STATE_NOT_FINITE:
+        name = _at_offset(component, failure.status)
+        return f"{name} is not finite after a step; expected finite numbers"
+    if outcome == Outcome.OUT_OF_RANGE:
+        placed, element = tables.placed_at(failure.slot)
+        name = _element_name(placed.variable, element)
+        return f"the value connected to input {name} does not fit {placed.variable.type}"
+    if outcome == Outcome.ENDED:
+        return "it asks to end the simulation"
+    if outcome == Outcome.EARLY_RETURN:
+        return "it returned from a step before the step's end, which was not allowed"
+    status = failure.status
+    word = _STATUS[status] if 0 <= status < len(_STATUS) else "a status that FMI does not know"
+    return f"{Action(failure.action).name.lower()} returned {word} ({status})"
+
+
+def last_words(component: Component) -> str:
+    """Give the last messages of a component, for the end of an error."""
+    drain = getattr(component, "drain_messages", None)
+    if drain is not None:
+        drain()
+    messages: list[tuple[str, str]] = getattr(component, "messages", [])
+    texts = [text for _, text in messages[-3:]]
+    return f"; its last messages: {' | '.join(texts)}" if texts else ""
+
+
+def _slot(slot: int, tables: Tables) -> tuple[str, Any]:
+    placed, element = tables.placed_at(slot)
+    core = tables.core
+    for values in (core.slots, core.fresh):
+        value = float(values[slot : slot + 1].view("f8")[0])
+        if not math.isfinite(value):
+            return _element_name(placed.variable, element), value
+    return _element_name(placed.variable, element), "not finite"
+
+
+def _element_name(variable: Variable, element: int) -> str:
+    return f"{variable.name}[{element + 1}]" if variable.shape else variable.name
+
+
+def _at_offset(component: Component, offset: int) -> str:
+    for v in component.description.variables.values():
+        first = v.value_references[0] if v.value_references else -1
+        if 0 <= first <= offset < first + v.size and Type.of(v) == Type.Float64:
+            return _element_name(v, offset - first)
+    return "a value"

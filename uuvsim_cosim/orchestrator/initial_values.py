@@ -1,0 +1,63 @@
+"""Values flow through the connections in Initialization Mode, in the plan's order."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from uuvsim_cosim.fmus.component import Component
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.orchestrator.algebraic_loop import solve_loop
+from uuvsim_cosim.orchestrator.plan import Plan, Transfer
+
+__all__ = ["converted", "propagate", "set_inputs"]
+
+
+def propagate(plan: Plan, components: Sequence[Component], time: float) -> None:
+    """Set every connected input from its source; solves loops on the way.
+
+    Raises LoopNotConverged. An entry of the order that names one component twice is a loop
+    through that component alone.
+    """
+    for entry in plan.initialization:
+        members = set(entry)
+        set_inputs(components, [t for t in plan.transfers if t.target in members])
+        if len(entry) > 1:
+            inner = [t for t in plan.transfers if t.target in members and t.source in members]
+            solve_loop(inner, components, time)
+    set_inputs(components, plan.transfers)
+
+
+def set_inputs(components: Sequence[Component], transfers: Iterable[Transfer]) -> None:
+    """Set the targets of transfers from the present values of their sources."""
+    read: dict[tuple[int, str], np.ndarray] = {}
+    pending: dict[tuple[int, str], tuple[Variable, np.ndarray]] = {}
+    for t in transfers:
+        source, target = (t.source, t.source_variable.name), (t.target, t.target_variable.name)
+        if source not in read:
+            read[source] = _flat(components[t.source], source[1])
+        if target not in pending:
+            variable = components[t.target].description.variables[target[1]]
+            pending[target] = (variable, _flat(components[t.target], target[1]))
+        values = converted(t, read[source][list(t.source_elements)])
+        pending[target][1][list(t.target_elements)] = values
+    for (i, _), (variable, flat) in pending.items():
+        components[i].set(variable, flat.reshape(variable.shape) if variable.shape else flat[0])
+
+
+def converted(t: Transfer, values: np.ndarray) -> Any:
+    """Apply a transfer's factor and offset, exactly if they are 1 and 0."""
+    return values if (t.factor, t.offset) == (1.0, 0.0) else t.factor * values + t.offset
+
+
+def _flat(component: Component, name: str) -> np.ndarray:
+    value = component.get(component.description.variables[name])
+    if isinstance(value, bytes):
+        flat = np.empty(1, object)
+        flat[0] = value
+        return flat
+    if isinstance(value, str):
+        return np.array([value], object)
+    return np.array(value).ravel()

@@ -1,0 +1,77 @@
+"""The runnable systems: those that ship, by name, and those in files of the user."""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+from pathlib import Path
+
+from uuvsim_cosim.content import content
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.orchestrator.system import System
+
+__all__ = ["available", "load", "system_file"]
+
+
+def available() -> list[str]:
+    """List the names of the systems that ship."""
+    folder = content("orchestrator", "systems")
+    if not folder.is_dir():
+        return []
+    return sorted(p.name for p in folder.iterdir() if _file_in(p) is not None)
+
+
+def system_file(name: str) -> Path:
+    """Give the .ssd of a system that ships."""
+    folder = content("orchestrator", "systems")
+    found = _file_in(folder / name) if name.isprintable() and "/" not in name else None
+    if found is None:
+        names = available()
+        close = get_close_matches(name, names, n=1, cutoff=0.5)
+        hint = f" (did you mean {close[0]!r}?)" if close else ""
+        raise InputInvalid(
+            f"there is no system {name!r}{hint}; expected one of {', '.join(names) or 'none'}, "
+            "or a path to an .ssd, .ssp or .fmu"
+        )
+    return found
+
+
+def load(name_or_path: str | Path, tick: str | None = None) -> System:
+    """Load a system: a name, or a path to .ssd, .ssp (``x.ssp#VariantB.ssd``) or .fmu.
+
+    `tick` is the base step in s for files that give none.
+    """
+    text = str(name_or_path)
+    file, _, variant = text.partition("#")
+    path = Path(file).expanduser()
+    suffix = path.suffix.lower()
+    if suffix not in (".ssd", ".ssp", ".fmu"):
+        path, suffix = system_file(text), ".ssd"
+    if not path.is_file():
+        raise InputInvalid(f"{path}: no such file; expected an .ssd, .ssp or .fmu")
+    path = path.absolute()
+    if suffix == ".ssd":
+        from uuvsim_cosim.orchestrator.ssd_read import read_ssd
+
+        return read_ssd(path, tick)
+    if suffix == ".ssp":
+        from uuvsim_cosim.orchestrator.ssp import read_ssp
+
+        return read_ssp(path, variant or "SystemStructure.ssd", tick)
+    return _single(path, tick)
+
+
+def _single(path: Path, tick: str | None) -> System:
+    """Make a system of one FMU, stepped as its default experiment says."""
+    from uuvsim_cosim.orchestrator.sources import FmuSource
+
+    description = FmuSource(path).describe()
+    step = tick or description.default_step_size or "0.01"
+    name = "".join(c if c.isalnum() or c == "_" else "_" for c in path.stem)
+    return System(name, step, description.description, base=path.parent).add(name, path.name)
+
+
+def _file_in(folder: Path) -> Path | None:
+    for name in (f"{folder.name}.ssd", "SystemStructure.ssd"):
+        if (folder / name).is_file():
+            return folder / name
+    return None

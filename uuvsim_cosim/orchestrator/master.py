@@ -1,0 +1,326 @@
+"""The master: runs a plan, communication step by communication step, through the loop in C."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping, Sequence
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self, final
+
+import numpy as np
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.fmus.component import Component
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.orchestrator import snapshot as snapshots
+from uuvsim_cosim.orchestrator.callback import CallbackBinding
+from uuvsim_cosim.orchestrator.core import Failure
+from uuvsim_cosim.orchestrator.core_tables import Placed, Tables, tables_of
+from uuvsim_cosim.orchestrator.failure import error_of
+from uuvsim_cosim.orchestrator.initial_values import propagate
+from uuvsim_cosim.orchestrator.observer import Column, Observer
+from uuvsim_cosim.orchestrator.plan import Plan, PlannedComponent
+from uuvsim_cosim.orchestrator.slots import decode, encode
+from uuvsim_cosim.orchestrator.snapshot import Snapshot
+from uuvsim_cosim.orchestrator.start import enter_initialization, set_start, variable_of
+from uuvsim_cosim.orchestrator.watch import Watch, rows_of
+
+__all__ = ["Master", "Starts"]
+
+Starts = Mapping[str, Mapping[str, Any]]  # component's path -> variable's name -> value
+
+_SECONDS = 0.2  # of wall time in C at a time, so that Ctrl-C is prompt
+log = logging.getLogger("uuvsim_cosim.master")
+
+
+@final
+class Master:
+    """One run of a plan: initialize, then step; frees everything at the end, also after a failure.
+
+    `record` names the variables that observers get, as (path, name); by default all outputs.
+    They see every `record_every`-th communication point.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        instantiate: Callable[[PlannedComponent], Component],
+        *,
+        observers: Sequence[Observer] = (),
+        record: Sequence[tuple[str, str]] | None = None,
+        record_every: int = 1,
+    ) -> None:
+        self.plan = plan
+        self._index = {c.path: i for i, c in enumerate(plan.components)}
+        self._watch = Watch(plan, observers)
+        self._record, self._every = record, record_every
+        self._tables: Tables | None = None
+        self._first: Snapshot | None = None
+        self._start_tick = 0
+        self._times: tuple[float, float | None] = (0.0, None)
+        self._connected: dict[tuple[int, str], set[int]] = {}
+        for t in plan.transfers:
+            elements = self._connected.setdefault((t.target, t.target_variable.name), set())
+            elements.update(t.target_elements)
+        self._hash = snapshots.plan_hash(plan)
+        self.components: list[Component] = []
+        try:
+            for planned in plan.components:
+                self.components.append(instantiate(planned))
+        except BaseException:
+            self.free()
+            raise
+
+    # ---- life -----------------------------------------------------------------------------
+
+    def attach(self, observer: Observer) -> None:
+        """Add an observer; before `initialize`."""
+        if self._tables is not None:
+            raise InputInvalid("attach: the run has begun; expected before initialize()")
+        self._watch.observers.append(observer)
+
+    def initialize(self, start_time: float = 0.0, stop_time: float | None = None) -> None:
+        """Set start values and seeds, solve Initialization Mode, and leave it."""
+        for warning in self.plan.warnings:
+            log.warning("%s", warning)
+        self._start_tick = self._tick_at(start_time, "start_time")
+        self._times = (self._seconds(self._start_tick), stop_time)
+        for planned, component in self._pairs():
+            enter_initialization(planned, component, {}, None, self._times)
+        states = tuple(self._state_or_none(c) for c in self.components)
+        self._first = Snapshot(self._hash, states)
+        self._leave_initialization()
+
+    def reset(self, seed: int | None = None, start: Starts | None = None) -> None:
+        """Go back to Initialization Mode, with another seed or other start values; no reload."""
+        tables, first = self._ready(), self._first
+        assert first is not None
+        for path in start or {}:
+            self._component(path)
+        for (planned, component), state in zip(self._pairs(), first.states, strict=True):
+            values = (start or {}).get(planned.path, {})
+            if state is None:
+                component.reset()
+                enter_initialization(planned, component, values, seed, self._times)
+            else:
+                component.set_fmu_state(state)
+                set_start(planned, component, {**planned.start, **values}, seed)
+        self._forget(tables)
+        self._leave_initialization()
+
+    def terminate(self) -> None:
+        """End the run in good order: components terminate, observers close."""
+        try:
+            for component in self.components:
+                component.terminate()
+        finally:
+            self._watch.end()
+
+    def free(self) -> None:
+        """Free everything; a second call does nothing. Observers keep what they have seen."""
+        try:
+            self._watch.end()
+        finally:
+            tables, self._tables = self._tables, None
+            self._first = None
+            for component in reversed(self.components):
+                component.free()
+            self.components.clear()
+            if tables is not None:
+                tables.core.free()
+
+    def __enter__(self) -> Self:
+        """Give the master."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Terminate if all went well, and free everything."""
+        try:
+            if kind is None and self._tables is not None:
+                self.terminate()
+        finally:
+            self.free()
+
+    # ---- stepping -------------------------------------------------------------------------
+
+    @property
+    def tick(self) -> int:
+        """The communication point that has been reached."""
+        return self._ready().core.tick
+
+    @property
+    def time(self) -> float:
+        """Time at the communication point that has been reached [s]."""
+        return self._seconds(self.tick)
+
+    def step(self, n: int = 1) -> None:
+        """Make n communication steps; raises ComponentFailed."""
+        core = self._ready().core
+        end = core.tick + n
+        while core.tick < end:
+            failure = core.run(end - core.tick, _SECONDS)
+            self._emit()
+            if failure is not None:
+                self._fail(failure)
+
+    def run_until(self, time: float | Fraction | str) -> None:
+        """Step to the first communication point at or after `time` [s]."""
+        ticks = Fraction(str(time)) / self.plan.tick
+        self.step(max(0, -int(-ticks // 1) - self.tick))
+
+    # ---- values ---------------------------------------------------------------------------
+
+    def get(self, path: str, name: str) -> Any:
+        """Read a value: of a connected or recorded output the one that is visible now."""
+        tables = self._ready()
+        i, variable = self._variable(path, name)
+        placed = tables.outputs.get((i, name))
+        if placed is not None:
+            return decode(variable, self._raw(placed))
+        return self.components[i].get(variable)
+
+    def set(self, path: str, name: str, value: Any) -> None:
+        """Set an unconnected input, or a tunable parameter, between steps."""
+        tables = self._ready()
+        i, variable = self._variable(path, name)
+        tunable = variable.causality == "parameter" and variable.variability == "tunable"
+        if variable.causality != "input" and not tunable:
+            raise InputInvalid(
+                f"{path}.{name}: is a {variable.variability} {variable.causality}; expected an "
+                "input or a tunable parameter (others: at initialize() or reset())"
+            )
+        sources = [
+            f"{self.plan.components[t.source].path}.{t.source_variable.name}"
+            for t in self.plan.transfers
+            if (t.target, t.target_variable.name) == (i, name)
+        ]
+        if sources and len(self._connected[i, name]) == variable.size:
+            raise InputInvalid(
+                f"{path}.{name}: is connected to {sources[0]}; expected an unconnected input"
+            )
+        self.components[i].set(variable, value)
+        placed = tables.inputs.get((i, name))
+        if placed is not None:
+            encode(variable, value, self._raw(placed))
+
+    # ---- snapshots ------------------------------------------------------------------------
+
+    def snapshot(self) -> Snapshot:
+        """Copy the whole state at this communication point; raises FmuError if a part cannot."""
+        tables = self._ready()
+        states = tuple(c.get_fmu_state() for c in self.components)
+        return Snapshot(self._hash, states, snapshots.get_slots(tables), tables.core.get_clock())
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go back to a snapshot of this master; what follows is repeated bit for bit."""
+        tables = self._ready()
+        if snapshot.plan != self._hash or snapshot.slots is None or snapshot.clock is None:
+            raise InputInvalid(
+                "restore: the snapshot is of another system; expected one of this master"
+            )
+        for component, state in zip(self.components, snapshot.states, strict=True):
+            component.set_fmu_state(state)
+        snapshots.set_slots(tables, snapshot.slots)
+        tables.core.set_clock(snapshot.clock)
+        self._forget(tables)
+
+    def save_snapshot(self, path: Path) -> None:
+        """Write the state at this communication point to a file."""
+        snapshots.save_snapshot(self.snapshot(), path, self.plan, self.components)
+
+    def load_snapshot(self, path: Path) -> None:
+        """Restore a file written by `save_snapshot`, of an equal plan."""
+        self.restore(snapshots.load_snapshot(path, self.plan, self.components))
+
+    # ---- inside: Initialization Mode ------------------------------------------------------
+
+    def _leave_initialization(self) -> None:
+        propagate(self.plan, self.components, self._times[0])
+        for component in self.components:
+            component.exit_initialization_mode()
+        if self._tables is None:
+            self._build_tables()
+        tables = self._ready()
+        for (i, name), placed in tables.inputs.items():
+            if len(self._connected.get((i, name), ())) < placed.variable.size:
+                value = self.components[i].get(placed.variable)
+                encode(placed.variable, value, self._raw(placed))
+        failure = tables.core.begin(self._start_tick)
+        self._emit()
+        if failure is not None:
+            self._fail(failure)
+
+    def _build_tables(self) -> None:
+        recorded = self._recorded() if self._watch.observers else []
+        columns = [c for i, v in recorded for c in Column.of(self.plan.components[i].path, v)]
+        n_rows = rows_of(len(columns))
+        self._tables = tables_of(self.plan, self.components, recorded, self._every, n_rows)
+        self._watch.begin(columns)
+
+    def _recorded(self) -> list[tuple[int, Variable]]:
+        if self._record is not None:
+            return [self._variable(path, name) for path, name in self._record]
+        outputs = [(i, c.description.of("output")) for i, c in enumerate(self.components)]
+        return [(i, v) for i, vs in outputs for v in vs if v.type not in ("Clock", "Binary")]
+
+    def _state_or_none(self, component: Component) -> Any:
+        return component.get_fmu_state() if component.description.can_get_and_set_state else None
+
+    def _forget(self, tables: Tables) -> None:
+        for binding in tables.bindings:
+            if isinstance(binding, CallbackBinding):
+                binding.callbacks.forget()
+
+    # ---- inside: the rest -----------------------------------------------------------------
+
+    def _emit(self) -> None:
+        for component in self.components:
+            drain = getattr(component, "drain_messages", None)
+            if drain is not None:
+                drain()
+        self._watch.emit(self._ready().core)
+
+    def _fail(self, failure: Failure) -> None:
+        time = self._seconds(failure.tick)
+        raise error_of(failure, self._ready(), self.components, time)
+
+    def _pairs(self) -> list[tuple[PlannedComponent, Component]]:
+        return list(zip(self.plan.components, self.components, strict=True))
+
+    def _ready(self) -> Tables:
+        if self._tables is None:
+            raise InputInvalid("the master has not been initialized, or is freed")
+        return self._tables
+
+    def _component(self, path: str) -> int:
+        if path not in self._index:
+            raise InputInvalid(
+                f"no component {path!r}; expected one of {', '.join(sorted(self._index))}"
+            )
+        return self._index[path]
+
+    def _variable(self, path: str, name: str) -> tuple[int, Variable]:
+        i = self._component(path)
+        return i, variable_of(self.components[i], name)
+
+    def _raw(self, placed: Placed) -> np.ndarray:
+        core = self._ready().core
+        return core.slots[placed.slot : placed.slot + placed.variable.size]
+
+    def _seconds(self, tick: int) -> float:
+        return float(tick * self.plan.tick.numerator) / float(self.plan.tick.denominator)
+
+    def _tick_at(self, time: float, what: str) -> int:
+        ticks = Fraction(str(time)) / self.plan.tick
+        if ticks.denominator != 1 or ticks < 0:
+            raise InputInvalid(
+                f"{what}: {time} s is no multiple of the tick of {self.plan.tick} s; expected one"
+            )
+        return int(ticks)

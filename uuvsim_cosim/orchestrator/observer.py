@@ -1,0 +1,83 @@
+"""Who watches a run: gets its rows, and cannot change anything."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.orchestrator.core import Type
+from uuvsim_cosim.orchestrator.plan import Plan
+
+__all__ = ["Chunk", "Column", "Observer"]
+
+
+@dataclass(frozen=True)
+class Column:
+    """One scalar of the rows; `index` counts from 1, None for a scalar variable."""
+
+    path: str
+    variable: Variable
+    index: int | None
+
+    @property
+    def name(self) -> str:
+        """Give ``path.variable`` or ``path.variable[i]``."""
+        name = f"{self.path}.{self.variable.name}"
+        return name if self.index is None else f"{name}[{self.index}]"
+
+    @property
+    def type(self) -> Type:
+        """Give the type of its values."""
+        return Type.of(self.variable)
+
+    @staticmethod
+    def of(path: str, variable: Variable) -> list[Column]:
+        """List the columns of a variable."""
+        if not variable.shape:
+            return [Column(path, variable, None)]
+        return [Column(path, variable, i + 1) for i in range(variable.size)]
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Rows at consecutive communication points; valid only while `observe` runs.
+
+    `time` (n,) [s]; `ticks` (n,); `rows` (n, columns) holds slots of 8 bytes, which `values`
+    reads; a text is an index into `texts`.
+    """
+
+    columns: Sequence[Column]
+    time: np.ndarray
+    ticks: np.ndarray
+    rows: np.ndarray
+    texts: Sequence[bytes]
+
+    def values(self, i: int) -> np.ndarray:
+        """Give column i: float64, int64, uint64, bool, or objects (str, bytes)."""
+        type_ = self.columns[i].type
+        raw = self.rows[:, i]
+        if type_.is_blob:
+            kept: list[Any] = [self.texts[k] for k in raw]
+            if type_ == Type.String:
+                kept = [data.decode(errors="replace") for data in kept]
+            values = np.empty(len(kept), object)
+            values[:] = kept
+            return values
+        return raw.astype(bool) if type_ == Type.Boolean else raw.view(type_.dtype)
+
+
+class Observer(Protocol):
+    """Watches one master; every call happens between steps, at most about 0.2 s apart."""
+
+    def begin(self, plan: Plan, columns: Sequence[Column]) -> None:
+        """Learn what the rows will hold, before the first."""
+
+    def observe(self, chunk: Chunk) -> None:
+        """See the rows since the last call; copy what is to be kept."""
+
+    def end(self) -> None:
+        """Close; also called after a failure, once."""

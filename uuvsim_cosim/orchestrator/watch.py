@@ -1,0 +1,61 @@
+"""A master's observers: they are told of the columns, then given rows, then closed once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from uuvsim_cosim.errors import UuvsimError
+from uuvsim_cosim.orchestrator.core import Core
+from uuvsim_cosim.orchestrator.observer import Chunk, Column, Observer
+from uuvsim_cosim.orchestrator.plan import Plan
+
+__all__ = ["Watch", "rows_of"]
+
+_ROW_BYTES = 4_000_000
+
+
+def rows_of(columns: int) -> int:
+    """Give the number of rows to make room for."""
+    return max(64, min(65536, _ROW_BYTES // (8 * max(1, columns))))
+
+
+class Watch:
+    """The observers of one run; an observer that has begun is ended, whatever happens."""
+
+    def __init__(self, plan: Plan, observers: Sequence[Observer]) -> None:
+        self._plan = plan
+        self.observers = list(observers)
+        self._columns: Sequence[Column] = ()
+        self._open: list[Observer] = []
+
+    def begin(self, columns: Sequence[Column]) -> None:
+        """Tell all of the columns."""
+        self._columns = columns
+        for observer in self.observers:
+            self._open.append(observer)
+            observer.begin(self._plan, columns)
+
+    def emit(self, core: Core) -> None:
+        """Give all the rows that the core has written, and make room for the next."""
+        if not self._columns:
+            return
+        ticks, rows, texts = core.rows()
+        if len(ticks):
+            tick = self._plan.tick
+            time = (ticks * tick.numerator).astype(float) / float(tick.denominator)
+            chunk = Chunk(self._columns, time, ticks, rows, texts)
+            for observer in self._open:
+                observer.observe(chunk)
+        core.clear_rows()
+
+    def end(self) -> None:
+        """Close all; raises the first error after that."""
+        closing, self._open = self._open, []
+        first: UuvsimError | None = None
+        for observer in closing:
+            try:
+                observer.end()
+            except UuvsimError as error:
+                first = first or error
+        if first is not None:
+            raise first
