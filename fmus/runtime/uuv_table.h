@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Tables: linear between knots in one and two dimensions, held at the ends; and their slopes.
  *
- * Knots increase strictly; there is at least one. Outside of its knots an argument counts as the
+ * Knots increase strictly; there are two or more. Outside of its knots an argument counts as the
  * nearest knot, so the slope is 0 there. At a knot the slope is that to its right. NaN gives NaN.
  */
 #ifndef UUV_TABLE_H
@@ -27,14 +27,14 @@ static inline uuv_interval_ uuv_find_interval_(V x, const uuv_real *knots, int n
     uuv_interval_ r;
     for (int i = 0; i < UUV_W; i++) {
         const uuv_real value = uuv_lane(x, i);
-        int lower = 0; /* the last knot but one at most, and not above x if any knot is not */
+        int lower = 0; /* the last knot not above x, the last but one at most */
         for (int count = n - 1; count > 1;) {
             const int half = count / 2;
             lower += knots[lower + half] <= value ? half : 0;
             count -= half;
         }
         r.lower[i] = lower;
-        r.upper[i] = lower + 1 < n ? lower + 1 : lower;
+        r.upper[i] = lower + 1;
     }
     const V first = uuv_const(knots[0]), last = uuv_const(knots[n - 1]);
     r.inside = uuv_mask_le(first, x) & uuv_mask_lt(x, last);

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import zipfile
 from collections.abc import Callable
@@ -95,6 +96,14 @@ def test_no_path_of_this_machine_is_inside(declared: Declared) -> None:
             data = archive.read(name)
             assert str(Path.home()).encode() + b"/" not in data, name
             assert str(Path(__file__).parents[2]).encode() not in data, name
+
+
+def test_the_linux_binary_asks_for_no_newer_glibc_than_2_17(declared: Declared) -> None:
+    with zipfile.ZipFile(build_fmu(declared["noisy"](), fmi=2, platforms=("linux64",))) as archive:
+        data = archive.read("binaries/linux64/noisy.so")
+    asked = {int(minor) for minor in re.findall(rb"GLIBC_2\.(\d+)", data)}
+    assert asked
+    assert max(asked) <= 17
 
 
 def test_an_unknown_platform_is_refused_with_those_known(declared: Declared) -> None:

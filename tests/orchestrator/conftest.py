@@ -1,7 +1,8 @@
 """Made-up components, so that systems can be tried without FMUs: sources `fake:<name>`."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +10,16 @@ import pytest
 
 from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.description import Description, Variable
+from uuvsim_cosim.fmus.instantiate import instantiate_fmu
+from uuvsim_cosim.fmus.native import Native
+from uuvsim_cosim.models.model import Model
 from uuvsim_cosim.models.units import parse_unit
 from uuvsim_cosim.orchestrator import sources
+from uuvsim_cosim.orchestrator.initialization import initialization_order
+from uuvsim_cosim.orchestrator.observer import Chunk, Column
+from uuvsim_cosim.orchestrator.plan import Group, Plan, PlannedComponent, Transfer
+from uuvsim_cosim.orchestrator.python_component import PythonComponent
+from uuvsim_cosim.orchestrator.seeds import component_seed
 from uuvsim_cosim.orchestrator.system import System
 
 
@@ -162,3 +171,154 @@ def fake_description() -> Callable[..., Description]:
 @pytest.fixture
 def fake_variable() -> Callable[..., Variable]:
     return var
+
+
+# ---- plans by hand, for the master: paths to live components, and "a.y -> b.u[2]" -------------
+
+Make = Callable[[str], Component]
+
+
+@dataclass(frozen=True)
+class Wired:
+    """A plan, and what makes its components; ``Master(*wired)`` runs it."""
+
+    plan: Plan
+    makers: dict[str, Make]
+
+    def instantiate(self, planned: PlannedComponent) -> Component:
+        return self.makers[planned.path](planned.path)
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter((self.plan, self.instantiate))
+
+
+def _end(text: str, variables: dict[str, Any]) -> tuple[str, Variable, tuple[int, ...]]:
+    path, _, name = text.strip().rpartition(".")
+    name, _, index = name.partition("[")
+    variable = variables[path].variables[name]
+    elements = (int(index[:-1]) - 1,) if index else tuple(range(variable.size))
+    return path, variable, elements
+
+
+def wire(
+    makers: dict[str, Make],
+    connections: Sequence[str] = (),
+    *,
+    tick: str = "1/100",
+    groups: Sequence[Group] = (),
+    step_ticks: dict[str, int] | None = None,
+    start: dict[str, dict[str, Any]] | None = None,
+    seed: int = 0,
+    conversions: dict[str, tuple[float, float]] | None = None,
+) -> Wired:
+    paths = list(makers)
+    described = {}
+    for path, make in makers.items():
+        component = make(path)
+        described[path] = component.description
+        component.free()
+    components = tuple(
+        PlannedComponent(
+            path=p,
+            source=p,
+            description=described[p],
+            start=(start or {}).get(p, {}),
+            seed=component_seed(seed, p),
+            step_ticks=(step_ticks or {}).get(p, 1),
+        )
+        for p in paths
+    )
+    transfers = []
+    for connection in connections:
+        a, _, b = connection.partition(" -> ")
+        (source, out, these), (target, into, those) = _end(a, described), _end(b, described)
+        factor, offset = (conversions or {}).get(connection, (1.0, 0.0))
+        transfers.append(
+            Transfer(
+                paths.index(source), out, these, paths.index(target), into, those, factor, offset
+            )
+        )
+    order, warnings = initialization_order(components, transfers)
+    every = (*groups,) or (Group("jacobi", tuple(range(len(paths)))),)
+    return Wired(Plan(Fraction(tick), components, tuple(transfers), every, order, warnings), makers)
+
+
+@pytest.fixture
+def wired() -> Callable[..., Wired]:
+    return wire
+
+
+@pytest.fixture
+def fmi3(first_order_fmi3: Path) -> Make:
+    return lambda path: instantiate_fmu(first_order_fmi3, path)
+
+
+@pytest.fixture
+def fmi2(first_order_fmi2: Path) -> Make:
+    return lambda path: instantiate_fmu(first_order_fmi2, path)
+
+
+def _lag() -> Model:
+    m = Model("lag")
+    u = m.input("u", unit="cm")
+    k, T = m.parameter("k", 1.0, unit="1"), m.parameter("T", 0.5, unit="s")
+    y = m.state("x", unit="cm")
+    m.der(y, (k * u - y) / T)
+    m.output("y", y, unit="cm")
+    return m
+
+
+@pytest.fixture
+def native() -> Make:
+    return lambda path: Native(_lag(), path)
+
+
+class _Lag:
+    """The FMUs' equation in Python: dy/dt = (k u - y) / T by Euler."""
+
+    inputs = {"u": "cm", "v": (3, "1")}  # noqa: RUF012
+    outputs = {"y": "cm", "w": (3, "1")}  # noqa: RUF012
+    parameters = {"k": (1.0, "1"), "T": (0.5, "s")}  # noqa: RUF012
+    k: float
+    T: float
+
+    def __init__(self) -> None:
+        self.y = 0.0
+
+    def step(self, t: float, dt: float, u: dict[str, Any]) -> dict[str, Any]:
+        self.y += dt * (self.k * u["u"] - self.y) / self.T
+        return {"y": self.y, "w": 2 * u["v"]}
+
+
+@pytest.fixture
+def python() -> Make:
+    return lambda path: PythonComponent(_Lag, path)
+
+
+class Watcher:
+    """An observer that keeps all it sees."""
+
+    def __init__(self) -> None:
+        self.names: list[str] = []
+        self.ticks: list[int] = []
+        self.time: list[float] = []
+        self.values: dict[str, list[Any]] = {}
+        self.ended = 0
+
+    def begin(self, plan: Plan, columns: Sequence[Column]) -> None:
+        self.names = [c.name for c in columns]
+        self.values = {n: [] for n in self.names}
+
+    def observe(self, chunk: Chunk) -> None:
+        self.ticks += chunk.ticks.tolist()
+        self.time += chunk.time.tolist()
+        for i, name in enumerate(self.names):
+            self.values[name] += chunk.values(i).tolist()
+
+    def end(self) -> None:
+        self.ended += 1
+
+
+@pytest.fixture
+def watcher() -> Watcher:
+    return Watcher()

@@ -16,7 +16,7 @@ from uuvsim_cosim.fmus.lowering import lower
 from uuvsim_cosim.fmus.model_description import model_description
 from uuvsim_cosim.models.model import Model
 
-__all__ = ["folder_texts", "shipped", "stale", "write_folder"]
+__all__ = ["folder_texts", "shipped", "stale", "write_all", "write_folder"]
 
 TOLERANCE = 1e-9  # of a reference result, relative to the largest value of its column
 
@@ -28,6 +28,13 @@ def write_folder(model: Model, root: Path | None = None) -> Path:
     for name, text in folder_texts(model).items():
         (folder / name).write_text(text)
     return folder
+
+
+def write_all(root: Path | None = None) -> list[Path]:
+    """Write the folders of all components of the library, each with its default parameter set."""
+    from uuvsim_cosim.models.library import available, declare
+
+    return [write_folder(declare(name), root) for name in available() if "@" not in name]
 
 
 def stale(model: Model, folder: Path) -> list[str]:

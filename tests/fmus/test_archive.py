@@ -1,0 +1,155 @@
+from __future__ import annotations
+
+import io
+import stat
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from uuvsim_cosim.errors import FmuError
+from uuvsim_cosim.fmus.archive import unpack
+
+DESCRIPTION = ("modelDescription.xml", b"<fmiModelDescription/>")
+
+
+@pytest.fixture(autouse=True)
+def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("UUVSIM_CACHE", str(tmp_path / "cache"))
+
+
+def write(path: Path, *members: tuple[str | zipfile.ZipInfo, bytes]) -> Path:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in members:
+            archive.writestr(name, data)
+    return path
+
+
+def left_behind(tmp_path: Path) -> list[str]:
+    return [p.name for p in (tmp_path / "cache").glob("archives/*")]
+
+
+def test_members_are_unpacked_with_their_contents(tmp_path: Path) -> None:
+    fmu = write(tmp_path / "x.fmu", DESCRIPTION, ("resources/a/b.txt", b"hello"))
+    assert (unpack(fmu) / "resources" / "a" / "b.txt").read_bytes() == b"hello"
+
+
+def test_equal_content_is_unpacked_once(tmp_path: Path) -> None:
+    first = write(tmp_path / "x.fmu", DESCRIPTION)
+    folder = unpack(first)
+    (folder / "mark").touch()
+    second = tmp_path / "copy.fmu"
+    second.write_bytes(first.read_bytes())
+    assert unpack(second) == folder
+    assert (folder / "mark").exists()
+    assert left_behind(tmp_path) == [folder.name]
+
+
+def test_changed_content_is_unpacked_anew(tmp_path: Path) -> None:
+    fmu = write(tmp_path / "x.fmu", DESCRIPTION, ("a", b"1"))
+    first = unpack(fmu)
+    write(fmu, DESCRIPTION, ("a", b"2"))
+    assert (unpack(fmu) / "a").read_bytes() == b"2"
+    assert (first / "a").read_bytes() == b"1"
+
+
+def test_a_half_deleted_folder_is_unpacked_again(tmp_path: Path) -> None:
+    fmu = write(tmp_path / "x.fmu", DESCRIPTION, ("a", b"1"))
+    (unpack(fmu) / "modelDescription.xml").unlink()
+    assert (unpack(fmu) / "modelDescription.xml").is_file()
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["../evil", "a/../../evil", "/etc/evil", "C:/evil", "c:evil", "a\\..\\evil", "\\\\host\\evil"],
+)
+def test_members_that_would_leave_their_folder_are_refused(tmp_path: Path, name: str) -> None:
+    fmu = write(tmp_path / "x.fmu", DESCRIPTION, (name, b"evil"))
+    with pytest.raises(FmuError, match="would leave its folder; expected a relative name"):
+        unpack(fmu)
+    assert left_behind(tmp_path) == []
+    assert not list(tmp_path.glob("**/evil"))
+
+
+def test_symbolic_links_are_refused(tmp_path: Path) -> None:
+    link = zipfile.ZipInfo("link")
+    link.external_attr = (stat.S_IFLNK | 0o777) << 16
+    fmu = write(tmp_path / "x.fmu", DESCRIPTION, (link, b"/etc/passwd"))
+    with pytest.raises(FmuError, match="'link' is a symbolic link"):
+        unpack(fmu)
+
+
+def test_an_archive_bomb_is_refused_before_it_is_unpacked(tmp_path: Path) -> None:
+    fmu = write(tmp_path / "x.fmu", DESCRIPTION, ("zeros", bytes(100 * 1024**2)))
+    with pytest.raises(FmuError, match="archive bomb, unpacks to .* times its size"):
+        unpack(fmu)
+    assert left_behind(tmp_path) == []
+
+
+def test_a_bomb_of_members_is_refused(tmp_path: Path) -> None:
+    many = [(str(i), b"") for i in range(50_001)]
+    with pytest.raises(FmuError, match="50002 members; expected at most 50000"):
+        unpack(write(tmp_path / "x.fmu", DESCRIPTION, *many))
+
+
+def test_a_member_that_lies_about_its_size_is_refused(tmp_path: Path) -> None:
+    fmu = write(tmp_path / "x.fmu", DESCRIPTION, ("a", bytes(10_000)))
+    data = bytearray(fmu.read_bytes())
+    size = (10_000).to_bytes(4, "little")
+    at = data.find(size)
+    while at >= 0:
+        data[at : at + 4] = (10).to_bytes(4, "little")
+        at = data.find(size, at)
+    fmu.write_bytes(data)
+    with pytest.raises(FmuError, match="corrupt"):
+        unpack(fmu)
+    assert left_behind(tmp_path) == []
+
+
+@pytest.mark.parametrize("content", [b"", b"not a zip", b"PK\x03\x04 but no more"])
+def test_what_is_no_archive_is_refused(tmp_path: Path, content: bytes) -> None:
+    fmu = tmp_path / "x.fmu"
+    fmu.write_bytes(content)
+    with pytest.raises(FmuError, match=r"x\.fmu: (not a zip|a corrupt) archive"):
+        unpack(fmu)
+
+
+@pytest.mark.parametrize("fraction", [0.3, 0.6, 0.95])
+def test_a_truncated_archive_is_refused(tmp_path: Path, fraction: float) -> None:
+    fmu = write(tmp_path / "x.fmu", DESCRIPTION, ("a", bytes(range(256)) * 40))
+    data = fmu.read_bytes()
+    fmu.write_bytes(data[: int(fraction * len(data))])
+    with pytest.raises(FmuError, match="corrupt archive"):
+        unpack(fmu)
+
+
+def test_a_damaged_member_is_refused_and_leaves_nothing(tmp_path: Path) -> None:
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
+        archive.writestr(*DESCRIPTION)
+        archive.writestr("a", b"precious data")
+    fmu = tmp_path / "x.fmu"
+    fmu.write_bytes(buffer.getvalue().replace(b"precious", b"precioux"))
+    with pytest.raises(FmuError, match="corrupt"):
+        unpack(fmu)
+    assert left_behind(tmp_path) == []
+
+
+def test_a_missing_file_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(FmuError, match=r"gone\.fmu: no such file"):
+        unpack(tmp_path / "gone.fmu")
+
+
+def test_a_folder_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(FmuError, match="cannot be read"):
+        unpack(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "member"), [("x.fmu", "modelDescription.xml"), ("x.ssp", "SystemStructure.ssd")]
+)
+def test_an_archive_without_its_main_member_is_refused(
+    tmp_path: Path, name: str, member: str
+) -> None:
+    with pytest.raises(FmuError, match=f"has no {member}"):
+        unpack(write(tmp_path / name, ("other", b"")))

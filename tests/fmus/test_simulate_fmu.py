@@ -1,0 +1,241 @@
+from __future__ import annotations
+
+import csv
+import tempfile
+from collections.abc import Callable
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from uuvsim_cosim.errors import ComponentFailed, InputInvalid, ParameterInvalid
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.fmus.input_csv import Series
+from uuvsim_cosim.fmus.simulate_fmu import SimulationResult, simulate_fmu
+
+CFmu = Callable[..., Path]
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_the_result_is_that_of_fmpy_to_the_last_bit(version: int, c_fmu: CFmu) -> None:
+    path = c_fmu(version)
+    times = np.array([0.0, 0.35, 1.0, 2.0])
+    u = np.array([0.0, 1.0, -1.0, 0.5])
+    ours = simulate_fmu(path, until=2, step=0.1, inputs={"time": times, "u": u}, start={"k": 0.7})
+    theirs = fmpy.simulate_fmu(
+        str(path),
+        stop_time=2,
+        output_interval=0.1,
+        fmi_type="CoSimulation",
+        input=np.array(list(zip(times, u, strict=True)), dtype=[("time", float), ("u", float)]),
+        start_values={"k": 0.7},
+        output=["y"],
+    )
+    np.testing.assert_allclose(ours.time, theirs["time"], rtol=1e-14)
+    np.testing.assert_allclose(ours["y"], theirs["y"], rtol=0, atol=1e-14)
+    assert ours["y"].std() > 0.1
+
+
+def test_a_constant_input_gives_the_closed_form(first_order_fmi2: Path) -> None:
+    result = simulate_fmu(first_order_fmi2, until=1, step="1/64", inputs={"u": 1.0})
+    k = np.arange(65)
+    np.testing.assert_allclose(result["y"], 1 - (1 - 2 / 64) ** k, rtol=1e-13)
+    np.testing.assert_array_equal(result.time, k / 64)
+
+
+def test_a_function_of_time_is_an_input(first_order_fmi3: Path) -> None:
+    def ramp(t: float) -> list[float]:
+        return [t, 2 * t, 3 * t]
+
+    result = simulate_fmu(first_order_fmi3, until=1, step=0.5, inputs={"v": ramp})
+    np.testing.assert_allclose(result["w"][-1], [1.0, 2.0, 3.0])  # held since t = 0.5
+    assert result["w"].shape == (3, 3)
+
+
+def test_time_does_not_drift(first_order_fmi2: Path) -> None:
+    result = simulate_fmu(first_order_fmi2, until=100, step=0.1)
+    assert result.time[-1] == 100.0
+    assert result.time[3] == float(3 * Fraction("0.1"))
+
+
+def test_the_step_of_the_fmu_is_the_default(first_order_fmi2: Path) -> None:
+    assert simulate_fmu(first_order_fmi2, until=1).time.size == 11
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "expected"),
+    [
+        ("k", "3", 3.0),
+        ("mode", "fast", 2),
+        ("label", "a b", "a b"),
+        ("m", "1,2,3,5", [[1, 2], [3, 5]]),
+    ],
+)
+def test_start_values_are_read_as_a_user_types_them(
+    first_order_fmi2: Path, name: str, text: str, expected: Any
+) -> None:
+    result = simulate_fmu(first_order_fmi2, until=0.1, step=0.1, start={name: text}, outputs=[name])
+    assert result[name][-1].tolist() == expected if name == "m" else result[name][-1] == expected
+
+
+def test_one_element_of_an_array_can_be_started(first_order_fmi3: Path) -> None:
+    result = simulate_fmu(
+        first_order_fmi3, until=0.1, step=0.1, start={"m[2,1]": 9.0, "m[1,1]": "8"}, outputs=["m"]
+    )
+    np.testing.assert_array_equal(result["m"][-1], [[8.0, 2.0], [9.0, 4.0]])
+
+
+# ---- input files -----------------------------------------------------------------------------
+
+
+def write(path: Path, text: str) -> Path:
+    path.write_text(text)
+    return path
+
+
+def test_a_csv_gives_scalars_and_elements(first_order_fmi2: Path, tmp_path: Path) -> None:
+    table = write(tmp_path / "in.csv", 'time,u,v[2],on,"v[3]"\n0,0,1,true,5\n\n1,2,3,true,5\n')
+    result = simulate_fmu(
+        first_order_fmi2, until=1, step=0.5, inputs=table, outputs=["u", "v", "on", "y"]
+    )
+    np.testing.assert_array_equal(result["u"], [0.0, 0.0, 1.0])
+    np.testing.assert_array_equal(result["v"][-1], [0.0, 2.0, 5.0])
+
+
+def test_discrete_inputs_are_held_and_continuous_ones_interpolated() -> None:
+    time, values = np.array([0.0, 1.0, 1.0, 2.0]), np.array([0, 4, 10, 20])
+    continuous = Series(Variable("u", "Float64", "input", "continuous"), 0, time, values)
+    discrete = Series(Variable("n", "Int32", "input", "discrete"), 0, time, values)
+    at = [-1.0, 0.5, 1.0, 1.5, 3.0]
+    assert [continuous.at(t) for t in at] == [0, 2, 10, 15, 20]
+    assert [discrete.at(t) for t in at] == [0, 0, 10, 10, 20]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("time,uu\n0,1\n", r"in\.csv, line 1, column 2: unknown name 'uu'; did you mean u"),
+        ("time,u\n0,1\n1,x\n", r"in\.csv, line 3, column 2 \(u\): 'x'; expected a finite number"),
+        ("time,u\n0,nan\n", r"line 2, column 2 \(u\): 'nan'"),
+        ("time,u\n0,\n", r"line 2, column 2 \(u\): ''"),
+        ("time,u\n0,1\nx,1\n", r"line 3, column 1 \(time\): 'x'"),
+        ("time,u\n1,1\n0,1\n", r"line 3, column 1 \(time\): 0 s after 1 s"),
+        ("time,u\n0,1,2\n", "line 2: 3 cells; expected 2"),
+        ("time;u\n0;1\n", "expected 'time' .columns are separated by commas."),
+        ("u,time\n0,1\n", "line 1, column 1: 'u'; expected 'time'"),
+        ("time,u,u\n0,1,2\n", "column 'u' is there twice"),
+        ("time,on\n0,2\n", r"line 2, column 2 \(on\): '2'; expected true or false"),
+        ("time,v[4]\n0,2\n", r"unknown name 'v\[4\]'; did you mean v\[3\]"),
+        ("time,v\n0,2\n", r"unknown name 'v'; .*v\[1\]"),
+        ("time,k\n0,2\n", "unknown name 'k'"),
+        ("time,u\n", "has no line after the header"),
+        ("", "is empty; expected a header"),
+    ],
+)
+def test_a_faulty_table_is_refused_at_line_and_column(
+    first_order_fmi2: Path, tmp_path: Path, text: str, message: str
+) -> None:
+    with pytest.raises(InputInvalid, match=message):
+        simulate_fmu(first_order_fmi2, until=1, inputs=write(tmp_path / "in.csv", text))
+
+
+def test_a_missing_or_binary_table_is_refused(first_order_fmi2: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputInvalid, match=r"gone\.csv: cannot be read"):
+        simulate_fmu(first_order_fmi2, until=1, inputs=tmp_path / "gone.csv")
+    (tmp_path / "in.csv").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputInvalid, match="is not UTF-8 text"):
+        simulate_fmu(first_order_fmi2, until=1, inputs=tmp_path / "in.csv")
+
+
+# ---- what is refused -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (
+            {"until": 1, "step": 0.3},
+            "1 s is not a whole multiple of step = 0.3 s; expected 0.9 s or 1.2",
+        ),
+        ({"until": 0}, "expected more than 0"),
+        ({"until": 1, "step": -1}, "expected more than 0"),
+        ({"until": "soon"}, "expected seconds"),
+        ({"until": 1, "inputs": {"w": 1.0}}, "unknown name 'w'; expected one of u, v, on"),
+        ({"until": 1, "outputs": ["z"]}, "outputs: unknown name 'z'; expected one of y, w, steps"),
+        ({"until": 1, "start": {"kk": 1.0}}, "unknown name 'kk'; did you mean k"),
+        (
+            {"until": 1, "inputs": {"time": [0, 1], "v": [[1, 2], [3, 4]]}},
+            "expected 3 values at each",
+        ),
+    ],
+)
+def test_wrong_options_are_refused_with_what_would_be_right(
+    first_order_fmi2: Path, options: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(InputInvalid, match=message):
+        simulate_fmu(first_order_fmi2, **options)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("u", 6.0, r"u: 6.0 is out of range; expected \[-10, 5\] cm"),
+        ("fault", "9", r"expected \[0, 6\]"),
+        ("k", "three", "start value k: 'three'; expected a number"),
+        ("mode", "medium", "or one of slow, fast"),
+        ("k", float("nan"), "expected a finite number"),
+        ("v", [1.0], r"shape \(1,\); expected \(3,\)"),
+    ],
+)
+def test_wrong_start_values_are_refused(
+    first_order_fmi2: Path, name: str, value: Any, message: str
+) -> None:
+    with pytest.raises(ParameterInvalid, match=message):
+        simulate_fmu(first_order_fmi2, until=1, start={name: value})
+
+
+def test_nan_names_variable_and_time(first_order_fmi2: Path) -> None:
+    with pytest.raises(ComponentFailed, match=r"t = 0.6 s: y is not finite: nan"):
+        simulate_fmu(first_order_fmi2, until=1, step=0.1, start={"fault": 1, "fault_time": 0.5})
+
+
+# ---- what is written -------------------------------------------------------------------------
+
+finite = st.floats(allow_nan=False, allow_infinity=False)
+
+
+@given(st.lists(st.tuples(finite, finite, st.booleans()), min_size=1, max_size=5))
+def test_a_written_table_reads_back_to_the_last_bit(rows: list[tuple[float, float, bool]]) -> None:
+    x = Variable("x", "Float64", "output", "continuous", shape=(2,))
+    on = Variable("on", "Boolean", "output", "discrete")
+    vectors = np.array([r[:2] for r in rows])
+    flags = np.array([r[2] for r in rows])
+    time = np.arange(len(rows), dtype=float)
+    result = SimulationResult(time, {"x": vectors, "on": flags}, {"x": x, "on": on})
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "out.csv"
+        result.write_csv(path)
+        with path.open(newline="") as source:
+            header, *lines = list(csv.reader(source))
+        assert list(Path(folder).iterdir()) == [path]
+    assert header == ["time", "x[1]", "x[2]", "on"]
+    np.testing.assert_array_equal([[float(c) for c in line[1:3]] for line in lines], vectors)
+    assert [bool(int(line[3])) for line in lines] == flags.tolist()
+
+
+def test_an_unwritable_place_is_refused(first_order_fmi2: Path, tmp_path: Path) -> None:
+    result = simulate_fmu(first_order_fmi2, until=0.1, step=0.1)
+    with pytest.raises(InputInvalid, match="cannot be written"):
+        result.write_csv(tmp_path / "no" / "folder" / "out.csv")
+
+
+def test_fmus_by_other_tools_simulate(pythonfmu2_lag: Path, pythonfmu3_lag: Path) -> None:
+    for path in (pythonfmu2_lag, pythonfmu3_lag):
+        result = simulate_fmu(path, until=1, step=0.1, inputs={"u": 1.0})
+        np.testing.assert_allclose(result["y"], 1 - 0.8 ** np.arange(11), rtol=1e-12)
+        assert ("warning", "y is 0.200") in result.messages
