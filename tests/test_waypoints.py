@@ -13,7 +13,9 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
-@pytest.mark.parametrize("head", ["", "n,e,d\n", "north,east,down\n", "# survey\n\nNorth [m],E,Down\n"])
+@pytest.mark.parametrize(
+    "head", ["", "n,e,d\n", "north,east,down\n", "# survey\n\nNorth [m],E,Down\n"]
+)
 def test_a_header_is_optional(tmp_path: Path, head: str) -> None:
     path = written(tmp_path, head + "0,0,5\n10, 2.5 ,5\n")
     np.testing.assert_array_equal(read_waypoints(path), [[0, 0, 5], [10, 2.5, 5]])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 from typing import Annotated, Any
@@ -57,6 +58,8 @@ def main(arguments: list[str] | None = None) -> None:
 
 def status_of(arguments: list[str] | None = None) -> int:
     """Run the command line and give its exit status; a wrong input is one sentence on stderr."""
+    # What components say is recorded, and what was assumed is in the table: not on stderr as well.
+    logging.getLogger("uuvsim_cosim").addHandler(logging.NullHandler())
     command = typer.main.get_command(app)
     try:
         result = command.main(args=arguments, prog_name="uuvsim", standalone_mode=False)

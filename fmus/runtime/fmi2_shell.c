@@ -1,6 +1,7 @@
 /* FMI 2.0 for Co-Simulation over an instance of a component. Value references name elements. */
 #include "fmi2Functions.h"
-#include "shell_common.h"
+#include "shell_states.h"
+#include "shell_steps.h"
 
 static fmi2Status status_of(int ok) { return ok ? fmi2OK : fmi2Error; }
 

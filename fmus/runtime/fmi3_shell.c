@@ -3,7 +3,8 @@
 #include <stdint.h>
 
 #include "fmi3Functions.h"
-#include "shell_common.h"
+#include "shell_states.h"
+#include "shell_steps.h"
 
 static fmi3Status status_of(int ok) { return ok ? fmi3OK : fmi3Error; }
 

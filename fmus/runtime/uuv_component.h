@@ -79,6 +79,8 @@ UUV_EXPORT void uuv_free(uuv_instance *s);
 UUV_EXPORT void uuv_reset(uuv_instance *s);
 /* Computes derived values, and states where initialization has not been left. */
 UUV_EXPORT void uuv_refresh(uuv_instance *s);
+/* Time begins at start_time [s]. */
+UUV_EXPORT void uuv_enter_initialization(uuv_instance *s, double start_time);
 UUV_EXPORT void uuv_exit_initialization(uuv_instance *s);
 /* Computes outputs if inputs, parameters or states changed since. */
 UUV_EXPORT void uuv_update_outputs(uuv_instance *s);

@@ -59,6 +59,18 @@ UUV_EXPORT void uuv_refresh(uuv_instance *s) {
     s->outputs_stale = 1;
 }
 
+UUV_EXPORT void uuv_enter_initialization(uuv_instance *s, double start_time) {
+    for (uint32_t i = 0; i < s->component->n_clocks; i++) {
+        const uuv_clock *clock = &s->component->clocks[i];
+        const double k = start_time * (double)clock->period_den / (double)clock->period_num;
+        uint64_t first = k > 0.0 ? (uint64_t)k : 0; /* ticks before the start are skipped */
+        if (k - (double)first > 1e-6) first++;
+        s->k[i] = first;
+    }
+    s->b[0] = broadcast(start_time);
+    s->outputs_stale = 1;
+}
+
 UUV_EXPORT void uuv_exit_initialization(uuv_instance *s) {
     uuv_refresh(s);
     s->initialized = 1;

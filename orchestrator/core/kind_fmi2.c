@@ -13,6 +13,7 @@ static int accept(fmi2Status status, int action, uuv_failure *why) {
 static int fmi2_set(member *m, const uuv_slot *slots, uuv_failure *why) {
     for (uint32_t i = 0; i < m->n_sets; i++) {
         const access *a = &m->sets[i];
+        why->slot = a->slot; /* says which function failed, if one does */
         const void *values = pack(a, slots, BOOLEAN_INT, why);
         if (!values) return 0;
         const fmi2Status status = ((set_function *)a->function)(m->instance, a->references, a->n_references, values);
@@ -29,6 +30,7 @@ static int fmi2_do_step(member *m, const uuv_slot *slots, double t, double h, uu
 static int fmi2_get(member *m, uuv_slot *slots, uuv_failure *why) {
     for (uint32_t i = 0; i < m->n_gets; i++) {
         const access *a = &m->gets[i];
+        why->slot = a->slot;
         void *values = unpack_buffer(a, slots);
         const fmi2Status status = ((get_function *)a->function)(m->instance, a->references, a->n_references, values);
         if (!accept(status, UUV_CORE_GET, why)) return 0;

@@ -26,8 +26,10 @@ static fmi3Status call_get(const member *m, const access *a, void *values) {
 
 static int fmi3_set(member *m, const uuv_slot *slots, uuv_failure *why) {
     for (uint32_t i = 0; i < m->n_sets; i++) {
-        const void *values = pack(&m->sets[i], slots, BOOLEAN_BOOL, why);
-        if (!values || !accept(call_set(m, &m->sets[i], values), UUV_CORE_SET, why)) return 0;
+        const access *a = &m->sets[i];
+        why->slot = a->slot; /* says which function failed, if one does */
+        const void *values = pack(a, slots, BOOLEAN_BOOL, why);
+        if (!values || !accept(call_set(m, a, values), UUV_CORE_SET, why)) return 0;
     }
     return 1;
 }
@@ -47,6 +49,7 @@ static int fmi3_do_step(member *m, const uuv_slot *slots, double t, double h, uu
 static int fmi3_get(member *m, uuv_slot *slots, uuv_failure *why) {
     for (uint32_t i = 0; i < m->n_gets; i++) {
         const access *a = &m->gets[i];
+        why->slot = a->slot;
         if (!accept(call_get(m, a, unpack_buffer(a, slots)), UUV_CORE_GET, why)) return 0;
         if (!unpack(a, slots, BOOLEAN_BOOL)) return failed(why, UUV_CORE_NO_MEMORY, 0, UUV_CORE_GET);
     }

@@ -41,7 +41,8 @@ enum uuv_core_type {
 
 enum uuv_core_outcome {
     UUV_CORE_GOOD = 0,
-    UUV_CORE_BAD_STATUS,       /* `status` is what the component returned */
+    UUV_CORE_BAD_STATUS,       /* `status` is what the component returned; `slot` the first of a
+                                  failed read or write */
     UUV_CORE_NOT_FINITE,       /* output in `slot` */
     UUV_CORE_STATE_NOT_FINITE, /* native value at offset `status` */
     UUV_CORE_OUT_OF_RANGE,     /* value in `slot` does not fit the input's integer type */

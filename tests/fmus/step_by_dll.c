@@ -19,7 +19,8 @@ int main(int argc, char **argv) {
     if (argc != 8) return 10;
     HMODULE library = LoadLibraryA(argv[1]);
     if (!library) return 11;
-    const fmi3ValueReference u = (fmi3ValueReference)atoi(argv[3]), y = (fmi3ValueReference)atoi(argv[5]);
+    const fmi3ValueReference u = (fmi3ValueReference)atoi(argv[3]);
+    const fmi3ValueReference y = (fmi3ValueReference)atoi(argv[5]);
     const size_t n_u = (size_t)atoi(argv[4]), n_y = (size_t)atoi(argv[6]);
     const int steps = atoi(argv[7]);
     const double h = 0.03;

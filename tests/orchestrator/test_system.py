@@ -154,9 +154,9 @@ def test_a_tick_that_is_no_time_is_refused(tick: str) -> None:
 
 
 def test_a_source_that_cannot_be_read_is_refused_by_name() -> None:
-    with pytest.raises(SystemInvalid, match="a: .*no/such.fmu: no such file; expected an FMU"):
+    with pytest.raises(SystemInvalid, match=r"a: .*no/such.fmu: no such file; expected an FMU"):
         System("s").add("a", "no/such.fmu")
-    with pytest.raises(SystemInvalid, match="of no known kind; expected a .fmu"):
+    with pytest.raises(SystemInvalid, match=r"of no known kind; expected a .fmu"):
         System("s").add("a", "nothing")
 
 

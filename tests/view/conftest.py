@@ -19,10 +19,18 @@ def made_up_survey(samples: int = 6000) -> Traces:
     time = np.linspace(0, 420, samples)
     along = np.minimum(0.5 * time, lengths[-1])
     wanted = np.column_stack([np.interp(along, lengths, way[:, i]) for i in range(3)])
-    smooth = lambda scale, span: scale * np.convolve(  # noqa: E731
-        random.standard_normal(samples + span), np.hanning(span) / np.sqrt(span), "same"
-    )[:samples]
-    heading = np.interp(along, lengths[:-1] + 1, np.pi / 180 * np.array([0, 90, 180, 90, 0, 90, 180]))
+
+    def smooth(scale, span):
+        return (
+            scale
+            * np.convolve(
+                random.standard_normal(samples + span), np.hanning(span) / np.sqrt(span), "same"
+            )[:samples]
+        )
+
+    heading = np.interp(
+        along, lengths[:-1] + 1, np.pi / 180 * np.array([0, 90, 180, 90, 0, 90, 180])
+    )
     true = wanted + np.column_stack([smooth(0.08, 200), smooth(0.08, 200), smooth(0.03, 150)])
     true[:, 2] = 4 - 4 * np.exp(-time / 12) + smooth(0.02, 100)
     tilt = np.column_stack([smooth(0.01, 60), smooth(0.015, 60)])
@@ -44,7 +52,7 @@ def made_up_survey(samples: int = 6000) -> Traces:
     for number in range(1, 9):
         columns[f"thruster_{number}.thrust"] = smooth(14, 50) + (6 if number < 5 else -4)
     columns["battery.voltage"] = 16.4 - time / 900 + smooth(0.02, 30)
-    columns["wrench.current"] = 6 + np.abs(smooth(2, 50))
+    columns["wrench.current_total"] = 6 + np.abs(smooth(2, 50))
     return Traces(time, joined(columns), {"hull.eta": "m"})
 
 

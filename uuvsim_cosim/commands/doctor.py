@@ -55,7 +55,7 @@ def findings() -> list[str]:
         lines.append(f"{name:13} {found or 'MISSING: pip install uuvsim-cosim'}")
     lines += ["", "extras: `pip install 'uuvsim-cosim[dev]'` has them all"]
     for name, cost in EXTRAS.items():
-        lines.append(f"{name:13} {_version(name) or f'missing; without it: no {cost}'}")
+        lines.append(f"{name:13} {_version(name) or f'missing; needed for {cost}'}")
     return lines
 
 

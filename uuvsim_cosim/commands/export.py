@@ -22,7 +22,7 @@ def export_command(
     """Convert a recording for other tools; the ending of the file's name says to what."""
     if out.suffix.lower() not in KINDS:
         raise InputInvalid(f"{out}: ending {out.suffix!r} was read; expected {', '.join(KINDS)}")
-    from uuvsim_cosim.orchestrator.export import export_recording
+    from uuvsim_cosim.orchestrator.recording import export
 
-    export_recording(run, out)
+    export(run, out)
     line(f"{tilde(out)}  {size_of(out)}")

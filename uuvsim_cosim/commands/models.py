@@ -71,11 +71,15 @@ def check(
         raise InputInvalid(f"{reference}: no such file; expected a CSV of a trajectory")
     from uuvsim_cosim.models.check import check as compare
 
-    result: Any = compare(name, reference)
-    line(str(result))
-    largest = getattr(result, "largest", None)
-    if largest is not None and not largest <= tolerance:
+    deviations = compare(name, reference)
+    table(
+        ("column", "largest deviation", "at t [s]"),
+        [(d.column, f"{d.max:.3g}", f"{d.t:g}") for d in deviations],
+    )
+    worst = max(deviations, key=lambda d: d.max)
+    if not worst.max <= tolerance:
         raise InputInvalid(
-            f"{name} against {reference}: largest deviation {largest:.3g}; "
-            f"expected at most {tolerance:g}"
+            f"{name} against {reference}: {worst.column} is {worst.max:.3g} off at "
+            f"t = {worst.t:g} s; expected at most {tolerance:g}"
         )
+    line(f"{name} agrees with {reference.name} within {tolerance:g}")

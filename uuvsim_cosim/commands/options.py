@@ -10,7 +10,9 @@ from uuvsim_cosim.errors import InputInvalid
 __all__ = ["assignments", "by_component", "value_of"]
 
 
-def assignments(option: str, texts: Iterable[str], expected: str, *, dotted: bool) -> dict[str, str]:
+def assignments(
+    option: str, texts: Iterable[str], expected: str, *, dotted: bool
+) -> dict[str, str]:
     """Give {left: right} of texts ``left=right``; `dotted`: the left side must hold a dot."""
     found: dict[str, str] = {}
     for text in texts:

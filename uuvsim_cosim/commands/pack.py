@@ -24,8 +24,8 @@ def pack_command(
     version = fmi_version(fmi)
     if out.suffix.lower() != ".ssp":
         raise InputInvalid(f"{out}: ending {out.suffix!r} was read; expected .ssp")
+    from uuvsim_cosim.orchestrator.library import load
     from uuvsim_cosim.orchestrator.pack import pack
-    from uuvsim_cosim.orchestrator.systems import load
 
     found = load(system)
     with console(stderr=True).status(f"packing {system}"):

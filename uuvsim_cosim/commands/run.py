@@ -25,9 +25,7 @@ def run_command(
     waypoints: Annotated[
         Path | None, typer.Option(help="CSV of waypoints: north, east, down in metres.")
     ] = None,
-    set_: Annotated[
-        list[str] | None, typer.Option("--set", help=f"{SET}; again for more.")
-    ] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", help=f"{SET}; again for more.")] = None,
     until: Annotated[float | None, typer.Option(help="Simulated seconds.")] = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder to write (for an .fmu: a CSV file).")
@@ -130,11 +128,11 @@ def _with_rate(system: Any, component: str, seconds: str) -> Any:
 
 
 def _from_here(source: str) -> str:
-    name, colon, rest = source.rpartition(":")
+    name, colon, _ = source.rpartition(":")
     file = name if colon and name.endswith(".py") else source
     path = Path(file).expanduser()
     if path.suffix.lower() in (".fmu", ".ssd", ".ssp", ".py"):
-        return f"{path.absolute()}{source[len(file):]}" if "#" not in file else source
+        return f"{path.absolute()}{source[len(file) :]}" if "#" not in file else source
     return source
 
 

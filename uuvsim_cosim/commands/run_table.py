@@ -23,16 +23,16 @@ def show_run(run: Run, report: Path | None) -> None:
     from uuvsim_cosim.view.run_report import traces_of
 
     path = None if run.waypoints is None else np.asarray(run.waypoints)
-    rows = [
-        (f.label, f"{f.value:{f.form}}", f.unit, f.note) for f in figures(traces_of(run.folder), path)
-    ]
+    found = figures(traces_of(run.folder), path)
+    rows = [(f.label, f"{f.value:{f.form}}", f.unit, f.note) for f in found]
     rows.append(("simulated", f"{run.time:g}", "s", f"{run.steps} steps of {run.tick:g} s"))
     rows.append(("real-time factor", f"{run.real_time_factor:.1f}", "", f"{run.wall_time:.2f} s"))
     if run.loop_delay is not None:
         rows.append(("slowest control loop's delay", f"{1e3 * run.loop_delay:g}", "ms",
                      run.loop_path))  # fmt: skip
     line()
-    table(("", "", "", ""), rows, title=f"{run.system}, seed {run.seed}")
+    line(f"{run.system}, seed {run.seed}")
+    table(("", "", "", ""), rows)
     for title, items in (("assumed", run.notes), ("warning", run.warnings)):
         for note in items[:MOST_NOTES]:
             line(f"{title}: {note}")
@@ -43,6 +43,6 @@ def show_run(run: Run, report: Path | None) -> None:
         line(f"{tilde(run.asked)} has something in it already, so this run went beside it")
     files = [run.recording, *([report] if report else []), run.folder / "run.json",
              run.folder / "system.ssd"]  # fmt: skip
-    table(("written", "", ""), [(tilde(f), size_of(f), "") for f in files if f.is_file()])
+    table(("written", "size"), [(tilde(f), size_of(f)) for f in files if f.is_file()])
     if run.interrupted:
         line(run.interrupted)

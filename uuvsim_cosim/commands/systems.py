@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from uuvsim_cosim.commands.terminal import line, size_of, table, tilde
+from uuvsim_cosim.commands.terminal import line, size_of, table, tilde, written
 from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["app"]
@@ -66,10 +66,10 @@ def show(
         line(f"loop {loop}")
     for note in system.notes:
         line(f"assumed: {note}")
-    from uuvsim_cosim.view.diagram import write_diagram
+    from uuvsim_cosim.view.diagram import diagram
 
     target = out or Path(f"{system.name}.svg")
-    write_diagram(system, target)
+    written(target, diagram(system))
     line(f"{tilde(target)}  {size_of(target)}")
 
 

@@ -9,7 +9,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-__all__ = ["console", "line", "size_of", "table", "tilde"]
+from uuvsim_cosim.errors import InputInvalid
+
+__all__ = ["console", "line", "size_of", "table", "tilde", "written"]
 
 
 def console(*, stderr: bool = False) -> Console:
@@ -23,17 +25,20 @@ def line(text: str = "") -> None:
     console().print(escape(text), soft_wrap=True)
 
 
-def table(head: Sequence[str], rows: Iterable[Sequence[object]], title: str | None = None) -> None:
+def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
     """Write a table to stdout; columns of numbers line up on the right."""
     shown = [[str(cell) for cell in row] for row in rows]
-    grid = Table(title=title, title_justify="left", title_style="bold", box=None,
-                 show_header=any(head), header_style="dim", padding=(0, 2, 0, 0))  # fmt: skip
+    grid = Table(box=None, show_header=any(head), header_style="dim", padding=(0, 2, 0, 0))
     for number, name in enumerate(head):
         numeric = bool(shown) and all(_numeric(row[number]) for row in shown)
         grid.add_column(name, justify="right" if numeric else "left", overflow="fold")
     for row in shown:
         grid.add_row(*(escape(cell) for cell in row))
-    console().print(grid)
+    target = console()
+    with target.capture() as drawn:
+        target.print(grid)
+    for text in drawn.get().splitlines():
+        target.out(text.rstrip(), highlight=False)
 
 
 def _numeric(text: str) -> bool:
@@ -58,3 +63,15 @@ def size_of(path: Path) -> str:
             return f"{size:.3g} {unit}"
         size /= 1000
     return f"{size:.3g} GB"
+
+
+def written(path: Path, text: str) -> Path:
+    """Write a text file, whole or not at all, and give its path; raises InputInvalid."""
+    scratch = path.with_name(f".{path.name}.part")
+    try:
+        scratch.write_text(text, encoding="utf-8")
+        scratch.replace(path)
+    except OSError as error:
+        scratch.unlink(missing_ok=True)
+        raise InputInvalid(f"{path}: cannot be written ({error.strerror})") from None
+    return path

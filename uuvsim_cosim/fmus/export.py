@@ -153,8 +153,8 @@ def _texts(lowered: Lowered, fmi: FmiVersion) -> dict[str, str]:
         "documentation/variables.md": variables_markdown(description),
         "resources/README.txt": "This component needs no resources.\n",
     }
-    headers = sorted(runtime().glob("uuv_*.h"))
-    for file in [runtime() / n for n in (*compiled[1:], "shell_common.h")] + headers:
+    headers = [*runtime().glob("uuv_*.h"), *runtime().glob("shell_*.h")]
+    for file in [*(runtime() / n for n in compiled[1:]), *headers]:
         texts[f"sources/{file.name}"] = file.read_text()
     if fmi == 3:
         texts["sources/buildDescription.xml"] = _build_description(identifier, compiled)

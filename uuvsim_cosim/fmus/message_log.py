@@ -71,8 +71,9 @@ class MessageLog:
     def last(self, count: int) -> str:
         """Give the last few messages of at least warning status among `count`, else the last."""
         recent = self.kept[-count:] if count else [m for m in self.kept if m[0] != "ok"]
+        said = [text for _, text in recent]
         grave = [text for status, text in recent if status != "ok"]
-        return "; ".join((grave or [text for _, text in recent])[-3:])
+        return "; ".join(" ".join(text.split()) for text in (grave or said)[-3:])
 
     def _take(self) -> bool:
         status = ctypes.c_int32()

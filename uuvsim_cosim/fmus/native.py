@@ -99,9 +99,8 @@ class Native:
     # ---- life -----------------------------------------------------------------------------
 
     def enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
-        """Start time is the block's time until the first step."""
-        self._live()
-        self._block[0] = start_time
+        """Time begins at `start_time`; ticks before it are skipped."""
+        self._c.uuv_enter_initialization(self._live(), start_time)
 
     def exit_initialization_mode(self) -> None:
         """Compute derived values and initial states."""
@@ -214,6 +213,7 @@ def _declare(c: ctypes.CDLL) -> None:
         "uuv_free": (None, [pointer]),
         "uuv_reset": (None, [pointer]),
         "uuv_refresh": (None, [pointer]),
+        "uuv_enter_initialization": (None, [pointer, double]),
         "uuv_exit_initialization": (None, [pointer]),
         "uuv_update_outputs": (None, [pointer]),
         "uuv_forward": (None, [pointer, pointer, pointer]),

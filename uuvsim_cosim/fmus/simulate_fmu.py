@@ -16,6 +16,7 @@ import numpy as np
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid
 from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.description import Description, Variable
+from uuvsim_cosim.fmus.description_xml import DTYPES
 from uuvsim_cosim.fmus.input_csv import (
     Series,
     element_names,
@@ -150,7 +151,12 @@ class _Feed:
             if not variable.shape:
                 component.set(variable, group[0].at(t))
                 continue
-            flat = np.asarray(component.get(variable)).ravel()
+            partial = len(group) < variable.size
+            flat = (
+                np.asarray(component.get(variable)).ravel()
+                if partial
+                else np.empty(variable.size, dtype=DTYPES[variable.type])
+            )
             for series in group:
                 flat[series.element] = series.at(t)
             component.set(variable, flat.reshape(variable.shape))

@@ -1,8 +1,9 @@
 """PID in six degrees of freedom with feed-forward, integrals held in NED, and anti-windup.
 
-    tau = Kp e + z + Kd (nu_d - nu) + M nu_d_dot + D_l nu_d + D_q |nu_d| nu_d
+    tau = Kp e + z + Kd (nu_d - nu) + M nu_d_dot + C(nu_d) nu_d + D_l nu_d + D_q |nu_d| nu_d
 
-e is the error of eta in body axes. The force integral lives in NED, because a current's push
+e is the error of eta in body axes; nu_d is turned into body axes, so that C(nu_d) nu_d, which
+holds the Munk moment of a tilted hull, counters it. The force integral lives in NED, because a current's push
 keeps its direction there while the vehicle turns; its limit and back-calculation from the
 saturated tau stop it from winding up.
 """
@@ -18,6 +19,7 @@ from uuvsim_cosim.models.kinematics import R_zyx
 from uuvsim_cosim.models.model import Model
 from uuvsim_cosim.models.parameters import parameter_set, split_address
 from uuvsim_cosim.models.preset import preset
+from uuvsim_cosim.models.rigid_body import coriolis
 from uuvsim_cosim.models.safe_math import abs_, saturate
 from uuvsim_cosim.models.sampled import held_output
 
@@ -81,6 +83,7 @@ def controller(
         + M * acceleration
         + D_l * nu_b
         + D_q * abs_(nu_b) * nu_b
+        + coriolis(ca.diag(M), nu_b)
     )
     tau_d = saturate(tau, gain["tau_max"])
     tracking = gain["Ki"] / (gain["Kp"] + 1e-9) * (tau_d - tau)

@@ -39,11 +39,17 @@ class _Link:
     offset: float
 
 
-def solve_loop(transfers: Sequence[Transfer], components: Sequence[Component], time: float) -> None:
-    """Make the inputs and outputs of a loop agree; its inputs are set. Raises LoopNotConverged."""
+def solve_loop(
+    transfers: Sequence[Transfer], components: Sequence[Component], time: float
+) -> list[Transfer]:
+    """Make inputs and outputs agree; gives the transfers that this has set, those of floats.
+
+    The inputs' present values are where the search begins. Raises LoopNotConverged.
+    """
     loop = _Loop(transfers, components, time)
     if loop.links:
         loop.solve()
+    return [t for t in transfers if _links(t, components)]
 
 
 class _Loop:

@@ -13,7 +13,7 @@ from uuvsim_cosim.orchestrator.callback import component_binding
 from uuvsim_cosim.orchestrator.core import Access, Action, Core, Type, by_type
 from uuvsim_cosim.orchestrator.plan import Plan
 
-__all__ = ["Placed", "Tables", "tables_of"]
+__all__ = ["Placed", "Tables", "fmi_name", "tables_of"]
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,7 @@ def _accesses(b: Binding, action: Action, placed: Sequence[Placed], path: str) -
         references = tuple(r for p in run for r in _references(b, p.variable))
         function = 0
         if b.kind in (BindingKind.FMI2, BindingKind.FMI3):
-            function = _function(b, _fmi_name(b.kind, action, type_), path)
+            function = _function(b, fmi_name(b.kind, action, type_), path)
         yield Access(action, type_, run[0].slot, count, references, function)
 
 
@@ -147,7 +147,8 @@ def _references(b: Binding, v: Variable) -> tuple[int, ...]:
     return v.value_references
 
 
-def _fmi_name(kind: BindingKind, action: Action, type_: Type) -> str:
+def fmi_name(kind: BindingKind, action: Action, type_: Type) -> str:
+    """Give FMI's function for a type, without prefix: ``GetFloat64``, ``SetReal``."""
     verb = "Set" if action == Action.SET else "Get"
     if kind == BindingKind.FMI3:
         return verb + type_.name

@@ -11,7 +11,7 @@ from uuvsim_cosim.fmus.component import BindingKind, Component
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.callback import CallbackBinding
 from uuvsim_cosim.orchestrator.core import Action, Failure, Outcome, Type
-from uuvsim_cosim.orchestrator.core_tables import Tables
+from uuvsim_cosim.orchestrator.core_tables import Tables, fmi_name
 
 __all__ = ["error_of", "last_words"]
 
@@ -33,16 +33,18 @@ def error_of(
         return ComponentFailed(component.path, time, f"{type(error).__name__}: {error}")
     own = getattr(component, "failure", None)  # an FMU names its status and its messages
     if failure.outcome == Outcome.BAD_STATUS and own is not None:
-        told: BaseException = own(_function(failure, binding.kind), failure.status, time)
+        told: BaseException = own(_function(failure, tables, binding.kind), failure.status, time)
         return told
     reason = _reason(failure, tables, component) + last_words(component)
     return ComponentFailed(component.path, time, reason)
 
 
-def _function(failure: Failure, kind: BindingKind) -> str:
-    return {Action.SET: "Set…", Action.DO_STEP: "DoStep", Action.GET: "Get…"}[
-        Action(failure.action)
-    ]
+def _function(failure: Failure, tables: Tables, kind: BindingKind) -> str:
+    action = Action(failure.action)
+    if action == Action.DO_STEP:
+        return "DoStep"
+    placed, _ = tables.placed_at(failure.slot)
+    return fmi_name(kind, action, Type.of(placed.variable))
 
 
 def _reason(failure: Failure, tables: Tables, component: Component) -> str:

@@ -21,13 +21,15 @@ def propagate(plan: Plan, components: Sequence[Component], time: float) -> None:
     Raises LoopNotConverged. An entry of the order that names one component twice is a loop
     through that component alone.
     """
+    solved: set[int] = set()  # transfers; setting them once more would add rounding, times gain
     for entry in plan.initialization:
         members = set(entry)
-        set_inputs(components, [t for t in plan.transfers if t.target in members])
+        into = [t for t in plan.transfers if t.target in members and id(t) not in solved]
+        set_inputs(components, into)
         if len(entry) > 1:
             inner = [t for t in plan.transfers if t.target in members and t.source in members]
-            solve_loop(inner, components, time)
-    set_inputs(components, plan.transfers)
+            solved.update(id(t) for t in solve_loop(inner, components, time))
+    set_inputs(components, [t for t in plan.transfers if id(t) not in solved])
 
 
 def set_inputs(components: Sequence[Component], transfers: Iterable[Transfer]) -> None:

@@ -10,7 +10,7 @@ from fractions import Fraction
 from uuvsim_cosim.orchestrator.graphs import simple_cycles
 from uuvsim_cosim.orchestrator.plan import Plan
 
-__all__ = ["Loop", "alike", "loop_delays", "stacked_name"]
+__all__ = ["Loop", "alike", "loop_delays", "loop_lines", "stacked_name"]
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Loop:
 
     def __str__(self) -> str:
         """Write the delay and the path."""
-        return f"{float(self.delay) * 1e3:g} ms: {' -> '.join((*self.path, self.path[0]))}"
+        return f"{float(self.delay) * 1e3:g} ms: {' → '.join((*self.path, self.path[0]))}"
 
 
 def loop_delays(plan: Plan) -> list[Loop]:
@@ -49,6 +49,19 @@ def loop_delays(plan: Plan) -> list[Loop]:
         ticks = sum(graph[a][b] for a, b in zip(cycle, cycle[1:] + cycle[:1], strict=True))
         loops.append(Loop(tuple(cycle), ticks * plan.tick))
     return sorted(loops, key=lambda loop: (-loop.delay, loop.path))
+
+
+def loop_lines(loops: list[Loop], most: int = 6) -> list[str]:
+    """Write one loop for each delay, the slowest first, and how many more have that delay."""
+    by_delay: dict[Fraction, list[Loop]] = {}
+    for loop in loops:
+        by_delay.setdefault(loop.delay, []).append(loop)
+    lines = []
+    for same in list(by_delay.values())[:most]:
+        first = min(same, key=lambda loop: (len(loop.path), loop.path))
+        more = f"  (and {len(same) - 1} more)" if len(same) > 1 else ""
+        lines.append(f"{first}{more}")
+    return lines
 
 
 def alike(kinds: Mapping[str, str], neighbours: Mapping[str, set[str]]) -> dict[str, str]:

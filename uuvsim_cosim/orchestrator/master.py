@@ -110,6 +110,11 @@ class Master:
         self._forget(tables)
         self._leave_initialization()
 
+    @property
+    def without_state(self) -> tuple[str, ...]:
+        """The components that cannot copy their state: reset makes them anew, snapshots refuse."""
+        return tuple(c.path for c in self.components if not c.description.can_get_and_set_state)
+
     def terminate(self) -> None:
         """End the run in good order: components terminate, observers close."""
         try:

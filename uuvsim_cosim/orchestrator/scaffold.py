@@ -61,13 +61,13 @@ def _size(connector: SlotConnector) -> int:
 
 # ---- a Python class, run as it is -------------------------------------------------------------
 
-PD_LAW = '''\
+PD_LAW = """\
         e = u["eta_d"] - u["eta"]  # N E D [m], phi theta psi [rad]
         e[3:] = (e[3:] + np.pi) % (2 * np.pi) - np.pi
         psi = u["eta"][5]
         e[:2] = [np.cos(psi) * e[0] + np.sin(psi) * e[1], np.cos(psi) * e[1] - np.sin(psi) * e[0]]
         tau = np.array(self.Kp) * e - np.array(self.Kd) * u["nu"]
-'''
+"""
 
 
 def _python(slot: Slot) -> dict[str, str]:

@@ -179,7 +179,9 @@ def c_files(slot: Slot) -> dict[str, str]:
     """Give the C source, the model description, and the script that makes them an FMU."""
     model = f"my_{slot.path.rpartition('.')[2]}"
     law = is_controller(slot)
-    rows = [(c.name, c.direction, c.shape[0] if c.shape else 0, c.unit) for c in slot.connectors]
+    rows: list[tuple[str, str, int, str | None]] = [
+        (c.name, c.direction, c.shape[0] if c.shape else 0, c.unit) for c in slot.connectors
+    ]
     rows += [(name, "parameter", 6, "1") for name in GAINS] if law else []
     place, places, variables = 0, [], []
     for name, causality, size, unit in rows:

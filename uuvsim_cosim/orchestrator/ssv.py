@@ -94,7 +94,7 @@ def _add(
     for key, text in attributes.items():
         kind.set(key, text)
     for extent in shape:
-        SubElement(parameter, "ssv:Dimension", size=str(extent))
+        SubElement(parameter, "ssc:Dimension", size=str(extent))
 
 
 def _text(variable: Variable, value: Any) -> str:

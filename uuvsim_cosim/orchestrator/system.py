@@ -113,7 +113,8 @@ class System:
         kept: list[Connection] = []
         found = False
         for wire in self.checked.wires:
-            mine = (wire.target.element, wire.target.variable) == (point.element, point.variable)
+            end = wire.target
+            mine = (end.element, end.variable.name) == (point.element, point.variable.name)
             if not mine or not set(wire.target.elements) & set(point.elements):
                 kept.append(wire.connection)
                 continue
@@ -343,10 +344,10 @@ def _folded(variables: dict[str, Variable]) -> dict[str, Variable]:
     for v in variables.values():
         stem = v.name.rpartition("[")[0]
         parts = groups.get(stem, [])
-        if v not in parts or stem in variables:
+        if stem in variables or v.name not in [p.name for p in parts]:
             result[v.name] = v
             continue
         starts = tuple(p.start for p in parts)
-        start = None if None in starts else starts
+        start = None if any(s is None for s in starts) else starts
         result[stem] = replace(parts[0], name=stem, shape=(len(parts),), start=start)
     return result

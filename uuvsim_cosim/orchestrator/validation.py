@@ -22,7 +22,7 @@ from uuvsim_cosim.orchestrator.endpoints import (
     resolve_endpoint,
 )
 from uuvsim_cosim.orchestrator.sources import resolve
-from uuvsim_cosim.orchestrator.values import Misfit, fit, flat, is_float
+from uuvsim_cosim.orchestrator.values import Misfit, fit, flat
 from uuvsim_cosim.orchestrator.wiring import Wire, joined, single_source, wire
 
 if TYPE_CHECKING:
@@ -283,8 +283,3 @@ def _check_groups(system: System, names: set[str], problems: list[Problem]) -> N
             elif member in grouped:
                 problems.append(Problem(place, f"{member!r} in two groups", "at most one"))
             grouped.add(member)
-
-
-def unit_text(variable: Variable) -> str:
-    """Write a variable's unit for messages and tables."""
-    return variable.unit or "-" if is_float(variable) else variable.type

@@ -7,7 +7,7 @@ from math import hypot
 
 from uuvsim_cosim.orchestrator.elements import step_text
 from uuvsim_cosim.orchestrator.flatten import flatten
-from uuvsim_cosim.orchestrator.loops import Loop, loop_delays
+from uuvsim_cosim.orchestrator.loops import loop_delays, loop_lines
 from uuvsim_cosim.orchestrator.system import System
 from uuvsim_cosim.view.diagram_graph import Box, boxes_and_nets, text_width
 from uuvsim_cosim.view.diagram_layout import HEAD, ROW, Place, laid_out
@@ -20,7 +20,6 @@ _LINES = ("#33658a", "#86543b", "#4a7c59", "#7b4b94", "#a23b55", "#5c6b73", "#b0
 _GROUPS = ("#fdf3d8", "#e3f0fb", "#fbe6ea", "#e6f5e6")
 _INK, _FAINT, _RULE = "#1f2933", "#5f6c7b", "#c3cdd8"
 _MARGIN, _TITLE, _LINE = 28.0, 58.0, 17.0
-_SHOWN_LOOPS = 4
 
 
 def diagram(system: System) -> str:
@@ -48,13 +47,15 @@ def diagram(system: System) -> str:
         _text(_MARGIN, _MARGIN + 36, title, 12.5, _FAINT),
         f'<g transform="translate({shift:.1f} {_MARGIN + _TITLE:.1f})">',
     ]
-    # A white rim keeps lines apart where they cross.
-    parts += [
-        f'<path d="{_rounded(points)}" fill="none" stroke="#ffffff" stroke-width="4.5"/>'
-        f'<path d="{_rounded(points)}" fill="none" stroke="{colours[nets[n].source[0]]}" '
-        'stroke-width="1.5"/>' + _arrow(points[-1], colours[nets[n].source[0]])
-        for n, points in routes.lines
-    ]
+    for n, net in enumerate(nets):  # a white rim keeps the lines of two nets apart
+        lines = [points for m, points in routes.lines if m == n]
+        colour = colours[net.source[0]]
+        for stroke, w in (("#ffffff", 4.5), (colour, 1.5)):
+            parts += [
+                f'<path d="{_rounded(p)}" fill="none" stroke="{stroke}" stroke-width="{w}"/>'
+                for p in lines
+            ]
+        parts += [_arrow(p[-1], colour) for p in lines]
     for key, box in boxes.items():
         place = layout.boxes[key]
         parts.append(_box(box, place, routes.columns[place.column]))
@@ -79,16 +80,10 @@ def _caption(system: System) -> list[str]:
     loops = loop_delays(flatten(system))
     if not loops:
         return ["no loops"]
-    shown = loops[:_SHOWN_LOOPS]
-    more = f" ({len(loops) - len(shown)} more)" if len(loops) > len(shown) else ""
-    head = f"Loops and their delay, one step for each connection{more}:"
-    groups = [f"Shaded: {', '.join(g.members)} step in this order ({g.algorithm})"
-              for g in system.groups]  # fmt: skip
-    return [head, *(_loop(loop) for loop in shown), *groups]
-
-
-def _loop(loop: Loop) -> str:
-    return f"{float(loop.delay) * 1e3:g} ms   {' → '.join((*loop.path, loop.path[0]))}"
+    groups = [
+        f"Shaded: {', '.join(g.members)} step in this order ({g.algorithm})" for g in system.groups
+    ]
+    return ["Loops and their delay, one step for each connection:", *loop_lines(loops), *groups]
 
 
 def _box(box: Box, place: Place, x: float) -> str:

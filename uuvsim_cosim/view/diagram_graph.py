@@ -44,7 +44,7 @@ def text_width(text: str, size: float, *, bold: bool = False) -> float:
     """Estimate a text's width in a sans-serif font of this size, in px."""
     narrow = sum(c in "ijlt.,:;|!'()[] 1f/" for c in text)
     wide = sum(c in "mwMW…→" for c in text)
-    per_character = 0.57 * len(text) - 0.24 * narrow + 0.25 * wide
+    per_character = 0.6 * len(text) - 0.24 * narrow + 0.25 * wide
     return size * per_character * (1.06 if bold else 1.0)
 
 

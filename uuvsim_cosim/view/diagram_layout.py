@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 from uuvsim_cosim.view.diagram_graph import Box, Net, text_width
 
@@ -69,7 +70,7 @@ def laid_out(boxes: Mapping[str, Box], nets: list[Net]) -> Layout:
         _heights(layout, boxes, nets)
         _sort_ports(layout, boxes, nets)
     _heights(layout, boxes, nets)
-    top = min((p.y for p in places.values()), default=0.0)
+    top = min((p.y for p in (*places.values(), *passages.values())), default=0.0)
     for place in (*places.values(), *passages.values()):
         place.y -= top
     return layout
@@ -88,11 +89,14 @@ def _height(box: Box) -> float:
 
 
 def _layers(keys: list[str], nets: list[Net]) -> dict[str, int]:
-    edges = {(n.source[0], t): 0 for n in nets for t, _ in n.targets if n.source[0] != t}
-    for n in nets:
-        for t, _ in n.targets:
-            if n.source[0] != t:
-                edges[n.source[0], t] += 1
+    declared = {k: i for i, k in enumerate(keys)}
+    # The order of declaration says which way the author sees the flow.
+    edges = {
+        (n.source[0], t): 4 if declared[n.source[0]] < declared[t] else 1
+        for n in nets
+        for t, _ in n.targets
+        if n.source[0] != t
+    }
     order = _few_backward(keys, edges)
     rank = {k: i for i, k in enumerate(order)}
     forward = [(a, b) for a, b in edges if rank[a] < rank[b]]
@@ -108,16 +112,15 @@ def _layers(keys: list[str], nets: list[Net]) -> dict[str, int]:
 
 
 def _few_backward(keys: list[str], edges: Mapping[tuple[str, str], int]) -> list[str]:
-    """Order nodes so that few edges lead backward: move each to its best place, until none moves."""
+    """Order nodes so that few edges lead backward: each moves to its best place until none does."""
     order = list(keys)
     for _ in range(20):
         moved = False
         for key in keys:
             rest = [k for k in order if k != key]
-            rank = {k: i for i, k in enumerate(rest)}
             cost = sum(w for (a, b), w in edges.items() if b == key)
             # At place 0, all that leads here leads backward; each step to the right changes it.
-            best, place, here = cost, 0, order.index(key)
+            here = order.index(key)
             costs = [cost]
             for other in rest:
                 cost += edges.get((key, other), 0) - edges.get((other, key), 0)
@@ -127,7 +130,6 @@ def _few_backward(keys: list[str], edges: Mapping[tuple[str, str], int]) -> list
             if place != here:
                 order = [*rest[:place], key, *rest[place:]]
                 moved = True
-            del rank
         if not moved:
             break
     return order
@@ -163,7 +165,7 @@ def _order(layout: Layout, links: list[tuple[int, Cell, Cell]]) -> None:
                 near = [(a, rank[b]) for col, a, b in links if col == column]
             layout.columns[column].sort(
                 key=lambda c: _mean([y for k, y in near if k == c], rank[c])
-            )  # noqa: B023
+            )
         crossings = _crossings(layout.columns, links)
         if crossings < fewest:
             fewest, best = crossings, [list(c) for c in layout.columns]
@@ -187,7 +189,7 @@ def _crossings(columns: list[list[Cell]], links: list[tuple[int, Cell, Cell]]) -
 
 def _heights(layout: Layout, boxes: Mapping[str, Box], nets: list[Net]) -> None:
     """Move cells so that their nets run straight, in the order of their column."""
-    for sweep in range(6):
+    for sweep in range(_SWEEPS):
         span = range(len(layout.columns))
         for column in span if sweep % 2 == 0 else reversed(span):
             wanted = _wanted(layout, boxes, nets, column)
@@ -230,12 +232,14 @@ def _wanted(
             ]
             chain += [(("", n), c, 2.0) for c in range(start + 1, end)]
             chain.append(((key, -1), end, _port_offset(boxes[key], port, output=False)))
-            for (a, ca, oa), (b, cb, ob) in zip(chain, chain[1:], strict=False):
+            for (a, ca, oa), (b, cb, ob) in pairwise(chain):
                 ya, yb = _place(layout, a, ca).y + oa, _place(layout, b, cb).y + ob
+                # What passes by is drawn straight first, so that bends are few.
+                weight = 1 + 3 * (a[1] >= 0) * (b[1] >= 0)
                 if cb == column:
-                    wanted.setdefault(b, []).append(ya - ob)
+                    wanted.setdefault(b, []).extend([ya - ob] * weight)
                 if ca == column:
-                    wanted.setdefault(a, []).append(yb - oa)
+                    wanted.setdefault(a, []).extend([yb - oa] * weight)
     return wanted
 
 
@@ -269,5 +273,5 @@ def _sort_ports(layout: Layout, boxes: Mapping[str, Box], nets: list[Net]) -> No
             outs.setdefault(net.source, []).append(near_out.y if forward else bottom + 1)
             ins.setdefault((key, port), []).append(near_in.y if forward else bottom + 1)
     for box in boxes.values():
-        box.inputs.sort(key=lambda p: _mean(ins.get((box.key, p), []), 0.0))  # noqa: B023
-        box.outputs.sort(key=lambda p: _mean(outs.get((box.key, p), []), 0.0))  # noqa: B023
+        box.inputs.sort(key=lambda p: _mean(ins.get((box.key, p), []), 0.0))
+        box.outputs.sort(key=lambda p: _mean(outs.get((box.key, p), []), 0.0))

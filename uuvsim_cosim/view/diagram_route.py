@@ -46,7 +46,8 @@ class _Trunk:
 
 def routed(layout: Layout, boxes: Mapping[str, Box], nets: list[Net]) -> Routed:
     """Route every net. Gap g lies left of column g."""
-    bottom = max((p.y + p.height for p in layout.boxes.values()), default=0.0)
+    places = [*layout.boxes.values(), *layout.passages.values()]
+    bottom = max((p.y + p.height for p in places), default=0.0)
     column = {key: place.column for key, place in layout.boxes.items()}
     channels = _channels(nets, column, bottom)
     trunks: list[dict[int, _Trunk]] = [{} for _ in range(len(layout.columns) + 1)]

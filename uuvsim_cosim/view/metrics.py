@@ -137,9 +137,7 @@ def navigation_errors(eta_hat: Array, eta: Array, sigma: Array | None = None) ->
         for i, axis in enumerate(AXES):
             known = np.isfinite(sigma[:, i]) & (sigma[:, i] > 0)
             if known.any():
-                inside[axis] = float(
-                    np.mean(np.abs(error[known, i]) <= 3.0 * sigma[known, i])
-                )
+                inside[axis] = float(np.mean(np.abs(error[known, i]) <= 3.0 * sigma[known, i]))
     return Navigation(
         error=error,
         sigma=sigma,
@@ -163,11 +161,11 @@ def figures(traces: Traces, path: Array | None) -> list[Figure]:
         track = tracking(traces.time, eta, path, traces.vector("guidance.eta_d", 6))
         after = f"after the approach ({track.approach_ends:.0f} s)" if track.approach_ends else ""
         found += [
-            Figure("cross_track_rms", "cross-track error, RMS", track.rms, "m", note=after),
-            Figure("cross_track_max", "cross-track error, max", track.max, "m"),
+            Figure("cross_track_rms", "cross-track error, RMS", track.rms, "m", ".3f", after),
+            Figure("cross_track_max", "cross-track error, max", track.max, "m", ".3f"),
         ]
         if np.isfinite(track.depth_rms):
-            found.append(Figure("depth_rms", "depth error, RMS", track.depth_rms, "m"))
+            found.append(Figure("depth_rms", "depth error, RMS", track.depth_rms, "m", ".3f"))
     eta_hat = traces.vector("navigation.eta", 6)
     if eta is not None and eta_hat is not None:
         found += _navigation_figures(navigation_errors(eta_hat, eta, sigma_of(traces)))
@@ -187,7 +185,7 @@ def figures(traces: Traces, path: Array | None) -> list[Figure]:
 def _navigation_figures(nav: Navigation) -> list[Figure]:
     found = [
         Figure("navigation_horizontal_rms", "navigation error, horizontal RMS",
-               nav.horizontal_rms, "m"),
+               nav.horizontal_rms, "m", ".3f"),
         Figure("navigation_vertical_rms", "navigation error, vertical RMS",
                nav.vertical_rms, "m", ".3f"),
         Figure("navigation_heading_rms", "navigation error, heading RMS",
@@ -220,11 +218,11 @@ def sigma_of(traces: Traces) -> Array | None:
 
 
 def energy_of(traces: Traces) -> float | None:
-    """Give the energy used [J] from battery voltage and the thrusters' total current."""
-    voltage = traces.scalar("battery.voltage")
-    current = traces.scalar("wrench.current")
-    if current is None:
-        current = traces.scalar("battery.current")
+    """Give the energy used [J]: the battery's own count, else of voltage and total current."""
+    counted = traces.scalar("battery.energy")
+    if counted is not None:
+        return float(counted[-1] - counted[0])
+    voltage, current = traces.scalar("battery.voltage"), traces.scalar("wrench.current_total")
     if voltage is None or current is None:
         return None
     return energy(traces.time, voltage, current)

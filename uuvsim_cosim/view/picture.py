@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ import numpy as np
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.view.metrics import figures
 from uuvsim_cosim.view.palette import picture_styles
-from uuvsim_cosim.view.plots import Frame, Panel, TimePanel
+from uuvsim_cosim.view.plots import Frame, Panel, Rows, TimePanel
 from uuvsim_cosim.view.plots_svg import text
 from uuvsim_cosim.view.survey import lead_panels, sections, track_of
 from uuvsim_cosim.view.traces import Traces
@@ -33,7 +33,7 @@ def picture_svg(traces: Traces, provenance: Mapping[str, Any]) -> str:
     track = replace(track, width=left - 24, tallest=560)
     _, _, track_height = track.scales()
     below = {s.title: s.panels for s in sections(traces)}
-    extra = [p for p in below.get("Thrust", [])][:1]
+    extra = list(below.get("Thrust", []))[:1]
     panels = [*lead_panels(traces, path)[:2], *_navigation(below), *extra][:4]
     tall = track_height + HEAD + 16
     top = 62.0
@@ -41,12 +41,15 @@ def picture_svg(traces: Traces, provenance: Mapping[str, Any]) -> str:
     parts.append(_card(MARGIN, top, left, tall, "Track, seen from above [m]", track.draw(),
                        _keys(track.estimate is not None)))  # fmt: skip
     right = WIDTH - left - GAP - 2 * MARGIN
-    each = (tall - GAP * (len(panels) - 1)) / max(len(panels), 1)
-    for number, panel in enumerate(panels):
+    shares = np.array([1.7 if isinstance(panel, Rows) else 1.0 for panel in panels])
+    heights = (tall - GAP * (len(panels) - 1)) * shares / shares.sum()
+    y = top
+    for panel, each in zip(panels, heights, strict=True):
         frame = Frame(width=right - 24, height=each - HEAD - 10, bottom=20, top=4)
         title = f"{panel.title} [{panel.unit}]"
-        parts.append(_card(MARGIN + left + GAP, top + number * (each + GAP), right, each, title,
-                           panel.draw(traces.time, frame), ""))  # fmt: skip
+        inside = panel.draw(traces.time, frame)
+        parts.append(_card(MARGIN + left + GAP, y, right, each, title, inside, ""))
+        y += each + GAP
     height = top + tall + MARGIN
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:g} {height:.0f}" '
@@ -65,8 +68,10 @@ def write_picture(traces: Traces, provenance: Mapping[str, Any], out: str | Path
     return out
 
 
-def _navigation(below: Mapping[str, Any]) -> list[Panel]:
-    found = next((panels for title, panels in below.items() if title.startswith("Nav")), [])
+def _navigation(below: Mapping[str, Sequence[Panel]]) -> list[Panel]:
+    found: Sequence[Panel] = next(
+        (panels for title, panels in below.items() if title.startswith("Nav")), []
+    )
     return [
         replace(p, title=f"Navigation error, {p.title.lower()}, and ±3 σ")
         for p in found[:1]

@@ -8,7 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from uuvsim_cosim.view.plots_svg import (
-    Scale, decimate, nice_ticks, path, polygon, text, time_ticks,
+    Scale,
+    decimate,
+    nice_ticks,
+    path,
+    polygon,
+    text,
+    time_ticks,
 )
 from uuvsim_cosim.view.traces import Array
 
@@ -104,13 +110,12 @@ class TimePanel(Panel):
     least_span: float = 0.0
 
     def limits(self) -> tuple[float, float]:
-        """Give the range of the value axis: all lines, and bands unless they dwarf the lines."""
+        """Give the range of the value axis: all of the lines, most of the bands."""
         lines = [line.value for line in self.lines if not line.readout_only]
         low, high = _range(lines, self.include)
-        if self.bands:
-            b_low, b_high = _range([v for b in self.bands for v in (b.low, b.high)], ())
-            reach = 4.0 * max(high - low, 1e-12)
-            low, high = max(min(low, b_low), low - reach), min(max(high, b_high), high + reach)
+        for band in self.bands:  # as it is most of the time; at the start it may be far wider
+            low = min(low, 1.25 * float(np.nanpercentile(band.low, 15)))
+            high = max(high, 1.25 * float(np.nanpercentile(band.high, 85)))
         span = max(high - low, self.least_span, 1e-9)
         middle = 0.5 * (low + high)
         return middle - 0.55 * span, middle + 0.55 * span
@@ -119,8 +124,10 @@ class TimePanel(Panel):
         """Give the inside of an SVG of the frame's size."""
         low, high = self.limits()
         bottom = frame.height - frame.bottom
-        y = Scale(low, high, frame.top, bottom) if self.down else Scale(
-            low, high, bottom, frame.top
+        y = (
+            Scale(low, high, frame.top, bottom)
+            if self.down
+            else Scale(low, high, bottom, frame.top)
         )
         x = frame.time_scale(time)
         parts = [_time_axis(time, frame), _value_axis(y, frame, max(3, int(frame.height / 34)))]
@@ -194,7 +201,7 @@ class Sticks(Panel):
         bottom = frame.height - frame.bottom
         up = max(float(np.nanmax(self.north)), 0.0)
         down = max(float(np.nanmax(-self.north)), 0.0)
-        scale = min((bottom - frame.top - 10) / max(up + down, 0.5 * reach), 60.0 / reach)
+        scale = min((bottom - frame.top - 10) / max(up + down, 0.5 * reach), 46.0 / reach)
         spare = bottom - frame.top - (up + down) * scale
         middle = frame.top + 0.5 * spare + up * scale
         picks = np.linspace(0, len(time) - 1, min(len(time), 130)).astype(int)

@@ -35,15 +35,18 @@ def escape(text: object) -> str:
 
 
 def nice_ticks(low: float, high: float, count: int = 4) -> list[float]:
-    """Give round values inside [low, high], about `count` of them."""
+    """Give round values inside [low, high], about `count` of them, and at least two."""
     span = high - low
     if not np.isfinite(span) or span <= 0:
         return [low]
-    rough = span / max(count, 1)
-    power = 10.0 ** np.floor(np.log10(rough))
-    step = power * next(m for m in (1, 2, 2.5, 5, 10) if m * power >= rough * 0.999)
-    first = np.ceil(low / step - 1e-9)
-    last = np.floor(high / step + 1e-9)
+    for wanted in range(max(count, 1), max(count, 1) + 6):
+        rough = span / wanted
+        power = 10.0 ** np.floor(np.log10(rough))
+        step = power * next(m for m in (1, 2, 2.5, 5, 10) if m * power >= rough * 0.999)
+        first = np.ceil(low / step - 1e-9)
+        last = np.floor(high / step + 1e-9)
+        if last > first:
+            break
     return [float(round(k * step, 10)) + 0.0 for k in np.arange(first, last + 1)]
 
 

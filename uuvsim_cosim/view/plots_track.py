@@ -101,9 +101,9 @@ class Track:
         reach = float(np.nanmax(speed, initial=0.0))
         if reach <= 0:
             return ""
-        length = 30.0 / reach
+        length = 26.0 / reach
         heads = []
-        for i in self._spaced(x, y, 34.0):
+        for i in self._spaced(x, y, 42.0):
             n, e = self.current[i, :2] * length
             if np.hypot(n, e) < 4:
                 continue
@@ -140,7 +140,6 @@ class Track:
     def _mark(self, x: Scale, y: Scale, i: int, label: str) -> str:
         a, b = float(x(self.eta[i, 1])), float(y(self.eta[i, 0]))
         above = -10 if b - 14 > y.end else 18
-        return (
-            f'<circle class="mark {label}" cx="{a:.1f}" cy="{b:.1f}" r="5"/>'
-            + text(a, b + above, label, "label halo", "middle")
+        return f'<circle class="mark {label}" cx="{a:.1f}" cy="{b:.1f}" r="5"/>' + text(
+            a, b + above, label, "label halo", "middle"
         )

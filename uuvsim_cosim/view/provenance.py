@@ -33,7 +33,8 @@ FORMULAS = (
     "Navigation error: estimate minus truth at the same communication point, so delays count; "
     "horizontal RMS = √mean(e_N² + e_E²). Inside 3 σ: share of samples with |e| ≤ 3 σ, mean of "
     "the axes; a consistent Gaussian filter has 99.7 %.",
-    "Energy: ∫ V I dt of battery voltage and total current, by trapezoids.",
+    "Energy: what the battery integrates, ∫ V I dt; without that output, by trapezoids from "
+    "voltage and total current.",
     "Curves are drawn through the least and greatest sample of each pixel column or two; all "
     "samples are in signals.parquet.",
 )
@@ -76,9 +77,8 @@ def _shown(value: Any) -> str:
 def _listed(title: str, items: Sequence[str], *, opened: bool = False) -> str:
     inside = "".join(f"<li>{escape(item)}</li>" for item in items)
     state = " open" if opened else ""
-    return (
-        f'<details class="card"{state}><summary>{escape(title)}</summary><ul>{inside}</ul></details>'
-    )
+    head = f'<details class="card"{state}><summary>{escape(title)}</summary>'
+    return f"{head}<ul>{inside}</ul></details>"
 
 
 def _components(components: Sequence[Mapping[str, Any]]) -> str:

@@ -64,7 +64,7 @@ def _states(traces: Traces, axis: int, *, degrees: bool = False, digits: int = 2
         ("true", "hull.eta", "truth"),
         ("estimate", "navigation.eta", "estimate"),
     )
-    lines = []
+    lines: list[Line] = []
     turn = 0.0
     for label, name, style in names:
         value = traces.vector(name, 6)
@@ -87,9 +87,7 @@ def lead_panels(traces: Traces, path: Array | None) -> list[Panel]:
     panels: list[Panel] = [TimePanel("Depth", "m", _states(traces, 2), down=True, least_span=0.5)]
     if path is not None and len(path) > 1:
         error = [Line("true", cross_track_error(eta, path), "truth", 3)]
-        panels.append(
-            TimePanel("Cross-track error", "m", error, include=[0.0], least_span=0.1)
-        )
+        panels.append(TimePanel("Cross-track error", "m", error, include=[0.0], least_span=0.1))
     v_c = _current(traces)
     if v_c is not None:
         towards = np.degrees(np.arctan2(v_c[:, 1], v_c[:, 0])) % 360
@@ -185,7 +183,7 @@ def _thrust(traces: Traces) -> list[Panel]:
 
 def _power(traces: Traces) -> list[Panel]:
     panels: list[Panel] = []
-    voltage, current = traces.scalar("battery.voltage"), traces.scalar("wrench.current")
+    voltage, current = traces.scalar("battery.voltage"), traces.scalar("wrench.current_total")
     if voltage is not None:
         panels.append(
             TimePanel("Battery voltage", "V", [Line("voltage", voltage, "truth")], least_span=0.5)

@@ -207,4 +207,27 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
     }
     return fmi2OK;
 }
+
+/* What a tool that binds everything asks for. */
+#define STATUS(name, type)                                                                   \
+    fmi2Status fmi2Get##name##Status(fmi2Component c, const fmi2StatusKind k, type *x) {     \
+        (void)c, (void)k, (void)x;                                                           \
+        return fmi2Discard;                                                                  \
+    }
+STATUS(, fmi2Status)
+STATUS(Real, fmi2Real)
+STATUS(Integer, fmi2Integer)
+STATUS(Boolean, fmi2Boolean)
+STATUS(String, fmi2String)
+fmi2Status fmi2CancelStep(fmi2Component c) { return c ? fmi2Discard : fmi2Error; }
+fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference r[], size_t n,
+                                       const fmi2Integer order[], const fmi2Real x[]) {
+    (void)c, (void)r, (void)n, (void)order, (void)x;
+    return fmi2Discard;
+}
+fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference r[], size_t n,
+                                        const fmi2Integer order[], fmi2Real x[]) {
+    (void)c, (void)r, (void)n, (void)order, (void)x;
+    return fmi2Discard;
+}
 #endif

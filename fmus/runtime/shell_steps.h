@@ -1,0 +1,87 @@
+/* The end of initialization, steps, and the work space of derivatives. */
+#ifndef SHELL_STEPS_H
+#define SHELL_STEPS_H
+
+#include "shell_variables.h"
+
+/* Gives 1, or refuses and names the first output or state that is not finite. */
+static int all_finite(shell *s, const char *function, double time, int32_t bad) {
+    const uuv_component *c = s->block->component;
+    for (uint32_t i = c->off_x; i < c->n_block && !bad; i++)
+        if (!uuv_all_finite(s->block->b[i])) bad = (int32_t)(1 + i);
+    if (!bad) return 1;
+    uint32_t element;
+    char name[96];
+    const uint32_t at = (uint32_t)(bad - 1);
+    const uuv_variable *v = owner(c, at, &element);
+    return refuse(s, "%s: \"%s\" became %g at t = %.9g s", function,
+                  v ? element_name(name, v, element) : "an internal value",
+                  uuv_lane(s->block->b[at], 0), time);
+}
+
+static int shell_exit_initialization(shell *s, const char *function) {
+    uuv_exit_initialization(s->block);
+    uuv_update_outputs(s->block);
+    if (!all_finite(s, function, s->time, 0)) {
+        s->mode = FAILED;
+        return 0;
+    }
+    s->mode = STEP_MODE;
+    return 1;
+}
+
+static int shell_do_step(shell *s, const char *function, double t, double h) {
+    if (!__builtin_isfinite(t))
+        return refuse(s, "%s: currentCommunicationPoint is %g; expected a finite number",
+                      function, t);
+    if (!__builtin_isfinite(h) || h < 0.0)
+        return refuse(s, "%s: communicationStepSize is %g; expected a finite number, at least 0",
+                      function, h);
+    /* Masters that accumulate time may be off by a few units in the last place. */
+    const double slack = 1e-6 * h + 1e-9 * (__builtin_fabs(t) + 1.0);
+    if (__builtin_fabs(t - s->time) > slack)
+        return refuse(s, "%s: currentCommunicationPoint is %.17g; expected %.17g, where the "
+                         "last step ended", function, t, s->time);
+    if (t + h > s->stop_time + slack)
+        return refuse(s, "%s: the step ends at %.17g; expected not after stopTime %.17g",
+                      function, t + h, s->stop_time);
+    const int32_t bad = uuv_do_step(s->block, t, h);
+    s->time = t + h;
+    if (bad) {
+        s->mode = FAILED;
+        return all_finite(s, function, s->time, bad);
+    }
+    return 1;
+}
+
+/* ---- derivatives ----------------------------------------------------------------------- */
+/* Place of an input or output in [u] or [y]; -1 if the reference is refused. */
+static int64_t differentiable(shell *s, const char *function, uint32_t vr, int known, int whole,
+                              uint32_t *size) {
+    const uuv_component *c = s->block->component;
+    uint32_t element;
+    const uuv_variable *v = reference(s, function, vr, UUV_FLOAT64, whole, &element, size);
+    if (!v) return -1;
+    if (v->kind != (known ? UUV_INPUT : UUV_OUTPUT)) {
+        refuse(s, "%s: \"%s\" is not %s", function, v->name,
+               known ? "a known; expected an input" : "an unknown; expected an output");
+        return -1;
+    }
+    return (int64_t)vr - (known ? c->off_u : c->off_y);
+}
+
+/* Work space [seed of u and x | sensitivity of y and dx], zeroed; NULL if there is no memory. */
+static V *derivative_space(shell *s, V **sensitivity) {
+    const uuv_component *c = s->block->component;
+    const size_t n = (size_t)c->n_u + c->n_x, m = (size_t)c->n_y + c->n_x;
+    V *seed = calloc(n + m + 1, sizeof(V));
+    if (!seed) {
+        refuse(s, "out of memory");
+        return NULL;
+    }
+    *sensitivity = seed + n;
+    uuv_update_outputs(s->block);
+    return seed;
+}
+
+#endif

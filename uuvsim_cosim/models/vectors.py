@@ -1,0 +1,10 @@
+"""The units of the vectors that components share, element by element (SNAME's letters)."""
+
+from __future__ import annotations
+
+__all__ = ["ETA", "NU", "NU_DOT", "TAU"]
+
+ETA = ("m",) * 3 + ("rad",) * 3  # N E D phi theta psi
+NU = ("m/s",) * 3 + ("rad/s",) * 3  # u v w p q r
+NU_DOT = ("m/s2",) * 3 + ("rad/s2",) * 3
+TAU = ("N",) * 3 + ("N.m",) * 3  # X Y Z K M N

@@ -1,0 +1,258 @@
+"""A run: a system is simulated into a folder with its recording and where it came from.
+
+The folder holds ``signals.parquet``, ``run.json`` and ``system.ssd``; the command line adds
+``report.html``. After a failure or Ctrl-C the recording up to then stays; a run that is refused
+before its first step leaves nothing.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import platform
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from uuvsim_cosim._version import __version__
+from uuvsim_cosim.errors import ComponentFailed, InputInvalid, UuvsimError
+from uuvsim_cosim.orchestrator.flatten import flatten
+from uuvsim_cosim.orchestrator.loops import loop_delays
+from uuvsim_cosim.orchestrator.mission import duration, path_of
+from uuvsim_cosim.orchestrator.plan import Plan
+from uuvsim_cosim.orchestrator.prepared import Progress, prepare
+from uuvsim_cosim.orchestrator.run_folder import RunFolder, claim
+from uuvsim_cosim.orchestrator.sources import Backend
+from uuvsim_cosim.orchestrator.system import System
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.orchestrator.master import Master
+    from uuvsim_cosim.orchestrator.recording import Signals
+
+__all__ = ["Interrupted", "Run", "run"]
+
+SCHEMA_VERSION = 1
+_SECONDS = 0.1  # of wall time between two calls of `progress`
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a run was, and the folder in which it lies; times in s."""
+
+    folder: Path
+    system: str
+    seed: int
+    time: float
+    steps: int
+    tick: float
+    wall_time: float
+    loop_delay: float | None
+    loop_path: str
+    notes: tuple[str, ...]
+    warnings: tuple[str, ...]
+    waypoints: tuple[tuple[float, ...], ...] | None
+    asked: Path | None = None
+    interrupted: str = ""
+
+    @property
+    def real_time_factor(self) -> float:
+        """Give simulated over wall time, from the first step to the closed recording."""
+        return self.time / self.wall_time if self.wall_time > 0 else math.inf
+
+    @property
+    def recording(self) -> Path:
+        """Give the file of the signals."""
+        return self.folder / "signals.parquet"
+
+    def signals(self) -> Signals:
+        """Read the recorded signals as numpy arrays."""
+        from uuvsim_cosim.orchestrator.recording import read_signals
+
+        return read_signals(self.folder)
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C while stepping; the recording is closed, and `run` says what there is."""
+
+    def __init__(self, run: Run) -> None:
+        super().__init__(run.interrupted)
+        self.run = run
+
+
+def run(
+    system: System | str | Path,
+    *,
+    until: float | None = None,
+    out: str | Path | None = None,
+    seed: int = 0,
+    backend: Backend = "fmu",
+    record_every: int = 1,
+    progress: Progress | None = None,
+    about: Mapping[str, Any] | None = None,
+) -> Run:
+    """Simulate a system from 0 to `until` [s] and record every output into a fresh folder.
+
+    Without `until`, a mission runs as long as its path takes (see `mission.duration`). The
+    folder is `out`, by default ``runs/<system>-<seed>``; if it holds something already, the
+    first free of NAME-2, NAME-3, …. ``progress(stage, done, total)`` is called while
+    "building" (components) and "simulating" (seconds). `about` goes into run.json.
+
+    Raises SystemInvalid and InputInvalid before anything runs, ComponentFailed while it runs
+    (its attribute `recording` is the folder), Interrupted on Ctrl-C while stepping.
+    """
+    if until is not None and not (math.isfinite(until) and until > 0):
+        raise InputInvalid(f"until: {until:g} s was read; expected more than 0")
+    if record_every < 1:
+        raise InputInvalid(f"record_every: {record_every} was read; expected 1 or more")
+    if not isinstance(system, System):
+        from uuvsim_cosim.orchestrator.library import load
+
+        system = load(system)
+    plan = flatten(system, seed)
+    end = duration(plan) if until is None else until
+    folder = claim(out if out is not None else Path("runs") / f"{system.name}-{seed}")
+    try:
+        provenance = _provenance(system, plan, seed, backend, record_every, end, about or {})
+        master = _started(system, plan, folder, backend, record_every, provenance, end, progress)
+    except BaseException:
+        folder.discard()
+        raise
+    return _stepped(master, plan, end, folder, provenance, progress)
+
+
+def _started(
+    system: System, plan: Plan, folder: RunFolder, backend: Backend, record_every: int,
+    provenance: Mapping[str, Any], end: float, progress: Progress | None,
+) -> Master:  # fmt: skip
+    """Write the system, build its components, and go through Initialization Mode."""
+    from uuvsim_cosim.orchestrator.master import Master
+    from uuvsim_cosim.orchestrator.recorder import Recorder
+    from uuvsim_cosim.orchestrator.ssd import write_ssd
+
+    write_ssd(system, folder.path / "system.ssd")
+    instantiate = prepare(plan, backend, progress)
+    recorder = Recorder(folder.path, provenance={k: provenance[k] for k in ("system", "seed")})
+    master = Master(plan, instantiate, observers=[recorder], record_every=record_every)
+    try:
+        master.initialize(0.0, end)
+    except BaseException:
+        master.free()
+        raise
+    return master
+
+
+def _stepped(
+    master: Master, plan: Plan, end: float, folder: RunFolder,
+    provenance: dict[str, Any], progress: Progress | None,
+) -> Run:  # fmt: skip
+    """Step to the end, and leave a closed recording and run.json whatever happens."""
+    begun = time.perf_counter()
+    steps = math.ceil(Fraction(str(end)) / plan.tick)
+    stopped = ""
+    error: UuvsimError | None = None
+    interrupted = False
+    with master:
+        try:
+            _advance(master, steps, end, progress)
+        except KeyboardInterrupt:
+            interrupted = True
+            stopped = f"interrupted at t = {master.time:.6g} s"
+        except UuvsimError as failure:
+            error, stopped = failure, str(failure)
+        done, reached = master.tick, master.time
+        if error is not None:
+            master.free()  # not terminate(): what has failed may not answer
+    wall_time = time.perf_counter() - begun
+    known = {
+        "time": reached, "steps": done, "wall_time": wall_time,
+        "real_time_factor": reached / wall_time if wall_time > 0 else None, "interrupted": stopped,
+    }  # fmt: skip
+    _write_json(folder.path / "run.json", {**provenance, **known})
+    if error is not None:
+        if isinstance(error, ComponentFailed):
+            error.recording = folder.path  # type: ignore[attr-defined]
+        raise error
+    result = Run(
+        folder=folder.path,
+        system=provenance["system"],
+        seed=provenance["seed"],
+        time=reached,
+        steps=done,
+        tick=float(plan.tick),
+        wall_time=wall_time,
+        loop_delay=provenance["loop_delay"],
+        loop_path=provenance["loop_path"],
+        notes=tuple(provenance["notes"]),
+        warnings=tuple(provenance["warnings"]),
+        waypoints=None if provenance["waypoints"] is None else tuple(
+            tuple(w) for w in provenance["waypoints"]
+        ),
+        asked=folder.asked if folder.renamed else None,
+        interrupted=stopped,
+    )  # fmt: skip
+    if interrupted:
+        raise Interrupted(result)
+    return result
+
+
+def _advance(master: Master, steps: int, end: float, progress: Progress | None) -> None:
+    """Step in pieces that take about a tenth of a second, and report in between."""
+    report: Progress = progress or (lambda stage, done, total: None)
+    piece = 8
+    while master.tick < steps:
+        begun = time.perf_counter()
+        master.step(min(piece, steps - master.tick))
+        report("simulating", master.time, end)
+        took = time.perf_counter() - begun
+        piece = max(1, min(4 * piece, int(piece * _SECONDS / max(took, 1e-6))))
+
+
+def _provenance(
+    system: System, plan: Plan, seed: int, backend: Backend, record_every: int, end: float,
+    about: Mapping[str, Any],
+) -> dict[str, Any]:  # fmt: skip
+    loops = loop_delays(plan)
+    path = path_of(plan)
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "version": __version__,
+        "system": system.name,
+        "seed": seed,
+        "backend": {"fmu": "FMUs", "native": "native components"}[backend],
+        "until": end,
+        "tick": float(plan.tick),
+        "record_every": record_every,
+        "started": datetime.now(UTC).isoformat(timespec="seconds"),
+        "python": platform.python_version(),
+        "platform": f"{platform.system()} {platform.machine()}",
+        "loop_delay": float(loops[0].delay) if loops else None,
+        "loop_path": str(loops[0]).partition(": ")[2] if loops else "",
+        "notes": list(system.notes),
+        "warnings": [w for w in plan.warnings if w not in system.notes],
+        "waypoints": None if path is None else path.tolist(),
+        "components": [
+            {
+                "path": c.path,
+                "kind": c.description.kind if backend == "native" or "model:" not in c.source
+                else "FMI 3.0",
+                "source": _shown(c.source),
+                "token": c.description.token,
+                "step": float(c.step_ticks * plan.tick),
+            }
+            for c in plan.components
+        ],
+        **about,
+    }  # fmt: skip
+
+
+def _shown(source: str) -> str:
+    """Give a source without the folders of this machine."""
+    return source if source.startswith("model:") else Path(source).name
+
+
+def _write_json(path: Path, content: Mapping[str, Any]) -> None:
+    path.write_text(json.dumps(content, indent=2, default=str) + "\n", encoding="utf-8")
