@@ -1,12 +1,12 @@
-"""Derives the polynomials of fmus/runtime: Chebyshev fits in 60 digits, rounded to float64.
+"""Derives the polynomials of fmus/runtime: interpolation at Chebyshev's nodes, in 60 digits.
 
-Run it to print the coefficients as C, and the error of each with the rounded coefficients,
-relative to the function that it serves.
+Run it to print the coefficients, rounded to float64, as C, and the error that they leave, relative
+to the function that each serves.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import mpmath
@@ -78,24 +78,35 @@ def _polynomials() -> Iterator[Polynomial]:
     )  # fmt: skip
 
 
+def _horner(ascending: Sequence[mpf], x: mpf) -> mpf:
+    value = mpf(0)
+    for c in reversed(ascending):
+        value = value * x + c
+    return value
+
+
 def _series(p: Polynomial) -> Function:
-    taylor = [p.taylor(i) for i in range(TERMS)][::-1]
-    return lambda x: mpmath.polyval(taylor, x)
+    taylor = [p.taylor(i) for i in range(TERMS)]
+    return lambda x: _horner(taylor, x)
 
 
 def coefficients(p: Polynomial) -> list[float]:
     """Give the rounded coefficients, the constant first."""
     with mpmath.workdps(DIGITS):
-        fit = mpmath.chebyfit(_series(p), [p.a, p.b], p.size)
-        return [float(c) for c in reversed(fit)]
+        series, middle, half = _series(p), (p.a + p.b) / 2, (p.b - p.a) / 2
+        angles = [mpmath.pi * (2 * k + 1) / (2 * p.size) for k in range(p.size)]
+        nodes = [middle + half * mpmath.cos(angle) for angle in angles]
+        powers = mpmath.matrix([[x**i for i in range(p.size)] for x in nodes])
+        fit = mpmath.lu_solve(powers, mpmath.matrix([series(x) for x in nodes]))
+        return [float(c) for c in fit]
 
 
 def relative_error(p: Polynomial, c: list[float], points: int = 200) -> float:
     """Give the largest relative error of the function served, with coefficients `c`."""
     with mpmath.workdps(DIGITS):
-        series, fit = _series(p), [mpf(x) for x in reversed(c)]
+        series, fit = _series(p), [mpf(x) for x in c]
         xs = [p.a + (p.b - p.a) * i / points for i in range(points + 1)]
-        return float(max(abs((mpmath.polyval(fit, x) - series(x)) * p.weight(x)) for x in xs))
+        return float(max(abs((_horner(fit, x) - series(x)) * p.weight(x)) for x in xs))
 
 
 with mpmath.workdps(DIGITS):
