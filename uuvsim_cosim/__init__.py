@@ -9,11 +9,11 @@ from uuvsim_cosim.errors import UuvsimError
 
 if TYPE_CHECKING:
     from uuvsim_cosim.models.model import Model
+    from uuvsim_cosim.orchestrator.library import available, load
     from uuvsim_cosim.orchestrator.master import Master
     from uuvsim_cosim.orchestrator.recording import Signals, read_signals
     from uuvsim_cosim.orchestrator.run import Run, run
     from uuvsim_cosim.orchestrator.system import System
-    from uuvsim_cosim.orchestrator.library import available, load
 
 __all__ = [
     "Master",

@@ -50,11 +50,12 @@ static inline V uuv_two_sqrt_(V x_hi, V x_lo, V *error) {
     return root;
 }
 
-/* (n_hi + n_lo) / (d_hi + d_lo), within 1.1 ulp: the two roundings are the divisions' and the
- * last sum's. The error of n_hi / d_hi itself is left in. */
+/* (n_hi + n_lo) / (d_hi + d_lo), rounded: one Newton step from n_hi / d_hi. */
 static inline V uuv_ratio_(V n_hi, V n_lo, V d_hi, V d_lo) {
+    V error;
     const V q = n_hi / d_hi;
-    return q + (n_lo - q * d_lo) / d_hi;
+    const V product = uuv_two_product_(q, d_hi, &error);
+    return q + (((n_hi - product) - error) + (n_lo - q * d_lo)) / d_hi;
 }
 
 #endif

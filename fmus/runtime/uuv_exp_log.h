@@ -61,12 +61,14 @@ static inline V uuv_exp(V x) {
 
 /* exp(x) - 1 = 2^k (hi + lo), for -100 <= x <= 800. */
 static inline V uuv_expm1_core_(V x, V *hi, V *lo) {
-    V k, r, t, error;
+    V k, r, t, error, whole_lo;
     uuv_exp_core_(x, uuv_const(0.0), &k, &r, &t);
     /* Beyond 2^100 the one to subtract is lost anyway, and 2^-k would leave the range. */
     const V bounded = uuv_select(uuv_mask_gt(k, uuv_const(100.0)), uuv_const(100.0), k);
-    *hi = uuv_fast_two_sum_(1.0 - uuv_power_of_two_(uuv_neg(bounded)), r, &error);
-    *lo = error + t;
+    const V power = uuv_neg(uuv_power_of_two_(uuv_neg(bounded)));
+    const V whole = uuv_two_sum_(uuv_const(1.0), power, &whole_lo);
+    *hi = uuv_fast_two_sum_(whole, r, &error);
+    *lo = whole_lo + error + t;
     return k;
 }
 

@@ -185,6 +185,17 @@ def test_a_failed_component_can_be_reset_and_run_again(fmu: Fmu2) -> None:
     assert read(fmu, "y") == 0.2
 
 
+def test_a_failed_component_is_freed_without_being_terminated(fmu: Fmu2) -> None:
+    put(fmu, fault=ERROR)
+    initialize(fmu)
+    with pytest.raises(ComponentFailed):
+        fmu.do_step(0.0, 0.1)
+    fmu.terminate()
+    assert [text for status, text in fmu.messages if status == "error"] == [
+        "step 0 at 0.000 s: too hot, y is y"
+    ]
+
+
 def test_use_after_free_is_refused(fmu: Fmu2) -> None:
     fmu.free()
     with pytest.raises(FmuError, match="used after it was freed"):
@@ -301,6 +312,23 @@ def test_a_second_instance_of_a_once_per_process_fmu_is_refused(c_fmu: CFmu) -> 
         Fmu2(archive, "second")
     first.free()
     Fmu2(archive, "second").free()
+
+
+def test_an_fmu_by_pythonfmu_gives_python_up_before_the_process_exits(
+    pythonfmu2_lag: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import atexit
+
+    from uuvsim_cosim.fmus import fmu_library
+
+    registered: list[Any] = []
+    monkeypatch.setattr(fmu_library, "_left_in_order", set())
+    monkeypatch.setattr(atexit, "register", registered.append)
+    for _ in range(2):
+        Fmu2(read_fmu(pythonfmu2_lag), "lag").free()
+    (last_word,) = registered
+    last_word()
+    Fmu2(read_fmu(pythonfmu2_lag), "lag").free()
 
 
 def test_an_fmu_by_pythonfmu_runs_and_its_exception_is_an_error(pythonfmu2_lag: Path) -> None:

@@ -39,7 +39,6 @@ def test_a_complete_group_folds_row_by_row_whatever_its_order(shape: Any, random
         [scalar("x[0]"), scalar("x[1]")],
         [scalar("x[1]"), scalar("x[2]", type="Int32")],
         [scalar("x[1]"), scalar("x[2]", causality="output")],
-        [scalar("x[1]"), scalar("x[2]", unit="m")],
         [scalar("x[1]"), scalar("x[2]", variability="discrete")],
         [scalar("x[1]"), scalar("x[2]"), scalar("x")],
         [scalar("x[1]"), scalar("x[1,1]")],
@@ -48,6 +47,13 @@ def test_a_complete_group_folds_row_by_row_whatever_its_order(shape: Any, random
 )
 def test_a_group_that_does_not_agree_stays_scalar(scalars: list[Variable]) -> None:
     assert fold(scalars) == {v.name: v for v in scalars}
+
+
+def test_elements_keep_units_that_differ() -> None:
+    eta = fold([scalar("eta[1]", unit="m"), scalar("eta[2]", unit="rad")])["eta"]
+    assert (eta.unit, eta.units) == (None, ("m", "rad"))
+    tau = fold([scalar("tau[1]", unit="N"), scalar("tau[2]", unit="N")])["tau"]
+    assert (tau.unit, tau.units) == ("N", ("N", "N"))
 
 
 def test_dependencies_name_what_was_folded() -> None:

@@ -8,7 +8,7 @@ import pytest
 from uuvsim_cosim.errors import ToolchainError
 from uuvsim_cosim.fmus import toolchain
 
-SOURCE = "__attribute__((visibility(\"default\"))) double twice(double x) { return 2 * x; }\n"
+SOURCE = '__attribute__((visibility("default"))) double twice(double x) { return 2 * x; }\n'
 
 
 @pytest.fixture
@@ -49,9 +49,7 @@ def test_what_does_not_compile_is_quoted(tmp_path: Path) -> None:
         toolchain.compile_shared([path], name="bad")
 
 
-def test_a_cc_that_does_not_exist_is_named(
-    source: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_cc_that_does_not_exist_is_named(source: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CC", "no-such-compiler")
     with pytest.raises(ToolchainError, match="no-such-compiler"):
         toolchain.compile_shared([source], name="twice")
@@ -70,9 +68,7 @@ def test_an_unknown_platform_lists_the_known(source: Path) -> None:
         toolchain.compile_shared([source], name="twice", platform="amiga")
 
 
-def test_cc_is_refused_for_another_platform(
-    source: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_cc_is_refused_for_another_platform(source: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CC", "true")
     with pytest.raises(ToolchainError, match="this machine only"):
         toolchain.compile_shared([source], name="twice", platform="aarch64-darwin")

@@ -10,7 +10,13 @@ from uuvsim_cosim.models.units import parse_unit, unit_of
 
 @pytest.mark.parametrize(
     ("name", "factor"),
-    [("kg.m2", 1.0), ("N.s2/rad2", 1.0), ("km/h", 1 / 3.6), ("deg/s", math.pi / 180), ("mm2", 1e-6)],
+    [
+        ("kg.m2", 1.0),
+        ("N.s2/rad2", 1.0),
+        ("km/h", 1 / 3.6),
+        ("deg/s", math.pi / 180),
+        ("mm2", 1e-6),
+    ],
 )
 def test_a_product_of_powers_has_the_product_of_factors(name: str, factor: float) -> None:
     assert parse_unit(name).factor == pytest.approx(factor, rel=1e-15)

@@ -17,7 +17,7 @@ ALL_MAPPED = {
 
 def test_a_slot_lists_what_is_connected_and_nothing_else(vehicle: System) -> None:
     found = slot(vehicle, "hull")
-    assert [(c.name, c.direction, c.shape, c.unit) for c in found.connectors] == [
+    assert [(c.name, c.direction, c.shape, c.unit_text) for c in found.connectors] == [
         ("tau", "input", (6,), "N"),
         ("v_c", "input", (3,), "m/s"),
         ("eta", "output", (6,), "1"),
@@ -136,3 +136,54 @@ def test_a_swapped_system_can_be_swapped_back(vehicle: System) -> None:
     assert there.replace("controller", "fake:controller", map=back).connections == (
         vehicle.connections
     )
+
+
+def test_each_element_keeps_its_own_unit(tmp_path: Path) -> None:
+    from uuvsim_cosim.orchestrator.library import load
+
+    law = tmp_path / "law.py"
+    law.write_text(
+        "class Law:\n"
+        '    inputs = {n: (6, "1") for n in ()}\n'
+        '    outputs = {"tau_d": (6, ("N", "N", "kN", "N.m", "N.m", "N"))}\n'
+        "    def step(self, t, dt, u):\n"
+        '        return {"tau_d": [0.0] * 6}\n'
+    )
+    with pytest.raises(SystemInvalid, match=r"tau_d\[6\] has unit 'N'; expected .* in N\.m"):
+        load("bluerov2_hold").replace("controller", f"{law}:Law")
+
+
+def test_elements_are_converted_each_in_its_own_unit() -> None:
+    from uuvsim_cosim.orchestrator.flatten import flatten
+
+    plan = flatten(two_units("kN", "N.m"))
+    assert {(t.factor, t.source_elements) for t in plan.transfers} == {
+        (1000.0, (0,)),
+        (1.0, (1,)),
+    }
+
+
+def two_units(*units: str) -> System:
+    """A source whose two elements have the given units, on an input in N and N.m."""
+    from uuvsim_cosim.fmus.description import Description, Variable
+    from uuvsim_cosim.orchestrator import sources
+
+    def described(causality: str, each: tuple[str, ...]) -> Description:
+        v = Variable("tau", "Float64", causality, "continuous", (2,), element_units=each)  # type: ignore[arg-type]
+        return Description("two", "native", {"tau": v})
+
+    class Two:
+        kind = "two"
+
+        def __init__(self, text: str, base: object) -> None:
+            self.text = text
+
+        def describe(self) -> Description:
+            return (
+                described("output", units)
+                if "out" in self.text
+                else described("input", ("N", "N.m"))
+            )
+
+    sources.register("two", Two)  # type: ignore[arg-type]
+    return System("s").add("a", "two:out").add("b", "two:in").connect("a.tau", "b.tau")

@@ -42,7 +42,7 @@ def show(name: Annotated[str, typer.Argument(help="A name, or a vehicle as id@se
     table(
         ("causality", "variable", "size", "unit", "start", "meaning"),
         [
-            (v.causality, v.name, " x ".join(map(str, v.shape)) or "1", v.unit or "-",
+            (v.causality, v.name, " x ".join(map(str, v.shape)) or "1", v.unit_text or "-",
              _start(v.start) if v.causality != "output" else "", v.description)
             for causality in wanted
             for v in describe(model).of(causality)  # type: ignore[arg-type]

@@ -47,9 +47,11 @@ class Component(Protocol):
     def set(self, variable: Variable, value: Any) -> None:
         """Set a value of the variable's shape (a scalar is not broadcast)."""
 
-    def enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None: ...
+    def enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
+        """Begin at `start_time`; parameters and start values may still be set."""
 
-    def exit_initialization_mode(self) -> None: ...
+    def exit_initialization_mode(self) -> None:
+        """End initialization; fixed parameters hold from here on."""
 
     def do_step(self, current_communication_point: float, step_size: float) -> None:
         """Advance by one communication step; raises ComponentFailed."""
@@ -57,22 +59,28 @@ class Component(Protocol):
     def get_fmu_state(self) -> Any:
         """Copy the state; raises FmuError if the component cannot."""
 
-    def set_fmu_state(self, state: Any) -> None: ...
+    def set_fmu_state(self, state: Any) -> None:
+        """Restore a state copied by `get_fmu_state`."""
 
-    def serialize_fmu_state(self, state: Any) -> bytes: ...
+    def serialize_fmu_state(self, state: Any) -> bytes:
+        """Write a state as bytes that outlive the process."""
 
-    def deserialize_fmu_state(self, data: bytes) -> Any: ...
+    def deserialize_fmu_state(self, data: bytes) -> Any:
+        """Read such bytes back."""
 
     def directional_derivative(
         self, unknowns: list[Variable], knowns: list[Variable], seed: Any
     ) -> Any:
         """Give d(unknowns)/d(knowns) · seed, flat; raises FmuError if not provided."""
 
-    def reset(self) -> None: ...
+    def reset(self) -> None:
+        """Go back to the state after instantiation; never a reload."""
 
-    def terminate(self) -> None: ...
+    def terminate(self) -> None:
+        """End the simulation."""
 
-    def free(self) -> None: ...
+    def free(self) -> None:
+        """Free everything; a second call does nothing."""
 
     def binding(self) -> Binding:
         """Give the addresses that the stepping loop in C calls."""

@@ -8,7 +8,18 @@ from typing import Any, Literal
 
 from uuvsim_cosim.models.units import Unit
 
-__all__ = ["Causality", "Description", "Variability", "Variable", "VariableType"]
+__all__ = [
+    "UNITS_ANNOTATION",
+    "Causality",
+    "Description",
+    "Variability",
+    "Variable",
+    "VariableType",
+]
+
+# FMI 3.0 gives an array one unit; where its elements' differ, an annotation of this type in our
+# model descriptions lists them, separated by blanks.
+UNITS_ANNOTATION = "org.uuvsim.units"
 
 Causality = Literal[
     "parameter", "calculatedParameter", "input", "output", "local", "independent",
@@ -56,6 +67,16 @@ class Variable:
     def unit_of_element(self, i: int) -> str | None:
         """Give the unit of element i, from 0, in the array's flat order."""
         return self.element_units[i] if self.element_units else self.unit
+
+    @property
+    def units(self) -> tuple[str | None, ...]:
+        """Give the unit of every element, in the array's flat order."""
+        return self.element_units or (self.unit,) * self.size
+
+    @property
+    def unit_text(self) -> str:
+        """Give the unit for a reader: ``m, rad`` where the elements' units differ."""
+        return ", ".join(dict.fromkeys(u or "?" for u in self.element_units)) or self.unit or ""
 
 
 @dataclass(frozen=True)

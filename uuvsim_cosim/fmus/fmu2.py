@@ -8,6 +8,7 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
+from uuvsim_cosim.errors import ComponentFailed
 from uuvsim_cosim.fmus.component import BindingKind
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.fmu_access import Access, NumericAccess, StringAccess
@@ -97,9 +98,8 @@ class Fmu2(FmuBinary):
     def _do_step(self, time: float, step_size: float) -> None:
         status = self._library.function("DoStep")(self._live(), time, step_size, 0)
         if status == _DISCARD and self._asks_to_end():
-            failed = self.failure("DoStep", status, time)
-            failed.reason += " (it asks to end the simulation)"
-            raise type(failed)(self.path, time, failed.reason)
+            reason = self.failure("DoStep", status, time).reason
+            raise ComponentFailed(self.path, time, f"{reason} (it asks to end the simulation)")
         if status > 1 or status < 0:
             raise self.failure("DoStep", status, time)
         self._log.drain()

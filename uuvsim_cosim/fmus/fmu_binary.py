@@ -6,7 +6,6 @@ import ctypes
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Sequence
-from enum import Enum
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -17,43 +16,20 @@ from uuvsim_cosim.fmus.component import Binding, BindingKind
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.fmu_access import Access
 from uuvsim_cosim.fmus.fmu_library import FmuLibrary, Signatures
+from uuvsim_cosim.fmus.fmu_state import FmuState, Phase
 from uuvsim_cosim.fmus.message_log import STATUS, MessageLog
 from uuvsim_cosim.fmus.read_description import FmuArchive
 from uuvsim_cosim.fmus.values import flat_array
 
-__all__ = ["FmuBinary", "FmuState", "Phase", "lives_here"]
+__all__ = ["FmuBinary", "lives_here"]
 
-_OK, _WARNING, _FATAL = 0, 1, 4
+_OK, _WARNING, _ERROR, _FATAL = 0, 1, 3, 4
 _living: Counter[Path] = Counter()  # instances in this process, by library
 
 
 def lives_here(archive: FmuArchive) -> bool:
     """Say whether this process holds a living instance of the FMU."""
     return any(count and file.is_relative_to(archive.folder) for file, count in _living.items())
-
-
-class Phase(Enum):
-    """Where in its life an instance is; the values go into serialised states."""
-
-    INSTANTIATED = 1
-    INITIALIZATION = 2
-    STEP = 3
-    TERMINATED = 4
-    FATAL = 5
-    FREED = 6
-
-
-class FmuState:
-    """A copy of an instance's state, owned by the FMU; freed when nobody holds it any more."""
-
-    def __init__(self, pointer: int, phase: Phase, orphans: list[int]) -> None:
-        self.pointer = pointer
-        self.phase = phase
-        self._orphans = orphans
-
-    def __del__(self) -> None:
-        # Freed by the instance at its next call: this may run while another thread steps it.
-        self._orphans.append(self.pointer)
 
 
 class FmuBinary(ABC):
@@ -163,7 +139,7 @@ class FmuBinary(ABC):
         self._phase = Phase.INSTANTIATED
 
     def terminate(self) -> None:
-        """End stepping; does nothing if stepping never began or has ended."""
+        """End stepping; does nothing if stepping never began, has ended or has failed."""
         if self._phase is Phase.STEP:
             self._phase = Phase.TERMINATED
             self._call("Terminate")
@@ -259,6 +235,8 @@ class FmuBinary(ABC):
         taken = self._log.drain()
         if status == _FATAL:
             self._phase = Phase.FATAL
+        elif status == _ERROR and self._phase is Phase.STEP:
+            self._phase = Phase.FAILED
         name = STATUS[status] if 0 <= status < len(STATUS) else f"the unknown status {status}"
         words = self._log.last(taken)
         reason = f"{self.prefix}{function} returned {name}" + (f": {words}" if words else "")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import ctypes
 import os
@@ -36,6 +37,7 @@ class FmuLibrary:
                 f"{archive.path}: its library {self.file.name} cannot be loaded ({error}); "
                 "expected one that this machine can load"
             ) from None
+        _leave_in_order(self._c, self.file)
 
     def function(self, name: str) -> Any:
         """Bind a function at its first use; raises FmuError if the FMU does not export it."""
@@ -81,6 +83,23 @@ def _library(archive: FmuArchive) -> Path:
             return file
     there = ", ".join(archive.binaries) or "none (only sources, or nothing)"
     raise FmuError(f"{archive.path}: no binary for this platform, {folders[0]}; there are: {there}")
+
+
+_left_in_order: set[Path] = set()
+
+
+def _leave_in_order(library: ctypes.CDLL, file: Path) -> None:
+    """Let an FMU by pythonfmu or pythonfmu3 give up Python before the process exits.
+
+    Their libraries clear a global from a destructor that runs after that global's own: memory
+    that was freed is written, and the process may abort after all is done. Called earlier, the
+    same function is harmless, and so is the destructor then.
+    """
+    last_word = getattr(library, "finalizePythonInterpreter", None)
+    if last_word is not None and file not in _left_in_order:
+        _left_in_order.add(file)
+        last_word.restype, last_word.argtypes = None, ()
+        atexit.register(last_word)
 
 
 def _searching(folder: Path) -> contextlib.AbstractContextManager[Any]:

@@ -21,8 +21,9 @@ def fold(scalars: Sequence[Variable]) -> dict[str, Variable]:
     """Give variables by name, in the order of their first elements.
 
     A group is folded if its indices run from 1 to n without a gap (row by row for matrices),
-    if type, causality, variability and unit are those of all its elements, and if no scalar has
-    its name; otherwise its elements stay scalars. Dependencies name what was folded.
+    if type, causality and variability are those of all its elements, and if no scalar has its
+    name; otherwise its elements stay scalars. Units may differ from element to element.
+    Dependencies name what was folded.
     """
     groups: dict[str, dict[tuple[int, ...], Variable]] = {}
     for scalar in scalars:
@@ -59,7 +60,7 @@ def _shape(elements: dict[tuple[int, ...], Variable]) -> tuple[int, ...] | None:
 
 def _agree(elements: list[Variable]) -> bool:
     def key(v: Variable) -> tuple[Any, ...]:
-        return v.type, v.causality, v.variability, v.unit
+        return v.type, v.causality, v.variability
 
     return len({key(v) for v in elements}) == 1
 
@@ -74,13 +75,16 @@ def _array(
     highs = [v.max for v in ordered if v.max is not None]
     dependencies = [v.dependencies for v in ordered if v.dependencies is not None]
     descriptions = {v.description for v in ordered}
+    units = tuple(v.unit for v in ordered)
+    uniform = len(set(units)) == 1
     return Variable(
         name=name,
         type=first.type,
         causality=first.causality,
         variability=first.variability,
         shape=shape,
-        unit=first.unit,
+        unit=first.unit if uniform else None,
+        element_units=() if uniform else units,
         start=None if None in starts else _stack(starts, first.type, shape),
         # The range that admits what each element admits; the FMU itself knows the narrower ones.
         min=min(lows) if len(lows) == len(ordered) else None,

@@ -49,7 +49,7 @@ class Inspection:
                     "shape": list(v.shape),
                     "causality": v.causality,
                     "variability": v.variability,
-                    "unit": v.unit,
+                    "unit": v.unit_text or None,
                     "start": None if v.start is None else np.asarray(v.start).tolist(),
                     "min": v.min,
                     "max": v.max,

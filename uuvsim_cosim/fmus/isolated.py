@@ -76,11 +76,11 @@ class Isolated:
 
     def get(self, variable: Variable) -> Any:
         """Read a value."""
-        return self._call("get", variable)
+        return self._call("get", variable.name)
 
     def set(self, variable: Variable, value: Any) -> None:
         """Set a value of the variable's shape."""
-        self._call("set", variable, value)
+        self._call("set", variable.name, value)
 
     def enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
         """Enter Initialization Mode."""
@@ -117,7 +117,8 @@ class Isolated:
         self, unknowns: list[Variable], knowns: list[Variable], seed: Any
     ) -> Any:
         """Give d(unknowns)/d(knowns) · seed."""
-        return self._call("directional_derivative", unknowns, knowns, seed)
+        names = [[v.name for v in group] for group in (unknowns, knowns)]
+        return self._call("directional_derivative", *names, seed)
 
     def reset(self) -> None:
         """Go back to the state after instantiation."""

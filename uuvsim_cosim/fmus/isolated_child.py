@@ -34,12 +34,22 @@ class Served:
             return None
         if method in ("set_fmu_state", "serialize_fmu_state"):
             return getattr(self.component, method)(self._states[arguments[0]])
-        result = getattr(self.component, method)(*arguments)
+        result = getattr(self.component, method)(*self._resolved(method, arguments))
         if method in ("get_fmu_state", "deserialize_fmu_state"):
             number = next(self._numbers)
             self._states[number] = result
             return number
         return result
+
+    def _resolved(self, method: str, arguments: tuple[Any, ...]) -> tuple[Any, ...]:
+        """Put variables where the parent sent their names, which are quicker to send."""
+        if self.component is None or method not in ("get", "set", "directional_derivative"):
+            return arguments
+        variables = self.component.description.variables
+        if method == "directional_derivative":
+            groups = tuple([variables[n] for n in names] for names in arguments[:2])
+            return (*groups, *arguments[2:])
+        return (variables[arguments[0]], *arguments[1:])
 
     def messages(self) -> list[tuple[str, str]]:
         """Give the messages that have come since the last call."""

@@ -15,13 +15,12 @@ from uuvsim_cosim._version import __version__
 from uuvsim_cosim.errors import ParameterInvalid
 from uuvsim_cosim.fmus.dependencies import KINDS, direct_kinds, initial_knowns
 from uuvsim_cosim.fmus.describe import describe
-from uuvsim_cosim.fmus.description import Description, Variable
+from uuvsim_cosim.fmus.description import UNITS_ANNOTATION, Description, Variable
 from uuvsim_cosim.fmus.equations import Equations
 from uuvsim_cosim.fmus.experiment import experiment_of
 from uuvsim_cosim.models.units import BASE, parse_unit
 
 __all__ = [
-    "UNITS_ANNOTATION",
     "FmiVersion",
     "element_names",
     "model_description",
@@ -30,7 +29,6 @@ __all__ = [
 ]
 
 FmiVersion = Literal[2, 3]
-UNITS_ANNOTATION = "org.uuvsim.units"  # of an array's elements, separated by blanks
 _NAME = re.compile(r"[A-Za-z_][A-Za-z_0-9]*(\.[A-Za-z_][A-Za-z_0-9]*)*$")
 _FMI2_TYPES = {"Float64": "Real", "Int32": "Integer", "Boolean": "Boolean"}
 

@@ -119,7 +119,7 @@ def checked_start(variable: Variable, value: Any, place: str) -> Any:
         if not np.all(np.isfinite(flat)):
             raise ParameterInvalid(f"{place}: {value!r}; expected a finite number")
         if np.any(flat < low) or np.any(flat > high):
-            unit = f" {variable.unit}" if variable.unit else ""
+            unit = f" {variable.unit_text}" if variable.unit_text else ""
             raise ParameterInvalid(
                 f"{place}: {value!r} is out of range; expected [{low:g}, {high:g}]{unit}"
             )

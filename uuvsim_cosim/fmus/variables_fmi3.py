@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from uuvsim_cosim.fmus.description import Variable, VariableType
+from uuvsim_cosim.fmus.description import UNITS_ANNOTATION, Variable, VariableType
 from uuvsim_cosim.fmus.description_xml import DTYPES, SimpleType, Source
 
 __all__ = ["read_variables_fmi3"]
@@ -83,6 +83,7 @@ def _variable(
         variability=source.variability(element, causality, kind, where),
         shape=shape,
         unit=attributes.get("unit"),
+        element_units=_element_units(element, size),
         start=_start(source, element, kind, shape, where),
         min=source.optional_number(attributes, "min", where),
         max=source.optional_number(attributes, "max", where),
@@ -91,6 +92,13 @@ def _variable(
         value_references=(source.natural(element.get("valueReference"), "valueReference", where),),
     )
     return variable, declared
+
+
+def _element_units(element: Element, size: int) -> tuple[str | None, ...]:
+    """FMI 3.0 gives an array one unit; where ours differ, an annotation lists them."""
+    note = element.find(f"Annotations/Annotation[@type='{UNITS_ANNOTATION}']")
+    units = tuple((note.text or "").split()) if note is not None else ()
+    return units if len(units) == size else ()
 
 
 def _extent(source: Source, dimension: Element, extents: Mapping[int, int], where: str) -> int:

@@ -19,6 +19,7 @@ from uuvsim_cosim.models.model import Model
 from uuvsim_cosim.models.rigid_body import inverse
 from uuvsim_cosim.models.safe_math import clip
 from uuvsim_cosim.models.table import table1
+from uuvsim_cosim.models.vectors import TAU
 
 __all__ = ["allocation", "command_of_thrust"]
 
@@ -50,7 +51,7 @@ def allocation(
     thrusts, commands = command_of_thrust(thruster, float(voltage))
     curve = table1(thrusts, commands)
     m = Model("allocation", f"Weighted pseudo-inverse allocation to {n} thrusters of {vehicle}")
-    tau_d = m.input("tau_d", 6, unit="1", description="wanted force about CO in b [N, N.m]")
+    tau_d = m.input("tau_d", 6, unit=TAU, description="wanted force about CO in b [N, N.m]")
     health = m.input(
         "health", n, unit="1", start=(1.0,) * n, min=0, max=1, description="0: failed; 1: whole"
     )

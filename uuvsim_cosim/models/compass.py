@@ -9,6 +9,7 @@ m = (cos psi_m, -sin psi_m) with psi_m = psi - declination; iron makes it A m + 
 from __future__ import annotations
 
 import casadi as ca
+import numpy as np
 
 from uuvsim_cosim.models.angle import wrap
 from uuvsim_cosim.models.model import Model
@@ -16,6 +17,7 @@ from uuvsim_cosim.models.preset import preset
 from uuvsim_cosim.models.safe_math import atan2_or
 from uuvsim_cosim.models.sampled import held_output, sample_time
 from uuvsim_cosim.models.sensor_error import ErrorParameters, sensor_error
+from uuvsim_cosim.models.vectors import ETA
 
 __all__ = ["compass"]
 
@@ -24,7 +26,7 @@ def compass(id: str = "fluxgate", period: str = "0.1") -> Model:
     """Declare the compass of a preset, sampled every `period` seconds."""
     p = preset("sensors", id, "compass")
     m = Model("compass", "Tilt-compensated magnetic compass")
-    eta = m.input("eta", 6, unit="1", description="of the hull: N E D [m], phi theta psi [rad]")
+    eta = m.input("eta", 6, unit=ETA, description="of the hull: N E D [m], phi theta psi [rad]")
     declination = m.parameter(
         "declination",
         p.number("declination", "rad"),
@@ -33,7 +35,7 @@ def compass(id: str = "fluxgate", period: str = "0.1") -> Model:
     )
     b = m.parameter("hard_iron", p.vector("hard_iron", "1", 2), unit="1", description="b")
     iron = p.vector("soft_iron", "1", 4)
-    A = m.parameter("soft_iron", [iron[:2], iron[2:]], unit="1", description="A")
+    A = m.parameter("soft_iron", np.reshape(iron, (2, 2)), unit="1", description="A")
     error = ErrorParameters(
         p.number("noise_density", "rad"),
         p.number("bias_sigma", "rad"),

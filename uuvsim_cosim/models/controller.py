@@ -2,10 +2,10 @@
 
     tau = Kp e + z + Kd (nu_d - nu) + M nu_d_dot + C(nu_d) nu_d + D_l nu_d + D_q |nu_d| nu_d
 
-e is the error of eta in body axes; nu_d is turned into body axes, so that C(nu_d) nu_d, which
-holds the Munk moment of a tilted hull, counters it. The force integral lives in NED, because a current's push
-keeps its direction there while the vehicle turns; its limit and back-calculation from the
-saturated tau stop it from winding up.
+e is the error of eta in body axes, nu_d is turned into them: so C(nu_d) nu_d counters the Munk
+moment of a hull that tilts while it moves. The force integral lives in NED, because a
+current's push keeps its direction there while the vehicle turns; its limit, and
+back-calculation from the saturated tau, stop it from winding up.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from uuvsim_cosim.models.preset import preset
 from uuvsim_cosim.models.rigid_body import coriolis
 from uuvsim_cosim.models.safe_math import abs_, saturate
 from uuvsim_cosim.models.sampled import held_output
+from uuvsim_cosim.models.vectors import ETA, NU, NU_DOT, TAU
 
 __all__ = ["controller"]
 
@@ -34,10 +35,10 @@ def controller(
     mass, linear, quadratic = _nominal(vehicle)
     m = Model("controller", "PID in six degrees of freedom with feed-forward")
     words = "[m, rad]"
-    eta_d = m.input("eta_d", 6, unit="1", description=f"wanted N E D phi theta psi {words}")
-    nu_d = m.input("nu_d", 6, unit="1", description="wanted, in axes of eta_d [m/s, rad/s]")
-    eta = m.input("eta", 6, unit="1", description=f"estimate of N E D phi theta psi {words}")
-    nu = m.input("nu", 6, unit="1", description="estimate, in b [m/s, rad/s]")
+    eta_d = m.input("eta_d", 6, unit=ETA, description=f"wanted N E D phi theta psi {words}")
+    nu_d = m.input("nu_d", 6, unit=NU, description="wanted, in axes of eta_d [m/s, rad/s]")
+    eta = m.input("eta", 6, unit=ETA, description=f"estimate of N E D phi theta psi {words}")
+    nu = m.input("nu", 6, unit=NU, description="estimate, in b [m/s, rad/s]")
     gain = {
         name: m.parameter(name, p.vector(name, "1", 6), unit="1", min=0, description=about)
         for name, about in (
@@ -63,9 +64,9 @@ def controller(
     )
 
     started = m.discrete("started", unit="1")
-    before = m.discrete("nu_d_before", (0,) * 6, unit="1")
-    nu_d_dot = m.discrete("nu_d_dot", (0,) * 6, unit="1", description="smoothed")
-    z = m.discrete("z", (0,) * 6, unit="1", description="integrals: force in n, moment in b")
+    before = m.discrete("nu_d_before", (0,) * 6, unit=NU)
+    nu_d_dot = m.discrete("nu_d_dot", (0,) * 6, unit=NU_DOT, description="smoothed")
+    z = m.discrete("z", (0,) * 6, unit=TAU, description="integrals: force in n, moment in b")
     blend = T / (T_ff + T)
     slope = ca.if_else(started > 0.5, (nu_d - before) / T, ca.SX.zeros(6))
     acceleration = nu_d_dot + blend * (slope - nu_d_dot)
@@ -93,7 +94,7 @@ def controller(
     m.update(sample, nu_d_dot, acceleration)
     m.update(sample, z, saturate(grown, gain["tau_i_max"]))
     held_output(
-        m, sample, "tau_d", tau_d, unit="1", start=(0,) * 6, description="X Y Z [N], K M N [N.m]"
+        m, sample, "tau_d", tau_d, unit=TAU, start=(0,) * 6, description="X Y Z [N], K M N [N.m]"
     )
     return m
 

@@ -23,6 +23,7 @@ from uuvsim_cosim.models.rigid_body import inverse
 from uuvsim_cosim.models.safe_math import abs_
 from uuvsim_cosim.models.sampled import held_output, sample_time
 from uuvsim_cosim.models.sensor_error import uniform
+from uuvsim_cosim.models.vectors import ETA, NU
 
 __all__ = ["beam_directions", "dvl"]
 
@@ -43,9 +44,9 @@ def dvl(id: str = "a50_class", period: str = "0.2") -> Model:
     """Declare the DVL of a preset, which pings every `period` seconds."""
     p = preset("sensors", id, "dvl")
     m = Model("dvl", "Doppler velocity log: four beams, bottom track over a flat bottom")
-    eta = m.input("eta", 6, unit="1", description="of the hull: N E D [m], phi theta psi [rad]")
+    eta = m.input("eta", 6, unit=ETA, description="of the hull: N E D [m], phi theta psi [rad]")
     q = m.input("q", 4, unit="1", start=(1, 0, 0, 0), description="attitude of the hull")
-    nu = m.input("nu", 6, unit="1", description="of CO in b [m/s, rad/s]")
+    nu = m.input("nu", 6, unit=NU, description="of CO in b [m/s, rad/s]")
     bottom = m.parameter("bottom_depth", 25.0, unit="m", description="depth of the flat bottom")
     tilt = m.parameter("tilt", p.number("tilt", "rad"), unit="rad", description="beam from axis")
     azimuth = m.parameter(
@@ -61,10 +62,9 @@ def dvl(id: str = "a50_class", period: str = "0.2") -> Model:
     height = bottom - eta[2] - ca.dot(Rnb[2, :].T, r)
     velocity, distance, ok = _beams(m, ping, p, ca.mtimes(D.T, v_s), down, height)
 
-    beam_velocity = held_output(
+    held_output(
         m, ping, "beam_velocity", velocity, unit="m/s", start=(0,) * 4, description="along beams"
     )
-    del beam_velocity
     held_output(m, ping, "range", distance, unit="m", description="along each beam")
     held_output(m, ping, "beam_valid", ok, unit="1", description="1: a bottom echo; 0: none")
     enough = ca.sum1(ok) > 2.5

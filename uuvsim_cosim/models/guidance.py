@@ -16,12 +16,15 @@ from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
+from uuvsim_cosim.errors import ParameterInvalid
 from uuvsim_cosim.models.angle import wrap
 from uuvsim_cosim.models.model import Model
 from uuvsim_cosim.models.preset import preset
 from uuvsim_cosim.models.safe_math import abs_, atan2_or, clip, norm, safe_sqrt, saturate
 from uuvsim_cosim.models.sampled import held_output
+from uuvsim_cosim.models.vectors import ETA, NU
 
 __all__ = ["MAX_WAYPOINTS", "guidance", "lawn_mower"]
 
@@ -58,11 +61,17 @@ def guidance(
     """Declare the guidance of a preset; without waypoints, a lawn-mower pattern of four legs."""
     p = preset("controllers", id, "guidance")
     points = [list(map(float, w)) for w in waypoints or lawn_mower(20.0, 5.0, 4, 5.0)]
+    if not 1 <= len(points) <= MAX_WAYPOINTS or any(len(w) != 3 for w in points):
+        raise ParameterInvalid(
+            f"guidance: {len(points)} waypoints; expected 1 to {MAX_WAYPOINTS} of N, E, D"
+        )
     rows = points + [points[-1]] * (MAX_WAYPOINTS - len(points))
     m = Model("guidance", "Line-of-sight guidance along waypoints")
-    eta = m.input("eta", 6, unit="1", description="estimate: N E D [m], phi theta psi [rad]")
-    m.input("nu", 6, unit="1", description="unused: estimate [m/s, rad/s]")
-    table = m.parameter("waypoints", rows, unit="m", description="N E D, `count` rows are used")
+    eta = m.input("eta", 6, unit=ETA, description="estimate: N E D [m], phi theta psi [rad]")
+    m.input("nu", 6, unit=NU, description="unused: estimate [m/s, rad/s]")
+    table = m.parameter(
+        "waypoints", np.array(rows), unit="m", description="N E D, `count` rows are used"
+    )
     count = m.parameter("count", len(points), unit="1", type="Int32", min=1, max=MAX_WAYPOINTS)
     figure = {
         name: m.parameter(name, p.number(name, unit), unit=unit, min=1e-6, description=words)
@@ -123,11 +132,11 @@ def guidance(
     c, si = ca.cos(psi), ca.sin(psi)
     nu_d = ca.vertcat(c * v_n[0] + si * v_n[1], c * v_n[1] - si * v_n[0], v_n[2], 0, 0, r)
     held_output(
-        m, sample, "eta_d", ca.vertcat(A + along * s, 0, 0, psi), unit="1", start=(0,) * 6,
+        m, sample, "eta_d", ca.vertcat(A + along * s, 0, 0, psi), unit=ETA, start=(0,) * 6,
         description="wanted N E D [m], phi theta psi [rad]",
     )  # fmt: skip
     held_output(
-        m, sample, "nu_d", nu_d, unit="1", description="wanted, in axes of eta_d [m/s, rad/s]"
+        m, sample, "nu_d", nu_d, unit=NU, description="wanted, in axes of eta_d [m/s, rad/s]"
     )
     held_output(m, sample, "cross_track", e, unit="m", description="of the estimate, level")
     m.output("waypoint", index + 1.0, unit="1", type="Int32", description="ahead, from 1")

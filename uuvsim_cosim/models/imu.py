@@ -18,6 +18,7 @@ from uuvsim_cosim.models.mounting import Pose, mounting
 from uuvsim_cosim.models.preset import preset
 from uuvsim_cosim.models.sampled import held_output, sample_time
 from uuvsim_cosim.models.sensor_error import ErrorParameters, sensor_error
+from uuvsim_cosim.models.vectors import ETA, NU, NU_DOT
 
 __all__ = ["imu"]
 
@@ -26,10 +27,10 @@ def imu(id: str = "adis16448", period: str = "0.01") -> Model:
     """Declare the IMU of a preset, sampled every `period` seconds."""
     p = preset("sensors", id, "imu")
     m = Model("imu", "Inertial measurement unit: specific force and angular velocity")
-    m.input("eta", 6, unit="1", description="unused: attitude is taken from q")
+    m.input("eta", 6, unit=ETA, description="unused: attitude is taken from q")
     q = m.input("q", 4, unit="1", start=(1, 0, 0, 0), description="attitude of the hull")
-    nu = m.input("nu", 6, unit="1", description="of CO in b [m/s, rad/s]")
-    nu_dot = m.input("nu_dot", 6, unit="1", description="its derivative in b [m/s2, rad/s2]")
+    nu = m.input("nu", 6, unit=NU, description="of CO in b [m/s, rad/s]")
+    nu_dot = m.input("nu_dot", 6, unit=NU_DOT, description="its derivative in b [m/s2, rad/s2]")
     g = m.parameter("g", 9.81, unit="m/s2", min=0, description="acceleration of gravity")
     r, R_bs = mounting(m, Pose(p.vector("r_s", "m", 3), p.vector("Theta_s", "rad", 3)))
     errors = {

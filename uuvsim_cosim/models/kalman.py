@@ -35,7 +35,7 @@ def propagated(P: Any, F: Any, Q: Any) -> Any:
 
 @dataclass(frozen=True)
 class Measured:
-    """One scalar: z - h(x) before any correction, the row H (sparse), its variance, if it is new."""
+    """One scalar: z - h(x) before correction, sparse row H, variance, and if it is new."""
 
     innovation: Any
     H: Any

@@ -23,7 +23,7 @@ import numpy as np
 from uuvsim_cosim.errors import ParameterInvalid
 from uuvsim_cosim.models.units import unit_of
 
-__all__ = ["Clock", "Declared", "Model", "Value"]
+__all__ = ["Clock", "Declared", "Model", "Units", "Value"]
 
 Units = str | Sequence[str]
 Value = float | int | bool | Sequence[float] | np.ndarray

@@ -1,7 +1,7 @@
 """Navigation: an error-state Kalman filter of IMU, DVL, pressure, compass and USBL.
 
 It holds position and velocity of the IMU in NED, attitude, gyro and accelerometer bias (15
-errors, `strapdown`), and the wandering biases of compass and depth (2). Each new IMU reading
+errors, see `strapdown`), and the wandering biases of compass and depth (2). Each new IMU reading
 advances it to that reading's sample time; each new reading of another sensor corrects it, the
 DVL beam by beam. A USBL fix is compared with the position at the time that the fix carries,
 out of a history of 1.5 s. A reading is new when its sample time has changed and it is valid.
@@ -29,6 +29,7 @@ from uuvsim_cosim.models.strapdown import (
     multiply,
     q_of_rotation,
 )
+from uuvsim_cosim.models.vectors import ETA, NU
 
 __all__ = ["N_ERRORS", "navigation"]
 
@@ -56,7 +57,8 @@ def navigation(
     # What it starts from.
     q_0 = q_of_euler(c.eta_0[3], c.eta_0[4], c.eta_0[5])
     upper_0 = pack(ca.diag(c.sigma_0**2))
-    p = m.discrete("p", c.eta_0[:3] + ca.mtimes(R(q_0), c.r_imu), unit="m")
+    p_0 = c.eta_0[:3] + ca.mtimes(R(q_0), c.r_imu)
+    p = m.discrete("p", p_0, unit="m")
     v = m.discrete("v", (0, 0, 0), unit="m/s")
     q = m.discrete("q", q_0, unit="1")
     b_g = m.discrete("b_g", (0, 0, 0), unit="rad/s")
@@ -82,10 +84,10 @@ def navigation(
     rate = ca.if_else(is_new, now[:3], reading[:3]) - b_g
 
     # Correct.
-    past, past_time = history_states(m, p)
+    past, past_time = history_states(m, p_0)
     correction = Correction(P, c.gate)
     aid = Aiding(m, step, correction, c, t_new)
-    refusals = aiding(aid, x, rate, b_s, past, past_time)
+    quality = aiding(aid, x, rate, b_s, past, past_time)
     dx = correction.dx
     q_new = multiply(x.q, q_of_rotation(dx[6:9]))
     new = replace(
@@ -112,7 +114,7 @@ def navigation(
         m.update(step, state, value)
     m.update(remember, past, ca.vertcat(p, past[:-3]))
     m.update(remember, past_time, t_k)
-    _outputs(m, step, Inertial(p, v, q, b_g, b_a), omega, upper, t_k, refusals, c)
+    _outputs(m, step, Inertial(p, v, q, b_g, b_a), omega, upper, t_k, quality, c)
     return m
 
 
@@ -139,7 +141,7 @@ def _outputs(
     omega: Any,
     upper: Any,
     t_k: Any,
-    refusals: Any,
+    quality: Any,
     c: Figures,
 ) -> None:
     """Declare the outputs, about CO: estimate, its deviations, biases, and what was refused."""
@@ -149,21 +151,20 @@ def _outputs(
     eta = ca.vertcat(x.p - ca.mtimes(Rnb, c.r_imu), Theta)
     nu = ca.vertcat(v_imu - ca.cross(omega, c.r_imu), omega)
     P = unpack(upper, N_ERRORS)
-    of_angles = ca.mtimes(
-        ca.mtimes(T_zyx(Theta[0], Theta[1]), P[6:9, 6:9]), T_zyx(Theta[0], Theta[1]).T
-    )
+    T = T_zyx(Theta[0], Theta[1])
+    of_angles = ca.mtimes(ca.mtimes(T, P[6:9, 6:9]), T.T)
     J = ca.horzcat(Rnb.T, S(v_imu))
     of_velocity = ca.mtimes(ca.mtimes(J, P[3:9, 3:9]), J.T)
     of_rates = ca.diag(P)[9:12] + c.gyro_noise**2 / float(step.period)
     variances = ca.vertcat(ca.diag(P)[:3], ca.diag(of_angles), ca.diag(of_velocity), of_rates)
     m.output(
-        "eta", eta, unit="1", discrete=True, description="of CO: N E D [m], phi theta psi [rad]"
+        "eta", eta, unit=ETA, discrete=True, description="of CO: N E D [m], phi theta psi [rad]"
     )
-    m.output("nu", nu, unit="1", discrete=True, description="of CO in b [m/s, rad/s]")
+    m.output("nu", nu, unit=NU, discrete=True, description="of CO in b [m/s, rad/s]")
     m.output(
         "sigma",
         safe_sqrt(variances),
-        unit="1",
+        unit=(*ETA, *NU),
         discrete=True,
         description="deviations of eta (6), then of nu (6)",
     )
@@ -172,8 +173,15 @@ def _outputs(
     m.output("acc_bias", x.b_a, unit="m/s2", discrete=True, description="estimate, body axes")
     m.output(
         "refused",
-        refusals,
+        quality[:, 0],
         unit="1",
         discrete=True,
-        description="readings left out so far: DVL beams, pressure, compass, USBL",
+        description="scalars left out so far: DVL beams, pressure, compass, USBL",
+    )
+    m.output(
+        "nis",
+        quality[:, 1],
+        unit="1",
+        discrete=True,
+        description="innovation²/variance of the latest reading, mean of its scalars",
     )

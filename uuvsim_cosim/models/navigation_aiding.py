@@ -45,38 +45,45 @@ class Aiding:
     def sensor(self, name: str) -> tuple[Any, Any]:
         """Declare a sensor's `valid` and `t_sample`; gives (is new, sample time)."""
         valid = self.m.input(f"{name}_valid", unit="1", type="Boolean")
+        is_new, t_sample = self.sampled(name)
+        return ca.logic_and(valid > 0.5, is_new), t_sample
+
+    def sampled(self, name: str) -> tuple[Any, Any]:
+        """Declare a sensor's `t_sample`; gives (has changed, sample time)."""
         t_sample = self.m.input(f"{name}_t_sample", unit="s", start=BEFORE_FIRST)
         last = self.m.discrete(f"{name}_t_last", BEFORE_FIRST, unit="s")
         self.m.update(self.step, last, t_sample)
-        return ca.logic_and(valid > 0.5, t_sample > last + 1e-9), t_sample
+        return t_sample > last + 1e-9, t_sample
 
     def take(self, name: str, measured: Sequence[Measured]) -> Any:
-        """Correct by a reading's scalars; gives how many have been refused so far."""
+        """Correct by a reading's scalars; gives (refused so far, mean nu²/S of the latest)."""
         in_a_row = self.m.discrete(f"{name}_in_a_row", unit="1", description="readings refused")
         total = self.m.discrete(f"{name}_refused", unit="1", description="scalars refused")
         insists = in_a_row >= self.c.patience
-        refused, some = ca.SX(0.0), ca.SX(0.0)
+        consistency = self.m.discrete(f"{name}_nis", 1.0, unit="1", description="mean nu²/S")
+        refused, count, sum_nis = ca.SX(0.0), ca.SX(0.0), ca.SX(0.0)
         for z in measured:
-            out, _ = self.correction.update(z, insists)
+            out, nis = self.correction.update(z, insists)
             refused = refused + out
-            some = ca.if_else(z.is_new, 1.0, some)
+            count = count + ca.if_else(z.is_new, 1.0, 0.0)
+            sum_nis = sum_nis + ca.if_else(z.is_new, nis, 0.0)
+        some = count > 0.5
         row = ca.if_else(refused > 0.5, in_a_row + 1.0, 0.0)
-        self.m.update(self.step, in_a_row, ca.if_else(some > 0.5, row, in_a_row))
+        self.m.update(self.step, in_a_row, ca.if_else(some, row, in_a_row))
         self.m.update(self.step, total, total + refused)
-        return total
+        mean = sum_nis / ca.if_else(some, count, 1.0)
+        self.m.update(self.step, consistency, ca.if_else(some, mean, consistency))
+        return ca.horzcat(total, consistency)
 
 
-def history_states(m: Model, p: Any) -> tuple[Any, Any]:
+def history_states(m: Model, p_0: Any) -> tuple[Any, Any]:
     """Declare past positions of the IMU, newest first, and the time of the newest."""
-    start = next(
-        v.start for v in m.of_kind("discrete") if v.symbol is p or ca.is_equal(v.symbol, p)
-    )
-    past = m.discrete("past", ca.repmat(start, HISTORY, 1), unit="m")
+    past = m.discrete("past", ca.repmat(p_0, HISTORY, 1), unit="m")
     return past, m.discrete("past_time", BEFORE_FIRST, unit="s")
 
 
 def aiding(aid: Aiding, x: Inertial, omega: Any, b_s: Any, past: Any, past_time: Any) -> Any:
-    """Correct by all sensors; gives the numbers of scalars refused: DVL, pressure, compass, USBL."""
+    """Correct by DVL, pressure, compass, USBL; gives a row (refused, nu²/S) for each (4, 2)."""
     return ca.vertcat(
         aid.take("dvl", _dvl(aid, x, omega)),
         aid.take("pressure", _pressure(aid, x, b_s[1])),
@@ -99,9 +106,7 @@ def _dvl(aid: Aiding, x: Inertial, omega: Any) -> list[Measured]:
     c, n = aid.c, aid.correction.n
     beam = aid.m.input("dvl_beam_velocity", 4, unit="m/s", description="towards the bottom")
     ok = aid.m.input("dvl_beam_valid", 4, unit="1", description="1: a bottom echo")
-    t_sample = aid.m.input("dvl_t_sample", unit="s", start=BEFORE_FIRST)
-    last = aid.m.discrete("dvl_t_last", BEFORE_FIRST, unit="s")
-    aid.m.update(aid.step, last, t_sample)
+    pinged, _ = aid.sampled("dvl")
     lever = c.r_dvl - c.r_imu
     Rnb = R(x.q)
     y = ca.mtimes(Rnb.T, x.v)
@@ -112,7 +117,7 @@ def _dvl(aid: Aiding, x: Inertial, omega: Any) -> list[Measured]:
         expected = ca.mtimes(d, there)
         H = _row(n, {3: ca.mtimes(d, Rnb.T), 6: ca.mtimes(d, S(y)), 9: ca.mtimes(d, S(lever))})
         variance = c.sigma_beam**2 + (c.sigma_beam_relative * expected) ** 2 + 1e-12
-        is_new = ca.logic_and(ok[k] > 0.5, t_sample > last + 1e-9)
+        is_new = ca.logic_and(ok[k] > 0.5, pinged)
         out.append(Measured(beam[k] - expected, H, variance, is_new))
     return out
 

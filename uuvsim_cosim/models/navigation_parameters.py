@@ -13,6 +13,7 @@ from uuvsim_cosim.models.mounting import Pose, mounting
 from uuvsim_cosim.models.preset import preset
 from uuvsim_cosim.models.pressure import water_column
 from uuvsim_cosim.models.seawater import density
+from uuvsim_cosim.models.vectors import ETA
 
 __all__ = ["Figures", "figures"]
 
@@ -70,7 +71,7 @@ def figures(m: Model, imu: str, dvl: str, pressure: str, compass: str, usbl: str
         (of_depth**2 + turn_on[0] ** 2) ** 0.5,
     ]
     eta_0 = m.parameter(
-        "eta_0", (0, 0, 5, 0, 0, 0), unit="1", description="start: N E D [m], phi theta psi [rad]"
+        "eta_0", (0, 0, 5, 0, 0, 0), unit=ETA, description="start: N E D [m], phi theta psi [rad]"
     )
     start = m.parameter(
         "sigma_0",

@@ -1,4 +1,4 @@
-"""Presets: the figures of a shipped instrument or controller, from models/<folder>/<id>/<kind>.yaml."""
+"""Presets: figures of a shipped instrument or controller, models/<folder>/<id>/<kind>.yaml."""
 
 from __future__ import annotations
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import casadi as ca
 
 from uuvsim_cosim.models.kinematics import R
@@ -12,11 +14,12 @@ from uuvsim_cosim.models.safe_math import clip
 from uuvsim_cosim.models.sampled import held_output, sample_time
 from uuvsim_cosim.models.seawater import gravity, pressure_at_depth
 from uuvsim_cosim.models.sensor_error import ErrorParameters, sensor_error
+from uuvsim_cosim.models.vectors import ETA
 
 __all__ = ["pressure", "water_column"]
 
 
-def water_column(m: Model) -> tuple[object, object, object, object]:
+def water_column(m: Model) -> tuple[Any, Any, Any, Any]:
     """Declare the water above as parameters; gives (p_atm, salinity, temperature [degC], g)."""
     p_atm = m.parameter("p_atm", 101325.0, unit="Pa", description="pressure at the surface")
     S = m.parameter("salinity", 35.0, unit="1", min=0, max=42, description="practical salinity")
@@ -29,7 +32,7 @@ def pressure(id: str = "bar_100m", period: str = "0.1") -> Model:
     """Declare the pressure sensor of a preset, sampled every `period` seconds."""
     p = preset("sensors", id, "pressure")
     m = Model("pressure", "Absolute pressure sensor in sea water (EOS-80)")
-    eta = m.input("eta", 6, unit="1", description="of the hull: N E D [m], phi theta psi [rad]")
+    eta = m.input("eta", 6, unit=ETA, description="of the hull: N E D [m], phi theta psi [rad]")
     q = m.input("q", 4, unit="1", start=(1, 0, 0, 0), description="attitude of the hull")
     p_atm, S, T, g = water_column(m)
     r, _ = mounting(m, Pose(p.vector("r_s", "m", 3), p.vector("Theta_s", "rad", 3)))

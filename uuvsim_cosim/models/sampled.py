@@ -6,7 +6,7 @@ from typing import Any
 
 import casadi as ca
 
-from uuvsim_cosim.models.model import Clock, Model, Type, Value
+from uuvsim_cosim.models.model import Clock, Model, Type, Units, Value
 
 __all__ = ["BEFORE_FIRST", "held_output", "sample_time"]
 
@@ -19,7 +19,7 @@ def held_output(
     name: str,
     value: Any,
     *,
-    unit: str,
+    unit: Units,
     start: Value = 0.0,
     type: Type = "Float64",
     description: str = "",

@@ -6,7 +6,8 @@ At the IMU's place, p and v in NED, R(q) from `b` to `n`, with mean readings ove
 
 Errors (true minus estimate; attitude by R_true = R exp(S(dtheta)), in `b`):
 
-    ddp/dt = dv,  ddv/dt = -R S(f) dtheta - R db_a - R n_a,  ddtheta/dt = -S(omega) dtheta - db_g - n_g
+    ddp/dt = dv,  ddv/dt = -R S(f) dtheta - R db_a - R n_a,
+    ddtheta/dt = -S(omega) dtheta - db_g - n_g
 """
 
 from __future__ import annotations

@@ -13,6 +13,7 @@ from uuvsim_cosim.models.bench import read_bench
 from uuvsim_cosim.models.model import Model
 from uuvsim_cosim.models.safe_math import abs_, saturate
 from uuvsim_cosim.models.table import table2
+from uuvsim_cosim.models.vectors import NU
 
 __all__ = ["ThrusterParameters", "thruster", "thruster_t200"]
 
@@ -69,7 +70,7 @@ def thruster_t200() -> Model:
 def _inputs(m: Model) -> tuple[Any, Any]:
     u = m.input("u", unit="1", min=-1, max=1, description="command; (pwm - 1500 us) / 400 us")
     voltage = m.input("voltage", unit="V", start=16.0, description="of the supply")
-    m.input("nu_r", 6, unit="1", description="unused: thrust is bollard pull")
+    m.input("nu_r", 6, unit=NU, description="unused: thrust is bollard pull")
     return u, voltage
 
 

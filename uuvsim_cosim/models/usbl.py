@@ -19,6 +19,7 @@ from uuvsim_cosim.models.safe_math import norm
 from uuvsim_cosim.models.sampled import BEFORE_FIRST
 from uuvsim_cosim.models.seawater import sound_speed
 from uuvsim_cosim.models.sensor_error import uniform
+from uuvsim_cosim.models.vectors import ETA
 
 __all__ = ["usbl"]
 
@@ -27,7 +28,7 @@ def usbl(id: str = "usbl_class", period: str = "1", publish_period: str = "0.01"
     """Declare the USBL of a preset: one ping every `period` seconds."""
     p = preset("sensors", id, "usbl")
     m = Model("usbl", "Ultra-short baseline acoustic positioning with latency")
-    eta = m.input("eta", 6, unit="1", description="of the hull: N E D [m], phi theta psi [rad]")
+    eta = m.input("eta", 6, unit=ETA, description="of the hull: N E D [m], phi theta psi [rad]")
     q = m.input("q", 4, unit="1", start=(1, 0, 0, 0), description="attitude of the hull")
     r = m.parameter("r_s", p.vector("r_s", "m", 3), unit="m", description="transponder from CO")
     p_t = m.parameter(

@@ -26,6 +26,7 @@ from uuvsim_cosim.models.model import Model
 from uuvsim_cosim.models.parameters import parameter_set
 from uuvsim_cosim.models.restoring import g, submerged_fraction
 from uuvsim_cosim.models.rigid_body import coriolis, inverse
+from uuvsim_cosim.models.vectors import ETA, NU, NU_DOT, TAU
 
 __all__ = ["hull", "vehicle"]
 
@@ -66,15 +67,15 @@ def hull(
     M = m.derived("M", M_expression)
     M_inv = m.derived("M_inv", inverse(M_expression))
 
-    tau = m.input("tau", 6, unit="1", description="generalised force about CO in b [N, N.m]")
+    tau = m.input("tau", 6, unit=TAU, description="generalised force about CO in b [N, N.m]")
     v_c = m.input("v_c", 3, unit="m/s", description="velocity of the water in n")
     eta_0 = m.parameter(
-        "eta_0", (0, 0, 5, 0, 0, 0), unit="1", description="initial N E D phi theta psi [m, rad]"
+        "eta_0", (0, 0, 5, 0, 0, 0), unit=ETA, description="initial N E D phi theta psi"
     )
-    nu_0 = m.parameter("nu_0", (0,) * 6, unit="1", description="initial nu [m/s, rad/s]")
+    nu_0 = m.parameter("nu_0", (0,) * 6, unit=NU, description="initial u v w p q r of CO in b")
     position = m.state("p", eta_0[:3], unit="m", description="CO in NED")
     q = m.state("q_nb", q_of_euler(eta_0[3], eta_0[4], eta_0[5]), unit="1")
-    nu = m.state("nu_b", nu_0, unit="1", description="nu of CO in b [m/s, rad/s]")
+    nu = m.state("nu_b", nu_0, unit=NU, description="nu of CO in b [m/s, rad/s]")
 
     Rnb = R(q)
     down = Rnb[2, :].T
@@ -93,11 +94,11 @@ def hull(
     m.output(
         "eta",
         ca.vertcat(position, euler_of_q(q)),
-        unit="1",
+        unit=ETA,
         description="N E D of CO [m], phi theta psi [rad]",
     )
     m.output("q", q / ca.sqrt(ca.sumsqr(q)), unit="1", description="attitude, scalar first")
-    m.output("nu", nu, unit="1", description="u v w p q r of CO in b [m/s, rad/s]")
-    m.output("nu_dot", nu_dot, unit="1", description="its time derivative in b [m/s2, rad/s2]")
-    m.output("nu_r", nu_r, unit="1", description="nu relative to the water [m/s, rad/s]")
+    m.output("nu", nu, unit=NU, description="u v w p q r of CO in b [m/s, rad/s]")
+    m.output("nu_dot", nu_dot, unit=NU_DOT, description="its time derivative in b [m/s2, rad/s2]")
+    m.output("nu_r", nu_r, unit=NU, description="nu relative to the water [m/s, rad/s]")
     return m

@@ -6,6 +6,7 @@ import casadi as ca
 
 from uuvsim_cosim.models.geometry import thruster_geometry
 from uuvsim_cosim.models.model import Model
+from uuvsim_cosim.models.vectors import TAU
 
 __all__ = ["wrench"]
 
@@ -24,6 +25,6 @@ def wrench(vehicle: str = "bluerov2_heavy") -> Model:
         "T",
         ca.horzcat(*(ca.vertcat(e[i, :].T, ca.cross(r[i, :].T, e[i, :].T)) for i in range(n))),
     )
-    m.output("tau", ca.mtimes(T, thrust), unit="1", description="X Y Z [N], K M N [N.m] in b")
+    m.output("tau", ca.mtimes(T, thrust), unit=TAU, description="X Y Z [N], K M N [N.m] in b")
     m.output("current_total", ca.sum1(current), unit="A", description="of all thrusters")
     return m

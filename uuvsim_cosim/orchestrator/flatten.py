@@ -120,10 +120,11 @@ class _Flat:
 
     def _links(self, system: System, prefix: str) -> Iterator[tuple[_Leaf, _Leaf, float, float]]:
         for wire in system.checked.wires:
-            for i, j in zip(wire.source.elements, wire.target.elements, strict=True):
+            pairs = zip(wire.source.elements, wire.target.elements, wire.changes, strict=True)
+            for i, j, (factor, offset) in pairs:
                 for a in self._leaves(system, prefix, wire.source, i):
                     for b in self._leaves(system, prefix, wire.target, j):
-                        yield a, b, wire.factor, wire.offset
+                        yield a, b, factor, offset
         for element in system.elements:
             nested = system.nested_or_none(element.name)
             if nested is not None:

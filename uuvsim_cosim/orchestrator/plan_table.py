@@ -43,7 +43,7 @@ def format_plan(plan: Plan) -> str:
 
 def _row(plan: Plan, t: Transfer) -> tuple[str, ...]:
     source, target = plan.components[t.source].path, plan.components[t.target].path
-    a, b = t.source_variable.unit or "-", t.target_variable.unit or "-"
+    a, b = t.source_variable.unit_text or "-", t.target_variable.unit_text or "-"
     change = "" if (t.factor, t.offset) == (1.0, 0.0) else f"{t.factor:g} x + {t.offset:g}"
     return (
         f"{source}.{_part(t.source_variable, t.source_elements)}",

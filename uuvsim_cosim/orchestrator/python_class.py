@@ -117,11 +117,16 @@ def _signal(place: str, name: str, declared: Any, causality: str) -> Variable:
     unit = declared
     if isinstance(declared, (tuple, list)) and len(declared) == 2:
         size, unit = declared
-    if not isinstance(unit, str) or not (size is None or (isinstance(size, int) and size > 0)):
+    units = (unit,) if isinstance(unit, str) else unit
+    good = size is None or (isinstance(size, int) and size > 0)
+    good = good and isinstance(units, (tuple, list)) and len(units) in (1, size)
+    if not good or not all(isinstance(u, str) for u in units):
         raise InputInvalid(
-            f"{place}.{name}: {declared!r}; expected a unit such as 'm/s', or (size, unit)"
+            f"{place}.{name}: {declared!r}; expected a unit such as 'm/s', (size, unit), or "
+            "(size, (unit, unit, ...)) with one unit for each element"
         )
-    unit_of(unit, f"{place}.{name}")
+    for each in units:
+        unit_of(each, f"{place}.{name}")
     kind: Causality = "input" if causality == "input" else "output"
     shape = () if size is None else (size,)
     return Variable(
@@ -130,7 +135,8 @@ def _signal(place: str, name: str, declared: Any, causality: str) -> Variable:
         causality=kind,
         variability="continuous",
         shape=shape,
-        unit=unit,
+        unit=units[0] if len(units) == 1 else None,
+        element_units=() if len(units) == 1 else tuple(units),
         start=np.zeros(shape) if shape else 0.0,
         dependencies=() if kind == "output" else None,
     )

@@ -72,8 +72,9 @@ PD_LAW = """\
 
 def _python(slot: Slot) -> dict[str, str]:
     def declared(connector: SlotConnector) -> str:
-        unit = connector.unit or "1"
-        shown = f'({_size(connector)}, "{unit}")' if connector.shape else f'"{unit}"'
+        units = [u or "1" for u in connector.units]
+        unit = f'"{units[0]}"' if len(set(units)) == 1 else str(tuple(units)).replace("'", '"')
+        shown = f"({_size(connector)}, {unit})" if connector.shape else unit
         return f'        "{connector.name}": {shown},{_remark(connector)}\n'
 
     name = class_name(slot)

@@ -179,17 +179,17 @@ def c_files(slot: Slot) -> dict[str, str]:
     """Give the C source, the model description, and the script that makes them an FMU."""
     model = f"my_{slot.path.rpartition('.')[2]}"
     law = is_controller(slot)
-    rows: list[tuple[str, str, int, str | None]] = [
-        (c.name, c.direction, c.shape[0] if c.shape else 0, c.unit) for c in slot.connectors
+    rows: list[tuple[str, str, int, tuple[str | None, ...]]] = [
+        (c.name, c.direction, c.shape[0] if c.shape else 0, c.units) for c in slot.connectors
     ]
-    rows += [(name, "parameter", 6, "1") for name in GAINS] if law else []
+    rows += [(name, "parameter", 6, ("1",) * 6) for name in GAINS] if law else []
     place, places, variables = 0, [], []
-    for name, causality, size, unit in rows:
+    for name, causality, size, units in rows:
         places.append(f"{name.upper().replace('.', '_')} = {place}")
         for i in range(max(size, 1)):
             start = float(GAINS[name][i]) if causality == "parameter" else 0.0
             element = f"{name}[{i + 1}]" if size else name
-            variables.append((element, place + i, causality, unit, start))
+            variables.append((element, place + i, causality, units[i], start))
         place += max(size, 1)
     starts = "".join(
         f"    self->v[{at}] = {start!r};\n"

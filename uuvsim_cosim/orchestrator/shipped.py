@@ -29,9 +29,7 @@ def _vehicle(system: System) -> System:
 
 def bluerov2_hold() -> System:
     """Waypoints flown on the true state: the smallest system with everything that moves."""
-    system = System(
-        "bluerov2_hold", "0.01", "A BlueROV2 Heavy flies waypoints on its true state"
-    )
+    system = System("bluerov2_hold", "0.01", "A BlueROV2 Heavy flies waypoints on its true state")
     system = system.add("guidance", "model:guidance").add("controller", "model:controller")
     system = _vehicle(system.add("allocation", "model:allocation"))
     return (

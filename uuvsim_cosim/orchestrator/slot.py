@@ -29,9 +29,14 @@ class SlotConnector:
     direction: Literal["input", "output"]
     type: str
     shape: tuple[int, ...]
-    unit: str | None
+    units: tuple[str | None, ...]  # one for each element
     peers: tuple[str, ...]
     description: str = ""
+
+    @property
+    def unit_text(self) -> str:
+        """Give the unit for a reader: ``m, rad`` where the elements' units differ."""
+        return ", ".join(dict.fromkeys(u or "-" for u in self.units))
 
 
 @dataclass(frozen=True)
@@ -65,7 +70,7 @@ def slot(system: System, path: str) -> Slot:
             peers.setdefault(find_variable(rest, description)[0].name, []).append(item.name)
     connectors = tuple(
         SlotConnector(
-            v.name, "input" if v.causality == "input" else "output", v.type, v.shape, v.unit,
+            v.name, "input" if v.causality == "input" else "output", v.type, v.shape, v.units,
             tuple(peers[v.name]), v.description,
         )
         for v in description.variables.values()
@@ -84,7 +89,7 @@ def format_slot(found: Slot) -> str:
         size = " x ".join(map(str, c.shape)) or "1"
         arrow = "from" if c.direction == "input" else "to"
         shown = ", ".join(c.peers[:4]) + (", …" if len(c.peers) > 4 else "")
-        unit = c.unit or "-" if c.type.startswith("Float") else c.type
+        unit = c.unit_text if c.type.startswith("Float") else c.type
         rows.append((c.direction, c.name, size, unit, f"{arrow} {shown}"))
     widths = [max(len(row[i]) for row in rows) for i in range(5)]
     lines = ["  ".join(t.ljust(w) for t, w in zip(row, widths, strict=True)).rstrip()
@@ -158,7 +163,7 @@ class _Fit:
         )
         self.problems: list[Problem] = []
         self.remarks: list[str] = []
-        self.units: dict[str, str] = {}
+        self.assumed: dict[str, dict[int, str]] = {}
         self._missing: set[str] = set()
         self._check_names()
 
@@ -201,12 +206,23 @@ class _Fit:
                 if variable.causality not in ("parameter", "structuralParameter", "input"):
                     raise Misfit("not settable", "a parameter")
                 units = {**self.slot.units, **self.fresh.units}
-                kept[new] = fit(variable, value, old.unit if is_float(old) else None, units)
+                same = variable.units == old.units or not is_float(old)
+                kept[new] = fit(variable, value, None if same else old.unit, units)
             except Misfit as misfit:
                 self.remarks.append(
                     f"{self.path}.{new}: start value of the slot dropped ({misfit})"
                 )
         return kept
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Give the assumed units by variable; where elements differ, separated by blanks."""
+        result: dict[str, str] = {}
+        for name, assumed in self.assumed.items():
+            known = self.fresh.variables[name].units
+            each = [assumed.get(i) or u or "1" for i, u in enumerate(known)]
+            result[name] = each[0] if len(set(each)) == 1 else " ".join(each)
+        return result
 
     def _check_names(self) -> None:
         for old, new in self.names.items():
@@ -231,8 +247,9 @@ class _Fit:
                     self._missing.add(variable.name)
                     self.problems.append(misfit.at(f"{self.path}.{variable.name}"))
                 continue
-            if found.unit is None and variable.unit is not None and is_float(found):
-                self.units[found.name] = variable.unit
+            wanted = variable.unit_of_element(i)
+            if found.unit_of_element(place) is None and wanted is not None and is_float(found):
+                self.assumed.setdefault(found.name, {})[place] = wanted
             result.append(f"{self.path}.{found.name}{index_text(found, place)}")
         return result
 
@@ -246,18 +263,24 @@ class _Fit:
                          self._wanted(variable)) from None  # fmt: skip
         if found.causality != variable.causality:
             raise Misfit(f"{found.name} is of causality {found.causality}", self._wanted(variable))
-        if is_float(found) and is_float(variable) and found.unit and variable.unit:
-            units = {**self.slot.units, **self.fresh.units}
-            if conversion(found.unit, variable.unit, units) is None:
-                raise Misfit(f"{found.name} has unit {found.unit!r}", self._wanted(variable))
         if indexed in self.names and variable.shape and len(elements) == 1:
-            return found, elements[0]
-        if len(elements) != variable.size:
+            place = elements[0]
+        elif len(elements) != variable.size:
             raise Misfit(f"{found.name} has {len(elements)} elements", self._wanted(variable))
-        return found, elements[i]
+        else:
+            place = elements[i]
+        read, wanted = found.unit_of_element(place), variable.unit_of_element(i)
+        if is_float(found) and is_float(variable) and read and wanted:
+            units = {**self.slot.units, **self.fresh.units}
+            if conversion(read, wanted, units) is None:
+                mixed = found.element_units or variable.element_units
+                name = f"{found.name}{index_text(found, place) if mixed else ''}"
+                raise Misfit(f"{name} has unit {read!r}", self._wanted(variable, wanted))
+        return found, place
 
-    def _wanted(self, variable: Variable) -> str:
-        unit = f" in {variable.unit}" if variable.unit not in (None, "1") else ""
+    def _wanted(self, variable: Variable, unit: str | None = None) -> str:
+        text = unit or variable.unit_text
+        unit = f" in {text}" if text not in ("", "1") else ""
         size = f" of {variable.size} elements" if variable.shape else ""
         article = "an input" if variable.causality == "input" else "an output"
         return f"{article}{size}{unit} of this name, or a map {self.path}.{variable.name}=NAME"

@@ -53,7 +53,7 @@ def plan_hash(plan: Plan) -> str:
     for c in plan.components:
         parts.append(f"{c.path} {c.description.name} {c.description.token} {c.step_ticks}")
         variables = c.description.variables.values()
-        parts += [f"{v.name} {v.type} {v.causality} {v.shape} {v.unit}" for v in variables]
+        parts += [f"{v.name} {v.type} {v.causality} {v.shape} {v.units}" for v in variables]
     for t in plan.transfers:
         ends = (t.source, t.source_variable.name, t.target, t.target_variable.name)
         parts.append(f"{ends} {t.source_elements} {t.target_elements} {t.factor!r} {t.offset!r}")

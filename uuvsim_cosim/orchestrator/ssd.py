@@ -119,8 +119,14 @@ class _Writer:
             items = element.start.items()
             values.append(parameter_set(items, description, self.version, element.name))
             self._use([description.variables[n] for n in element.start], description)
+        note = Xml("uuvsim:Component")
         if element.rate is not None:
-            add_annotation(xml, Xml("uuvsim:Component", step=step_text(element.rate)))
+            note.set("step", step_text(element.rate))
+        for name, units in element.units.items():
+            if " " in units:  # a connector has room for one unit
+                SubElement(note, "uuvsim:Units", name=name, units=units)
+        if len(note) or note.attrib:
+            add_annotation(xml, note)
         return xml
 
     def _source(self, source: str, base: Path | None) -> tuple[str, str]:
@@ -149,18 +155,24 @@ class _Writer:
         self._use(found, description)
         for variable in found:
             if has_arrays(description, self.version):
-                self._connector(section, variable, variable.name, variable.shape)
+                self._connector(section, variable, variable.name, variable.shape, variable.unit)
                 continue
             for i in range(variable.size):
-                self._connector(section, variable, f"{variable.name}{index_text(variable, i)}", ())
+                name = f"{variable.name}{index_text(variable, i)}"
+                self._connector(section, variable, name, (), variable.unit_of_element(i))
 
     def _connector(
-        self, parent: Xml, variable: Variable, name: str, shape: tuple[int, ...]
+        self,
+        parent: Xml,
+        variable: Variable,
+        name: str,
+        shape: tuple[int, ...],
+        unit: str | None,
     ) -> None:
         xml = SubElement(parent, "ssd:Connector", name=name, kind=variable.causality)
         kind = SubElement(xml, f"ssc:{type_name(variable.type, self.version)}")
-        if variable.unit and is_float(variable):
-            kind.set("unit", variable.unit)
+        if unit and is_float(variable):
+            kind.set("unit", unit)
         for extent in shape:
             SubElement(xml, "ssc:Dimension", size=str(extent))
 
@@ -224,4 +236,4 @@ class _Writer:
 
     def _use(self, variables: list[Variable], description: Description) -> None:
         self.units.update(description.units)
-        self.unit_names.update(v.unit for v in variables if v.unit and is_float(v))
+        self.unit_names.update(u for v in variables if is_float(v) for u in v.units if u)

@@ -172,8 +172,12 @@ class _Reader:
         units: dict[str, str] = {}
         for name, unit in given.items():
             known = name if name in variables else name.rpartition("[")[0]
-            if known in variables and variables[known].unit is None:
+            if known in variables and None in variables[known].units:
                 units[known] = unit
+        note = find_annotation(xml)
+        for item in note if note is not None else ():
+            if item.tag == q("uuvsim:Units"):
+                units[item.get("name", "")] = item.get("units", "")
         return replace(element, units=units)
 
     def _bind_system(

@@ -43,7 +43,7 @@ def write_ssv(
 ) -> None:
     """Write values of a component's variables as a file of its own."""
     root = parameter_set(start.items(), description, version, path.stem)
-    named = {v.unit for v in _named(start, description) if v.unit and is_float(v)}
+    named = {u for v in _named(start, description) if is_float(v) for u in v.units if u}
     add_units(root, named, description.units, "ssv:Units")
     path.write_bytes(document(root, "ssc", "ssv"))
 
@@ -66,10 +66,11 @@ def parameter_set(
     for key, value in start:
         variable = description.variables[key]
         if arrays:
-            _add(parameters, key, variable, flat(value), version, variable.shape)
+            _add(parameters, key, variable, flat(value), version, variable.shape, variable.unit)
             continue
         for i, element in enumerate(flat(value)):
-            _add(parameters, f"{key}{index_text(variable, i)}", variable, [element], version, ())
+            name, unit = f"{key}{index_text(variable, i)}", variable.unit_of_element(i)
+            _add(parameters, name, variable, [element], version, (), unit)
     return root
 
 
@@ -80,11 +81,12 @@ def _add(
     values: list[Any],
     version: SspVersion,
     shape: tuple[int, ...],
+    unit: str | None,
 ) -> None:
     parameter = SubElement(parent, "ssv:Parameter", name=name)
     attributes: dict[str, str] = {}
-    if variable.unit and is_float(variable):
-        attributes["unit"] = variable.unit
+    if unit and is_float(variable):
+        attributes["unit"] = unit
     kind = SubElement(parameter, f"ssv:{type_name(variable.type, version)}")
     if variable.type in ("String", "Binary") and len(values) > 1:
         for value in values:

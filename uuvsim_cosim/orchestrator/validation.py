@@ -74,9 +74,17 @@ def describe_element(element: Element, base: Path | None) -> Description:
         return description
     variables = dict(description.variables)
     for name, unit in element.units.items():
-        if name in variables and variables[name].unit is None:
-            variables[name] = replace(variables[name], unit=unit)
+        if name in variables and None in variables[name].units:
+            variables[name] = assumed(variables[name], unit)
     return replace(description, variables=variables)
+
+
+def assumed(variable: Variable, units: str) -> Variable:
+    """Give a variable that names no unit the assumed one, or one for each of its elements."""
+    each = tuple(units.split())
+    if len(each) == 1:
+        return replace(variable, unit=each[0])
+    return replace(variable, element_units=each)
 
 
 def check(system: System) -> Checked:

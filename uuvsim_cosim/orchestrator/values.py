@@ -200,13 +200,14 @@ def _check_shape(variable: Variable, given: Any, count: int) -> None:
 def _converted(
     variable: Variable, elements: list[Any], unit: str, units: Mapping[str, Unit]
 ) -> list[Any]:
-    if variable.unit is None:
-        return elements
-    pair = conversion(unit, variable.unit, units)
-    if pair is None:
-        raise Misfit(f"a value in {unit!r}", f"one in {variable.unit!r} or a unit of its kind")
-    factor, offset = pair
-    return elements if pair == (1.0, 0.0) else [factor * e + offset for e in elements]
+    result = []
+    for element, wanted in zip(elements, variable.units, strict=True):
+        pair = (1.0, 0.0) if wanted is None else conversion(unit, wanted, units)
+        if pair is None:
+            raise Misfit(f"a value in {unit!r}", f"one in {wanted!r} or a unit of its kind")
+        factor, offset = pair
+        result.append(element if pair == (1.0, 0.0) else factor * element + offset)
+    return result
 
 
 def _check_range(variable: Variable, value: Any) -> None:

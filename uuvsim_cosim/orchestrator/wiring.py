@@ -9,7 +9,12 @@ from uuvsim_cosim.errors import Problem
 from uuvsim_cosim.fmus.description import Description, Variable
 from uuvsim_cosim.models.units import Unit
 from uuvsim_cosim.orchestrator.elements import Connection
-from uuvsim_cosim.orchestrator.endpoints import Endpoint, find_element, resolve_endpoint
+from uuvsim_cosim.orchestrator.endpoints import (
+    Endpoint,
+    find_element,
+    index_text,
+    resolve_endpoint,
+)
 from uuvsim_cosim.orchestrator.values import Misfit, conversion, is_float, unit_named
 
 __all__ = ["Wire", "joined", "single_source", "wire"]
@@ -22,8 +27,7 @@ class Wire:
     connection: Connection
     source: Endpoint
     target: Endpoint
-    factor: float
-    offset: float
+    changes: tuple[tuple[float, float], ...]  # (factor, offset) of each pair of elements
 
 
 def wire(
@@ -42,22 +46,22 @@ def wire(
     _check_shapes(source, target)
     _check_types(source.variable, target.variable)
     units = {**descriptions[source.element].units, **descriptions[target.element].units}
-    factor, offset = 1.0, 0.0
+    changes: list[tuple[float, float]] = [(1.0, 0.0)] * len(source.elements)
     if connection.convert and is_float(source.variable) and is_float(target.variable):
-        factor, offset = _between(source, target, units, notes)
-    factor, offset = connection.factor * factor, connection.factor * offset + connection.offset
+        changes = _between(source, target, units, notes)
+    c = connection
+    changes = [(c.factor * factor, c.factor * offset + c.offset) for factor, offset in changes]
     if source.whole and target.whole:
-        return [Wire(connection, source, target, factor, offset)]
+        return [Wire(connection, source, target, tuple(changes))]
     return [
         Wire(
             Connection(a, b, connection.factor, connection.offset, connection.convert),
             Endpoint(source.element, source.variable, (i,), source.variable.shape == ()),
             Endpoint(target.element, target.variable, (j,), target.variable.shape == ()),
-            factor,
-            offset,
+            (change,),
         )
-        for a, b, i, j in zip(
-            source.texts(), target.texts(), source.elements, target.elements, strict=True
+        for a, b, i, j, change in zip(
+            source.texts(), target.texts(), source.elements, target.elements, changes, strict=True
         )
     ]
 
@@ -66,9 +70,11 @@ def joined(wires: Iterable[Wire]) -> tuple[Wire, ...]:
     """Write wires that together join two whole connectors, element by element, as one."""
     wires = list(wires)
     parts: dict[tuple[object, ...], dict[int, int]] = {}
+    changes: dict[tuple[object, ...], dict[int, tuple[float, float]]] = {}
     for w in wires:
         if len(w.source.elements) == 1 and len(w.target.elements) == 1:
             parts.setdefault(_pair(w), {})[w.target.elements[0]] = w.source.elements[0]
+            changes.setdefault(_pair(w), {})[w.target.elements[0]] = w.changes[0]
     result: dict[Connection, Wire] = {}
     for w in wires:
         source, target = w.source.variable, w.target.variable
@@ -86,8 +92,7 @@ def joined(wires: Iterable[Wire]) -> tuple[Wire, ...]:
                 whole,
                 Endpoint(w.source.element, source, every, whole=True),
                 Endpoint(w.target.element, target, every, whole=True),
-                w.factor,
-                w.offset,
+                tuple(changes[_pair(w)][i] for i in every),
             )
         result.setdefault(w.connection, w)
     return tuple(result.values())
@@ -166,23 +171,35 @@ def _check_types(a: Variable, b: Variable) -> None:
 
 def _between(
     source: Endpoint, target: Endpoint, units: Mapping[str, Unit], notes: list[str]
-) -> tuple[float, float]:
-    a, b = source.variable.unit, target.variable.unit
-    if a is None and b is None:
-        return 1.0, 0.0
-    if a is None or b is None:
-        bare = source if a is None else target
-        other = target if a is None else source
-        notes.append(
-            f"{bare.element}.{bare.variable.name}: no unit given, taken as "
-            f"{other.variable.unit} from {other.element}.{other.variable.name}"
-        )
-        return 1.0, 0.0
-    pair = conversion(a, b, units)
-    if pair is None:
-        read = f"unit {a!r} to unit {b!r}"
-        strange = [u for u in (a, b) if unit_named(u, units) is None]
-        if strange:
-            read += f", where {' and '.join(repr(u) for u in strange)} is unknown"
-        raise Misfit(read, "equal or commensurable units")
-    return pair
+) -> list[tuple[float, float]]:
+    changes: list[tuple[float, float]] = []
+    for i, j in zip(source.elements, target.elements, strict=True):
+        a, b = source.variable.unit_of_element(i), target.variable.unit_of_element(j)
+        if a is None or b is None:
+            if a is not None or b is not None:
+                _note_assumed(source, target, a is None, notes)
+            changes.append((1.0, 0.0))
+            continue
+        pair = conversion(a, b, units)
+        if pair is None:
+            read = f"unit {a!r} to unit {b!r}"
+            if len(source.elements) > 1 and (
+                source.variable.element_units or target.variable.element_units
+            ):
+                read = f"element {index_text(target.variable, j) or j + 1}: {read}"
+            strange = [u for u in (a, b) if unit_named(u, units) is None]
+            if strange:
+                read += f", where {' and '.join(repr(u) for u in strange)} is unknown"
+            raise Misfit(read, "equal or commensurable units")
+        changes.append(pair)
+    return changes
+
+
+def _note_assumed(source: Endpoint, target: Endpoint, of_source: bool, notes: list[str]) -> None:
+    bare, other = (source, target) if of_source else (target, source)
+    note = (
+        f"{bare.element}.{bare.variable.name}: no unit given, taken as "
+        f"{other.variable.unit_text} from {other.element}.{other.variable.name}"
+    )
+    if note not in notes:
+        notes.append(note)
