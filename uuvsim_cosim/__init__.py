@@ -8,7 +8,9 @@ from uuvsim_cosim._version import __version__
 from uuvsim_cosim.errors import UuvsimError
 
 if TYPE_CHECKING:
+    from uuvsim_cosim.models.library import declare
     from uuvsim_cosim.models.model import Model
+    from uuvsim_cosim.models.simulate import simulate
     from uuvsim_cosim.orchestrator.library import available, load
     from uuvsim_cosim.orchestrator.master import Master
     from uuvsim_cosim.orchestrator.recording import Signals, read_signals
@@ -24,9 +26,11 @@ __all__ = [
     "UuvsimError",
     "__version__",
     "available",
+    "declare",
     "load",
     "read_signals",
     "run",
+    "simulate",
 ]
 
 # Names are imported when first used: `uuvsim --help` must not wait for CasADi or Arrow.
@@ -37,9 +41,11 @@ _HOME = {
     "Signals": "orchestrator.recording",
     "System": "orchestrator.system",
     "available": "orchestrator.library",
+    "declare": "models.library",
     "load": "orchestrator.library",
     "read_signals": "orchestrator.recording",
     "run": "orchestrator.run",
+    "simulate": "models.simulate",
 }
 
 

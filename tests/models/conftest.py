@@ -104,12 +104,12 @@ class Lanes:
         raise KeyError(name)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def lanes() -> type[Lanes]:
     return Lanes
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def silent() -> Any:
     """Parameters that switch off every error of a sensor."""
 

@@ -176,7 +176,7 @@ def _field(column: Column) -> Any:
         "path": column.path,
         "variable": v.name,
         "index": "" if column.index is None else str(column.index),
-        "unit": v.unit_of_element(column.index or 0) or "",
+        "unit": v.unit_of_element((column.index or 1) - 1) or "",
         "description": v.description,
         "causality": v.causality,
     }

@@ -106,5 +106,5 @@ def _period(step: Fraction) -> str:
 
 def _port_label(variable: Variable) -> str:
     size = f" [{' x '.join(map(str, variable.shape))}]" if variable.shape else ""
-    unit = variable.unit if is_float(variable) and variable.unit not in (None, "1") else ""
+    unit = variable.unit_text if is_float(variable) and variable.unit_text != "1" else ""
     return f"{variable.name}{size}{f'  {unit}' if unit else ''}"

@@ -1,0 +1,160 @@
+"""The filter against a lawn-mower path in closed form: 20 runs at once, each with its own errors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from uuvsim_cosim.models.evaluation import Evaluation
+from uuvsim_cosim.models.kinematics import R, T_zyx, q_of_euler
+from uuvsim_cosim.models.library import declare
+from uuvsim_cosim.models.navigation import N_ERRORS, navigation
+from uuvsim_cosim.models.safe_math import clip, smoothstep
+from uuvsim_cosim.models.strapdown import q_of_rotation
+
+Array = NDArray[np.float64]
+H = 0.01
+N = 20
+PASCAL_PER_METRE = 10076.0
+SIGMA_0 = np.array(
+    [0.5, 0.5, 0.1, 0.05, 0.05, 0.05, 0.03, 0.03, 0.05]
+    + [np.hypot(0.0087, 8.6726e-4)] * 3
+    + [np.hypot(0.196, 0.073485)] * 3
+    + [np.deg2rad(0.3), 100.0 / PASCAL_PER_METRE]
+)
+
+
+@cache
+def motion() -> Any:
+    """Theta, nu, nu_dot and velocity in `n` over time: legs at 0.4 m/s, turns of 90 degrees."""
+    t = ca.SX.sym("t")
+    turns = [(12, 1), (20, 1), (36, -1), (44, -1), (60, 1), (68, 1)]
+    psi = sum((0.5 * np.pi * sign * smoothstep((t - at) / 5.0) for at, sign in turns), ca.SX(0))
+    Theta = ca.vertcat(0.05 * ca.sin(0.7 * t), 0.04 * ca.sin(0.9 * t), psi)
+    rates = ca.jacobian(Theta, t)
+    omega = ca.solve(T_zyx(Theta[0], Theta[1]), rates)
+    v = ca.vertcat(
+        0.4 * smoothstep(clip(t, 0, 4) / 4.0), 0.03 * ca.sin(0.5 * t), 0.02 * ca.sin(0.3 * t)
+    )
+    nu = ca.vertcat(v, omega)
+    q = q_of_euler(Theta[0], Theta[1], Theta[2])
+    return ca.Function("motion", [t], [Theta, q, nu, ca.jacobian(nu, t), ca.mtimes(R(q), v)])
+
+
+@cache
+def truth(until: float) -> list[dict[str, Array]]:
+    """The hull's outputs at each multiple of H; position by Simpson's rule."""
+    rows, p = [], np.array([0.0, 0.0, 5.0])
+    for k in range(round(until / H) + 1):
+        Theta, q, nu, nu_dot, v = (np.array(a).ravel() for a in motion()(k * H))
+        rows.append({"eta": np.concatenate([p, Theta]), "q": q, "nu": nu, "nu_dot": nu_dot})
+        middle, end = (np.array(motion()((k + s) * H)[4]).ravel() for s in (0.5, 1.0))
+        p = p + H / 6.0 * (v + 4.0 * middle + end)
+    return rows
+
+
+@dataclass
+class Flight:
+    """N vehicles on the same path: their sensors, their filters, each with errors of its own."""
+
+    lanes: Any
+    seed: int = 1
+    n: int = N
+    parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    start: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.sensors = {
+            name: self.lanes(declare(name), self.n, self.seed + i, self.parameters.get(name))
+            for i, name in enumerate(("imu", "dvl", "pressure", "compass", "usbl"))
+        }
+        self.filter = self.lanes(navigation(), self.n, 0, self._drawn_start())
+
+    def _drawn_start(self) -> dict[str, Any]:
+        w = np.random.default_rng(self.seed).standard_normal((9, self.n)) * SIGMA_0[:9, None]
+        eta_0 = np.zeros((6, self.n))
+        eta_0[:3] = truth(0.0)[0]["eta"][:3, None] + w[:3]
+        eta_0[3:] = w[6:]
+        return {"eta_0": eta_0, "sigma_0": SIGMA_0} | dict(self.start)
+
+    def fly(self, until: float, tamper: Any = None) -> Iterator[tuple[float, dict[str, Array]]]:
+        """Step sensors, then filters; gives (time of the estimate, truth then) after each."""
+        for k, hull in enumerate(truth(until)):
+            t = k * H
+            readings = {}
+            for name, sensor in self.sensors.items():
+                known = {v.name for v in sensor.model.of_kind("input")}
+                sensor.step(t, H, **{x: v for x, v in hull.items() if x in known})
+                for v in sensor.model.of_kind("output"):
+                    plain = v.name == name
+                    y = sensor[v.name]
+                    readings[v.name if plain else f"{name}_{v.name}"] = y.reshape(v.size, -1)
+            if tamper is not None:
+                tamper(t, readings)
+            known = {v.name for v in self.filter.model.of_kind("input")}
+            self.filter.step(t, H, **{x: v for x, v in readings.items() if x in known})
+            yield t, hull
+
+    def errors(self, hull: Mapping[str, Array]) -> Array:
+        """True minus estimated, as the filter defines its 17 errors: (17, n)."""
+        z, sensor = self.filter, self.sensors
+        q = np.reshape(hull["q"], (4, 1))
+        Rnb = np.array(ca.DM(R(ca.DM(hull["q"]))))
+        r = z.p[z._place("parameter", "r_imu")][:, 0]
+        place = hull["eta"][:3] + Rnb @ r
+        v = Rnb @ (hull["nu"][:3] + np.cross(hull["nu"][3:], r))
+        a = np.reshape(z["q"], (4, -1))
+        vector = a[0] * q[1:] - q[0] * a[1:] - np.cross(a[1:], q[1:], axis=0)
+        scalar = a[0] * q[0] + np.sum(a[1:] * q[1:], axis=0)
+        biases = [
+            sensor["imu"]["gyro_bias_on"] + sensor["imu"]["gyro_bias"] - z["b_g"],
+            sensor["imu"]["acc_bias_on"] + sensor["imu"]["acc_bias"] - z["b_a"],
+            sensor["compass"]["bias"] - z["b_s"][:1],
+            sensor["pressure"]["bias"] / PASCAL_PER_METRE - z["b_s"][1:],
+        ]
+        return np.vstack(
+            [place[:, None] - z["p"], v[:, None] - z["v"], 2.0 * np.sign(scalar) * vector, *biases]
+        )
+
+    def covariance(self) -> Array:
+        """Give P of each lane: (n, 17, 17)."""
+        upper = self.filter["P"]
+        P = np.zeros((self.n, N_ERRORS, N_ERRORS))
+        i, j = np.triu_indices(N_ERRORS)
+        P[:, i, j] = P[:, j, i] = upper.T
+        return P
+
+
+@dataclass
+class Record:
+    """What the Monte Carlo run gave, each second: (seconds, ...)."""
+
+    nees: Array  # (s, N), of all 17 errors
+    errors: Array  # (s, 17, N)
+    nis: Array  # (s, 4, N)
+    eigenvalues: Array  # (s, N), the least
+    refused: Array  # (4, N)
+
+
+@pytest.fixture(scope="module")
+def monte_carlo(lanes: Any) -> Record:
+    flight = Flight(lanes)
+    nees, errors, nis, least = [], [], [], []
+    for t, hull in flight.fly(75.0):
+        nis.append(flight.filter["nis"])
+        if round(t / H) % 100 == 50:
+            e, P = flight.errors(hull), flight.covariance()
+            nees.append([e[:, i] @ np.linalg.solve(P[i], e[:, i]) for i in range(N)])
+            errors.append(e)
+            least.append(np.linalg.eigvalsh(P)[:, 0])
+    return Record(
+        np.array(nees), np.array(errors), np.array(nis), np.array(least), flight.filter["refused"]
+    )
