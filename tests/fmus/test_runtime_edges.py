@@ -166,10 +166,20 @@ def test_fmod_and_remainder_are_exact_for_any_ratio(call: Call, x: float, y: flo
     assert_same_bits(call("remainder", [x], [y]), np.array([math.remainder(x, y)]))
 
 
-@given(n=st.integers(-(2**40), 2**40), half=st.integers(1, 2**20))
-def test_a_tie_of_remainder_goes_to_the_even_quotient(call: Call, n: int, half: int) -> None:
-    x, y = (2 * n + 1) * float(half), 2.0 * half
+@given(n=st.integers(-(2**52), 2**52 - 1), exponent=st.integers(-1070, 900))
+def test_a_tie_of_remainder_goes_to_the_even_quotient(call: Call, n: int, exponent: int) -> None:
+    x, y = (2 * n + 1) * 2.0**exponent, 2.0 * 2.0**exponent
     assert_same_bits(call("remainder", [x], [y]), np.array([math.remainder(x, y)]))
+
+
+def test_the_remainder_next_to_a_multiple_is_exact(call: Call) -> None:
+    rng = np.random.default_rng(5)
+    y = rng.uniform(1e-3, 1e3, 3000)
+    x = rng.integers(1, 2 ** rng.integers(1, 53, 3000)) * y
+    x = x + rng.integers(-2, 3, 3000) * np.spacing(x)
+    assert_same_bits(call("fmod", x, y), np.fmod(x, y), x, y)
+    expected = np.array([math.remainder(a, b) for a, b in zip(x, y, strict=True)])
+    assert_same_bits(call("remainder", x, y), expected, x, y)
 
 
 def test_the_remainder_of_extreme_ratios_is_exact(call: Call) -> None:

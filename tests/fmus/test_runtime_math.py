@@ -100,7 +100,7 @@ def uniform(a: float, b: float) -> Callable[[np.random.Generator], Array]:
 
 def decades(a: float, b: float) -> Callable[[np.random.Generator], Array]:
     """Give numbers of either sign, spread evenly over the powers of ten from a to b."""
-    return lambda rng: rng.choice([-1, 1], POINTS) * 10 ** rng.uniform(a, b, POINTS)
+    return lambda rng: np.asarray(rng.choice([-1, 1], POINTS) * 10 ** rng.uniform(a, b, POINTS))
 
 
 def near(
@@ -150,12 +150,16 @@ UNARY: dict[str, tuple[Any, list[Any]]] = {
                              lambda r: abs(decades(0, 300)(r))]),
     "atanh": (mpmath.atanh, [uniform(-1, 1), decades(-25, -0.01), below_one]),
 }  # fmt: skip
+# What was measured with millions of points, rounded up; a lost correction term shows here first.
+ULPS = {"exp": 0.9, "expm1": 1.2, "log": 0.85, "log1p": 0.9, "sin": 0.9, "cos": 0.9, "tan": 1.2,
+        "asin": 0.75, "acos": 0.75, "atan": 1.0, "sinh": 1.0, "cosh": 0.9, "tanh": 1.0, "asinh": 0.75,
+        "acosh": 0.85, "atanh": 1.0, "pow": 1.0, "atan2": 1.6, "hypot": 1.25}  # fmt: skip
 INSIDE = {"log": (0, np.inf), "log1p": (-1, np.inf), "asin": (-1, 1), "acos": (-1, 1),
           "acosh": (1, np.inf), "atanh": (-1, 1)}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", UNARY)
-def test_a_function_of_one_argument_is_within_two_ulp(call: Call, name: str) -> None:
+def test_a_function_of_one_argument_is_within_its_ulps(call: Call, name: str) -> None:
     function, intervals = UNARY[name]
     rng = np.random.default_rng(1)
     x = np.concatenate([EDGES, *(interval(rng) for interval in intervals)])
@@ -165,7 +169,7 @@ def test_a_function_of_one_argument_is_within_two_ulp(call: Call, name: str) -> 
     with mpmath.workprec(300):
         errors = ulps(call(name, x), [function(mpmath.mpf(v)) for v in x])
     worst = int(np.argmax(errors))
-    assert errors[worst] <= 2.0, f"{name}({x[worst]!r}): {errors[worst]} ulp"
+    assert errors[worst] <= ULPS[name], f"{name}({x[worst]!r}): {errors[worst]} ulp"
 
 
 def powers(rng: np.random.Generator) -> tuple[Array, Array]:
@@ -198,7 +202,7 @@ BINARY: dict[str, tuple[Any, list[Any]]] = {
 
 
 @pytest.mark.parametrize("name", BINARY)
-def test_a_function_of_two_arguments_is_within_two_ulp(call: Call, name: str) -> None:
+def test_a_function_of_two_arguments_is_within_its_ulps(call: Call, name: str) -> None:
     function, samples = BINARY[name]
     rng = np.random.default_rng(2)
     x, y = (np.concatenate(part) for part in zip(*(s(rng) for s in samples), strict=True))
@@ -206,7 +210,7 @@ def test_a_function_of_two_arguments_is_within_two_ulp(call: Call, name: str) ->
         exact = [function(mpmath.mpf(a), mpmath.mpf(b)) for a, b in zip(x, y, strict=True)]
         errors = ulps(call(name, x, y), exact)
     worst = int(np.argmax(errors))
-    assert errors[worst] <= 2.0, f"{name}({x[worst]!r}, {y[worst]!r}): {errors[worst]} ulp"
+    assert errors[worst] <= ULPS[name], f"{name}({x[worst]!r}, {y[worst]!r}): {errors[worst]} ulp"
 
 
 @pytest.mark.parametrize("name", ARITY)
@@ -242,6 +246,11 @@ FOREIGN = {
     "x86_64-windows-gnu": ["-Wl,-e,array_exp"],  # any entry: the usual one is in the C library
     "aarch64-macos": [],
 }
+
+
+def test_no_function_is_beyond_two_ulp() -> None:
+    assert max(ULPS.values()) <= 2.0
+    assert set(ULPS) == {*UNARY, *BINARY}
 
 
 @pytest.mark.parametrize("w", [1, 8])

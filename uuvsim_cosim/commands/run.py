@@ -170,6 +170,7 @@ def _run_system(
     if show and report_file is not None:
         typer.launch(str(report_file))
     if done.interrupted:
+        sys.stderr.write(f"uuvsim: {done.interrupted}; the recording is complete up to then\n")
         raise typer.Exit(130)
 
 

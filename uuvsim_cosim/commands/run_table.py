@@ -44,5 +44,3 @@ def show_run(run: Run, report: Path | None) -> None:
     files = [run.recording, *([report] if report else []), run.folder / "run.json",
              run.folder / "system.ssd"]  # fmt: skip
     table(("written", "size"), [(tilde(f), size_of(f)) for f in files if f.is_file()])
-    if run.interrupted:
-        line(run.interrupted)

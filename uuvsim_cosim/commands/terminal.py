@@ -31,7 +31,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
     grid = Table(box=None, show_header=any(head), header_style="dim", padding=(0, 2, 0, 0))
     for number, name in enumerate(head):
         numeric = bool(shown) and all(_numeric(row[number]) for row in shown)
-        grid.add_column(name, justify="right" if numeric else "left", overflow="fold")
+        grid.add_column(escape(name), justify="right" if numeric else "left", overflow="fold")
     for row in shown:
         grid.add_row(*(escape(cell) for cell in row))
     target = console()

@@ -153,7 +153,14 @@ def _element(
                 start[variable.name] = fit(variable, given, None, description.units)
                 continue
             shape = () if len(elements) == 1 else (len(elements),)
-            value = fit(replace(variable, shape=shape), given, None, description.units)
+            units = tuple(variable.unit_of_element(i) for i in elements)
+            part = replace(
+                variable,
+                shape=shape,
+                unit=units[0] if len(set(units)) == 1 else None,
+                element_units=units if len(set(units)) > 1 else (),
+            )
+            value = fit(part, given, None, description.units)
             parts.setdefault(variable.name, {}).update(zip(elements, flat(value), strict=True))
         except Misfit as misfit:
             problems.append(misfit.at(f"{element.name}.{key}"))
