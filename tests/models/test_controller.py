@@ -25,7 +25,7 @@ def test_no_error_needs_no_force(lanes: Any) -> None:
 
 def test_position_error_is_turned_into_body_axes(lanes: Any) -> None:
     east = tau(lanes, eta_d=[0, 0.5, 5, 0, 0, np.pi / 2], eta=[0, 0, 5, 0, 0, np.pi / 2])
-    assert east == pytest.approx([45 * 0.5, 0, 0, 0, 0, 0], abs=1e-9)
+    assert east == pytest.approx([80 * 0.5, 0, 0, 0, 0, 0], abs=1e-9)
 
 
 def test_heading_error_takes_the_shortest_way(lanes: Any) -> None:

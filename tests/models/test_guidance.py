@@ -105,6 +105,14 @@ def test_diving_straight_down_keeps_the_heading(lanes: Any) -> None:
     assert rows["eta_d"][:, 5] == pytest.approx(np.full(len(rows["done"]), 1.0))
 
 
+def test_drifting_aside_while_diving_does_not_turn_the_bow(lanes: Any) -> None:
+    run = lanes(guidance(waypoints=[(0.0, 0.0, 9.0), (10.0, 0.0, 9.0)]))
+    for k in range(500):
+        run.step(k * H, H, eta=[0, 0.5 if k else 0.0, 5 + 0.4 * k * H, 0, 0, 1.0])
+    assert run["waypoint"] == 1
+    assert run["eta_d"][5] == 1.0
+
+
 def test_lawn_mower_goes_north_and_back() -> None:
     expected = [(0, 0, 5), (20, 0, 5), (20, 4, 5), (0, 4, 5)]
     assert lawn_mower(20.0, 4.0, 2, 5.0) == expected

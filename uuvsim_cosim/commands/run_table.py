@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from uuvsim_cosim.commands.terminal import line, size_of, table, tilde
 
 if TYPE_CHECKING:
@@ -19,6 +17,8 @@ MOST_NOTES = 12
 
 def show_run(run: Run, report: Path | None) -> None:
     """Print the table of a run."""
+    import numpy as np
+
     from uuvsim_cosim.view.metrics import figures
     from uuvsim_cosim.view.run_report import traces_of
 

@@ -57,12 +57,19 @@ def tilde(path: str | Path) -> str:
 def size_of(path: Path) -> str:
     """Give a file's or folder's size in words."""
     files = [path] if path.is_file() else [p for p in path.rglob("*") if p.is_file()]
-    size = float(sum(p.stat().st_size for p in files))
+    size = float(sum(_bytes(p) for p in files))
     for unit in ("B", "kB", "MB"):
         if size < 1000:
             return f"{size:.3g} {unit}"
         size /= 1000
     return f"{size:.3g} GB"
+
+
+def _bytes(path: Path) -> int:
+    try:
+        return path.stat().st_size
+    except OSError:  # gone since it was listed, as files of a cache go
+        return 0
 
 
 def written(path: Path, text: str) -> Path:

@@ -6,6 +6,7 @@ import ctypes
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 import numpy as np
 
@@ -26,7 +27,7 @@ def generated_source(lowered: Lowered) -> Path:
     folder = cache_dir("generated", content_hash([lowered.source]))
     path = folder / f"{lowered.model.name}.c"
     if not path.is_file():
-        fresh = path.with_suffix(".tmp")
+        fresh = path.with_suffix(f".{uuid4().hex}.tmp")  # another process may write it too
         fresh.write_text(lowered.source)
         fresh.replace(path)
     return path

@@ -102,7 +102,8 @@ def guidance(
     offset = position - A
     e = -ca.sin(chi) * offset[0] + ca.cos(chi) * offset[1]
     moving = clip(U_k / figure["speed"], 0.0, 1.0)
-    turn = wrap(chi - moving * ca.atan(e / figure["lookahead"]) - psi_d)
+    wanted = chi - moving * ca.atan(e / figure["lookahead"])
+    turn = ca.if_else(level, wrap(wanted - psi_d), 0.0)  # a leg straight down has no course
     r = r_k + saturate(_turn_rate(turn, figure) - r_k, T * figure["r_dot_max"])
     psi = wrap(psi_d + T * r)
 

@@ -1,0 +1,158 @@
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from uuvsim_cosim.errors import ComponentFailed, InputInvalid
+from uuvsim_cosim.orchestrator.flatten import flatten
+from uuvsim_cosim.orchestrator.library import load
+from uuvsim_cosim.orchestrator.mission import duration, path_of, with_waypoints
+from uuvsim_cosim.orchestrator.recording import read_signals
+from uuvsim_cosim.orchestrator.run import Interrupted, run
+from uuvsim_cosim.orchestrator.run_folder import claim
+from uuvsim_cosim.orchestrator.system import System
+
+PARTS = '''
+class Tap:
+    """Opens at once."""
+    inputs = {}
+    outputs = {"flow": "m/s"}
+    parameters = {"opening": (2.0, "m/s"), "bursts": (1e9, "s")}
+    def step(self, t, dt, u):
+        return {"flow": float("nan") if t >= self.bursts else self.opening}
+
+class Tank:
+    """Fills."""
+    inputs = {"flow": "m/s"}
+    outputs = {"level": "m"}
+    def __init__(self):
+        self.level = 0.0
+    def step(self, t, dt, u):
+        self.level += dt * u["flow"]
+        return {"level": self.level}
+
+class Pilot:
+    """Knows a path."""
+    inputs = {}
+    outputs = {"done": "1"}
+    parameters = {"waypoints": ([[0.0, 0, 5]] * 4, "m"), "count": (2.0, "1"), "speed": (0.5, "m/s")}
+    def step(self, t, dt, u):
+        return {"done": 0.0}
+'''
+
+
+@pytest.fixture
+def tank(tmp_path: Path) -> System:
+    (tmp_path / "parts.py").write_text(PARTS)
+    return (
+        System("tank", "0.1", base=tmp_path)
+        .add("tap", "parts.py:Tap")
+        .add("tank", "parts.py:Tank")
+        .connect("tap.flow", "tank.flow")
+    )
+
+
+def test_a_run_leaves_signals_provenance_and_the_system(tank: System, tmp_path: Path) -> None:
+    done = run(tank, until=2.0, out=tmp_path / "r", seed=5, about={"changes": {"set": {"a": "b"}}})
+    assert sorted(p.name for p in done.folder.iterdir()) == [
+        "run.json", "signals.parquet", "system.ssd",
+    ]  # fmt: skip
+    told = json.loads((done.folder / "run.json").read_text())
+    assert (told["system"], told["seed"], told["time"], told["steps"]) == ("tank", 5, 2.0, 20)
+    assert told["changes"] == {"set": {"a": "b"}}
+    assert done.signals()["tank.level"][-1] == pytest.approx(2 * (2.0 - 0.1))  # one step of delay
+
+
+def test_the_system_beside_the_recording_runs_again_alike(tank: System, tmp_path: Path) -> None:
+    first = run(tank.set("tap.opening", 3.0), until=1.0, out=tmp_path / "a")
+    again = run(load(first.folder / "system.ssd"), until=1.0, out=tmp_path / "b")
+    np.testing.assert_array_equal(first.signals()["tank.level"], again.signals()["tank.level"])
+
+
+def test_a_second_run_goes_beside_the_first(tank: System, tmp_path: Path) -> None:
+    first = run(tank, until=0.5, out=tmp_path / "r")
+    second = run(tank, until=0.5, out=tmp_path / "r")
+    assert (first.asked, second.asked) == (None, tmp_path / "r")
+    assert second.folder == tmp_path / "r-2"
+
+
+@pytest.mark.parametrize("until", [0.0, -1.0, float("nan"), float("inf")])
+def test_until_must_be_a_positive_time(tank: System, tmp_path: Path, until: float) -> None:
+    with pytest.raises(InputInvalid, match="until"):
+        run(tank, until=until, out=tmp_path / "r")
+    assert not (tmp_path / "r").exists()
+
+
+def test_a_failed_component_leaves_the_recording_up_to_then(tank: System, tmp_path: Path) -> None:
+    with pytest.raises(ComponentFailed, match="tap") as raised:
+        run(tank.set("tap.bursts", 1.0), until=5.0, out=tmp_path / "r")
+    assert raised.value.recording == tmp_path / "r"  # type: ignore[attr-defined]
+    assert 0.8 <= read_signals(tmp_path / "r").time[-1] <= 1.2
+    assert "tap" in json.loads((tmp_path / "r" / "run.json").read_text())["interrupted"]
+
+
+def test_an_interrupted_run_leaves_a_closed_recording(tank: System, tmp_path: Path) -> None:
+    def ctrl_c(stage: str, done: float, total: float) -> None:
+        if stage == "simulating" and done >= 1.0:
+            raise KeyboardInterrupt
+
+    with pytest.raises(Interrupted) as raised:
+        run(tank, until=1e6, out=tmp_path / "r", progress=ctrl_c)
+    assert raised.value.run.recording.is_file()
+    assert raised.value.run.time == raised.value.run.signals().time[-1]
+
+
+def test_a_run_refused_before_its_first_step_leaves_nothing(tank: System, tmp_path: Path) -> None:
+    (tmp_path / "parts.py").write_text(PARTS.replace("self.level = 0.0", "raise OSError('no')"))
+    with pytest.raises(ComponentFailed, match="OSError: no"):
+        run(tank, until=1.0, out=tmp_path / "new" / "r")
+    assert not (tmp_path / "new").exists()
+
+
+def test_record_every_thins_the_recording(tank: System, tmp_path: Path) -> None:
+    done = run(tank, until=1.0, out=tmp_path / "r", record_every=5)
+    np.testing.assert_allclose(done.signals().time, [0.0, 0.5, 1.0])
+
+
+def test_progress_ends_at_the_end(tank: System, tmp_path: Path) -> None:
+    told: list[tuple[str, float, float]] = []
+    run(tank, until=3.0, out=tmp_path / "r", progress=lambda *a: told.append(a))
+    assert told[-1] == ("simulating", 3.0, 3.0)
+
+
+def test_a_folder_is_claimed_only_if_it_is_free(tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    assert claim(tmp_path / "empty").path == tmp_path / "empty"
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputInvalid, match="is a file"):
+        claim(tmp_path / "file")
+    with pytest.raises(InputInvalid, match="cannot be made"):
+        claim(tmp_path / "file" / "below")
+
+
+def test_discarding_removes_only_what_was_made(tmp_path: Path) -> None:
+    made = claim(tmp_path / "a" / "b")
+    (made.path / "system.ssd").write_text("x")
+    (tmp_path / "a" / "mine.txt").write_text("mine")
+    made.discard()
+    assert os.listdir(tmp_path / "a") == ["mine.txt"]
+
+
+def test_waypoints_fill_the_guidances_table_and_set_how_long_a_run_takes(tank: System) -> None:
+    system = tank.add("pilot", "parts.py:Pilot")
+    flown = with_waypoints(system, np.array([[0, 0, 5], [30, 0, 5], [30, 40, 5.0]]))
+    path = path_of(flatten(flown))
+    np.testing.assert_array_equal(path, [[0, 0, 5], [30, 0, 5], [30, 40, 5]])
+    seconds = (5 + 30 + 40) / 0.5 + 3 * 12 + 45
+    assert duration(flatten(flown)) == 10 * np.ceil(seconds / 10)
+    assert duration(flatten(tank)) == 60.0
+
+
+def test_more_waypoints_than_the_guidance_holds_are_refused(tank: System) -> None:
+    system = tank.add("pilot", "parts.py:Pilot")
+    with pytest.raises(InputInvalid, match="at most 4"):
+        with_waypoints(system, np.zeros((5, 3)))
+    with pytest.raises(InputInvalid, match="0 components"):
+        with_waypoints(tank, np.zeros((3, 3)))
