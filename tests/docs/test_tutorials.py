@@ -99,6 +99,7 @@ def test_a_tutorial_runs_as_it_stands(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "Agg")
+    monkeypatch.syspath_prepend(tmp_path)  # as in an interpreter that is started here
     namespace: dict[str, Any] = {"__name__": "__main__"}
     output = ""
     for block in blocks(page):
