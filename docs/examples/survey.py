@@ -1,4 +1,4 @@
-"""Fly the survey in a stronger current, and plot where the vehicle was and where it thought it was."""
+"""Fly the survey in a stronger current; plot where the vehicle was and how far off it thought."""
 
 import matplotlib.pyplot as plt
 import numpy as np

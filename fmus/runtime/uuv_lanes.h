@@ -129,7 +129,7 @@ static inline int uuv_all_finite(V x) {
 }
 
 /* The processor's square root, correctly rounded. Written out because __builtin_sqrt calls libm
- * for negative arguments (for errno) unless -fno-math-errno is given, and GCC has no vector form. */
+ * for negative arguments (for errno) unless -fno-math-errno is given; GCC has no vector form. */
 #if defined(__clang__)
 static inline V uuv_sqrt(V x) { return __builtin_elementwise_sqrt(x); }
 #else

@@ -9,7 +9,7 @@
  *   acos 0.7  atan 1.0  atan2 1.5  sinh 1.0  cosh 0.9  tanh 1.0  asinh 0.7  acosh 0.9  atanh 1.0
  *
  *   uuv_lanes.h         V, masks, select, sqrt, neg, fabs, copysign
- *   uuv_arithmetic.h    add ... inv, comparisons, logic, if_else_zero, sign, fmin, fmax, floor, ceil
+ *   uuv_arithmetic.h    add ... inv, lt ... or, if_else_zero, sign, fmin, fmax, floor, ceil
  *   uuv_remainder.h     fmod, remainder
  *   uuv_exp_log.h       exp, expm1, log, log1p
  *   uuv_power.h         pow, constpow, hypot

@@ -17,7 +17,8 @@ static inline V uuv_log_pair_(V x, V *lo) {
     const V s_lo = (((f - sd) - e) - s * d_lo) / d;
     const V z = uuv_two_product_(s, s, &e);
     z_lo = e + 2.0 * s * s_lo;
-    const V p = uuv_fast_two_sum_(uuv_const(0x1.5555555555555p-1), z * uuv_poly8_(z, uuv_log_c_), &e);
+    const V higher = z * uuv_poly8_(z, uuv_log_c_);
+    const V p = uuv_fast_two_sum_(uuv_const(0x1.5555555555555p-1), higher, &e);
     p_lo = e + 0x1.5555555555555p-55;
     const V v = uuv_two_product_(z, p, &e);
     v_lo = e + (z * p_lo + z_lo * p);

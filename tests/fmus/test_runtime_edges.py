@@ -72,7 +72,7 @@ def test_zeros_infinities_and_nan_of_one_argument_are_those_of_c99(call: Call, n
     plain = np.isfinite(expected) & (expected != 0.0)
     got = call(name, SPECIAL)
     assert_same_bits(got[~plain], expected[~plain], SPECIAL[~plain])
-    np.testing.assert_allclose(got[plain], expected[plain], rtol=1e-15)
+    np.testing.assert_allclose(got[plain], expected[plain], rtol=4e-15)
 
 
 @pytest.mark.parametrize("name", BINARY)
@@ -82,7 +82,7 @@ def test_zeros_infinities_and_nan_of_two_arguments_are_those_of_c99(call: Call, 
     plain = np.isfinite(expected) & (expected != 0.0)
     got = call(name, X, Y)
     assert_same_bits(got[~plain], expected[~plain], X[~plain], Y[~plain])
-    np.testing.assert_allclose(got[plain], expected[plain], rtol=1e-15)
+    np.testing.assert_allclose(got[plain], expected[plain], rtol=4e-15)
 
 
 ODD = ["sin", "tan", "asin", "atan", "sinh", "tanh", "asinh", "atanh"]

@@ -81,3 +81,8 @@ def test_the_survey_stays_on_its_lines_and_knows_where_it_is(tmp_path: Path, see
     assert np.mean(np.abs(error) < 3 * sigma) > 0.97
     assert bool(signals["guidance.done"][-1])
     assert np.linalg.norm(eta[-1, :3] - wanted[-1, :3]) < 0.5
+
+
+def test_a_slower_controller_makes_the_loop_slower() -> None:
+    slower = uuv.load("bluerov2_survey").replace("controller", "model:controller", rate="0.04")
+    assert float(max(loop.delay for loop in loop_delays(flatten(slower)))) == pytest.approx(0.09)

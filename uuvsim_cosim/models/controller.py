@@ -22,7 +22,7 @@ from uuvsim_cosim.models.preset import preset
 from uuvsim_cosim.models.rigid_body import coriolis
 from uuvsim_cosim.models.safe_math import abs_, saturate
 from uuvsim_cosim.models.sampled import held_output
-from uuvsim_cosim.models.vectors import ETA, NU, NU_DOT, TAU
+from uuvsim_cosim.models.vectors import ETA, INERTIA, NU, NU_DOT, TAU, per
 
 __all__ = ["controller"]
 
@@ -34,24 +34,30 @@ def controller(
     p = preset("controllers", id, "controller")
     mass, linear, quadratic = _nominal(vehicle)
     m = Model("controller", "PID in six degrees of freedom with feed-forward")
-    words = "[m, rad]"
-    eta_d = m.input("eta_d", 6, unit=ETA, description=f"wanted N E D phi theta psi {words}")
-    nu_d = m.input("nu_d", 6, unit=NU, description="wanted, in axes of eta_d [m/s, rad/s]")
-    eta = m.input("eta", 6, unit=ETA, description=f"estimate of N E D phi theta psi {words}")
-    nu = m.input("nu", 6, unit=NU, description="estimate, in b [m/s, rad/s]")
+    eta_d = m.input("eta_d", 6, unit=ETA, description="wanted N E D phi theta psi")
+    nu_d = m.input("nu_d", 6, unit=NU, description="wanted, in axes of eta_d")
+    eta = m.input("eta", 6, unit=ETA, description="estimate of N E D phi theta psi")
+    nu = m.input("nu", 6, unit=NU, description="estimate, in b")
     gain = {
-        name: m.parameter(name, p.vector(name, "1", 6), unit="1", min=0, description=about)
-        for name, about in (
-            ("Kp", "[N/m, N.m/rad]"),
-            ("Ki", "[N/(m.s), N.m/(rad.s)]"),
-            ("Kd", "[N.s/m, N.m.s/rad]"),
-            ("tau_max", "limit of tau_d [N, N.m]"),
-            ("tau_i_max", "limit of the integrals [N, N.m]"),
+        name: m.parameter(name, p.vector(name, unit, 6), unit=unit, min=0, description=about)
+        for name, unit, about in (
+            ("Kp", per("N/m", "N.m/rad"), "of the error of eta"),
+            ("Ki", per("N/m/s", "N.m/rad/s"), "of its integral"),
+            ("Kd", per("N.s/m", "N.m.s/rad"), "of the error of nu"),
+            ("tau_max", TAU, "limit of tau_d"),
+            ("tau_i_max", TAU, "limit of the integrals"),
         )
     }
-    M = m.parameter("M_ff", mass, unit="1", description="diagonal of M_RB + M_A [kg, kg.m2]")
-    D_l = m.parameter("D_l_ff", linear, unit="1", description="linear damping, diagonal")
-    D_q = m.parameter("D_q_ff", quadratic, unit="1", description="quadratic damping, diagonal")
+    M = m.parameter("M_ff", mass, unit=INERTIA, description="diagonal of M_RB + M_A")
+    D_l = m.parameter(
+        "D_l_ff", linear, unit=per("N.s/m", "N.m.s/rad"), description="linear damping, diagonal"
+    )
+    D_q = m.parameter(
+        "D_q_ff",
+        quadratic,
+        unit=per("N.s2/m2", "N.m.s2/rad2"),
+        description="quadratic damping, diagonal",
+    )
     T_ff = m.parameter("T_ff", p.number("T_ff", "s"), unit="s", min=1e-3, description="lag of M_ff")
     sample = m.clock("sample", period)
     T = float(sample.period)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import ParameterInvalid
+from uuvsim_cosim.models.model import Units
 from uuvsim_cosim.models.parameters import in_unit, line_of, read_yaml
 
 __all__ = ["Preset", "preset"]
@@ -19,15 +20,22 @@ class Preset:
     """The numbers of one file; `number` and `vector` convert to the unit that is wanted."""
 
     path: Path
-    values: Mapping[str, tuple[list[float], str, int]]  # name: (elements, unit, line)
+    values: Mapping[str, tuple[list[float], list[str], int]]  # name: (elements, units, line)
 
-    def vector(self, name: str, unit: str, size: int | None = None) -> list[float]:
-        """Give a parameter's elements in `unit`; a single one is repeated `size` times."""
+    def vector(self, name: str, unit: Units, size: int | None = None) -> list[float]:
+        """Give a parameter's elements in `unit`, one for all or one each.
+
+        A single element is repeated `size` times.
+        """
         if name not in self.values:
             raise ParameterInvalid(f"{self.path}: no parameter {name!r}; expected one in {unit}")
         elements, read, line = self.values[name]
         try:
-            converted = [in_unit(v, read, unit) for v in elements]
+            given = read * len(elements) if len(read) == 1 else read
+            wanted = [unit] * len(elements) if isinstance(unit, str) else list(unit)
+            if len(given) != len(elements) or len(wanted) != len(elements):
+                raise ValueError(f"{len(elements)} elements with {len(given)} units")
+            converted = [in_unit(*v) for v in zip(elements, given, wanted, strict=True)]
         except ValueError as error:
             raise ParameterInvalid(f"{self.path}:{line}: {name}: {error}") from None
         if size is not None and len(converted) == 1:
@@ -62,5 +70,7 @@ def preset(folder: str, id: str, kind: str) -> Preset:
         value = entry["value"]
         elements = [float(v) for v in value] if isinstance(value, list) else [float(value)]
         line = line_of(data, ["parameters", name])
-        values[str(name)] = (elements, str(entry["unit"]), line)
+        unit = entry["unit"]
+        units = [str(u) for u in unit] if isinstance(unit, list) else [str(unit)]
+        values[str(name)] = (elements, units, line)
     return Preset(path, values)

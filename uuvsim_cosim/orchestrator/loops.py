@@ -28,7 +28,8 @@ class Loop:
 def loop_delays(plan: Plan) -> list[Loop]:
     """Give the loops, the slowest first. A hop costs the step of its source component.
 
-    Within a Gauss-Seidel group, a hop from an earlier to a later member costs nothing.
+    Within a Gauss-Seidel group, a hop from an earlier to a later member costs nothing, unless
+    the earlier one has the longer step.
     """
     paths = [c.path for c in plan.components]
     edges = {(t.source, t.target) for t in plan.transfers}
@@ -97,5 +98,7 @@ def _free_hops(plan: Plan) -> set[tuple[int, int]]:
     for group in plan.groups:
         if group.algorithm == "gauss-seidel":
             for i, a in enumerate(group.members):
-                free.update((a, b) for b in group.members[i + 1 :])
+                step = plan.components[a].step_ticks
+                later = group.members[i + 1 :]
+                free.update((a, b) for b in later if step <= plan.components[b].step_ticks)
     return free
