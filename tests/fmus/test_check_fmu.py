@@ -13,6 +13,7 @@ from uuvsim_cosim.errors import FmuError
 from uuvsim_cosim.fmus.check_fmu import check
 from uuvsim_cosim.fmus.export import build_fmu, write_archive
 from uuvsim_cosim.fmus.toolchain import compile_shared
+from uuvsim_cosim.models.library import available, declare
 from uuvsim_cosim.models.model import Model
 
 Declared = dict[str, Callable[[], Model]]
@@ -106,3 +107,9 @@ def test_a_file_that_is_no_fmu_is_an_error(tmp_path: Path) -> None:
     file.write_text("no zip")
     with pytest.raises(FmuError):
         check(file)
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("name", available())
+def test_every_shipped_component_is_a_valid_fmu_that_fmpy_simulates(name: str, fmi: int) -> None:
+    assert check(build_fmu(declare(name), fmi=fmi)) == []

@@ -86,3 +86,24 @@ def test_the_survey_stays_on_its_lines_and_knows_where_it_is(tmp_path: Path, see
 def test_a_slower_controller_makes_the_loop_slower() -> None:
     slower = uuv.load("bluerov2_survey").replace("controller", "model:controller", rate="0.04")
     assert float(max(loop.delay for loop in loop_delays(flatten(slower)))) == pytest.approx(0.09)
+
+
+def test_a_file_that_a_user_names_is_looked_for_where_the_user_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "gains.py").write_text("KP = 3.0\n")
+    (tmp_path / "law.py").write_text(
+        "from gains import KP\n\n"
+        'ETA = (6, ("m", "m", "m", "rad", "rad", "rad"))\n'
+        'NU = (6, ("m/s", "m/s", "m/s", "rad/s", "rad/s", "rad/s"))\n\n\n'
+        "class Law:\n"
+        '    inputs = {"eta_d": ETA, "nu_d": NU, "eta": ETA, "nu": NU}\n'
+        '    outputs = {"tau_d": (6, ("N", "N", "N", "N.m", "N.m", "N.m"))}\n\n'
+        "    def step(self, t, dt, u):\n"
+        '        return {"tau_d": [KP, 0, 0, 0, 0, 0]}\n'
+    )
+    monkeypatch.chdir(tmp_path)
+    system = uuv.load("bluerov2_hold").replace("controller", "law.py:Law")
+    signals = run(system, until=1, out=tmp_path / "out").signals()
+    assert signals["controller.tau_d"][-1, 0] == 3.0
+    assert signals.units["hull.eta"] == "m, rad"

@@ -36,16 +36,23 @@ def build(
 ) -> None:
     """Build an FMU of each named model, with a binary for each platform."""
     version = fmi_version(fmi)
-    platforms = [p.strip() for p in platform.split(",") if p.strip()]
+    platforms = platform_names(platform)
     from uuvsim_cosim.fmus.export import build_many
-    from uuvsim_cosim.fmus.toolchain import platform_named
 
-    for name in platforms:
-        platform_named(name)  # a wrong name is refused before anything is built
     with console(stderr=True).status(f"building {', '.join(names)} for {', '.join(platforms)}"):
         built = build_many(names, fmi=version, platforms=platforms, target_dir=out)
     for path in built:
         line(f"{tilde(path)}  {size_of(path)}")
+
+
+def platform_names(text: str) -> list[str]:
+    """Split a list of platforms; a wrong name is refused before anything is built."""
+    from uuvsim_cosim.fmus.toolchain import platform_named
+
+    names = [p.strip() for p in text.split(",") if p.strip()]
+    for name in names:
+        platform_named(name)
+    return names
 
 
 @app.command("inspect")

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from uuvsim_cosim.commands.fmu import fmi_version
+from uuvsim_cosim.commands.fmu import fmi_version, platform_names
 from uuvsim_cosim.commands.terminal import console, line, size_of, tilde
 from uuvsim_cosim.errors import InputInvalid
 
@@ -19,9 +19,13 @@ def pack_command(
     out: Annotated[Path, typer.Option("--out", "-o", help="The .ssp to write.")],
     fmi: Annotated[int, typer.Option(help="2: FMI 2 in SSP 1.0; 3: FMI 3 in SSP 2.0.")] = 2,
     seed: Annotated[int, typer.Option(help="Seed that the packed values come from.")] = 0,
+    platform: Annotated[
+        str, typer.Option(help="Comma-separated: host, linux64, win64, darwin64, …")
+    ] = "host",
 ) -> None:
     """Write a system as SSP that other tools can simulate: FMUs, values and units inside."""
     version = fmi_version(fmi)
+    platforms = platform_names(platform)
     if out.suffix.lower() != ".ssp":
         raise InputInvalid(f"{out}: ending {out.suffix!r} was read; expected .ssp")
     from uuvsim_cosim.orchestrator.library import load
@@ -29,5 +33,5 @@ def pack_command(
 
     found = load(system)
     with console(stderr=True).status(f"packing {system}"):
-        pack(found, out, fmi=version, seed=seed)
+        pack(found, out, fmi=version, seed=seed, platforms=platforms)
     line(f"{tilde(out)}  {size_of(out)}")

@@ -1,1 +1,4 @@
-"""A declaration becomes a file, a file becomes a component."""
+"""A declaration becomes a file, a file becomes a component.
+
+The C around it (runtime, FMI functions) lies in the folder ``fmus/`` at the top.
+"""

@@ -46,7 +46,13 @@ def vehicle(
     numbers = {k: q.value for k, q in published.quantities.items()} | dict(values or {})
     sources = {k: q.source for k, q in published.quantities.items()}
     above = surface not in (False, "false", "False", "0")
-    return hull(name, numbers, surface=above, sources=sources, description=published.citation)
+    return hull(
+        name,
+        numbers,
+        surface=above,
+        sources=sources,
+        description=f"Hull of {id}, parameter set {published.name}",
+    )
 
 
 def hull(

@@ -51,6 +51,8 @@ def _module(where: str, source: str) -> ModuleType:
         assert spec.loader is not None
         module = importlib.util.module_from_spec(spec)
         sys.modules[name] = module
+        if str(path.parent) not in sys.path:
+            sys.path.append(str(path.parent))  # as a script, it may import its neighbours
         try:
             spec.loader.exec_module(module)
         except BaseException:

@@ -70,7 +70,9 @@ def read_signals(run: Path | str) -> Signals:
         arrays = [_array(table.column(i)) for i in columns]
         about = _about(schema.field(columns[0]))
         values[name] = np.stack(arrays, axis=1) if about.get("index") else arrays[0]
-        units[name] = about.get("unit", "")
+        units[name] = ", ".join(
+            dict.fromkeys(_about(schema.field(i)).get("unit", "") for i in columns)
+        )
         descriptions[name] = about.get("description", "")
     time, ticks = _array(table.column(0)), _array(table.column(1))
     metadata = metadata_of(schema) | {"messages": messages}

@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from uuvsim_cosim.orchestrator.system import System
 
 __all__ = ["Backend", "FmuSource", "ModelSource", "PythonSource", "Source", "SystemSource",
-           "register", "resolve"]  # fmt: skip
+           "anchored",
+    "register", "resolve"]  # fmt: skip
 
 Backend = Literal["fmu", "native"]
 ENTRY_POINTS = "uuvsim_cosim.sources"
@@ -88,6 +89,22 @@ def resolve(source: str, base: Path | None = None) -> Source:
         f"FILE.py:Class, package.module:Class, model:NAME?option=value"
         + "".join(f", {s}:…" for s in _schemes())
     )
+
+
+def anchored(source: str, base: Path | None) -> str:
+    """Give a source whose file is found from the current folder by its absolute path.
+
+    So that what a user names is looked for where the user is, not beside a system that ships.
+    """
+    file, colon, name = source, "", ""
+    if Path(source.partition("#")[0]).suffix.lower() not in (".fmu", ".ssd", ".ssp"):
+        file, colon, name = source.rpartition(":")
+    elif "#" in source:
+        file, colon, name = source.partition("#")
+    path = Path(file).expanduser()
+    if base is None or not file or path.is_absolute() or not path.is_file():
+        return source
+    return f"{path.absolute()}{colon}{name}"
 
 
 @dataclass(frozen=True)

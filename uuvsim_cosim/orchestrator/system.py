@@ -27,6 +27,7 @@ from uuvsim_cosim.orchestrator.endpoints import (
     resolve_endpoint,
 )
 from uuvsim_cosim.orchestrator.plan import Algorithm
+from uuvsim_cosim.orchestrator.sources import anchored
 from uuvsim_cosim.orchestrator.validation import Checked, as_step, check, problem_of
 from uuvsim_cosim.orchestrator.values import Misfit, flat
 
@@ -86,6 +87,8 @@ class System:
             return self._edited(name, self.nested(name).add(rest, source, start, rate, description))
         if path in self.components:
             raise SystemInvalid([Problem(path, "a second component of this name", "a new name")])
+        if isinstance(source, str):
+            source = anchored(source, self.base)
         step = None if rate is None else _step(rate, path)
         if start:
             nested = self._as_nested(source)
@@ -175,7 +178,15 @@ class System:
             name, rest = inner
             return self._edited(name, self.nested(name).replace(rest, source, map, rate, start))
         self._split(f"{path}.")
+        if isinstance(source, str):
+            source = anchored(source, self.base)
         return fitted(self, path, source, map, rate, start)
+
+    def write(self, path: str | Path) -> None:
+        """Write the system as .ssd, without loss; files of sources are named relative to it."""
+        from uuvsim_cosim.orchestrator.ssd import write_ssd
+
+        write_ssd(self, Path(path))
 
     def remove(self, name: str) -> System:
         """Remove a component with its connections."""
