@@ -49,6 +49,11 @@ _HOME = {
 }
 
 
+def __dir__() -> list[str]:
+    """List the public names, also those not imported yet."""
+    return sorted({*globals(), *__all__})
+
+
 def __getattr__(name: str) -> Any:
     """Import a public name on first use."""
     if name not in _HOME:

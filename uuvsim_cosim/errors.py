@@ -69,6 +69,7 @@ class ComponentFailed(UuvsimError):
         self.path = path
         self.time = time
         self.reason = reason
+        self.partial: object | None = None  # what was computed up to then, if anything
         super().__init__(f"component {path!r} failed at t = {time:.9g} s: {reason}")
 
 

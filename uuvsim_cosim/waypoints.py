@@ -79,5 +79,7 @@ def _row(cells: list[str], order: list[str], line: str, path: Path, number: int)
             raise InputInvalid(f"{wrong} a number in metres where {cell!r} stands") from None
         if not math.isfinite(value) or abs(value) > LARGEST:
             raise InputInvalid(f"{wrong} a finite number of at most {LARGEST:.0e} m for {cell!r}")
+        if name == "d" and value < 0:
+            raise InputInvalid(f"{wrong} a depth of 0 m or more, positive down, for {cell!r}")
         values[name] = value
     return [values["n"], values["e"], values["d"]]

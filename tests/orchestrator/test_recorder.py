@@ -240,3 +240,17 @@ def test_an_unknown_format_is_refused(run: Run, tmp_path: Path) -> None:
         export(run(), tmp_path / "run.xls")
     with pytest.raises(RecordingError, match="cannot be written"):
         export(run(), tmp_path / "no" / "folder.csv")
+
+
+def test_texts_and_binaries_of_an_fmu_are_recorded(first_order_fmi3: Path, tmp_path: Path) -> None:
+    from uuvsim_cosim.orchestrator.run import run
+    from uuvsim_cosim.orchestrator.system import System
+
+    system = System("one").add("f", str(first_order_fmi3))
+    outputs = system.describe("f").of("output")
+    assert {"String", "Binary"} <= {v.type for v in outputs}
+    signals = run(system, until=0.05, out=tmp_path / "r").signals()
+    for v in outputs:
+        assert f"f.{v.name}" in signals
+    blob = next(v.name for v in outputs if v.type == "Binary")
+    assert isinstance(signals[f"f.{blob}"][-1], bytes)

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from uuvsim_cosim.errors import ComponentFailed, InputInvalid
+from uuvsim_cosim.errors import ComponentFailed, InputInvalid, RecordingError
 from uuvsim_cosim.orchestrator.flatten import flatten
 from uuvsim_cosim.orchestrator.library import load
 from uuvsim_cosim.orchestrator.mission import duration, path_of, with_waypoints
@@ -156,3 +156,34 @@ def test_more_waypoints_than_the_guidance_holds_are_refused(tank: System) -> Non
         with_waypoints(system, np.zeros((5, 3)))
     with pytest.raises(InputInvalid, match="0 components"):
         with_waypoints(tank, np.zeros((3, 3)))
+
+
+def test_an_end_between_two_steps_is_refused_with_both_numbers(
+    tank: System, tmp_path: Path
+) -> None:
+    with pytest.raises(InputInvalid, match=r"until: 0\.0153 s .* steps of 0\.1 s, such as 0\.1"):
+        run(tank, until=0.0153, out=tmp_path / "r")
+    assert not (tmp_path / "r").exists()
+
+
+def test_a_recording_that_the_disk_cannot_hold_is_refused_before_it_begins(
+    tank: System, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from types import SimpleNamespace
+
+    monkeypatch.setattr("shutil.disk_usage", lambda path: SimpleNamespace(free=1000))
+    with pytest.raises(InputInvalid, match=r"would take about .* GB, .*--record-every"):
+        run(tank, until=1e7, out=tmp_path / "r")
+    assert not (tmp_path / "r").exists()
+
+
+def test_a_disk_that_fills_up_is_an_error_that_keeps_what_was_written(
+    tank: System, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(path: Path, content: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("uuvsim_cosim.orchestrator.run._write_json", full)
+    with pytest.raises(RecordingError, match=r"run\.json: No space left.*room on the disk"):
+        run(tank, until=1.0, out=tmp_path / "r")
+    assert (tmp_path / "r" / "signals.parquet").is_file()

@@ -102,14 +102,19 @@ def _short(value: Any) -> str:
 
 
 @app.command("check")
-def check(file: Annotated[Path, typer.Argument(help="An .fmu.")]) -> None:
-    """Check an FMU against FMI's schema and rules, and run it; status 2 if something is wrong."""
+def check(files: Annotated[list[Path], typer.Argument(help="One .fmu, or several.")]) -> None:
+    """Check FMUs against FMI's schema and rules, and run them; status 2 if something is wrong."""
     from uuvsim_cosim.fmus.check_fmu import check as find
 
-    with console(stderr=True).status(f"checking {file.name}"):
-        findings = find(file)
-    for finding in findings:
-        line(str(finding))
-    if findings:
-        raise InputInvalid(f"{file}: {len(findings)} finding(s); expected none")
-    line(f"{tilde(file)}: nothing wrong was found")
+    wrong = []
+    for file in files:
+        with console(stderr=True).status(f"checking {file.name}"):
+            findings = find(file)
+        for finding in findings:
+            line(str(finding))
+        if findings:
+            wrong.append(f"{file}: {len(findings)} finding(s)")
+        else:
+            line(f"{tilde(file)}: nothing wrong was found")
+    if wrong:
+        raise InputInvalid(f"{'; '.join(wrong)}; expected none")

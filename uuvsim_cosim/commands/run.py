@@ -116,7 +116,19 @@ def _edited(name: str, waypoints: Path | None, changes: dict[str, dict[str, str]
             system = _with_rate(system, component, seconds)
     for path, text in changes["set"].items():
         system = system.set(path, value_of(text))
+        _check_effect(system, path)
     return system if points is None else with_waypoints(system, points)
+
+
+def _check_effect(system: Any, path: str) -> None:
+    """Refuse a value for an input that a connection overwrites at once."""
+    for wire in system.checked.wires:
+        fed = f"{wire.target.element}.{wire.target.variable.name}"
+        if path.partition("[")[0] == fed:
+            raise InputInvalid(
+                f"--set {path}: is fed by {wire.connection.source}; expected a parameter, or an "
+                "input that nothing is connected to"
+            )
 
 
 def _with_rate(system: Any, component: str, seconds: str) -> Any:
@@ -178,14 +190,21 @@ def _run_fmu(
     fmu: str, inputs: Path | None, until: float | None, step: str | None, out: Path | None,
     values: dict[str, str],
 ) -> None:  # fmt: skip
-    from uuvsim_cosim.fmus.simulate_fmu import simulate_fmu
+    from uuvsim_cosim.fmus.simulate_fmu import SimulationResult, simulate_fmu
 
     target = out if out is not None else Path(f"{Path(fmu).stem}.csv")
     if not target.absolute().parent.is_dir():
         raise InputInvalid(f"{target}: its folder does not exist; expected a file in a folder")
-    result = simulate_fmu(
-        Path(fmu), until=10.0 if until is None else until, step=step, inputs=inputs, start=values
-    )
+    try:
+        result = simulate_fmu(
+            Path(fmu), until=10.0 if until is None else until, step=step, inputs=inputs,
+            start=values,
+        )  # fmt: skip
+    except ComponentFailed as error:
+        if isinstance(error.partial, SimulationResult):
+            error.partial.write_csv(target)
+            sys.stderr.write(f"uuvsim: the values up to then are in {tilde(target)}\n")
+        raise
     result.write_csv(target)
     line(f"{len(result.time)} rows, {len(result.variables)} outputs, until {result.time[-1]:g} s")
     line(f"{tilde(target)}  {size_of(target)}")

@@ -81,7 +81,8 @@ def simulate_fmu(
     held, at the communication points. `start` values may be text, as a user types them.
     `outputs` are names of what is recorded, all outputs by default.
 
-    Raises InputInvalid or FmuError before anything runs, ComponentFailed while it runs.
+    Raises InputInvalid or FmuError before anything runs, ComponentFailed while it runs; the
+    values up to then are its attribute `partial`, a SimulationResult.
     """
     archive = fmu if isinstance(fmu, FmuArchive) else read_fmu(Path(fmu))
     description = archive.description
@@ -90,13 +91,13 @@ def simulate_fmu(
     begin = _start_values(start or {}, archive)
     recorded = _recorded(outputs, description)
     component = instantiate_fmu(archive, description.name)
+    samples = _Samples(recorded, count + 1)
     try:
         for variable, value in begin:
             component.set(variable, value)
         component.enter_initialization_mode(0.0, float(tick * count))
         feed.apply(component, 0.0)
         component.exit_initialization_mode()
-        samples = _Samples(recorded, count + 1)
         samples.take(component, 0, 0.0)
         for k in range(count):
             t, t_next = float(k * tick), float((k + 1) * tick)
@@ -104,11 +105,13 @@ def simulate_fmu(
             component.do_step(t, float(tick))
             samples.take(component, k + 1, t_next)
         component.terminate()
-        time = np.array([float(k * tick) for k in range(count + 1)])
-        messages = list(getattr(component, "messages", []))
+        return samples.result(component, tick)
+    except ComponentFailed as error:
+        if samples.taken:
+            error.partial = samples.result(component, tick)
+        raise
     finally:
         component.free()
-    return SimulationResult(time, samples.columns, {v.name: v for v in recorded}, messages)
 
 
 def _steps(
@@ -232,6 +235,13 @@ class _Samples:
         self._variables = variables
         self._points = points
         self.columns: dict[str, np.ndarray] = {}
+        self.taken = 0
+
+    def result(self, component: Component, tick: Fraction) -> SimulationResult:
+        time = np.array([float(k * tick) for k in range(self.taken)])
+        columns = {name: column[: self.taken] for name, column in self.columns.items()}
+        messages = list(getattr(component, "messages", []))
+        return SimulationResult(time, columns, {v.name: v for v in self._variables}, messages)
 
     def take(self, component: Component, k: int, t: float) -> None:
         for variable in self._variables:
@@ -242,6 +252,7 @@ class _Samples:
                 shape = (self._points, *variable.shape)
                 self.columns[variable.name] = np.empty(shape, dtype=value.dtype)
             self.columns[variable.name][k] = value
+        self.taken = k + 1
 
 
 def _dtype(variable: Variable) -> Any:
@@ -253,4 +264,6 @@ def _text(value: Any) -> str:
         return value.hex()
     if isinstance(value, bool):
         return str(int(value))
+    if isinstance(value, np.ndarray):  # a string or binary scalar in a column of objects
+        return _text(value.item())
     return value if isinstance(value, str) else repr(value)

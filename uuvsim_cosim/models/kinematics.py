@@ -40,7 +40,7 @@ def R(q: Any) -> Any:
 
     R(q) = I + 2 eta S(eps) + 2 S(eps)², for |q| = 1.
     """
-    s = 2.0 / ca.sumsqr(q)
+    s = 2.0 / ca.fmax(ca.sumsqr(q), 1e-300)  # an unset q = 0 counts as upright, not as NaN
     w, x, y, z = q[0], q[1], q[2], q[3]
     sx, sy, sz = s * x, s * y, s * z
     wx, wy, wz = w * sx, w * sy, w * sz

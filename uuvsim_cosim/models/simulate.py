@@ -55,6 +55,7 @@ def simulate(
     Values are given at each multiple of h, or at the times `at`. `tau` and `inputs` are
     constants or functions of time [s]; an input that is not named keeps its start value.
     A clock's ticks cut the integration; its updates see the values before the tick.
+    Angles phi and psi of `eta` are in [-pi, pi], theta in [-pi/2, pi/2]: compare them modulo 2 pi.
     """
     if (until is None) == (at is None) or not h > 0:
         raise ParameterInvalid(

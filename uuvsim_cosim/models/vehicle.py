@@ -51,7 +51,7 @@ def vehicle(
         numbers,
         surface=above,
         sources=sources,
-        description=f"Hull of {id}, parameter set {published.name}",
+        description=f"Hull of {published.vehicle}, parameter set {published.name}",
     )
 
 

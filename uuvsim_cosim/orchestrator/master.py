@@ -57,6 +57,7 @@ class Master:
         self._watch = Watch(plan, observers)
         self._record, self._every = record, record_every
         self._tables: Tables | None = None
+        self.recorded = 0  # scalars that observers get at each recorded point
         self._first: Snapshot | None = None
         self._start_tick = 0
         self._times: tuple[float, float | None] = (0.0, None)
@@ -265,6 +266,7 @@ class Master:
     def _build_tables(self) -> None:
         recorded = self._recorded() if self._watch.observers else []
         columns = [c for i, v in recorded for c in Column.of(self.plan.components[i].path, v)]
+        self.recorded = len(columns)
         n_rows = rows_of(len(columns))
         self._tables = tables_of(self.plan, self.components, recorded, self._every, n_rows)
         self._watch.begin(columns)
@@ -273,7 +275,7 @@ class Master:
         if self._record is not None:
             return [self._variable(path, name) for path, name in self._record]
         outputs = [(i, c.description.of("output")) for i, c in enumerate(self.components)]
-        return [(i, v) for i, vs in outputs for v in vs if v.type not in ("Clock", "Binary")]
+        return [(i, v) for i, vs in outputs for v in vs if v.type != "Clock"]
 
     def _state_or_none(self, component: Component) -> Any:
         return component.get_fmu_state() if component.description.can_get_and_set_state else None

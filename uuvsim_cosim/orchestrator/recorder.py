@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import json
 import logging
+import math
 import time
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
@@ -43,7 +44,7 @@ class Recorder:
         folder: Path | str,
         *,
         provenance: Mapping[str, Any] | None = None,
-        flush_seconds: float = 1.0,
+        flush_seconds: float = 0.2,
     ) -> None:
         self.folder = Path(folder)
         self._provenance = dict(provenance or {})
@@ -74,15 +75,17 @@ class Recorder:
             self.folder.mkdir(parents=True, exist_ok=True)
             self._file = (self.folder / STREAM).open("wb")
             self._writer = pa.ipc.new_stream(self._file, self._schema)
+            # An empty batch: the schema is there from the start, whatever happens then.
+            self._writer.write_batch(pa.RecordBatch.from_pylist([], schema=self._schema))
             self._file.flush()
         except OSError as error:
             self._close()
             raise self._failed(error, "a folder that can be written") from error
-        self._flushed = time.monotonic()
+        self._flushed = -math.inf
         self._messages.listen(c.path for c in plan.components)
 
     def observe(self, chunk: Chunk) -> None:
-        """Keep the rows; writes when a second has passed, or the batch is full."""
+        """Keep the rows; writes at first, then when 0.2 s have passed or the batch is full."""
         done, n = 0, len(chunk.ticks)
         while done < n:
             take = min(n - done, _ROWS - self._used)

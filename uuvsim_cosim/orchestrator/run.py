@@ -19,13 +19,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from uuvsim_cosim._version import __version__
-from uuvsim_cosim.errors import ComponentFailed, InputInvalid, UuvsimError
+from uuvsim_cosim.errors import ComponentFailed, InputInvalid, RecordingError, UuvsimError
 from uuvsim_cosim.orchestrator.flatten import flatten
 from uuvsim_cosim.orchestrator.loops import loop_delays
 from uuvsim_cosim.orchestrator.mission import duration, path_of
 from uuvsim_cosim.orchestrator.plan import Plan
 from uuvsim_cosim.orchestrator.prepared import Progress, prepare
-from uuvsim_cosim.orchestrator.run_folder import RunFolder, claim
+from uuvsim_cosim.orchestrator.run_folder import RunFolder, check_room, claim
 from uuvsim_cosim.orchestrator.sources import Backend
 from uuvsim_cosim.orchestrator.system import System
 
@@ -114,14 +114,31 @@ def run(
         system = load(system)
     plan = flatten(system, seed)
     end = duration(plan) if until is None else until
+    _check_end(end, plan)
     folder = claim(out if out is not None else Path("runs") / f"{system.name}-{seed}")
     try:
         provenance = _provenance(system, plan, seed, backend, record_every, end, about or {})
         master = _started(system, plan, folder, backend, record_every, provenance, end, progress)
+        try:
+            rows = end / float(plan.tick) / record_every
+            check_room(folder.path, rows * 8.0 * (master.recorded + 2))
+        except BaseException:
+            master.free()
+            raise
     except BaseException:
         folder.discard()
         raise
     return _stepped(master, plan, end, folder, provenance, progress)
+
+
+def _check_end(end: float, plan: Plan) -> None:
+    steps = Fraction(str(end)) / plan.tick
+    if steps.denominator != 1:
+        near = float(math.ceil(steps) * plan.tick)
+        raise InputInvalid(
+            f"until: {end:g} s was read; expected a whole number of steps of "
+            f"{float(plan.tick):g} s, such as {near:g}"
+        )
 
 
 def _started(
@@ -138,7 +155,9 @@ def _started(
     recorder = Recorder(folder.path, provenance={k: provenance[k] for k in ("system", "seed")})
     master = Master(plan, instantiate, observers=[recorder], record_every=record_every)
     try:
-        master.initialize(0.0, end)
+        # A component with a longer step may end its last one behind `end`.
+        steps = [c.step_ticks * plan.tick for c in plan.components]
+        master.initialize(0.0, float(max(math.ceil(Fraction(str(end)) / s) * s for s in steps)))
     except BaseException:
         master.free()
         raise
@@ -171,7 +190,11 @@ def _stepped(
         "time": reached, "steps": done, "wall_time": wall_time,
         "real_time_factor": reached / wall_time if wall_time > 0 else None, "interrupted": stopped,
     }  # fmt: skip
-    _write_json(folder.path / "run.json", {**provenance, **known})
+    try:
+        _write_json(folder.path / "run.json", {**provenance, **known})
+    except OSError as full:
+        reason = f"{folder.path / 'run.json'}: {full.strerror}; expected room on the disk"
+        error = error or RecordingError(reason)
     if error is not None:
         if isinstance(error, ComponentFailed):
             error.recording = folder.path  # type: ignore[attr-defined]
@@ -255,4 +278,10 @@ def _shown(source: str) -> str:
 
 
 def _write_json(path: Path, content: Mapping[str, Any]) -> None:
-    path.write_text(json.dumps(content, indent=2, default=str) + "\n", encoding="utf-8")
+    fresh = path.with_suffix(".tmp")
+    try:
+        fresh.write_text(json.dumps(content, indent=2, default=str) + "\n", encoding="utf-8")
+        fresh.replace(path)
+    except OSError:
+        fresh.unlink(missing_ok=True)
+        raise

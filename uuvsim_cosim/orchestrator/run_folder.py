@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import itertools
+import math
 import os
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
 from uuvsim_cosim.errors import InputInvalid
 
-__all__ = ["RunFolder", "claim"]
+__all__ = ["RunFolder", "check_room", "claim"]
+
+_SMALL = 20e6  # bytes; less than this is not worth asking
 
 
 @dataclass(frozen=True)
@@ -63,6 +67,18 @@ def claim(asked: str | Path) -> RunFolder:
             )
         return RunFolder(path, asked, made)
     raise AssertionError("the count does not end")
+
+
+def check_room(folder: Path, wanted: float) -> None:
+    """Refuse a recording of `wanted` bytes that the disk cannot hold, before the first step."""
+    free = shutil.disk_usage(folder).free
+    if wanted > _SMALL and wanted > 0.9 * free:
+        times = math.ceil(wanted / (0.5 * free + 1.0))
+        raise InputInvalid(
+            f"output folder {folder}: the recording would take about {wanted / 1e9:.3g} GB, and "
+            f"{free / 1e9:.3g} GB are free; expected a shorter run, or fewer rows "
+            f"(--record-every {times} records every {times}th step)"
+        )
 
 
 def _made(path: Path) -> tuple[Path, ...]:

@@ -3,7 +3,7 @@
 =============================  ====================================================
 ``hull.fmu``                   an FMU
 ``my.py:MyController``         a Python class in a file, or ``package.module:Class``
-``model:hull?id=…&set=…``      a declaration of this package, with its options
+``model:vehicle?id=…&set=…``   a declaration of this package, with its options
 ``vehicle.ssd``, ``.ssp``      a nested system
 ``<scheme>:…``                 what an entry point of group ``uuvsim_cosim.sources`` names
 =============================  ====================================================

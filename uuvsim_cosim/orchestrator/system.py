@@ -2,7 +2,7 @@
 
 >>> system = (
 ...     System("tank", tick="0.01")
-...     .add("hull", "model:hull?id=bluerov2_heavy")
+...     .add("hull", "model:bluerov2_heavy")
 ...     .add("controller", "my.py:MyController", rate="0.02", start={"Kp": 3})
 ...     .connect("hull.eta", "controller.eta")
 ...     .connect("controller.tau_d", "hull.tau")

@@ -177,7 +177,7 @@ def _between(
         a, b = source.variable.unit_of_element(i), target.variable.unit_of_element(j)
         if a is None or b is None:
             if a is not None or b is not None:
-                _note_assumed(source, target, a is None, notes)
+                _note_assumed(source, target, a or b or "", a is None, notes)
             changes.append((1.0, 0.0))
             continue
         pair = conversion(a, b, units)
@@ -195,11 +195,15 @@ def _between(
     return changes
 
 
-def _note_assumed(source: Endpoint, target: Endpoint, of_source: bool, notes: list[str]) -> None:
+def _note_assumed(
+    source: Endpoint, target: Endpoint, unit: str, of_source: bool, notes: list[str]
+) -> None:
     bare, other = (source, target) if of_source else (target, source)
+    if len(other.elements) > 1:
+        unit = other.variable.unit_text
     note = (
         f"{bare.element}.{bare.variable.name}: no unit given, taken as "
-        f"{other.variable.unit_text} from {other.element}.{other.variable.name}"
+        f"{unit} from {other.element}.{other.variable.name}"
     )
     if note not in notes:
         notes.append(note)
