@@ -210,8 +210,12 @@ def test_wrong_start_values_are_refused(
 
 
 def test_nan_names_variable_and_time(first_order_fmi2: Path) -> None:
-    with pytest.raises(ComponentFailed, match=r"t = 0.6 s: y is not finite: nan"):
+    with pytest.raises(ComponentFailed, match=r"t = 0.6 s: y is not finite: nan") as failed:
         simulate_fmu(first_order_fmi2, until=1, step=0.1, start={"fault": 1, "fault_time": 0.5})
+    partial = failed.value.partial
+    assert isinstance(partial, SimulationResult)
+    assert partial.time[-1] == 0.5
+    assert np.all(np.isfinite(partial["y"]))
 
 
 # ---- what is written -------------------------------------------------------------------------

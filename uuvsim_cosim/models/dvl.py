@@ -106,10 +106,19 @@ def _beams(
     sigma_r = m.parameter(
         "sigma_range", p.number("sigma_range", "m"), unit="m", min=0, description="range noise"
     )
-    low = m.parameter("range_min", p.number("range_min", "m"), unit="m", min=0)
-    high = m.parameter("range_max", p.number("range_max", "m"), unit="m", min=0)
+    low = m.parameter(
+        "range_min", p.number("range_min", "m"), unit="m", min=0, description="of a beam"
+    )
+    high = m.parameter(
+        "range_max", p.number("range_max", "m"), unit="m", min=0, description="of a beam"
+    )
     incidence = m.parameter(
-        "incidence_max", p.number("incidence_max", "rad"), unit="rad", min=0, max=1.5707
+        "incidence_max",
+        p.number("incidence_max", "rad"),
+        unit="rad",
+        min=0,
+        max=1.5707,
+        description="of a beam on the bottom, from its normal",
     )
     lost = m.parameter(
         "dropout", p.number("dropout", "1"), unit="1", min=0, max=1, description="by chance"

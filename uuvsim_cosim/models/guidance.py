@@ -72,7 +72,15 @@ def guidance(
     table = m.parameter(
         "waypoints", np.array(rows), unit="m", description="N E D, `count` rows are used"
     )
-    count = m.parameter("count", len(points), unit="1", type="Int32", min=1, max=MAX_WAYPOINTS)
+    count = m.parameter(
+        "count",
+        len(points),
+        unit="1",
+        type="Int32",
+        min=1,
+        max=MAX_WAYPOINTS,
+        description="rows of waypoints in use",
+    )
     figure = {
         name: m.parameter(name, p.number(name, unit), unit=unit, min=1e-6, description=words)
         for name, (unit, words) in FIGURES.items()

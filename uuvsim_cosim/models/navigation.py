@@ -78,16 +78,18 @@ def navigation(
     mean = 0.5 * (now + reading)
     x = Inertial(p, v, q, b_g, b_a)
     omega_mean, f_mean = mean[:3] - b_g, mean[3:] - b_a
-    F = error_transition(x, omega_mean, f_mean, dt, 1.0 - dt / c.tau_aiding)
+    decay = 1.0 - dt / c.tau_aiding
+    F = error_transition(x, omega_mean, f_mean, dt, decay)
     P = propagated(unpack(upper, N_ERRORS), F, _process_noise(c, dt))
     x = mechanised(x, omega_mean, f_mean, c.g, dt)
+    b_wandered = decay * b_s  # a Gauss-Markov bias is expected to return, as F says of its error
     rate = ca.if_else(is_new, now[:3], reading[:3]) - b_g
 
     # Correct.
     past, past_time = history_states(m, p_0)
     correction = Correction(P, c.gate)
     aid = Aiding(m, step, correction, c, t_new)
-    quality = aiding(aid, x, rate, b_s, past, past_time)
+    quality = aiding(aid, x, rate, b_wandered, past, past_time)
     dx = correction.dx
     q_new = multiply(x.q, q_of_rotation(dx[6:9]))
     new = replace(
@@ -104,7 +106,7 @@ def navigation(
         (q, new.q),
         (b_g, new.b_g),
         (b_a, new.b_a),
-        (b_s, b_s + dx[15:]),
+        (b_s, b_wandered + dx[15:]),
         (upper, pack(correction.P)),
         (omega, rate - dx[9:12]),
         (reading, ca.if_else(is_new, now, reading)),

@@ -24,7 +24,9 @@ def water_column(m: Model) -> tuple[Any, Any, Any, Any]:
     p_atm = m.parameter("p_atm", 101325.0, unit="Pa", description="pressure at the surface")
     S = m.parameter("salinity", 35.0, unit="1", min=0, max=42, description="practical salinity")
     T = m.parameter("temperature", 10.0, unit="degC", min=-2, max=40, description="of the water")
-    latitude = m.parameter("latitude", 0.7854, unit="rad", min=-1.5708, max=1.5708)
+    latitude = m.parameter(
+        "latitude", 0.7854, unit="rad", min=-1.5708, max=1.5708, description="gives gravity"
+    )
     return p_atm, S, T, m.derived("g_latitude", gravity(latitude))
 
 

@@ -34,14 +34,36 @@ def usbl(id: str = "usbl_class", period: str = "1", publish_period: str = "0.01"
     p_t = m.parameter(
         "p_transceiver", p.vector("p_transceiver", "m", 3), unit="m", description="in NED, known"
     )
-    sigma_range = m.parameter("sigma_range", p.number("sigma_range", "m"), unit="m", min=0)
-    sigma_angle = m.parameter("sigma_angle", p.number("sigma_angle", "rad"), unit="rad", min=0)
-    range_max = m.parameter("range_max", p.number("range_max", "m"), unit="m", min=0)
+    sigma_range = m.parameter(
+        "sigma_range",
+        p.number("sigma_range", "m"),
+        unit="m",
+        min=0,
+        description="noise of the range",
+    )
+    sigma_angle = m.parameter(
+        "sigma_angle",
+        p.number("sigma_angle", "rad"),
+        unit="rad",
+        min=0,
+        description="noise of both angles",
+    )
+    range_max = m.parameter(
+        "range_max", p.number("range_max", "m"), unit="m", min=0, description="no fix beyond it"
+    )
     lost = m.parameter(
         "dropout", p.number("dropout", "1"), unit="1", min=0, max=1, description="by chance"
     )
-    T = m.parameter("temperature", p.number("temperature", "degC"), unit="degC")
-    S = m.parameter("salinity", p.number("salinity", "1"), unit="1", min=0)
+    T = m.parameter(
+        "temperature", p.number("temperature", "degC"), unit="degC", description="of the water"
+    )
+    S = m.parameter(
+        "salinity",
+        p.number("salinity", "1"),
+        unit="1",
+        min=0,
+        description="practical, of the water",
+    )
     c = m.derived("c", sound_speed(T, S, p_t[2]))
 
     ping = m.clock("ping", period)
