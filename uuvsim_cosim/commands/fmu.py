@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from uuvsim_cosim.commands.terminal import console, line, size_of, table, tilde
+from uuvsim_cosim.commands.terminal import console, line, range_of, size_of, table, tilde
 from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["app", "fmi_version"]
@@ -82,10 +82,11 @@ def inspect(
     line()
     wanted = ("input", "output", "parameter", "structuralParameter")
     table(
-        ("causality", "variable", "size", "type", "unit", "start", "description"),
+        ("causality", "variable", "size", "type", "unit", "start", "range", "description"),
         [
             (v["causality"], v["name"], " x ".join(map(str, v["shape"])) or "1", v["type"],
-             v["unit"] or "-", _short(v["start"]), v["description"] or "")
+             v["unit"] or "-", _short(v["start"]), range_of(v["min"], v["max"]),
+             v["description"] or "")
             for v in sorted(
                 (v for v in found["variables"] if v["causality"] in wanted),
                 key=lambda v: wanted.index(v["causality"]),

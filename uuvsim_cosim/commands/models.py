@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from uuvsim_cosim.commands.terminal import line, table
+from uuvsim_cosim.commands.terminal import line, range_of, table
 from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["app"]
@@ -40,10 +40,11 @@ def show(name: Annotated[str, typer.Argument(help="A name, or a vehicle as id@se
     line()
     wanted = ("input", "output", "parameter")
     table(
-        ("causality", "variable", "size", "unit", "start", "meaning"),
+        ("causality", "variable", "size", "unit", "start", "range", "meaning"),
         [
             (v.causality, v.name, " x ".join(map(str, v.shape)) or "1", v.unit_text or "-",
-             _start(v.start) if v.causality != "output" else "", v.description)
+             _start(v.start) if v.causality != "output" else "", range_of(v.min, v.max),
+             v.description)
             for causality in wanted
             for v in describe(model).of(causality)  # type: ignore[arg-type]
         ],

@@ -42,7 +42,7 @@ def show(
         raise InputInvalid(f"{out}: ending {out.suffix!r} was read; expected .svg")
     from uuvsim_cosim.orchestrator.flatten import flatten
     from uuvsim_cosim.orchestrator.library import load
-    from uuvsim_cosim.orchestrator.loops import loop_delays
+    from uuvsim_cosim.orchestrator.loops import loop_delays, loop_lines
     from uuvsim_cosim.orchestrator.plan_table import format_plan
 
     system = load(name)
@@ -62,7 +62,7 @@ def show(
         ],
     )  # fmt: skip
     line()
-    for loop in loop_delays(found)[:12]:
+    for loop in loop_lines(loop_delays(found), most=12):
         line(f"loop {loop}")
     for note in system.notes:
         line(f"assumed: {note}")

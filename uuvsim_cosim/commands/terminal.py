@@ -11,13 +11,22 @@ from rich.table import Table
 
 from uuvsim_cosim.errors import InputInvalid
 
-__all__ = ["console", "line", "size_of", "table", "tilde", "written"]
+__all__ = ["console", "line", "range_of", "size_of", "table", "tilde", "written"]
 
 
 def console(*, stderr: bool = False) -> Console:
     """Give a console; wide when its output goes into a file or a pipe, so that nothing wraps."""
     found = Console(stderr=stderr, highlight=False)
     return found if found.is_terminal else Console(stderr=stderr, highlight=False, width=160)
+
+
+def range_of(low: float | None, high: float | None) -> str:
+    """Write what a value may be; nothing if it may be anything."""
+    if low is None and high is None:
+        return ""
+    if high is None:
+        return f">= {low:g}"
+    return f"<= {high:g}" if low is None else f"{low:g} … {high:g}"
 
 
 def line(text: str = "") -> None:
