@@ -3,12 +3,13 @@ from __future__ import annotations
 import io
 import stat
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from uuvsim_cosim.errors import FmuError
-from uuvsim_cosim.fmus.archive import unpack
+from uuvsim_cosim.fmus.archive import shown, unpack
 
 DESCRIPTION = ("modelDescription.xml", b"<fmiModelDescription/>")
 
@@ -57,6 +58,60 @@ def test_a_half_deleted_folder_is_unpacked_again(tmp_path: Path) -> None:
     fmu = write(tmp_path / "x.fmu", DESCRIPTION, ("a", b"1"))
     (unpack(fmu) / "modelDescription.xml").unlink()
     assert (unpack(fmu) / "modelDescription.xml").is_file()
+
+
+def truncate(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:-1])
+
+
+def overwrite(path: Path) -> None:
+    path.write_bytes(b"x" * path.stat().st_size)
+
+
+def become_a_folder(path: Path) -> None:
+    path.unlink()
+    path.mkdir()
+
+
+@pytest.mark.parametrize("damage", [Path.unlink, truncate, overwrite, become_a_folder])
+@pytest.mark.parametrize("member", ["modelDescription.xml", "binaries/linux64/x.so"])
+def test_a_damaged_folder_is_unpacked_again(
+    damage: Callable[[Path], None], member: str, tmp_path: Path
+) -> None:
+    fmu = write(tmp_path / "x.fmu", DESCRIPTION, ("binaries/linux64/x.so", b"code"))
+    folder = unpack(fmu)
+    whole = (folder / member).read_bytes()
+    damage(folder / member)
+    assert unpack(fmu) == folder
+    assert (folder / member).read_bytes() == whole
+    assert left_behind(tmp_path) == [folder.name]
+
+
+def test_a_file_in_the_place_of_the_folder_is_replaced(tmp_path: Path) -> None:
+    fmu = write(tmp_path / "x.fmu", DESCRIPTION)
+    folder = unpack(fmu)
+    (folder / "modelDescription.xml").unlink()
+    folder.rmdir()
+    folder.write_text("junk")
+    assert (unpack(fmu) / "modelDescription.xml").is_file()
+
+
+@pytest.mark.filterwarnings("ignore:Duplicate name")
+def test_a_member_that_is_there_twice_is_unpacked_once(tmp_path: Path) -> None:
+    fmu = write(tmp_path / "x.fmu", DESCRIPTION, ("a", b"1"), ("a", b"22"))
+    folder = unpack(fmu)
+    (folder / "mark").touch()
+    assert (unpack(fmu) / "a").read_bytes() == b"22"
+    assert (folder / "mark").exists()
+
+
+def test_a_file_of_an_archive_is_shown_by_the_archive_also_when_nested(tmp_path: Path) -> None:
+    inner = write(tmp_path / "inner.fmu", DESCRIPTION)
+    outer = tmp_path / "outer.ssp"
+    write(outer, ("SystemStructure.ssd", b"<a/>"), ("resources/inner.fmu", inner.read_bytes()))
+    nested = unpack(outer) / "resources" / "inner.fmu"
+    assert shown(unpack(nested) / "a.xml") == f"{outer}/resources/inner.fmu/a.xml"
+    assert shown(inner) == str(inner)
 
 
 @pytest.mark.parametrize(

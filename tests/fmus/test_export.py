@@ -164,3 +164,26 @@ def test_every_shipped_component_has_a_folder() -> None:
 def test_a_folder_does_not_change_with_every_build(declared: Declared) -> None:
     texts = folder_texts(declared["lag"]())
     assert 'instantiationToken="of each build"' in texts["modelDescription.xml"]
+
+
+@pytest.mark.parametrize("junk", [b"", b"PK\x03\x04 junk", None])
+def test_a_damaged_fmu_in_the_cache_is_built_again(
+    declared: dict[str, Callable[[], Model]], junk: bytes | None
+) -> None:
+    path = build_fmu(declared["lag"](), fmi=2)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2] if junk is None else junk)
+    assert build_fmu(declared["lag"](), fmi=2) == path
+    assert path.read_bytes() == whole
+
+
+@both
+def test_the_licences_of_the_component_and_of_fmis_headers_are_inside(
+    declared: Declared, fmi: Any
+) -> None:
+    with zipfile.ZipFile(build_fmu(declared["lag"](), fmi=fmi)) as archive:
+        own = archive.read("documentation/licenses/license.txt").decode()
+        headers = archive.read("documentation/licenses/fmi_headers.txt").decode()
+    assert "Apache License" in own
+    assert "Modelica Association" in headers
+    assert "reproduce the above copyright notice" in headers

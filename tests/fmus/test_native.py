@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from fractions import Fraction
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -11,7 +12,8 @@ import pytest
 
 from uuvsim_cosim.errors import ComponentFailed, FmuError, ParameterInvalid
 from uuvsim_cosim.fmus.equations import equations
-from uuvsim_cosim.fmus.native import Native
+from uuvsim_cosim.fmus.lowering import lower
+from uuvsim_cosim.fmus.native import Native, generated_source
 from uuvsim_cosim.models.model import Model
 
 
@@ -255,3 +257,14 @@ def test_every_operation_agrees_with_casadi() -> None:
         np.testing.assert_allclose(
             ours, theirs, rtol=1e-12, atol=1e-300, equal_nan=True, err_msg=str((names, point))
         )
+
+
+def test_generated_source_that_was_damaged_is_written_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("UUVSIM_CACHE", str(tmp_path))
+    lowered = lower(decay())
+    path = generated_source(lowered)
+    path.write_bytes(b"\xff junk")
+    assert generated_source(lowered) == path
+    assert path.read_text() == lowered.source

@@ -7,11 +7,25 @@ import numpy as np
 import pytest
 
 from uuvsim_cosim.errors import FmuError
+from uuvsim_cosim.fmus.export import write_archive
 from uuvsim_cosim.fmus.read_description import read_description, read_fmu
 from uuvsim_cosim.fmus.toolchain import host
 from uuvsim_cosim.models.units import parse_unit
 
 CFmu = Callable[..., Path]
+
+
+@pytest.mark.parametrize(
+    ("text", "told"), [("<a>", "malformed XML"), ("<!DOCTYPE a><a/>", "declares a document type")]
+)
+def test_a_fault_of_the_xml_names_the_fmu_not_the_cache(
+    text: str, told: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "mine.fmu"
+    write_archive(path, {"modelDescription.xml": text.encode()})
+    with pytest.raises(FmuError) as caught:
+        read_description(path)
+    assert str(caught.value).startswith(f"{path}/modelDescription.xml: {told}")
 
 
 @pytest.mark.parametrize("version", [2, 3])

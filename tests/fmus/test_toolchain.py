@@ -1,10 +1,14 @@
 """The tool chain: one compiler everywhere, and sentences where it cannot."""
 
 import ctypes
+import subprocess
+import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from uuvsim_cosim.cache import cache_dir
 from uuvsim_cosim.errors import ToolchainError
 from uuvsim_cosim.fmus import toolchain
 
@@ -33,6 +37,51 @@ def test_a_second_compilation_is_the_cached_file(
     assert toolchain.compile_shared([source], name="twice") == first
 
 
+def truncate(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:1000])
+
+
+def overwrite(path: Path) -> None:
+    path.write_bytes(b"x" * path.stat().st_size)
+
+
+@pytest.mark.parametrize("damage", [truncate, Path.unlink, overwrite])
+def test_a_damaged_library_is_compiled_again(
+    damage: Callable[[Path], None],
+    source: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for key in ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR"):
+        monkeypatch.setenv(key, str(cache_dir("zig")))
+    monkeypatch.setenv("UUVSIM_CACHE", str(tmp_path / "cache"))
+    path = toolchain.compile_shared([source], name="twice")
+    damage(path)
+    assert toolchain.compile_shared([source], name="twice") == path
+    library = ctypes.CDLL(str(path))
+    library.twice.restype, library.twice.argtypes = ctypes.c_double, [ctypes.c_double]
+    assert library.twice(2.5) == 5.0
+
+
+def test_a_damaged_cache_of_zig_is_made_again(
+    source: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("UUVSIM_CACHE", str(tmp_path / "cache"))
+    monkeypatch.delenv("CC", raising=False)
+    damaged = cache_dir("zig") / "damaged"
+    damaged.touch()
+    ran = toolchain._ran
+
+    def stumbles(command: list[str]) -> subprocess.CompletedProcess[str]:
+        if damaged.exists():
+            return subprocess.CompletedProcess(command, 1, "", "ld.lld: error: x.o: no object")
+        Path(command[command.index("-o") + 1]).write_bytes(b"library")
+        return ran([sys.executable, "-c", "pass"])
+
+    monkeypatch.setattr(toolchain, "_ran", stumbles)
+    assert toolchain.compile_shared([source], name="twice").read_bytes() == b"library"
+
+
 def test_a_changed_header_is_another_key(source: Path, tmp_path: Path) -> None:
     include = tmp_path / "include"
     include.mkdir()
@@ -59,7 +108,15 @@ def test_a_cc_that_cannot_compile_is_an_error(
     source: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("CC", "false")
-    with pytest.raises(ToolchainError, match="failed with status 1"):
+    with pytest.raises(ToolchainError, match=r"false failed with status 1 and said nothing; exp"):
+        toolchain.compile_shared([source], name="twice")
+
+
+def test_a_cc_that_writes_nothing_is_an_error(
+    source: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CC", "true")
+    with pytest.raises(ToolchainError, match=r"true reports no error, but wrote no library; exp"):
         toolchain.compile_shared([source], name="twice")
 
 

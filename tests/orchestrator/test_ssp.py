@@ -183,3 +183,11 @@ def test_a_single_fmu_is_a_system_of_one(packed: Path, tmp_path: Path) -> None:
         (tmp_path / "battery.fmu").write_bytes(z.read("resources/battery.fmu"))
     system = load(tmp_path / "battery.fmu")
     assert list(system.components) == ["battery"]
+
+
+def test_a_fault_of_the_xml_names_the_package_not_the_cache(tmp_path: Path) -> None:
+    path = tmp_path / "mine.ssp"
+    write_archive({"SystemStructure.ssd": b"<a>"}, path)
+    with pytest.raises(InputInvalid) as caught:
+        read_ssp(path)
+    assert str(caught.value).startswith(f"{path}/SystemStructure.ssd: malformed XML")

@@ -70,7 +70,8 @@ on the sample's number alone.</p>
 </table>
 <p><a href="input.csv">input.csv</a> holds the inputs of the default experiment, one row for each
 communication step, and <a href="reference.csv">reference.csv</a> the outputs that result.
-Licence: <a href="licenses/license.txt">licenses/license.txt</a>.</p>
+Licences: <a href="licenses/license.txt">of the component</a>,
+<a href="licenses/fmi_headers.txt">of FMI's headers</a>.</p>
 </body>
 </html>
 """

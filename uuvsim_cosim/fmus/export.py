@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
@@ -11,7 +9,7 @@ from io import BytesIO
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
 
-from uuvsim_cosim.cache import cache_dir, content_hash
+from uuvsim_cosim.cache import cache_dir, content_hash, intact, keep, write_whole
 from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import InputInvalid, ToolchainError
 from uuvsim_cosim.fmus.describe import describe
@@ -56,8 +54,8 @@ def build_fmu(
     members |= _results(lowered)
     parts = [part for k in sorted(members) for part in (k, members[k])]
     cached = cache_dir("fmus", content_hash(parts)) / name
-    if not cached.is_file():
-        write_archive(cached, members)
+    if not intact(cached):
+        keep(cached, _archive(members))
     if target is None:
         return cached
     file = target if target.suffix == ".fmu" else target / name
@@ -110,6 +108,10 @@ def fmi_headers() -> Path:
 
 def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
     """Write a zip file, whole or not at all; equal members give equal bytes."""
+    _write(path, _archive(members))
+
+
+def _archive(members: Mapping[str, bytes]) -> bytes:
     buffer = BytesIO()
     with zipfile.ZipFile(buffer, "w") as archive:
         for name in sorted(members):
@@ -118,21 +120,13 @@ def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
             info.create_system = 3
             info.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
             archive.writestr(info, members[name])
-    _write(path, buffer.getvalue())
+    return buffer.getvalue()
 
 
 def _write(path: Path, data: bytes) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, scratch = tempfile.mkstemp(dir=path.parent, prefix=".uuvsim-")
-        try:
-            with os.fdopen(handle, "wb") as file:
-                file.write(data)
-            os.chmod(scratch, 0o644)
-            os.replace(scratch, path)
-        except OSError:
-            Path(scratch).unlink(missing_ok=True)
-            raise
+        write_whole(path, data)
     except OSError as error:
         raise InputInvalid(
             f"{path}: cannot be written ({error.strerror}); expected a folder that can be written"
@@ -161,7 +155,16 @@ def _texts(lowered: Lowered, fmi: FmiVersion) -> dict[str, str]:
     licence = content("LICENSE")
     if licence.is_file():
         texts["documentation/licenses/license.txt"] = licence.read_text()
+    texts["documentation/licenses/fmi_headers.txt"] = _licence_of_headers(fmi)
     return texts
+
+
+def _licence_of_headers(fmi: FmiVersion) -> str:
+    """Give the notice of FMI's headers, which a binary made with them must reproduce."""
+    text = (fmi_headers() / f"fmi{fmi}FunctionTypes.h").read_text(encoding="utf-8")
+    begin = text.index("Copyright")
+    notice = text[begin : text.index("*/", begin)].strip()
+    return f"The binaries were compiled with the headers of FMI {fmi}.0:\n\n{notice}\n"
 
 
 def _build_description(identifier: str, compiled: Sequence[str]) -> str:

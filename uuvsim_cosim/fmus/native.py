@@ -6,11 +6,10 @@ import ctypes
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
-from uuid import uuid4
 
 import numpy as np
 
-from uuvsim_cosim.cache import cache_dir, content_hash
+from uuvsim_cosim.cache import cache_dir, content_hash, intact, keep
 from uuvsim_cosim.errors import ComponentFailed, FmuError
 from uuvsim_cosim.fmus.component import Binding, BindingKind
 from uuvsim_cosim.fmus.describe import describe
@@ -26,10 +25,8 @@ def generated_source(lowered: Lowered) -> Path:
     """Write the generated C into the cache, and give its path."""
     folder = cache_dir("generated", content_hash([lowered.source]))
     path = folder / f"{lowered.model.name}.c"
-    if not path.is_file():
-        fresh = path.with_suffix(f".{uuid4().hex}.tmp")  # another process may write it too
-        fresh.write_text(lowered.source)
-        fresh.replace(path)
+    if not intact(path):
+        keep(path, lowered.source.encode())
     return path
 
 

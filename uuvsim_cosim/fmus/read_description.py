@@ -8,7 +8,7 @@ from pathlib import Path
 from xml.etree.ElementTree import Element
 
 from uuvsim_cosim.errors import FmuError
-from uuvsim_cosim.fmus.archive import unpack
+from uuvsim_cosim.fmus.archive import shown, unpack
 from uuvsim_cosim.fmus.description import Description
 from uuvsim_cosim.fmus.description_xml import Source, flag, read_units
 from uuvsim_cosim.fmus.safe_xml import read_xml
@@ -46,8 +46,8 @@ def read_fmu(path: Path) -> FmuArchive:
     and for FMUs without Co-Simulation.
     """
     folder = unpack(path)
-    source = Source(f"{path}/modelDescription.xml")
-    root = read_xml(folder / "modelDescription.xml")
+    source = Source(f"{shown(path)}/modelDescription.xml")
+    root = read_xml(folder / "modelDescription.xml", place=source.place)
     if root.tag != "fmiModelDescription":
         raise source.fault("the document", f"<{root.tag}>", "<fmiModelDescription>")
     version = _version(source, root)
@@ -106,7 +106,7 @@ def _co_simulation(path: Path, root: Element) -> Element:
         return found
     kinds = [k for k in ("ModelExchange", "ScheduledExecution") if root.find(k) is not None]
     raise FmuError(
-        f"{path}: is for {' and '.join(kinds) or 'nothing that FMI knows'} only; "
+        f"{shown(path)}: is for {' and '.join(kinds) or 'nothing that FMI knows'} only; "
         "expected Co-Simulation, so export it as a Co-Simulation FMU"
     )
 

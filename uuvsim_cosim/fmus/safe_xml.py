@@ -17,13 +17,16 @@ _ENTITY_TRICK = re.compile(r"<!\s*(DOCTYPE|ENTITY)", re.IGNORECASE)
 _ENCODINGS = {"utf-8", "utf-16", "ascii", "iso8859-1", "cp1252"}
 
 
-def read_xml(path: Path, error: type[UuvsimError] = FmuError) -> ElementTree.Element:
-    """Read an XML file; see `parse_xml`."""
+def read_xml(
+    path: Path, error: type[UuvsimError] = FmuError, place: str | None = None
+) -> ElementTree.Element:
+    """Read an XML file, called `place` (else its path) in errors; see `parse_xml`."""
+    place = place or str(path)
     try:
         data = path.read_bytes()
     except OSError as problem:
-        raise error(f"{path}: cannot be read ({problem.strerror})") from None
-    return parse_xml(data, str(path), error)
+        raise error(f"{place}: cannot be read ({problem.strerror})") from None
+    return parse_xml(data, place, error)
 
 
 def parse_xml(data: bytes, place: str, error: type[UuvsimError] = FmuError) -> ElementTree.Element:

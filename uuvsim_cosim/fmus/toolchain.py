@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import platform as host_platform
+import re
 import shlex
 import shutil
 import subprocess
@@ -15,7 +16,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-from uuvsim_cosim.cache import cache_dir, content_hash
+from uuvsim_cosim.cache import cache_dir, content_hash, intact, keep
 from uuvsim_cosim.errors import ToolchainError
 
 __all__ = ["PLATFORMS", "Platform", "compile_shared", "compiler", "host", "platform_named"]
@@ -43,6 +44,11 @@ PLATFORMS = (
 
 # No FMA contraction: FMU, native component and kernel agree to the last bit.
 FLAGS = ("-std=c11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fvisibility=hidden")
+
+
+_ZIG_CACHES = ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR")
+_DIAGNOSTIC = re.compile(r":\d+:\d+: (fatal )?error: ")
+_EXPECTED = "a C compiler in CC, or CC unset (then zig, which comes with this package, is used)"
 
 
 def platform_named(name: str) -> Platform:
@@ -126,28 +132,48 @@ def compile_shared(
         + [f.read_bytes() for f in [*sources, *headers]]
     )
     library = cache_dir("compiled", key) / f"{name}{target.suffix}"
-    if library.is_file():
+    if intact(library):
         return library
     log.info("compiling %s for %s", name, target.fmi2)
     with tempfile.TemporaryDirectory(dir=library.parent) as scratch:
         fresh = Path(scratch) / library.name
         includes = [f"-I{folder}" for folder in include]
         _run([*command, *arguments, "-shared", *includes, *map(str, sources), "-o", str(fresh)])
-        os.replace(fresh, library)
+        try:
+            data = fresh.read_bytes()
+        except FileNotFoundError:
+            raise ToolchainError(
+                f"the C compiler {_named(command)} reports no error, but wrote no library; "
+                f"expected {_EXPECTED}"
+            ) from None
+        keep(library, data)
     return library
 
 
 def _run(command: list[str]) -> None:
-    environment = dict(os.environ)
-    environment.setdefault("ZIG_GLOBAL_CACHE_DIR", str(cache_dir("zig")))
-    environment.setdefault("ZIG_LOCAL_CACHE_DIR", str(cache_dir("zig")))
+    done = _ran(command)
+    own = "ziglang" in command and not set(_ZIG_CACHES) & set(os.environ)
+    if done.returncode != 0 and own and not _DIAGNOSTIC.search(done.stderr):
+        # Not the source's fault: zig trusts the objects in its cache, which may be damaged.
+        shutil.rmtree(cache_dir("zig"), ignore_errors=True)
+        done = _ran(command)
+    if done.returncode != 0:
+        words = (done.stderr.strip() or done.stdout.strip()).splitlines()
+        told = f": {' | '.join(words[:6])}" if words else f" and said nothing; expected {_EXPECTED}"
+        raise ToolchainError(
+            f"the C compiler {_named(command)} failed with status {done.returncode}{told}"
+        )
+
+
+def _ran(command: list[str]) -> subprocess.CompletedProcess[str]:
+    environment = {**{name: str(cache_dir("zig")) for name in _ZIG_CACHES}, **os.environ}
     try:
-        done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+        return subprocess.run(
+            command, capture_output=True, text=True, errors="replace", env=environment, check=False
+        )
     except OSError as error:
         raise ToolchainError(f"{command[0]}: cannot be run ({error.strerror})") from error
-    if done.returncode != 0:
-        words = (done.stderr or done.stdout).strip().splitlines()
-        raise ToolchainError(
-            f"the C compiler {command[0] if 'ziglang' not in command else 'zig'} failed with "
-            f"status {done.returncode}: " + " | ".join(words[:6])
-        )
+
+
+def _named(command: Sequence[str]) -> str:
+    return "zig" if "ziglang" in command else command[0]

@@ -107,19 +107,22 @@ def resolve_endpoint(text: str, descriptions: Mapping[str, Description]) -> Endp
 
 
 def _indices(variable: Variable, text: str) -> tuple[int, ...]:
+    read = f"index [{text}] of {variable.name}"
     expected = f"indices from 1 to {' x '.join(map(str, variable.shape))}, as [2] or [1:3]"
     if variable.shape == ():
-        raise Misfit(f"{variable.name}[{text}]", f"{variable.name}, which is a scalar")
+        raise Misfit(read, f"{variable.name}, which is a scalar")
     parts = text.split(",")
     if len(parts) != len(variable.shape):
-        raise Misfit(f"{variable.name}[{text}]", expected)
+        raise Misfit(read, expected)
     ranges: list[range] = []
     for part, extent in zip(parts, variable.shape, strict=True):
         match = re.fullmatch(r"\s*(\d+)\s*(?::\s*(\d+)\s*)?", part)
         low = int(match[1]) if match else 0
         high = int(match[2]) if match and match[2] else low
         if not 1 <= low <= high <= extent:
-            raise Misfit(f"{variable.name}[{text}]", expected)
+            if match and low == 0:
+                expected += "; indices count from 1"
+            raise Misfit(read, expected)
         ranges.append(range(low - 1, high))
     grid = np.meshgrid(*ranges, indexing="ij")
     index = np.ravel_multi_index([g.ravel() for g in grid], variable.shape)

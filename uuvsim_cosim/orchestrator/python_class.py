@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import inspect
+import reprlib
 import sys
 import traceback
 from collections.abc import Callable, Mapping
@@ -11,14 +13,15 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import numpy as np
-
 from uuvsim_cosim.cache import content_hash
-from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.fmus.description import Causality, Description, Variable
-from uuvsim_cosim.models.units import unit_of
+from uuvsim_cosim.errors import ComponentFailed, InputInvalid
+from uuvsim_cosim.fmus.description import Causality, Description
+from uuvsim_cosim.orchestrator.python_ports import parameter, signal
 
-__all__ = ["described", "load", "place_of"]
+__all__ = ["definition", "described", "load", "place_of"]
+
+
+_GROUPS: tuple[tuple[Causality, str], ...] = (("input", "inputs"), ("output", "outputs"))
 
 
 def load(source: str) -> type[Any]:
@@ -62,7 +65,9 @@ def _module(where: str, source: str) -> ModuleType:
         raise
     except SyntaxError as error:
         raise InputInvalid(f"{error.filename}:{error.lineno}: {error.msg}") from error
-    except Exception as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # SystemExit too: a file must not end the run
         last = traceback.extract_tb(error.__traceback__)[-1]
         raise InputInvalid(
             f"{source}: cannot be imported: {last.filename}:{last.lineno}: "
@@ -71,107 +76,101 @@ def _module(where: str, source: str) -> ModuleType:
     return module
 
 
-def place_of(error: Exception, cls: type[Any]) -> str:
-    """Give ``file:line: Error: text``, with the last line that lies in the class's own file."""
-    frames = traceback.extract_tb(error.__traceback__)
-    own = getattr(sys.modules.get(cls.__module__), "__file__", None)
-    mine = [f for f in frames if f.filename == own] or frames[-1:]
+def place_of(error: BaseException, cls: type[Any], method: str) -> str:
+    """Give ``file:line: Error: text``, with the last line that lies in a file of the class.
+
+    If the error comes from a call that does not fit the method, the line is the method's own.
+    """
+    frames = traceback.extract_tb(error.__traceback__)[1:]  # the first is the caller
+    modules = (sys.modules.get(c.__module__) for c in cls.__mro__ if c is not object)
+    own = {getattr(m, "__file__", None) for m in modules}
+    mine = [f for f in frames if f.filename in own] or frames[-1:]
     text = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-    return f"{mine[-1].filename}:{mine[-1].lineno}: {text}"
+    where = f"{mine[-1].filename}:{mine[-1].lineno}" if mine else definition(cls, method)
+    return f"{where}: {text}"
+
+
+def definition(cls: type[Any], method: str) -> str:
+    """Give ``file:line`` of a method, of the class where that cannot be told."""
+    function = inspect.unwrap(getattr(cls, method, cls))
+    code = getattr(getattr(function, "__func__", function), "__code__", None)
+    if code is not None:
+        return f"{code.co_filename}:{code.co_firstlineno}"
+    try:
+        return f"{inspect.getsourcefile(cls)}:{inspect.getsourcelines(cls)[1]}"
+    except (OSError, TypeError):
+        return cls.__name__
 
 
 def described(cls: type[Any], make: Callable[[], Any]) -> Description:
     """Describe what a class declares; raises InputInvalid with what is missing."""
     place = cls.__name__
-    wrong = [f"no {n}" for n in ("inputs", "outputs") if not isinstance(_of(cls, n), Mapping)]
+    wrong = [w for n in ("inputs", "outputs", "parameters") for w in _no_dict(cls, n)]
     wrong += [] if callable(getattr(cls, "step", None)) else ["no method step(t, dt, u)"]
     if wrong:
         raise InputInvalid(
-            f"{place}: {', '.join(wrong)}; expected `inputs` and `outputs` as dicts name -> unit "
-            "or (size, unit), and step(self, t, dt, u)"
+            f"{place}: {', '.join(wrong)}; expected `inputs` and `outputs` as dicts name -> unit, "
+            "size or (size, unit), `parameters`, if any, as a dict name -> (value, unit), and "
+            "step(self, t, dt, u)"
         )
     variables = [
-        _signal(place, name, declared, causality)
-        for causality, group in (("input", "inputs"), ("output", "outputs"))
-        for name, declared in _of(cls, group).items()
+        signal(place, name, declared, causality)
+        for causality, group in _GROUPS
+        for name, declared in getattr(cls, group).items()
     ]
-    variables += [_parameter(place, n, d) for n, d in (_of(cls, "parameters") or {}).items()]
+    given = getattr(cls, "parameters", None) or {}
+    variables += [parameter(place, n, d) for n, d in given.items()]
     by_name = {v.name: v for v in variables}
     if len(by_name) != len(variables):
         twice = sorted({v.name for v in variables if [w.name for w in variables].count(v.name) > 1})
         raise InputInvalid(f"{place}: {', '.join(twice)} declared twice; expected different names")
+    try:
+        made = make()
+    except ComponentFailed as error:
+        raise InputInvalid(
+            f"{error.reason}; expected a class that can be made without arguments"
+        ) from error
+    _check_call(made, cls, "step", "t, dt, u")
+    if hasattr(made, "initialize"):
+        _check_call(made, cls, "initialize", "t")
+    copies = _can_be_copied(made)
     return Description(
         name=cls.__name__,
         kind="python",
         variables=by_name,
         description=(cls.__doc__ or "").strip().split("\n", 1)[0],
-        can_get_and_set_state=_can_be_copied(make),
-        can_serialize_state=_can_be_copied(make),
+        can_get_and_set_state=copies,
+        can_serialize_state=copies,
     )
 
 
-def _of(cls: type[Any], name: str) -> Any:
-    return getattr(cls, name, None)
+def _no_dict(cls: type[Any], group: str) -> list[str]:
+    declared = getattr(cls, group, None)
+    if declared is None:
+        return [] if group == "parameters" else [f"no {group}"]
+    if not isinstance(declared, Mapping):
+        return [f"{group} is {reprlib.repr(declared)}"]
+    return [f"{group} has the name {k!r}" for k in declared if not isinstance(k, str) or not k]
 
 
-def _signal(place: str, name: str, declared: Any, causality: str) -> Variable:
-    size: int | None = None
-    unit = declared
-    if isinstance(declared, (tuple, list)) and len(declared) == 2:
-        size, unit = declared
-    units = (unit,) if isinstance(unit, str) else unit
-    good = size is None or (isinstance(size, int) and size > 0)
-    good = good and isinstance(units, (tuple, list)) and len(units) in (1, size)
-    if not good or not all(isinstance(u, str) for u in units):
-        raise InputInvalid(
-            f"{place}.{name}: {declared!r}; expected a unit such as 'm/s', (size, unit), or "
-            "(size, (unit, unit, ...)) with one unit for each element"
-        )
-    for each in units:
-        unit_of(each, f"{place}.{name}")
-    kind: Causality = "input" if causality == "input" else "output"
-    shape = () if size is None else (size,)
-    return Variable(
-        name=name,
-        type="Float64",
-        causality=kind,
-        variability="continuous",
-        shape=shape,
-        unit=units[0] if len(units) == 1 else None,
-        element_units=() if len(units) == 1 else tuple(units),
-        start=np.zeros(shape) if shape else 0.0,
-        dependencies=() if kind == "output" else None,
-    )
-
-
-def _parameter(place: str, name: str, declared: Any) -> Variable:
-    if not (isinstance(declared, (tuple, list)) and len(declared) == 2):
-        raise InputInvalid(f"{place}.{name}: {declared!r}; expected (value, unit)")
-    value, unit = declared
-    unit_of(unit, f"{place}.{name}")
-    if isinstance(value, str):
-        return Variable(name, "String", "parameter", "tunable", start=value)
-    if isinstance(value, bool):
-        return Variable(name, "Boolean", "parameter", "tunable", start=value)
+def _check_call(made: Any, cls: type[Any], method: str, arguments: str) -> None:
+    """Refuse a method that cannot be called with these arguments, before anything runs."""
     try:
-        array = np.array(value, np.int32 if name == "seed" else float)
-    except (TypeError, ValueError):
-        raise InputInvalid(f"{place}.{name}: {value!r}; expected numbers, text or a bool") from None
-    return Variable(
-        name=name,
-        type="Int32" if name == "seed" else "Float64",
-        causality="parameter",
-        variability="tunable",
-        shape=array.shape,
-        unit=unit,
-        start=array if array.shape else array.item(),
-    )
+        signature = inspect.signature(getattr(made, method))
+    except (TypeError, ValueError):  # written in C, and silent about its arguments
+        return
+    try:
+        signature.bind(*arguments.split(", "))
+    except TypeError as error:
+        raise InputInvalid(
+            f"{definition(cls, method)}: {cls.__name__}.{method}{signature} cannot be called as "
+            f"{method}({arguments}): {error}; expected def {method}(self, {arguments})"
+        ) from None
 
 
-def _can_be_copied(make: Callable[[], Any]) -> bool:
+def _can_be_copied(made: Any) -> bool:
     import copy
 
-    made = make()
     try:
         copy.deepcopy(vars(made))
     except Exception:

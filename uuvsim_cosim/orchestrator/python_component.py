@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, final
 
 import numpy as np
@@ -11,8 +11,9 @@ import numpy as np
 from uuvsim_cosim.errors import ComponentFailed, FmuError
 from uuvsim_cosim.fmus.component import Binding, BindingKind
 from uuvsim_cosim.fmus.description import Variable
-from uuvsim_cosim.orchestrator.python_class import described, load, place_of
+from uuvsim_cosim.orchestrator.python_class import definition, described, load, place_of
 from uuvsim_cosim.orchestrator.python_state import pickled, unpickled
+from uuvsim_cosim.orchestrator.values import Misfit
 
 __all__ = ["PythonComponent", "load", "load_python_component"]
 
@@ -26,10 +27,11 @@ def load_python_component(source: str, path: str) -> PythonComponent:
 class PythonComponent:
     """The `Component` protocol over an object of a user's class.
 
-    The class has `inputs` and `outputs`, which map names to a unit, or to (size, unit), and may
-    have `parameters`, names to (value, unit), which become attributes of the object. Outputs
-    before the first step are zeros, or what ``initialize(t)`` returns. ``step(t, dt, u)`` gets
-    the inputs by name, floats or arrays, and returns all outputs by name, valid at t + dt.
+    The class has `inputs` and `outputs`, which map names to a unit, a size, or (size, unit); a
+    unit that is None or left out is taken from what the connector is connected to. It may have
+    `parameters`, names to (value, unit), which become attributes of the object. Outputs before
+    the first step are zeros, or what ``initialize(t)`` returns. ``step(t, dt, u)`` gets the
+    inputs by name, floats or arrays, and returns all outputs by name, valid at t + dt.
     """
 
     def __init__(self, cls: type[Any], path: str) -> None:
@@ -52,7 +54,10 @@ class PythonComponent:
         place = f"{self.path}.{variable.name}"
         if variable.causality not in ("input", "parameter"):
             raise FmuError(f"{place}: is {variable.causality}; expected an input or a parameter")
-        self._values[variable.name] = kept = _fitted(variable, value, place)
+        try:
+            self._values[variable.name] = kept = _fitted(variable, value)
+        except Misfit as misfit:
+            raise FmuError(f"{place}: {misfit}") from None
         if variable.causality == "parameter":
             setattr(self._object, variable.name, kept)
 
@@ -130,19 +135,20 @@ class PythonComponent:
     # ---- inside ---------------------------------------------------------------------------
 
     def _made(self) -> Any:
-        try:
-            return self._class()
-        except Exception as error:
-            raise ComponentFailed(
-                self.path, self._time, f"{place_of(error, self._class)}: in __init__()"
-            ) from error
+        return self._guarded("__init__", self._class)
 
     def _called(self, method: str, *arguments: Any) -> Any:
+        return self._guarded(method, getattr(self._object, method), *arguments)
+
+    def _guarded(self, method: str, call: Callable[..., Any], *arguments: Any) -> Any:
+        """Call the user's code; whatever it raises, SystemExit too, is a failure of its line."""
         try:
-            return getattr(self._object, method)(*arguments)
-        except Exception as error:
+            return call(*arguments)
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
             raise ComponentFailed(
-                self.path, self._time, f"{place_of(error, self._class)}: in {method}()"
+                self.path, self._time, f"{place_of(error, self._class, method)}: in {method}()"
             ) from error
 
     def _take(self, given: Any, method: str, *, complete: bool) -> None:
@@ -158,34 +164,30 @@ class PythonComponent:
         for v in self._outputs:
             if v.name in given:
                 try:
-                    self._values[v.name] = _fitted(v, given[v.name], v.name)
-                except FmuError as error:
-                    raise self._wrong(method, str(error), names) from None
+                    self._values[v.name] = _fitted(v, given[v.name])
+                except Misfit as misfit:
+                    raise self._failed(method, f"gives {v.name}: {misfit}") from None
 
     def _wrong(self, method: str, read: str, names: list[str]) -> ComponentFailed:
-        function = getattr(self._class, method).__code__
-        place = f"{function.co_filename}:{function.co_firstlineno}"
-        return ComponentFailed(
-            self.path,
-            self._time,
-            f"{place}: {method}() {read}; expected a dict of {', '.join(names) or 'nothing'}",
-        )
+        return self._failed(method, f"{read}; expected a dict of {', '.join(names) or 'nothing'}")
+
+    def _failed(self, method: str, what: str) -> ComponentFailed:
+        place = definition(self._class, method)
+        return ComponentFailed(self.path, self._time, f"{place}: {method}() {what}")
 
 
-def _fitted(variable: Variable, value: Any, place: str) -> Any:
-    """Give the value as the variable's type, copied; raises FmuError for a wrong shape or type."""
+def _fitted(variable: Variable, value: Any) -> Any:
+    """Give the value as the variable's type, copied; raises Misfit for a wrong shape or type."""
     if variable.type == "String":
         if isinstance(value, str):
             return value
-        raise FmuError(f"{place}: {value!r}; expected text")
+        raise Misfit(f"{value!r}", "text")
     dtype = {"Boolean": bool, "Int32": np.int32}.get(variable.type, float)
     try:
         array = np.array(value, dtype)
-    except (TypeError, ValueError):
-        raise FmuError(f"{place}: {value!r}; expected numbers") from None
+    except (TypeError, ValueError, OverflowError):
+        raise Misfit(f"{value!r}", "numbers") from None
     if array.shape != variable.shape:
-        raise FmuError(
-            f"{place}: has shape {array.shape}; expected "
-            + (f"{variable.shape}" if variable.shape else "one number")
-        )
+        expected = f"shape {variable.shape}" if variable.shape else "one number"
+        raise Misfit(f"shape {array.shape}", expected)
     return array if variable.shape else array.item()

@@ -10,6 +10,7 @@ from urllib.parse import unquote
 from xml.etree.ElementTree import Element as Xml
 
 from uuvsim_cosim.errors import InputInvalid, Problem, SystemInvalid, UuvsimError
+from uuvsim_cosim.fmus.archive import shown
 from uuvsim_cosim.fmus.safe_xml import parse_xml
 from uuvsim_cosim.models.units import Unit
 from uuvsim_cosim.orchestrator.elements import Connection, Element, Exposed, StepGroup
@@ -32,20 +33,21 @@ def read_ssd(path: Path, tick: str | None = None, confined: bool = False) -> Sys
     `tick` is taken where the file gives none. Files that sources name must lie in the file's
     folder if `confined`. Raises SystemInvalid with every problem.
     """
+    place = shown(path)
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise InputInvalid(f"{path}: {error.strerror}; expected an .ssd file") from None
-    root = parse_xml(data, str(path), InputInvalid)
+        raise InputInvalid(f"{place}: {error.strerror}; expected an .ssd file") from None
+    root = parse_xml(data, place, InputInvalid)
     if root.tag != q("ssd:SystemStructureDescription"):
         tag = root.tag.rpartition("}")[2]
-        raise InputInvalid(f"{path}: <{tag}>; expected <ssd:SystemStructureDescription>")
+        raise InputInvalid(f"{place}: <{tag}>; expected <ssd:SystemStructureDescription>")
     version = root.get("version", "")
     if not version.startswith(("1.", "2.")):
-        raise InputInvalid(f"{path}: SSP version {version!r}; expected 1.0 or 2.0")
+        raise InputInvalid(f"{place}: SSP version {version!r}; expected 1.0 or 2.0")
     top = root.find(q("ssd:System"))
     if top is None:
-        raise InputInvalid(f"{path}: no <ssd:System>; expected one")
+        raise InputInvalid(f"{place}: no <ssd:System>; expected one")
     reader = _Reader(path, confined, tick, read_units(root, "ssd:Units"))
     system = reader.system(top)
     if reader.problems or system is None:

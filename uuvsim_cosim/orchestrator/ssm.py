@@ -8,6 +8,7 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
 
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.fmus.archive import shown
 from uuvsim_cosim.fmus.safe_xml import read_xml
 from uuvsim_cosim.orchestrator.ssp_xml import SspVersion, document, q
 
@@ -26,11 +27,12 @@ class MappingEntry:
 
 def read_ssm(path: Path) -> list[MappingEntry]:
     """Read a mapping file."""
-    root = read_xml(path, InputInvalid)
+    place = shown(path)
+    root = read_xml(path, InputInvalid, place)
     if root.tag != q("ssm:ParameterMapping"):
         tag = root.tag.rpartition("}")[2]
-        raise InputInvalid(f"{path}: <{tag}>; expected <ssm:ParameterMapping>")
-    return read_mapping(root, str(path))
+        raise InputInvalid(f"{place}: <{tag}>; expected <ssm:ParameterMapping>")
+    return read_mapping(root, place)
 
 
 def read_names(path: Path) -> dict[str, str]:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import zipfile
 from collections.abc import Mapping
+from io import BytesIO
 from pathlib import Path
 
+from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.archive import unpack
 from uuvsim_cosim.orchestrator.ssd_read import read_ssd
@@ -25,18 +26,17 @@ def read_ssp(path: Path, variant: str = "SystemStructure.ssd", tick: str | None 
 
 def write_archive(members: Mapping[str, bytes], path: Path) -> None:
     """Write a zip archive; equal members give equal bytes. Nothing half-written is left."""
-    scratch = path.with_name(f".{path.name}.part")
+    buffer = BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name in sorted(members, key=lambda n: (n != "SystemStructure.ssd", n)):
+            info = zipfile.ZipInfo(name, _EPOCH)
+            info.compress_type = zipfile.ZIP_DEFLATED
+            info.external_attr = 0o644 << 16
+            info.create_system = 3
+            archive.writestr(info, members[name])
     try:
-        with zipfile.ZipFile(scratch, "w", zipfile.ZIP_DEFLATED) as archive:
-            for name in sorted(members, key=lambda n: (n != "SystemStructure.ssd", n)):
-                info = zipfile.ZipInfo(name, _EPOCH)
-                info.compress_type = zipfile.ZIP_DEFLATED
-                info.external_attr = 0o644 << 16
-                info.create_system = 3
-                archive.writestr(info, members[name])
-        os.replace(scratch, path)
+        write_whole(path, buffer.getvalue())
     except OSError as error:
-        scratch.unlink(missing_ok=True)
         raise InputInvalid(
             f"{path}: cannot be written ({error.strerror}); expected a folder that can be written"
         ) from None

@@ -9,6 +9,7 @@ from typing import Any
 from xml.etree.ElementTree import Element, SubElement
 
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.fmus.archive import shown
 from uuvsim_cosim.fmus.description import Description, Variable
 from uuvsim_cosim.fmus.safe_xml import read_xml
 from uuvsim_cosim.models.units import Unit
@@ -50,10 +51,11 @@ def write_ssv(
 
 def read_ssv(path: Path) -> tuple[list[ParameterValue], dict[str, Unit]]:
     """Read a file of values, with the units that it defines."""
-    root = read_xml(path, InputInvalid)
+    place = shown(path)
+    root = read_xml(path, InputInvalid, place)
     if root.tag != q("ssv:ParameterSet"):
-        raise InputInvalid(f"{path}: <{_local(root)}>; expected <ssv:ParameterSet>")
-    return read_parameter_set(root, str(path)), read_units(root, "ssv:Units")
+        raise InputInvalid(f"{place}: <{_local(root)}>; expected <ssv:ParameterSet>")
+    return read_parameter_set(root, place), read_units(root, "ssv:Units")
 
 
 def parameter_set(

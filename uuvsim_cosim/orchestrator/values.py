@@ -131,11 +131,27 @@ def _parsed(variable: Variable, text: str) -> tuple[Any, str | None]:
         values: list[Any] = [_BOOLEANS[w.lower()] for w in words]
         return (values if variable.shape else values[0]) if len(values) == 1 else values, None
     match = _NUMBERS.match(text)
-    if match is None:
-        raise Misfit(f"{text!r}", f"{_kind(variable)} such as {_example(variable)}")
+    wrong = _no_number(variable, text)
+    if match is None or wrong:
+        raise Misfit(f"{text!r}{wrong}", f"{_kind(variable)} such as {_example(variable)}")
     numbers: list[Any] = [_number(n) for n in re.split(r"[\s,;]+", match[1])]
     bare = len(numbers) == 1 and (variable.shape == () or "[" not in text)
     return (numbers[0] if bare else numbers), match[2] or None
+
+
+def _no_number(variable: Variable, text: str) -> str:
+    """Name the first element of a list that is no number; the last may be followed by a unit."""
+    parts = [part.strip(" []") for part in re.split(r"[,;]", text)]
+    if len(parts) == 1:  # separated by blanks, where "1 2 m" is two numbers and a unit
+        words = text.replace("[", " ").replace("]", " ").split()
+        parts = words if len(words) == variable.size > 1 else []
+    for place, part in enumerate(parts, 1):
+        if not part:
+            return f", where element {place} is empty"
+        unit = r"(?![\w.])" if place < len(parts) else ""
+        if variable.type != "Boolean" and not re.match(_NUMBER + unit, part):
+            return f", where element {place}, {part!r}, is no number"
+    return ""
 
 
 def _number(text: str) -> float | int:

@@ -1,0 +1,38 @@
+"""The cache: what it kept is known again, and nothing else is."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from uuvsim_cosim.cache import intact, keep, write_whole
+from uuvsim_cosim.errors import InputInvalid
+
+
+def test_only_what_was_kept_is_intact(tmp_path: Path) -> None:
+    path = tmp_path / "a"
+    assert not intact(path)
+    path.write_bytes(b"12")
+    assert not intact(path)
+    keep(path, b"12")
+    assert intact(path)
+    path.write_bytes(b"13")
+    assert not intact(path)
+
+
+def test_writers_at_once_leave_one_whole_file_and_nothing_else(tmp_path: Path) -> None:
+    contents = [bytes([i]) * 100_000 for i in range(16)]
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(lambda data: write_whole(tmp_path / "a", data), contents))
+    assert (tmp_path / "a").read_bytes() in contents
+    assert [p.name for p in tmp_path.iterdir()] == ["a"]
+
+
+def test_a_file_that_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "b").touch()
+    with pytest.raises(InputInvalid, match=r"cache file .*a: cannot be written \(Is a dir"):
+        keep(tmp_path / "a", b"1")
+    assert [p.name for p in tmp_path.iterdir()] == ["a"]
