@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -18,7 +19,13 @@ from uuvsim_cosim.models.kinematics import R, T_zyx, q_of_euler
 from uuvsim_cosim.models.library import declare
 from uuvsim_cosim.models.navigation import N_ERRORS, navigation
 from uuvsim_cosim.models.safe_math import clip, smoothstep
-from uuvsim_cosim.models.strapdown import q_of_rotation
+from uuvsim_cosim.models.strapdown import (
+    Inertial,
+    error_transition,
+    mechanised,
+    multiply,
+    q_of_rotation,
+)
 
 Array = NDArray[np.float64]
 H = 0.01
@@ -115,10 +122,12 @@ class Flight:
         Rnb = np.array(ca.DM(R(ca.DM(hull["q"]))))
         r = z.p[z._place("parameter", "r_imu")][:, 0]
         place = hull["eta"][:3] + Rnb @ r
-        v = Rnb @ (hull["nu"][:3] + np.cross(hull["nu"][3:], r))
+        y = hull["nu"][:3] + np.cross(hull["nu"][3:], r)
         a = np.reshape(z["q"], (4, -1))
+        y_est = [np.array(ca.DM(R(a[:, i]))).T @ z["v"][:, i] for i in range(self.n)]
         vector = a[0] * q[1:] - q[0] * a[1:] - np.cross(a[1:], q[1:], axis=0)
         scalar = a[0] * q[0] + np.sum(a[1:] * q[1:], axis=0)
+        dtheta = 2.0 * np.sign(scalar) * vector
         biases = [
             sensor["imu"]["gyro_bias_on"] + sensor["imu"]["gyro_bias"] - z["b_g"],
             sensor["imu"]["acc_bias_on"] + sensor["imu"]["acc_bias"] - z["b_a"],
@@ -126,7 +135,7 @@ class Flight:
             sensor["pressure"]["bias"] / PASCAL_PER_METRE - z["b_s"][1:],
         ]
         return np.vstack(
-            [place[:, None] - z["p"], v[:, None] - z["v"], 2.0 * np.sign(scalar) * vector, *biases]
+            [place[:, None] - z["p"], y[:, None] - np.transpose(y_est), dtheta, *biases]
         )
 
     def covariance(self) -> Array:
@@ -290,3 +299,74 @@ def test_small_rotations_become_unit_quaternions_of_that_angle() -> None:
     angle = np.linalg.norm(a)
     expected = [np.cos(angle / 2), *(np.sin(angle / 2) * a / angle)]
     assert q == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_wandering_bias_is_expected_to_return_as_its_covariance_says(lanes: Any) -> None:
+    """Gauss-Markov, left unobserved for two correlation times: exp(-2) of it remains."""
+    parameters = {"tau_aiding": [5.0, 60.0], "sigma_0": SIGMA_0 * np.repeat([0.01, 1.0], [15, 2])}
+    run = lanes(navigation(), parameters=parameters)
+    level = {"imu_acc": [0, 0, -9.81], "imu_valid": 1, "compass_psi": 0.01}
+    for k in range(1200):
+        seen = {"compass_valid": 1, "compass_t_sample": k // 10 * 0.1} if k < 200 else {}
+        run.step(k * H, H, imu_t_sample=k * H, **level, **seen)
+        if k == 199:
+            learned = float(run["b_s"][0])
+    assert learned > 0.001
+    assert float(run["b_s"][0]) / learned == pytest.approx(np.exp(-2.0), rel=0.01)
+
+
+def test_transition_of_errors_is_the_derivative_of_the_mechanisation() -> None:
+    """The difference is of second order in dt: ten times the step, a hundred times as much."""
+    small, large = (np.max(np.abs(transition_difference(dt))) for dt in (1e-4, 1e-3))
+    assert large / small == pytest.approx(100.0, rel=0.05)
+
+
+def transition_difference(dt: float) -> Array:
+    """Give F minus the derivative, of (dp, dy, dtheta, db_g, db_a), in a turn at a slant."""
+    g = 9.81
+    e, w, f = ca.SX.sym("e", 15), ca.DM([0.3, -0.2, 0.5]), ca.DM([0.4, -0.7, -9.5])
+    y = ca.DM([0.4, -0.3, 0.2])
+    q = q_of_euler(0.1, -0.2, 0.7)
+    estimate = Inertial(ca.DM([1, 2, 3]), ca.mtimes(R(q), y), q, ca.DM.zeros(3), ca.DM.zeros(3))
+    q_true = multiply(q, q_of_rotation(e[6:9]))
+    v_true = ca.mtimes(R(q_true), y + e[3:6])
+    true = Inertial(estimate.p + e[:3], v_true, q_true, e[9:12], e[12:])
+    there = mechanised(true, w - e[9:12], f - e[12:], g, dt)
+    here = mechanised(estimate, w, f, g, dt)
+    conjugate = ca.vertcat(here.q[0], -here.q[1:])
+    errors = ca.vertcat(
+        there.p - here.p,
+        ca.mtimes(R(there.q).T, there.v) - ca.mtimes(R(here.q).T, here.v),
+        2.0 * multiply(conjugate, there.q)[1:],
+        e[9:],
+    )
+    exact = np.array(ca.Function("F", [e], [ca.jacobian(errors, e)])(np.zeros(15)))
+    F = np.array(ca.evalf(ca.SX(error_transition(estimate, w, g, dt, ca.SX.ones(2)))))[:15, :15]
+    return np.asarray(F - exact)
+
+
+@pytest.mark.slow
+def test_keeping_station_for_long_the_filter_still_knows_how_little_it_knows(
+    tmp_path: Path,
+) -> None:
+    """1500 s of the survey, twelve seeds: heading, roll and pitch against their deviations."""
+    import uuvsim_cosim as uuv
+
+    z = []
+    for seed in range(12):
+        signals = uuv.run(
+            uuv.load("bluerov2_survey"),
+            until=1500,
+            seed=seed,
+            backend="native",
+            record_every=100,
+            out=tmp_path / str(seed),
+        ).signals()
+        late = signals.time > 400.0
+        error = (signals["hull.eta"] - signals["navigation.eta"])[late, 3:]
+        wrapped = (error + np.pi) % (2.0 * np.pi) - np.pi
+        z.append(wrapped / signals["navigation.sigma"][late, 3:6])
+    assert np.mean(np.square(z)[..., 2]) < 1.4
+    outside = np.mean(np.abs(z) > 3.0, axis=(0, 1))
+    assert outside[2] < 0.01
+    assert np.all(outside[:2] < 0.03)

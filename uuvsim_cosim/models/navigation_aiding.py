@@ -2,7 +2,7 @@
 
 With l = r_sensor - r_imu, y = R' v and errors as in `strapdown`:
 
-    DVL beam   d' (y + omega x l)          H = d' [R', S(y), S(l)]   on dv, dtheta, db_g
+    DVL beam   d' (y + omega x l)          H = d' [1, S(l)]          on dy, db_g
     depth      (p + R l)_D + bias          H = [1, -(R S(l))_D, 1]   on dD, dtheta, bias
     compass    psi(q) + bias               H = [T_psi, 1]            on dtheta, bias
     USBL       p(t_sample) + R l           H = [1, -R S(l)]          on dp, dtheta
@@ -108,14 +108,12 @@ def _dvl(aid: Aiding, x: Inertial, omega: Any) -> list[Measured]:
     ok = aid.m.input("dvl_beam_valid", 4, unit="1", description="1: a bottom echo")
     pinged, _ = aid.sampled("dvl")
     lever = c.r_dvl - c.r_imu
-    Rnb = R(x.q)
-    y = ca.mtimes(Rnb.T, x.v)
-    there = y + ca.cross(omega, lever)
+    there = ca.mtimes(R(x.q).T, x.v) + ca.cross(omega, lever)
     out = []
     for k in range(4):
         d = c.beams[:, k].T
         expected = ca.mtimes(d, there)
-        H = _row(n, {3: ca.mtimes(d, Rnb.T), 6: ca.mtimes(d, S(y)), 9: ca.mtimes(d, S(lever))})
+        H = _row(n, {3: d, 9: ca.mtimes(d, S(lever))})
         variance = c.sigma_beam**2 + (c.sigma_beam_relative * expected) ** 2 + 1e-12
         is_new = ca.logic_and(ok[k] > 0.5, pinged)
         out.append(Measured(beam[k] - expected, H, variance, is_new))

@@ -4,10 +4,15 @@ At the IMU's place, p and v in NED, R(q) from `b` to `n`, with mean readings ove
 
     omega = gyro - b_g,  f = acc - b_a,  dq/dt = q ⊗ omega / 2,  dv/dt = R f + g,  dp/dt = v
 
-Errors (true minus estimate; attitude by R_true = R exp(S(dtheta)), in `b`):
+Errors, true minus estimate; of velocity in `b`, y = R' v; of attitude R_true = R exp(S(dtheta)):
 
-    ddp/dt = dv,  ddv/dt = -R S(f) dtheta - R db_a - R n_a,
+    ddp/dt = R (dy - S(y) dtheta),   gamma = R' g,
+    ddy/dt = -S(omega) dy + S(gamma) dtheta - S(y) (db_g + n_g) - db_a - n_a,
     ddtheta/dt = -S(omega) dtheta - db_g - n_g
+
+Only gravity ties tilt to velocity here. The error of v in `n` would be tied to it by S(f), and
+a DVL's by S(y), both of which carry noise: station kept for long, a filter takes that noise for
+motion and believes to see the tilt that it cannot tell from the accelerometers' bias.
 """
 
 from __future__ import annotations
@@ -54,16 +59,19 @@ def mechanised(x: Inertial, omega: Any, f: Any, g: Any, dt: Any) -> Inertial:
     return Inertial(x.p + 0.5 * dt * (x.v + v), v, q / ca.sqrt(ca.sumsqr(q)), x.b_g, x.b_a)
 
 
-def error_transition(x: Inertial, omega: Any, f: Any, dt: Any, decay: Any) -> Any:
-    """Give F of the errors (dp, dv, dtheta, db_g, db_a, further ones that only decay)."""
+def error_transition(x: Inertial, omega: Any, g: Any, dt: Any, decay: Any) -> Any:
+    """Give F of the errors (dp, dy, dtheta, db_g, db_a, further ones that only decay)."""
     I3, O3 = ca.SX.eye(3), ca.SX(3, 3)
     Rnb = R(x.q)
-    tilt = -dt * ca.mtimes(Rnb, S(f))
+    turn = I3 - dt * S(omega)
+    tilt = dt * S(g * Rnb[2, :].T)
+    Sy = S(ca.mtimes(Rnb.T, x.v))
+    of_p = ca.mtimes(Rnb, 0.5 * tilt - Sy)
     inertial = ca.blockcat(
         [
-            [I3, dt * I3, 0.5 * dt * tilt, O3, -0.5 * dt * dt * Rnb],
-            [O3, I3, tilt, -0.5 * dt * tilt, -dt * Rnb],
-            [O3, O3, I3 - dt * S(omega), -dt * I3, O3],
+            [I3, dt * Rnb, dt * of_p, O3, -0.5 * dt * dt * Rnb],
+            [O3, turn, ca.mtimes(turn, tilt), -dt * (Sy + 0.5 * tilt), -dt * I3],
+            [O3, O3, turn, -dt * I3, O3],
             [O3, O3, O3, I3, O3],
             [O3, O3, O3, O3, I3],
         ]
