@@ -44,13 +44,17 @@ class Aiding:
 
     def sensor(self, name: str) -> tuple[Any, Any]:
         """Declare a sensor's `valid` and `t_sample`; gives (is new, sample time)."""
-        valid = self.m.input(f"{name}_valid", unit="1", type="Boolean")
+        valid = self.m.input(
+            f"{name}_valid", unit="1", type="Boolean", description="the reading can be used"
+        )
         is_new, t_sample = self.sampled(name)
         return ca.logic_and(valid > 0.5, is_new), t_sample
 
     def sampled(self, name: str) -> tuple[Any, Any]:
         """Declare a sensor's `t_sample`; gives (has changed, sample time)."""
-        t_sample = self.m.input(f"{name}_t_sample", unit="s", start=BEFORE_FIRST)
+        t_sample = self.m.input(
+            f"{name}_t_sample", unit="s", start=BEFORE_FIRST, description="of the reading"
+        )
         last = self.m.discrete(f"{name}_t_last", BEFORE_FIRST, unit="s")
         self.m.update(self.step, last, t_sample)
         return t_sample > last + 1e-9, t_sample
