@@ -8,6 +8,7 @@ from uuvsim_cosim._version import __version__
 from uuvsim_cosim.errors import UuvsimError
 
 if TYPE_CHECKING:
+    from uuvsim_cosim.kernels import fuse
     from uuvsim_cosim.models.library import declare
     from uuvsim_cosim.models.model import Model
     from uuvsim_cosim.models.simulate import simulate
@@ -27,6 +28,7 @@ __all__ = [
     "__version__",
     "available",
     "declare",
+    "fuse",
     "load",
     "read_signals",
     "run",
@@ -42,6 +44,7 @@ _HOME = {
     "System": "orchestrator.system",
     "available": "orchestrator.library",
     "declare": "models.library",
+    "fuse": "kernels",
     "load": "orchestrator.library",
     "read_signals": "orchestrator.recording",
     "run": "orchestrator.run",
