@@ -28,14 +28,17 @@ def write_archive(path: Path, members: dict[str, bytes]) -> Path:
 
 
 def forget(path: Path) -> None:
-    """Take an archive's folder out of the user's cache."""
+    """Take an archive of which there will never be another copy out of the user's cache."""
     if path.is_file():
         shutil.rmtree(cache_dir("archives") / content_hash([path.read_bytes()]), True)
 
 
 @pytest.fixture(scope="session")
-def c_fmu(tmp_path_factory: pytest.TempPathFactory) -> Iterator[CFmu]:
-    """Build the hand-written first-order FMU: ``c_fmu(2)``, with edits of its description."""
+def c_fmu(tmp_path_factory: pytest.TempPathFactory) -> CFmu:
+    """Build the hand-written first-order FMU: ``c_fmu(2)``, with edits of its description.
+
+    Its bytes are the same in every test process, and so is its folder in the cache: it stays.
+    """
     import fmpy
 
     headers = Path(fmpy.__file__).parent / "c-code"
@@ -66,9 +69,7 @@ def c_fmu(tmp_path_factory: pytest.TempPathFactory) -> Iterator[CFmu]:
             made.append(write_archive(path, members))
         return path
 
-    yield build
-    for path in made:
-        forget(path)
+    return build
 
 
 @pytest.fixture(scope="session")

@@ -66,7 +66,7 @@ def test_a_whole_array_is_renamed(vehicle: System) -> None:
 def test_a_missing_unit_is_taken_as_the_slots_and_noted(vehicle: System) -> None:
     swapped = vehicle.replace("controller", "fake:unitless")
     assert swapped.components["controller"].units == {"tau_d": "N"}
-    assert any("controller: no unit given" in n and "tau_d as N" in n for n in swapped.notes)
+    assert any("controller: no unit given" in n and "tau_d in N" in n for n in swapped.notes)
     assert swapped.describe("controller").variables["tau_d"].unit == "N"
 
 

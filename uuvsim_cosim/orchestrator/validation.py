@@ -108,7 +108,8 @@ def check(system: System) -> Checked:
     _check_groups(system, names, problems)
     for element in elements:
         if element.units:
-            listed = ", ".join(f"{n} as {u}" for n, u in element.units.items())
+            kinds = {n: ", ".join(dict.fromkeys(u.split())) for n, u in element.units.items()}
+            listed = "; ".join(f"{n} in {u}" for n, u in kinds.items())
             notes.append(f"{element.name}: no unit given, taken as the slot's: {listed}")
     return Checked(
         elements, joined(wires), _joined_exposed(exposed), descriptions,
