@@ -91,9 +91,7 @@ def measure(fmu: Path, n: int, steps: int, repeats: int) -> tuple[float, ...]:
         ):
             table, y = plain_table(by_hand), (ctypes.c_double * n)()
             begin = time.process_time()
-            bad = library.plain_loop(
-                table, n, ctypes.c_int64(steps), ctypes.c_double(float(H)), y, None
-            )
+            bad = library.plain_loop(table, n, ctypes.c_int64(steps), ctypes.c_double(float(H)), y)
             times[0].append(time.process_time() - begin)
             assert not bad
             for master, kept in ((ours, times[1]), (recorded, times[2])):
