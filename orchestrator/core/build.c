@@ -2,7 +2,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "tables.h"
+#include "iterate.h"
 
 slot_class class_of(int type) {
     if (type <= UUV_CORE_FLOAT32) return CLASS_FLOAT;
@@ -12,7 +12,7 @@ slot_class class_of(int type) {
 }
 
 /* Makes room for one more item at the end of an array; gives it zeroed, or NULL. */
-static void *append(void **items, uint32_t *n, size_t size) {
+void *append(void **items, uint32_t *n, size_t size) {
     void *grown = realloc(*items, (*n + 1) * size);
     if (!grown) return NULL;
     *items = grown;
@@ -62,6 +62,7 @@ UUV_CORE_API void uuv_core_free(uuv_core *core) {
         free_accesses(core->members[i].gets, core->members[i].n_gets);
         free(core->members[i].transfers);
     }
+    free_groups(core);
     for (uint64_t i = 0; i < r->capacity; i++) free(r->texts[i].data);
     free(r->texts);
     free(r->runs);
@@ -178,5 +179,15 @@ UUV_CORE_API int uuv_core_record(uuv_core *core, uint32_t n, const uint32_t *slo
     if (!r->text_columns || !r->text_slots || !r->last_text) return 0;
     for (uint32_t i = 0; i < n; i++)
         if (!record_slot(core, i, slots[i])) return 0;
+    return 1;
+}
+
+UUV_CORE_API int uuv_core_state(uuv_core *core, uint32_t i, void *get, void *set, void *free_,
+                                size_t size) {
+    member *m = &core->members[i];
+    m->get_state = get;
+    m->set_state = set;
+    m->free_state = free_;
+    m->state_size = size;
     return 1;
 }

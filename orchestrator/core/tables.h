@@ -45,6 +45,10 @@ struct member {
     double h;         /* its communication step [s] */
     uuv_slot *fresh;  /* where its outputs are read to: the visible slots, or those of `early` */
     int sequential;
+    struct iteration *group; /* the iterated group that it belongs to, or NULL */
+    void *get_state, *set_state, *free_state; /* of a member of an iterated group (restore.c) */
+    size_t state_size;
+    void *state;
     access *sets, *gets;
     uint32_t n_sets, n_gets;
     transfer *transfers;
@@ -76,6 +80,9 @@ struct uuv_core {
     uint64_t num, den, tick;
     uuv_slot *slots, *fresh;
     uint8_t *classes;
+    struct iteration *groups; /* the iterated ones */
+    uint32_t n_groups;
+    int iterating; /* inputs inside an iterated group come from the trial's outputs */
     recording record;
     uuv_failure why;
 };
@@ -83,6 +90,7 @@ struct uuv_core {
 int blob_assign(uuv_blob *blob, const char *data, size_t size);
 int record_row(uuv_core *core);
 int record_is_full(const uuv_core *core);
+int read_outputs(uuv_core *core, member *m);
 int transfer_inputs(uuv_core *core, member *target);
 int failed(uuv_failure *why, int outcome, int status, int action);
 int all_finite(const uuv_slot *slots, uint32_t n, uint32_t *which);

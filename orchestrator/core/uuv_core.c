@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "budget.h"
-#include "tables.h"
+#include "iterate.h"
 
 /* Seconds at a communication point: from integers, rounded once, never summed up. */
 static double seconds_at(const uuv_core *core, uint64_t tick) {
@@ -26,7 +26,7 @@ static int make_visible(uuv_core *core, member *m) {
 }
 
 /* Reads a member's outputs, and refuses values that are not finite. */
-static int read_outputs(uuv_core *core, member *m) {
+int read_outputs(uuv_core *core, member *m) {
     if (m->n_gets == 0) return 1;
     if (!m->kind->get(m, m->fresh, &core->why)) return 0;
     for (uint32_t i = 0; i < m->n_gets; i++) {
@@ -49,6 +49,15 @@ static int step_member(uuv_core *core, member *m, double t) {
     return m->sequential ? read_outputs(core, m) : 1;
 }
 
+/* Steps a member, or its whole group if that is iterated; gives the one that failed. */
+static int step(uuv_core *core, member **m, double t) {
+    iteration *group = (*m)->group;
+    if (!group) return step_member(core, *m, t);
+    if (step_group(core, group, t)) return 1;
+    *m = core->members + group->culprit;
+    return 0;
+}
+
 static int32_t stop(uuv_core *core, const member *m) {
     core->why.member = (uint32_t)(m - core->members);
     core->why.tick = core->tick;
@@ -57,7 +66,8 @@ static int32_t stop(uuv_core *core, const member *m) {
 
 /* Makes communication steps; the members stand in stepping order. Outputs are read only at the
  * point where their step ends, so that within a tick everybody sees the values valid at its
- * start (Jacobi). The exception are transfers marked `early` (Gauss-Seidel). */
+ * start (Jacobi). The exceptions are transfers marked `early` (Gauss-Seidel), and iterated groups,
+ * which step when their first member is due. */
 UUV_CORE_API int32_t uuv_core_run(uuv_core *core, uint64_t n_ticks, double seconds) {
     member *const end = core->members + core->n_members;
     const uint64_t last = core->tick + n_ticks;
@@ -65,7 +75,7 @@ UUV_CORE_API int32_t uuv_core_run(uuv_core *core, uint64_t n_ticks, double secon
     while (core->tick < last && !record_is_full(core) && !budget_is_spent(&wall)) {
         const double t = seconds_at(core, core->tick);
         for (member *m = core->members; m < end; m++)
-            if (m->due == core->tick && !step_member(core, m, t)) return stop(core, m);
+            if (m->due == core->tick && !step(core, &m, t)) return stop(core, m);
         core->tick++;
         for (member *m = core->members; m < end; m++)
             if (m->due == core->tick && !(m->sequential ? make_visible : read_outputs)(core, m))

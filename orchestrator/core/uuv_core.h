@@ -48,16 +48,20 @@ enum uuv_core_outcome {
     UUV_CORE_OUT_OF_RANGE,     /* value in `slot` does not fit the input's integer type */
     UUV_CORE_ENDED,            /* the component asks to end the simulation */
     UUV_CORE_EARLY_RETURN,     /* the component ended its step before the step's end */
-    UUV_CORE_NO_MEMORY
+    UUV_CORE_NO_MEMORY,
+    UUV_CORE_NOT_CONVERGED     /* an iterated group: `status` iterations leave `residual` at the
+                                  input in `slot` */
 };
 
-enum uuv_core_action { UUV_CORE_SET = 1, UUV_CORE_DO_STEP, UUV_CORE_GET };
+enum uuv_core_action { UUV_CORE_SET = 1, UUV_CORE_DO_STEP, UUV_CORE_GET, UUV_CORE_GET_STATE,
+                       UUV_CORE_SET_STATE };
 
 /* Why the loop stopped: which member, doing what, at which communication point. */
 typedef struct {
     int32_t outcome, status, action;
     uint32_t member, slot;
     uint64_t tick;
+    double residual;
 } uuv_failure;
 
 /* What a callback member offers; both return 0, or a status that stops the loop. `in` and `out`
@@ -80,10 +84,21 @@ UUV_CORE_API int uuv_core_member(uuv_core *core, uint32_t member, int kind, void
 UUV_CORE_API int uuv_core_access(uuv_core *core, uint32_t member, int action, int type,
                                  uint32_t slot, uint32_t n_values, uint32_t n_references,
                                  const uint32_t *references, void *function);
-/* `early`: the source's new value is seen if it stepped in the same tick (Gauss-Seidel). */
+/* `early` 1: the source's new value is seen if it stepped in the same tick (Gauss-Seidel);
+ * 2: both are in one iterated group. */
 UUV_CORE_API int uuv_core_transfer(uuv_core *core, uint32_t target, uint32_t source,
                                    uint32_t target_slot, uint32_t source_slot, int early,
                                    double factor, double offset);
+/* How the state of a member of an iterated group is copied: FMI's functions, or
+ * `uuv_get_state` and `uuv_set_state` with the size, or callbacks `int32_t (*)(void *user)`. */
+UUV_CORE_API int uuv_core_state(uuv_core *core, uint32_t member, void *get, void *set, void *free,
+                                size_t size);
+enum uuv_core_solver { UUV_CORE_NEWTON = 0, UUV_CORE_ANDERSON, UUV_CORE_FIXED_POINT };
+/* Makes an iterated group of members that follow each other, after their transfers. */
+UUV_CORE_API int uuv_core_iterate(uuv_core *core, uint32_t first, uint32_t n_members, int solver,
+                                  double tolerance, uint32_t limit);
+/* Frees copies of states; to be called while the members' instances live. */
+UUV_CORE_API void uuv_core_forget(uuv_core *core);
 /* Slots that a row of the recording holds, in order. */
 UUV_CORE_API int uuv_core_record(uuv_core *core, uint32_t n, const uint32_t *slots, uint64_t every);
 

@@ -176,11 +176,17 @@ class Native:
 
     def binding(self) -> Binding:
         """Give the addresses that the stepping loop in C calls."""
-        names = {"DoStep": "uuv_do_step", "UpdateOutputs": "uuv_update_outputs"}
+        names = {
+            "DoStep": "uuv_do_step",
+            "UpdateOutputs": "uuv_update_outputs",
+            "GetFMUState": "uuv_get_state",
+            "SetFMUState": "uuv_set_state",
+        }
         addresses = {
             k: ctypes.cast(getattr(self._c, v), ctypes.c_void_p).value or 0
             for k, v in names.items()
         }
+        addresses["StateSize"] = int(self._c.uuv_state_size(self._live()))
         return Binding(BindingKind.NATIVE, self._live(), addresses)
 
     def _live(self) -> int:

@@ -9,17 +9,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import cos, log, pi, sin, sqrt
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["normals", "philox"]
+__all__ = ["WORD", "normals", "philox"]
 
 WORD = 0xFFFFFFFF
 
 
-def philox(counter: Sequence[int], key: Sequence[int]) -> tuple[int, int, int, int]:
-    """Give the four random words of a counter of four words and a key of two."""
+def philox(counter: Sequence[Any], key: Sequence[int]) -> tuple[Any, Any, Any, Any]:
+    """Give the four random words of a counter of four words and a key of two.
+
+    Words are whole numbers, or arrays of uint64 that hold 32 bits each.
+    """
     c0, c1, c2, c3 = counter
     k0, k1 = key
     for _ in range(10):

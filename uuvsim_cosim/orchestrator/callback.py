@@ -1,9 +1,11 @@
-"""Any component, whatever its kind, stepped by the loop in C through two C callbacks."""
+"""Any component, whatever its kind, stepped by the loop in C through C callbacks."""
 
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -17,11 +19,12 @@ __all__ = ["CallbackBinding", "Callbacks", "component_binding"]
 _DO_STEP = ctypes.CFUNCTYPE(
     ctypes.c_int32, ctypes.c_void_p, ctypes.c_double, ctypes.c_double, ctypes.c_void_p
 )
+_STATE = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p)
 _GET = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_void_p)
 
 
 class Callbacks:
-    """The two callbacks of one component; an exception in them is kept in `error`."""
+    """The callbacks of one component; an exception in them is kept in `error`."""
 
     def __init__(self, component: Component) -> None:
         self.error: BaseException | None = None
@@ -30,10 +33,28 @@ class Callbacks:
         self._outputs = _Row(component.description.of("output", "local"))
         self.do_step = _DO_STEP(self._do_step)
         self.get = _GET(self._get)
+        self.get_state = _STATE(lambda _: self._kept(self._get_state))
+        self.set_state = _STATE(lambda _: self._kept(self._set_state))
+        self._state: Any = None
 
     def forget(self) -> None:
         """Set every input at the next step, also those that have not changed."""
         self._inputs.last[:] = None
+
+    def _get_state(self) -> None:
+        self._state = self._component.get_fmu_state()
+
+    def _set_state(self) -> None:
+        self._component.set_fmu_state(self._state)
+        self.forget()
+
+    def _kept(self, call: Callable[[], None]) -> int:
+        try:
+            call()
+        except BaseException as error:  # raised again by the master, outside C
+            self.error = error
+            return 3
+        return 0
 
     def _do_step(self, user: int | None, t: float, h: float, slots: int) -> int:
         try:
@@ -95,5 +116,7 @@ def component_binding(component: Component) -> CallbackBinding:
     functions = {
         "DoStep": ctypes.cast(callbacks.do_step, ctypes.c_void_p).value or 0,
         "Get": ctypes.cast(callbacks.get, ctypes.c_void_p).value or 0,
+        "GetFMUState": ctypes.cast(callbacks.get_state, ctypes.c_void_p).value or 0,
+        "SetFMUState": ctypes.cast(callbacks.set_state, ctypes.c_void_p).value or 0,
     }
     return CallbackBinding(BindingKind.CALLBACK, 0, functions, callbacks)

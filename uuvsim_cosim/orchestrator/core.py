@@ -66,6 +66,7 @@ class Outcome(IntEnum):
     ENDED = 5
     EARLY_RETURN = 6
     NO_MEMORY = 7
+    NOT_CONVERGED = 8
 
 
 class Action(IntEnum):
@@ -74,6 +75,8 @@ class Action(IntEnum):
     SET = 1
     DO_STEP = 2
     GET = 3
+    GET_STATE = 4
+    SET_STATE = 5
 
 
 class Failure(ctypes.Structure):
@@ -86,6 +89,7 @@ class Failure(ctypes.Structure):
         ("member", ctypes.c_uint32),
         ("slot", ctypes.c_uint32),
         ("tick", ctypes.c_uint64),
+        ("residual", ctypes.c_double),
     )
 
 
@@ -152,13 +156,28 @@ class Core:
         target: int,
         source: int,
         slots: tuple[int, int],
-        early: bool,
+        early: int,
         conversion: tuple[float, float],
     ) -> None:
         """Add a value's way from slot to slot; `slots` are (target's, source's)."""
         self._made(
             self._c.uuv_core_transfer(self._core, target, source, *slots, early, *conversion)
         )
+
+    def state(self, member: int, get: int, set_: int, free: int, size: int) -> None:
+        """Say how a member of an iterated group copies its state."""
+        self._made(self._c.uuv_core_state(self._core, member, get, set_, free, size))
+
+    def iterate(
+        self, first: int, n_members: int, solver: int, tolerance: float, limit: int
+    ) -> None:
+        """Make an iterated group of members that follow each other."""
+        self._made(self._c.uuv_core_iterate(self._core, first, n_members, solver, tolerance, limit))
+
+    def forget(self) -> None:
+        """Free the copies of states, while the components live."""
+        if self._core:
+            self._c.uuv_core_forget(self._core)
 
     def record(self, slots: Sequence[int], every: int, n_rows: int) -> None:
         """Choose the slots of a row, and make room for rows."""
@@ -275,6 +294,9 @@ def _signatures() -> dict[str, tuple[Any, list[Any]]]:
         "uuv_core_member": (i, [pointer, u32, i, pointer, pointer, pointer, u64, i]),
         "uuv_core_access": (i, [pointer, u32, i, i, u32, u32, u32, pointer, pointer]),
         "uuv_core_transfer": (i, [pointer, u32, u32, u32, u32, i, double, double]),
+        "uuv_core_state": (i, [pointer, u32, pointer, pointer, pointer, size]),
+        "uuv_core_iterate": (i, [pointer, u32, u32, i, double, u32]),
+        "uuv_core_forget": (None, [pointer]),
         "uuv_core_record": (i, [pointer, u32, pointer, u64]),
         "uuv_core_rows": (None, [pointer, pointer, pointer, u32]),
         "uuv_core_rows_used": (u32, [pointer]),

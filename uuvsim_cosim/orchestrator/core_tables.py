@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
+from typing import get_args
 
 from uuvsim_cosim.errors import FmuError
 from uuvsim_cosim.fmus.component import Binding, BindingKind, Component
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.callback import component_binding
 from uuvsim_cosim.orchestrator.core import Access, Action, Core, Type, by_type
-from uuvsim_cosim.orchestrator.plan import Plan
+from uuvsim_cosim.orchestrator.plan import Plan, Solver
 
 __all__ = ["Placed", "Tables", "fmi_name", "tables_of"]
 
@@ -35,6 +36,7 @@ class Tables:
     """The core with its tables, and where values lie; members count in stepping order."""
 
     core: Core
+    plan: Plan
     order: tuple[int, ...]  # member -> index into Plan.components
     bindings: tuple[Binding, ...]  # by member
     inputs: dict[tuple[int, str], Placed]  # by (index into Plan.components, name)
@@ -54,16 +56,22 @@ def tables_of(
     recorded: Sequence[tuple[int, Variable]],
     every: int = 1,
     n_rows: int = 0,
+    live: Sequence[tuple[int, Variable]] = (),
+    held: Sequence[tuple[int, Variable]] = (),
 ) -> Tables:
-    """Number the slots, and fill in the core; `recorded` are (index, variable) of each row."""
+    """Number the slots, and fill in the core; `recorded` are (index, variable) of each row.
+
+    Variables of `live` are read, and inputs of `held` are set, in every step as well.
+    """
     order = tuple(i for group in plan.groups for i in group.members)
     bindings = tuple(_binding(components[i]) for i in order)
-    inputs = _place(_connected_inputs(plan, components, order, bindings), 0)
+    inputs = _place(_connected_inputs(plan, components, order, bindings, held), 0)
     first_output = sum(p.variable.size for p in inputs.values())
-    outputs = _place(_read_outputs(plan, components, order, bindings, recorded), first_output)
+    read = [*recorded, *live]
+    outputs = _place(_read_outputs(plan, components, order, bindings, read), first_output)
     n_slots = first_output + sum(p.variable.size for p in outputs.values())
     core = Core(len(order), n_slots, plan.tick)
-    sequential = {i for g in plan.groups if g.algorithm == "gauss-seidel" for i in g.members}
+    sequential = {i for g in plan.groups if g.algorithm != "jacobi" for i in g.members}
     for member, i in enumerate(order):
         b = bindings[member]
         get = b.functions.get("UpdateOutputs" if b.kind == BindingKind.NATIVE else "Get", 0)
@@ -74,8 +82,9 @@ def tables_of(
             mine = [p for p in placed.values() if p.member == member]
             for access in _accesses(b, action, mine, components[i].path):
                 core.access(member, access)
-    tables = Tables(core, order, bindings, inputs, outputs)
+    tables = Tables(core, plan, order, bindings, inputs, outputs)
     _add_transfers(plan, tables)
+    _add_iterated(plan, tables, components)
     if recorded:
         slots = [s for i, v in recorded for s in _recorded_slots(tables, i, v)]
         core.record(slots, every, n_rows)
@@ -93,7 +102,11 @@ _Wanted = Iterator[tuple[int, int, Iterable[Variable]]]  # member, component, va
 
 
 def _connected_inputs(
-    plan: Plan, components: Sequence[Component], order: Sequence[int], bindings: Sequence[Binding]
+    plan: Plan,
+    components: Sequence[Component],
+    order: Sequence[int],
+    bindings: Sequence[Binding],
+    held: Sequence[tuple[int, Variable]],
 ) -> _Wanted:
     for member, i in enumerate(order):
         described = components[i].description
@@ -101,6 +114,7 @@ def _connected_inputs(
             yield member, i, described.of("input")
             continue
         names = {t.target_variable.name for t in plan.transfers if t.target == i}
+        names |= {v.name for j, v in held if j == i}
         yield member, i, [v for v in described.variables.values() if v.name in names]
 
 
@@ -170,9 +184,10 @@ def _add_transfers(plan: Plan, tables: Tables) -> None:
     for t in plan.transfers:
         source = tables.outputs[t.source, t.source_variable.name]
         target = tables.inputs[t.target, t.target_variable.name]
-        early = (
-            plan.groups[group_of[t.source]].algorithm == "gauss-seidel"
-            and group_of[t.source] == group_of[t.target]
+        same = group_of[t.source] == group_of[t.target]
+        algorithm = plan.groups[group_of[t.source]].algorithm if same else "jacobi"
+        early = 2 * (algorithm == "iterated") or int(
+            algorithm == "gauss-seidel"
             and member_of[t.source] < member_of[t.target]
             and plan.components[t.source].step_ticks <= plan.components[t.target].step_ticks
         )
@@ -180,6 +195,25 @@ def _add_transfers(plan: Plan, tables: Tables) -> None:
             slots = (target.slot + b, source.slot + a)
             core = tables.core
             core.transfer(target.member, source.member, slots, early, (t.factor, t.offset))
+
+
+def _add_iterated(plan: Plan, tables: Tables, components: Sequence[Component]) -> None:
+    first = 0
+    for group in plan.groups:
+        if group.algorithm == "iterated":
+            for member in range(first, first + len(group.members)):
+                b, component = tables.bindings[member], components[tables.order[member]]
+                tables.core.state(member, *_state_functions(b, component))
+            solver = get_args(Solver).index(group.solver)
+            tables.core.iterate(first, len(group.members), solver, group.tolerance, group.limit)
+        first += len(group.members)
+
+
+def _state_functions(b: Binding, component: Component) -> tuple[int, int, int, int]:
+    suffix = "FMUstate" if b.kind == BindingKind.FMI2 else "FMUState"
+    get, set_ = (_function(b, verb + suffix, component.path) for verb in ("Get", "Set"))
+    size = b.functions.get("StateSize", 0)
+    return get, set_, b.functions.get("Free" + suffix, 0), size
 
 
 def _recorded_slots(tables: Tables, i: int, v: Variable) -> range:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
-from uuvsim_cosim.orchestrator.plan import Algorithm
+from uuvsim_cosim.orchestrator.plan import Algorithm, Solver
 
 if TYPE_CHECKING:
     from uuvsim_cosim.orchestrator.system import System
@@ -48,10 +48,16 @@ class Connection:
 
 @dataclass(frozen=True)
 class StepGroup:
-    """Elements stepped together by another rule than the default, in this order."""
+    """Elements stepped together by another rule than the default, in this order.
+
+    `solver`, `tolerance` and `limit` are those of an iterated group (see `plan.Group`).
+    """
 
     members: tuple[str, ...]
     algorithm: Algorithm = "gauss-seidel"
+    solver: Solver = "newton"
+    tolerance: float = 1e-10
+    limit: int = 100
 
 
 @dataclass(frozen=True)

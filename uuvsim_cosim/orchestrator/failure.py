@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from uuvsim_cosim.errors import ComponentFailed, UuvsimError
+from uuvsim_cosim.errors import ComponentFailed, LoopNotConverged, UuvsimError
 from uuvsim_cosim.fmus.component import BindingKind, Component
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.callback import CallbackBinding
@@ -22,6 +22,8 @@ def error_of(
     failure: Failure, tables: Tables, components: Sequence[Component], time: float
 ) -> BaseException:
     """Give the error to raise; an exception of a component in Python is given as it was."""
+    if failure.outcome == Outcome.NOT_CONVERGED:
+        return _not_converged(failure, tables, components, time)
     binding = tables.bindings[failure.member]
     component = components[tables.order[failure.member]]
     if failure.outcome == Outcome.NO_MEMORY:
@@ -39,10 +41,34 @@ def error_of(
     return ComponentFailed(component.path, time, reason)
 
 
+def _not_converged(
+    failure: Failure, tables: Tables, components: Sequence[Component], time: float
+) -> LoopNotConverged:
+    placed, element = tables.placed_at(failure.slot)
+    i = tables.order[placed.member]
+    path = components[i].path
+    group = next(g for g in tables.plan.groups if i in g.members)
+    hops = [
+        f"{components[t.source].path}.{t.source_variable.name} -> "
+        f"{components[t.target].path}.{t.target_variable.name}"
+        for t in tables.plan.transfers
+        if t.source in group.members and t.target in group.members
+    ]
+    return LoopNotConverged(
+        f"iterated group {', '.join(hops)}: inputs and outputs do not agree in the step from "
+        f"t = {time:.9g} s by the solver {group.solver!r}; "
+        f"residual {failure.residual:.3g} at {path}.{_element_name(placed.variable, element)} "
+        f"after {failure.status} iterations; expected a loop with a solution, another solver, or "
+        "a smaller step"
+    )
+
+
 def _function(failure: Failure, tables: Tables, kind: BindingKind) -> str:
     action = Action(failure.action)
     if action == Action.DO_STEP:
         return "DoStep"
+    if action in (Action.GET_STATE, Action.SET_STATE):
+        return action.name.title().replace("_State", "FMUState")
     placed, _ = tables.placed_at(failure.slot)
     return fmi_name(kind, action, Type.of(placed.variable))
 

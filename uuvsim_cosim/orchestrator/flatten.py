@@ -151,6 +151,9 @@ class _Flat:
     def groups(self) -> tuple[Group, ...]:
         """Give the Jacobi group of all that have no group of their own, then the others."""
         explicit = list(self._explicit(self.system, ""))
+        problems = [p for g in explicit if g.algorithm == "iterated" for p in self._cannot(g)]
+        if problems:
+            raise SystemInvalid(problems)
         grouped = {i for g in explicit for i in g.members}
         rest = tuple(i for i in range(len(self.components)) if i not in grouped)
         return (*((Group("jacobi", rest),) if rest else ()), *explicit)
@@ -160,11 +163,32 @@ class _Flat:
         for group in system.groups:
             members = [i for m in group.members for i in self._members(system, prefix, m)]
             taken.update(group.members)
-            yield Group(group.algorithm, tuple(members))
+            yield Group(group.algorithm, tuple(members), group.solver, group.tolerance, group.limit)
         for element in system.elements:
             nested = system.nested_or_none(element.name)
             if nested is not None and element.name not in taken:
                 yield from self._explicit(nested, f"{prefix}{element.name}.")
+
+    def _cannot(self, group: Group) -> Iterator[Problem]:
+        """Say why members cannot be iterated."""
+        members = [self.components[i] for i in group.members]
+        place = f"iterated group of {', '.join(c.path for c in members)}"
+        for c in members:
+            if not c.description.can_get_and_set_state:
+                yield Problem(
+                    place,
+                    f"{c.path} cannot get and set its state",
+                    "members that can: a step is repeated from the state at its start",
+                )
+        steps = {c.step_ticks: c.path for c in members}
+        if len(steps) > 1:
+            (a, first), (b, second) = list(steps.items())[:2]
+            yield Problem(
+                place,
+                f"{first} steps by {step_text(a * self.system.base_step)} s, "
+                f"{second} by {step_text(b * self.system.base_step)} s",
+                "members of one communication step",
+            )
 
     def _members(self, system: System, prefix: str, name: str) -> list[int]:
         path = prefix + name

@@ -96,6 +96,8 @@ def stacked_name(members: list[str]) -> str:
 def _free_hops(plan: Plan) -> set[tuple[int, int]]:
     free: set[tuple[int, int]] = set()
     for group in plan.groups:
+        if group.algorithm == "iterated":
+            free.update((a, b) for a in group.members for b in group.members)
         if group.algorithm == "gauss-seidel":
             for i, a in enumerate(group.members):
                 step = plan.components[a].step_ticks

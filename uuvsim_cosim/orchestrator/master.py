@@ -16,7 +16,7 @@ from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator import snapshot as snapshots
 from uuvsim_cosim.orchestrator.callback import CallbackBinding
-from uuvsim_cosim.orchestrator.core import Failure
+from uuvsim_cosim.orchestrator.core import Failure, Type
 from uuvsim_cosim.orchestrator.core_tables import Placed, Tables, tables_of
 from uuvsim_cosim.orchestrator.failure import error_of
 from uuvsim_cosim.orchestrator.initial_values import propagate
@@ -40,7 +40,8 @@ class Master:
     """One run of a plan: initialize, then step; frees everything at the end, also after a failure.
 
     `record` names the variables that observers get, as (path, name); by default all outputs.
-    They see every `record_every`-th communication point.
+    They see every `record_every`-th communication point. `live` names variables, and `held`
+    unconnected inputs, whose present values `slots` shows and takes without a call.
     """
 
     def __init__(
@@ -51,11 +52,14 @@ class Master:
         observers: Sequence[Observer] = (),
         record: Sequence[tuple[str, str]] | None = None,
         record_every: int = 1,
+        live: Sequence[tuple[str, str]] = (),
+        held: Sequence[tuple[str, str]] = (),
     ) -> None:
         self.plan = plan
         self._index = {c.path: i for i, c in enumerate(plan.components)}
         self._watch = Watch(plan, observers)
         self._record, self._every = record, record_every
+        self._live, self._held = live, held
         self._tables: Tables | None = None
         self.recorded = 0  # scalars that observers get at each recorded point
         self._first: Snapshot | None = None
@@ -131,6 +135,8 @@ class Master:
         finally:
             tables, self._tables = self._tables, None
             self._first = None
+            if tables is not None:
+                tables.core.forget()
             for component in reversed(self.components):
                 component.free()
             self.components.clear()
@@ -216,6 +222,21 @@ class Master:
         if placed is not None:
             encode(variable, value, self._raw(placed))
 
+    def slots(self, path: str, name: str) -> np.ndarray | None:
+        """Show the numbers of a variable of `live` or `held`, which change with the run.
+
+        Of shape (size,): float64, int64 or uint64. Setting those of a held input is `set`,
+        without its checks. None for a variable that the loop does not read or set.
+        """
+        tables = self._ready()
+        i, variable = self._variable(path, name)
+        placed = tables.inputs.get((i, name)) if (path, name) in self._held else None
+        placed = placed or tables.outputs.get((i, name))
+        type_ = Type.of(variable)
+        if placed is None or type_.is_blob:
+            return None
+        return self._raw(placed).view(type_.dtype)
+
     # ---- snapshots ------------------------------------------------------------------------
 
     def snapshot(self) -> Snapshot:
@@ -268,7 +289,10 @@ class Master:
         columns = [c for i, v in recorded for c in Column.of(self.plan.components[i].path, v)]
         self.recorded = len(columns)
         n_rows = rows_of(len(columns))
-        self._tables = tables_of(self.plan, self.components, recorded, self._every, n_rows)
+        live, held = ([self._variable(*n) for n in names] for names in (self._live, self._held))
+        self._tables = tables_of(
+            self.plan, self.components, recorded, self._every, n_rows, live, held
+        )
         self._watch.begin(columns)
 
     def _recorded(self) -> list[tuple[int, Variable]]:

@@ -9,9 +9,10 @@ from typing import Any, Literal
 
 from uuvsim_cosim.fmus.description import Description, Variable
 
-__all__ = ["Group", "Plan", "PlannedComponent", "Transfer"]
+__all__ = ["Algorithm", "Group", "Plan", "PlannedComponent", "Solver", "Transfer"]
 
-Algorithm = Literal["jacobi", "gauss-seidel"]
+Algorithm = Literal["jacobi", "gauss-seidel", "iterated"]
+Solver = Literal["newton", "anderson", "fixed-point"]
 
 
 @dataclass(frozen=True)
@@ -42,10 +43,17 @@ class Transfer:
 
 @dataclass(frozen=True)
 class Group:
-    """Components stepped together: all at once (Jacobi), or in this order (Gauss-Seidel)."""
+    """Components stepped together: all at once (Jacobi), in this order (Gauss-Seidel), or iterated.
+
+    An iterated group repeats its step until inputs and outputs at its end agree: the solver
+    leaves a residual below tolerance · (1 + |input|), or gives up after `limit` iterations.
+    """
 
     algorithm: Algorithm
     members: tuple[int, ...]
+    solver: Solver = "newton"
+    tolerance: float = 1e-10
+    limit: int = 100
 
 
 @dataclass(frozen=True)
@@ -56,6 +64,7 @@ class Plan:
     `step_ticks`) are set from outputs valid at k, then each steps by ``step_ticks · tick``; its
     outputs become visible at k + step_ticks. Within a Gauss-Seidel group, a member's inputs are
     set just before it steps and see what earlier members of the group produced in this step.
+    In an iterated group, inputs from other members are what those produce in this step.
     `initialization` lists the components in the order in which their outputs are known; an
     entry of more than one is an algebraic loop through declared (or undeclared) feedthrough.
     """

@@ -87,6 +87,10 @@ class _Writer:
         note = Xml("uuvsim:System", tick=step_text(system.base_step))
         for group in system.groups:
             item = SubElement(note, "uuvsim:Group", algorithm=group.algorithm)
+            if group.algorithm == "iterated":
+                item.set("solver", group.solver)
+                item.set("tolerance", repr(float(group.tolerance)))
+                item.set("limit", str(group.limit))
             for member in group.members:
                 SubElement(item, "uuvsim:Member", name=member)
         if name != system.name:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -80,13 +81,7 @@ class _Reader:
         elements = self._bind_system(xml, elements, prefix, remarks)
         kinds = _connector_kinds(xml)
         connections, exposed = _connections(xml, kinds)
-        groups = tuple(
-            StepGroup(
-                tuple(m.get("name", "") for m in g),
-                g.get("algorithm", ""),  # type: ignore[arg-type]
-            )
-            for g in (note if note is not None else ())
-        )
+        groups = tuple(_group(g) for g in (note if note is not None else ()))
         own = note.attrib if note is not None else {}
         try:
             return System(
@@ -323,3 +318,14 @@ def _end(item: Xml, side: str) -> str:
     indices = item.get(f"{side}Indices")
     index = f"[{','.join(indices.split())}]" if indices else ""
     return f"{element}.{connector}{index}" if element else f"{connector}{index}"
+
+
+def _group(xml: Xml) -> StepGroup:
+    """Read a group; what is no number becomes one that the system's check refuses."""
+    members = tuple(m.get("name", "") for m in xml)
+    try:
+        tolerance, limit = float(xml.get("tolerance", "1e-10")), int(xml.get("limit", "100"))
+    except ValueError:
+        tolerance, limit = math.nan, 0
+    algorithm, solver = xml.get("algorithm", ""), xml.get("solver", "newton")
+    return StepGroup(members, algorithm, solver, tolerance, limit)  # type: ignore[arg-type]

@@ -26,7 +26,7 @@ from uuvsim_cosim.orchestrator.endpoints import (
     find_element,
     resolve_endpoint,
 )
-from uuvsim_cosim.orchestrator.plan import Algorithm
+from uuvsim_cosim.orchestrator.plan import Algorithm, Solver
 from uuvsim_cosim.orchestrator.sources import anchored
 from uuvsim_cosim.orchestrator.validation import Checked, as_step, check, problem_of
 from uuvsim_cosim.orchestrator.values import Misfit, flat
@@ -149,9 +149,23 @@ class System:
         before = dict(self.components[name].start)
         return self._with(replace(self.components[name], start=_put(before, key, value)))
 
-    def group(self, members: Iterable[str], algorithm: Algorithm = "gauss-seidel") -> System:
-        """Step these components together, in this order, by another rule than Jacobi."""
-        return replace(self, groups=(*self.groups, StepGroup(tuple(members), algorithm)))
+    def group(
+        self,
+        members: Iterable[str],
+        algorithm: Algorithm = "gauss-seidel",
+        *,
+        solver: Solver = "newton",
+        tolerance: float = 1e-10,
+        limit: int = 100,
+    ) -> System:
+        """Step these components together by another rule than Jacobi.
+
+        "gauss-seidel": in this order, each sees what the ones before have produced. "iterated":
+        the step is repeated until inputs and outputs at its end agree, by the solver, within
+        the tolerance (of a residual, relative to 1 + |input|), in at most `limit` iterations.
+        """
+        group = StepGroup(tuple(members), algorithm, solver, tolerance, limit)
+        return replace(self, groups=(*self.groups, group))
 
     def expose(self, name: str, path: str) -> System:
         """Make an inner connector one of the system's own, for use inside another system."""

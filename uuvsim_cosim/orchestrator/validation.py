@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 from uuvsim_cosim.errors import InputInvalid, Problem, UuvsimError
 from uuvsim_cosim.fmus.description import Description, Variable
@@ -21,6 +21,7 @@ from uuvsim_cosim.orchestrator.endpoints import (
     find_variable,
     resolve_endpoint,
 )
+from uuvsim_cosim.orchestrator.plan import Algorithm, Solver
 from uuvsim_cosim.orchestrator.sources import resolve
 from uuvsim_cosim.orchestrator.values import Misfit, fit, flat
 from uuvsim_cosim.orchestrator.wiring import Wire, joined, single_source, wire
@@ -284,9 +285,20 @@ def _check_groups(system: System, names: set[str], problems: list[Problem]) -> N
     grouped: set[str] = set()
     for group in system.groups:
         place = f"group of {', '.join(group.members)}"
-        if group.algorithm not in ("jacobi", "gauss-seidel"):
+        for what, read, known in (
+            ("algorithm", group.algorithm, get_args(Algorithm)),
+            ("solver", group.solver, get_args(Solver)),
+        ):
+            if read not in known:
+                near = close_names(read, list(known), "one of " + ", ".join(map(repr, known)))
+                problems.append(Problem(place, f"{what} {read!r}", near))
+        if not (0.0 < group.tolerance < 1.0 and group.limit >= 1):
             problems.append(
-                Problem(place, f"algorithm {group.algorithm!r}", "'jacobi' or 'gauss-seidel'")
+                Problem(
+                    place,
+                    f"tolerance {group.tolerance}, limit {group.limit}",
+                    "a tolerance between 0 and 1, and at least one iteration",
+                )
             )
         for member in group.members:
             if member not in names:

@@ -1,0 +1,78 @@
+"""Random numbers of many episodes, each of which depends on its seed and episode alone."""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+from functools import lru_cache
+from typing import final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from uuvsim_cosim.models.draws import WORD, philox
+
+__all__ = ["Draws"]
+
+Array = NDArray[np.float64]
+
+
+@final
+class Draws:
+    """Draws for n episodes; row e depends on (seeds[e], episodes[e], name) and nothing else.
+
+    So an environment sees the same numbers alone and among ten thousand, in any order. Seeds are
+    whole numbers, counted modulo 2^64; episodes count from 0.
+    """
+
+    def __init__(self, seeds: ArrayLike, episodes: ArrayLike) -> None:
+        self._seeds = np.asarray(seeds, dtype=np.uint64)
+        self._episodes = np.asarray(episodes, dtype=np.uint64)
+
+    @property
+    def n(self) -> int:
+        """Give the number of episodes."""
+        return len(self._seeds)
+
+    def rows(self, chosen: ArrayLike) -> Draws:
+        """Give the draws of some of the episodes, by a mask or by indices."""
+        chosen = np.asarray(chosen)
+        return Draws(self._seeds[chosen], self._episodes[chosen])
+
+    def seeds(self, name: str = "system") -> NDArray[np.uint64]:
+        """Give a seed for each episode, of shape (n,): of the system, by default."""
+        a, b, _, _ = self._words(name, 1)
+        return (a << np.uint64(32) | b)[:, 0]
+
+    def uniform(
+        self, name: str, low: ArrayLike = 0.0, high: ArrayLike = 1.0, shape: tuple[int, ...] = ()
+    ) -> Array:
+        """Give numbers in (low, high), of shape (n, *shape).
+
+        The name tells draws apart: "start", "start/2" for a second try.
+        """
+        size = int(np.prod(shape, dtype=int))
+        a, b, c, d = self._words(name, (size + 1) // 2)
+        pairs = np.stack([a << np.uint64(20) | b >> np.uint64(12),
+                          c << np.uint64(20) | d >> np.uint64(12)], axis=-1)  # fmt: skip
+        unit = (pairs.reshape(self.n, -1)[:, :size] + 0.5) * 2.0**-52
+        low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
+        return np.asarray(low + (high - low) * unit.reshape(self.n, *shape))
+
+    def normal(self, name: str, shape: tuple[int, ...] = ()) -> Array:
+        """Give standard normals of shape (n, *shape)."""
+        from scipy.special import ndtri  # element by element: numpy's log differs with alignment
+
+        return np.asarray(ndtri(self.uniform(name, shape=shape)))
+
+    def _words(self, name: str, blocks: int) -> tuple[NDArray[np.uint64], ...]:
+        block = np.arange(max(blocks, 1), dtype=np.uint64)[None, :]
+        seed, episode = self._seeds[:, None], self._episodes[:, None]
+        counter = (seed & WORD, seed >> 32, episode + 0 * block, block + 0 * seed)
+        return philox(counter, _key(name))
+
+
+@lru_cache(maxsize=4096)
+def _key(name: str) -> tuple[int, int]:
+    first, second = struct.unpack("<II", hashlib.blake2b(name.encode(), digest_size=8).digest())
+    return first, second

@@ -1,0 +1,203 @@
+"""What is to be done in a system: names of signals, not solvers; arrays with a batch axis.
+
+A task is written once and serves one environment and ten thousand: n is the number of
+environments, and every array that a method gets or gives has n rows.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.envs.channel import Channel
+from uuvsim_cosim.envs.draws import Draws
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.envs.picture import View
+    from uuvsim_cosim.orchestrator.system import System
+
+__all__ = ["Moment", "Randomised", "Task", "TeamTask"]
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+class Moment(Protocol):
+    """What a task sees at the end of an action, or after a reset; nobody may change its arrays."""
+
+    @property
+    def n(self) -> int:
+        """The number of environments."""
+
+    @property
+    def time(self) -> Array:
+        """Seconds since the reset, of shape (n,)."""
+
+    @property
+    def step(self) -> NDArray[np.int64]:
+        """Actions since the reset, of shape (n,)."""
+
+    @property
+    def action(self) -> Mapping[str, Array]:
+        """The actions that led here, by agent, in [-1, 1], of shape (n, width); 0 after a reset."""
+
+    @property
+    def before(self) -> Moment:
+        """The moment when the action began; after a reset this moment itself."""
+
+    @property
+    def start(self) -> Mapping[str, Array]:
+        """The start values that the episodes drew, by variable, of shape (n, *shape)."""
+
+    def __getitem__(self, name: str) -> Array:
+        """Give a signal of the task, in the variable's own unit, of shape (n, *shape)."""
+
+
+class Randomised(Protocol):
+    """Where the start values of an episode come from."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The variables that are drawn, "hull.m"."""
+
+    def draw(self, draws: Draws) -> Mapping[str, Array]:
+        """Draw start values by variable, of shape (n, *shape)."""
+
+
+class _Common:
+    """What a task of one agent and a task of several have in common.
+
+    `system` has free inputs that are acted on. An action lasts `action_step` seconds, a whole
+    number of the system's communication steps. An episode is truncated after `horizon` seconds.
+    `signals` names what the methods read of a moment, beside the channels observed.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        *,
+        action_step: Fraction | str | float,
+        horizon: Fraction | str | float,
+        signals: Sequence[str] = (),
+        randomisation: Randomised | None = None,
+    ) -> None:
+        self.system = system
+        self.action_step = Fraction(str(action_step))
+        self.horizon = Fraction(str(horizon))
+        self.signals = tuple(signals)
+        self.randomisation = randomisation
+
+    def start(self, draws: Draws) -> Mapping[str, Array]:
+        """Draw an episode's start values, by variable ("hull.eta_0"), of shape (n, *shape)."""
+        return {} if self.randomisation is None else self.randomisation.draw(draws)
+
+    def info(self, m: Moment) -> Mapping[str, NDArray[Any]]:
+        """Give what else is worth knowing, of shape (n, …): metrics, the terms of a reward."""
+        return {}
+
+    def view(self, m: Moment, row: int) -> View | None:
+        """Say what to draw of one environment; None draws every hull there is."""
+        return None
+
+
+class Task(_Common, ABC):
+    """A task of one agent."""
+
+    def __init__(
+        self,
+        system: System,
+        *,
+        actions: Sequence[Channel],
+        observations: Sequence[Channel],
+        action_step: Fraction | str | float,
+        horizon: Fraction | str | float,
+        signals: Sequence[str] = (),
+        randomisation: Randomised | None = None,
+    ) -> None:
+        super().__init__(
+            system,
+            action_step=action_step,
+            horizon=horizon,
+            signals=signals,
+            randomisation=randomisation,
+        )
+        self.actions = tuple(actions)
+        self.observations = tuple(observations)
+
+    @abstractmethod
+    def reward(self, m: Moment) -> Array:
+        """Give the reward of the action that led to this moment, of shape (n,)."""
+
+    def extra(self, m: Moment) -> Array | None:
+        """Give observations that no connector has, after the channels, of shape (n, k)."""
+        return None
+
+    @property
+    def extra_limits(self) -> tuple[Sequence[float], Sequence[float]]:
+        """Give the least and the greatest value of each number of `extra`."""
+        return (), ()
+
+    def terminated(self, m: Moment) -> Mask:
+        """Say which episodes have ended by themselves: the goal, a collision; shape (n,)."""
+        return np.zeros(m.n, bool)
+
+
+class TeamTask(_Common, ABC):
+    """A task of several agents, which act at the same time; an agent may come and go.
+
+    `agents` names all that can ever be there. What a method gives by agent has n rows for each.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        *,
+        agents: Sequence[str],
+        actions: Mapping[str, Sequence[Channel]],
+        action_step: Fraction | str | float,
+        horizon: Fraction | str | float,
+        signals: Sequence[str] = (),
+        randomisation: Randomised | None = None,
+    ) -> None:
+        super().__init__(
+            system,
+            action_step=action_step,
+            horizon=horizon,
+            signals=signals,
+            randomisation=randomisation,
+        )
+        self.agents = tuple(agents)
+        self.actions = {agent: tuple(actions[agent]) for agent in self.agents}
+
+    @abstractmethod
+    def limits(self, agent: str) -> tuple[Array, Array]:
+        """Give the least and the greatest value of an agent's observation."""
+
+    @abstractmethod
+    def observe(self, m: Moment) -> Mapping[str, Array]:
+        """Give each agent's observation, of shape (n, width)."""
+
+    @abstractmethod
+    def reward(self, m: Moment) -> Mapping[str, Array]:
+        """Give each agent's reward, of shape (n,)."""
+
+    def terminated(self, m: Moment) -> Mapping[str, Mask]:
+        """Say which agents' episodes have ended by themselves, of shape (n,)."""
+        return {agent: np.zeros(m.n, bool) for agent in self.agents}
+
+    def present(self, m: Moment) -> Mapping[str, Mask]:
+        """Say which agents are there, of shape (n,); one that is not is neither seen nor heard."""
+        return {agent: np.ones(m.n, bool) for agent in self.agents}
+
+    @abstractmethod
+    def state(self, m: Moment) -> Array:
+        """Give the whole as a central critic sees it, of shape (n, width)."""
+
+    @abstractmethod
+    def state_limits(self) -> tuple[Array, Array]:
+        """Give the least and the greatest value of each number of `state`."""
