@@ -10,6 +10,7 @@ __all__ = [
     "FmuError",
     "InputInvalid",
     "LoopNotConverged",
+    "Overrun",
     "ParameterInvalid",
     "Problem",
     "RecordingError",
@@ -75,6 +76,12 @@ class ComponentFailed(UuvsimError):
 
 class LoopNotConverged(UuvsimError):
     """An algebraic loop without a solution that could be found; names its hops."""
+
+    exit_status = 3
+
+
+class Overrun(UuvsimError):
+    """A step took longer than real time leaves it, and the run was told to fail then."""
 
     exit_status = 3
 

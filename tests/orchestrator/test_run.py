@@ -187,3 +187,50 @@ def test_a_disk_that_fills_up_is_an_error_that_keeps_what_was_written(
     with pytest.raises(RecordingError, match=r"run\.json: No space left.*room on the disk"):
         run(tank, until=1.0, out=tmp_path / "r")
     assert (tmp_path / "r" / "signals.parquet").is_file()
+
+
+CRASHES = '''
+import os, time, ctypes
+class Kills:
+    """Ends its process."""
+    inputs = {}
+    outputs = {"y": "1"}
+    def step(self, t, dt, u):
+        if t >= 0.5:
+            os.kill(os.getpid(), 9)
+        return {"y": t}
+
+class Reads(Kills):
+    """Reads from nowhere."""
+    def step(self, t, dt, u):
+        if t >= 0.5:
+            ctypes.string_at(0)
+        return {"y": t}
+
+class Hangs(Kills):
+    """Never comes back."""
+    def step(self, t, dt, u):
+        while t >= 0.5:
+            pass
+        return {"y": t}
+'''
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"), [("Kills", "signal 9"), ("Reads", "signal 11"), ("Hangs", "within 2.0 s")]
+)
+def test_the_death_of_an_isolated_component_is_an_error_that_leaves_the_recording(
+    name: str, reason: str, tmp_path: Path
+) -> None:
+    (tmp_path / "bad.py").write_text(CRASHES)
+    system = System("bad", "0.1", base=tmp_path).add("part", f"bad.py:{name}")
+    with pytest.raises(ComponentFailed, match=rf"'part' failed at t = 0\.5 s.*{reason}"):
+        run(system, until=2.0, out=tmp_path / "r", isolate=["part"], watchdog=2.0)
+    assert read_signals(tmp_path / "r")["part.y"][-1] == pytest.approx(0.4)
+
+
+def test_a_run_in_real_time_says_how_punctual_it_was(tank: System, tmp_path: Path) -> None:
+    done = run(tank, until=1.0, out=tmp_path / "r", real_time=100.0)
+    assert done.punctuality is not None
+    assert done.punctuality.steps == 10
+    assert json.loads((done.folder / "run.json").read_text())["real_time"]["factor"] == 100.0

@@ -44,6 +44,18 @@ def run_command(
         bool, typer.Option("--native", help="Run models in process instead of as FMUs.")
     ] = False,
     record_every: Annotated[int, typer.Option(help="Record every N-th step.")] = 1,
+    real_time: Annotated[
+        float | None, typer.Option(help="Keep to this factor of real time, such as 1.")
+    ] = None,
+    overruns: Annotated[
+        str, typer.Option(help="When a step takes too long: catch-up, slip or fail.")
+    ] = "catch-up",
+    isolate: Annotated[
+        list[str] | None, typer.Option(help="Component in a process of its own; * for all.")
+    ] = None,
+    watchdog: Annotated[
+        float, typer.Option(help="Seconds that an isolated component has to answer.")
+    ] = 30.0,
     no_report: Annotated[bool, typer.Option("--no-report", help="Write no report.html.")] = False,
     open_: Annotated[bool, typer.Option("--open", help="Open the report in a browser.")] = False,
     input_: Annotated[
@@ -63,7 +75,10 @@ def run_command(
     if record_every < 1:
         raise InputInvalid(f"--record-every {record_every}: expected 1 or more")
     if _is_fmu(system):
-        refused = {"--waypoints": waypoints, "--replace": replace, "--map": map_, "--rate": rate}
+        refused = {
+            "--waypoints": waypoints, "--replace": replace, "--map": map_, "--rate": rate,
+            "--real-time": real_time, "--isolate": isolate,
+        }  # fmt: skip
         for option, given in refused.items():
             if given:
                 raise InputInvalid(f"{option}: is for systems; expected a system, not one FMU")
@@ -83,7 +98,18 @@ def run_command(
     _run_system(
         edited, changes, name=system, until=until, out=out, seed=seed, native=native,
         record_every=record_every, report=not no_report, show=open_,
+        pace=_pace(real_time, overruns), isolate=isolate or [], watchdog=watchdog,
     )  # fmt: skip
+
+
+def _pace(factor: float | None, overruns: str) -> Any:
+    from uuvsim_cosim.orchestrator.real_time import Pace
+
+    if factor is None:
+        if overruns != "catch-up":
+            raise InputInvalid(f"--overruns {overruns}: expected --real-time FACTOR with it")
+        return None
+    return Pace(factor, overruns)  # type: ignore[arg-type]
 
 
 def _is_fmu(system: str) -> bool:
@@ -151,6 +177,7 @@ def _from_here(source: str) -> str:
 def _run_system(
     system: Any, changes: dict[str, dict[str, str]], *, name: str, until: float | None,
     out: Path | None, seed: int, native: bool, record_every: int, report: bool, show: bool,
+    pace: Any, isolate: list[str], watchdog: float,
 ) -> None:  # fmt: skip
     from uuvsim_cosim.orchestrator.run import Interrupted, run
 
@@ -163,7 +190,8 @@ def _run_system(
         try:
             done = run(
                 system, until=until, out=out, seed=seed, backend="native" if native else "fmu",
-                record_every=record_every, progress=progress, about=about,
+                record_every=record_every, progress=progress, about=about, real_time=pace,
+                isolate=isolate, watchdog=watchdog,
             )  # fmt: skip
         except Interrupted as interrupted:
             done = interrupted.run

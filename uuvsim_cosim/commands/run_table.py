@@ -27,6 +27,12 @@ def show_run(run: Run, report: Path | None) -> None:
     rows = [(f.label, f"{f.value:{f.form}}", f.unit, f.note) for f in found]
     rows.append(("simulated", f"{run.time:g}", "s", f"{run.steps} steps of {run.tick:g} s"))
     rows.append(("real-time factor", f"{run.real_time_factor:.1f}", "", f"{run.wall_time:.2f} s"))
+    if run.punctuality is not None:
+        p = run.punctuality
+        late = f"median; 99 %: {1e3 * p.p99:.3f} ms, worst: {1e3 * p.worst:.3f} ms"
+        rows.append((f"steps late, at {p.factor:g} times real time", f"{1e3 * p.median:.3f}",
+                     "ms", late))  # fmt: skip
+        rows.append(("overruns", str(p.overruns), "", f"of {p.steps}"))
     if run.loop_delay is not None:
         rows.append(("slowest control loop's delay", f"{1e3 * run.loop_delay:g}", "ms",
                      run.loop_path))  # fmt: skip

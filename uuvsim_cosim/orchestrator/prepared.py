@@ -3,26 +3,36 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from difflib import get_close_matches
 from pathlib import Path
 
+from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.component import Component
+from uuvsim_cosim.fmus.isolated import Isolated
 from uuvsim_cosim.orchestrator.plan import Plan, PlannedComponent
 from uuvsim_cosim.orchestrator.sources import Backend, ModelSource, resolve
 
-__all__ = ["Progress", "prepare"]
+__all__ = ["Progress", "instance_of", "prepare"]
 
 Progress = Callable[[str, float, float], None]  # stage, done, total
 
 
 def prepare(
-    plan: Plan, backend: Backend = "fmu", progress: Progress | None = None
+    plan: Plan,
+    backend: Backend = "fmu",
+    progress: Progress | None = None,
+    isolate: Collection[str] = (),
+    watchdog: float | None = 30.0,
 ) -> Callable[[PlannedComponent], Component]:
     """Compile the plan's declarations side by side, and give what instantiates a component.
 
-    ``progress("building", done, total)`` is called after each. Raises ToolchainError.
+    ``progress("building", done, total)`` is called after each. Those that `isolate` names by
+    path, or all by "*", get a process of their own, which fails when it does not answer within
+    `watchdog` seconds. Raises ToolchainError, InputInvalid.
     """
+    _check_paths(isolate, plan)
     declared = {c.source for c in plan.components if c.source.startswith("model:")}
     built: dict[str, Path] = {}
     total = len(declared)
@@ -43,10 +53,34 @@ def prepare(
 
     def instantiate(planned: PlannedComponent) -> Component:
         fmu = built.get(planned.source)
-        source = resolve(str(fmu) if fmu is not None else planned.source)
+        text = str(fmu) if fmu is not None else planned.source
+        source = resolve(text)
+        if planned.path in isolate or "*" in isolate:
+            return Isolated(
+                planned.path,
+                source.describe(),
+                instance_of,
+                (text, planned.path, backend),
+                watchdog=watchdog,
+            )
         return source.instantiate(planned.path, backend=backend)
 
     return instantiate
+
+
+def instance_of(source: str, path: str, backend: Backend) -> Component:
+    """Make a live component of a source; in the process of an isolated one."""
+    return resolve(source).instantiate(path, backend=backend)
+
+
+def _check_paths(isolate: Collection[str], plan: Plan) -> None:
+    paths = [c.path for c in plan.components]
+    for path in isolate:
+        if path not in paths and path != "*":
+            near = get_close_matches(path, paths, 3) or paths
+            raise InputInvalid(
+                f"isolate: no component {path!r}; expected one of {', '.join(near)}, or * for all"
+            )
 
 
 def _fmu(source: str) -> Path:

@@ -11,8 +11,8 @@ import json
 import math
 import platform
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from fractions import Fraction
 from pathlib import Path
@@ -23,13 +23,15 @@ from uuvsim_cosim.errors import ComponentFailed, InputInvalid, RecordingError, U
 from uuvsim_cosim.orchestrator.flatten import flatten
 from uuvsim_cosim.orchestrator.loops import loop_delays
 from uuvsim_cosim.orchestrator.mission import duration, path_of
-from uuvsim_cosim.orchestrator.plan import Plan
+from uuvsim_cosim.orchestrator.plan import Plan, PlannedComponent
 from uuvsim_cosim.orchestrator.prepared import Progress, prepare
+from uuvsim_cosim.orchestrator.real_time import Pace, Punctuality
 from uuvsim_cosim.orchestrator.run_folder import RunFolder, check_room, claim
 from uuvsim_cosim.orchestrator.sources import Backend
 from uuvsim_cosim.orchestrator.system import System
 
 if TYPE_CHECKING:
+    from uuvsim_cosim.fmus.component import Component
     from uuvsim_cosim.orchestrator.master import Master
     from uuvsim_cosim.orchestrator.recording import Signals
 
@@ -57,6 +59,7 @@ class Run:
     waypoints: tuple[tuple[float, ...], ...] | None
     asked: Path | None = None
     interrupted: str = ""
+    punctuality: Punctuality | None = None  # of a run in real time
 
     @property
     def real_time_factor(self) -> float:
@@ -93,13 +96,19 @@ def run(
     record_every: int = 1,
     progress: Progress | None = None,
     about: Mapping[str, Any] | None = None,
+    real_time: float | Pace | None = None,
+    isolate: Collection[str] = (),
+    watchdog: float = 30.0,
 ) -> Run:
     """Simulate a system from 0 to `until` [s] and record every output into a fresh folder.
 
     Without `until`, a mission runs as long as its path takes (see `mission.duration`). The
     folder is `out`, by default ``runs/<system>-<seed>``; if it holds something already, the
     first free of NAME-2, NAME-3, …. ``progress(stage, done, total)`` is called while
-    "building" (components) and "simulating" (seconds). `about` goes into run.json.
+    "building" (components) and "simulating" (seconds). `about` goes into run.json. `real_time`
+    is a factor of real time to be kept, or a `Pace`; without it the run is as fast as it can be.
+    `isolate` names components that get a process of their own ("*": all), so that a crash is an
+    error and no more; one that does not answer within `watchdog` seconds fails.
 
     Raises SystemInvalid and InputInvalid before anything runs, ComponentFailed while it runs
     (its attribute `recording` is the folder), Interrupted on Ctrl-C while stepping.
@@ -112,13 +121,15 @@ def run(
         from uuvsim_cosim.orchestrator.library import load
 
         system = load(system)
+    pace = real_time if isinstance(real_time, Pace | None) else Pace(real_time)
     plan = flatten(system, seed)
     end = duration(plan) if until is None else until
     _check_end(end, plan)
     folder = claim(out if out is not None else Path("runs") / f"{system.name}-{seed}")
     try:
         provenance = _provenance(system, plan, seed, backend, record_every, end, about or {})
-        master = _started(system, plan, folder, backend, record_every, provenance, end, progress)
+        instantiate = prepare(plan, backend, progress, isolate, watchdog)
+        master = _started(system, plan, folder, instantiate, record_every, provenance, end)
         try:
             rows = end / float(plan.tick) / record_every
             check_room(folder.path, rows * 8.0 * (master.recorded + 2))
@@ -128,7 +139,7 @@ def run(
     except BaseException:
         folder.discard()
         raise
-    return _stepped(master, plan, end, folder, provenance, progress)
+    return _stepped(master, plan, end, folder, provenance, progress, pace)
 
 
 def _check_end(end: float, plan: Plan) -> None:
@@ -142,8 +153,9 @@ def _check_end(end: float, plan: Plan) -> None:
 
 
 def _started(
-    system: System, plan: Plan, folder: RunFolder, backend: Backend, record_every: int,
-    provenance: Mapping[str, Any], end: float, progress: Progress | None,
+    system: System, plan: Plan, folder: RunFolder,
+    instantiate: Callable[[PlannedComponent], Component], record_every: int,
+    provenance: Mapping[str, Any], end: float,
 ) -> Master:  # fmt: skip
     """Write the system, build its components, and go through Initialization Mode."""
     from uuvsim_cosim.orchestrator.master import Master
@@ -151,7 +163,6 @@ def _started(
     from uuvsim_cosim.orchestrator.ssd import write_ssd
 
     write_ssd(system, folder.path / "system.ssd")
-    instantiate = prepare(plan, backend, progress)
     recorder = Recorder(folder.path, provenance={k: provenance[k] for k in ("system", "seed")})
     master = Master(plan, instantiate, observers=[recorder], record_every=record_every)
     try:
@@ -166,7 +177,7 @@ def _started(
 
 def _stepped(
     master: Master, plan: Plan, end: float, folder: RunFolder,
-    provenance: dict[str, Any], progress: Progress | None,
+    provenance: dict[str, Any], progress: Progress | None, pace: Pace | None,
 ) -> Run:  # fmt: skip
     """Step to the end, and leave a closed recording and run.json whatever happens."""
     begun = time.perf_counter()
@@ -176,7 +187,13 @@ def _stepped(
     interrupted = False
     with master:
         try:
-            _advance(master, steps, end, progress)
+            if pace is None:
+                _advance(master, steps, end, progress)
+            else:
+                report = progress or (lambda stage, done, total: None)
+                pace.advance(
+                    master, steps, float(plan.tick), lambda done: report("simulating", done, end)
+                )
         except KeyboardInterrupt:
             interrupted = True
             stopped = f"interrupted at t = {master.time:.6g} s"
@@ -189,6 +206,7 @@ def _stepped(
     known = {
         "time": reached, "steps": done, "wall_time": wall_time,
         "real_time_factor": reached / wall_time if wall_time > 0 else None, "interrupted": stopped,
+        "real_time": None if pace is None else asdict(pace.punctuality()),
     }  # fmt: skip
     try:
         _write_json(folder.path / "run.json", {**provenance, **known})
@@ -216,6 +234,7 @@ def _stepped(
         ),
         asked=folder.asked if folder.renamed else None,
         interrupted=stopped,
+        punctuality=None if pace is None else pace.punctuality(),
     )  # fmt: skip
     if interrupted:
         raise Interrupted(result)
