@@ -123,7 +123,7 @@ CO_SIMULATION = "<CoSimulation modelIdentifier"
     [
         (2, 'fmiVersion="2.0"', 'fmiVersion="1.0"', "fmiVersion: '1.0'; expected .* 2.0 or 3.0"),
         (3, 'fmiVersion="3.0"', 'fmiVersion="3.0-beta.2"', "fmiVersion"),
-        (2, CO_SIMULATION, "<ModelExchange modelIdentifier", "is for ModelExchange only"),
+        (2, CO_SIMULATION, "<Nothing modelIdentifier", "is for nothing that FMI knows only"),
         (3, CO_SIMULATION, "<ScheduledExecution modelIdentifier", "ScheduledExecution only"),
         (
             2,

@@ -27,7 +27,8 @@ class Binding:
 
     `functions` maps FMI names without prefix (``DoStep``, ``GetFloat64``, ``SetReal``, …; only
     those that the binary has) to addresses. Native: ``DoStep`` is ``uuv_do_step`` and
-    ``instance`` a ``uuv_instance *``; ``StateSize`` is no address but bytes. Callback: see the core.
+    ``instance`` a ``uuv_instance *``; ``StateSize`` is no address but bytes. Callback: see the
+    core.
     """
 
     kind: BindingKind

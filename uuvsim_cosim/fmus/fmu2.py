@@ -1,4 +1,4 @@
-"""An instance of an FMI 2.0 Co-Simulation FMU in this process."""
+"""An instance of an FMI 2.0 FMU in this process."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ _P, _I, _D, _Z, _S = (
     ctypes.c_char_p,
 )
 _VALUES = (_I, (_P, _P, _Z, _P))
-_CO_SIMULATION, _TERMINATED, _DISCARD = 1, 3, 2
+_TYPES = {"ModelExchange": 0, "CoSimulation": 1}
+_TERMINATED, _DISCARD = 3, 2
 
 
 class _Callbacks(ctypes.Structure):
@@ -67,6 +68,16 @@ class Fmu2(FmuBinary):
         "GetDirectionalDerivative": (_I, (_P, _P, _Z, _P, _Z, _P, _P)),
         "DoStep": (_I, (_P, _D, _D, _I)),
         "GetBooleanStatus": (_I, (_P, _I, _P)),
+        "SetTime": (_I, (_P, _D)),
+        "GetContinuousStates": (_I, (_P, _P, _Z)),
+        "SetContinuousStates": (_I, (_P, _P, _Z)),
+        "GetDerivatives": (_I, (_P, _P, _Z)),
+        "GetEventIndicators": (_I, (_P, _P, _Z)),
+        "GetNominalsOfContinuousStates": (_I, (_P, _P, _Z)),
+        "EnterEventMode": (_I, (_P,)),
+        "EnterContinuousTimeMode": (_I, (_P,)),
+        "NewDiscreteStates": (_I, (_P, _P)),
+        "CompletedIntegratorStep": (_I, (_P, _I, _P, _P)),
     }
 
     def _instantiate(self, logging_on: bool) -> int | None:
@@ -81,7 +92,7 @@ class Fmu2(FmuBinary):
         )
         instance: int | None = self._library.function("Instantiate")(
             self.path.encode(),
-            _CO_SIMULATION,
+            _TYPES[self.archive.interface],
             self.description.token.encode(),
             (self.archive.folder / "resources").as_uri().encode(),
             ctypes.addressof(self._callbacks),

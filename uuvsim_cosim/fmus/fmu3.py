@@ -1,4 +1,4 @@
-"""An instance of an FMI 3.0 Co-Simulation FMU in this process."""
+"""An instance of an FMI 3.0 FMU in this process."""
 
 from __future__ import annotations
 
@@ -43,6 +43,7 @@ class Fmu3(FmuBinary):
     deserialize = "DeserializeFMUState"
     signatures: ClassVar[Signatures] = {
         "InstantiateCoSimulation": (_P, (_S, _S, _S, _B, _B, _B, _B, _P, _Z, _P, _P, _P)),
+        "InstantiateModelExchange": (_P, (_S, _S, _S, _B, _B, _P, _P)),
         "FreeInstance": (None, (_P,)),
         "EnterInitializationMode": (_I, (_P, _B, _D, _D, _B, _D)),
         "ExitInitializationMode": (_I, (_P,)),
@@ -62,14 +63,33 @@ class Fmu3(FmuBinary):
         "DeserializeFMUState": (_I, (_P, _P, _Z, _P)),
         "GetDirectionalDerivative": (_I, (_P, _P, _Z, _P, _Z, _P, _Z, _P, _Z)),
         "DoStep": (_I, (_P, _D, _D, _B, _P, _P, _P, _P)),
+        "SetTime": (_I, (_P, _D)),
+        "GetNumberOfContinuousStates": (_I, (_P, _P)),
+        "GetNumberOfEventIndicators": (_I, (_P, _P)),
+        "GetContinuousStates": (_I, (_P, _P, _Z)),
+        "SetContinuousStates": (_I, (_P, _P, _Z)),
+        "GetContinuousStateDerivatives": (_I, (_P, _P, _Z)),
+        "GetEventIndicators": (_I, (_P, _P, _Z)),
+        "GetNominalsOfContinuousStates": (_I, (_P, _P, _Z)),
+        "EnterEventMode": (_I, (_P,)),
+        "EnterContinuousTimeMode": (_I, (_P,)),
+        "UpdateDiscreteStates": (_I, (_P, _P, _P, _P, _P, _P, _P)),
+        "CompletedIntegratorStep": (_I, (_P, _B, _P, _P)),
     }
 
     def _instantiate(self, logging_on: bool) -> int | None:
         resources = self.archive.folder / "resources"
         path = f"{resources}{os.sep}".encode() if resources.is_dir() else None
-        instance: int | None = self._library.function("InstantiateCoSimulation")(
-            self.path.encode(),
-            self.description.token.encode(),
+        name, token = self.path.encode(), self.description.token.encode()
+        log = self._log.environment, self._log.address("uuv_log_fmi3")
+        instance: int | None
+        if self.archive.interface == "ModelExchange":
+            instantiate = self._library.function("InstantiateModelExchange")
+            instance = instantiate(name, token, path, False, logging_on, *log)
+            return instance
+        instance = self._library.function("InstantiateCoSimulation")(
+            name,
+            token,
             path,
             False,  # visible
             logging_on,
@@ -77,8 +97,7 @@ class Fmu3(FmuBinary):
             False,  # earlyReturnAllowed
             None,
             0,
-            self._log.environment,
-            self._log.address("uuv_log_fmi3"),
+            *log,
             None,
         )
         return instance

@@ -207,6 +207,24 @@ class FmuBinary(ABC):
 
     # ---- the rest -----------------------------------------------------------------------------
 
+    @property
+    def phase(self) -> Phase:
+        """Where in its life the instance is."""
+        return self._phase
+
+    @property
+    def time(self) -> float:
+        """The time of the last call that has one [s]; named by errors."""
+        return self._time
+
+    @time.setter
+    def time(self, time: float) -> None:
+        self._time = time
+
+    def call(self, name: str, *arguments: Any) -> None:
+        """Call a function of the FMU by its name without prefix; raises for a bad status."""
+        self._call(name, *arguments)
+
     def directional_derivative(
         self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: Any
     ) -> Any:

@@ -10,6 +10,7 @@ from uuvsim_cosim.fmus.fmu2 import Fmu2
 from uuvsim_cosim.fmus.fmu3 import Fmu3
 from uuvsim_cosim.fmus.fmu_binary import lives_here
 from uuvsim_cosim.fmus.isolated import Isolated
+from uuvsim_cosim.fmus.model_exchange import ModelExchange
 from uuvsim_cosim.fmus.read_description import FmuArchive, read_fmu
 
 __all__ = ["instantiate_fmu", "needs_own_process"]
@@ -42,8 +43,9 @@ def instantiate_fmu(
 
 def instantiate_here(archive: FmuArchive, path: str, logging_on: bool = True) -> Component:
     """Instantiate an FMU in this process."""
-    fmu = Fmu2 if archive.description.kind == "FMI 2.0" else Fmu3
-    return fmu(archive, path, logging_on=logging_on)
+    kind = Fmu2 if archive.description.kind == "FMI 2.0" else Fmu3
+    fmu = kind(archive, path, logging_on=logging_on)
+    return ModelExchange(fmu) if archive.interface == "ModelExchange" else fmu
 
 
 def needs_own_process(archive: FmuArchive) -> bool:

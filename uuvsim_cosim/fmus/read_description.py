@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 from xml.etree.ElementTree import Element
 
 from uuvsim_cosim.errors import FmuError
@@ -17,6 +18,7 @@ from uuvsim_cosim.fmus.variables_fmi3 import read_variables_fmi3
 
 __all__ = ["FmuArchive", "read_description", "read_fmu"]
 
+Interface = Literal["CoSimulation", "ModelExchange"]
 LIBRARY_SUFFIXES = (".so", ".dll", ".dylib")
 
 
@@ -32,6 +34,10 @@ class FmuArchive:
     enumerations: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
     default_stop_time: float | None = None
     log_categories: tuple[str, ...] = ()
+    interface: Interface = "CoSimulation"
+    n_states: int = 0  # of an FMI 2.0 Model Exchange FMU; FMI 3.0 has functions for them
+    n_event_indicators: int = 0
+    tolerance: float = 1e-6  # relative, of the integrator of a Model Exchange FMU
 
 
 def read_description(path: Path) -> Description:
@@ -43,7 +49,7 @@ def read_fmu(path: Path) -> FmuArchive:
     """Unpack an .fmu into the cache and read it.
 
     Raises FmuError for an archive that cannot be read, for FMI versions other than 2.0 and 3.0,
-    and for FMUs without Co-Simulation.
+    and for FMUs that have neither Co-Simulation nor Model Exchange. Co-Simulation is preferred.
     """
     folder = unpack(path)
     source = Source(f"{shown(path)}/modelDescription.xml")
@@ -51,7 +57,7 @@ def read_fmu(path: Path) -> FmuArchive:
     if root.tag != "fmiModelDescription":
         raise source.fault("the document", f"<{root.tag}>", "<fmiModelDescription>")
     version = _version(source, root)
-    co_simulation = _co_simulation(path, root)
+    interface, element = _interface(path, root)
     read = read_variables_fmi2 if version == "2.0" else read_variables_fmi3
     variables, enumerations = read(source, root)
     experiment = root.find("DefaultExperiment")
@@ -69,15 +75,15 @@ def read_fmu(path: Path) -> FmuArchive:
         default_step_size=(
             None if experiment is None else source.optional_number(experiment, "stepSize", where)
         ),
-        can_get_and_set_state=flag(co_simulation, "canGetAndSetFMUstate", "canGetAndSetFMUState"),
-        can_serialize_state=flag(co_simulation, "canSerializeFMUstate", "canSerializeFMUState"),
-        can_be_instantiated_only_once=flag(co_simulation, "canBeInstantiatedOnlyOncePerProcess"),
+        can_get_and_set_state=flag(element, "canGetAndSetFMUstate", "canGetAndSetFMUState"),
+        can_serialize_state=flag(element, "canSerializeFMUstate", "canSerializeFMUState"),
+        can_be_instantiated_only_once=flag(element, "canBeInstantiatedOnlyOncePerProcess"),
         provides_directional_derivatives=flag(
-            co_simulation, "providesDirectionalDerivative", "providesDirectionalDerivatives"
+            element, "providesDirectionalDerivative", "providesDirectionalDerivatives"
         ),
-        needs_execution_tool=flag(co_simulation, "needsExecutionTool"),
+        needs_execution_tool=flag(element, "needsExecutionTool"),
     )
-    identifier = source.required(co_simulation, "modelIdentifier", "CoSimulation")
+    identifier = source.required(element, "modelIdentifier", interface)
     return FmuArchive(
         path=path,
         description=description,
@@ -89,6 +95,15 @@ def read_fmu(path: Path) -> FmuArchive:
             None if experiment is None else source.optional_number(experiment, "stopTime", where)
         ),
         log_categories=tuple(c.get("name", "") for c in root.iterfind("LogCategories/Category")),
+        interface=interface,
+        n_states=len(root.findall("ModelStructure/Derivatives/Unknown")),
+        n_event_indicators=source.natural(
+            root.get("numberOfEventIndicators", "0"), "numberOfEventIndicators", "the document"
+        ),
+        tolerance=(
+            None if experiment is None else source.optional_number(experiment, "tolerance", where)
+        )
+        or 1e-6,
     )
 
 
@@ -100,14 +115,16 @@ def _version(source: Source, root: Element) -> str:
     raise source.fault("fmiVersion", f"{text!r}", "an FMU of FMI 2.0 or 3.0")
 
 
-def _co_simulation(path: Path, root: Element) -> Element:
-    found = root.find("CoSimulation")
-    if found is not None:
-        return found
-    kinds = [k for k in ("ModelExchange", "ScheduledExecution") if root.find(k) is not None]
+def _interface(path: Path, root: Element) -> tuple[Interface, Element]:
+    interfaces: tuple[Interface, ...] = ("CoSimulation", "ModelExchange")
+    for interface in interfaces:
+        found = root.find(interface)
+        if found is not None:
+            return interface, found
+    only = "ScheduledExecution" if root.find("ScheduledExecution") is not None else ""
     raise FmuError(
-        f"{shown(path)}: is for {' and '.join(kinds) or 'nothing that FMI knows'} only; "
-        "expected Co-Simulation, so export it as a Co-Simulation FMU"
+        f"{shown(path)}: is for {only or 'nothing that FMI knows'} only; "
+        "expected Co-Simulation or Model Exchange"
     )
 
 

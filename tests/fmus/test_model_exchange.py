@@ -1,0 +1,178 @@
+"""Model Exchange FMUs are integrated here, and their events located."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.conftest import FOREIGN, write_archive
+from uuvsim_cosim.errors import ComponentFailed
+from uuvsim_cosim.fmus.component import Component
+from uuvsim_cosim.fmus.instantiate import instantiate_fmu
+from uuvsim_cosim.fmus.read_description import read_fmu
+from uuvsim_cosim.fmus.toolchain import compile_shared, host
+from uuvsim_cosim.orchestrator.flatten import flatten
+from uuvsim_cosim.orchestrator.master import Master
+from uuvsim_cosim.orchestrator.prepared import prepare
+from uuvsim_cosim.orchestrator.system import System
+
+G, E = 9.81, 0.7
+
+
+@pytest.fixture(scope="module", params=[2, 3])
+def ball(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    import fmpy
+
+    version = request.param
+    include = [Path(fmpy.__file__).parent / "c-code", FOREIGN]
+    library = compile_shared([FOREIGN / f"ball_fmi{version}.c"], name="ball", include=include)
+    platform = host().fmi2 if version == 2 else host().fmi3
+    members = {
+        "modelDescription.xml": (FOREIGN / f"ball_fmi{version}.xml").read_bytes(),
+        f"binaries/{platform}/ball{host().suffix}": library.read_bytes(),
+    }
+    return write_archive(tmp_path_factory.mktemp("ball") / f"ball_fmi{version}.fmu", members)
+
+
+@pytest.fixture
+def begun(ball: Path) -> Any:
+    made: list[Component] = []
+
+    def begin(**start: float) -> tuple[Component, Callable[[str], float]]:
+        c = instantiate_fmu(ball, "ball")
+        made.append(c)
+        for name, value in start.items():
+            c.set(c.description.variables[name], value)
+        c.enter_initialization_mode(0.0, None)
+        c.exit_initialization_mode()
+        return c, lambda name: float(c.get(c.description.variables[name]))
+
+    yield begin
+    for c in made:
+        c.free()
+
+
+def height(t: float, kick: float = 0.0, t_kick: float = math.inf) -> float:
+    """Give the closed form of the ball let go at 1 m, which may be kicked before it lands."""
+    h, v, now = 1.0, 0.0, 0.0
+    while True:
+        lands = now + (v + math.sqrt(v * v + 2 * G * h)) / G
+        if now <= t_kick < min(lands, t):
+            dt = t_kick - now
+            h, v, now, t_kick = h + v * dt - G * dt**2 / 2, v - G * dt + kick, t_kick, math.inf
+        elif lands < t:
+            h, v, now = 0.0, E * (G * (lands - now) - v), lands
+        else:
+            return h + v * (t - now) - G * (t - now) ** 2 / 2
+
+
+@pytest.mark.parametrize("step", [0.01, 0.25])
+def test_a_ball_bounces_as_the_closed_form_has_it(begun: Any, step: float) -> None:
+    c, get = begun()
+    for k in range(round(2.0 / step)):
+        c.do_step(k * step, step)
+        assert get("h") == pytest.approx(height((k + 1) * step), abs=1e-5)
+    assert get("bounces") == 4
+
+
+def test_a_time_event_comes_at_its_time(begun: Any) -> None:
+    c, get = begun(kick=2.0, t_kick=0.237)
+    for k in range(10):
+        c.do_step(0.1 * k, 0.1)
+        assert get("h") == pytest.approx(height(0.1 * k + 0.1, 2.0, 0.237), abs=2e-6)
+
+
+def test_inputs_hold_over_a_step_and_feed_through_at_once(begun: Any) -> None:
+    c, get = begun()
+    c.set(c.description.variables["u"], G)
+    assert get("y") == pytest.approx(1.0 + G)
+    c.do_step(0.0, 1.0)
+    assert get("h") == pytest.approx(1.0, abs=1e-9)
+    c.set(c.description.variables["u"], G + 2.0)
+    c.do_step(1.0, 1.0)
+    assert get("h") == pytest.approx(2.0, abs=1e-7)
+
+
+def test_a_tunable_parameter_is_set_in_event_mode(begun: Any) -> None:
+    c, get = begun()
+    c.set(c.description.variables["g"], 0.0)  # the FMU refuses it in Continuous-Time Mode
+    c.do_step(0.0, 1.0)
+    assert get("h") == pytest.approx(1.0, abs=1e-9)
+
+
+def test_a_state_restores_the_same_bits(begun: Any) -> None:
+    c, get = begun(kick=2.0, t_kick=0.9)
+    c.do_step(0.0, 0.5)
+    state = c.get_fmu_state()
+    data = c.serialize_fmu_state(state)
+    c.do_step(0.5, 0.5)
+    first = get("h"), get("bounces")
+    c.set_fmu_state(state)
+    c.do_step(0.5, 0.5)
+    assert (get("h"), get("bounces")) == first
+    c.set_fmu_state(c.deserialize_fmu_state(data))
+    c.do_step(0.5, 0.5)
+    assert (get("h"), get("bounces")) == first
+
+
+def test_reset_and_a_second_start_give_the_same_bits(begun: Any) -> None:
+    c, get = begun()
+    c.do_step(0.0, 0.7)
+    first = get("h")
+    c.reset()
+    c.enter_initialization_mode(0.0, None)
+    c.exit_initialization_mode()
+    c.do_step(0.0, 0.7)
+    assert get("h") == first
+
+
+def test_an_fmu_that_ends_the_simulation_is_an_error_with_the_time(begun: Any) -> None:
+    c, _ = begun(t_end=0.5)
+    for k in range(4):
+        c.do_step(0.1 * k, 0.1)
+    with pytest.raises(ComponentFailed, match=r"t = 0\.5 s: it asks to end the simulation"):
+        c.do_step(0.4, 0.1)
+
+
+def test_it_steps_beside_co_simulation(ball: Path) -> None:
+    system = System("mixed", "0.05").add("ball", str(ball)).add("battery", "model:battery")
+    system = system.connect("ball.y", "battery.current", convert=False)
+    plan = flatten(system)
+    with Master(plan, prepare(plan, "native")) as master:
+        master.initialize()
+        master.step(20)
+        assert master.get("ball", "y") == pytest.approx(height(1.0), abs=2e-6)
+        snapshot = master.snapshot()
+        master.step(20)
+        last = master.get("ball", "y"), master.get("battery", "voltage")
+        master.restore(snapshot)
+        master.step(20)
+        assert (master.get("ball", "y"), master.get("battery", "voltage")) == last
+
+
+def test_it_runs_in_a_process_of_its_own(ball: Path) -> None:
+    c = instantiate_fmu(ball, "ball", isolate=True)
+    c.enter_initialization_mode(0.0, None)
+    c.exit_initialization_mode()
+    c.do_step(0.0, 1.0)
+    assert c.get(c.description.variables["h"]) == pytest.approx(height(1.0), abs=2e-6)
+    c.free()
+
+
+def test_co_simulation_is_preferred_where_an_fmu_has_both(ball: Path, tmp_path: Path) -> None:
+    import zipfile
+
+    with zipfile.ZipFile(ball) as archive:
+        members = {n: archive.read(n) for n in archive.namelist()}
+    text = members["modelDescription.xml"].decode()
+    both = text.replace(
+        "<DefaultExperiment", '<CoSimulation modelIdentifier="x"/><DefaultExperiment'
+    )
+    members["modelDescription.xml"] = both.encode()
+    archive_of_both = read_fmu(write_archive(tmp_path / "both.fmu", members))
+    assert read_fmu(ball).interface == "ModelExchange"
+    assert archive_of_both.interface == "CoSimulation"
