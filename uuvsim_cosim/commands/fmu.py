@@ -67,11 +67,12 @@ def inspect(
     if as_json:
         line(json.dumps(found, indent=2, default=str))
         return
+    words = {"CoSimulation": "Co-Simulation", "ModelExchange": "Model Exchange"}
     able = [name.replace("_", " ") for name, yes in found["capabilities"].items() if yes]
     rows = [
         ("file", tilde(file)),
         ("name", found["name"]),
-        ("FMI", found["fmi"]),
+        ("FMI", f"{found['fmi']}, {words[found['interface']]}"),
         ("description", found["description"]),
         ("written by", found["tool"] or "not said"),
         ("platforms", ", ".join(found["platforms"]) or "none (sources only)"),

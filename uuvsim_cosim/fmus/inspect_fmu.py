@@ -29,6 +29,7 @@ class Inspection:
             "file": str(self.fmu.path),
             "name": d.name,
             "fmi": d.kind.removeprefix("FMI "),
+            "interface": self.fmu.interface,
             "description": d.description,
             "tool": d.generation_tool,
             "token": d.token,

@@ -1,4 +1,4 @@
-"""A Model Exchange FMU as a component: CVODE integrates it, and its events are located.
+"""A Model Exchange FMU as a component: it is integrated here, and its events are located.
 
 Inputs hold over a communication step. The integrator begins anew at each communication point, so
 that a step depends on the FMU's state alone and a replay from a snapshot has the same bits.
@@ -8,22 +8,22 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, final
 
-from uuvsim_cosim.errors import ComponentFailed, FmuError, UuvsimError
+from uuvsim_cosim.errors import ComponentFailed, FmuError
 from uuvsim_cosim.fmus.component import Binding, BindingKind
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.fmu2 import Fmu2
 from uuvsim_cosim.fmus.fmu3 import Fmu3
 from uuvsim_cosim.fmus.fmu_state import FmuState, Phase
 from uuvsim_cosim.fmus.model_exchange_calls import Calls, Calls2, Calls3
+from uuvsim_cosim.fmus.model_exchange_solver import Solver
 
 __all__ = ["ModelExchange"]
 
 _EVENTS = 10_000  # in one communication step, before it counts as endless
 _ROUNDS = 100  # of one event iteration
-_STEPS = 100_000  # of the integrator between two communication points or events
 _State = tuple[FmuState, float]
 
 
@@ -37,9 +37,8 @@ class ModelExchange:
         self.messages = fmu.messages
         self._fmu = fmu
         self._calls: Calls | None = None
-        self._solver: Any = None
+        self._solver: Solver | None = None
         self._next_event = math.inf
-        self._error: UuvsimError | None = None
 
     # ---- values and life, as the FMU has them -------------------------------------------------
 
@@ -125,7 +124,6 @@ class ModelExchange:
         self._fmu.time = time
         calls = self._live()
         calls.set_time(time)
-        self._begin(time)
         for _ in range(_EVENTS):
             time, crossed = self._integrate(time, min(end, self._next_event))
             self._fmu.time = time
@@ -136,7 +134,6 @@ class ModelExchange:
             if crossed or wanted or time >= self._next_event:
                 calls.enter_event_mode()
                 self._iterate_event(time)
-                self._begin(time)
             if time >= end:
                 return
         raise ComponentFailed(
@@ -150,48 +147,12 @@ class ModelExchange:
         calls = self._live()
         if until - time <= 4e-16 * max(1.0, abs(until)) or not (calls.states or calls.indicators):
             return until, False
-        self._error = None
+        if self._solver is None:
+            self._solver = Solver(calls, self._fmu.archive.tolerance)
         try:
-            crossed, _, reached = self._solver.step(time, until)
-        except Exception as error:
-            if self._error is not None:
-                raise self._error from None
-            raise ComponentFailed(self.path, time, f"CVODE stopped: {error}") from error
-        if self._error is not None:
-            raise self._error
-        return float(reached), bool(crossed)
-
-    def _begin(self, time: float) -> None:
-        """Let the integrator begin anew with the FMU's present states."""
-        calls = self._live()
-        if not (calls.states or calls.indicators):
-            return
-        if self._solver is not None:
-            self._solver.reset(time)
-            return
-        from fmpy.sundials import CVodeSolver
-
-        tolerance = self._fmu.archive.tolerance
-        self._solver = CVodeSolver(
-            calls.states, calls.indicators, self._safe(calls.get_states),
-            self._safe(calls.set_states), self._safe(calls.get_derivatives),
-            self._safe(calls.get_indicators), self._safe(calls.get_nominals),
-            self._safe(calls.set_time), _Held(), time, relativeTolerance=tolerance,
-            maxNumSteps=_STEPS,
-        )  # fmt: skip
-
-    def _safe(self, call: Callable[..., None]) -> Callable[..., None]:
-        """Keep an error until CVODE, which calls from C, has returned; it sees NaN."""
-
-        def guarded(*arguments: Any) -> None:
-            try:
-                call(*arguments)
-            except UuvsimError as error:
-                self._error = self._error or error
-                if len(arguments) == 2 and arguments[1]:
-                    arguments[0][0] = math.nan
-
-        return guarded
+            return self._solver.integrate(time, until)
+        except RuntimeError as error:
+            raise ComponentFailed(self.path, time, f"integration stopped: {error}") from error
 
     def _iterate_event(self, time: float) -> None:
         """Repeat until the discrete states stay, then go on to Continuous-Time Mode."""
@@ -212,10 +173,3 @@ class ModelExchange:
         if self._calls is None:
             raise FmuError(f"{self.path}: stepped before Initialization Mode was left")
         return self._calls
-
-
-class _Held:
-    """CVODE's idea of inputs: here they hold, and there is nothing to apply."""
-
-    def apply(self, time: float) -> None:
-        """Do nothing."""
