@@ -61,6 +61,7 @@ UUV_CORE_API void uuv_core_free(uuv_core *core) {
         free_accesses(core->members[i].sets, core->members[i].n_sets);
         free_accesses(core->members[i].gets, core->members[i].n_gets);
         free(core->members[i].transfers);
+        free_faults(&core->members[i]);
     }
     free_groups(core);
     for (uint64_t i = 0; i < r->capacity; i++) free(r->texts[i].data);

@@ -27,6 +27,7 @@ typedef struct {
 } transfer;
 
 typedef struct member member;
+typedef struct fault fault;
 
 /* How a kind of component is written, stepped and read; each gives 1, or 0 and fills `why`. */
 typedef struct {
@@ -53,6 +54,8 @@ struct member {
     uint32_t n_sets, n_gets;
     transfer *transfers;
     uint32_t n_transfers;
+    fault *faults; /* of its outputs, in the order in which they came */
+    uint32_t n_faults;
 };
 
 /* A run of recorded slots. */
@@ -87,6 +90,8 @@ struct uuv_core {
     uuv_failure why;
 };
 
+void apply_faults(const uuv_core *core, member *m, uuv_slot *slots);
+void free_faults(member *m);
 int blob_assign(uuv_blob *blob, const char *data, size_t size);
 int record_row(uuv_core *core);
 int record_is_full(const uuv_core *core);

@@ -40,13 +40,24 @@ int read_outputs(uuv_core *core, member *m) {
     return 1;
 }
 
+/* At the point where its step ends, everybody sees a member's outputs, with their faults: of an
+ * iterated group only the others do, and the group itself agrees on what is true. */
+static int show_outputs(uuv_core *core, member *m) {
+    if (!(m->sequential ? make_visible : read_outputs)(core, m)) return 0;
+    if (m->n_faults && (!m->sequential || m->group)) apply_faults(core, m, core->slots);
+    return 1;
+}
+
 /* Inputs from the outputs that are valid now, then one communication step of the member. */
 static int step_member(uuv_core *core, member *m, double t) {
     if (!transfer_inputs(core, m)) return 0;
     if (!m->kind->set(m, core->slots, &core->why)) return 0;
     if (!m->kind->do_step(m, core->slots, t, m->h, &core->why)) return 0;
     m->due += m->step_ticks;
-    return m->sequential ? read_outputs(core, m) : 1;
+    if (!m->sequential) return 1;
+    if (!read_outputs(core, m)) return 0;
+    apply_faults(core, m, core->fresh);
+    return 1;
 }
 
 /* Steps a member, or its whole group if that is iterated; gives the one that failed. */
@@ -78,8 +89,7 @@ UUV_CORE_API int32_t uuv_core_run(uuv_core *core, uint64_t n_ticks, double secon
             if (m->due == core->tick && !step(core, &m, t)) return stop(core, m);
         core->tick++;
         for (member *m = core->members; m < end; m++)
-            if (m->due == core->tick && !(m->sequential ? make_visible : read_outputs)(core, m))
-                return stop(core, m);
+            if (m->due == core->tick && !show_outputs(core, m)) return stop(core, m);
         if (!record_row(core)) return stop(core, core->members);
     }
     return UUV_CORE_GOOD;

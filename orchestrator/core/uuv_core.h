@@ -99,6 +99,16 @@ UUV_CORE_API int uuv_core_iterate(uuv_core *core, uint32_t first, uint32_t n_mem
                                   double tolerance, uint32_t limit);
 /* Frees copies of states; to be called while the members' instances live. */
 UUV_CORE_API void uuv_core_forget(uuv_core *core);
+/* What others see of a number in an output slot, from the member's next output on: `value` instead
+ * of it, added to it, times it; the present value for good; `n` samples late; or, with probability
+ * `value` at each sample, the last that came through. `seed` decides which are dropped. */
+enum uuv_core_fault_kind { UUV_CORE_OVERRIDE = 1, UUV_CORE_BIAS, UUV_CORE_SCALE, UUV_CORE_FREEZE,
+                           UUV_CORE_DELAY, UUV_CORE_DROP };
+UUV_CORE_API int uuv_core_fault(uuv_core *core, uint32_t id, uint32_t member, uint32_t slot, int kind,
+                                double value, uint32_t n, uint64_t seed);
+UUV_CORE_API void uuv_core_clear_fault(uuv_core *core, uint32_t id);
+/* For snapshots: what a fault keeps, and which of it comes next. */
+UUV_CORE_API uuv_slot *uuv_core_fault_past(uuv_core *core, uint32_t id, uint32_t *n, uint32_t **head);
 /* Slots that a row of the recording holds, in order. */
 UUV_CORE_API int uuv_core_record(uuv_core *core, uint32_t n, const uint32_t *slots, uint64_t every);
 

@@ -50,6 +50,9 @@ def run_command(
     overruns: Annotated[
         str, typer.Option(help="When a step takes too long: catch-up, slip or fail.")
     ] = "catch-up",
+    scenario: Annotated[
+        Path | None, typer.Option(help="What happens meanwhile: YAML, or libcosim's JSON.")
+    ] = None,
     isolate: Annotated[
         list[str] | None, typer.Option(help="Component in a process of its own; * for all.")
     ] = None,
@@ -77,7 +80,7 @@ def run_command(
     if _is_fmu(system):
         refused = {
             "--waypoints": waypoints, "--replace": replace, "--map": map_, "--rate": rate,
-            "--real-time": real_time, "--isolate": isolate,
+            "--real-time": real_time, "--isolate": isolate, "--scenario": scenario,
         }  # fmt: skip
         for option, given in refused.items():
             if given:
@@ -94,11 +97,14 @@ def run_command(
     }
     if waypoints is not None:
         changes["waypoints"] = {"file": waypoints.name}
+    if scenario is not None:
+        changes["scenario"] = {"file": scenario.name}
     edited = _edited(system, waypoints, changes)
     _run_system(
         edited, changes, name=system, until=until, out=out, seed=seed, native=native,
         record_every=record_every, report=not no_report, show=open_,
         pace=_pace(real_time, overruns), isolate=isolate or [], watchdog=watchdog,
+        scenario=scenario,
     )  # fmt: skip
 
 
@@ -177,7 +183,7 @@ def _from_here(source: str) -> str:
 def _run_system(
     system: Any, changes: dict[str, dict[str, str]], *, name: str, until: float | None,
     out: Path | None, seed: int, native: bool, record_every: int, report: bool, show: bool,
-    pace: Any, isolate: list[str], watchdog: float,
+    pace: Any, isolate: list[str], watchdog: float, scenario: Path | None,
 ) -> None:  # fmt: skip
     from uuvsim_cosim.orchestrator.run import Interrupted, run
 
@@ -191,7 +197,7 @@ def _run_system(
             done = run(
                 system, until=until, out=out, seed=seed, backend="native" if native else "fmu",
                 record_every=record_every, progress=progress, about=about, real_time=pace,
-                isolate=isolate, watchdog=watchdog,
+                isolate=isolate, watchdog=watchdog, scenario=scenario,
             )  # fmt: skip
         except Interrupted as interrupted:
             done = interrupted.run

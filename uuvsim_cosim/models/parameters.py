@@ -92,8 +92,8 @@ def in_unit(value: float, read: str, wanted: str) -> float:
     return factor * value + offset
 
 
-def read_yaml(path: Path, schema: str) -> Any:
-    """Read a YAML file that keeps to models/schema/<schema>; each mistake with its line."""
+def read_yaml(path: Path, schema: str | Path) -> Any:
+    """Read a YAML file that keeps to a schema (a name: of models/schema); mistakes by line."""
     from jsonschema import Draft202012Validator
     from ruamel.yaml import YAML
     from ruamel.yaml.error import MarkedYAMLError, YAMLError
@@ -106,7 +106,8 @@ def read_yaml(path: Path, schema: str) -> Any:
         raise ParameterInvalid(f"{path}:{line}: {problem}; expected YAML") from None
     except (OSError, UnicodeDecodeError, YAMLError) as error:
         raise ParameterInvalid(f"{path}: cannot be read as YAML: {error}") from None
-    rules = json.loads(content("models", "schema", schema).read_text(encoding="utf-8"))
+    file = schema if isinstance(schema, Path) else content("models", "schema", schema)
+    rules = json.loads(file.read_text(encoding="utf-8"))
     errors = Draft202012Validator(rules).iter_errors(data)
     _refuse(path, [(line_of(data, list(e.absolute_path)), _sentence(e)) for e in errors])
     return data

@@ -174,6 +174,33 @@ class Core:
         """Make an iterated group of members that follow each other."""
         self._made(self._c.uuv_core_iterate(self._core, first, n_members, solver, tolerance, limit))
 
+    def fault(
+        self, number: int, member: int, slot: int, kind: int, value: float, n: int, seed: int
+    ) -> None:
+        """Make what others see of an output slot faulty."""
+        made = self._c.uuv_core_fault(self._core, number, member, slot, kind, value, n, seed)
+        self._made(made)
+
+    def clear_fault(self, number: int) -> None:
+        """Repair a slot."""
+        self._c.uuv_core_clear_fault(self._core, number)
+
+    def fault_past(self, number: int) -> tuple[int, bytes]:
+        """Copy what a fault keeps: which value comes next, and the values."""
+        head, values = self._fault(number)
+        return int(head[0]), values.tobytes()
+
+    def set_fault_past(self, number: int, head: int, past: bytes) -> None:
+        """Restore what `fault_past` gave."""
+        place, values = self._fault(number)
+        place[0] = head
+        values[:] = np.frombuffer(past, np.uint64)
+
+    def _fault(self, number: int) -> tuple[Any, np.ndarray]:
+        n, head = ctypes.c_uint32(), ctypes.POINTER(ctypes.c_uint32)()
+        past = self._c.uuv_core_fault_past(self._core, number, ctypes.byref(n), ctypes.byref(head))
+        return head, _array(past, n.value)
+
     def forget(self) -> None:
         """Free the copies of states, while the components live."""
         if self._core:
@@ -296,6 +323,9 @@ def _signatures() -> dict[str, tuple[Any, list[Any]]]:
         "uuv_core_transfer": (i, [pointer, u32, u32, u32, u32, i, double, double]),
         "uuv_core_state": (i, [pointer, u32, pointer, pointer, pointer, size]),
         "uuv_core_iterate": (i, [pointer, u32, u32, i, double, u32]),
+        "uuv_core_fault": (i, [pointer, u32, u32, u32, i, double, u32, u64]),
+        "uuv_core_clear_fault": (None, [pointer, u32]),
+        "uuv_core_fault_past": (pointer, [pointer, u32, pointer, pointer]),
         "uuv_core_forget": (None, [pointer]),
         "uuv_core_record": (i, [pointer, u32, pointer, u64]),
         "uuv_core_rows": (None, [pointer, pointer, pointer, u32]),

@@ -19,12 +19,14 @@ from uuvsim_cosim.orchestrator.callback import CallbackBinding
 from uuvsim_cosim.orchestrator.core import Failure, Type
 from uuvsim_cosim.orchestrator.core_tables import Placed, Tables, tables_of
 from uuvsim_cosim.orchestrator.failure import error_of
+from uuvsim_cosim.orchestrator.faults import Faults, hash_of_seeds
 from uuvsim_cosim.orchestrator.initial_values import propagate
 from uuvsim_cosim.orchestrator.observer import Column, Observer
 from uuvsim_cosim.orchestrator.plan import Plan, PlannedComponent
 from uuvsim_cosim.orchestrator.slots import decode, encode
 from uuvsim_cosim.orchestrator.snapshot import Snapshot
 from uuvsim_cosim.orchestrator.start import enter_initialization, set_start, variable_of
+from uuvsim_cosim.orchestrator.values import Misfit, as_array, fit
 from uuvsim_cosim.orchestrator.watch import Watch, rows_of
 
 __all__ = ["Master", "Starts"]
@@ -61,6 +63,7 @@ class Master:
         self._record, self._every = record, record_every
         self._live, self._held = live, held
         self._tables: Tables | None = None
+        self._faults: Faults | None = None
         self.recorded = 0  # scalars that observers get at each recorded point
         self._first: Snapshot | None = None
         self._start_tick = 0
@@ -77,6 +80,8 @@ class Master:
         except BaseException:
             self.free()
             raise
+        drains = (getattr(c, "drain_messages", None) for c in self.components)
+        self._drains = [drain for drain in drains if drain is not None]
 
     # ---- life -----------------------------------------------------------------------------
 
@@ -102,6 +107,7 @@ class Master:
         """Go back to Initialization Mode, with another seed or other start values; no reload."""
         tables, first = self._ready(), self._first
         assert first is not None
+        self.faults.clear()
         for path in start or {}:
             self._component(path)
         for (planned, component), state in zip(self._pairs(), first.states, strict=True):
@@ -175,12 +181,14 @@ class Master:
     def step(self, n: int = 1) -> None:
         """Make n communication steps; raises ComponentFailed."""
         core = self._ready().core
-        end = core.tick + n
-        while core.tick < end:
-            failure = core.run(end - core.tick, _SECONDS)
+        tick = core.tick
+        end = tick + n
+        while tick < end:
+            failure = core.run(end - tick, _SECONDS)
             self._emit()
             if failure is not None:
                 self._fail(failure)
+            tick = core.tick
 
     def run_until(self, time: float | Fraction | str) -> None:
         """Step to the first communication point at or after `time` [s]."""
@@ -201,6 +209,26 @@ class Master:
     def set(self, path: str, name: str, value: Any) -> None:
         """Set an unconnected input, or a tunable parameter, between steps."""
         tables = self._ready()
+        i, variable = self._settable(path, name)
+        self.components[i].set(variable, value)
+        placed = tables.inputs.get((i, name))
+        if placed is not None:
+            encode(variable, value, self._raw(placed))
+
+    def fitted(self, path: str, name: str, value: Any) -> Any:
+        """Give a value as `set` takes it, also from nested lists or text with a unit.
+
+        Raises InputInvalid for one that does not fit, and for what cannot be set between steps.
+        """
+        i, variable = self._settable(path, name)
+        try:
+            return as_array(
+                variable, fit(variable, value, units=self.components[i].description.units)
+            )
+        except Misfit as misfit:
+            raise InputInvalid(str(misfit.at(f"{path}.{name}"))) from None
+
+    def _settable(self, path: str, name: str) -> tuple[int, Variable]:
         i, variable = self._variable(path, name)
         tunable = variable.causality == "parameter" and variable.variability == "tunable"
         if variable.causality != "input" and not tunable:
@@ -217,10 +245,7 @@ class Master:
             raise InputInvalid(
                 f"{path}.{name}: is connected to {sources[0]}; expected an unconnected input"
             )
-        self.components[i].set(variable, value)
-        placed = tables.inputs.get((i, name))
-        if placed is not None:
-            encode(variable, value, self._raw(placed))
+        return i, variable
 
     def slots(self, path: str, name: str) -> np.ndarray | None:
         """Show the numbers of a variable of `live` or `held`, which change with the run.
@@ -237,13 +262,26 @@ class Master:
             return None
         return self._raw(placed).view(type_.dtype)
 
+    @property
+    def all_slots(self) -> np.ndarray:
+        """Show the loop's values as float64, where those that `slots` shows lie."""
+        return self._ready().core.slots.view(np.float64)
+
+    @property
+    def faults(self) -> Faults:
+        """The faults of signals that are active; a reset repairs all."""
+        self._ready()
+        assert self._faults is not None
+        return self._faults
+
     # ---- snapshots ------------------------------------------------------------------------
 
     def snapshot(self) -> Snapshot:
         """Copy the whole state at this communication point; raises FmuError if a part cannot."""
         tables = self._ready()
         states = tuple(c.get_fmu_state() for c in self.components)
-        return Snapshot(self._hash, states, snapshots.get_slots(tables), tables.core.get_clock())
+        slots, clock = snapshots.get_slots(tables), tables.core.get_clock()
+        return Snapshot(self._hash, states, slots, clock, self.faults.kept())
 
     def restore(self, snapshot: Snapshot) -> None:
         """Go back to a snapshot of this master; what follows is repeated bit for bit."""
@@ -256,6 +294,7 @@ class Master:
             component.set_fmu_state(state)
         snapshots.set_slots(tables, snapshot.slots)
         tables.core.set_clock(snapshot.clock)
+        self.faults.restore(snapshot.faults)
         self._forget(tables)
 
     def save_snapshot(self, path: Path) -> None:
@@ -293,6 +332,7 @@ class Master:
         self._tables = tables_of(
             self.plan, self.components, recorded, self._every, n_rows, live, held
         )
+        self._faults = Faults(self._tables, hash_of_seeds(self.plan))
         self._watch.begin(columns)
 
     def _recorded(self) -> list[tuple[int, Variable]]:
@@ -312,10 +352,8 @@ class Master:
     # ---- inside: the rest -----------------------------------------------------------------
 
     def _emit(self) -> None:
-        for component in self.components:
-            drain = getattr(component, "drain_messages", None)
-            if drain is not None:
-                drain()
+        for drain in self._drains:
+            drain()
         self._watch.emit(self._ready().core)
 
     def _fail(self, failure: Failure) -> None:

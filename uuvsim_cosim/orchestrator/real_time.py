@@ -13,7 +13,7 @@ import numpy as np
 
 from uuvsim_cosim.errors import InputInvalid, Overrun
 
-__all__ = ["Overruns", "Pace", "Punctuality"]
+__all__ = ["Overruns", "Pace", "Punctuality", "Steps"]
 
 Overruns = Literal["catch-up", "slip", "fail"]
 _ROLLING = 1.0  # [s] of wall time over which the rolling factor is taken
@@ -21,14 +21,19 @@ _WAKES = 1000.0  # [1/s] at most: shorter ticks are stepped several at a time
 _SPIN = 2e-4  # [s] before an instant are waited through awake: sleeping is no more exact
 
 
-class _Steps(Protocol):
-    @property
-    def tick(self) -> int: ...
+class Steps(Protocol):
+    """What makes communication steps: a master, or one with a scenario."""
 
     @property
-    def time(self) -> float: ...
+    def tick(self) -> int:
+        """The communication point that has been reached."""
 
-    def step(self, n: int = 1) -> None: ...
+    @property
+    def time(self) -> float:
+        """Time there [s]."""
+
+    def step(self, n: int = 1) -> None:
+        """Make n communication steps."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +83,7 @@ class Pace:
 
     def advance(
         self,
-        master: _Steps,
+        master: Steps,
         steps: int,
         tick: float,
         report: Callable[[float], None] = lambda time: None,

@@ -25,8 +25,9 @@ from uuvsim_cosim.orchestrator.loops import loop_delays
 from uuvsim_cosim.orchestrator.mission import duration, path_of
 from uuvsim_cosim.orchestrator.plan import Plan, PlannedComponent
 from uuvsim_cosim.orchestrator.prepared import Progress, prepare
-from uuvsim_cosim.orchestrator.real_time import Pace, Punctuality
+from uuvsim_cosim.orchestrator.real_time import Pace, Punctuality, Steps
 from uuvsim_cosim.orchestrator.run_folder import RunFolder, check_room, claim
+from uuvsim_cosim.orchestrator.scenario import Played, Scenario
 from uuvsim_cosim.orchestrator.sources import Backend
 from uuvsim_cosim.orchestrator.system import System
 
@@ -97,6 +98,7 @@ def run(
     progress: Progress | None = None,
     about: Mapping[str, Any] | None = None,
     real_time: float | Pace | None = None,
+    scenario: Scenario | str | Path | None = None,
     isolate: Collection[str] = (),
     watchdog: float = 30.0,
 ) -> Run:
@@ -107,8 +109,9 @@ def run(
     first free of NAME-2, NAME-3, …. ``progress(stage, done, total)`` is called while
     "building" (components) and "simulating" (seconds). `about` goes into run.json. `real_time`
     is a factor of real time to be kept, or a `Pace`; without it the run is as fast as it can be.
-    `isolate` names components that get a process of their own ("*": all), so that a crash is an
-    error and no more; one that does not answer within `watchdog` seconds fails.
+    `scenario`, or a file of one, is what happens meanwhile. `isolate` names components that get a
+    process of their own ("*": all), so that a crash is an error and no more; one that does not
+    answer within `watchdog` seconds fails.
 
     Raises SystemInvalid and InputInvalid before anything runs, ComponentFailed while it runs
     (its attribute `recording` is the folder), Interrupted on Ctrl-C while stepping.
@@ -121,6 +124,7 @@ def run(
         from uuvsim_cosim.orchestrator.library import load
 
         system = load(system)
+    played = scenario if isinstance(scenario, Scenario | None) else _read_scenario(scenario)
     pace = real_time if isinstance(real_time, Pace | None) else Pace(real_time)
     plan = flatten(system, seed)
     end = duration(plan) if until is None else until
@@ -132,6 +136,7 @@ def run(
         master = _started(system, plan, folder, instantiate, record_every, provenance, end)
         try:
             rows = end / float(plan.tick) / record_every
+            steps = master if played is None else Played(master, played)
             check_room(folder.path, rows * 8.0 * (master.recorded + 2))
         except BaseException:
             master.free()
@@ -139,7 +144,13 @@ def run(
     except BaseException:
         folder.discard()
         raise
-    return _stepped(master, plan, end, folder, provenance, progress, pace)
+    return _stepped(master, steps, plan, end, folder, provenance, progress, pace)
+
+
+def _read_scenario(path: str | Path) -> Scenario:
+    from uuvsim_cosim.orchestrator.scenario_file import read_scenario
+
+    return read_scenario(path)
 
 
 def _check_end(end: float, plan: Plan) -> None:
@@ -176,7 +187,7 @@ def _started(
 
 
 def _stepped(
-    master: Master, plan: Plan, end: float, folder: RunFolder,
+    master: Master, stepped: Steps, plan: Plan, end: float, folder: RunFolder,
     provenance: dict[str, Any], progress: Progress | None, pace: Pace | None,
 ) -> Run:  # fmt: skip
     """Step to the end, and leave a closed recording and run.json whatever happens."""
@@ -188,11 +199,11 @@ def _stepped(
     with master:
         try:
             if pace is None:
-                _advance(master, steps, end, progress)
+                _advance(stepped, steps, end, progress)
             else:
                 report = progress or (lambda stage, done, total: None)
                 pace.advance(
-                    master, steps, float(plan.tick), lambda done: report("simulating", done, end)
+                    stepped, steps, float(plan.tick), lambda done: report("simulating", done, end)
                 )
         except KeyboardInterrupt:
             interrupted = True
@@ -241,7 +252,7 @@ def _stepped(
     return result
 
 
-def _advance(master: Master, steps: int, end: float, progress: Progress | None) -> None:
+def _advance(master: Steps, steps: int, end: float, progress: Progress | None) -> None:
     """Step in pieces that take about a tenth of a second, and report in between."""
     report: Progress = progress or (lambda stage, done, total: None)
     piece = 8

@@ -16,6 +16,7 @@ from uuvsim_cosim.cache import content_hash
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.orchestrator.core_tables import Tables
+from uuvsim_cosim.orchestrator.faults import Fault, KeptFault
 from uuvsim_cosim.orchestrator.plan import Plan
 from uuvsim_cosim.orchestrator.slots import read_blob, write_blob
 
@@ -45,6 +46,7 @@ class Snapshot:
     states: tuple[Any, ...]
     slots: Slots | None = None
     clock: tuple[int, tuple[int, ...]] | None = None
+    faults: tuple[KeptFault, ...] = ()
 
 
 def plan_hash(plan: Plan) -> str:
@@ -103,7 +105,12 @@ def save_snapshot(
         "due": snapshot.clock[1],
         "texts": [len(t) for t in snapshot.slots.texts],
         "components": [c.path for c in plan.components],
-    }
+        "faults": [
+            [k.number, k.fault.signal, k.fault.kind, k.fault.value,
+             [[head, past.hex()] for head, past in k.past]]
+            for k in snapshot.faults
+        ],
+    }  # fmt: skip
     data = [
         component.serialize_fmu_state(state)
         for component, state in zip(components, snapshot.states, strict=True)
@@ -141,7 +148,12 @@ def load_snapshot(path: Path, plan: Plan, components: Sequence[Component]) -> Sn
             "save_snapshot"
         ) from error
     states = [c.deserialize_fmu_state(d) for c, d in zip(components, data, strict=True)]
-    return Snapshot(header["plan"], tuple(states), slots, (header["tick"], tuple(header["due"])))
+    clock = header["tick"], tuple(header["due"])
+    faults = tuple(
+        KeptFault(number, Fault(*fault), tuple((head, bytes.fromhex(p)) for head, p in past))
+        for number, *fault, past in header.get("faults", ())
+    )
+    return Snapshot(header["plan"], tuple(states), slots, clock, faults)
 
 
 def _split(data: bytes, sizes: Sequence[int]) -> list[bytes]:

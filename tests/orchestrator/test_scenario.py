@@ -1,0 +1,116 @@
+"""Scenarios: events at their times, from our files and from libcosim's."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from uuvsim_cosim.content import content
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.orchestrator.faults import Fault
+from uuvsim_cosim.orchestrator.recording import read_signals
+from uuvsim_cosim.orchestrator.run import run
+from uuvsim_cosim.orchestrator.scenario import Change, Scenario, SignalFault
+from uuvsim_cosim.orchestrator.scenario_file import read_scenario
+from uuvsim_cosim.orchestrator.system import System
+
+PART = '''
+class Ramp:
+    """Counts seconds."""
+    inputs = {"u": "m"}
+    outputs = {"y": "s", "v": "m"}
+    def step(self, t, dt, u):
+        return {"y": t + dt, "v": u["u"]}
+'''
+
+
+@pytest.fixture
+def system(tmp_path: Path) -> System:
+    (tmp_path / "part.py").write_text(PART)
+    return System("ramp", "0.1", base=tmp_path).add("a", "part.py:Ramp")
+
+
+def test_a_fault_is_seen_at_the_communication_points_from_at_to_until(
+    system: System, tmp_path: Path
+) -> None:
+    scenario = Scenario("s", (SignalFault(0.5, Fault("a.y", "override", -1.0), 0.8),))
+    run(system, until=1.0, out=tmp_path / "r", scenario=scenario)
+    signals = read_signals(tmp_path / "r")
+    expected = [0, 0.1, 0.2, 0.3, 0.4, -1, -1, -1, 0.8, 0.9, 1.0]
+    assert signals["a.y"] == pytest.approx(np.array(expected), abs=1e-12)
+
+
+def test_a_change_holds_from_its_time_on(system: System, tmp_path: Path) -> None:
+    scenario = Scenario("s", (Change(0.4, "a.u", "20 cm"), Change(0.7, "a.u", 3)))
+    run(system, until=1.0, out=tmp_path / "r", scenario=scenario)
+    v = read_signals(tmp_path / "r")["a.v"]
+    assert v == pytest.approx(np.array([0.0] * 5 + [0.2] * 3 + [3.0] * 3))
+
+
+def test_the_shipped_scenario_is_read_and_fits_its_system(tmp_path: Path) -> None:
+    import uuvsim_cosim as uuv
+
+    path = content("orchestrator", "scenarios", "dvl_dropout.yaml")
+    scenario = read_scenario(path)
+    assert len(scenario.events) == 4
+    done = run(uuv.load("bluerov2_survey"), until=0.1, out=tmp_path / "r", scenario=path,
+               backend="native")  # fmt: skip
+    assert done.steps == 10
+
+
+def test_libcosims_json_is_read(tmp_path: Path) -> None:
+    events = [
+        {"time": 1.0, "variable": "y", "action": "override", "value": 2.0},
+        {"time": 3.0, "variable": "y", "action": "bias", "value": 0.5},
+        {"time": 4.0, "variable": "y", "action": "reset"},
+        {"time": 5.0, "model": "b", "variable": "z", "action": "bias", "value": 1.0},
+    ]
+    file = tmp_path / "s.json"
+    file.write_text(json.dumps({"defaults": {"model": "a"}, "events": events, "end": 9.0}))
+    assert read_scenario(file).events == (
+        SignalFault(1.0, Fault("a.y", "override", 2.0), 3.0),
+        SignalFault(3.0, Fault("a.y", "bias", 0.5), 4.0),
+        SignalFault(5.0, Fault("b.z", "bias", 1.0), math.inf),
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("events:\n- {at: -1, set: a.u, value: 1}\n", r":2: events.0.at: .*seconds, 0 or more"),
+        ("events:\n- {at: 1, set: a.u}\n", ":2: event 1: set without value"),
+        ("events:\n- {at: 1, signal: a.y}\n", ":2: event 1: at, signal; expected"),
+        ("events:\n- {at: 1, signal: a.y, fault: bais, value: 1}\n", ":2: .*override, bias"),
+        ("events:\n- {at: 1, signal: a.y, fault: bias}\n", "value None; expected a number"),
+        ("events: 3\n", "a list of events"),
+        ("event: []\n", "events"),
+        ("events: [\n", "expected YAML"),
+    ],
+)
+def test_a_broken_file_is_refused_with_its_lines(text: str, message: str, tmp_path: Path) -> None:
+    file = tmp_path / "s.yaml"
+    file.write_text(text)
+    with pytest.raises(InputInvalid, match=message):
+        read_scenario(file)
+
+
+@pytest.mark.parametrize(
+    ("event", "message"),
+    [
+        (Change(0.1, "a.w", 1.0), "event 1: .*a"),
+        (Change(0.1, "a.u", "3 kg"), "event 1: .*kg"),
+        (Change(0.1, "a.y", 1.0), "expected an input or a tunable parameter"),
+        (SignalFault(0.1, Fault("a.z", "freeze")), r"event 1: a\.z"),
+        (SignalFault(0.5, Fault("a.y", "freeze"), 0.5), "not after at 0.5 s"),
+    ],
+)
+def test_what_does_not_fit_the_system_is_told_before_anything_runs(
+    event: Change | SignalFault, message: str, system: System, tmp_path: Path
+) -> None:
+    with pytest.raises(InputInvalid, match=message):
+        run(system, until=1.0, out=tmp_path / "r", scenario=Scenario("s", (event,)))
+    assert not (tmp_path / "r").exists()
