@@ -8,6 +8,8 @@ from uuvsim_cosim._version import __version__
 from uuvsim_cosim.errors import UuvsimError
 
 if TYPE_CHECKING:
+    from uuvsim_cosim.envs.single import CosimEnv
+    from uuvsim_cosim.envs.vector import CosimVectorEnv
     from uuvsim_cosim.kernels import fuse
     from uuvsim_cosim.models.library import declare
     from uuvsim_cosim.models.model import Model
@@ -17,12 +19,16 @@ if TYPE_CHECKING:
     from uuvsim_cosim.orchestrator.recording import Signals, read_signals
     from uuvsim_cosim.orchestrator.run import Run, run
     from uuvsim_cosim.orchestrator.system import System
+    from uuvsim_cosim.studies import Study, study
 
 __all__ = [
+    "CosimEnv",
+    "CosimVectorEnv",
     "Master",
     "Model",
     "Run",
     "Signals",
+    "Study",
     "System",
     "UuvsimError",
     "__version__",
@@ -33,14 +39,18 @@ __all__ = [
     "read_signals",
     "run",
     "simulate",
+    "study",
 ]
 
 # Names are imported when first used: `uuvsim --help` must not wait for CasADi or Arrow.
 _HOME = {
+    "CosimEnv": "envs.single",
+    "CosimVectorEnv": "envs.vector",
     "Master": "orchestrator.master",
     "Model": "models.model",
     "Run": "orchestrator.run",
     "Signals": "orchestrator.recording",
+    "Study": "studies",
     "System": "orchestrator.system",
     "available": "orchestrator.library",
     "declare": "models.library",
@@ -49,6 +59,7 @@ _HOME = {
     "read_signals": "orchestrator.recording",
     "run": "orchestrator.run",
     "simulate": "models.simulate",
+    "study": "studies",
 }
 
 

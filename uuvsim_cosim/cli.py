@@ -10,7 +10,18 @@ from typing import Annotated, Any
 import typer
 
 from uuvsim_cosim._version import __version__
-from uuvsim_cosim.commands import doctor, export, fmu, models, new, pack, report, run, systems
+from uuvsim_cosim.commands import (
+    doctor,
+    export,
+    fmu,
+    models,
+    new,
+    pack,
+    report,
+    run,
+    study,
+    systems,
+)
 from uuvsim_cosim.errors import UuvsimError
 
 __all__ = ["app", "main"]
@@ -43,6 +54,7 @@ def _root(
 app.command("run")(run.run_command)
 app.command("export")(export.export_command)
 app.command("report")(report.report_command)
+app.command("study")(study.study_command)
 app.add_typer(systems.app, name="systems")
 app.add_typer(models.app, name="models")
 app.add_typer(fmu.app, name="fmu")

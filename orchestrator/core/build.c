@@ -79,7 +79,8 @@ UUV_CORE_API void uuv_core_free(uuv_core *core) {
 
 UUV_CORE_API int uuv_core_member(uuv_core *core, uint32_t i, int which, void *instance,
                                  void *do_step, void *get, uint64_t step_ticks, int sequential) {
-    static const kind *const kinds[] = {&kind_native, &kind_fmi2, &kind_fmi3, &kind_callback};
+    static const kind *const kinds[] = {&kind_native, &kind_fmi2, &kind_fmi3, &kind_callback,
+                                         &kind_shared};
     member *m = &core->members[i];
     m->kind = kinds[which - UUV_CORE_NATIVE];
     m->instance = instance;

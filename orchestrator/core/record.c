@@ -67,6 +67,11 @@ UUV_CORE_API void uuv_core_rows(uuv_core *core, uint64_t *rows, int64_t *ticks, 
     for (uint32_t i = 0; i < r->n_texts; i++) r->last_text[i] = UINT64_MAX;
 }
 
+/* The first communication point of which a row may still come. */
+UUV_CORE_API uint64_t uuv_core_next_row(const uuv_core *core) { return core->record.next; }
+
+UUV_CORE_API void uuv_core_set_next_row(uuv_core *core, uint64_t tick) { core->record.next = tick; }
+
 UUV_CORE_API uint32_t uuv_core_rows_used(const uuv_core *core) { return core->record.used; }
 
 UUV_CORE_API uint64_t uuv_core_texts(const uuv_core *core) { return core->record.n_stored; }

@@ -27,12 +27,10 @@ UUV_CORE_API void uuv_core_set_tick(uuv_core *core, uint64_t tick) {
     if (core->record.every) core->record.next = tick + core->record.every - tick % core->record.every;
 }
 
-UUV_CORE_API uint64_t uuv_core_due(const uuv_core *core, uint32_t member) {
-    return core->members[member].due;
-}
-
-UUV_CORE_API void uuv_core_set_due(uuv_core *core, uint32_t member, uint64_t tick) {
-    core->members[member].due = tick;
+/* What was kept of the old instance went with it. */
+UUV_CORE_API void uuv_core_instance(uuv_core *core, uint32_t member_, void *instance) {
+    core->members[member_].instance = instance;
+    core->members[member_].state = NULL;
 }
 
 UUV_CORE_API uuv_slot *uuv_core_slots(uuv_core *core) { return core->slots; }

@@ -36,7 +36,7 @@ typedef struct {
     int (*get)(member *m, uuv_slot *slots, uuv_failure *why);
 } kind;
 
-extern const kind kind_native, kind_fmi2, kind_fmi3, kind_callback;
+extern const kind kind_native, kind_fmi2, kind_fmi3, kind_callback, kind_shared;
 
 struct member {
     const kind *kind;

@@ -30,7 +30,8 @@ typedef union {
     uuv_blob *blob;
 } uuv_slot;
 
-enum uuv_core_kind { UUV_CORE_NATIVE = 1, UUV_CORE_FMI2, UUV_CORE_FMI3, UUV_CORE_CALLBACK };
+enum uuv_core_kind { UUV_CORE_NATIVE = 1, UUV_CORE_FMI2, UUV_CORE_FMI3, UUV_CORE_CALLBACK,
+                     UUV_CORE_SHARED /* its instance is a `uuv_exchange` (exchange.h) */ };
 
 enum uuv_core_type {
     UUV_CORE_FLOAT64 = 0, UUV_CORE_FLOAT32,
@@ -89,8 +90,8 @@ UUV_CORE_API int uuv_core_access(uuv_core *core, uint32_t member, int action, in
 UUV_CORE_API int uuv_core_transfer(uuv_core *core, uint32_t target, uint32_t source,
                                    uint32_t target_slot, uint32_t source_slot, int early,
                                    double factor, double offset);
-/* How the state of a member of an iterated group is copied: FMI's functions, or
- * `uuv_get_state` and `uuv_set_state` with the size, or callbacks `int32_t (*)(void *user)`. */
+/* How the state of a member is copied, if it is native or of an iterated group: FMI's functions,
+ * or `uuv_get_state` and `uuv_set_state` with the size, or callbacks `int32_t (*)(void *user)`. */
 UUV_CORE_API int uuv_core_state(uuv_core *core, uint32_t member, void *get, void *set, void *free,
                                 size_t size);
 enum uuv_core_solver { UUV_CORE_NEWTON = 0, UUV_CORE_ANDERSON, UUV_CORE_FIXED_POINT };
@@ -115,6 +116,8 @@ UUV_CORE_API int uuv_core_record(uuv_core *core, uint32_t n, const uint32_t *slo
 /* Where rows go, until the next call: `n_rows` rows of the recorded slots, and their ticks.
  * A text in a row is the index of a text in `uuv_core_text`. */
 UUV_CORE_API void uuv_core_rows(uuv_core *core, uint64_t *rows, int64_t *ticks, uint32_t n_rows);
+UUV_CORE_API uint64_t uuv_core_next_row(const uuv_core *core);
+UUV_CORE_API void uuv_core_set_next_row(uuv_core *core, uint64_t tick);
 UUV_CORE_API uint32_t uuv_core_rows_used(const uuv_core *core);
 UUV_CORE_API uint64_t uuv_core_texts(const uuv_core *core);
 UUV_CORE_API const char *uuv_core_text(const uuv_core *core, uint64_t index, size_t *size);
@@ -126,11 +129,20 @@ UUV_CORE_API int32_t uuv_core_begin(uuv_core *core, uint64_t tick);
 UUV_CORE_API int32_t uuv_core_run(uuv_core *core, uint64_t n_ticks, double seconds);
 UUV_CORE_API void uuv_core_why(const uuv_core *core, uuv_failure *failure);
 
-/* State of the loop, for snapshots. `fresh` holds values that exist but are not visible yet. */
+/* In Initialization Mode, sets the inputs of the members in `order` from their sources, no
+ * callbacks among them; a member comes again where more of its inputs have become known. */
+UUV_CORE_API int32_t uuv_core_propagate(uuv_core *core, uint64_t tick, uint32_t n, const uint32_t *order);
+/* Puts another instance of the same FMU in a member's place. */
+UUV_CORE_API void uuv_core_instance(uuv_core *core, uint32_t member, void *instance);
+
+/* State of the loop, for snapshots: its clock, all slots but texts, and the states of the native
+ * members that `uuv_core_state` knows, as one run of bytes. `fresh` holds values that exist but
+ * are not visible yet. */
+UUV_CORE_API size_t uuv_core_image_size(const uuv_core *core);
+UUV_CORE_API void uuv_core_get_image(const uuv_core *core, void *image);
+UUV_CORE_API void uuv_core_set_image(uuv_core *core, const void *image);
 UUV_CORE_API uint64_t uuv_core_tick(const uuv_core *core);
 UUV_CORE_API void uuv_core_set_tick(uuv_core *core, uint64_t tick);
-UUV_CORE_API uint64_t uuv_core_due(const uuv_core *core, uint32_t member);
-UUV_CORE_API void uuv_core_set_due(uuv_core *core, uint32_t member, uint64_t tick);
 UUV_CORE_API uuv_slot *uuv_core_slots(uuv_core *core);
 UUV_CORE_API uuv_slot *uuv_core_fresh(uuv_core *core);
 UUV_CORE_API const char *uuv_core_read_blob(const uuv_slot *slot, size_t *size);

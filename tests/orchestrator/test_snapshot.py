@@ -79,7 +79,7 @@ def test_a_file_of_another_version_or_none_at_all_is_refused(mixed: Any, tmp_pat
         master.initialize()
         with zipfile.ZipFile(tmp_path / "old", "w") as archive:
             archive.writestr("snapshot.json", json.dumps({"schema_version": 0}))
-        with pytest.raises(InputInvalid, match="schema version 0; expected 1"):
+        with pytest.raises(InputInvalid, match="schema version 0; expected 2"):
             master.load_snapshot(tmp_path / "old")
         (tmp_path / "noise").write_bytes(b"noise")
         with pytest.raises(InputInvalid, match="is no snapshot, or damaged"):

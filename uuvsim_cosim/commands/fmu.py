@@ -81,6 +81,8 @@ def inspect(
     ]
     table(("", ""), rows)
     line()
+    table(("a master may rely on", ""), list(found["a_master_may_rely_on"].items()))
+    line()
     wanted = ("input", "output", "parameter", "structuralParameter")
     table(
         ("causality", "variable", "size", "type", "unit", "start", "range", "description"),

@@ -59,6 +59,9 @@ def run_command(
     watchdog: Annotated[
         float, typer.Option(help="Seconds that an isolated component has to answer.")
     ] = 30.0,
+    trace_fmi: Annotated[
+        Path | None, typer.Option(help="CSV of every FMI call of every FMU; slow.")
+    ] = None,
     no_report: Annotated[bool, typer.Option("--no-report", help="Write no report.html.")] = False,
     open_: Annotated[bool, typer.Option("--open", help="Open the report in a browser.")] = False,
     input_: Annotated[
@@ -85,7 +88,7 @@ def run_command(
         for option, given in refused.items():
             if given:
                 raise InputInvalid(f"{option}: is for systems; expected a system, not one FMU")
-        _run_fmu(system, input_, until, step, out, values)
+        _run_fmu(system, input_, until, step, out, values, trace_fmi)
         return
     if input_ is not None or step is not None:
         raise InputInvalid("--input and --step are for a single .fmu; expected SYSTEM to be one")
@@ -104,7 +107,7 @@ def run_command(
         edited, changes, name=system, until=until, out=out, seed=seed, native=native,
         record_every=record_every, report=not no_report, show=open_,
         pace=_pace(real_time, overruns), isolate=isolate or [], watchdog=watchdog,
-        scenario=scenario,
+        scenario=scenario, trace_fmi=trace_fmi,
     )  # fmt: skip
 
 
@@ -184,6 +187,7 @@ def _run_system(
     system: Any, changes: dict[str, dict[str, str]], *, name: str, until: float | None,
     out: Path | None, seed: int, native: bool, record_every: int, report: bool, show: bool,
     pace: Any, isolate: list[str], watchdog: float, scenario: Path | None,
+    trace_fmi: Path | None,
 ) -> None:  # fmt: skip
     from uuvsim_cosim.orchestrator.run import Interrupted, run
 
@@ -197,7 +201,7 @@ def _run_system(
             done = run(
                 system, until=until, out=out, seed=seed, backend="native" if native else "fmu",
                 record_every=record_every, progress=progress, about=about, real_time=pace,
-                isolate=isolate, watchdog=watchdog, scenario=scenario,
+                isolate=isolate, watchdog=watchdog, scenario=scenario, trace_fmi=trace_fmi,
             )  # fmt: skip
         except Interrupted as interrupted:
             done = interrupted.run
@@ -222,18 +226,26 @@ def _run_system(
 
 def _run_fmu(
     fmu: str, inputs: Path | None, until: float | None, step: str | None, out: Path | None,
-    values: dict[str, str],
+    values: dict[str, str], trace_fmi: Path | None,
 ) -> None:  # fmt: skip
+    from contextlib import nullcontext
+
     from uuvsim_cosim.fmus.simulate_fmu import SimulationResult, simulate_fmu
 
     target = out if out is not None else Path(f"{Path(fmu).stem}.csv")
     if not target.absolute().parent.is_dir():
         raise InputInvalid(f"{target}: its folder does not exist; expected a file in a folder")
+    traced: Any = nullcontext()
+    if trace_fmi is not None:
+        from uuvsim_cosim.fmus.trace import Trace
+
+        traced = Trace(trace_fmi)
     try:
-        result = simulate_fmu(
-            Path(fmu), until=10.0 if until is None else until, step=step, inputs=inputs,
-            start=values,
-        )  # fmt: skip
+        with traced as trace:
+            result = simulate_fmu(
+                Path(fmu), until=10.0 if until is None else until, step=step, inputs=inputs,
+                start=values, trace=trace,
+            )  # fmt: skip
     except ComponentFailed as error:
         if isinstance(error.partial, SimulationResult):
             error.partial.write_csv(target)

@@ -15,16 +15,22 @@ from uuvsim_cosim.envs.task import Moment, Randomised, Task, TeamTask
 if TYPE_CHECKING:
     from uuvsim_cosim.envs.function_task import FunctionTask
     from uuvsim_cosim.envs.single import CosimEnv
+    from uuvsim_cosim.envs.solo import Solo
+    from uuvsim_cosim.envs.team import CosimParallelEnv
+    from uuvsim_cosim.envs.team_vector import CosimTeamVectorEnv
     from uuvsim_cosim.envs.vector import CosimVectorEnv
 
 __all__ = [
     "Channel",
     "CosimEnv",
+    "CosimParallelEnv",
+    "CosimTeamVectorEnv",
     "CosimVectorEnv",
     "Draws",
     "FunctionTask",
     "Moment",
     "Randomised",
+    "Solo",
     "Task",
     "TeamTask",
     "register",
@@ -33,8 +39,10 @@ __all__ = [
 _HOME = {
     "CosimEnv": "single",
     "CosimParallelEnv": "team",
+    "CosimTeamVectorEnv": "team_vector",
     "CosimVectorEnv": "vector",
     "FunctionTask": "function_task",
+    "Solo": "solo",
 }
 
 

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from uuvsim_cosim.errors import ComponentFailed
 from uuvsim_cosim.fmus.description import Variable
 
-__all__ = ["Plant"]
+__all__ = ["Plant", "Seeds"]
+
+Seeds = Sequence[int] | NDArray[np.uint64]
 
 
 class Plant(Protocol):
@@ -44,7 +46,7 @@ class Plant(Protocol):
     def reset(
         self,
         mask: NDArray[np.bool_],
-        seeds: Sequence[int],
+        seeds: Seeds,
         start: Mapping[str, NDArray[Any]],
     ) -> None:
         """Go back to time 0 where the mask is true, with other system seeds and start values.

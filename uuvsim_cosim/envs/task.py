@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.channel import Channel
 from uuvsim_cosim.envs.draws import Draws
+from uuvsim_cosim.errors import InputInvalid
 
 if TYPE_CHECKING:
     from uuvsim_cosim.envs.picture import View
@@ -90,7 +91,9 @@ class _Common:
         self.action_step = Fraction(str(action_step))
         self.horizon = Fraction(str(horizon))
         self.signals = tuple(signals)
-        self.randomisation = randomisation
+        # A Randomisation may be declared without a system; here it gets one, and is checked.
+        bound = getattr(randomisation, "bound", None)
+        self.randomisation: Randomised | None = randomisation if bound is None else bound(system)
 
     def start(self, draws: Draws) -> Mapping[str, Array]:
         """Draw an episode's start values, by variable ("hull.eta_0"), of shape (n, *shape)."""
@@ -172,6 +175,11 @@ class TeamTask(_Common, ABC):
             randomisation=randomisation,
         )
         self.agents = tuple(agents)
+        if not self.agents or len(set(self.agents)) < len(self.agents):
+            raise InputInvalid(f"agents {self.agents}; expected at least one, each named once")
+        if set(actions) != set(self.agents):
+            expected = f"actions for each of the agents {', '.join(self.agents)}, and no others"
+            raise InputInvalid(f"actions for {', '.join(actions) or 'nobody'}; expected {expected}")
         self.actions = {agent: tuple(actions[agent]) for agent in self.agents}
 
     @abstractmethod

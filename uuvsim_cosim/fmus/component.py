@@ -19,6 +19,7 @@ class BindingKind(IntEnum):
     FMI2 = 2
     FMI3 = 3
     CALLBACK = 4
+    SHARED = 5
 
 
 @dataclass(frozen=True)

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import casadi as ca
 
 from uuvsim_cosim.errors import UuvsimError
+from uuvsim_cosim.fmus.branches import Block, Node, flat, nodes_of, scheduled
 from uuvsim_cosim.models.table import TABLES
 
-__all__ = ["emit_function", "emit_tables", "literal"]
+__all__ = ["emit_function", "emit_tables", "emit_update", "literal"]
 
 # CasADi operation -> function of fmus/runtime/uuv_math.h; arithmetic is written as operators.
 INFIX = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
@@ -36,46 +38,136 @@ def emit_function(f: Any, signature: str, targets: tuple[str, ...]) -> str:
     """Give the C text of `f`: its inputs are the C arrays in `targets` before the last one.
 
     ``targets`` names the arrays of f's inputs, then the one that its output is written to.
+    Branches that no lane takes are skipped (see `branches`); a right-hand side stays flat,
+    because kernels move what it computes from held values out of it.
     """
     *sources, result = targets
-    sx = None
-    lines: list[str] = []
-    value: dict[int, str] = {}  # work slot -> C expression that holds it now
-    stores: list[str] = []
-    for k in range(f.n_instructions()):
-        op = f.instruction_id(k)
-        i = f.instruction_input(k)
-        o = f.instruction_output(k)
-        if op == ca.OP_INPUT:
-            value[o[0]] = f"{sources[i[0]]}[{i[1]}]"
-            continue
-        if op == ca.OP_OUTPUT:
-            stores.append(f"{result}[{o[1]}] = {value[i[0]]};")
-            continue
-        if op == ca.OP_CALL:
-            sx = f.instructions_sx() if sx is None else sx
-            call = sx[k].which_function()
-            texts = _call(call, [value.get(n, "") for n in i])
-            for n, text in zip(o, texts, strict=True):
-                lines.append(f"const V t{k}_{n} = {text};")
-                value[n] = f"t{k}_{n}"
-            continue
-        lines.append(f"const V t{k} = {_operation(f, k, op, [value.get(n, '') for n in i])};")
-        value[o[0]] = f"t{k}"
-    body = "\n    ".join([f"(void){s};" for s in targets] + lines + stores)
+    nodes = nodes_of(f)
+    items = flat(nodes) if f.name() == "rhs" else scheduled(nodes)
+    text = _Text(f, nodes, sources, result)
+    lines = [*(f"(void){s};" for s in targets), *text.lines(items), *text.stores]
+    body = "\n    ".join(lines)
     return f"static void {signature} {{\n    {body}\n}}\n"
 
 
-def _operation(f: Any, k: int, op: int, a: list[str]) -> str:
-    if op == ca.OP_CONST:
-        return f"uuv_const({literal(f.instruction_constant(k))})"
-    if op == ca.OP_ASSIGN:
-        return a[0]
-    if op in INFIX:
-        return f"{a[0]} {INFIX[op]} {a[1]}"
-    if op in NAMED:
-        return f"{NAMED[op]}({', '.join(a)})"
-    raise UuvsimError(f"{f.name()}: CasADi operation {op} has no lowering to C")
+def emit_update(f: Any, signature: str, first: int) -> str:
+    """Give the C text of an update in place:  ``(V *b, const V *draws, uuv_mask due)``.
+
+    The new values of the cells of `b` from `first` on are written where `due` holds, after all
+    have been computed. Cells that keep their value are not touched; nor are, where no lane takes
+    a branch, those that only this branch changes.
+    """
+    nodes = nodes_of(f)
+    items = scheduled(nodes)
+    text = _Text(f, nodes, ["b", "draws"], "b")
+    last = _last_block(nodes, items)
+    before = [*text.lines([i for i in items if i is not last])]
+    stored = [(first + f.instruction_output(n.k)[1], n.inputs[0]) for n in nodes if _stores(n)]
+    once = Counter(source for _, source in stored)
+    late = set() if last is None else set(last.selections)
+    within: list[tuple[int, tuple[int, int]]] = []
+    after: list[str] = []
+    for cell, source in stored:
+        node = nodes[source[0]]
+        own = f"b[{cell}]"
+        if last is not None and node.k in late:
+            keeps = len(node.inputs) == 3 and text.value[node.inputs[2]] == own
+            if keeps and once[source] == 1:
+                within.append((cell, node.inputs[1]))
+                last.selections.remove(node.k)
+                continue
+            after.append(f"{own} = uuv_select(due, t{node.k}, {own});")
+        elif text.value[source] != own:
+            before.append(f"const V s{cell} = {text.value[source]};")
+            after.append(f"{own} = uuv_select(due, s{cell}, {own});")
+    if last is not None:
+        *lines, end = text.lines([last])
+        lines += [f"    const V s{cell} = {text.value[source]};" for cell, source in within]
+        lines.append(
+            f"    const uuv_mask taken = due & uuv_mask_true({text.value[last.condition]});"
+        )
+        lines += [f"    b[{cell}] = uuv_select(taken, s{cell}, b[{cell}]);" for cell, _ in within]
+        before += [*lines, end]
+    body = "\n    ".join(["(void)b;", "(void)draws;", "(void)due;", *before, *after])
+    return f"static void {signature} {{\n    {body}\n}}\n"
+
+
+def _stores(node: Node) -> bool:
+    return node.op == ca.OP_OUTPUT
+
+
+def _last_block(nodes: list[Node], items: Sequence[int | Block]) -> Block | None:
+    """Give the largest block whose results are only stored: it can be the last to be computed."""
+    read = {i for n in nodes if not _stores(n) for i, _ in n.inputs}
+    blocks = [b for b in items if isinstance(b, Block) and read.isdisjoint(b.selections)]
+    return max(blocks, key=lambda b: len(b.selections), default=None)
+
+
+class _Text:
+    """The lines of C that compute the instructions of a function."""
+
+    def __init__(self, f: Any, nodes: list[Node], sources: list[str], result: str) -> None:
+        self.f, self.nodes, self.sources, self.result = f, nodes, sources, result
+        self.value: dict[tuple[int, int], str] = {}  # C expressions of what is computed
+        self.stores: list[str] = []
+        self.calls: Any = None
+
+    def lines(self, items: Sequence[int | Block]) -> Iterator[str]:
+        """Write instructions and blocks, in this order."""
+        for item in items:
+            if isinstance(item, Block):
+                yield from self._block(item)
+            else:
+                yield from self._instruction(item)
+
+    def _arguments(self, k: int) -> list[str]:
+        return [self.value.get(source, "") for source in self.nodes[k].inputs]
+
+    def _instruction(self, k: int) -> Iterator[str]:
+        f, op = self.f, self.nodes[k].op
+        if op == ca.OP_INPUT:
+            i = f.instruction_input(k)
+            self.value[k, 0] = f"{self.sources[i[0]]}[{i[1]}]"
+        elif op == ca.OP_OUTPUT:
+            place = f.instruction_output(k)[1]
+            self.stores.append(f"{self.result}[{place}] = {self._arguments(k)[0]};")
+        elif op == ca.OP_CALL:
+            self.calls = f.instructions_sx() if self.calls is None else self.calls
+            texts = _call(self.calls[k].which_function(), self._arguments(k))
+            for place, text in enumerate(texts):
+                yield f"const V t{k}_{place} = {text};"
+                self.value[k, place] = f"t{k}_{place}"
+        else:
+            yield f"const V t{k} = {self._operation(k, op)};"
+            self.value[k, 0] = f"t{k}"
+
+    def _operation(self, k: int, op: int) -> str:
+        a = self._arguments(k)
+        if self.nodes[k].selects:
+            return f"uuv_if_else{'_zero' if len(a) == 2 else ''}({', '.join(a)})"
+        if op == ca.OP_CONST:
+            return f"uuv_const({literal(self.f.instruction_constant(k))})"
+        if op == ca.OP_ASSIGN:
+            return a[0]
+        if op in INFIX:
+            return f"{a[0]} {INFIX[op]} {a[1]}"
+        if op in NAMED:
+            return f"{NAMED[op]}({', '.join(a)})"
+        raise UuvsimError(f"{self.f.name()}: CasADi operation {op} has no lowering to C")
+
+    def _block(self, block: Block) -> Iterator[str]:
+        """Write the branch not taken, then the other one where the condition holds in any lane."""
+        for k in block.selections:
+            otherwise = self._arguments(k)[2:] or ["uuv_const(0.0)"]
+            yield f"V t{k} = {otherwise[0]};"
+        yield f"if (uuv_any(uuv_mask_true({self.value[block.condition]}))) {{"
+        for line in self.lines(block.body):
+            yield f"    {line}"
+        for k in block.selections:
+            c, a = self._arguments(k)[:2]
+            yield f"    t{k} = uuv_if_else({c}, {a}, t{k});"
+            self.value[k, 0] = f"t{k}"
+        yield "}"
 
 
 Lowering = Callable[[list[str]], str]

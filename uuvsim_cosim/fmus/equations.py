@@ -46,7 +46,7 @@ def equations(model: Model) -> Equations:
     sensitivity = ca.jtimes(result, known, seed) if known.numel() else ca.SX(result.shape)
 
     def function(name: str, value: Any, *more: Any) -> Any:
-        f = ca.Function(name, [b, *more], [ca.densify(value)], {"allow_free": True})
+        f = ca.Function(name, [b, *more], [ca.densify(value)], {"allow_free": True, "cse": True})
         if f.has_free():
             raise ParameterInvalid(
                 f"{model.name}: its {name} depend on {', '.join(f.get_free())}, "

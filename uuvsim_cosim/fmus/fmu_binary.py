@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -41,7 +41,14 @@ class FmuBinary(ABC):
     state_word: ClassVar[str]  # FMUstate or FMUState
     deserialize: ClassVar[str]
 
-    def __init__(self, archive: FmuArchive, path: str, *, logging_on: bool = True) -> None:
+    def __init__(
+        self,
+        archive: FmuArchive,
+        path: str,
+        *,
+        logging_on: bool = True,
+        library: Callable[..., FmuLibrary] = FmuLibrary,
+    ) -> None:
         self.path = path
         self.description = archive.description
         self.archive = archive
@@ -51,7 +58,7 @@ class FmuBinary(ABC):
         self._accesses: dict[str, Access] = {}
         self._states: set[int] = set()
         self._orphans: list[int] = []
-        self._library = FmuLibrary(archive, self.prefix, self.signatures)
+        self._library = library(archive, self.prefix, self.signatures)
         once = self.description.can_be_instantiated_only_once
         if once and _living[self._library.file]:
             raise FmuError(
@@ -242,11 +249,18 @@ class FmuBinary(ABC):
 
     def binding(self) -> Binding:
         """Give the addresses that the stepping loop in C calls."""
+        if not self._library.addressable:
+            return Binding(BindingKind.CALLBACK, 0, {})
         return Binding(self.kind, self._live(), self._library.addresses())
 
     def drain_messages(self) -> None:
         """Take over what the FMU has said since; for a loop that steps it from C."""
         self._log.drain()
+
+    @property
+    def waiting_messages(self) -> int:
+        """Give the address of the count of messages that nobody has taken yet."""
+        return self._log.environment
 
     def failure(self, function: str, status: int, time: float) -> ComponentFailed:
         """Give the error for a status that the stepping loop in C got from a function."""

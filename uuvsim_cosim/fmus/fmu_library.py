@@ -8,6 +8,7 @@ import ctypes
 import os
 import sys
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,8 @@ Signatures = Mapping[str, tuple[Any, Sequence[Any]]]
 class FmuLibrary:
     """A loaded library; `signatures` maps names without prefix to (result, arguments)."""
 
+    addressable = True  # for C; if not, every call has to go through `function`
+
     def __init__(self, archive: FmuArchive, prefix: str, signatures: Signatures) -> None:
         self.archive = archive
         self.file = _library(archive)
@@ -30,8 +33,7 @@ class FmuLibrary:
         self._signatures = signatures
         self._bound: dict[str, Any] = {}
         try:
-            with _searching(self.file.parent):
-                self._c = ctypes.CDLL(str(self.file))
+            self._c = _loaded(self.file, self.file.stat().st_ino)
         except OSError as error:
             raise FmuError(
                 f"{archive.path}: its library {self.file.name} cannot be loaded ({error}); "
@@ -68,6 +70,13 @@ class FmuLibrary:
             for name in self._signatures
             if self.has(name)
         }
+
+
+@lru_cache(maxsize=None)
+def _loaded(file: Path, inode: int) -> ctypes.CDLL:
+    """Load a library once; it stays for as long as the process."""
+    with _searching(file.parent):
+        return ctypes.CDLL(str(file))
 
 
 def _library(archive: FmuArchive) -> Path:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from uuvsim_cosim.fmus.read_description import FmuArchive, read_fmu
+from uuvsim_cosim.fmus.reliance import reliance
 
 __all__ = ["Inspection", "inspect"]
 
@@ -43,6 +44,7 @@ class Inspection:
                 "only_once_per_process": d.can_be_instantiated_only_once,
                 "needs_tool": d.needs_execution_tool,
             },
+            "a_master_may_rely_on": reliance(self.fmu),
             "variables": [
                 {
                     "name": v.name,

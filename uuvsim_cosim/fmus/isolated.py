@@ -1,4 +1,8 @@
-"""A component in a process of its own: its crash or hang is an error here, nothing more."""
+"""A component in a process of its own: its crash or hang is an error here, nothing more.
+
+Calls go through pipes. A stepping loop in C goes through shared memory instead, where there is
+some (`segment`), once it has been introduced by `serve`.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +15,9 @@ import sys
 import tempfile
 import threading
 from collections.abc import Callable, Sequence
-from typing import Any, BinaryIO, final
+from typing import Any, BinaryIO, Protocol, final
 
-from uuvsim_cosim.errors import ComponentFailed, FmuError
+from uuvsim_cosim.errors import ComponentFailed, FmuError, UuvsimError
 from uuvsim_cosim.fmus.component import Binding, BindingKind, Component
 from uuvsim_cosim.fmus.description import Description, Variable
 
@@ -22,12 +26,30 @@ __all__ = ["Isolated"]
 _GRACE = 2.0  # [s] that a child is given to end by itself
 
 
-class RemoteState:
-    """A state that the child holds, by its number; given up when nobody holds it here."""
+class Stepper(Protocol):
+    """What steps the child without the pipes."""
 
-    def __init__(self, number: int, orphans: list[int]) -> None:
+    def leave(self) -> None:
+        """Let the child answer on its pipe."""
+
+    def messages_wait(self) -> bool:
+        """Say whether the component has said something."""
+
+
+class RemoteState:
+    """A state that the child holds, by its number; given up when nobody holds it here.
+
+    `data` are its bytes, if the component can serialise it: they outlive the child.
+    """
+
+    def __init__(self, number: int, orphans: list[int], data: bytes | None = None) -> None:
         self.number = number
+        self.data = data
         self._orphans = orphans
+
+    def is_of(self, orphans: list[int]) -> bool:
+        """Say whether the child whose list this is holds the state."""
+        return self._orphans is orphans
 
     def __del__(self) -> None:
         self._orphans.append(self.number)
@@ -38,7 +60,8 @@ class Isolated:
     """The `Component` protocol over pipes to a child, which makes the component by `factory`.
 
     `factory` is a function at a module's top level. A call that takes longer than `watchdog`
-    seconds ends the child.
+    seconds ends the child. Without `shared`, and where there is no shared memory without a name,
+    `segment` is None, and a stepping loop goes through the pipes as well.
     """
 
     def __init__(
@@ -49,18 +72,22 @@ class Isolated:
         arguments: Sequence[Any],
         *,
         watchdog: float | None = None,
+        shared: bool = True,
     ) -> None:
         self.path = path
         self.description = description
         self.messages: list[tuple[str, str]] = []
-        self._watchdog = watchdog
+        self.watchdog = watchdog
+        self.segment = _segment() if shared else None
+        self._stepper: Stepper | None = None
         self._time = 0.0
         self._orphans: list[int] = []
         self._logger = logging.getLogger(f"uuvsim_cosim.{path}")
         self._words = tempfile.TemporaryFile()  # noqa: SIM115
         search = os.pathsep.join(p for p in sys.path if p)
         self._child: subprocess.Popen[bytes] | None = subprocess.Popen(
-            [sys.executable, "-m", "uuvsim_cosim.fmus.isolated_child"],
+            [sys.executable, "-m", "uuvsim_cosim.fmus.isolated_child", str(self.segment or 0)],
+            pass_fds=() if self.segment is None else (self.segment,),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._words,
@@ -97,15 +124,25 @@ class Isolated:
         self._call("do_step", current_communication_point, step_size)
 
     def get_fmu_state(self) -> RemoteState:
-        """Copy the state, which stays with the child."""
-        return RemoteState(self._call("get_fmu_state"), self._orphans)
+        """Copy the state, which stays with the child, and its bytes, if it has any."""
+        number, data = self._call("get_fmu_state")
+        return RemoteState(number, self._orphans, data)
 
     def set_fmu_state(self, state: RemoteState) -> None:
-        """Restore a state."""
+        """Restore a state; one of another process only if it has been serialised."""
+        if not state.is_of(self._orphans):
+            if state.data is None:
+                raise FmuError(
+                    f"{self.path}: the state was held by a process that is gone, for "
+                    f"{self.description.name} cannot serialise its state"
+                )
+            state = self.deserialize_fmu_state(state.data)
         self._call("set_fmu_state", state.number)
 
     def serialize_fmu_state(self, state: RemoteState) -> bytes:
         """Turn a state into bytes."""
+        if state.data is not None:
+            return state.data
         data: bytes = self._call("serialize_fmu_state", state.number)
         return data
 
@@ -134,6 +171,9 @@ class Isolated:
         child, self._child = self._child, None
         if child is None:
             return
+        if self._stepper is not None:
+            self._stepper.leave()
+            self._stepper = None
         for pipe in (child.stdin, child.stdout):
             if pipe is not None:
                 with contextlib.suppress(OSError):  # the child, if alive, ends on end of file
@@ -144,10 +184,55 @@ class Isolated:
             child.kill()
             child.wait()
         self._words.close()
+        if self.segment is not None:
+            os.close(self.segment)
+            self.segment = None
 
     def binding(self) -> Binding:
-        """Say that the stepping loop in C has to call Python."""
-        return Binding(BindingKind.CALLBACK, 0, {})
+        """Say that a stepping loop in C goes through shared memory, or has to call Python."""
+        kind = BindingKind.CALLBACK if self.segment is None else BindingKind.SHARED
+        return Binding(kind, 0, {})
+
+    # ---- for a stepping loop ------------------------------------------------------------------
+
+    @property
+    def process(self) -> int | None:
+        """Give the child's process number; None when it is gone."""
+        return None if self._child is None else self._child.pid
+
+    def ask(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """Call a function at a module's top level, in the child, with the component first."""
+        return self._call("ask", function, arguments)
+
+    def serve(self, stepper: Stepper, make: Callable[..., Any], arguments: Sequence[Any]) -> None:
+        """Let the child be stepped through `segment`, by what `make` makes there.
+
+        ``make(component, segment, pipe, *arguments)`` gives an object with `run`, `forget`,
+        `error` and `close`.
+        """
+        self._call("serve", make, tuple(arguments))
+        self._stepper = stepper
+
+    def why(self, time: float) -> BaseException:
+        """Give the error that the last step through shared memory ended with."""
+        self._time = time
+        try:
+            self._call("why", time)
+        except UuvsimError as error:
+            return error
+        return ComponentFailed(self.path, time, "it failed, and does not say why")
+
+    def lost(self, time: float, *, late: bool) -> ComponentFailed:
+        """Give the error for a child that died in a step, or did not answer."""
+        self._time = time
+        if self._child is None:
+            return ComponentFailed(self.path, time, "its process died before")
+        return self._died(self._child, late)
+
+    def drain_messages(self) -> None:
+        """Take over what the component has said in steps."""
+        if self._stepper is not None and self._child is not None and self._stepper.messages_wait():
+            self._call("messages")
 
     # ---- the wire -----------------------------------------------------------------------------
 
@@ -155,6 +240,8 @@ class Isolated:
         child = self._child
         if child is None or child.stdin is None or child.stdout is None:
             raise FmuError(f"{self.path}: used after it was freed, or after its process died")
+        if self._stepper is not None:
+            self._stepper.leave()
         dropped = [self._orphans.pop() for _ in range(len(self._orphans))]
         late = threading.Event()
         timer = self._timer(child, late)
@@ -179,19 +266,21 @@ class Isolated:
     def _timer(
         self, child: subprocess.Popen[bytes], late: threading.Event
     ) -> threading.Timer | None:
-        if self._watchdog is None:
+        if self.watchdog is None:
             return None
 
         def end() -> None:
             late.set()
             child.kill()
 
-        timer = threading.Timer(self._watchdog, end)
+        timer = threading.Timer(self.watchdog, end)
         timer.daemon = True
         timer.start()
         return timer
 
     def _died(self, child: subprocess.Popen[bytes], late: bool) -> ComponentFailed:
+        if late:
+            child.kill()
         try:
             status = child.wait(_GRACE)
         except subprocess.TimeoutExpired:
@@ -201,11 +290,17 @@ class Isolated:
         words = self._words.read().decode(errors="replace").strip().splitlines()[-1:]
         self.free()
         if late:
-            reason = f"did not answer within {self._watchdog} s; its process was ended"
+            reason = f"did not answer within {self.watchdog} s; its process was ended"
         else:
             how = f"signal {-status}" if status < 0 else f"status {status}"
             reason = f"its process died ({how})" + (f": {words[0][:200]}" if words else "")
         return ComponentFailed(self.path, self._time, reason)
+
+
+def _segment() -> int | None:
+    """Give memory without a name, which is gone with the last process that has it."""
+    make = getattr(os, "memfd_create", None)
+    return None if make is None else int(make("uuvsim-exchange"))
 
 
 def _send(pipe: Any, message: Any) -> None:

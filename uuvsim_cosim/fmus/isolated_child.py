@@ -5,6 +5,11 @@ from __future__ import annotations
 import itertools
 import os
 import pickle
+import select
+import signal
+import sys
+import threading
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -13,12 +18,16 @@ from uuvsim_cosim.fmus.component import Component
 
 __all__ = ["main"]
 
+_GRACE = 2.0  # [s] from the parent's end to this process's
+
 
 class Served:
     """The component in the child, and the states that the parent holds by number."""
 
-    def __init__(self) -> None:
+    def __init__(self, segment: int, pipe: int) -> None:
         self.component: Component | None = None
+        self.serving: Any = None  # what a stepping loop of the parent asked for
+        self._segment, self._pipe = segment, pipe
         self._states: dict[int, Any] = {}
         self._numbers = itertools.count()
         self._told = 0
@@ -32,14 +41,42 @@ class Served:
             factory, given = arguments
             self.component = factory(*given)
             return None
+        if method in ("ask", "serve", "why", "messages"):
+            return self._stepping(method, arguments)
+        if self.serving is not None:
+            self.serving.forget()
         if method in ("set_fmu_state", "serialize_fmu_state"):
             return getattr(self.component, method)(self._states[arguments[0]])
         result = getattr(self.component, method)(*self._resolved(method, arguments))
         if method in ("get_fmu_state", "deserialize_fmu_state"):
             number = next(self._numbers)
             self._states[number] = result
-            return number
+            return (number, self._serialized(result)) if method == "get_fmu_state" else number
         return result
+
+    def _stepping(self, method: str, arguments: tuple[Any, ...]) -> Any:
+        component = self.component
+        if method == "ask":
+            return arguments[0](component, *arguments[1])
+        if method == "serve":
+            self.close()
+            make, more = arguments
+            self.serving = make(component, self._segment, self._pipe, *more)
+        elif method == "why":
+            raise self.serving.error(*arguments)
+        else:
+            drain = getattr(component, "drain_messages", None)
+            return None if drain is None else drain()
+        return None
+
+    def _serialized(self, state: Any) -> bytes | None:
+        component = self.component
+        if component is None or not component.description.can_serialize_state:
+            return None
+        try:
+            return component.serialize_fmu_state(state)
+        except Exception:  # a state that cannot be written can still be restored here
+            return None
 
     def _resolved(self, method: str, arguments: tuple[Any, ...]) -> tuple[Any, ...]:
         """Put variables where the parent sent their names, which are quicker to send."""
@@ -58,9 +95,16 @@ class Served:
         self._told = len(kept)
         return list(fresh)
 
+    def close(self) -> None:
+        """End what steps the component."""
+        if self.serving is not None:
+            self.serving.close()
+            self.serving = None
+
     def free(self) -> None:
         """Free the component."""
         self._states.clear()
+        self.close()
         if self.component is not None:
             self.component.free()
 
@@ -69,14 +113,18 @@ def main() -> None:
     """Serve the parent; what the component prints goes to standard error."""
     import logging
 
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to answer
     logging.getLogger("uuvsim_cosim").addHandler(logging.NullHandler())
     calls = os.fdopen(os.dup(0), "rb")
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
-    served = Served()
+    _end_with_parent(calls.fileno())
+    served = Served(int(sys.argv[1]) if len(sys.argv) > 1 else 0, calls.fileno())
     while True:
+        if served.serving is not None:
+            served.serving.run()
         try:
             method, arguments, dropped = pickle.load(calls)
         except EOFError:
@@ -98,6 +146,21 @@ def main() -> None:
         pickle.dump((*answer, served.messages()), answers)
         answers.flush()
     served.free()
+
+
+def _end_with_parent(pipe: int) -> None:
+    """End this process soon after the parent, also if the component never comes back."""
+    if not hasattr(select, "poll"):
+        return
+
+    def wait() -> None:
+        gone = select.poll()
+        gone.register(pipe, 0)  # reports only that the other end is closed
+        gone.poll()
+        time.sleep(_GRACE)
+        os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()
 
 
 if __name__ == "__main__":

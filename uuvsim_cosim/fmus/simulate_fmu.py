@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, final
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
@@ -28,6 +28,9 @@ from uuvsim_cosim.fmus.input_csv import (
 from uuvsim_cosim.fmus.instantiate import instantiate_fmu
 from uuvsim_cosim.fmus.read_description import FmuArchive, read_fmu
 from uuvsim_cosim.fmus.values import checked_start, parse_value
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.fmus.trace import Trace
 
 __all__ = ["SimulationResult", "simulate_fmu"]
 
@@ -73,13 +76,15 @@ def simulate_fmu(
     inputs: Inputs = None,
     start: Mapping[str, Any] | None = None,
     outputs: Sequence[str] | None = None,
+    trace: Trace | None = None,
 ) -> SimulationResult:
     """Simulate an FMU from 0 to `until` [s], communicating at every whole multiple of `step` [s].
 
     `inputs` is a CSV file (first column: time), or a mapping: of constants and functions of
     time by name, or, with a key ``time``, of samples. Continuous inputs are interpolated, others
     held, at the communication points. `start` values may be text, as a user types them.
-    `outputs` are names of what is recorded, all outputs by default.
+    `outputs` are names of what is recorded, all outputs by default. Each call of the FMU goes
+    into `trace`.
 
     Raises InputInvalid or FmuError before anything runs, ComponentFailed while it runs; the
     values up to then are its attribute `partial`, a SimulationResult.
@@ -90,7 +95,7 @@ def simulate_fmu(
     feed = _feed(inputs, description)
     begin = _start_values(start or {}, archive)
     recorded = _recorded(outputs, description)
-    component = instantiate_fmu(archive, description.name)
+    component = _instance(archive, trace)
     samples = _Samples(recorded, count + 1)
     try:
         for variable, value in begin:
@@ -112,6 +117,14 @@ def simulate_fmu(
         raise
     finally:
         component.free()
+
+
+def _instance(archive: FmuArchive, trace: Trace | None) -> Component:
+    if trace is None:
+        return instantiate_fmu(archive, archive.description.name)
+    from uuvsim_cosim.fmus.trace import instantiate_traced
+
+    return instantiate_traced(archive, archive.description.name, trace)
 
 
 def _steps(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from difflib import get_close_matches
 from itertools import pairwise
 from operator import index
 from typing import Any, Self, final
@@ -15,12 +14,12 @@ from uuvsim_cosim.errors import ComponentFailed, InputInvalid
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.kernels.kernel import Kernel
 from uuvsim_cosim.kernels.memory import Lanes, aligned
-from uuvsim_cosim.orchestrator.seeds import component_seed
+from uuvsim_cosim.kernels.signal import Signal, signal_of
 
 __all__ = ["Batch", "Seeds"]
 
 Seeds = int | Sequence[int] | np.ndarray
-TICK, FAILED, FAILED_TICK = 0, 1, 2  # cells, as in fmus/kernels/uuv_lane_steps.h
+TICK, FAILED, FAILED_TICK = 0, 1, 2  # words, as in fmus/kernels/uuv_lane_steps.h
 
 
 @final
@@ -44,21 +43,23 @@ class Batch:
             raise InputInvalid(f"{n_envs} environments in {threads} threads; expected at least 1")
         self.kernel = kernel
         self.n_envs = n_envs
-        fused = kernel.fused
-        self._plan = fused.plan
-        self._index = {m.path: i for i, m in enumerate(fused.members)}
-        self._memory = Lanes(n_envs, fused.n_cells, kernel.lanes)
-        self._start = Lanes(n_envs, fused.n_start, kernel.lanes)
-        n_ranges = min(threads, self._memory.n_blocks)
+        fused, dtype = kernel.fused, kernel.dtype
+        self._memory = Lanes(n_envs, fused.n_cells, kernel.lanes, dtype, fused.n_words)
+        self._start = Lanes(n_envs, fused.n_start, kernel.lanes, dtype)
+        workers = min(threads, self._memory.n_blocks)
+        # More ranges than threads, so that one whose processor is busy elsewhere makes fewer.
+        n_ranges = 4 * workers if self._memory.n_blocks >= 32 * workers > 32 else workers
         bounds = np.linspace(0, self._memory.n_blocks, n_ranges + 1).astype(int).tolist()
         self._ranges = list(pairwise(bounds))
-        self._scratch = aligned((n_ranges, fused.n_cells, kernel.lanes))
-        self._pool = ThreadPoolExecutor(n_ranges - 1) if n_ranges > 1 else None
+        scratch = aligned((workers, fused.n_cells, kernel.lanes), dtype)
+        self._scratch = [int(s.ctypes.data) for s in scratch]
+        self._scratch_cells = scratch
+        self._pool = ThreadPoolExecutor(workers - 1) if workers > 1 else None
         self._raised = np.zeros(n_envs, bool)
-        self._connected: dict[tuple[int, str], int] = {}
-        for t in self._plan.transfers:
-            key = (t.target, t.target_variable.name)
-            self._connected[key] = self._connected.get(key, 0) + len(t.target_elements)
+        self._signals: dict[str, Signal] = {}
+        self._step = kernel.c.uuv_kernel_step
+        self._address, self._n_blocks = self._memory.address, self._memory.n_blocks
+        self._tick_length = fused.plan.tick.numerator, float(fused.plan.tick.denominator)
         self._set_plan_start()
         self.reset(seeds=0 if seeds is None else seeds, start=start)
 
@@ -67,7 +68,7 @@ class Batch:
         if self._pool is not None:
             self._pool.shutdown()
             self._pool = None
-            self._ranges = [(0, self._memory.n_blocks)]
+            self._ranges = [(0, self._n_blocks)]
 
     def __enter__(self) -> Self:
         """Give the batch."""
@@ -85,136 +86,155 @@ class Batch:
         *,
         seeds: Seeds | None = None,
         start: Mapping[str, Any] | None = None,
+        check: bool = True,
     ) -> None:
-        """Go back to time 0 where the mask is true, with other seeds or start values if given."""
-        chosen = self._mask(mask)
-        values = [(*self._place(name), value) for name, value in (start or {}).items()]
-        rows = [(i, v, self._rows(i, v, value)) for i, v, value in values]
-        for i, variable, _ in rows:
-            if variable.causality not in ("input", "parameter"):
-                raise self._wrong(i, variable, "an input or a parameter")
-        if seeds is not None:
-            self._set_seeds(self._seeds(seeds), chosen)
-        for i, variable, row in rows:
-            first = self.kernel.fused.members[i].start_cell + variable.value_references[0]
-            self._start.write(first, row, chosen)
-        lanes = np.ascontiguousarray(self._memory.padded(chosen).astype(np.uint8))
-        c, memory, begin = self.kernel.c, self._memory.address, self._start.address
+        """Go back to time 0 where the mask is true, with other seeds or start values if given.
 
-        def reset_range(n: int, first: int, last: int) -> None:
-            scratch = self._scratch[n].ctypes.data
-            c.uuv_kernel_reset(memory, begin, lanes.ctypes.data, scratch, first, last)
+        Raises ComponentFailed if a start is not finite, unless `check` is false.
+        """
+        chosen = None if mask is None else self._mask(mask)
+        given = [(self._signal(n), v) for n, v in start.items()] if start else []
+        rows = [(s, s.checked_start(v)) for s, v in given]
+        words = None if seeds is None else self._seeds(seeds)
+        for s, row in rows:
+            s.start.write(row, chosen)
+        lanes = None
+        if chosen is not None:
+            lanes = np.ascontiguousarray(self._memory.padded(chosen).view(np.uint8))
+        masks = 0 if lanes is None else lanes.ctypes.data
+        c, memory, begin = self.kernel.c, self._address, self._start.address
+        if words is not None:
+            seeded = words.ctypes.data
+            self._each(lambda _, a, b: c.uuv_kernel_seed(begin, seeded, masks, a, b))
+        scratch = self._scratch
+        failed = self._each(
+            lambda n, a, b: c.uuv_kernel_reset(memory, begin, masks, scratch[n], a, b)
+        )
+        if chosen is None:
+            self._raised[:] = False
+        else:
+            self._raised &= ~chosen
+        if check and any(failed):
+            self._check()
 
-        self._each(reset_range)
-        self._raised &= ~chosen
-        self._check()
-
-    def step(self, n: int = 1) -> None:
+    def step(self, n: int = 1, *, check: bool = True) -> None:
         """Make n communication steps in all environments.
 
         Raises ComponentFailed once for environments that fail; all make their n steps. Those in
-        `failed` mean nothing until they are reset.
+        `failed` mean nothing until they are reset. Without `check` nothing is raised.
         """
-        c, memory = self.kernel.c, self._memory.address
-        if any(self._each(lambda _, a, b: c.uuv_kernel_step(memory, a, b, n))):
+        if n < 0:
+            raise InputInvalid(f"{n} steps; expected 0 or more")
+        if self._pool is None:
+            failed = self._step(self._address, 0, self._n_blocks, n)
+        else:
+            step, memory = self._step, self._address
+            failed = any(self._each(lambda _, a, b: step(memory, a, b, n)))
+        if failed and check:
             self._check()
 
     @property
     def tick(self) -> np.ndarray:
         """Give the communication point that each environment has reached."""
-        return self._memory.read(TICK, 1, bits=True)[:, 0].astype(np.int64)
+        return self._memory.word(TICK).astype(np.int64)
 
     @property
     def time(self) -> np.ndarray:
         """Give each environment's time [s]."""
-        tick = self._plan.tick
-        return (self.tick * tick.numerator).astype(float) / float(tick.denominator)
+        numerator, denominator = self._tick_length
+        return (self._memory.word(TICK) * np.uint64(numerator)).astype(float) / denominator
 
     @property
     def failed(self) -> np.ndarray:
         """Say which environments have a value that is not finite, since their reset."""
-        return np.asarray(self._memory.read(FAILED, 1, bits=True)[:, 0] != 0)
+        return np.asarray(self._memory.word(FAILED) != 0)
+
+    def failure(self, e: int) -> ComponentFailed | None:
+        """Give the first failure of environment e since its reset, if it has failed."""
+        if not -self.n_envs <= e < self.n_envs:
+            raise InputInvalid(f"environment {e}; expected one of 0 to {self.n_envs - 1}")
+        return self._failure(index(e) % self.n_envs, "")
 
     # ---- values ---------------------------------------------------------------------------
 
+    @property
+    def variables(self) -> Mapping[str, Variable]:
+        """Give every variable by its full name, "hull.eta"."""
+        return self.kernel.variables
+
+    @property
+    def cells(self) -> np.ndarray:
+        """Show all values as they lie, (blocks, cells, lanes); `Fused` says where."""
+        return self._memory.cells
+
     def get(self, name: str) -> np.ndarray:
-        """Copy a variable, "hull.eta": one row an environment."""
-        i, v = self._place(name)
-        flat = self._memory.read(self.kernel.fused.members[i].cell + v.value_references[0], v.size)
-        if v.type != "Float64":
-            flat = flat.astype(bool if v.type == "Boolean" else np.int32)
-        return flat.reshape(self.n_envs, *v.shape)
+        """Copy a variable, "hull.eta": one row an environment, in the kernel's number type."""
+        return (self._signals.get(name) or self._signal(name)).own.read()
 
     def set(self, name: str, values: Any, mask: Any = None) -> None:
         """Set an unconnected input or a tunable parameter, where the mask is true.
 
         `values` has the variable's shape, or one row an environment.
         """
-        i, v = self._place(name)
-        tunable = v.causality == "parameter" and v.variability == "tunable"
-        if v.causality != "input" and not tunable:
-            raise self._wrong(i, v, "an input or a tunable parameter (others: start= of reset)")
-        if self._connected.get((i, v.name), 0) == v.size:
-            raise InputInvalid(f"{name}: is connected; expected an unconnected input")
-        rows = self._rows(i, v, values)
-        member = self.kernel.fused.members[i]
-        chosen = None if mask is None else self._mask(mask)
-        self._memory.write(member.cell + v.value_references[0], rows, chosen)
-        if tunable:
-            c, memory = self.kernel.c, self._memory.address
-            self._each(lambda _, a, b: c.uuv_kernel_derive(memory, i, a, b))
+        s = self._signals.get(name) or self._signal(name)
+        rows = s.checked(values)
+        s.own.write(rows, None if mask is None else self._mask(mask))
+        if s.is_parameter:
+            c, memory = self.kernel.c, self._address
+            self._each(lambda _, a, b: c.uuv_kernel_derive(memory, s.member, a, b))
 
     # ---- inside ---------------------------------------------------------------------------
 
     def _each(self, call: Callable[[int, int, int], Any]) -> list[Any]:
         """Call for each range of blocks, side by side; C lets go of the GIL."""
         if self._pool is None:
-            return [call(0, 0, self._memory.n_blocks)]
-        waiting = [self._pool.submit(call, n, *r) for n, r in enumerate(self._ranges[1:], 1)]
-        return [call(0, *self._ranges[0]), *(w.result() for w in waiting)]
+            return [call(0, 0, self._n_blocks)]
+        left = iter(self._ranges)  # whoever is free takes the next
+
+        def work(worker: int) -> list[Any]:
+            return [call(worker, first, last) for first, last in left]
+
+        waiting = [self._pool.submit(work, n) for n in range(1, len(self._scratch))]
+        return [*work(0), *(r for w in waiting for r in w.result())]
+
+    def _signal(self, name: str) -> Signal:
+        if name not in self._signals:
+            self._signals[name] = signal_of(self.kernel, name, self._memory, self._start)
+        return self._signals[name]
 
     def _set_plan_start(self) -> None:
-        every = np.ones(self.n_envs, bool)
-        for i, m in enumerate(self.kernel.fused.members):
-            start = np.zeros(m.n_start)
+        for planned, m in zip(
+            self.kernel.fused.plan.components, self.kernel.fused.members, strict=True
+        ):
             for p in m.layout.placed:
                 if p.variable.kind in ("input", "parameter"):
-                    start[p.offset : p.offset + p.variable.size] = p.variable.start
-            self._start.write(m.start_cell, np.broadcast_to(start, (self.n_envs, m.n_start)))
-            for name, value in self._plan.components[i].start.items():
-                variable = self._plan.components[i].description.variables[name]
-                first = m.start_cell + variable.value_references[0]
-                self._start.write(first, self._rows(i, variable, value), every)
+                    signal = self._signal(f"{m.path}.{p.variable.name}")
+                    value = np.reshape(np.asarray(p.variable.start, float), p.variable.shape)
+                    signal.start.write(value)
+            for name, value in planned.start.items():
+                signal = self._signal(f"{m.path}.{name}")
+                signal.start.write(signal.checked_start(value))
 
-    def _set_seeds(self, seeds: Sequence[int], chosen: np.ndarray) -> None:
-        for planned, m in zip(self._plan.components, self.kernel.fused.members, strict=True):
-            own = planned.description.variables.get("seed")
-            if own is None or (own.causality, own.shape) != ("parameter", (2,)):
-                continue
-            if "seed" in planned.start:
-                continue
-            keys = np.zeros((self.n_envs, 2))
-            for e in np.flatnonzero(chosen):
-                keys[e] = component_seed(seeds[int(e)], planned.path)
-            self._start.write(m.start_cell + own.value_references[0], keys, chosen)
-
-    def _seeds(self, seeds: Seeds) -> list[int]:
+    def _seeds(self, seeds: Seeds) -> np.ndarray:
+        """Give one for each lane, modulo 2^64."""
+        n = self.n_envs
+        if getattr(seeds, "dtype", None) == np.uint64 and np.shape(seeds) == (n,):
+            return np.ascontiguousarray(self._memory.padded(np.asarray(seeds)))
         each = np.ndim(seeds) > 0
         try:
             given = [index(s) for s in seeds] if each else [index(seeds)]  # type: ignore[union-attr, arg-type]
         except TypeError:
             raise InputInvalid(
-                f"seeds: {seeds!r}; expected a whole number, or {self.n_envs} of them"
+                f"seeds: {seeds!r}; expected a whole number, or {n} of them"
             ) from None
+        words: np.ndarray = np.array([s % 2**64 for s in given], np.uint64)
         if not each:
-            return [given[0] + e for e in range(self.n_envs)]
-        if len(given) != self.n_envs:
-            raise InputInvalid(f"seeds: {len(given)}; expected one, or {self.n_envs}")
-        return given
+            words = words + np.arange(n, dtype=np.uint64)
+        elif len(given) != n:
+            raise InputInvalid(f"seeds: {len(given)}; expected one, or {n}")
+        return self._memory.padded(words)
 
     def _mask(self, mask: Any) -> np.ndarray:
-        if mask is None:
-            return np.ones(self.n_envs, bool)
         chosen = np.asarray(mask)
         if chosen.shape != (self.n_envs,) or chosen.dtype != bool:
             raise InputInvalid(
@@ -222,61 +242,24 @@ class Batch:
             )
         return chosen
 
-    def _rows(self, i: int, v: Variable, values: Any) -> np.ndarray:
-        place = f"{self._plan.components[i].path}.{v.name}"
-        try:
-            array = np.asarray(values, dtype=float)
-        except (TypeError, ValueError):
-            raise InputInvalid(f"{place}: value {values!r}; expected numbers") from None
-        whole = (self.n_envs, *v.shape)
-        if array.shape not in (v.shape, whole):
-            raise InputInvalid(
-                f"{place}: values of shape {array.shape}; expected {v.shape} or {whole}"
-            )
-        low = -np.inf if v.min is None else v.min
-        high = np.inf if v.max is None else v.max
-        right = np.isfinite(array) & (array >= low) & (array <= high)
-        if not np.all(right):
-            wrong = array[~right].flat[0]
-            raise InputInvalid(
-                f"{place}: value {wrong}; expected finite numbers in [{low}, {high}]"
-            )
-        return np.broadcast_to(array, whole).reshape(self.n_envs, v.size)
-
-    def _place(self, name: str) -> tuple[int, Variable]:
-        path, _, own = name.rpartition(".")
-        if path in self._index:
-            i = self._index[path]
-            variables = self._plan.components[i].description.variables
-            if own in variables:
-                return i, variables[own]
-            near = get_close_matches(own, variables, 3) or sorted(variables)
-            near = [f"{path}.{n}" for n in near]
-        else:
-            near = [f"{n}.…" for n in get_close_matches(path, self._index, 3) or self._index]
-        raise InputInvalid(f"no variable {name!r}; expected one of {', '.join(near)}")
-
-    def _wrong(self, i: int, v: Variable, expected: str) -> InputInvalid:
-        place = f"{self._plan.components[i].path}.{v.name}"
-        return InputInvalid(f"{place}: is a {v.variability} {v.causality}; expected {expected}")
-
     def _check(self) -> None:
         """Raise for environments that have failed since the last call."""
         new = self.failed & ~self._raised
         if not new.any():
             return
         self._raised |= new
-        e = int(np.flatnonzero(new)[0])
-        cell = int(self._memory.read(FAILED, 1, bits=True)[e, 0]) - 1
-        tick = int(self._memory.read(FAILED_TICK, 1, bits=True)[e, 0])
-        m = next(m for m in reversed(self.kernel.fused.members) if m.cell <= cell)
-        p = next(p for p in reversed(m.layout.placed) if p.offset <= cell - m.cell)
-        element = f"[{cell - m.cell - p.offset + 1}]" if p.variable.shape else ""
         count = int(new.sum())
         more = f", and {count - 1} others fail" if count > 1 else ""
-        time = float(tick * self._plan.tick.numerator) / float(self._plan.tick.denominator)
-        raise ComponentFailed(
-            m.path,
-            time,
-            f"{p.variable.name}{element} is not finite in environment {e}{more}",
-        )
+        failure = self._failure(int(np.flatnonzero(new)[0]), more)
+        assert failure is not None
+        raise failure
+
+    def _failure(self, e: int, more: str) -> ComponentFailed | None:
+        cell = int(self._memory.word(FAILED)[e]) - 1
+        if cell < 0:
+            return None
+        fused = self.kernel.fused
+        place, path = fused.name_of(cell)
+        tick = int(self._memory.word(FAILED_TICK)[e])
+        time = float(tick * fused.plan.tick.numerator) / float(fused.plan.tick.denominator)
+        return ComponentFailed(path, time, f"{place} is not finite in environment {e}{more}")

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
+from itertools import pairwise
 from math import ceil
 
 from uuvsim_cosim.errors import Problem, SystemInvalid
@@ -14,9 +15,22 @@ from uuvsim_cosim.fmus.layout import Layout
 from uuvsim_cosim.orchestrator.plan import Plan, Transfer
 from uuvsim_cosim.orchestrator.sources import ModelSource, resolve
 
-__all__ = ["Fused", "Member", "fused_of"]
+__all__ = ["Cut", "Fused", "Member", "fused_of"]
 
-HEADER = 3  # cells: tick, failed, tick of the failure (fmus/kernels/uuv_lane_steps.h)
+HEADER = 3  # words: tick, failed, tick of the failure (fmus/kernels/uuv_lane_steps.h)
+
+
+@dataclass(frozen=True)
+class Cut:
+    """Part of a longer communication step: these clocks at its begin, then up to its end.
+
+    `begin` and `end` are ticks from the step's start, `pieces` Runge-Kutta steps between them.
+    """
+
+    begin: int
+    end: int
+    clocks: tuple[int, ...]
+    pieces: int
 
 
 @dataclass(frozen=True)
@@ -30,12 +44,32 @@ class Member:
     cell: int
     start_cell: int  # first of its start values: all that precedes the derived values
     periods: tuple[int, ...]  # of each clock: index into Fused.periods
-    pieces: int  # Runge-Kutta steps in a communication step
+    rate: int  # of its communication step: index into Fused.periods, or -1 if it is a tick
+    cuts: tuple[Cut, ...]
 
     @property
     def n_start(self) -> int:
         """Give the number of its start values: time, inputs, parameters."""
         return self.layout.offset["derived"]
+
+    @property
+    def pending(self) -> int:
+        """Give the cell of the first output that is not visible yet, where its step is longer."""
+        return self.cell + self.layout.size
+
+    @property
+    def size(self) -> int:
+        """Give the number of its cells."""
+        return self.layout.size + (self.layout.count["output"] if self.rate >= 0 else 0)
+
+    def is_seed(self, name: str) -> bool:
+        """Say whether a variable is the key of its draws: two whole numbers of 32 bits."""
+        v = self.layout.model.variables.get(name)
+        return (
+            name == "seed"
+            and v is not None
+            and (v.kind, v.type, v.shape) == ("parameter", "Int32", (2,))
+        )
 
 
 @dataclass(frozen=True)
@@ -45,18 +79,29 @@ class Fused:
     plan: Plan
     equations: Mapping[str, Equations]  # by source
     members: tuple[Member, ...]
-    periods: tuple[int, ...]  # of the clocks, in ticks
+    periods: tuple[int, ...]  # of clocks and longer communication steps, in ticks
+    cells_a_word: int  # 64-bit integers take two cells of float32
 
     @cached_property
     def sources(self) -> tuple[str, ...]:
         """Give the distinct declarations, each of which is compiled once."""
         return tuple(self.equations)
 
+    @cached_property
+    def index(self) -> Mapping[str, int]:
+        """Give each component's place in `members` by its path."""
+        return {m.path: i for i, m in enumerate(self.members)}
+
     @property
+    def n_words(self) -> int:
+        """Give the number of 64-bit integers at a block's begin."""
+        return HEADER + 2 * len(self.periods)
+
+    @cached_property
     def n_cells(self) -> int:
-        """Give the number of cells of a block."""
+        """Give the number of cells of a block: of whole words."""
         last = self.members[-1]
-        return last.cell + last.layout.size
+        return -(-(last.cell + last.size) // self.cells_a_word) * self.cells_a_word
 
     @property
     def n_start(self) -> int:
@@ -71,30 +116,44 @@ class Fused:
 
     def is_early(self, t: Transfer) -> bool:
         """Say whether the target sees what the source produced in the same step."""
+        components = self.plan.components
+        if components[t.source].step_ticks > components[t.target].step_ticks:
+            return False
         for group in self.plan.groups:
             if t.source in group.members and t.target in group.members:
                 before = group.members.index(t.source) < group.members.index(t.target)
                 return group.algorithm == "gauss-seidel" and before
         return False
 
+    def name_of(self, cell: int) -> tuple[str, str]:
+        """Give the variable of a cell, "eta[2]", and the path of its component."""
+        m = next(m for m in reversed(self.members) if m.cell <= cell)
+        offset = cell - m.cell
+        if offset >= m.layout.size:  # an output that is not visible yet
+            offset += m.layout.offset["output"] - m.layout.size
+        p = next(p for p in reversed(m.layout.placed) if p.offset <= offset)
+        element = f"[{offset - p.offset + 1}]" if p.variable.shape else ""
+        return f"{p.variable.name}{element}", m.path
 
-def fused_of(plan: Plan) -> Fused:
+
+def fused_of(plan: Plan, cells_a_word: int = 1) -> Fused:
     """Give the plan with its declarations; raises SystemInvalid with all that cannot be fused."""
     problems = [*_foreign(plan)]
     if problems:
         raise SystemInvalid(problems)
     found = {c.source: equations(_source(c.source).declare()) for c in plan.components}
-    problems = [*_rates(plan), *_clocks(plan, found), *_loops(plan), *_conversions(plan)]
+    problems = [*_clocks(plan, found), *_loops(plan), *_conversions(plan)]
     if problems:
         raise SystemInvalid(problems)
-    periods = tuple(
-        sorted({int(k.period / plan.tick) for e in found.values() for k in e.layout.model.clocks})
-    )
+    clocks = {int(k.period / plan.tick) for e in found.values() for k in e.layout.model.clocks}
+    rates = {c.step_ticks for c in plan.components} - {1}
+    periods = tuple(sorted(clocks | rates))
     members: list[Member] = []
     sources = list(found)
-    cell, start_cell = HEADER + 2 * len(periods), 0
+    cell, start_cell = (HEADER + 2 * len(periods)) * cells_a_word, 0
     for c in plan.components:
         layout = found[c.source].layout
+        of_clocks = [int(k.period / plan.tick) for k in layout.model.clocks]
         member = Member(
             path=c.path,
             source=c.source,
@@ -102,13 +161,22 @@ def fused_of(plan: Plan) -> Fused:
             layout=layout,
             cell=cell,
             start_cell=start_cell,
-            periods=tuple(periods.index(int(k.period / plan.tick)) for k in layout.model.clocks),
-            pieces=_pieces(plan.tick, layout.model.h_max),
+            periods=tuple(map(periods.index, of_clocks)),
+            rate=-1 if c.step_ticks == 1 else periods.index(c.step_ticks),
+            cuts=tuple(_cuts(plan.tick, layout.model.h_max, c.step_ticks, of_clocks)),
         )
         members.append(member)
-        cell += layout.size
+        cell += member.size
         start_cell += member.n_start
-    return Fused(plan, found, tuple(members), periods)
+    return Fused(plan, found, tuple(members), periods, cells_a_word)
+
+
+def _cuts(tick: Fraction, h_max: float, ticks: int, periods: list[int]) -> Iterator[Cut]:
+    """Cut a communication step at the sample instants inside it."""
+    at = {0, *(k for p in periods for k in range(0, ticks, p))}
+    for begin, end in pairwise([*sorted(at), ticks]):
+        clocks = tuple(i for i, p in enumerate(periods) if begin % p == 0)
+        yield Cut(begin, end, clocks, _pieces((end - begin) * tick, h_max))
 
 
 def _source(text: str) -> ModelSource:
@@ -117,9 +185,9 @@ def _source(text: str) -> ModelSource:
     return source
 
 
-def _pieces(tick: Fraction, h_max: float) -> int:
+def _pieces(length: Fraction, h_max: float) -> int:
     # As uuv_runtime.c does it: a hair over a whole number of sub-steps is that number.
-    return max(1, ceil(float(tick) / h_max - 1e-6))
+    return max(1, ceil(float(length) / h_max - 1e-6))
 
 
 def _foreign(plan: Plan) -> Iterator[Problem]:
@@ -134,28 +202,27 @@ def _foreign(plan: Plan) -> Iterator[Problem]:
             )
 
 
-def _rates(plan: Plan) -> Iterator[Problem]:
-    for c in plan.components:
-        if c.step_ticks != 1:
-            yield Problem(
-                c.path,
-                f"a communication step of {c.step_ticks * plan.tick} s in a kernel",
-                f"that of the system, {plan.tick} s",
-            )
-
-
 def _clocks(plan: Plan, found: Mapping[str, Equations]) -> Iterator[Problem]:
     for c in plan.components:
+        step = c.step_ticks * plan.tick
         for clock in found[c.source].layout.model.clocks:
+            what = f"clock {clock.name!r} with a period of {clock.period} s in a kernel"
             if (clock.period / plan.tick).denominator != 1:
-                yield Problem(
-                    c.path,
-                    f"clock {clock.name!r} with a period of {clock.period} s in a kernel",
-                    f"a whole multiple of the communication step, {plan.tick} s",
-                )
+                expected = f"a whole multiple of the communication step, {plan.tick} s"
+                yield Problem(c.path, what, expected)
+            elif 1 not in ((clock.period / step).denominator, (step / clock.period).denominator):
+                expected = f"a whole multiple of its communication step, {step} s, or a whole part"
+                yield Problem(c.path, what, expected)
 
 
 def _loops(plan: Plan) -> Iterator[Problem]:
+    for group in plan.groups:
+        if group.algorithm not in ("jacobi", "gauss-seidel"):
+            yield Problem(
+                ", ".join(plan.components[i].path for i in group.members),
+                f"an {group.algorithm} group in a kernel",
+                "Jacobi or Gauss-Seidel; the master iterates",
+            )
     for entry in plan.initialization:
         if len(entry) > 1:
             paths = ", ".join(dict.fromkeys(plan.components[i].path for i in entry))

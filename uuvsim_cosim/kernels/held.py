@@ -10,16 +10,20 @@ __all__ = ["split"]
 _LINE = re.compile(r"const V (?P<name>t\w+) = (?P<value>.*);$")
 _STORE = re.compile(r"dx\[\d+\] = (?P<value>.*);$")
 _VALUE = re.compile(r"\bt\d+(?:_\d+)?\b")
+_QUOTIENT = re.compile(r"const V (?P<name>t\d+) = (?P<dividend>\S+) / (?P<divisor>\S+);$")
 _CELL = re.compile(r"\bb\[(\d+)\]")
 
 
-def split(text: str, varies: Callable[[int], bool]) -> tuple[str, int]:
+def split(text: str, varies: Callable[[int], bool], *, invert: bool = False) -> tuple[str, int]:
     """Split the emitted ``rhs(b, dx)`` into ``held(b, w)`` and ``rhs(b, w, dx)``.
 
     `varies` says which cells change within a step. Every operation stays as it is, so the bits
-    do too. Gives the text of both functions, and how many values `w` holds.
+    do too; with `invert`, for float32, a quotient becomes a product with the inverse, which is
+    held where its divisor is. Gives the text of both functions, and how many values `w` holds.
     """
     lines = [line.strip() for line in text.splitlines()]
+    if invert:
+        lines = [new for line in lines for new in _inverted(line)]
     values = [m for m in map(_LINE.match, lines) if m]
     stores = [m for m in map(_STORE.match, lines) if m]
     moving: set[str] = set()
@@ -46,6 +50,17 @@ def split(text: str, varies: Callable[[int], bool]) -> tuple[str, int]:
         *_function("rhs(const V *b, const V *w, V *dx)", ["b", "w", "dx"], rest),
     ]
     return "\n".join(both) + "\n", len(kept)
+
+
+def _inverted(line: str) -> list[str]:
+    m = _QUOTIENT.match(line)
+    if m is None:
+        return [line]
+    inverse = f"{m['name']}_0"
+    return [
+        f"const V {inverse} = uuv_inv({m['divisor']});",
+        f"const V {m['name']} = {m['dividend']} * {inverse};",
+    ]
 
 
 def _function(signature: str, arguments: list[str], lines: list[str]) -> Iterator[str]:

@@ -9,6 +9,8 @@ thrust exceeds its limit, all are scaled by one factor, so that tau keeps its di
 
 from __future__ import annotations
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
 
@@ -42,6 +44,11 @@ def command_of_thrust(thruster: str, voltage: float) -> tuple[list[float], list[
     return rows.tolist(), np.concatenate([u[reverse], [0.0], u[forward]]).tolist()
 
 
+def _pseudo_inverse(T: Any, WT: Any) -> Any:
+    """Give W T' (T W T' + epsilon I)^-1."""
+    return ca.mtimes(WT, inverse(ca.mtimes(T, WT) + 1e-9 * ca.SX.eye(6)))
+
+
 def allocation(
     vehicle: str = "bluerov2_heavy", thruster: str = "t200", voltage: float | str = 16.0
 ) -> Model:
@@ -65,9 +72,12 @@ def allocation(
             ca.horzcat(*(ca.vertcat(e[i, :].T, ca.cross(r[i, :].T, e[i, :].T)) for i in range(n)))
         ),
     )
+    all_whole = m.derived("pseudo_inverse", _pseudo_inverse(T, T.T))
+    damaged = ca.SX(0.0)
+    for i in range(n):
+        damaged = ca.logic_or(damaged, health[i] != 1.0)
     WT = ca.mtimes(ca.diag(clip(health, 0.0, 1.0)), T.T)
-    normal = ca.mtimes(T, WT) + 1e-9 * ca.SX.eye(6)
-    f = ca.mtimes(WT, ca.mtimes(inverse(normal), tau_d))
+    f = ca.if_else(damaged, ca.mtimes(_pseudo_inverse(T, WT), tau_d), ca.mtimes(all_whole, tau_d))
     scale = ca.SX(1.0)
     for i in range(n):
         load = ca.if_else(f[i] < 0, -f[i] / f_min, f[i] / f_max)

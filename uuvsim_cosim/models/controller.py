@@ -24,7 +24,7 @@ from uuvsim_cosim.models.safe_math import abs_, saturate
 from uuvsim_cosim.models.sampled import held_output
 from uuvsim_cosim.models.vectors import ETA, INERTIA, NU, NU_DOT, TAU, per
 
-__all__ = ["controller"]
+__all__ = ["controller", "nominal"]
 
 
 def controller(
@@ -32,7 +32,7 @@ def controller(
 ) -> Model:
     """Declare the PID of a preset, with the feed-forward of a vehicle's nominal parameters."""
     p = preset("controllers", id, "controller")
-    mass, linear, quadratic = _nominal(vehicle)
+    mass, linear, quadratic = nominal(vehicle)
     m = Model("controller", "PID in six degrees of freedom with feed-forward")
     eta_d = m.input("eta_d", 6, unit=ETA, description="wanted N E D phi theta psi")
     nu_d = m.input("nu_d", 6, unit=NU, description="wanted, in axes of eta_d")
@@ -116,7 +116,7 @@ def _attitude_error(eta: Any, eta_d: Any) -> Any:
     )
 
 
-def _nominal(vehicle: str) -> tuple[list[float], list[float], list[float]]:
+def nominal(vehicle: str) -> tuple[list[float], list[float], list[float]]:
     """Give the diagonals of M, D_l and D_q that a vehicle's parameter set lists."""
     values = {k: q.value for k, q in parameter_set(*split_address(vehicle)).quantities.items()}
     axes = range(1, 7)

@@ -12,7 +12,14 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import ParameterInvalid
-from uuvsim_cosim.models.parameters import in_unit, line_of, read_yaml
+from uuvsim_cosim.models.parameters import (
+    in_unit,
+    is_vehicle,
+    line_of,
+    read_yaml,
+    split_address,
+    vehicle_folder,
+)
 
 __all__ = ["Geometry", "configuration_matrix", "thruster_geometry"]
 
@@ -33,16 +40,20 @@ def configuration_matrix(geometry: Geometry) -> NDArray[np.float64]:
 
 @lru_cache
 def thruster_geometry(vehicle: str) -> Geometry:
-    """Read the thrusters of a shipped vehicle, or of a file (.yaml)."""
+    """Read the thrusters of a vehicle, by its id or its folder, or of a file (.yaml)."""
     is_file = vehicle.endswith((".yaml", ".yml"))
-    path = Path(vehicle) if is_file else content("models", "vehicles", vehicle, "thrusters.yaml")
+    path = Path(vehicle)
+    if not is_file:
+        vehicle, _ = split_address(vehicle)
+        folder = vehicle_folder(vehicle) if is_vehicle(vehicle) else Path(vehicle)
+        path = folder / "thrusters.yaml"
     if not path.is_file():
         known = sorted(
             p.parent.name for p in content("models", "vehicles").glob("*/thrusters.yaml")
         )
         raise ParameterInvalid(
             f"there is no thruster geometry of {vehicle!r}; expected {', '.join(known)}, "
-            "or the path of a file (.yaml)"
+            "or the path of a folder or a file (.yaml)"
         )
     data = read_yaml(path, "thrusters.schema.json")
     items = data["thrusters"]

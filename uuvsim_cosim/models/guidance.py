@@ -98,7 +98,7 @@ def guidance(
     position, running = eta[:3], started > 0.5
     A = ca.if_else(running, A_k, position)
     psi_d = ca.if_else(running, psi_k, eta[5])
-    B = sum(ca.if_else(index == i, table[i, :].T, ca.SX.zeros(3)) for i in range(MAX_WAYPOINTS))
+    B = _row_of(table, index).T
     last = index >= count - 1
     leg = B - A
     L = norm(leg)
@@ -151,6 +151,16 @@ def guidance(
     m.output("waypoint", index + 1.0, unit="1", type="Int32", description="ahead, from 1")
     m.output("done", done, unit="1", type="Boolean", description="holds the last waypoint")
     return m
+
+
+def _row_of(table: Any, index: Any, first: int = 0) -> Any:
+    """Give the row of a whole number `index`, by halves: one selection a row, not three."""
+    n = table.size1()
+    if n == 1:
+        return table
+    low, high = table[: n // 2, :], table[n // 2 :, :]
+    middle = first + n // 2
+    return ca.if_else(index < middle, _row_of(low, index, first), _row_of(high, index, middle))
 
 
 def _turn_rate(turn: Any, figure: dict[str, Any]) -> Any:

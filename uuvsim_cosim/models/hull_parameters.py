@@ -3,7 +3,8 @@
 Names are Fossen's letters with the element's indices from 1: `M_A_15`, `D_q_11`, `I_b_12`, `z_g`.
 A parameter that a set does not list is structurally zero: it costs nothing and cannot be set.
 A listed zero is a parameter like any other. `M_A_15` stands for `M_A_51` too unless that is
-listed; inertia is symmetric, indices rising; damping is not, both elements count.
+listed; inertia is symmetric, indices rising; damping is not, both elements count. `D_u` and
+`D_f` are in lift.py, SNAME's products such as `Y_pq` in products.py, `C_D_y` in cross_flow.py.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import Any
 
 import casadi as ca
@@ -18,9 +20,18 @@ import casadi as ca
 from uuvsim_cosim.errors import ParameterInvalid
 from uuvsim_cosim.models.kinematics import sparse
 from uuvsim_cosim.models.model import Model
+from uuvsim_cosim.models.products import product_of
 from uuvsim_cosim.models.rigid_body import M_RB, inertia_about_CO
 
-__all__ = ["Meaning", "declare_parameters", "meaning_of", "missing", "structure"]
+__all__ = [
+    "Meaning",
+    "declare_parameters",
+    "elements",
+    "meaning_of",
+    "missing",
+    "near_names",
+    "structure",
+]
 
 
 @dataclass(frozen=True)
@@ -42,17 +53,29 @@ _SCALARS = {
     "height": Meaning("m", "height of the hull, over which buoyancy is lost", 1e-6),
     **{f"{a}_g": Meaning("m", f"{a} of the centre of gravity from CO") for a in "xyz"},
     **{f"{a}_b": Meaning("m", f"{a} of the centre of buoyancy from CO") for a in "xyz"},
+    "x_bow": Meaning("m", "x of the bow from CO, where the strips of cross-flow begin"),
+    "x_stern": Meaning("m", "x of the stern from CO, where the strips of cross-flow end"),
+    "C_D_y": Meaning("1", "cross-flow drag coefficient of the hull seen from the side", 0.0),
+    "C_D_z": Meaning("1", "cross-flow drag coefficient of the hull seen from above", 0.0),
+    "h_y": Meaning("m", "mean height of the hull seen from the side", 0.0),
+    "b_z": Meaning("m", "mean breadth of the hull seen from above", 0.0),
+    "U_f": Meaning("m/s", "speed over which the damping D_f fades", 1e-6),
 }
-_ELEMENT = re.compile(r"(I_b|I_g|M_A|D_l|D_q)_([1-6])([1-6])$")
+_ELEMENT = re.compile(r"(I_b|I_g|M_A|D_l|D_q|D_u|D_f)_([1-6])([1-6])$")
+_STRIPS = {"C_D_y", "h_y", "C_D_z", "b_z", "x_bow", "x_stern"}
 _MASS = ("kg", "kg.m", "kg.m", "kg.m2")
 _LINEAR = ("N.s/m", "N.s/rad", "N.m.s/m", "N.m.s/rad")
 _QUADRATIC = ("N.s2/m2", "N.s2/rad2", "N.m.s2/m2", "N.m.s2/rad2")
+_WITH_U = ("N.s2/m2", "N.s2/(m.rad)", "N.m.s2/m2", "N.m.s2/(m.rad)")
 
 
 def meaning_of(name: str) -> Meaning | None:
     """Give what a hull's parameter of this name is; None if there is none of this name."""
     if name in _SCALARS:
         return _SCALARS[name]
+    product = product_of(name)
+    if product is not None:
+        return Meaning(product.unit, product.words)
     match = _ELEMENT.match(name)
     if match is None:
         return None
@@ -65,6 +88,10 @@ def meaning_of(name: str) -> Meaning | None:
         return Meaning(_MASS[block], "added mass")
     if kind == "D_l":
         return Meaning(_LINEAR[block], "linear damping")
+    if kind == "D_f":
+        return Meaning(_LINEAR[block], "linear damping that fades with speed")
+    if kind == "D_u":
+        return Meaning(_WITH_U[block], "damping that grows with |u|: lift of body and fins")
     return Meaning(_QUADRATIC[block], "quadratic damping")
 
 
@@ -74,6 +101,11 @@ def missing(names: Collection[str], surface: bool = True) -> Iterator[str]:
         yield "m is missing; expected the mass"
     by_force, by_volume = {"W", "B"}, {"rho", "nabla", "g"}
     given = set(names)
+    strips = given & _STRIPS
+    if strips:
+        yield from _gaps_of_strips(given)
+        if not given & {"nabla", "g"}:
+            given -= {"rho"}  # of the drag, not of the buoyancy
     if given & by_force and given & by_volume:
         both = ", ".join(sorted(given & (by_force | by_volume)))
         yield f"{both} are given; expected either W and B, or rho, nabla and g, never both"
@@ -89,13 +121,42 @@ def missing(names: Collection[str], surface: bool = True) -> Iterator[str]:
             yield f"{', '.join(lacking)} missing; expected all three moments of inertia"
     if surface and "height" not in names:
         yield "height is missing; expected the hull's height, or a hull declared without surface"
+    if any(n.startswith("D_f_") for n in names) != ("U_f" in names):
+        yield "D_f and U_f do not both stand there; expected the damping that fades, and its speed"
+
+
+def _gaps_of_strips(given: set[str]) -> Iterator[str]:
+    lacking = sorted({"x_bow", "x_stern", "rho"} - given)
+    for pair in (("C_D_y", "h_y"), ("C_D_z", "b_z")):
+        if len(given & set(pair)) == 1:
+            lacking += sorted(set(pair) - given)
+    if not given & {"C_D_y", "C_D_z"}:
+        lacking.append("C_D_y or C_D_z")
+    if lacking:
+        yield f"{', '.join(lacking)} missing; expected all that cross-flow drag by strips needs"
+
+
+def near_names(name: str) -> str:
+    """Give the parameters whose names are near to one that does not exist, else examples."""
+    every = [*_SCALARS]
+    for kind in ("M_A", "D_l", "D_q", "D_u", "I_b", "I_g"):
+        every += [f"{kind}_{i}{j}" for i in range(1, 7) for j in range(1, 7)]
+    known = [n for n in every if meaning_of(n) is not None]
+    near = get_close_matches(name, known, n=4, cutoff=0.6)
+    if not near:  # in other letters: mass, Xudot, Zww
+        near = get_close_matches(name.lower(), [n.lower() for n in known], n=4, cutoff=0.75)
+    return ", ".join(near or ("m", "W", "z_g", "M_A_11", "...")) + (" (near)" if near else "")
 
 
 def declare_parameters(
     m: Model, numbers: Mapping[str, float], surface: bool, sources: Mapping[str, str]
 ) -> dict[str, Any]:
     """Declare the parameters of a hull, each with its unit and source; gives their symbols."""
-    wrong = [f"{n!r} is not a parameter of a hull" for n in numbers if meaning_of(n) is None]
+    wrong = [
+        f"{n!r} is not a parameter of a hull; expected {near_names(n)}"
+        for n in numbers
+        if meaning_of(n) is None
+    ]
     wrong += missing(numbers, surface)
     if wrong:
         raise ParameterInvalid(f"{m.name}: " + "; ".join(wrong))
@@ -126,7 +187,7 @@ def structure(p: Mapping[str, Any]) -> tuple[Any, ...]:
         W, B = p["W"], p["B"]
     else:
         W, B = p["m"] * p["g"], p["rho"] * p["g"] * p["nabla"]
-    return M, W, B, r_g, r_b, _elements(p, "D_l", 6), _elements(p, "D_q", 6)
+    return M, W, B, r_g, r_b, elements(p, "D_l", 6), elements(p, "D_q", 6)
 
 
 def _vector(p: Mapping[str, Any], point: str) -> Any:
@@ -134,7 +195,8 @@ def _vector(p: Mapping[str, Any], point: str) -> Any:
     return sparse(3, 1, at)
 
 
-def _elements(p: Mapping[str, Any], kind: str, size: int) -> Any:
+def elements(p: Mapping[str, Any], kind: str, size: int) -> Any:
+    """Give the matrix of the parameters `kind`_ij, sparse where there is none."""
     found = {}
     for name, symbol in p.items():
         match = _ELEMENT.match(name)
@@ -144,7 +206,7 @@ def _elements(p: Mapping[str, Any], kind: str, size: int) -> Any:
 
 
 def _symmetric(p: Mapping[str, Any], kind: str) -> Any:
-    out = _elements(p, kind, 3 if kind.startswith("I") else 6)
+    out = elements(p, kind, 3 if kind.startswith("I") else 6)
     rows, columns = out.sparsity().get_triplet()
     for i, j in list(zip(rows, columns, strict=True)):
         if not out.sparsity().has_nz(j, i):

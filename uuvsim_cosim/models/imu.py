@@ -5,10 +5,12 @@ With the sensor at r from CO, R from `b` to `n`, and nu = (v, omega) of CO in `b
     a = dv/dt + omega x v + domega/dt x r + omega x (omega x r)
     f = R_bs^T (a - R^T g),   g = (0, 0, +g) in `n`
 
-so that at rest and level it reads f = (0, 0, -g).
+so that at rest and level it reads f = (0, 0, -g). Its biases move on every 0.1 s.
 """
 
 from __future__ import annotations
+
+from fractions import Fraction
 
 import casadi as ca
 
@@ -42,13 +44,14 @@ def imu(id: str = "adis16448", period: str = "0.01") -> Model:
         )
         for axis, unit in (("acc", "m/s2"), ("gyro", "rad/s"))
     }
+    wander = m.clock("wander", str(max(Fraction(period), Fraction("0.1"))))
     sample = m.clock("sample", period)
     v, omega = nu[:3], nu[3:]
     lever = ca.cross(nu_dot[3:], r) + ca.cross(omega, ca.cross(omega, r))
     a = nu_dot[:3] + ca.cross(omega, v) + lever
     f = ca.mtimes(R_bs.T, a - g * R(q)[2, :].T)
-    acc_error = sensor_error(m, sample, "acc", errors["acc"], 3, "m/s2")
-    gyro_error = sensor_error(m, sample, "gyro", errors["gyro"], 3, "rad/s")
+    acc_error = sensor_error(m, sample, "acc", errors["acc"], 3, "m/s2", wander)
+    gyro_error = sensor_error(m, sample, "gyro", errors["gyro"], 3, "rad/s", wander)
     held_output(
         m, sample, "acc", f + acc_error, unit="m/s2", description="specific force, sensor axes"
     )

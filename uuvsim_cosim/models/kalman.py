@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,9 +29,14 @@ def pack(P: Any) -> Any:
     return ca.vertcat(*(P[i, j] for i in range(n) for j in range(i, n)))
 
 
-def propagated(P: Any, F: Any, Q: Any) -> Any:
-    """Give F P F' + Q, with zeros of F skipped; symmetric by construction."""
-    return unpack(pack(ca.mtimes(ca.mtimes(F, P), F.T) + Q), P.size1())
+def propagated(P: Any, transition: Callable[[Any], Any], Q: Any) -> Any:
+    """Give Phi (P + Q/2) Phi' + Q/2, where `transition` gives Phi X; symmetric by construction.
+
+    Noise that comes in all along is as good as half of it at either end, to second order.
+    """
+    half = 0.5 * Q
+    after = transition(transition(P + half).T)
+    return unpack(pack(after + half), P.size1())
 
 
 @dataclass(frozen=True)
@@ -61,14 +67,23 @@ class Correction:
         P, H = self.P, z.H
         p = ca.densify(ca.mtimes(P, H.T))
         S = ca.mtimes(H, p) + z.variance
+        w = 1.0 / S
         nu = z.innovation - ca.mtimes(H, self.dx)
-        nis = nu * nu / S
+        nis = nu * nu * w
         inside = ca.logic_or(nis < self.gate**2, insists)
         taken = ca.logic_and(z.is_new, inside)
-        w = ca.if_else(taken, 1.0 / S, 0.0)
-        k = w * p
-        self.dx = self.dx + k * nu
+        k = taken * w * p
+        self.dx = self.dx + ca.if_else(taken, nu, 0.0) * k
         upper = [P[i, j] - k[i] * p[j] for i in range(self.n) for j in range(i, self.n)]
         self.P = unpack(ca.vertcat(*upper), self.n)
         refused = ca.if_else(ca.logic_and(z.is_new, ca.logic_not(inside)), 1.0, 0.0)
         return refused, nis
+
+    def keep_unless(self, some: Any, before: tuple[Any, Any]) -> None:
+        """Take back what was done since `before` = (P, dx), unless there was `some` reading.
+
+        It changes no value: without one, w is 0. It says what need not be computed then.
+        """
+        P, dx = before
+        self.P = unpack(ca.if_else(some, pack(self.P), pack(P)), self.n)
+        self.dx = ca.if_else(some, self.dx, dx)

@@ -5,25 +5,30 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import ParameterInvalid
-from uuvsim_cosim.models.hull_parameters import meaning_of, missing
+from uuvsim_cosim.models.hull_parameters import meaning_of, missing, near_names
 from uuvsim_cosim.models.units import parse_unit
 
 __all__ = [
     "ParameterSet",
     "Quantity",
+    "Size",
     "in_unit",
+    "is_vehicle",
     "line_of",
     "parameter_set",
     "read_yaml",
     "split_address",
+    "vehicle_folder",
     "vehicle_ids",
     "vehicle_sets",
+    "vehicle_size",
 ]
 
 
@@ -47,15 +52,59 @@ class ParameterSet:
     quantities: Mapping[str, Quantity]
 
 
+@dataclass(frozen=True)
+class Size:
+    """What a vehicle looks like from afar: length, breadth, height [m], and box, torpedo, ...."""
+
+    length: float
+    breadth: float
+    height: float
+    shape: str
+
+
 def split_address(address: str) -> tuple[str, str | None]:
     """Give (vehicle, set) of an address such as ``bluerov2_heavy@wu_2018``."""
-    vehicle, _, name = address.partition("@")
-    return vehicle, name or None
+    vehicle, at, name = address.rpartition("@")
+    return (vehicle, name or None) if at else (address, None)
 
 
 def vehicle_ids() -> list[str]:
     """List the vehicles that are shipped: each folder that holds a parameter file."""
     return sorted(p.parent.name for p in content("models", "vehicles").glob("*/parameters.yaml"))
+
+
+def is_vehicle(id: str) -> bool:
+    """Say whether this is a shipped vehicle, a folder with a parameter file, or such a file."""
+    if id in vehicle_ids() or id.endswith((".yaml", ".yml")):
+        return True
+    return _is_path(id) and (Path(id).expanduser() / "parameters.yaml").is_file()
+
+
+def vehicle_folder(id: str) -> Path:
+    """Give the folder of a vehicle: a shipped one by its id, any other by its path."""
+    if id in vehicle_ids():
+        return content("models", "vehicles", id)
+    path = Path(id).expanduser()
+    if id.endswith((".yaml", ".yml")):
+        return path.parent
+    if _is_path(id) and (path / "parameters.yaml").is_file():
+        return path
+    known = vehicle_ids()
+    near = get_close_matches(id, known, n=3)
+    raise ParameterInvalid(
+        f"there is no vehicle {id!r}; expected {', '.join(near or known)}, "
+        "the path of a folder with a parameters.yaml, or of such a file"
+    )
+
+
+def vehicle_size(id: str) -> Size | None:
+    """Give the size of a vehicle, None if its file does not state it."""
+    data = _vehicle_file(id)
+    if "size" not in data:
+        return None
+    size = data["size"]
+    numbers = [in_unit(float(v), str(size["unit"]), "m") for v in size["value"]]
+    return Size(*numbers, str(size["shape"]))
 
 
 def vehicle_sets(id: str) -> list[str]:
@@ -137,18 +186,20 @@ def _refuse(path: Path, problems: list[tuple[int, str]]) -> None:
         raise ParameterInvalid("\n  ".join(f"{path}:{n}: {text}" for n, text in sorted(problems)))
 
 
+def _is_path(id: str) -> bool:
+    return bool(id) and (Path(id).name != id or Path(id).is_dir())
+
+
 def _vehicle_file(id: str) -> Any:
-    path = Path(id) if id.endswith((".yaml", ".yml")) else None
-    if path is None and id not in vehicle_ids():
-        raise ParameterInvalid(
-            f"there is no vehicle {id!r}; expected {', '.join(vehicle_ids())}, "
-            "or the path of a parameter file (.yaml)"
-        )
-    return _read_vehicle(path or content("models", "vehicles", id, "parameters.yaml"))
+    if id.endswith((".yaml", ".yml")):
+        path = Path(id).expanduser()
+    else:
+        path = vehicle_folder(id) / "parameters.yaml"
+    return _read_vehicle(path, path.stat().st_mtime_ns if path.is_file() else 0)
 
 
 @lru_cache
-def _read_vehicle(path: Path) -> Any:
+def _read_vehicle(path: Path, changed: int) -> Any:  # `changed`: a file that is edited is reread
     data = read_yaml(path, "vehicle.schema.json")
     _refuse(path, list(_mistakes(data)))
     return data
@@ -158,6 +209,11 @@ def _mistakes(data: Any) -> Iterator[tuple[int, str]]:
     if data["default"] not in data["sets"]:
         known = ", ".join(data["sets"])
         yield line_of(data, ["default"]), f"default: {data['default']!r}; expected one of {known}"
+    if "size" in data:
+        try:
+            in_unit(1.0, str(data["size"]["unit"]), "m")
+        except ValueError as error:
+            yield line_of(data, ["size"]), f"size: {error}"
     for name, chosen in data["sets"].items():
         for sentence in missing(chosen["parameters"]):
             yield line_of(data, ["sets", name]), f"sets.{name}: {sentence}"
@@ -165,7 +221,7 @@ def _mistakes(data: Any) -> Iterator[tuple[int, str]]:
             line = line_of(data, ["sets", name, "parameters", key])
             meaning = meaning_of(key)
             if meaning is None:
-                yield line, f"{key}: not a parameter of a hull; expected m, W, z_g, M_A_11, ..."
+                yield line, f"{key}: not a parameter of a hull; expected {near_names(str(key))}"
                 continue
             try:
                 value = in_unit(float(entry["value"]), str(entry["unit"]), meaning.unit)

@@ -44,5 +44,5 @@ def smoothstep(x: Any) -> Any:
 
 def atan2_or(y: Any, x: Any, fallback: Any) -> Any:
     """Give atan2(y, x), and `fallback` (with finite gradients) where x and y both vanish."""
-    defined = x * x + y * y > 1e-24
-    return ca.if_else(defined, ca.atan2(y, ca.if_else(defined, x, 1.0)), fallback)
+    vanish = x * x + y * y <= 1e-24
+    return ca.if_else(vanish, fallback, ca.atan2(y, ca.if_else(vanish, 1.0, x)))

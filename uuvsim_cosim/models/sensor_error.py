@@ -37,10 +37,21 @@ def random_walk_sigma(density: float, tau: float) -> float:
 
 
 def sensor_error(
-    m: Model, clock: Clock, name: str, p: ErrorParameters, size: int, unit: str
+    m: Model,
+    clock: Clock,
+    name: str,
+    p: ErrorParameters,
+    size: int,
+    unit: str,
+    wander: Clock | None = None,
 ) -> Any:
-    """Declare an error of `size` independent axes; gives its value at a tick of the clock."""
-    T = float(clock.period)
+    """Declare an error of `size` independent axes; gives its value at a tick of the clock.
+
+    Its bias moves on at the ticks of `wander`, where that is given: a slower clock, declared
+    before `clock`, so that a fast sensor need not draw its bias anew for every reading.
+    """
+    drawn = clock if wander is None else wander
+    T, T_w = float(clock.period), float(drawn.period)
     prefix = f"{name}_" if name else ""
     N = m.parameter(
         f"{prefix}noise_density",
@@ -66,23 +77,26 @@ def sensor_error(
         min=0,
         description="deviation of the bias drawn at start",
     )
-    phi = m.derived(f"{prefix}phi", ca.exp(-T / tau))
-    drive = m.derived(f"{prefix}drive", sigma * ca.sqrt(1.0 - ca.exp(-2.0 * T / tau)))
+    phi = m.derived(f"{prefix}phi", ca.exp(-T_w / tau))
+    drive = m.derived(f"{prefix}drive", sigma * ca.sqrt(1.0 - ca.exp(-2.0 * T_w / tau)))
     white = m.derived(f"{prefix}white", N / T**0.5)
 
     shape: tuple[int, ...] = () if size == 1 else (size,)
     started = m.discrete(f"{prefix}started", unit="1", description="0 before the first sample")
     bias = m.discrete(f"{prefix}bias", 0.0, shape, unit=unit)
     constant = m.discrete(f"{prefix}bias_on", 0.0, shape, unit=unit)
-    w = m.normal(clock, 3 * size)
+    w = m.normal(drawn, 2 * size)
     running = started > 0.5
     constant_new = ca.if_else(running, constant, turn_on * w[:size])
-    v = w[size : 2 * size]
+    v = w[size:]
     bias_new = ca.if_else(running, phi * bias + drive * v, sigma * v)
-    m.update(clock, started, 1.0)
-    m.update(clock, constant, constant_new)
-    m.update(clock, bias, bias_new)
-    return constant_new + bias_new + white * w[2 * size :]
+    m.update(drawn, started, 1.0)
+    m.update(drawn, constant, constant_new)
+    m.update(drawn, bias, bias_new)
+    noise = white * m.normal(clock, size)
+    if wander is None:
+        return constant_new + bias_new + noise
+    return constant + bias + noise
 
 
 def uniform(m: Model, clock: Clock, size: int = 1) -> Any:

@@ -4,15 +4,16 @@ At the IMU's place, p and v in NED, R(q) from `b` to `n`, with mean readings ove
 
     omega = gyro - b_g,  f = acc - b_a,  dq/dt = q ⊗ omega / 2,  dv/dt = R f + g,  dp/dt = v
 
-Errors, true minus estimate; of velocity in `b`, y = R' v; of attitude R_true = R exp(S(dtheta)):
+Errors, true minus estimate, in `n` but for the biases; with R_true = exp(S(eta)) R,
 
-    ddp/dt = R (dy - S(y) dtheta),   gamma = R' g,
-    ddy/dt = -S(omega) dy + S(gamma) dtheta - S(y) (db_g + n_g) - db_a - n_a,
-    ddtheta/dt = -S(omega) dtheta - db_g - n_g
+    zeta = exp(-S(eta)) v_true - v,   dp/dt = zeta - S(v) eta,   deta/dt = -R (db_g + n_g),
+    dzeta/dt = S(g) eta - S(v) R (db_g + n_g) - R (db_a + n_a)
 
-Only gravity ties tilt to velocity here. The error of v in `n` would be tied to it by S(f), and
-a DVL's by S(y), both of which carry noise: station kept for long, a filter takes that noise for
-motion and believes to see the tilt that it cannot tell from the accelerometers' bias.
+zeta is the error of the velocity in body axes, turned into `n`. Only gravity ties tilt to it. The
+error of v itself would be tied to tilt by S(f), and a DVL's by S(y), both of which carry noise:
+station kept for long, a filter takes that noise for motion and believes to see the tilt that it
+cannot tell from the accelerometers' bias. In `n` nothing but R and v varies in these equations,
+so that one transition may span many steps of the mechanisation.
 """
 
 from __future__ import annotations
@@ -22,9 +23,9 @@ from typing import Any
 
 import casadi as ca
 
-from uuvsim_cosim.models.kinematics import R, S
+from uuvsim_cosim.models.kinematics import R, S, sparse
 
-__all__ = ["Inertial", "error_transition", "mechanised", "multiply", "q_of_rotation"]
+__all__ = ["ErrorTransition", "Inertial", "corrected", "mechanised", "multiply", "q_of_rotation"]
 
 
 @dataclass(frozen=True)
@@ -38,11 +39,19 @@ class Inertial:
     b_a: Any
 
 
+def _turn(a: Any) -> Any:
+    """Give the quaternion of a small rotation vector [rad]; third order, not normalised."""
+    n = ca.sumsqr(a)
+    return ca.vertcat(1.0 - n / 8.0, (0.5 - n / 48.0) * a)
+
+
+def _unit(q: Any) -> Any:
+    return q / ca.sqrt(ca.sumsqr(q))
+
+
 def q_of_rotation(a: Any) -> Any:
     """Give the unit quaternion of a small rotation vector [rad]; third order, normalised."""
-    n = ca.sumsqr(a)
-    q = ca.vertcat(1.0 - n / 8.0, (0.5 - n / 48.0) * a)
-    return q / ca.sqrt(ca.sumsqr(q))
+    return _unit(_turn(a))
 
 
 def multiply(a: Any, b: Any) -> Any:
@@ -53,27 +62,46 @@ def multiply(a: Any, b: Any) -> Any:
 
 def mechanised(x: Inertial, omega: Any, f: Any, g: Any, dt: Any) -> Inertial:
     """Advance by dt, with mean angular velocity and specific force in body axes over it."""
-    middle = multiply(x.q, q_of_rotation(0.5 * dt * omega))
+    half = _turn(0.5 * dt * omega)
+    middle = multiply(x.q, half)
     v = x.v + dt * (ca.mtimes(R(middle), f) + ca.vertcat(0, 0, g))
-    q = multiply(x.q, q_of_rotation(dt * omega))
-    return Inertial(x.p + 0.5 * dt * (x.v + v), v, q / ca.sqrt(ca.sumsqr(q)), x.b_g, x.b_a)
+    q = _unit(multiply(middle, half))
+    return Inertial(x.p + 0.5 * dt * (x.v + v), v, q, x.b_g, x.b_a)
 
 
-def error_transition(x: Inertial, omega: Any, g: Any, dt: Any, decay: Any) -> Any:
-    """Give F of the errors (dp, dy, dtheta, db_g, db_a, further ones that only decay)."""
-    I3, O3 = ca.SX.eye(3), ca.SX(3, 3)
-    Rnb = R(x.q)
-    turn = I3 - dt * S(omega)
-    tilt = dt * S(g * Rnb[2, :].T)
-    Sy = S(ca.mtimes(Rnb.T, x.v))
-    of_p = ca.mtimes(Rnb, 0.5 * tilt - Sy)
-    inertial = ca.blockcat(
-        [
-            [I3, dt * Rnb, dt * of_p, O3, -0.5 * dt * dt * Rnb],
-            [O3, turn, ca.mtimes(turn, tilt), -dt * (Sy + 0.5 * tilt), -dt * I3],
-            [O3, O3, turn, -dt * I3, O3],
-            [O3, O3, O3, I3, O3],
-            [O3, O3, O3, O3, I3],
-        ]
-    )
-    return ca.diagcat(inertial, ca.diag(decay))
+def corrected(x: Inertial, e: Any) -> Inertial:
+    """Give the estimate with its errors (dp, zeta, eta, db_g, db_a, ...) taken out."""
+    turn = _turn(e[6:9])
+    q = _unit(multiply(turn, x.q))
+    v = ca.mtimes(R(turn), x.v + e[3:6])
+    return Inertial(x.p + e[:3], v, q, x.b_g + e[9:12], x.b_a + e[12:15])
+
+
+@dataclass(frozen=True)
+class ErrorTransition:
+    """How the errors (dp, zeta, eta, db_g, db_a, further ones that only decay) grow over t.
+
+    Exact to second order in t, by the way dp of the estimate and the mean of R meanwhile.
+    """
+
+    t: Any
+    way: Any
+    mean_R: Any
+    g: Any
+    decay: Any
+
+    def __call__(self, e: Any) -> Any:
+        """Give Phi e, for one column or many."""
+        t, half = self.t, 0.5 * self.t * self.t
+        S_g = sparse(3, 3, {(0, 1): -self.g, (1, 0): self.g})
+        p, zeta, eta, b_g, b_a, rest = ca.vertsplit(e, [0, 3, 6, 9, 12, 15, e.size1()])
+        turned_g, turned_a = ca.mtimes(self.mean_R, b_g), ca.mtimes(self.mean_R, b_a)
+        Sw = S(self.way)
+        return ca.vertcat(
+            p + t * zeta + ca.mtimes(half * S_g - Sw, eta) - half * turned_a,
+            zeta + t * (ca.mtimes(S_g, eta) - turned_a) - ca.mtimes(half * S_g + Sw, turned_g),
+            eta - t * turned_g,
+            b_g,
+            b_a,
+            ca.mtimes(ca.diag(self.decay), rest),
+        )

@@ -34,7 +34,7 @@ T200_AT_16_V = ThrusterParameters(n_max=369.97, T_n=0.0287, K_n=3.7614e-4, K_P=7
 
 def thruster(p: ThrusterParameters = T200_AT_16_V) -> Model:
     """First-order shaft, quadratic thrust:  dn/dt = (n_max u - n) / T_n,  thrust = K_n |n| n."""
-    m = Model("thruster", "Thruster: first-order shaft, quadratic thrust", h_max=0.005)
+    m = Model("thruster", "Thruster: first-order shaft, quadratic thrust", h_max=0.01)
     u, voltage = _inputs(m)
     n_max = m.parameter("n_max", p.n_max, unit="rad/s", min=0, description="shaft speed at u = 1")
     T_n = _time_constant(m, p.T_n)
@@ -53,7 +53,7 @@ def thruster_t200() -> Model:
     Voltages outside the bench's range count as its edge.
     """
     bench = read_bench("t200")
-    m = Model("thruster_t200", "Blue Robotics T200 thruster from bench rows", h_max=0.005)
+    m = Model("thruster_t200", "Blue Robotics T200 thruster from bench rows", h_max=0.01)
     u, voltage = _inputs(m)
     T_n = _time_constant(m, bench.T_n)
     u_grid, n_rows = bench.over_u(bench.n)
@@ -76,7 +76,7 @@ def _inputs(m: Model) -> tuple[Any, Any]:
 
 def _time_constant(m: Model, value: float) -> Any:
     return m.parameter(
-        "T_n", value, unit="s", min=2e-3, description="time constant of the shaft (assumption)"
+        "T_n", value, unit="s", min=4e-3, description="time constant of the shaft (assumption)"
     )
 
 

@@ -8,22 +8,28 @@ water; Fossen 2021, 2nd ed., section 10.3). With M = M_RB + M_A and C from M, wh
 
     M nu_r_dot = tau - C(nu_r) nu_r - D(nu_r) nu_r - g(eta),   nu_dot = nu_r_dot + nu_c_dot
 
-so that added mass is implicit, through M, and stable at any mass ratio.
+so that added mass is implicit, through M, and stable at any mass ratio. D(nu_r) nu_r has, where a
+vehicle lists them, also lift (lift.py), cross-flow drag by strips (cross_flow.py) and SNAME's
+products (products.py).
 Everything is about CO, in `b` (FRD); p = (N, E, D) and the current v_c are in `n` (NED).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import casadi as ca
 
+from uuvsim_cosim.models.cross_flow import cross_flow_of
 from uuvsim_cosim.models.current import nu_c, nu_c_dot
 from uuvsim_cosim.models.damping import damping
-from uuvsim_cosim.models.hull_parameters import declare_parameters, structure
+from uuvsim_cosim.models.hull_parameters import declare_parameters, elements, structure
 from uuvsim_cosim.models.kinematics import R, T_q, euler_of_q, q_of_euler
+from uuvsim_cosim.models.lift import fading, lift
 from uuvsim_cosim.models.model import Model
 from uuvsim_cosim.models.parameters import parameter_set
+from uuvsim_cosim.models.products import products
 from uuvsim_cosim.models.restoring import g, submerged_fraction
 from uuvsim_cosim.models.rigid_body import coriolis, inverse
 from uuvsim_cosim.models.vectors import ETA, NU, NU_DOT, TAU
@@ -92,6 +98,8 @@ def hull(
 
     restoring = g(W, B * afloat, r_g, r_b, down)
     load = tau - coriolis(M, nu_r) - damping(D_l, D_q, nu_r) - restoring
+    for force in _further(p, nu_r):
+        load += force
     nu_dot = ca.mtimes(M_inv, load) + nu_c_dot(omega, v_c_b[:3])
     m.der(position, ca.mtimes(Rnb, nu[:3]))
     m.der(q, ca.mtimes(T_q(q), omega))
@@ -108,3 +116,18 @@ def hull(
     m.output("nu_dot", nu_dot, unit=NU_DOT, description="its time derivative in b [m/s2, rad/s2]")
     m.output("nu_r", nu_r, unit=NU, description="nu relative to the water [m/s, rad/s]")
     return m
+
+
+def _further(p: Mapping[str, Any], nu_r: Any) -> Iterator[Any]:
+    """Give the generalised forces that only some vehicles list, none of the others."""
+    D_u, D_f = elements(p, "D_u", 6), elements(p, "D_f", 6)
+    if D_u.nnz():
+        yield -lift(D_u, nu_r)
+    if D_f.nnz():
+        yield -fading(D_f, p["U_f"], nu_r)
+    strips = cross_flow_of(p, nu_r)
+    if strips is not None:
+        yield -strips
+    bilinear = products(p, nu_r)
+    if bilinear.nnz():
+        yield bilinear

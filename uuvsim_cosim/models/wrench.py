@@ -11,8 +11,11 @@ from uuvsim_cosim.models.vectors import TAU
 __all__ = ["wrench"]
 
 
-def wrench(vehicle: str = "bluerov2_heavy") -> Model:
-    """Declare  tau = sum_i (e_i, r_i x e_i) thrust_i  about CO in b, without reaction torques."""
+def wrench(vehicle: str = "bluerov2_heavy", contact: bool | str = False) -> Model:
+    """Declare  tau = sum_i (e_i, r_i x e_i) thrust_i  about CO in b, without reaction torques.
+
+    With `contact` there is an input of that name, a generalised force in b that is added.
+    """
     geometry = thruster_geometry(vehicle)
     n = len(geometry.names)
     m = Model("wrench", f"Generalised force of the {n} thrusters of {vehicle}")
@@ -25,6 +28,9 @@ def wrench(vehicle: str = "bluerov2_heavy") -> Model:
         "T",
         ca.horzcat(*(ca.vertcat(e[i, :].T, ca.cross(r[i, :].T, e[i, :].T)) for i in range(n))),
     )
-    m.output("tau", ca.mtimes(T, thrust), unit=TAU, description="X Y Z [N], K M N [N.m] in b")
+    tau = ca.mtimes(T, thrust)
+    if contact not in (False, "false", "False", "0"):
+        tau += m.input("contact", 6, unit=TAU, description="of walls and floor, about CO in b")
+    m.output("tau", tau, unit=TAU, description="X Y Z [N], K M N [N.m] in b")
     m.output("current_total", ca.sum1(current), unit="A", description="of all thrusters")
     return m

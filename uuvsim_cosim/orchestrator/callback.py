@@ -37,6 +37,11 @@ class Callbacks:
         self.set_state = _STATE(lambda _: self._kept(self._set_state))
         self._state: Any = None
 
+    def serve(self, component: Component) -> None:
+        """Call another instance of the same from now on."""
+        self._component = component
+        self.forget()
+
     def forget(self) -> None:
         """Set every input at the next step, also those that have not changed."""
         self._inputs.last[:] = None

@@ -123,6 +123,7 @@ class Core:
         self.fresh = _array(self._c.uuv_core_fresh(self._core), n_slots)
         self._rows = np.zeros((0, 0), np.uint64)
         self._ticks = np.zeros(0, np.int64)
+        self._image: Any = None  # the buffer that images are copied through
 
     # ---- building -------------------------------------------------------------------------
 
@@ -165,7 +166,7 @@ class Core:
         )
 
     def state(self, member: int, get: int, set_: int, free: int, size: int) -> None:
-        """Say how a member of an iterated group copies its state."""
+        """Say how a native member, or one of an iterated group, copies its state."""
         self._made(self._c.uuv_core_state(self._core, member, get, set_, free, size))
 
     def iterate(
@@ -217,7 +218,26 @@ class Core:
         self._ticks = np.zeros(n_rows, np.int64)
         self.clear_rows()
 
+    def instance(self, member: int, instance: int) -> None:
+        """Put another instance of the same FMU in a component's place."""
+        self._c.uuv_core_instance(self._core, member, instance)
+
     # ---- running --------------------------------------------------------------------------
+
+    def propagate(self, tick: int, order: Any) -> Failure | None:
+        """Set inputs from their sources in Initialization Mode; `order` is an array of UInt32."""
+        done = self._c.uuv_core_propagate(self._core, tick, len(order), order)
+        return self._failure(done)
+
+    def serve(self, exchange: int, pipe: int, messages: int | None) -> None:
+        """Step the only member as another process asks, until that calls on the pipe."""
+        self._c.uuv_core_serve(self._core, exchange, pipe, messages)
+
+    def why(self) -> Failure:
+        """Say why the last step failed."""
+        failure = Failure()
+        self._c.uuv_core_why(self._core, ctypes.byref(failure))
+        return failure
 
     def begin(self, tick: int) -> Failure | None:
         """Read all outputs at a communication point, and write the first row."""
@@ -239,6 +259,15 @@ class Core:
         )
 
     @property
+    def next_row(self) -> int:
+        """The first communication point of which a row may still come."""
+        return int(self._c.uuv_core_next_row(self._core))
+
+    @next_row.setter
+    def next_row(self, tick: int) -> None:
+        self._c.uuv_core_set_next_row(self._core, tick)
+
+    @property
     def tick(self) -> int:
         """The communication point that has been reached."""
         return int(self._c.uuv_core_tick(self._core))
@@ -252,16 +281,21 @@ class Core:
 
     # ---- state ----------------------------------------------------------------------------
 
-    def get_clock(self) -> tuple[int, tuple[int, ...]]:
-        """Give the tick, and the tick that each member's last step has reached."""
-        due = (self._c.uuv_core_due(self._core, i) for i in range(self.n_members))
-        return self.tick, tuple(int(d) for d in due)
+    def get_image(self) -> bytes:
+        """Copy the clock, all slots but texts, and the states of native members."""
+        if self._image is None:
+            self._image = ctypes.create_string_buffer(self.image_size)
+        self._c.uuv_core_get_image(self._core, self._image)
+        return self._image.raw
 
-    def set_clock(self, clock: tuple[int, Sequence[int]]) -> None:
-        """Restore what `get_clock` gave."""
-        self._c.uuv_core_set_tick(self._core, clock[0])
-        for i, due in enumerate(clock[1]):
-            self._c.uuv_core_set_due(self._core, i, due)
+    def set_image(self, image: bytes) -> None:
+        """Restore what `get_image` gave."""
+        self._c.uuv_core_set_image(self._core, image)
+
+    @property
+    def image_size(self) -> int:
+        """Give the bytes of an image."""
+        return int(self._c.uuv_core_image_size(self._core))
 
     def _texts(self) -> list[bytes]:
         size = ctypes.c_size_t()
@@ -279,9 +313,7 @@ class Core:
     def _failure(self, outcome: int) -> Failure | None:
         if outcome == Outcome.GOOD:
             return None
-        failure = Failure()
-        self._c.uuv_core_why(self._core, ctypes.byref(failure))
-        return failure
+        return self.why()
 
 
 def _array(address: int, n: int) -> np.ndarray:
@@ -327,8 +359,21 @@ def _signatures() -> dict[str, tuple[Any, list[Any]]]:
         "uuv_core_clear_fault": (None, [pointer, u32]),
         "uuv_core_fault_past": (pointer, [pointer, u32, pointer, pointer]),
         "uuv_core_forget": (None, [pointer]),
+        "uuv_core_serve": (None, [pointer, pointer, i, pointer]),
+        "uuv_exchange_size": (size, [u32, u32, size]),
+        "uuv_exchange_new": (pointer, []),
+        "uuv_exchange_map": (i, [pointer, i, u32, u32, size]),
+        "uuv_exchange_waits": (None, [pointer, ctypes.c_int64, double, u32]),
+        "uuv_exchange_leave": (None, [pointer]),
+        "uuv_exchange_trouble": (i, [pointer]),
+        "uuv_exchange_messages": (u32, [pointer]),
+        "uuv_exchange_save": (i, [pointer, pointer]),
+        "uuv_exchange_restore": (i, [pointer, pointer]),
+        "uuv_exchange_free": (None, [pointer]),
         "uuv_core_record": (i, [pointer, u32, pointer, u64]),
         "uuv_core_rows": (None, [pointer, pointer, pointer, u32]),
+        "uuv_core_next_row": (u64, [pointer]),
+        "uuv_core_set_next_row": (None, [pointer, u64]),
         "uuv_core_rows_used": (u32, [pointer]),
         "uuv_core_texts": (u64, [pointer]),
         "uuv_core_text": (pointer, [pointer, u64, pointer]),
@@ -337,8 +382,11 @@ def _signatures() -> dict[str, tuple[Any, list[Any]]]:
         "uuv_core_why": (None, [pointer, pointer]),
         "uuv_core_tick": (u64, [pointer]),
         "uuv_core_set_tick": (None, [pointer, u64]),
-        "uuv_core_due": (u64, [pointer, u32]),
-        "uuv_core_set_due": (None, [pointer, u32, u64]),
+        "uuv_core_image_size": (size, [pointer]),
+        "uuv_core_get_image": (None, [pointer, pointer]),
+        "uuv_core_set_image": (None, [pointer, ctypes.c_char_p]),
+        "uuv_core_propagate": (i32, [pointer, u64, u32, pointer]),
+        "uuv_core_instance": (None, [pointer, u32, pointer]),
         "uuv_core_slots": (pointer, [pointer]),
         "uuv_core_fresh": (pointer, [pointer]),
         "uuv_core_read_blob": (pointer, [pointer, pointer]),

@@ -10,9 +10,11 @@ from typing import get_args
 from uuvsim_cosim.errors import FmuError
 from uuvsim_cosim.fmus.component import Binding, BindingKind, Component
 from uuvsim_cosim.fmus.description import Variable
-from uuvsim_cosim.orchestrator.callback import component_binding
+from uuvsim_cosim.fmus.isolated import Isolated
+from uuvsim_cosim.orchestrator.callback import CallbackBinding, component_binding
 from uuvsim_cosim.orchestrator.core import Access, Action, Core, Type, by_type
 from uuvsim_cosim.orchestrator.plan import Plan, Solver
+from uuvsim_cosim.orchestrator.shared import SharedBinding, shared_binding
 
 __all__ = ["Placed", "Tables", "fmi_name", "tables_of"]
 
@@ -41,6 +43,16 @@ class Tables:
     bindings: tuple[Binding, ...]  # by member
     inputs: dict[tuple[int, str], Placed]  # by (index into Plan.components, name)
     outputs: dict[tuple[int, str], Placed]
+
+    def replace(self, member: int, component: Component) -> None:
+        """Put another instance of the same FMU in a member's place."""
+        binding = self.bindings[member]
+        if isinstance(binding, CallbackBinding):
+            binding.callbacks.serve(component)
+        elif isinstance(binding, SharedBinding) and isinstance(component, Isolated):
+            binding.exchange.exchange_with(component)
+        else:
+            self.core.instance(member, component.binding().instance)
 
     def placed_at(self, slot: int) -> tuple[Placed, int]:
         """Find the variable and the element (from 0) of a slot."""
@@ -82,6 +94,13 @@ def tables_of(
             mine = [p for p in placed.values() if p.member == member]
             for access in _accesses(b, action, mine, components[i].path):
                 core.access(member, access)
+        if isinstance(b, SharedBinding):
+            b.exchange.open(
+                *([p.variable for p in side.values() if p.member == member]
+                  for side in (inputs, outputs))
+            )  # fmt: skip
+        if b.kind == BindingKind.NATIVE and "GetFMUState" in b.functions:
+            core.state(member, *_state_functions(b, components[i]))
     tables = Tables(core, plan, order, bindings, inputs, outputs)
     _add_transfers(plan, tables)
     _add_iterated(plan, tables, components)
@@ -95,7 +114,12 @@ def _binding(component: Component) -> Binding:
     binding = component.binding()
     if binding.kind == BindingKind.CALLBACK and not binding.functions:
         return component_binding(component)
-    return binding
+    return shared_binding(component) if binding.kind == BindingKind.SHARED else binding
+
+
+def _takes_all(b: Binding) -> bool:
+    """Say whether all inputs are set and all outputs read, connected or not."""
+    return BindingKind.CALLBACK in (b.kind, b.served if isinstance(b, SharedBinding) else b.kind)
 
 
 _Wanted = Iterator[tuple[int, int, Iterable[Variable]]]  # member, component, variables
@@ -110,7 +134,7 @@ def _connected_inputs(
 ) -> _Wanted:
     for member, i in enumerate(order):
         described = components[i].description
-        if bindings[member].kind == BindingKind.CALLBACK:
+        if _takes_all(bindings[member]):
             yield member, i, described.of("input")
             continue
         names = {t.target_variable.name for t in plan.transfers if t.target == i}
@@ -127,7 +151,7 @@ def _read_outputs(
 ) -> _Wanted:
     for member, i in enumerate(order):
         described = components[i].description
-        if bindings[member].kind == BindingKind.CALLBACK:
+        if _takes_all(bindings[member]):
             yield member, i, described.of("output", "local")
             continue
         names = {t.source_variable.name for t in plan.transfers if t.source == i}

@@ -12,6 +12,7 @@ from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.callback import CallbackBinding
 from uuvsim_cosim.orchestrator.core import Action, Failure, Outcome, Type
 from uuvsim_cosim.orchestrator.core_tables import Tables, fmi_name
+from uuvsim_cosim.orchestrator.shared import SharedBinding
 
 __all__ = ["error_of", "last_words"]
 
@@ -26,6 +27,8 @@ def error_of(
         return _not_converged(failure, tables, components, time)
     binding = tables.bindings[failure.member]
     component = components[tables.order[failure.member]]
+    if isinstance(binding, SharedBinding) and (told := binding.exchange.error(time)) is not None:
+        return told
     if failure.outcome == Outcome.NO_MEMORY:
         return UuvsimError(f"{component.path}: no memory for a text or binary value")
     if failure.outcome == Outcome.BAD_STATUS and isinstance(binding, CallbackBinding):

@@ -36,7 +36,7 @@ def system_file(name: str) -> Path:
 
 
 def load(name_or_path: str | Path, tick: str | None = None) -> System:
-    """Load a system: a name, or a path to .ssd, .ssp (``x.ssp#VariantB.ssd``) or .fmu.
+    """Load a system: a name, or a path: .ssd, .ssp (``x.ssp#VariantB``), .fmu, or OSP's .xml.
 
     `tick` is the base step in s for files that give none.
     """
@@ -44,10 +44,10 @@ def load(name_or_path: str | Path, tick: str | None = None) -> System:
     file, _, variant = text.partition("#")
     path = Path(file).expanduser()
     suffix = path.suffix.lower()
-    if suffix not in (".ssd", ".ssp", ".fmu"):
+    if suffix not in (".ssd", ".ssp", ".fmu", ".xml"):
         path, suffix = system_file(text), ".ssd"
     if not path.is_file():
-        raise InputInvalid(f"{path}: no such file; expected an .ssd, .ssp or .fmu")
+        raise InputInvalid(f"{path}: no such file; expected an .ssd, .ssp, .fmu or .xml")
     path = path.absolute()
     if suffix == ".ssd":
         from uuvsim_cosim.orchestrator.ssd_read import read_ssd
@@ -57,6 +57,10 @@ def load(name_or_path: str | Path, tick: str | None = None) -> System:
         from uuvsim_cosim.orchestrator.ssp import read_ssp
 
         return read_ssp(path, variant or "SystemStructure.ssd", tick)
+    if suffix == ".xml":
+        from uuvsim_cosim.orchestrator.osp import read_osp
+
+        return read_osp(path, tick)
     return _single(path, tick)
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self, final
+from typing import Any, Literal, Self, final
 
 import numpy as np
 
@@ -15,17 +16,19 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator import snapshot as snapshots
-from uuvsim_cosim.orchestrator.callback import CallbackBinding
 from uuvsim_cosim.orchestrator.core import Failure, Type
 from uuvsim_cosim.orchestrator.core_tables import Placed, Tables, tables_of
 from uuvsim_cosim.orchestrator.failure import error_of
 from uuvsim_cosim.orchestrator.faults import Faults, hash_of_seeds
 from uuvsim_cosim.orchestrator.initial_values import propagate
+from uuvsim_cosim.orchestrator.loop_state import LoopState
 from uuvsim_cosim.orchestrator.observer import Column, Observer
 from uuvsim_cosim.orchestrator.plan import Plan, PlannedComponent
+from uuvsim_cosim.orchestrator.pool import Pool, is_pooled
+from uuvsim_cosim.orchestrator.restart import Restart, show_unconnected, unconnected_inputs
 from uuvsim_cosim.orchestrator.slots import decode, encode
 from uuvsim_cosim.orchestrator.snapshot import Snapshot
-from uuvsim_cosim.orchestrator.start import enter_initialization, set_start, variable_of
+from uuvsim_cosim.orchestrator.start import enter_initialization, variable_of
 from uuvsim_cosim.orchestrator.values import Misfit, as_array, fit
 from uuvsim_cosim.orchestrator.watch import Watch, rows_of
 
@@ -64,6 +67,7 @@ class Master:
         self._live, self._held = live, held
         self._tables: Tables | None = None
         self._faults: Faults | None = None
+        self._loop_state: LoopState | None = None
         self.recorded = 0  # scalars that observers get at each recorded point
         self._first: Snapshot | None = None
         self._start_tick = 0
@@ -73,6 +77,12 @@ class Master:
             elements = self._connected.setdefault((t.target, t.target_variable.name), set())
             elements.update(t.target_elements)
         self._hash = snapshots.plan_hash(plan)
+        self._instantiate = instantiate
+        self._last: Snapshot | None = None
+        self._retired: list[Tables] = []
+        self._recorded_then: list[tuple[int, Variable]] = []
+        self._pools = [Pool(partial(instantiate, planned)) for planned in plan.components]
+        self._restart: Restart | None = None
         self.components: list[Component] = []
         try:
             for planned in plan.components:
@@ -80,8 +90,7 @@ class Master:
         except BaseException:
             self.free()
             raise
-        drains = (getattr(c, "drain_messages", None) for c in self.components)
-        self._drains = [drain for drain in drains if drain is not None]
+        self._find_drains()
 
     # ---- life -----------------------------------------------------------------------------
 
@@ -105,21 +114,31 @@ class Master:
 
     def reset(self, seed: int | None = None, start: Starts | None = None) -> None:
         """Go back to Initialization Mode, with another seed or other start values; no reload."""
-        tables, first = self._ready(), self._first
+        self._ready()
+        first = self._first
         assert first is not None
         self.faults.clear()
-        for path in start or {}:
-            self._component(path)
-        for (planned, component), state in zip(self._pairs(), first.states, strict=True):
-            values = (start or {}).get(planned.path, {})
-            if state is None:
-                component.reset()
-                enter_initialization(planned, component, values, seed, self._times)
-            else:
-                component.set_fmu_state(state)
-                set_start(planned, component, {**planned.start, **values}, seed)
-        self._forget(tables)
+        for path, values in (start or {}).items():
+            component = self.components[self._component(path)]
+            for name in values:
+                variable_of(component, name)
+        if self._restart is None:
+            self._restart = Restart(
+                self.plan, self._ready(), self.components, self._pools, self._times
+            )
+        self._restart.enter(first.states, seed, start or {})
+        self._state.forget()
+        self._find_drains()
         self._leave_initialization()
+
+    def make_ahead(self, resets: int) -> None:
+        """Make the instances that so many resets will need, of FMUs that cannot copy their state.
+
+        Otherwise each reset makes its own.
+        """
+        for pool, component in zip(self._pools, self.components, strict=True):
+            if is_pooled(component):
+                pool.fill(resets, component)
 
     @property
     def without_state(self) -> tuple[str, ...]:
@@ -146,8 +165,12 @@ class Master:
             for component in reversed(self.components):
                 component.free()
             self.components.clear()
-            if tables is not None:
-                tables.core.free()
+            for pool in self._pools:
+                pool.free()
+            self._last = None
+            for used in [*self._retired, *([] if tables is None else [tables])]:
+                used.core.free()
+            self._retired.clear()
 
     def __enter__(self) -> Self:
         """Give the master."""
@@ -278,24 +301,12 @@ class Master:
 
     def snapshot(self) -> Snapshot:
         """Copy the whole state at this communication point; raises FmuError if a part cannot."""
-        tables = self._ready()
-        states = tuple(c.get_fmu_state() for c in self.components)
-        slots, clock = snapshots.get_slots(tables), tables.core.get_clock()
-        return Snapshot(self._hash, states, slots, clock, self.faults.kept())
+        self._last = self._state.take()
+        return self._last
 
     def restore(self, snapshot: Snapshot) -> None:
         """Go back to a snapshot of this master; what follows is repeated bit for bit."""
-        tables = self._ready()
-        if snapshot.plan != self._hash or snapshot.slots is None or snapshot.clock is None:
-            raise InputInvalid(
-                "restore: the snapshot is of another system; expected one of this master"
-            )
-        for component, state in zip(self.components, snapshot.states, strict=True):
-            component.set_fmu_state(state)
-        snapshots.set_slots(tables, snapshot.slots)
-        tables.core.set_clock(snapshot.clock)
-        self.faults.restore(snapshot.faults)
-        self._forget(tables)
+        self._state.restore(snapshot)
 
     def save_snapshot(self, path: Path) -> None:
         """Write the state at this communication point to a file."""
@@ -305,26 +316,70 @@ class Master:
         """Restore a file written by `save_snapshot`, of an equal plan."""
         self.restore(snapshots.load_snapshot(path, self.plan, self.components))
 
+    def restart(
+        self,
+        path: str,
+        snapshot: Snapshot | Literal["start"] | None = None,
+        source: str | None = None,
+    ) -> None:
+        """Go on after a component failed, from a snapshot (by default the last that was taken).
+
+        A fresh instance takes its place, with its state from the snapshot; or, with `source`, a
+        component of another source, which begins then. Without a snapshot, or from "start", all
+        begin anew. What has been recorded stays, and the recording goes on after it. Raises
+        InputInvalid if the state went with the instance, SystemInvalid if a source does not fit.
+        """
+        from uuvsim_cosim.orchestrator.replacement import replace_component, restart_component
+
+        self._ready()
+        i = self._component(path)
+        kept = self._last if snapshot is None else None if snapshot == "start" else snapshot
+        if source is None:
+            restart_component(self, i, kept)
+        else:
+            replace_component(self, i, kept, source)
+
+    def _take_in(self, i: int, fresh: Component, plan: Plan | None = None) -> None:
+        """Put a component in another's place; of another `plan`, it gets tables of its own."""
+        first = self._first
+        assert first is not None
+        self.components[i] = fresh
+        states = tuple(None if j == i else state for j, state in enumerate(first.states))
+        self._restart = None
+        if plan is not None:
+            tables = self._ready()
+            if self._record is None:  # what is recorded stays the same
+                names = [(self.plan.components[j].path, v.name) for j, v in self._recorded_then]
+                self._record = names
+            self.plan, self._hash, self._last = plan, snapshots.plan_hash(plan), None
+            self._pools[i] = Pool(partial(self._instantiate, plan.components[i]))
+            self._build_tables(begin=False)
+            tables.core.forget()
+            self._retired.append(tables)
+        self._first = Snapshot(self._hash, states)
+        self._find_drains()
+
     # ---- inside: Initialization Mode ------------------------------------------------------
 
     def _leave_initialization(self) -> None:
-        propagate(self.plan, self.components, self._times[0])
+        if self._restart is None:
+            propagate(self.plan, self.components, self._times[0])
+        elif failed := self._restart.propagate(self._start_tick, self._times[0]):
+            self._fail(failed)
         for component in self.components:
             component.exit_initialization_mode()
         if self._tables is None:
             self._build_tables()
         tables = self._ready()
-        for (i, name), placed in tables.inputs.items():
-            if len(self._connected.get((i, name), ())) < placed.variable.size:
-                value = self.components[i].get(placed.variable)
-                encode(placed.variable, value, self._raw(placed))
+        show_unconnected(self._unconnected, tables, self.components)
         failure = tables.core.begin(self._start_tick)
         self._emit()
         if failure is not None:
             self._fail(failure)
 
-    def _build_tables(self) -> None:
+    def _build_tables(self, *, begin: bool = True) -> None:
         recorded = self._recorded() if self._watch.observers else []
+        self._recorded_then = recorded
         columns = [c for i, v in recorded for c in Column.of(self.plan.components[i].path, v)]
         self.recorded = len(columns)
         n_rows = rows_of(len(columns))
@@ -333,7 +388,10 @@ class Master:
             self.plan, self.components, recorded, self._every, n_rows, live, held
         )
         self._faults = Faults(self._tables, hash_of_seeds(self.plan))
-        self._watch.begin(columns)
+        self._loop_state = LoopState(self._hash, self._tables, self.components, self._faults)
+        self._unconnected = unconnected_inputs(self.plan, self._tables)
+        if begin:
+            self._watch.begin(columns)
 
     def _recorded(self) -> list[tuple[int, Variable]]:
         if self._record is not None:
@@ -344,12 +402,17 @@ class Master:
     def _state_or_none(self, component: Component) -> Any:
         return component.get_fmu_state() if component.description.can_get_and_set_state else None
 
-    def _forget(self, tables: Tables) -> None:
-        for binding in tables.bindings:
-            if isinstance(binding, CallbackBinding):
-                binding.callbacks.forget()
-
     # ---- inside: the rest -----------------------------------------------------------------
+
+    def _find_drains(self) -> None:
+        drains = (getattr(c, "drain_messages", None) for c in self.components)
+        self._drains = [drain for drain in drains if drain is not None]
+
+    @property
+    def _state(self) -> LoopState:
+        self._ready()
+        assert self._loop_state is not None
+        return self._loop_state
 
     def _emit(self) -> None:
         for drain in self._drains:

@@ -7,12 +7,16 @@ from collections.abc import Callable, Collection
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from difflib import get_close_matches
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.isolated import Isolated
 from uuvsim_cosim.orchestrator.plan import Plan, PlannedComponent
-from uuvsim_cosim.orchestrator.sources import Backend, ModelSource, resolve
+from uuvsim_cosim.orchestrator.sources import Backend, FmuSource, ModelSource, resolve
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.fmus.trace import Trace
 
 __all__ = ["Progress", "instance_of", "prepare"]
 
@@ -25,12 +29,13 @@ def prepare(
     progress: Progress | None = None,
     isolate: Collection[str] = (),
     watchdog: float | None = 30.0,
+    trace: Trace | None = None,
 ) -> Callable[[PlannedComponent], Component]:
     """Compile the plan's declarations side by side, and give what instantiates a component.
 
     ``progress("building", done, total)`` is called after each. Those that `isolate` names by
     path, or all by "*", get a process of their own, which fails when it does not answer within
-    `watchdog` seconds. Raises ToolchainError, InputInvalid.
+    `watchdog` seconds. FMUs write their calls into `trace`. Raises ToolchainError, InputInvalid.
     """
     _check_paths(isolate, plan)
     declared = {c.source for c in plan.components if c.source.startswith("model:")}
@@ -55,6 +60,8 @@ def prepare(
         fmu = built.get(planned.source)
         text = str(fmu) if fmu is not None else planned.source
         source = resolve(text)
+        if trace is not None and isinstance(source, FmuSource):
+            return source.traced(planned.path, trace)
         if planned.path in isolate or "*" in isolate:
             return Isolated(
                 planned.path,

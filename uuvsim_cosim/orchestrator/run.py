@@ -12,6 +12,7 @@ import math
 import platform
 import time
 from collections.abc import Callable, Collection, Mapping
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from fractions import Fraction
@@ -33,6 +34,7 @@ from uuvsim_cosim.orchestrator.system import System
 
 if TYPE_CHECKING:
     from uuvsim_cosim.fmus.component import Component
+    from uuvsim_cosim.fmus.trace import Trace
     from uuvsim_cosim.orchestrator.master import Master
     from uuvsim_cosim.orchestrator.recording import Signals
 
@@ -101,6 +103,7 @@ def run(
     scenario: Scenario | str | Path | None = None,
     isolate: Collection[str] = (),
     watchdog: float = 30.0,
+    trace_fmi: str | Path | None = None,
 ) -> Run:
     """Simulate a system from 0 to `until` [s] and record every output into a fresh folder.
 
@@ -111,7 +114,8 @@ def run(
     is a factor of real time to be kept, or a `Pace`; without it the run is as fast as it can be.
     `scenario`, or a file of one, is what happens meanwhile. `isolate` names components that get a
     process of their own ("*": all), so that a crash is an error and no more; one that does not
-    answer within `watchdog` seconds fails.
+    answer within `watchdog` seconds fails. `trace_fmi` is a CSV file for every call of every FMU;
+    the run is slow then, with the same result.
 
     Raises SystemInvalid and InputInvalid before anything runs, ComponentFailed while it runs
     (its attribute `recording` is the folder), Interrupted on Ctrl-C while stepping.
@@ -124,15 +128,19 @@ def run(
         from uuvsim_cosim.orchestrator.library import load
 
         system = load(system)
+    if trace_fmi is not None and (isolate or backend == "native"):
+        other = "isolated components" if isolate else "native components"
+        raise InputInvalid(f"trace_fmi: together with {other}; expected FMUs in this process")
     played = scenario if isinstance(scenario, Scenario | None) else _read_scenario(scenario)
     pace = real_time if isinstance(real_time, Pace | None) else Pace(real_time)
     plan = flatten(system, seed)
     end = duration(plan) if until is None else until
     _check_end(end, plan)
+    trace = None if trace_fmi is None else _trace(Path(trace_fmi))
     folder = claim(out if out is not None else Path("runs") / f"{system.name}-{seed}")
     try:
         provenance = _provenance(system, plan, seed, backend, record_every, end, about or {})
-        instantiate = prepare(plan, backend, progress, isolate, watchdog)
+        instantiate = prepare(plan, backend, progress, isolate, watchdog, trace)
         master = _started(system, plan, folder, instantiate, record_every, provenance, end)
         try:
             rows = end / float(plan.tick) / record_every
@@ -143,8 +151,17 @@ def run(
             raise
     except BaseException:
         folder.discard()
+        if trace is not None:
+            trace.close()
         raise
-    return _stepped(master, steps, plan, end, folder, provenance, progress, pace)
+    with trace or nullcontext():
+        return _stepped(master, steps, plan, end, folder, provenance, progress, pace)
+
+
+def _trace(path: Path) -> Trace:
+    from uuvsim_cosim.fmus.trace import Trace
+
+    return Trace(path)
 
 
 def _read_scenario(path: str | Path) -> Scenario:

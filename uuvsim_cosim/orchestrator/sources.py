@@ -25,6 +25,8 @@ from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.description import Description
 
 if TYPE_CHECKING:
+    from uuvsim_cosim.fmus.read_description import FmuArchive
+    from uuvsim_cosim.fmus.trace import Trace
     from uuvsim_cosim.models.model import Model
     from uuvsim_cosim.orchestrator.system import System
 
@@ -58,6 +60,7 @@ Factory = Callable[[str, Path], Source]
 _factories: dict[str, Factory] = {}
 _descriptions: dict[tuple[str, int], Description] = {}
 _systems: dict[tuple[str, int], System] = {}
+_archives: dict[tuple[str, int], FmuArchive] = {}
 
 
 def register(scheme: str, factory: Factory) -> None:
@@ -71,6 +74,10 @@ def resolve(source: str, base: Path | None = None) -> Source:
     scheme, colon, _ = source.partition(":")
     if colon and scheme == "model":
         return ModelSource(source)
+    if colon and scheme == "function":
+        from uuvsim_cosim.orchestrator.osp_functions import FunctionSource
+
+        return FunctionSource(source)
     if colon and (factory := _factory(scheme)) is not None:
         return factory(source, base)
     suffix = Path(source.partition("#")[0]).suffix.lower()
@@ -125,7 +132,15 @@ class FmuSource:
 
     def instantiate(self, path: str, *, backend: Backend = "fmu") -> Component:
         """Load the binary and make an instance."""
-        return _load_fmu(self.path, path)
+        from uuvsim_cosim.fmus.instantiate import instantiate_fmu
+
+        return instantiate_fmu(_archive(self.path), path)
+
+    def traced(self, path: str, trace: Trace) -> Component:
+        """Make an instance in this process that writes each of its calls."""
+        from uuvsim_cosim.fmus.trace import instantiate_traced
+
+        return instantiate_traced(_archive(self.path), path, trace)
 
 
 @dataclass(frozen=True)
@@ -218,10 +233,14 @@ def _read_fmu(path: Path) -> Description:
     return read_description(path)
 
 
-def _load_fmu(fmu: Path, path: str) -> Component:
-    from uuvsim_cosim.fmus.instantiate import instantiate_fmu
+def _archive(fmu: Path) -> FmuArchive:
+    """Read an FMU once, until it changes: a further instance unpacks and checks nothing."""
+    from uuvsim_cosim.fmus.read_description import read_fmu
 
-    return instantiate_fmu(fmu, path)
+    key = (str(fmu), _mtime(fmu))
+    if key not in _archives or not _archives[key].folder.is_dir():
+        _archives[key] = read_fmu(fmu)
+    return _archives[key]
 
 
 # ---- inside ---------------------------------------------------------------------------------

@@ -16,6 +16,11 @@ from uuvsim_cosim.orchestrator.elements import Element, step_text
 from uuvsim_cosim.orchestrator.endpoints import Endpoint, find_variable, index_text
 from uuvsim_cosim.orchestrator.sources import resolve
 from uuvsim_cosim.orchestrator.ssd_read import read_ssd
+from uuvsim_cosim.orchestrator.ssp_annotations import (
+    add_component_step,
+    add_default_experiment,
+    add_system_step,
+)
 from uuvsim_cosim.orchestrator.ssp_xml import (
     MIME,
     SspVersion,
@@ -58,7 +63,8 @@ def format_ssd(system: System, version: SspVersion = "2.0", folder: Path | None 
     )
     root.append(writer.system(system, system.name))
     add_units(root, writer.unit_names, writer.units, "ssd:Units")
-    return document(root, "ssc", "ssd", "ssv", "uuvsim")
+    add_default_experiment(root, system.base_step)
+    return document(root, "oms", "osp", "ssc", "ssd", "ssv", "uuvsim")
 
 
 End = tuple[Endpoint, int | None, bool]  # connector, element of it, whether arrays are whole
@@ -98,6 +104,7 @@ class _Writer:
         if description:
             note.set("description", system.description)
         add_annotation(xml, note)
+        add_system_step(xml, system.base_step)
         return xml
 
     def _element(self, system: System, element: Element) -> Xml:
@@ -131,6 +138,8 @@ class _Writer:
                 SubElement(note, "uuvsim:Units", name=name, units=units)
         if len(note) or note.attrib:
             add_annotation(xml, note)
+        if element.rate is not None:
+            add_component_step(xml, element.rate)
         return xml
 
     def _source(self, source: str, base: Path | None) -> tuple[str, str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,14 +12,21 @@ from xml.etree.ElementTree import Element as Xml
 from uuvsim_cosim.errors import InputInvalid, Problem, SystemInvalid, UuvsimError
 from uuvsim_cosim.fmus.archive import shown
 from uuvsim_cosim.fmus.safe_xml import parse_xml
-from uuvsim_cosim.models.units import Unit
-from uuvsim_cosim.orchestrator.elements import Connection, Element, Exposed, StepGroup
-from uuvsim_cosim.orchestrator.ssm import read_mapping, read_ssm
-from uuvsim_cosim.orchestrator.ssp_xml import boolean, find_annotation, q, read_units
-from uuvsim_cosim.orchestrator.ssv import ParameterValue, read_parameter_set, read_ssv
+from uuvsim_cosim.orchestrator.elements import Element, StepGroup
+from uuvsim_cosim.orchestrator.endpoints import find_variable
+from uuvsim_cosim.orchestrator.signal_dictionary import (
+    read_dictionaries,
+    read_references,
+    resolve_signals,
+)
+from uuvsim_cosim.orchestrator.ssd_bindings import Bindings
+from uuvsim_cosim.orchestrator.ssd_connections import Border, End, Links, read_links
+from uuvsim_cosim.orchestrator.ssp_annotations import component_step, system_step
+from uuvsim_cosim.orchestrator.ssp_xml import find_annotation, q, read_units
+from uuvsim_cosim.orchestrator.ssv import read_enumerations
 from uuvsim_cosim.orchestrator.system import System
-from uuvsim_cosim.orchestrator.validation import describe_element, problem_of
-from uuvsim_cosim.orchestrator.values import Quantity
+from uuvsim_cosim.orchestrator.validation import as_step, describe_element, problem_of
+from uuvsim_cosim.orchestrator.values import Misfit
 
 __all__ = ["read_ssd"]
 
@@ -49,8 +55,8 @@ def read_ssd(path: Path, tick: str | None = None, confined: bool = False) -> Sys
     top = root.find(q("ssd:System"))
     if top is None:
         raise InputInvalid(f"{place}: no <ssd:System>; expected one")
-    reader = _Reader(path, confined, tick, read_units(root, "ssd:Units"))
-    system = reader.system(top)
+    reader = _Reader(path, confined, root)
+    system = reader.system(top, tick)
     if reader.problems or system is None:
         raise SystemInvalid([replace(p, place=f"{path.name}: {p.place}") for p in reader.problems])
     return system
@@ -59,107 +65,153 @@ def read_ssd(path: Path, tick: str | None = None, confined: bool = False) -> Sys
 class _Reader:
     """Reads elements of one file, and gathers problems with their place in the hierarchy."""
 
-    def __init__(
-        self, path: Path, confined: bool, tick: str | None, units: Mapping[str, Unit]
-    ) -> None:
-        self.path = path
-        self.folder = path.parent
-        self.confined = confined
-        self.tick = tick
-        self.units = units
+    def __init__(self, path: Path, confined: bool, root: Xml) -> None:
+        self.path, self.folder, self.confined, self.root = path, path.parent, confined, root
         self.problems: list[Problem] = []
+        self.borders: dict[str, Border] = {}  # of nested systems, by path
+        self.inside: set[str] = set()  # ids of systems that are being read
+        units = read_units(root, "ssd:Units", shown(path))
+        enumerations = read_enumerations(root, "ssd:Enumerations", shown(path))
+        self.bindings = Bindings(self.folder, units, enumerations, self._confine)
 
-    def system(self, xml: Xml, prefix: str = "") -> System | None:
+    def wrong(self, error: UuvsimError, place: str = "") -> None:
+        """Note a problem, once; the place is what an error says of itself before its first colon."""
+        where, colon, said = str(error).partition(": ")
+        self.problems.append(
+            problem_of(where, InputInvalid(said)) if colon else problem_of(place, error)
+        )
+
+    def system(self, xml: Xml, tick: str | None, prefix: str = "") -> System | None:
+        """Read a system; `tick` is the step of the one around it, or what a user asks for."""
         note = find_annotation(xml)
         remarks: list[str] = []
-        tick = self.tick or DEFAULT_TICK
-        if note is not None and note.get("tick"):
-            tick = note.get("tick", tick)
-        elif self.tick is None and not prefix:
-            remarks.append(f"{self.path.name} gives no step: {tick} s is taken")
-        elements, broken = self._elements(xml, prefix)
-        elements = self._bind_system(xml, elements, prefix, remarks)
-        kinds = _connector_kinds(xml)
-        connections, exposed = _connections(xml, kinds)
+        step = self._tick(xml, tick, prefix, remarks)
+        elements, broken = self._elements(xml, step, prefix, remarks)
+        links = read_links(xml, self.wrong, prefix)
+        border = Border(links.changes, _connector_units(xml))
+        self._resolve(xml, elements, links, border, prefix, remarks)
+        elements = self._bind_system(xml, elements, links, prefix, remarks)
         groups = tuple(_group(g) for g in (note if note is not None else ()))
         own = note.attrib if note is not None else {}
+        self.borders[prefix] = border
+        known = {e.name for e in elements} - broken
         try:
             return System(
                 own.get("name", xml.get("name", "")),
-                tick,
+                step,
                 own.get("description", xml.get("description", "")),
                 tuple(elements),
-                tuple(connections),
+                tuple(links.listed()),
                 groups,
-                tuple(exposed),
+                tuple(links.exposed),
                 self.folder,
-                tuple(remarks),
+                tuple(dict.fromkeys(f"{self.path.name}: {r}" for r in remarks)),
             )
         except SystemInvalid as error:
             for p in error.problems:
-                if p.place not in broken:
+                if p.place not in broken or p.place in known:
                     self.problems.append(replace(p, place=prefix + p.place))
             return None
 
-    def _elements(self, xml: Xml, prefix: str) -> tuple[list[Element], set[str]]:
+    def _tick(self, xml: Xml, tick: str | None, prefix: str, remarks: list[str]) -> str:
+        try:
+            found = system_step(self.root, xml, remarks)
+        except UuvsimError as error:
+            self.wrong(error)
+            found = DEFAULT_TICK
+        if found is None and tick is None and not prefix:
+            remarks.append(f"gives no step: {DEFAULT_TICK} s is taken")
+        return found or tick or DEFAULT_TICK
+
+    def _elements(
+        self, xml: Xml, tick: str, prefix: str, remarks: list[str]
+    ) -> tuple[list[Element], set[str]]:
         found: list[Element] = []
         broken: set[str] = set()
         section = xml.find(q("ssd:Elements"))
         for child in section if section is not None else ():
             name = child.get("name", "")
             place = f"{prefix}{name}"
+            source = child.get("source", "")
             if child.tag == q("ssd:System"):
-                nested = self.system(child, f"{place}.")
-                if nested is None:
-                    broken.add(name)
-                note = find_annotation(child)
-                text = child.get("description", "")
-                own = text if note is not None and "description" in note.attrib else ""
-                element = Element(name, nested or _BROKEN, description=own)
-                found.append(self._units(element, child))
+                found.append(self._nested(child, child, tick, place, broken))
+            elif child.tag == q("ssd:Component") and source.startswith("#"):
+                found.append(self._reference(child, source[1:], tick, place, broken))
             elif child.tag == q("ssd:Component"):
-                found.append(self._component(child, place))
-            else:
-                tag = child.tag.rpartition("}")[2]
+                found.append(self._component(child, tick, place, remarks))
+            elif child.tag != q("ssd:SignalDictionaryReference"):
+                tag = child.tag.rpartition("}")[2] if isinstance(child.tag, str) else "comment"
                 self.problems.append(Problem(place, f"a {tag}", "a Component or a System"))
         return found, broken
 
-    def _component(self, xml: Xml, place: str) -> Element:
+    def _nested(
+        self, definition: Xml, xml: Xml, tick: str, place: str, broken: set[str]
+    ) -> Element:
+        name = xml.get("name", "")
+        nested = self.system(definition, tick, f"{place}.")
+        if nested is None:
+            broken.add(name)
         note = find_annotation(xml)
-        source = unquote(xml.get("source", ""))
-        self._confine(source, place)
-        if xml.get("implementation") == "ModelExchange":
-            self.problems.append(Problem(place, "implementation ModelExchange", "CoSimulation"))
-        rate: Any = None if note is None else note.get("step")
-        element = Element(
-            xml.get("name", ""), source, rate=rate, description=xml.get("description", "")
-        )
-        start: dict[str, Any] = {}
-        for value in self._bindings(xml, place):
-            start[value.name] = value.value
-        element = replace(element, start=start)
-        if start and source.lower().endswith((".ssd", ".ssp")):
-            element = self._set_nested(element)
-        return self._units(element, xml)
+        text = xml.get("description", "")
+        own = text if note is not None and "description" in note.attrib else ""
+        return self._units(Element(name, nested or _BROKEN, description=own), xml)
 
-    def _set_nested(self, element: Element) -> Element:
-        """Put values for a nested system where they belong: into its components."""
+    def _reference(self, xml: Xml, id: str, tick: str, place: str, broken: set[str]) -> Element:
+        """Read a component that stands for a system of the same file, by that system's id."""
+        name = xml.get("name", "")
+        found = next((s for s in self.root.iter(q("ssd:System")) if s.get("id") == id), None)
+        if found is None or id in self.inside:
+            read = f"source '#{id}', {'which it is part of' if id in self.inside else 'unknown'}"
+            self.problems.append(Problem(place, read, "the id of another system of the file"))
+            broken.add(name)
+            return Element(name, _BROKEN)
+        self.inside.add(id)
+        element = self._nested(found, xml, tick, place, broken)
+        self.inside.discard(id)
+        values = self.bindings.read(xml, place, self.wrong)
+        return self._set(element, {v.name: v.value for v in values}, place)
+
+    def _component(self, xml: Xml, tick: str, place: str, remarks: list[str]) -> Element:
+        source = unquote(xml.get("source", ""))
+        name = xml.get("name", "")
+        if not source:
+            read = "no source" if xml.get("source") is None else "an empty source"
+            self.problems.append(Problem(place, read, "an FMU, an .ssd or an .ssp"))
+            return Element(name, _BROKEN)
+        self._confine(source, place)
+        wanted = xml.get("implementation", "any")
+        if wanted not in ("any", "CoSimulation", "ModelExchange"):
+            read = f"implementation {wanted!r}"
+            self.problems.append(Problem(place, read, "CoSimulation, ModelExchange or any"))
+        elif wanted == "ModelExchange":
+            remarks.append(f"{place}: Model Exchange is used only if its FMU has nothing else")
         try:
-            alone = System("", elements=(replace(element, start={}),), base=self.folder)
-            for name, value in element.start.items():
-                alone = alone.set(f"{element.name}.{name}", value)
-        except SystemInvalid as error:
-            self.problems.extend(error.problems)
-            return replace(element, start={})
-        return alone.elements[0]
+            rate: Any = component_step(xml, as_step(tick, place), remarks)
+        except UuvsimError as error:
+            self.wrong(error)
+            rate = None
+        element = Element(name, source, rate=rate, description=xml.get("description", ""))
+        start = {v.name: v.value for v in self.bindings.read(xml, place, self.wrong)}
+        return self._units(self._set(element, start, place), xml)
+
+    def _set(self, element: Element, start: dict[str, Any], place: str) -> Element:
+        """Give values to a component, or to what is inside a nested system."""
+        if not start or element.source == _BROKEN:
+            return element
+        if isinstance(element.source, str) and not _is_system(element.source):
+            return replace(element, start={**element.start, **start})
+        for name, value in start.items():
+            try:
+                alone = System("", elements=(element,), base=self.folder)
+                element = alone.set(f"{element.name}.{name}", value).elements[0]
+            except SystemInvalid as error:
+                outer = place.removesuffix(element.name)
+                self.problems.extend(replace(p, place=f"{outer}{p.place}") for p in error.problems)
+        return element
 
     def _units(self, element: Element, xml: Xml) -> Element:
         """Take the units of connectors for variables whose description names none."""
-        given: dict[str, str] = {}
-        for connector in xml.iterfind(f"{q('ssd:Connectors')}/{q('ssd:Connector')}"):
-            unit = next((e.get("unit") for e in connector if e.get("unit")), None)
-            if unit:
-                given[connector.get("name", "")] = unit
+        given = _connector_units(xml)
         if not given or element.source == _BROKEN:
             return element
         try:
@@ -177,92 +229,66 @@ class _Reader:
                 units[item.get("name", "")] = item.get("units", "")
         return replace(element, units=units)
 
+    # ---- connections and values of a system -----------------------------------------------
+
+    def _resolve(
+        self, xml: Xml, elements: list[Element], links: Links, border: Border, prefix: str,
+        remarks: list[str],
+    ) -> None:  # fmt: skip
+        """Put connections in the place of signal dictionaries, and what borders do into them."""
+        by_name = {e.name: e for e in elements}
+        borders = {e.name: self.borders.get(f"{prefix}{e.name}.", Border()) for e in elements}
+
+        def unit_of(end: End) -> str | None:
+            try:
+                described = describe_element(by_name[end.element], self.folder)
+                return find_variable(f"{end.connector}{end.index}", described)[0].unit
+            except (KeyError, Misfit, UuvsimError):
+                return None  # found again, and reported, when the system is checked
+
+        try:
+            own = read_dictionaries(xml, self._find, prefix)
+            references = read_references(xml)
+            wanted, said = resolve_signals(
+                links, references, own, borders, unit_of, self.bindings.units, prefix
+            )
+            links.wrap(borders, unit_of, self.bindings.units)
+        except (InputInvalid, Misfit) as error:
+            self.wrong(InputInvalid(str(error)), prefix)
+            return
+        remarks += said
+        border.signals = wanted
+        if not prefix:
+            for w in wanted:
+                read = f"no signal dictionary {w.dictionary!r}"
+                self.problems.append(Problem(w.connector, read, "one in a system around it"))
+
     def _bind_system(
-        self, xml: Xml, elements: list[Element], prefix: str, remarks: list[str]
+        self, xml: Xml, elements: list[Element], links: Links, prefix: str, remarks: list[str]
     ) -> list[Element]:
         """Apply a system's parameter bindings, whose names lead through its elements."""
         by_name = {e.name: e for e in elements}
-        for value in self._bindings(xml, prefix.rstrip(".")):
-            owner, _, rest = value.name.partition(".")
-            if owner not in by_name or not rest:
-                remarks.append(f"{self.path.name}: value of {value.name!r} belongs to no component")
-                continue
-            element = by_name[owner]
-            if isinstance(element.source, System):
-                try:
-                    nested = element.source.set(rest, value.value)
-                    by_name[owner] = replace(element, source=nested)
-                except SystemInvalid as error:
-                    self.problems.extend(
-                        replace(p, place=f"{prefix}{owner}.{p.place}") for p in error.problems
-                    )
-            else:
-                by_name[owner] = replace(element, start={**element.start, rest: value.value})
+        own: dict[str, list[str]] = {}
+        for item in links.exposed:
+            own.setdefault(item.name, []).append(item.path)
+        for value in self.bindings.read(xml, prefix.rstrip(".") or self.path.name, self.wrong):
+            paths = own.get(value.name, [value.name])
+            found = [(n, p[len(n) + 1 :]) for p in paths for n in by_name if p.startswith(f"{n}.")]
+            if not found:
+                remarks.append(f"value of {value.name!r} belongs to no component")
+            for name, rest in found:
+                by_name[name] = self._set(by_name[name], {rest: value.value}, f"{prefix}{name}")
         return [by_name[e.name] for e in elements]
 
-    def _bindings(self, xml: Xml, place: str) -> list[ParameterValue]:
-        """Read the values that an element is given, with their units, the last ones last."""
-        found: list[ParameterValue] = []
-        for binding in xml.iterfind(f"{q('ssd:ParameterBindings')}/{q('ssd:ParameterBinding')}"):
-            try:
-                values = self._binding(binding, place)
-            except UuvsimError as error:
-                self.problems.append(problem_of(place or self.path.name, error))
-            else:
-                prefix = binding.get("prefix", "")
-                found += [replace(v, name=f"{prefix}{v.name}") for v in values]
-        return found
+    # ---- files ----------------------------------------------------------------------------
 
-    def _binding(self, binding: Xml, place: str) -> list[ParameterValue]:
-        source = binding.get("source")
-        definitions: Mapping[str, Unit] = self.units
-        if source is not None:
-            values, definitions = read_ssv(self._file(binding, source, place))
-        else:
-            inline = binding.find(f"{q('ssd:ParameterValues')}/{q('ssv:ParameterSet')}")
-            values = [] if inline is None else read_parameter_set(inline, place)
-        values = [
-            replace(v, value=Quantity(v.value, v.unit, definitions) if v.unit else v.value)
-            for v in values
-        ]
-        mapping = binding.find(q("ssd:ParameterMapping"))
-        return values if mapping is None else self._mapped(values, mapping, place)
-
-    def _mapped(
-        self, values: list[ParameterValue], mapping: Xml, place: str
-    ) -> list[ParameterValue]:
-        source = mapping.get("source")
-        if source is not None:
-            entries = read_ssm(self._file(mapping, source, place))
-        else:
-            inline = mapping.find(q("ssm:ParameterMapping"))
-            entries = [] if inline is None else read_mapping(inline, place)
-        by_name = {v.name: v for v in values}
-        result: list[ParameterValue] = []
-        for entry in entries:
-            if entry.source not in by_name:
-                continue
-            value = by_name[entry.source]
-            if (entry.factor, entry.offset) != (1.0, 0.0):
-                bare = value.value.value if isinstance(value.value, Quantity) else value.value
-                scaled = [entry.factor * v + entry.offset for v in _listed(bare)]
-                shaped = scaled if isinstance(bare, list) else scaled[0]
-                value = replace(value, value=shaped)
-            result.append(replace(value, name=entry.target))
-        return result
-
-    def _file(self, xml: Xml, source: str, place: str) -> Path:
-        if xml.get("sourceBase", "SSD") != "SSD":
-            raise InputInvalid(
-                f"{place}: sourceBase {xml.get('sourceBase')!r}; expected a file beside the .ssd"
-            )
-        name = unquote(source)
-        self._confine(name, place)
-        return self.folder / name
+    def _find(self, source: str, place: str) -> Path:
+        self._confine(source, place)
+        return self.folder / source
 
     def _confine(self, source: str, place: str) -> None:
         """Refuse files of an archive that would lie outside it."""
-        if not self.confined or source.startswith("model:"):
+        if not self.confined or source.startswith(("model:", "function:")):
             return
         inside = (self.folder / source).resolve().is_relative_to(self.folder.resolve())
         if Path(source).is_absolute() or not inside:
@@ -271,53 +297,18 @@ class _Reader:
             )
 
 
-def _listed(value: Any) -> list[Any]:
-    return value if isinstance(value, list) else [value]
+def _is_system(source: str) -> bool:
+    return source.partition("#")[0].lower().endswith((".ssd", ".ssp"))
 
 
-def _connector_kinds(xml: Xml) -> dict[tuple[str, str], str]:
-    """Give the kind of each connector, by element ("" for the system itself) and name."""
-    kinds: dict[tuple[str, str], str] = {}
-    section = xml.find(q("ssd:Elements"))
-    owners = [("", xml)] + [
-        (e.get("name", ""), e) for e in (section if section is not None else ())
-    ]
-    for name, owner in owners:
-        for c in owner.iterfind(f"{q('ssd:Connectors')}/{q('ssd:Connector')}"):
-            kinds[name, c.get("name", "")] = c.get("kind", "")
-    return kinds
-
-
-def _connections(
-    xml: Xml, kinds: Mapping[tuple[str, str], str]
-) -> tuple[list[Connection], list[Exposed]]:
-    connections: list[Connection] = []
-    exposed: list[Exposed] = []
-    for item in xml.iterfind(f"{q('ssd:Connections')}/{q('ssd:Connection')}"):
-        start, end = _end(item, "start"), _end(item, "end")
-        # In SSP, start and end say nothing of the direction of flow: the connectors' kinds do.
-        key = (item.get("startElement", ""), item.get("startConnector", ""))
-        outer = "" in (item.get("startElement", ""), item.get("endElement", ""))
-        if outer:
-            name, path = (start, end) if not item.get("startElement") else (end, start)
-            exposed.append(Exposed(name, path))
-            continue
-        if kinds.get(key) == "input":
-            start, end = end, start
-        factor, offset = 1.0, 0.0
-        linear = item.find(q("ssc:LinearTransformation"))
-        if linear is not None:
-            factor, offset = float(linear.get("factor", 1)), float(linear.get("offset", 0))
-        convert = not boolean(item.get("suppressUnitConversion"))
-        connections.append(Connection(start, end, factor, offset, convert))
-    return connections, exposed
-
-
-def _end(item: Xml, side: str) -> str:
-    element, connector = item.get(f"{side}Element"), item.get(f"{side}Connector", "")
-    indices = item.get(f"{side}Indices")
-    index = f"[{','.join(indices.split())}]" if indices else ""
-    return f"{element}.{connector}{index}" if element else f"{connector}{index}"
+def _connector_units(xml: Xml) -> dict[str, str]:
+    """Give the units of an element's connectors, where they name one."""
+    given: dict[str, str] = {}
+    for connector in xml.iterfind(f"{q('ssd:Connectors')}/{q('ssd:Connector')}"):
+        unit = next((e.get("unit") for e in connector if e.get("unit")), None)
+        if unit:
+            given[connector.get("name", "")] = unit
+    return given
 
 
 def _group(xml: Xml) -> StepGroup:

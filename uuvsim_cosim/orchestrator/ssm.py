@@ -11,18 +11,20 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.archive import shown
 from uuvsim_cosim.fmus.safe_xml import read_xml
 from uuvsim_cosim.orchestrator.ssp_xml import SspVersion, document, q
+from uuvsim_cosim.orchestrator.transformation import read_transformation
 
 __all__ = ["MappingEntry", "read_mapping", "read_names", "read_ssm", "write_ssm"]
 
 
 @dataclass(frozen=True)
 class MappingEntry:
-    """The target gets factor · source + offset."""
+    """The target gets factor · source + offset, after conversion into its unit if `convert`."""
 
     source: str
     target: str
     factor: float = 1.0
     offset: float = 0.0
+    convert: bool = True
 
 
 def read_ssm(path: Path) -> list[MappingEntry]:
@@ -54,14 +56,12 @@ def read_mapping(root: Element, place: str) -> list[MappingEntry]:
         source, target = item.get("source"), item.get("target")
         if not source or not target:
             raise InputInvalid(f"{place}: an entry without source or target; expected both")
-        factor, offset = 1.0, 0.0
-        for child in item:
-            tag = child.tag.rpartition("}")[2]
-            if tag == "LinearTransformation":
-                factor, offset = float(child.get("factor", 1)), float(child.get("offset", 0))
-            elif tag != "Annotations":
-                raise InputInvalid(f"{place}: {source} has a {tag}; expected a linear one")
-        found.append(MappingEntry(source, target, factor, offset))
+        change = read_transformation(item, f"{place}: <ssm:MappingEntry source={source!r}>")
+        found.append(MappingEntry(source, target, change.factor, change.offset, change.convert))
+    targets = [e.target for e in found]
+    twice = next((t for t in targets if targets.count(t) > 1), None)
+    if twice is not None:
+        raise InputInvalid(f"{place}: two entries give {twice!r}; expected one")
     return found
 
 

@@ -6,15 +6,17 @@ FMI 3.0 exist in 2.0 only; in 1.0 an array is written element by element, as ``t
 What SSP has no word for stands in annotations of type ``org.uuvsim.cosim``: on the system
 ``<uuvsim:System tick="0.01"><uuvsim:Group algorithm="…"><uuvsim:Member name="…"/>``, and on a
 component ``<uuvsim:Component step="0.02"/>``, both in s. Readers that do not know them see
-plain SSP.
+plain SSP. Steps are repeated in the annotations of other tools (see `ssp_annotations`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from math import isfinite
 from typing import Any, Literal
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
+from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.description import Description, VariableType
 from uuvsim_cosim.models.units import BASE, Unit
 from uuvsim_cosim.orchestrator.values import unit_named
@@ -29,7 +31,9 @@ __all__ = [
     "boolean",
     "document",
     "find_annotation",
+    "float_of",
     "has_arrays",
+    "int_of",
     "number",
     "q",
     "read_units",
@@ -40,6 +44,9 @@ __all__ = [
 SspVersion = Literal["1.0", "2.0"]
 ANNOTATION = "org.uuvsim.cosim"
 NAMESPACES = {
+    "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
+    "osp": "http://opensimulationplatform.com/SSP/OSPAnnotations",
+    "ssb": "http://ssp-standard.org/SSP1/SystemStructureSignalDictionary",
     "ssc": "http://ssp-standard.org/SSP1/SystemStructureCommon",
     "ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription",
     "ssm": "http://ssp-standard.org/SSP1/SystemStructureParameterMapping",
@@ -108,22 +115,55 @@ def add_units(parent: Element, names: Iterable[str], units: Mapping[str, Unit], 
         SubElement(SubElement(section, "ssc:Unit", name=name), "ssc:BaseUnit", base)
 
 
-def read_units(parent: Element, tag: str) -> dict[str, Unit]:
+def read_units(parent: Element, tag: str, place: str = "units") -> dict[str, Unit]:
     """Read the units that a file defines."""
     found: dict[str, Unit] = {}
     for item in parent.iterfind(f"{q(tag)}/{q('ssc:Unit')}"):
         base = item.find(q("ssc:BaseUnit"))
-        given: Mapping[str, str] = {} if base is None else base.attrib
-        exponents = tuple(int(given.get(b, "0")) for b in BASE)
         name = item.get("name", "")
-        factor, offset = float(given.get("factor", "1")), float(given.get("offset", "0"))
+        if base is None:
+            continue  # a name without a definition; our own table may know it
+        here = f"{place}: <ssc:Unit name={name!r}>"
+        exponents = tuple(int_of(base, b, here, 0) for b in BASE)
+        factor, offset = float_of(base, "factor", here, 1.0), float_of(base, "offset", here, 0.0)
+        if factor == 0.0:
+            raise InputInvalid(f"{here}: factor 0; expected another number")
         found[name] = Unit(name, exponents, factor, offset)
     return found
 
 
+def float_of(xml: Element, attribute: str, place: str, default: float) -> float:
+    """Read a finite number of an attribute; raises InputInvalid with the place."""
+    text = xml.get(attribute)
+    if text is None:
+        return default
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not isfinite(value):
+        raise InputInvalid(f"{place}: {attribute} {text!r}; expected a number such as 0.5")
+    return value
+
+
+def int_of(xml: Element, attribute: str, place: str, default: int) -> int:
+    """Read a whole number of an attribute; raises InputInvalid with the place."""
+    text = xml.get(attribute)
+    if text is None:
+        return default
+    try:
+        return int(text)
+    except ValueError:
+        raise InputInvalid(
+            f"{place}: {attribute} {text!r}; expected a whole number such as 2"
+        ) from None
+
+
 def add_annotation(parent: Element, content: Element, tag: str = "ssd:Annotations") -> None:
     """Add this project's annotation as the last child."""
-    section = SubElement(parent, tag)
+    section = parent.find(tag)
+    if section is None:
+        section = SubElement(parent, tag)
     SubElement(section, "ssc:Annotation", type=ANNOTATION).append(content)
 
 

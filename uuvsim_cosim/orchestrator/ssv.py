@@ -13,12 +13,13 @@ from uuvsim_cosim.fmus.archive import shown
 from uuvsim_cosim.fmus.description import Description, Variable
 from uuvsim_cosim.fmus.safe_xml import read_xml
 from uuvsim_cosim.models.units import Unit
-from uuvsim_cosim.orchestrator.endpoints import index_text
+from uuvsim_cosim.orchestrator.endpoints import close_names, index_text
 from uuvsim_cosim.orchestrator.ssp_xml import (
     SspVersion,
     add_units,
     document,
     has_arrays,
+    int_of,
     number,
     q,
     read_units,
@@ -27,7 +28,10 @@ from uuvsim_cosim.orchestrator.ssp_xml import (
 )
 from uuvsim_cosim.orchestrator.values import flat, is_float
 
-__all__ = ["ParameterValue", "parameter_set", "read_parameter_set", "read_ssv", "write_ssv"]
+__all__ = ["Enumerations", "ParameterValue", "parameter_set", "read_enumerations",
+           "read_parameter_set", "read_ssv", "write_ssv"]  # fmt: skip
+
+Enumerations = Mapping[str, Mapping[str, int]]
 
 
 @dataclass(frozen=True)
@@ -55,7 +59,7 @@ def read_ssv(path: Path) -> tuple[list[ParameterValue], dict[str, Unit]]:
     root = read_xml(path, InputInvalid, place)
     if root.tag != q("ssv:ParameterSet"):
         raise InputInvalid(f"{place}: <{_local(root)}>; expected <ssv:ParameterSet>")
-    return read_parameter_set(root, place), read_units(root, "ssv:Units")
+    return read_parameter_set(root, place), read_units(root, "ssv:Units", place)
 
 
 def parameter_set(
@@ -107,18 +111,22 @@ def _text(variable: Variable, value: Any) -> str:
     return number(value) if is_float(variable) else text_of(value)
 
 
-def read_parameter_set(root: Element, place: str) -> list[ParameterValue]:
-    """Read the element ``ssv:ParameterSet``."""
+def read_parameter_set(
+    root: Element, place: str, enumerations: Enumerations | None = None
+) -> list[ParameterValue]:
+    """Read the element ``ssv:ParameterSet``; `enumerations` are those of the file around it."""
+    enumerations = {**(enumerations or {}), **read_enumerations(root, "ssv:Enumerations", place)}
     found: list[ParameterValue] = []
     for parameter in root.iterfind(f"{q('ssv:Parameters')}/{q('ssv:Parameter')}"):
         name = parameter.get("name", "")
-        shape = [int(d.get("size", "0")) for d in parameter.iterfind("*")
+        here = f"{place}: parameter {name!r}"
+        shape = [int_of(d, "size", here, 0) for d in parameter.iterfind("*")
                  if _local(d) == "Dimension"]  # fmt: skip
         typed = next((e for e in parameter if _local(e) not in ("Dimension", "Annotations")), None)
         if typed is None:
             raise InputInvalid(f"{place}: parameter {name!r} has no value; expected <ssv:Real …>")
         try:
-            values = [_value(_local(typed), t) for t in _texts(typed, bool(shape))]
+            values = [_value(typed, t, enumerations, here) for t in _texts(typed, bool(shape))]
         except (ValueError, KeyError):
             raise InputInvalid(
                 f"{place}: parameter {name!r} is {typed.get('value')!r}; "
@@ -137,16 +145,49 @@ def _texts(typed: Element, array: bool) -> list[str]:
     return text.split() if array and _local(typed) not in ("String", "Binary") else [text]
 
 
-def _value(kind: str, text: str) -> Any:
+def read_enumerations(parent: Element, tag: str, place: str) -> Enumerations:
+    """Read the enumerations that a file defines: the numbers of their items, by name."""
+    return {
+        item.get("name", ""): {
+            i.get("name", ""): int_of(i, "value", f"{place}: <{_local(item)}>", 0)
+            for i in item.iterfind(q("ssc:Item"))
+        }
+        for item in parent.iterfind(f"{q(tag)}/{q('ssc:Enumeration')}")
+    }
+
+
+def _item(typed: Element, text: str, enumerations: Enumerations, place: str) -> int:
+    """Give the number of an enumeration's item."""
+    if text.strip().lstrip("-").isdecimal():
+        return int(text)
+    name = typed.get("name")
+    if name is not None and name not in enumerations:
+        raise InputInvalid(
+            f"{place}: enumeration {name!r}; "
+            f"expected {close_names(name, list(enumerations), 'one that the file defines')}"
+        )
+    known = [enumerations[name]] if name is not None else list(enumerations.values())
+    numbers = {items[text] for items in known if text in items}
+    if len(numbers) != 1:
+        names = [i for items in known for i in items]
+        raise InputInvalid(
+            f"{place}: {text!r} is the item of {len(numbers)} enumerations of the file; "
+            f"expected {close_names(text, names, 'an item')}, or a whole number"
+        )
+    return numbers.pop()
+
+
+def _value(typed: Element, text: str, enumerations: Enumerations, place: str) -> Any:
+    kind = _local(typed)
+    if kind == "Enumeration":
+        return _item(typed, text, enumerations, place)
     if kind in ("Real", "Float64", "Float32"):
         return float(text)
     if kind == "Boolean":
         return {"true": True, "1": True, "false": False, "0": False}[text.strip()]
     if kind == "Binary":
         return bytes.fromhex(text)
-    if kind in ("String", "Enumeration"):
-        return text
-    return int(text)
+    return text if kind == "String" else int(text)
 
 
 def _named(start: Mapping[str, Any], description: Description) -> list[Variable]:
@@ -154,4 +195,4 @@ def _named(start: Mapping[str, Any], description: Description) -> list[Variable]
 
 
 def _local(element: Element) -> str:
-    return element.tag.rpartition("}")[2]
+    return element.tag.rpartition("}")[2] if isinstance(element.tag, str) else ""

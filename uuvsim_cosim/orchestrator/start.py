@@ -13,7 +13,7 @@ from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.plan import PlannedComponent
 from uuvsim_cosim.orchestrator.seeds import component_seed
 
-__all__ = ["enter_initialization", "set_start", "variable_of"]
+__all__ = ["enter_initialization", "seed_of", "set_start", "variable_of"]
 
 
 def variable_of(component: Component, name: str) -> Variable:
@@ -39,16 +39,20 @@ def enter_initialization(
     component.enter_initialization_mode(*times)
 
 
+def seed_of(component: Component, values: Mapping[str, Any]) -> Variable | None:
+    """Find the parameter that takes the component's seed, unless `values` set it."""
+    own = component.description.variables.get("seed")
+    if own is None or (own.causality, own.shape) != ("parameter", (2,)) or "seed" in values:
+        return None
+    return own
+
+
 def set_start(
     planned: PlannedComponent, component: Component, values: Mapping[str, Any], seed: int | None
 ) -> None:
     """Set values, and the seed: the plan's, or the one that follows from a system's `seed`."""
-    own = component.description.variables.get("seed")
-    if (
-        own is not None
-        and (own.causality, own.shape) == ("parameter", (2,))
-        and "seed" not in values
-    ):
+    own = seed_of(component, values)
+    if own is not None:
         key = planned.seed if seed is None else component_seed(seed, planned.path)
         component.set(own, np.array(key, np.int32))
     for name, value in values.items():

@@ -28,11 +28,16 @@ _RANGES = {
 
 @dataclass(frozen=True)
 class Quantity:
-    """A value with the name of its unit, and the file's definition of that unit, if any."""
+    """A value with the name of its unit, and the file's definition of that unit, if any.
+
+    What it is given to gets factor · value + offset, in its own unit.
+    """
 
     value: Any
     unit: str | None
     definitions: Mapping[str, Unit] = field(default_factory=dict)
+    factor: float = 1.0
+    offset: float = 0.0
 
 
 class Misfit(Exception):
@@ -80,8 +85,10 @@ def fit(
 
     `unit` is the unit of `given`; a text may carry its own (``"0.4 m/s"``). Raises Misfit.
     """
+    scale = (1.0, 0.0)
     if isinstance(given, Quantity):
         units = {**(units or {}), **given.definitions}
+        scale = (given.factor, given.offset)
         given, unit = given.value, given.unit
     if isinstance(given, str) and variable.type != "String":
         given, own = _parsed(variable, given)
@@ -94,6 +101,8 @@ def fit(
     _check_shape(variable, given, len(elements))
     if unit is not None and is_float(variable):
         elements = _converted(variable, elements, unit, units or {})
+    if scale != (1.0, 0.0):
+        elements = [_element(variable, scale[0] * e + scale[1]) for e in elements]
     for e in elements:
         _check_range(variable, e)
     return _shaped(elements, variable.shape)

@@ -1,0 +1,94 @@
+"""`uuvsim study`: many runs of a system by a study file, into one table and a report."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from uuvsim_cosim.commands.study_progress import StudyProgress
+from uuvsim_cosim.commands.terminal import line, size_of, table, tilde
+from uuvsim_cosim.errors import InputInvalid
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.studies import StudyResult
+
+__all__ = ["study_command"]
+
+MOST_POINTS = 24
+
+
+def study_command(
+    file: Annotated[
+        Path, typer.Argument(help="A study: system, parameters, seeds, metrics; YAML.")
+    ],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Folder to write, or to go on with.")
+    ] = None,
+    jobs: Annotated[
+        int | None, typer.Option("--jobs", "-j", help="Threads or processes; as many as cores.")
+    ] = None,
+    restart: Annotated[
+        bool, typer.Option("--restart", help="Begin anew in a folder that another study began.")
+    ] = False,
+    master: Annotated[
+        bool, typer.Option("--master", help="Run by masters even where a kernel could.")
+    ] = False,
+    no_report: Annotated[bool, typer.Option("--no-report", help="Write no report.html.")] = False,
+    open_: Annotated[bool, typer.Option("--open", help="Open the report in a browser.")] = False,
+) -> None:
+    """Run a study: one row a run in runs.parquet, intervals and pictures in report.html.
+
+    A study that was interrupted goes on where it was.
+    """
+    if not file.is_file():
+        raise InputInvalid(f"{file}: no such file; expected a study file (.yaml)")
+    if jobs is not None and jobs < 1:
+        raise InputInvalid(f"--jobs {jobs}: expected 1 or more")
+    from uuvsim_cosim.studies import Study, StudyInterrupted
+
+    study = Study.read(file)
+    report: Path | None = None
+    with StudyProgress() as progress:
+        try:
+            done = study.run(
+                out, jobs=jobs, restart=restart, backend="master" if master else "auto",
+                progress=progress,
+            )  # fmt: skip
+        except StudyInterrupted as interrupted:
+            progress.stop()
+            sys.stderr.write(f"uuvsim: {interrupted}\n")
+            raise typer.Exit(130) from None
+        if not no_report:
+            from uuvsim_cosim.view.study_report import write_study_report
+
+            progress.say("writing the report")
+            report = write_study_report(done.folder)
+    _show(done, report)
+    if open_ and report is not None:
+        typer.launch(str(report))
+
+
+def _show(done: StudyResult, report: Path | None) -> None:
+    line()
+    by = {"kernel": "by a fused kernel", "master": "by masters"}.get(done.backend, "")
+    counts = [f"{done.runs} runs {by}".rstrip(), f"{done.wall_time:.2f} s"]
+    counts += [f"{done.resumed} were there"] if done.resumed else []
+    counts += [f"{done.failed} failed"] if done.failed else []
+    line(f"{done.name}: {', '.join(counts)}")
+    axes = list(done.intervals[0]["at"]) if done.intervals else []
+    rows = [
+        (i["metric"], *(f"{i['at'][a]:g}" for a in axes), i["n"], f"{i['mean']:.4g}",
+         "" if i["low"] != i["low"] else f"{i['low']:.4g} … {i['high']:.4g}")
+        for i in sorted(done.intervals, key=lambda i: i["metric"])
+    ]  # fmt: skip
+    table(("metric", *axes, "runs", "mean", "95 % interval"), rows[:MOST_POINTS])
+    if len(rows) > MOST_POINTS:
+        line(f"and {len(rows) - MOST_POINTS} more, in study.json")
+    for remark in done.remarks:
+        line(f"note: {remark}")
+    line()
+    files = [done.file, *([report] if report else []), done.folder / "study.json"]
+    table(("written", "size"), [(tilde(f), size_of(f)) for f in files])

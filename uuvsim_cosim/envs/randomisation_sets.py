@@ -1,0 +1,162 @@
+"""Ready-made randomisations: published intervals of a hull, sensors, current, thrusters, delays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+
+from uuvsim_cosim.content import content
+from uuvsim_cosim.envs.distributions import Distribution, LogUniform, Uniform
+from uuvsim_cosim.envs.randomisation import Randomisation, Vary
+from uuvsim_cosim.envs.randomisation_targets import Places
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.orchestrator.system import System
+
+__all__ = ["SETS", "current", "delays", "published", "sensor_noise", "thruster_strength"]
+
+NOISE = ("noise_density", "sigma", "sigma_v", "sigma_v_relative", "sigma_range", "sigma_angle")
+
+
+def published(
+    vehicle: str,
+    prefix: str = "hull",
+    set: str | None = None,
+    distribution: Callable[[float, float], Distribution] = Uniform,
+) -> Randomisation:
+    """Draw each number of a hull from the interval of all its published values.
+
+    `prefix` is the hull's path in the system; `vehicle` and `set` are those that it is declared
+    with, since what a set leaves out is structurally zero and cannot be drawn. Values and sources:
+    models/vehicles/<vehicle>/published.yaml.
+    """
+    from uuvsim_cosim.models.parameters import in_unit, parameter_set, read_yaml
+
+    vehicle, _, own = vehicle.partition("@")
+    there = sorted(p.parent.name for p in content("models", "vehicles").glob("*/published.yaml"))
+    if vehicle not in there:
+        raise InputInvalid(f"no published intervals of {vehicle!r}; expected {', '.join(there)}")
+    data = read_yaml(content("models", "vehicles", vehicle, "published.yaml"),
+                     "published.schema.json")  # fmt: skip
+    known = parameter_set(vehicle, set or own or None).quantities
+    found: list[Vary] = []
+    for name, values in data["parameters"].items():
+        if name not in known:
+            continue
+        unit = known[name].unit
+        numbers = [in_unit(float(v["value"]), str(v["unit"]), unit) for v in values]
+        found.append(Vary(f"{prefix}.{name}", distribution(min(numbers), max(numbers))))
+    pairs = {
+        (f"{prefix}.{a}", f"{prefix}.{b}"): float(entry["value"])
+        for entry in data.get("correlation", ())
+        for a, b in [entry["between"]]
+        if a in known and b in known
+    }
+    return Randomisation(found, pairs)
+
+
+def sensor_noise(system: System, low: float = 0.5, high: float = 2.0) -> Randomisation:
+    """Scale the noise of every sensor: its densities, deviations and biases, each by itself.
+
+    A sensor is a component that says when its reading was taken (an output ``t_sample``), and
+    reads no other sensor.
+    """
+    places = Places(system)
+    names = [
+        f"{c.path}.{v.name}"
+        for c in places.plan.components
+        if any(v.name == "t_sample" for v in c.description.of("output"))
+        and not any(v.name.endswith("_t_sample") for v in c.description.of("input"))
+        for v in c.description.of("parameter")
+        if v.name in NOISE or v.name.endswith(("_noise_density", "_sigma"))
+    ]
+    factor = LogUniform(low, high)
+    noisy = [n for n in names if np.any(places.start(n) != 0.0)]
+    _must(noisy, system, "sensor with noise", "components with an output t_sample, as model:imu")
+    return Randomisation([Vary(n, factor, relative=True, together=True) for n in noisy])
+
+
+def current(system: System, speed: float = 0.5) -> Randomisation:
+    """Draw a current of up to `speed` [m/s] from any direction.
+
+    Components that make currents get speed and direction; a hull whose `v_c` is free gets a
+    velocity with each horizontal part within ± speed / sqrt(2).
+    """
+    places = Places(system)
+    found: list[Vary] = []
+    for c in places.plan.components:
+        variables = c.description.variables
+        if {"speed", "direction"} <= variables.keys() and "v_c" in variables:
+            found.append(Vary(f"{c.path}.speed", Uniform(0.0, speed), "m/s"))
+            found.append(Vary(f"{c.path}.direction", Uniform(-np.pi, np.pi), "rad"))
+    for name in _free(places, "v_c"):
+        part = speed / 2.0**0.5
+        found.append(Vary(f"{name}[1:2]", Uniform(-part, part), "m/s"))
+    _must(found, system, "current", "model:current_gauss_markov, or a hull with a free v_c")
+    return Randomisation(found)
+
+
+def thruster_strength(
+    system: System, low: float = 0.8, high: float = 1.1, voltage: tuple[float, float] = (13.0, 16.0)
+) -> Randomisation:
+    """Scale each thruster's `K_n`; where strength follows the supply, draw the supply's voltage.
+
+    A voltage that no battery feeds is one for all thrusters; a battery's state of charge is drawn
+    from 0.3 to 1.
+    """
+    places = Places(system)
+    found: list[Vary] = []
+    for name in places.variables:
+        own = name.rpartition(".")[2]
+        if own == "K_n":
+            found.append(Vary(name, Uniform(low, high), relative=True))
+        elif own == "soc_0":
+            found.append(Vary(name, Uniform(0.3, 1.0)))
+    if _free(places, "voltage"):
+        found.append(Vary("*.voltage", Uniform(*voltage), "V", together=True))
+    _must(found, system, "thruster", "parameters K_n, a free voltage, or a battery")
+    return Randomisation(found)
+
+
+def delays(system: System, most: float = 0.2) -> Randomisation:
+    """Draw every delay from 0 to `most` [s], or to what its component allows."""
+    places = Places(system)
+    found = []
+    for name, v in places.variables.items():
+        own = name.rpartition(".")[2]
+        if v.causality == "parameter" and v.unit == "s" and own.startswith("delay"):
+            found.append(Vary(name, Uniform(v.min or 0.0, min(most, v.max or most))))
+    _must(found, system, "delay", "components with a parameter `delay`, as model:link")
+    return Randomisation(found)
+
+
+def _free(places: Places, own: str) -> list[str]:
+    """List the unconnected inputs of a name."""
+    fed = {
+        f"{places.plan.components[t.target].path}.{t.target_variable.name}"
+        for t in places.plan.transfers
+    }
+    return [
+        name
+        for name, v in places.variables.items()
+        if v.causality == "input" and name.rpartition(".")[2] == own and name not in fed
+    ]
+
+
+def _must(found: Iterable[object], system: System, what: str, expected: str) -> None:
+    if not list(found):
+        raise InputInvalid(f"{system.name}: has no {what} that can be drawn; expected {expected}")
+
+
+def _published(system: System, **options: Any) -> Randomisation:
+    return published(**options)
+
+
+SETS: dict[str, Callable[..., Randomisation]] = {
+    "published": _published,
+    "sensor_noise": sensor_noise,
+    "current": current,
+    "thruster_strength": thruster_strength,
+    "delays": delays,
+}

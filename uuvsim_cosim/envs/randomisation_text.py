@@ -1,0 +1,251 @@
+"""Randomisations written as YAML: every mistake with its line and what would have been right."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterable, Mapping, Sequence
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, final
+
+from uuvsim_cosim.envs.distributions import (
+    Choice,
+    Constant,
+    Distribution,
+    LogUniform,
+    Normal,
+    Triangular,
+    Uniform,
+)
+from uuvsim_cosim.envs.randomisation import Randomisation, Vary, resolved
+from uuvsim_cosim.envs.randomisation_copula import copula_problems
+from uuvsim_cosim.envs.randomisation_targets import Places
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.orchestrator.system import System
+
+__all__ = ["YamlText", "randomisation_in", "read_randomisation", "vary_in"]
+
+Path_ = list[Any]
+KINDS: dict[str, tuple[type[Distribution], tuple[str, ...], int]] = {
+    "uniform": (Uniform, ("low", "high"), 2),
+    "log_uniform": (LogUniform, ("low", "high"), 2),
+    "normal": (Normal, ("mean", "std", "min", "max"), 2),
+    "triangular": (Triangular, ("low", "mode", "high"), 3),
+    "choice": (Choice, ("values", "weights"), 1),
+    "constant": (Constant, ("value",), 1),
+}
+OPTIONS = ("unit", "relative", "together")
+
+
+@final
+class YamlText:
+    """A YAML file, and the mistakes found in it so far."""
+
+    def __init__(self, path: Path) -> None:
+        from ruamel.yaml import YAML
+        from ruamel.yaml.error import MarkedYAMLError, YAMLError
+
+        self.path = path
+        self.mistakes: list[tuple[int, str]] = []
+        try:
+            self.data = YAML(typ="rt", pure=True).load(path.read_text(encoding="utf-8"))
+        except MarkedYAMLError as error:
+            line = error.problem_mark.line + 1 if error.problem_mark else 1
+            problem = str(error.problem or error.context).splitlines()[0]
+            raise InputInvalid(f"{path}:{line}: {problem}; expected YAML") from None
+        except OSError as error:
+            raise InputInvalid(f"{path}: cannot be read ({error.strerror})") from None
+        except (UnicodeDecodeError, YAMLError) as error:
+            raise InputInvalid(f"{path}: cannot be read as YAML: {error}") from None
+
+    def wrong(self, place: Path_, sentence: str) -> None:
+        """Note a mistake at a place, such as ["parameters", "hull.m"]."""
+        from uuvsim_cosim.models.parameters import line_of
+
+        name = ".".join(str(p + 1) if isinstance(p, int) else str(p) for p in place)
+        self.mistakes.append((line_of(self.data, place), f"{name or 'the file'}: {sentence}"))
+
+    def refuse(self) -> None:
+        """Raise InputInvalid with every mistake, if there are any."""
+        if self.mistakes:
+            lines = [f"{self.path}:{n}: {text}" for n, text in sorted(set(self.mistakes))]
+            raise InputInvalid("\n  ".join(lines))
+
+    def keys(self, place: Path_, data: Any, known: Iterable[str]) -> bool:
+        """Say whether something is a mapping; note its unknown keys, with the near ones."""
+        known = list(known)
+        if not isinstance(data, Mapping):
+            self.wrong(place, f"{shown(data)}; expected a mapping with {', '.join(known)}")
+            return False
+        for key in data:
+            if key not in known:
+                near = get_close_matches(str(key), known, 1, 0.5) or known
+                self.wrong([*place, key], f"unknown; expected {', '.join(near)}")
+        return True
+
+
+def shown(data: Any) -> str:
+    """Give what was read, in few words."""
+    text = "nothing" if data is None else repr(plain(data))
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def plain(data: Any) -> Any:
+    """Give what a YAML file says without its comments and places."""
+    if isinstance(data, Mapping):
+        return {str(k): plain(v) for k, v in data.items()}
+    if isinstance(data, Sequence) and not isinstance(data, str):
+        return [plain(v) for v in data]
+    if isinstance(data, bool) or data is None:
+        return data
+    if isinstance(data, int):
+        return int(data)
+    return float(data) if isinstance(data, float) else str(data)
+
+
+def vary_in(text: YamlText, place: Path_, name: str, data: Any) -> Vary | None:
+    """Read one parameter: a number, a list, or a mapping with one kind of distribution."""
+    if not isinstance(data, Mapping):
+        data = {"constant": data}
+    if not text.keys(place, data, (*KINDS, *OPTIONS)):
+        return None
+    kinds = [k for k in data if k in KINDS]
+    if len(kinds) != 1:
+        read = f"{' and '.join(kinds)}" if kinds else "no distribution"
+        text.wrong(place, f"{read}; expected one of {', '.join(KINDS)}")
+        return None
+    distribution = _distribution(text, [*place, kinds[0]], kinds[0], plain(data[kinds[0]]))
+    flags = {}
+    for option in ("relative", "together"):
+        flags[option] = data.get(option, False)
+        if not isinstance(flags[option], bool):
+            text.wrong([*place, option], f"{shown(flags[option])}; expected true or false")
+            return None
+    unit = data.get("unit")
+    if unit is not None and not isinstance(unit, str):
+        text.wrong([*place, "unit"], f"{shown(unit)}; expected the name of a unit")
+        return None
+    if distribution is None:
+        return None
+    return Vary(name, distribution, None if unit is None else str(unit), **flags)
+
+
+def _distribution(text: YamlText, place: Path_, kind: str, given: Any) -> Distribution | None:
+    made, names, least = KINDS[kind]
+    if isinstance(given, dict):
+        if not text.keys(place, given, names):
+            return None
+        lacking = [n for n in names[:least] if n not in given]
+        values = {n: given[n] for n in names if n in given}
+    else:
+        items = [given] if kind in ("choice", "constant") else given
+        if not isinstance(items, list) or not least <= len(items) <= len(names):
+            text.wrong(place, f"{shown(given)}; expected [{', '.join(names)}]")
+            return None
+        lacking, values = [], dict(zip(names, items, strict=False))
+    if lacking:
+        text.wrong(place, f"{', '.join(lacking)} missing; expected {', '.join(names[:least])}")
+        return None
+    try:
+        return made(**values)
+    except InputInvalid as error:
+        text.wrong(place, str(error))
+    return None
+
+
+def randomisation_in(
+    text: YamlText, data: Mapping[str, Any], system: System, skip: Iterable[str] = ()
+) -> Randomisation | None:
+    """Read `parameters` (but for those to skip), `sets` and `correlation` of a mapping."""
+    parameters: list[tuple[Path_, Vary]] = []
+    pairs: dict[tuple[str, str], float] = {}
+    given = data.get("parameters")
+    for name, entry in given.items() if isinstance(given, Mapping) else ():
+        if name not in skip:
+            vary = vary_in(text, ["parameters", name], str(name), entry)
+            parameters += [(["parameters", name], vary)] if vary is not None else []
+    if given is not None and not isinstance(given, Mapping):
+        text.wrong(["parameters"], f"{shown(given)}; expected a mapping by name of a variable")
+    for i, entry in enumerate(_list(text, data, "sets")):
+        ready = _set(text, ["sets", i], entry, system)
+        if ready is not None:
+            parameters += [(["sets", i], vary) for vary in ready.parameters]
+            pairs.update(ready.correlation)
+    places = Places(system)
+    quantities, problems = resolved(places, [vary for _, vary in parameters])
+    where = {vary.name: place for place, vary in reversed(parameters)}
+    for p in problems:
+        text.wrong(where.get(p.place, ["parameters"]), f"{p.read}; expected {p.expected}")
+    written = _correlation(text, data)
+    pairs.update({pair: rho for pair, (rho, _) in written.items()})
+    complete = not problems and not text.mistakes
+    if complete:
+        for p in copula_problems(pairs, [q.label for q in quantities]):
+            at = [w for pair, (_, w) in written.items() if " and ".join(pair) in p.place]
+            text.wrong(at[0] if at else ["correlation"], f"{p.read}; expected {p.expected}")
+    if text.mistakes:
+        return None
+    return Randomisation([vary for _, vary in parameters], pairs, system)
+
+
+def _set(text: YamlText, place: Path_, entry: Any, system: System) -> Randomisation | None:
+    from uuvsim_cosim.envs.randomisation_sets import SETS, published
+
+    options = {"set": entry} if isinstance(entry, str) else entry
+    if not isinstance(options, Mapping) or options.get("set") not in SETS:
+        read = options.get("set") if isinstance(options, Mapping) else entry
+        near = get_close_matches(str(read), SETS, 1, 0.5) or list(SETS)
+        text.wrong(place, f"set {shown(read)}; expected {', '.join(near)}")
+        return None
+    name = str(options["set"])
+    function = published if name == "published" else SETS[name]
+    allowed = [p for p in inspect.signature(function).parameters
+               if p not in ("system", "set", "distribution")]  # fmt: skip
+    text.keys(place, options, ["set", *allowed])
+    given = {str(k): plain(v) for k, v in options.items() if k in allowed}
+    try:
+        return SETS[name](system, **given)
+    except InputInvalid as error:
+        text.wrong(place, str(error))
+    except TypeError:
+        text.wrong(place, f"{shown(given)}; expected numbers for {', '.join(allowed)}")
+    return None
+
+
+def _correlation(
+    text: YamlText, data: Mapping[str, Any]
+) -> dict[tuple[str, str], tuple[float, Path_]]:
+    found: dict[tuple[str, str], tuple[float, Path_]] = {}
+    for i, entry in enumerate(_list(text, data, "correlation")):
+        place: Path_ = ["correlation", i]
+        if not text.keys(place, entry, ("between", "value")):
+            continue
+        pair, rho = plain(entry.get("between")), plain(entry.get("value"))
+        if not (isinstance(pair, list) and len(pair) == 2):
+            text.wrong([*place, "between"], f"{shown(pair)}; expected two names [a, b]")
+        elif isinstance(rho, bool) or not isinstance(rho, int | float):
+            text.wrong([*place, "value"], f"{shown(rho)}; expected a number in [-1, 1]")
+        else:
+            found[str(pair[0]), str(pair[1])] = (float(rho), place)
+    return found
+
+
+def _list(text: YamlText, data: Mapping[str, Any], key: str) -> list[Any]:
+    given = data.get(key)
+    if given is None:
+        return []
+    if isinstance(given, str) or not isinstance(given, Sequence):
+        text.wrong([key], f"{shown(given)}; expected a list")
+        return []
+    return list(given)
+
+
+def read_randomisation(path: Path, system: System) -> Randomisation:
+    """Read a file of `parameters`, `sets` and `correlation`; raises InputInvalid with all lines."""
+    text = YamlText(path)
+    found = None
+    if text.keys([], text.data, ("parameters", "sets", "correlation")):
+        found = randomisation_in(text, text.data, system)
+    text.refuse()
+    assert found is not None
+    return found

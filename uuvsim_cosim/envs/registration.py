@@ -1,0 +1,134 @@
+"""Tasks get ids, so that gymnasium.make and make_vec know them; the latter is CosimVectorEnv."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from uuvsim_cosim.errors import InputInvalid
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.envs.single import CosimEnv
+    from uuvsim_cosim.envs.task import Task
+    from uuvsim_cosim.envs.vector import CosimVectorEnv
+
+__all__ = ["SHIPPED", "make_env", "make_vector_env", "register", "register_shipped"]
+
+_TASKS = {  # names under uuvsim/, and in uuvsim_cosim.envs.tasks
+    "StationKeeping-v0": "station_keeping:StationKeeping",
+    "TrajectoryFollowing-v0": "trajectory:TrajectoryFollowing",
+    "DisturbanceRejection-v0": "disturbance:DisturbanceRejection",
+    "TargetTracking-v0": "target_tracking:TargetTracking",
+    "TargetTrackingSource-v0": "tracking_scenarios:source",
+    "TargetTrackingTransition1-v0": "tracking_scenarios:transition_1",
+    "TargetTrackingTransition2-v0": "tracking_scenarios:transition_2",
+    "TargetTrackingTarget-v0": "tracking_scenarios:target",
+}
+SHIPPED = {f"uuvsim/{id}": f"uuvsim_cosim.envs.tasks.{name}" for id, name in _TASKS.items()}
+
+
+def register(id: str, make_task: str | Callable[..., Task], **options: Any) -> None:
+    """Give a task an id: ``register("mine/Dock-v0", "my_package.dock:Dock", depth=3.0)``.
+
+    `make_task`, or what "module:name" names, is called with `options` and those given to
+    gymnasium.make, and returns a task. By name it is imported when first used, and the id's spec
+    can be written as JSON. The horizon is the task's: there is no second time limit.
+    """
+    import gymnasium
+
+    if isinstance(make_task, str) and not _is_name(make_task):
+        raise InputInvalid(f"task {make_task!r} of {id}; expected 'package.module:name'")
+    here = "uuvsim_cosim.envs.registration"
+    gymnasium.register(
+        id,
+        entry_point=f"{here}:make_env",
+        vector_entry_point=f"{here}:make_vector_env",
+        kwargs={"make_task": make_task, **options},
+    )
+
+
+def register_shipped() -> None:
+    """Register the tasks that ship, once."""
+    import gymnasium
+
+    for id, make_task in SHIPPED.items():
+        if id not in gymnasium.registry:
+            register(id, make_task)
+
+
+def make_env(
+    make_task: str | Callable[..., Task],
+    *,
+    render_mode: str | None = None,
+    backend: Any = "auto",
+    **options: Any,
+) -> CosimEnv:
+    """Make one environment; other options are the task's."""
+    from uuvsim_cosim.envs.single import CosimEnv
+
+    return CosimEnv(_task(make_task, options), render_mode=render_mode, backend=backend)
+
+
+def make_vector_env(
+    num_envs: int,
+    make_task: str | Callable[..., Task],
+    *,
+    render_mode: str | None = None,
+    backend: Any = "auto",
+    autoreset_mode: Any = "NextStep",
+    threads: int = 1,
+    dtype: Any = "float64",
+    processes: int | None = None,
+    **options: Any,
+) -> CosimVectorEnv:
+    """Make many environments; other options are the task's."""
+    from uuvsim_cosim.envs.vector import CosimVectorEnv
+
+    return CosimVectorEnv(
+        _task(make_task, options),
+        num_envs,
+        render_mode=render_mode,
+        backend=backend,
+        autoreset_mode=autoreset_mode,
+        threads=threads,
+        dtype=dtype,
+        processes=processes,
+    )
+
+
+def _task(make_task: str | Callable[..., Task], options: dict[str, Any]) -> Task:
+    from uuvsim_cosim.envs.task import TeamTask
+
+    if "max_episode_steps" in options:
+        raise InputInvalid("max_episode_steps: is the task's to say; expected horizon= in seconds")
+    make = _found(make_task) if isinstance(make_task, str) else make_task
+    try:
+        task = make(**options)
+    except TypeError as error:
+        if "argument" not in str(error):
+            raise
+        raise InputInvalid(f"task {_name(make_task)}: {error}; expected its own options") from error
+    if isinstance(task, TeamTask):
+        from uuvsim_cosim.envs.solo import Solo
+
+        return Solo(task)
+    return task
+
+
+def _found(name: str) -> Callable[..., Task]:
+    module, _, own = name.partition(":")
+    try:
+        found: Callable[..., Task] = getattr(import_module(module), own)
+    except (ImportError, AttributeError) as error:
+        raise InputInvalid(f"task {name!r}: {error}; expected 'package.module:name'") from error
+    return found
+
+
+def _name(make_task: Any) -> str:
+    return make_task if isinstance(make_task, str) else getattr(make_task, "__name__", "")
+
+
+def _is_name(text: str) -> bool:
+    module, colon, own = text.partition(":")
+    return bool(colon) and own.isidentifier() and all(p.isidentifier() for p in module.split("."))

@@ -1,0 +1,156 @@
+"""One environment of any system: Gymnasium's Env over a task."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, ClassVar, final
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.envs.options import base_seed, start_of
+from uuvsim_cosim.envs.plants import Backend
+from uuvsim_cosim.envs.screen import Screen
+from uuvsim_cosim.envs.stage import Stage
+from uuvsim_cosim.envs.task import Task
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.orchestrator.system import System
+
+__all__ = ["CosimEnv"]
+
+Observation = NDArray[np.float32]
+
+
+@final
+class CosimEnv(gymnasium.Env[Observation, NDArray[Any]]):
+    """A task in its system, as the fused kernel or, with backend "master", as any components.
+
+    Actions are numbers in [-1, 1], those beyond are clipped; they scale to the limits of the
+    task's channels. `reset(options={"start": {"hull.eta_0": …}})` sets start values by name.
+    Raises InputInvalid and SystemInvalid for a task that does not fit its system.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array", "human"]}  # type: ignore[misc]
+
+    def __init__(
+        self, task: Task, render_mode: str | None = None, backend: Backend = "auto"
+    ) -> None:
+        self._stage: Stage | None = None
+        self._screen = Screen(render_mode)
+        self._stage = Stage(task, 1, backend=backend, drawn=render_mode is not None)
+        self.task = task
+        self.render_mode = render_mode
+        self.backend = backend
+        self.metadata = {**self.metadata, "render_fps": float(1 / task.action_step)}  # type: ignore[misc]
+        box, width = self._stage.observation_box, self._stage.action_box.width
+        self.observation_space = gymnasium.spaces.Box(box.low, box.high, dtype=np.float32)
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (width,), np.float32)
+        self._ended = False
+        self._seeded = False
+
+    @classmethod
+    def of(
+        cls,
+        system: System | str | Path,
+        *,
+        render_mode: str | None = None,
+        backend: Backend = "auto",
+        **task: Any,
+    ) -> CosimEnv:
+        """Make an environment of a system, or a file of one, and functions; see `FunctionTask`."""
+        from uuvsim_cosim.envs.function_task import FunctionTask
+
+        return cls(FunctionTask(system, **task), render_mode=render_mode, backend=backend)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Begin episode 0 of a seed, or without one the next episode of the same seed."""
+        stage = self._live()
+        start = start_of(options)
+        if seed is not None:
+            seed = base_seed(seed)
+        super().reset(seed=seed)
+        seeds = None
+        if seed is not None or not self._seeded:
+            own = self.np_random_seed if seed is None else seed
+            seeds, self._seeded = [own], True
+        m = stage.episodes.reset(seeds=seeds, start=start)
+        self._ended = False
+        result = stage.observe(m)[0], _row(stage.info(m))
+        self._screen.changed(self)
+        return result
+
+    def step(self, action: NDArray[Any]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Act for one action step."""
+        stage = self._live()
+        if self._ended or not self._seeded:
+            had = "the episode has ended" if self._ended else "no episode has begun"
+            raise InputInvalid(f"{stage.place}: {had}; expected reset() before step()")
+        m = stage.act(action)
+        reward = stage.reward(m)[0].item()
+        terminated = bool(stage.terminated(m)[0])
+        truncated = bool(stage.episodes.over[0]) and not terminated
+        info = _row(stage.info(m))
+        if terminated and (failure := stage.episodes.failure(0)):
+            info["failure"] = failure
+        self._ended = terminated or truncated
+        result = stage.observe(m)[0], reward, terminated, truncated, info
+        self._screen.changed(self)
+        return result
+
+    @property
+    def time(self) -> float:
+        """Give the seconds since the reset."""
+        return float(self._live().episodes.moment.time[0])
+
+    def render(self) -> Any:
+        """Draw the present moment: an array of pixels, or nothing in a window."""
+        stage = self._live()
+        return self._screen.frame(self.task, stage.episodes.moment, 0)
+
+    def close(self) -> None:
+        """Free everything; a second call does nothing."""
+        self._screen.close()
+        stage, self._stage = self._stage, None
+        if stage is not None:
+            stage.episodes.close()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Give what makes an equal environment, which goes on with the next episode."""
+        state: dict[str, Any] = {
+            "made": (self.task, self.render_mode, self.backend),
+            "spec": self.spec,
+            "spaces": (self.action_space, self.observation_space),
+            "np_random": (self._np_random, self._np_random_seed),
+        }
+        if self._seeded and self._stage is not None:
+            state["counters"] = (self._stage.episodes.seeds, self._stage.episodes.episodes)
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make the environment anew; its next call must be reset()."""
+        CosimEnv.__init__(self, *state["made"])
+        self.spec = state["spec"]
+        self._np_random, self._np_random_seed = state["np_random"]
+        self.action_space, self.observation_space = state["spaces"]
+        if "counters" in state and self._stage is not None:
+            self._stage.episodes.seeds, self._stage.episodes.episodes = state["counters"]
+            self._seeded, self._ended = True, True
+
+    def __del__(self) -> None:
+        """Free everything."""
+        if getattr(self, "_stage", None) is not None:
+            self.close()
+
+    def _live(self) -> Stage:
+        if self._stage is None:
+            raise InputInvalid("the environment is closed; expected a new one")
+        return self._stage
+
+
+def _row(info: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+    """Give the infos of one environment, copied."""
+    return {k: v[0].copy() for k, v in info.items()}

@@ -1,0 +1,147 @@
+"""A team's task as the task of one central agent, so that a team of one is plain Gymnasium."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.envs.boxes import ActionBox
+from uuvsim_cosim.envs.draws import Draws
+from uuvsim_cosim.envs.task import Array, Mask, Moment, Task, TeamTask
+from uuvsim_cosim.orchestrator.flatten import flatten
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.envs.picture import View
+
+__all__ = ["Solo"]
+
+
+@final
+class Solo(Task):
+    """One agent that acts for all of a team, and sees what each of them sees.
+
+    Actions and observations stand one after the other, in the order of the team's agents. With
+    more than one agent, those who are not there are seen as zeros and a flag for each, 1 or 0,
+    follows the observations. The reward is the sum over those who are there; the episode is
+    terminated as soon as one of them is.
+    """
+
+    def __init__(self, team: TeamTask) -> None:
+        self.team = team
+        limits = [team.limits(agent) for agent in team.agents]
+        low = np.concatenate([np.ravel(least) for least, _ in limits])
+        high = np.concatenate([np.ravel(most) for _, most in limits])
+        if len(team.agents) > 1:
+            flags = len(team.agents)
+            low = np.concatenate([np.minimum(low, 0.0), np.zeros(flags)])
+            high = np.concatenate([np.maximum(high, 0.0), np.ones(flags)])
+        self._limits = low, high
+        self._slices: Mapping[str, slice] | None = None
+        super().__init__(
+            team.system,
+            actions=[c for agent in team.agents for c in team.actions[agent]],
+            observations=(),
+            action_step=team.action_step,
+            horizon=team.horizon,
+            signals=team.signals,
+            randomisation=team.randomisation,
+        )
+
+    def start(self, draws: Draws) -> Mapping[str, Array]:
+        """Draw what the team's task draws."""
+        return self.team.start(draws)
+
+    @property
+    def extra_limits(self) -> tuple[Sequence[float], Sequence[float]]:
+        """Give the limits of the observations."""
+        low, high = self._limits
+        return low.tolist(), high.tolist()
+
+    def extra(self, m: Moment) -> Array:
+        """Give the observations of all, of shape (n, width)."""
+        seen = self.team.observe(self._split(m))
+        parts = [np.asarray(seen[agent], float) for agent in self.team.agents]
+        if len(parts) > 1:
+            here = self._present(m)
+            parts = [np.where(here[:, j, None], p, 0.0) for j, p in enumerate(parts)]
+            parts.append(here.astype(float))
+        return np.concatenate(parts, axis=1)
+
+    def reward(self, m: Moment) -> Array:
+        """Give the sum of the rewards of those who are there."""
+        given = self.team.reward(self._split(m))
+        rewards = np.stack([given[agent] for agent in self.team.agents], axis=1)
+        return np.asarray(np.where(self._present(m), rewards, 0.0).sum(axis=1))
+
+    def terminated(self, m: Moment) -> Mask:
+        """Say where one of those who are there has ended."""
+        given = self.team.terminated(self._split(m))
+        ended = np.stack([given[agent] for agent in self.team.agents], axis=1)
+        return np.asarray((ended & self._present(m)).any(axis=1))
+
+    def info(self, m: Moment) -> Mapping[str, NDArray[Any]]:
+        """Give what the team's task gives."""
+        return self.team.info(self._split(m))
+
+    def view(self, m: Moment, row: int) -> View | None:
+        """Draw what the team's task draws."""
+        return self.team.view(self._split(m), row)
+
+    def _present(self, m: Moment) -> Mask:
+        given = self.team.present(self._split(m))
+        return np.stack([given[agent] for agent in self.team.agents], axis=1)
+
+    def _split(self, m: Moment) -> Moment:
+        return _TeamMoment(m, self._columns())
+
+    def _columns(self) -> Mapping[str, slice]:
+        """Say which of the actions are each agent's."""
+        if self._slices is None:
+            plan = flatten(self.team.system)
+            widths = [ActionBox(plan, self.team.actions[a]).width for a in self.team.agents]
+            ends = np.cumsum([0, *widths]).tolist()
+            self._slices = {
+                a: slice(i, j) for a, (i, j) in zip(self.team.agents, pairwise(ends), strict=True)
+            }
+        return self._slices
+
+
+@final
+class _TeamMoment:
+    """A moment whose actions are told by agent of the team."""
+
+    def __init__(self, m: Moment, columns: Mapping[str, slice]) -> None:
+        self._m, self._columns = m, columns
+
+    @property
+    def n(self) -> int:
+        return self._m.n
+
+    @property
+    def time(self) -> Array:
+        return self._m.time
+
+    @property
+    def step(self) -> NDArray[np.int64]:
+        return self._m.step
+
+    @property
+    def action(self) -> Mapping[str, Array]:
+        (whole,) = self._m.action.values()
+        return {agent: whole[:, columns] for agent, columns in self._columns.items()}
+
+    @property
+    def before(self) -> Moment:
+        before = self._m.before
+        return self if before is self._m else _TeamMoment(before, self._columns)
+
+    @property
+    def start(self) -> Mapping[str, Array]:
+        return self._m.start
+
+    def __getitem__(self, name: str) -> Array:
+        return self._m[name]

@@ -1,0 +1,122 @@
+"""How good is a policy: its episodes on given seeds, side by side, and the metrics of the task."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.envs.plants import Backend
+from uuvsim_cosim.envs.stage import Stage
+from uuvsim_cosim.envs.task import Task, TeamTask
+from uuvsim_cosim.envs.tasks.scripted import Policy
+from uuvsim_cosim.envs.team_stage import TeamStage
+from uuvsim_cosim.errors import InputInvalid
+
+__all__ = ["Evaluation", "evaluate"]
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What n episodes gave; `metrics` are means over the second half of each, of shape (n,)."""
+
+    returns: Array  # (n,); of a team, the mean of its agents
+    seconds: Array  # (n,), how long each lasted
+    metrics: Mapping[str, Array]
+
+    def summary(self) -> dict[str, float]:
+        """Give means over the episodes; of tracking, also `clean` and `success` as shares.
+
+        `clean` is the share of episodes without a penalty, `success` of those with track >= 0.9.
+        """
+        means = {name: float(values.mean()) for name, values in self.metrics.items()}
+        if {"track", "clean"} <= self.metrics.keys():
+            means["clean"] = float(np.mean(self.metrics["clean"] == 1.0))
+            means["success"] = float(np.mean(self.metrics["track"] >= 0.9))
+        return {"return": float(self.returns.mean()), **means}
+
+
+def evaluate(
+    task: Task | TeamTask,
+    policy: Policy | Mapping[str, Policy],
+    episodes: int = 100,
+    *,
+    seed: int = 1_000_000,
+    threads: int = 1,
+    backend: Backend = "auto",
+) -> Evaluation:
+    """Run episode 0 of the seeds `seed`, `seed` + 1, …, each to its end.
+
+    `policy` gives actions (n, width) of observations (n, width); of a team, one for each agent.
+    The metrics are the numbers of the task's `info`.
+    """
+    if episodes < 1:
+        raise InputInvalid(f"{episodes} episodes; expected at least 1")
+    stage: _Single | _Team
+    if isinstance(task, TeamTask):
+        if not isinstance(policy, Mapping) or set(policy) != set(task.agents):
+            raise InputInvalid(f"expected a policy for each of {', '.join(task.agents)}")
+        stage = _Team(TeamStage(task, episodes, backend=backend, threads=threads), policy)
+    else:
+        if isinstance(policy, Mapping):
+            raise InputInvalid("policies by agent for a task of one; expected one policy")
+        stage = _Single(Stage(task, episodes, backend=backend, threads=threads), policy)
+    try:
+        return _run(task, stage, [seed + i for i in range(episodes)])
+    finally:
+        stage.stage.episodes.close()
+
+
+def _run(task: Task | TeamTask, stage: _Single | _Team, seeds: list[int]) -> Evaluation:
+    n, steps = len(seeds), int(task.horizon / task.action_step)
+    stage.reset(seeds)
+    returns, alive, length = np.zeros(n), np.ones(n, bool), np.zeros(n, int)
+    rows: list[tuple[Mask, Mapping[str, NDArray[Any]]]] = []
+    for _ in range(steps):
+        reward, ended, info = stage.step()
+        returns += np.where(alive, reward, 0.0)
+        length += alive
+        numbers = {k: np.asarray(v, float) for k, v in info.items() if np.shape(v) == (n,)}
+        rows.append((alive, numbers))
+        alive = alive & ~ended
+        if not alive.any():
+            break
+    metrics = {}
+    for name in rows[0][1]:
+        counted = np.stack([was & (2 * k >= length - 1) for k, (was, _) in enumerate(rows)])
+        values = np.stack([numbers[name] for _, numbers in rows])
+        metrics[name] = np.where(counted, values, 0.0).sum(axis=0) / counted.sum(axis=0)
+    return Evaluation(returns, length * float(task.action_step), metrics)
+
+
+class _Single:
+    def __init__(self, stage: Stage, policy: Policy) -> None:
+        self.stage, self.policy = stage, policy
+
+    def reset(self, seeds: list[int]) -> None:
+        self.m = self.stage.episodes.reset(seeds=seeds)
+
+    def step(self) -> tuple[Array, Mask, Mapping[str, NDArray[Any]]]:
+        stage = self.stage
+        self.m = m = stage.act(self.policy(stage.observe(self.m)))
+        return stage.reward(m), stage.terminated(m) | stage.episodes.over, stage.info(m)
+
+
+class _Team:
+    def __init__(self, stage: TeamStage, policies: Mapping[str, Policy]) -> None:
+        self.stage, self.policies = stage, policies
+
+    def reset(self, seeds: list[int]) -> None:
+        self.m = self.stage.reset(seeds=seeds)
+
+    def step(self) -> tuple[Array, Mask, Mapping[str, NDArray[Any]]]:
+        acts = {agent: act(self.m.observation[agent]) for agent, act in self.policies.items()}
+        self.m = m = self.stage.act(acts)
+        count = np.maximum(m.acted.sum(axis=1), 1)
+        return m.reward.sum(axis=1) / count, m.over, self.stage.task.info(m.moment)

@@ -1,0 +1,151 @@
+"""Hand-written controllers: observations (n, width) in, actions (n, width) out; the yardsticks.
+
+They see what a policy sees and keep no memory, so that their return says what is within reach.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.envs.task import Task, TeamTask
+from uuvsim_cosim.envs.tasks.pose import FORCE, SPEED, PoseTask
+from uuvsim_cosim.envs.tasks.target_tracking import A_MAX, OMEGA_MAX, V_MAX, TargetTracking
+from uuvsim_cosim.envs.tasks.tracking_observation import OBSTACLE, OTHER, OWN, TARGET
+from uuvsim_cosim.envs.tasks.trajectory import TrajectoryFollowing
+from uuvsim_cosim.errors import InputInvalid
+
+__all__ = ["Policy", "hold_pose", "hold_velocity", "scripted_policy", "track_target"]
+
+Array = NDArray[np.float64]
+Policy = Callable[[NDArray[Any]], Array]
+
+# Proportional and derivative, for about 2.5 rad/s of a BlueROV2 Heavy that is damped to 0.9:
+KP = np.array([140.0, 140.0, 170.0, 14.0, 14.0, 8.0])  # N/m, N.m/rad
+KD = np.array([90.0, 90.0, 120.0, 2.8, 2.8, 3.5])  # N.s/m, N.m.s/rad
+D_L = np.array([13.7, 0.0, 33.0])  # N.s/m   (models/vehicles/bluerov2_heavy, von Benzon 2022)
+PULL, MARGIN, OUTWARD, AROUND, WALL, TURN, BRAKE, SPARE = 3.5, 0.5, 0.5, 0.1, 0.8, 3.6, 0.6, 0.02
+SHARE = 0.42
+D_Q = np.array([141.0, 217.0, 190.0])  # N.s2/m2
+
+
+def scripted_policy(task: Task | TeamTask) -> Policy | Mapping[str, Policy]:
+    """Give a task's controller: one, or one for each agent."""
+    if isinstance(task, TargetTracking):
+        d_safe = max(task.rules.d_su, task.rules.d_st, task.rules.d_so)
+        wanted = task.rules.d_st + SHARE * (task.rules.d_m - task.rules.d_st)
+
+        def follow(o: NDArray[Any]) -> Array:
+            return track_target(o, task.slots, wanted, d_safe, task.arena.size[:2])
+
+        return dict.fromkeys(task.agents, follow)
+    if isinstance(task, PoseTask):
+        moves = isinstance(task, TrajectoryFollowing)
+        name = task.actions[0].name
+        if name.startswith("allocation."):
+            return lambda o: hold_pose(o, moves)
+        if name.startswith("controller."):
+            return lambda o: hold_velocity(o, moves)
+    raise InputInvalid(
+        f"{type(task).__name__}: no scripted controller; expected a shipped task whose action is "
+        "a force or a velocity"
+    )
+
+
+def hold_pose(observation: NDArray[Any], moves: bool = False) -> Array:
+    """Give forces: PD on the pose, with the drag of the wanted velocity fed forward."""
+    o = np.asarray(observation, float)
+    down = o[:, 5:8]
+    turn = np.arctan2(o[:, 3], o[:, 4])
+    # A hull whose body y points down by sin(phi), and body x by -sin(theta), is turned back.
+    e = np.column_stack([o[:, :3], -down[:, 1], down[:, 0], turn])
+    nu_d = np.zeros((len(o), 6))
+    if moves:
+        nu_d[:, :3], nu_d[:, 5] = o[:, 14:17], o[:, 17]
+    v = nu_d[:, :3]
+    tau = KP * e + KD * (nu_d - o[:, 8:14])
+    tau[:, :3] += (D_L + D_Q * np.abs(v)) * v
+    return np.asarray(np.clip(tau / FORCE, -1.0, 1.0))
+
+
+def hold_velocity(observation: NDArray[Any], moves: bool = False) -> Array:
+    """Give velocities towards the wanted pose, beside the wanted one's own."""
+    o = np.asarray(observation, float)
+    v = 1.2 * o[:, :3] + (o[:, 14:17] if moves else 0.0)
+    r = 1.5 * np.arctan2(o[:, 3], o[:, 4]) + (o[:, 17] if moves else 0.0)
+    return np.asarray(np.clip(np.column_stack([v, r]) / SPEED, -1.0, 1.0))
+
+
+def track_target(
+    observation: NDArray[Any],
+    slots: tuple[int, int],
+    wanted: float,
+    d_safe: float,
+    arena: tuple[float, ...],
+) -> Array:
+    """Give (a, omega): go to `wanted` m from the target, away from what is close.
+
+    A wanted velocity is summed up in the vehicle's own axes; who would have to turn by more than
+    a right angle for it drives backwards.
+    """
+    o = np.asarray(observation, float)
+    flag, p = o[:, OWN], o[:, OWN + 1 : OWN + 3]
+    distance = np.maximum(o[:, OWN + 3], 1e-6)
+    bearing = p / distance[:, None]
+    moved = o[:, OWN + 4 : OWN + 6] * V_MAX  # m/s, of the target
+    pull = np.clip(PULL * (distance - wanted), -V_MAX, V_MAX)
+    v = flag[:, None] * (pull[:, None] * bearing + moved)
+    hazards: list[tuple[Array, ...]] = [(flag, bearing, distance - d_safe)]
+    for there, place, gap in _around(o, slots, d_safe):
+        hazards.append((there, place, gap))
+        strength = there * np.clip(1.0 - gap / MARGIN, 0.0, 3.0)
+        side = np.column_stack([place[:, 1], -place[:, 0]])  # around it where the target is
+        side *= np.where(np.sum(side * bearing, axis=1) < 0, -1.0, 1.0)[:, None]
+        v += strength[:, None] * (AROUND * side - OUTWARD * place)
+    v += _from_walls(o, arena)
+    speed = np.sqrt(v[:, 0] ** 2 + v[:, 1] ** 2)
+    v *= np.minimum(1.0, V_MAX / np.maximum(speed, 1e-6))[:, None]
+    course = np.arctan2(v[:, 1], v[:, 0])
+    backwards = np.abs(course) > 0.5 * np.pi
+    turn = np.where(backwards, course - np.sign(course) * np.pi, course)
+    facing = np.arctan2(bearing[:, 1], bearing[:, 0])
+    turn = np.where(speed > 0.05, turn, facing)
+    u = _braked(v[:, 0] * np.abs(np.cos(turn)), hazards)
+    a = (u - o[:, 7] * V_MAX) / 0.4
+    return np.asarray(np.clip(np.column_stack([a / A_MAX, TURN * turn / OMEGA_MAX]), -1.0, 1.0))
+
+
+def _around(o: Array, slots: tuple[int, int], d_safe: float) -> Iterator[tuple[Array, ...]]:
+    """Give each slot's flag, direction and distance beyond d_safe."""
+    first = OWN + TARGET
+    for i in range(sum(slots)):
+        other = i < slots[0]
+        size = OTHER if other else OBSTACLE
+        slot = o[:, first : first + size]
+        first += size
+        place = slot[:, 1:3]
+        d = np.maximum(np.sqrt(place[:, 0] ** 2 + place[:, 1] ** 2), 1e-6)
+        yield slot[:, 0], place / d[:, None], d - (0.0 if other else slot[:, 3]) - d_safe
+
+
+def _braked(u: Array, hazards: list[tuple[Array, ...]]) -> Array:
+    """Give the surge speed that closes no gap faster than it can still be kept."""
+    low, high = np.full(len(u), -V_MAX), np.full(len(u), V_MAX)
+    for there, place, gap in hazards:
+        along = place[:, 0]
+        bound = BRAKE * (gap - SPARE) / np.where(np.abs(along) > 0.15, along, 1.0)
+        high = np.where((there > 0) & (along > 0.15), np.minimum(high, bound), high)
+        low = np.where((there > 0) & (along < -0.15), np.maximum(low, bound), low)
+    return np.where(low < high, np.clip(u, low, high), 0.5 * (low + high))
+
+
+def _from_walls(o: Array, arena: tuple[float, ...]) -> Array:
+    """Give a velocity away from walls nearer than 0.35 m, in body axes."""
+    half = np.array(arena[:2]) / 2
+    room = half - np.abs(o[:, :2]) * half
+    push = -np.sign(o[:, :2]) * 0.5 * np.clip(1.0 - room / WALL, 0.0, 1.0)
+    c, s = o[:, 2], o[:, 3]
+    return np.column_stack([c * push[:, 0] + s * push[:, 1], c * push[:, 1] - s * push[:, 0]])

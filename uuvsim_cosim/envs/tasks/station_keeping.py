@@ -1,0 +1,45 @@
+"""Station keeping: stay at one place, with one heading, in a current."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.envs.draws import Draws
+from uuvsim_cosim.envs.task import Moment
+from uuvsim_cosim.envs.tasks.pose import PoseTask
+from uuvsim_cosim.envs.tasks.ranges import within
+
+__all__ = ["StationKeeping"]
+
+Array = NDArray[np.float64]
+
+
+class StationKeeping(PoseTask):
+    """Stay at N = E = 0, D = 10 m, heading north; the start is up to `away` m off and at any heading.
+
+    What is drawn: offset, uniform in a box; heading; nu up to 0.2 m/s; mean current.
+    """  # noqa: E501
+
+    GOAL = (0.0, 0.0, 10.0, 0.0)
+
+    def __init__(self, *, away: float = 1.5, **options: Any) -> None:
+        super().__init__(**options)
+        within("away [m]", away, 0, np.inf)
+        self.away = float(away)
+
+    def wanted(self, m: Moment) -> Array:
+        """Give the goal, n times."""
+        return np.tile(self.GOAL, (m.n, 1))
+
+    def start(self, draws: Draws) -> Mapping[str, Array]:
+        """Draw where and how the vehicle begins."""
+        pose = np.zeros((draws.n, 6))
+        pose[:, :3] = self.GOAL[:3] + draws.uniform("start/p", -self.away, self.away, (3,))
+        pose[:, 5] = draws.uniform("start/psi", -np.pi, np.pi)
+        speed = np.zeros((draws.n, 6))
+        speed[:, :3] = draws.uniform("start/nu", -0.2, 0.2, (3,))
+        return {**self.at(draws, pose), "hull.nu_0": speed, **super().start(draws)}

@@ -1,0 +1,304 @@
+"""Target tracking: N vehicles in a pool stay with a moving target, apart from all else.
+
+State (5), action (6) and reward (7) of the UUVSim paper; `tracking_rules` holds its numbers, and
+docs/tasks.md says where the paper is silent and what is done here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from fractions import Fraction
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.envs.channel import Channel
+from uuvsim_cosim.envs.draws import Draws
+from uuvsim_cosim.envs.task import Moment, Randomised, TeamTask
+from uuvsim_cosim.envs.tasks.ranges import within
+from uuvsim_cosim.envs.tasks.tracking_observation import Seen, egocentric, largest
+from uuvsim_cosim.envs.tasks.tracking_reward import Scene, Terms, reward_terms
+from uuvsim_cosim.envs.tasks.tracking_rules import rules_of
+from uuvsim_cosim.envs.tasks.tracking_start import Arena, drawn_scene, waypoints
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.orchestrator.shipped_tracking import (
+    ARENA,
+    DEPTH,
+    LATENCY,
+    TRACKED,
+    target_tracking,
+)
+from uuvsim_cosim.orchestrator.system import System
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.envs.picture import View
+
+__all__ = ["TargetTracking"]
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+A_MAX, OMEGA_MAX, V_MAX = 0.4, 1.5, 0.4  # m/s2, rad/s, m/s: the preset tracking_pilot
+Motion = Literal["random_heading", "flee", "path", "rest"]
+
+
+class TargetTracking(TeamTask):
+    """N trackers, M obstacles, one target; an episode is 50 actions of 0.4 s.
+
+    `motion` is that of the target, at `target_speed`; "rest" is the source scenario's point.
+    `profile` and `rules` choose and change TrackingRules; `vehicle` is pool8 or bluerov2_heavy.
+    What trackers know of the target: `delay` [s], `noise` [m] and `loss` of its position, whoever
+    is farther than `knowledge_range` [m] does not know it at all. `slots` are how many other
+    trackers and obstacles an observation has room for. `frame` is that of v_i in the state.
+    """
+
+    def __init__(
+        self,
+        n_trackers: int = 2,
+        n_obstacles: int = 0,
+        *,
+        motion: Motion = "random_heading",
+        target_speed: float = 0.15,
+        profile: str = "default",
+        vehicle: str = "pool8",
+        rules: Mapping[str, Any] | None = None,
+        delay: float = 0.0,
+        noise: float = 0.0,
+        loss: float = 0.0,
+        knowledge_range: float | None = None,
+        slots: tuple[int, int] | None = None,
+        frame: Literal["body", "world"] = "body",
+        arena: tuple[float, float, float] = ARENA,
+        action_step: Fraction | str | float = "0.4",
+        horizon: Fraction | str | float = 20,
+        randomisation: Randomised | None = None,
+    ) -> None:
+        self.rules = rules_of(profile, vehicle, **(rules or {}))
+        self.profile, self.vehicle, self.motion = profile, vehicle, motion
+        self.n_trackers, self.n_obstacles = int(n_trackers), int(n_obstacles)
+        within("n_obstacles", n_obstacles, 0, 64)
+        within("delay [s]", delay, 0, LATENCY)
+        within("noise [m]", noise, 0, np.inf)
+        within("loss", loss, 0, 1)
+        within("target_speed [m/s]", target_speed, 0, np.inf)
+        if motion not in get_args(Motion):
+            raise InputInvalid(f"motion {motion!r}; expected one of {', '.join(get_args(Motion))}")
+        self.links = delay > 0 or noise > 0 or loss > 0
+        self.delay, self.noise, self.loss = float(delay), float(noise), float(loss)
+        self.knowledge_range = knowledge_range
+        self.target_speed = 0.0 if motion == "rest" else float(target_speed)
+        self.slots = slots or (max(1, self.n_trackers - 1), max(2, self.n_obstacles))
+        if self.slots[0] < self.n_trackers - 1 or self.slots[1] < self.n_obstacles:
+            raise InputInvalid(
+                f"slots {self.slots}; expected at least {(self.n_trackers - 1, self.n_obstacles)}"
+            )
+        if frame not in ("body", "world"):
+            raise InputInvalid(f"frame {frame!r}; expected body or world")
+        self.frame = frame
+        agents = [f"tracker_{i}" for i in range(1, self.n_trackers + 1)]
+        radius = TRACKED[vehicle].radius if vehicle in TRACKED else 0.0
+        self.arena = Arena(arena, from_wall=radius + 0.1)
+        super().__init__(
+            _system(
+                self.n_trackers,
+                vehicle,
+                "random_heading" if motion == "rest" else motion,
+                self.n_obstacles,
+                self.links,
+                tuple(arena),
+            ),
+            agents=agents,
+            actions={agent: self._channels(agent) for agent in agents},
+            action_step=action_step,
+            horizon=horizon,
+            signals=self._signals(agents),
+            randomisation=randomisation,
+        )
+        self.stride = V_MAX * float(self.action_step)
+
+    # ---- what an environment asks ---------------------------------------------------------
+
+    def observe(self, m: Moment) -> Mapping[str, Array]:
+        """Give each tracker's egocentric observation, held within its limits."""
+        seen, size = self._seen(m), self.arena.size
+        given = {}
+        for i, agent in enumerate(self.agents):
+            low, high = self.limits(agent)
+            row = egocentric(i, seen, self.slots, (size[0], size[1]), V_MAX, self.stride)
+            given[agent] = np.clip(row, low, high)
+        return given
+
+    def limits(self, agent: str) -> tuple[Array, Array]:
+        """Give the limits of an observation."""
+        high = largest(self.slots, (self.arena.size[0], self.arena.size[1]))
+        return -high, high
+
+    def reward(self, m: Moment) -> Mapping[str, Array]:
+        """Give each tracker's reward, equation (7)."""
+        rewards = self.terms(m).rewards(self.rules)
+        return {agent: rewards[:, i] for i, agent in enumerate(self.agents)}
+
+    def terminated(self, m: Moment) -> Mapping[str, Mask]:
+        """Say which episodes a collision has ended; none, without `end_on_collision`."""
+        if self.rules.end_on_collision:
+            ended = np.asarray(self.terms(m).violated.any(axis=1))
+        else:
+            ended = np.zeros(m.n, bool)
+        return dict.fromkeys(self.agents, ended)
+
+    def state(self, m: Moment) -> Array:
+        """Give (5): x y theta of each, then v_x v_y omega of each, target, obstacles (x y r h)."""
+        eta, nu = self._of_all(m, "hull.eta"), self._of_all(m, "hull.nu")
+        v = nu[:, :, [0, 1, 5]]
+        if self.frame == "world":
+            c, s = np.cos(eta[:, :, 5]), np.sin(eta[:, :, 5])
+            v = np.stack([c * v[..., 0] - s * v[..., 1], s * v[..., 0] + c * v[..., 1], v[..., 2]],
+                         axis=2)  # fmt: skip
+        parts = [eta[:, :, [0, 1, 5]], v, m["target.position"][:, :2], self._obstacles(m)]
+        flat = np.concatenate([p.reshape(m.n, -1) for p in parts], axis=1)
+        low, high = self.state_limits()
+        return np.asarray(np.clip(flat, low, high))
+
+    def state_limits(self) -> tuple[Array, Array]:
+        """Give the limits of (5) [m, rad, m/s, rad/s]."""
+        x, y, z = self.arena.size
+        high = [x, y, np.pi] * self.n_trackers + [2.0, 2.0, 10.0] * self.n_trackers + [x, y]
+        high += [x, y, max(x, y), z] * self.n_obstacles
+        return -np.array(high), np.array(high)
+
+    def info(self, m: Moment) -> Mapping[str, NDArray[Any]]:
+        """Give track, dist [m], viol and clean of this step, and each weighted term's mean."""
+        t, rules = self.terms(m), self.rules
+        viol = t.violated.any(axis=1)
+        return {
+            "track": t.nearest <= rules.d_m,
+            "dist": t.nearest,
+            "viol": viol,
+            "clean": ~viol,
+            "r_c": rules.w_c * t.r_c,
+            "r_t": rules.w_t * t.r_t.mean(axis=1),
+            "r_a": rules.w_a * t.r_a.mean(axis=1),
+            "p_1": rules.w_p * t.p_1.mean(axis=1),
+            "p_2": rules.w_p * t.p_2.mean(axis=1),
+            "p_3": rules.w_p * t.p_3.mean(axis=1),
+        }
+
+    def start(self, draws: Draws) -> Mapping[str, Array]:
+        """Draw a legal start, and what the randomisation declares."""
+        n = draws.n
+        drawn = drawn_scene(draws, self.arena, self.rules, self.n_trackers, self.n_obstacles)
+        start: dict[str, Array] = {
+            "target.position_0": np.column_stack([drawn.target, np.full(n, DEPTH)]),
+            "target.psi_0": drawn.psi_target,
+            "target.speed": np.full(n, self.target_speed),
+        }
+        if self.motion == "path":
+            start |= waypoints(draws, self.arena)
+        if self.n_obstacles:
+            start["target.obstacles"] = drawn.obstacles
+        if self.links:
+            start["positioning.delay"] = np.full(n, self.delay)
+            start["positioning.sigma"] = np.full((n, 3), self.noise)
+            start["positioning.loss"] = np.full(n, self.loss)
+        for i, agent in enumerate(self.agents):
+            pose = np.zeros((n, 6))
+            pose[:, :2], pose[:, 2], pose[:, 5] = drawn.trackers[:, i], DEPTH, drawn.psi[:, i]
+            start[f"{agent}.hull.eta_0"] = pose
+            start[f"{agent}.pilot.depth"] = np.full(n, DEPTH)
+            if self.n_obstacles:
+                start[f"{agent}.pool.obstacles"] = drawn.obstacles
+            if self.links:
+                start[f"{agent}.radio.delay"] = np.full(n, self.delay)
+                start[f"{agent}.positioning.sigma"] = np.tile([self.noise] * 3 + [0.0] * 3, (n, 1))
+        return {**start, **super().start(draws)}
+
+    def view(self, m: Moment, row: int) -> View:
+        """Say what to draw of one environment."""
+        from uuvsim_cosim.envs import picture_view as p
+
+        x, y, z = self.arena.size
+        size = 2.0 * TRACKED[self.vehicle].radius
+        return p.View(
+            vehicles=[
+                p.Vehicle(a, m[f"{a}.hull.eta"][row], 0.8 * size, 0.6 * size) for a in self.agents
+            ],
+            targets=[p.Target(m["target.position"][row], reach=self.rules.d_m)],
+            obstacles=[p.Cylinder(*o[:3]) for o in self._obstacles(m)[row] if o[2] > 0],
+            arena=p.Arena((-x / 2, x / 2), (-y / 2, y / 2), z),
+            time=float(m.time[row]),
+        )
+
+    # ---- inside ---------------------------------------------------------------------------
+
+    def terms(self, m: Moment) -> Terms:
+        """Give the terms of the reward of the action that led to this moment."""
+        return reward_terms(self._scene(m), self._scene(m.before), self.rules, self.stride)
+
+    def _scene(self, m: Moment) -> Scene:
+        trackers = self._of_all(m, "hull.eta")[:, :, :2]
+        obstacles = self._obstacles(m)
+        return Scene(
+            trackers, m["target.position"][:, :2], obstacles[:, :, :3], self._reaches(obstacles)
+        )
+
+    def _seen(self, m: Moment) -> Seen:
+        own = "positioning.y" if self.links else "hull.eta"
+        where = "positioning.y" if self.links else "target.position"
+        eta = self._of_all(m, own)
+        target = np.repeat(m[where][:, None, :2], self.n_trackers, axis=1)
+        earlier = np.repeat(m.before[where][:, None, :2], self.n_trackers, axis=1)
+        known = np.ones(target.shape[:2], bool)
+        if self.knowledge_range is not None:
+            d = target - eta[:, :, :2]
+            known = d[..., 0] ** 2 + d[..., 1] ** 2 <= self.knowledge_range**2
+        obstacles = self._obstacles(m)
+        return Seen(
+            eta=eta,
+            nu=self._of_all(m, "hull.nu"),
+            u_d=self._of_all(m, "pilot.nu_d")[:, :, 0],
+            target=target,
+            target_before=earlier,
+            known=known,
+            obstacles=obstacles[:, :, :3],
+            reaches=self._reaches(obstacles),
+        )
+
+    def _of_all(self, m: Moment, name: str) -> Array:
+        return np.stack([m[f"{agent}.{name}"] for agent in self.agents], axis=1)
+
+    def _obstacles(self, m: Moment) -> Array:
+        if not self.n_obstacles:
+            return np.zeros((m.n, 0, 4))
+        return m.start["target.obstacles"]
+
+    def _reaches(self, obstacles: Array) -> Mask:
+        return np.asarray(self.arena.size[2] - obstacles[:, :, 3] <= DEPTH)
+
+    def _channels(self, agent: str) -> list[Channel]:
+        if self.links:
+            return [
+                Channel(f"{agent}.radio.x[1]", -A_MAX, A_MAX, "m/s2"),
+                Channel(f"{agent}.radio.x[2]", -OMEGA_MAX, OMEGA_MAX, "rad/s"),
+            ]
+        return [
+            Channel(f"{agent}.pilot.a", -A_MAX, A_MAX, "m/s2"),
+            Channel(f"{agent}.pilot.omega", -OMEGA_MAX, OMEGA_MAX, "rad/s"),
+        ]
+
+    def _signals(self, agents: list[str]) -> list[str]:
+        names = ["hull.eta", "hull.nu", "pilot.nu_d"]
+        if self.links:
+            names.append("positioning.y")
+        signals = [f"{agent}.{name}" for agent in agents for name in names]
+        return [*signals, "target.position", *(["positioning.y"] if self.links else [])]
+
+
+@lru_cache(maxsize=32)
+def _system(
+    n: int, vehicle: str, motion: str, obstacles: int, links: bool, arena: tuple[float, ...]
+) -> System:
+    """Give the same system for equal arguments, so that its kernel is made once."""
+    return target_tracking(
+        n, vehicle=vehicle, motion=motion, obstacles=obstacles, links=links, arena=arena
+    )

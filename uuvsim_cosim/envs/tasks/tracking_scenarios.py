@@ -1,0 +1,38 @@
+"""The four scenarios of target tracking, each the schooling of the next."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from uuvsim_cosim.envs.tasks.target_tracking import TargetTracking
+
+__all__ = ["SCENARIOS", "source", "target", "transition_1", "transition_2"]
+
+
+def source(**options: Any) -> TargetTracking:
+    """One tracker goes to a point."""
+    return TargetTracking(**{"n_trackers": 1, "n_obstacles": 0, "motion": "rest", **options})
+
+
+def transition_1(**options: Any) -> TargetTracking:
+    """One tracker, a target that moves."""
+    return TargetTracking(**{"n_trackers": 1, "n_obstacles": 0, **options})
+
+
+def transition_2(**options: Any) -> TargetTracking:
+    """Two trackers that cooperate, a target that moves."""
+    return TargetTracking(**{"n_trackers": 2, "n_obstacles": 0, **options})
+
+
+def target(**options: Any) -> TargetTracking:
+    """Two trackers, a target that moves, and two obstacles."""
+    return TargetTracking(**{"n_trackers": 2, "n_obstacles": 2, **options})
+
+
+SCENARIOS: dict[str, Callable[..., TargetTracking]] = {
+    "source": source,
+    "transition_1": transition_1,
+    "transition_2": transition_2,
+    "target": target,
+}

@@ -1,0 +1,105 @@
+"""Trajectory following: stay with a reference that moves along a line, a helix or a lemniscate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.envs.draws import Draws
+from uuvsim_cosim.envs.task import Moment
+from uuvsim_cosim.envs.tasks.frames import in_body
+from uuvsim_cosim.envs.tasks.pose import PoseTask
+from uuvsim_cosim.envs.tasks.ranges import within
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.reference import AHEAD
+
+__all__ = ["CURVES", "TrajectoryFollowing"]
+
+Array = NDArray[np.float64]
+CURVES = ("lemniscate", "helix", "line")
+
+
+class TrajectoryFollowing(PoseTask):
+    """Follow the curve of the component `reference`, drawn anew in each episode.
+
+    Drawn are its kind among `curves`, its speed in `speed` [m/s], its size (radius 1.5 to 3 m),
+    course, sense and climb. Beside the common ones, the observation holds the reference's
+    velocity in body axes (3), its yaw rate (1), and the next 4 points of it, 0.5 s apart,
+    relative to the vehicle in body axes (12, over 1 m).
+    """
+
+    def __init__(
+        self,
+        *,
+        curves: tuple[str, ...] = CURVES,
+        speed: tuple[float, float] = (0.15, 0.4),
+        away: float = 0.5,
+        **options: Any,
+    ) -> None:
+        unknown = [c for c in curves if c not in CURVES]
+        if unknown or not curves:
+            raise InputInvalid(f"curves: {unknown}; expected some of {', '.join(CURVES)}")
+        within("speed, least [m/s]", speed[0], 0, speed[1])
+        within("away [m]", away, 0, np.inf)
+        signals = ("reference.eta_d", "reference.nu_d", "reference.ahead")
+        super().__init__(reference=True, signals=signals, **options)
+        self.curves, self.speed, self.away = tuple(curves), speed, float(away)
+
+    def wanted(self, m: Moment) -> Array:
+        """Give where the reference is, and its heading."""
+        return m["reference.eta_d"][:, [0, 1, 2, 5]]
+
+    def more(self, m: Moment, R: Array) -> list[Array]:
+        """Give the reference's velocity, and its points to come."""
+        psi = m["reference.eta_d"][:, 5]
+        nu_d = m["reference.nu_d"]
+        moves = np.stack([nu_d[:, 0] * np.cos(psi), nu_d[:, 0] * np.sin(psi), nu_d[:, 2]], axis=1)
+        here = m[f"{self.known}.eta"][:, None, :3]
+        ahead = in_body(R, m["reference.ahead"].reshape(m.n, AHEAD, 3) - here)
+        return [in_body(R, moves), nu_d[:, 5:], ahead.reshape(m.n, -1)]
+
+    def path(self, m: Moment) -> Array:
+        """Give the reference and its points to come."""
+        here = m["reference.eta_d"][:, None, :3]
+        return np.concatenate([here, m["reference.ahead"].reshape(m.n, AHEAD, 3)], axis=1)
+
+    def more_limits(self) -> list[float]:
+        """Give their limits."""
+        return [1.0] * 3 + [2.0] + [2 * self.region] * (3 * AHEAD)
+
+    def start(self, draws: Draws) -> Mapping[str, Array]:
+        """Draw the curve, and a start near its beginning."""
+        n = draws.n
+        chosen = np.array([CURVES.index(c) for c in self.curves])
+        kind = chosen[np.floor(draws.uniform("curve", 0, len(chosen))).astype(int)]
+        speed = draws.uniform("curve/speed", *self.speed)
+        size = draws.uniform("curve/size", 1.5, 3.0)
+        course = draws.uniform("curve/course", -np.pi, np.pi)
+        sense = np.where(draws.uniform("curve/sense") < 0.5, -1.0, 1.0)
+        climb = draws.uniform("curve/climb", -0.05, 0.05)
+        lemniscate, helix, line = (kind == i for i in range(len(CURVES)))
+        # Gerono's lemniscate is fastest where it crosses itself: sqrt(2) size rate.
+        rate = np.where(lemniscate, speed / (np.sqrt(2.0) * size), speed / size)
+        A = np.zeros((n, 3))
+        A[:, 0] = np.where(line, 0.0, size)
+        A[:, 1] = np.where(lemniscate, 0.5 * size * sense, 0.0)
+        A[:, 2] = np.where(lemniscate, 10.0 * climb, 0.0)
+        origin = np.zeros((n, 3))
+        origin[:, 2] = 10.0
+        psi = course + np.where(lemniscate, sense * np.pi / 4, 0.0)
+        pose = np.zeros((n, 6))
+        pose[:, :3] = origin + draws.uniform("start/p", -self.away, self.away, (3,))
+        pose[:, 5] = psi + draws.uniform("start/psi", -0.8, 0.8)
+        curve = {
+            "reference.origin": origin,
+            "reference.course": course,
+            "reference.U": np.where(line, speed, 0.0),
+            "reference.w": np.where(lemniscate, 0.0, climb),
+            "reference.rate": rate,
+            "reference.A": A,
+            "reference.A_c": np.where(helix, sense * size, 0.0),
+        }
+        return {**self.at(draws, pose), **curve, **super().start(draws)}

@@ -1,0 +1,219 @@
+"""Several agents in one system: PettingZoo's ParallelEnv over a team's task."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from difflib import get_close_matches
+from typing import Any, final
+
+import gymnasium
+import numpy as np
+from gymnasium.utils import seeding
+from numpy.typing import NDArray
+from pettingzoo import ParallelEnv
+
+from uuvsim_cosim.envs.options import base_seed, start_of
+from uuvsim_cosim.envs.plants import Backend
+from uuvsim_cosim.envs.screen import Screen
+from uuvsim_cosim.envs.task import TeamTask
+from uuvsim_cosim.envs.team_stage import TeamMoment, TeamStage
+from uuvsim_cosim.errors import InputInvalid
+
+__all__ = ["CosimParallelEnv"]
+
+Observation = NDArray[np.float32]
+
+
+@final
+class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[Any]]):  # type: ignore[misc]
+    """A team's task in its system: agents act at the same time, each on a vehicle of its own.
+
+    `agents` are those that act next. One may come later, and one that has ended is gone until the
+    next reset; an episode is over when nobody is there. The horizon truncates all; a component's
+    failure terminates all, with info["failure"]. Seeds, actions and options are as in `CosimEnv`.
+    """
+
+    metadata: dict[str, Any] = {  # noqa: RUF012  (PettingZoo's own attribute)
+        "name": "uuvsim_team",
+        "render_modes": ["rgb_array", "human"],
+        "is_parallelizable": True,
+    }
+
+    def __init__(
+        self, team_task: TeamTask, render_mode: str | None = None, backend: Backend = "auto"
+    ) -> None:
+        self._stage: TeamStage | None = None
+        self._screen = Screen(render_mode)
+        self._stage = stage = TeamStage(
+            team_task, 1, backend=backend, drawn=render_mode is not None
+        )
+        self.task = team_task
+        self.render_mode = render_mode
+        self.backend = backend
+        self.metadata = {
+            **self.metadata,
+            "name": type(team_task).__name__,
+            "render_fps": float(1 / team_task.action_step),
+        }
+        self.possible_agents = list(stage.agents)
+        self.agents: list[str] = []
+        self.observation_spaces = dict(stage.spaces)
+        self.action_spaces = {
+            agent: gymnasium.spaces.Box(-1.0, 1.0, (box.width,), np.float32)
+            for agent, box in stage.boxes.items()
+        }
+        self.state_space = stage.state_space
+        self._seeded = False
+
+    def observation_space(self, agent: str) -> gymnasium.spaces.Box:
+        """Give an agent's space of observations, the same object each time."""
+        return self.observation_spaces[self._known(agent)]
+
+    def action_space(self, agent: str) -> gymnasium.spaces.Box:
+        """Give an agent's space of actions, the same object each time."""
+        return self.action_spaces[self._known(agent)]
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
+        """Begin episode 0 of a seed, or without one the next episode of the same seed."""
+        stage = self._live()
+        start = start_of(options)
+        seeds = None
+        if seed is not None or not self._seeded:
+            seeds = [base_seed(seed) if seed is not None else int(seeding.np_random()[1])]
+        self.agents = []
+        team = stage.reset(seeds=seeds, start=start)
+        self._seeded = True
+        self.agents = self._those(team.present)
+        result = self._observations(team), self._infos(team)
+        self._screen.changed(self)
+        return result
+
+    def step(
+        self, actions: dict[str, NDArray[Any]]
+    ) -> tuple[
+        dict[str, Observation],
+        dict[str, float],
+        dict[str, bool],
+        dict[str, bool],
+        dict[str, dict[str, Any]],
+    ]:
+        """Act for one action step; `actions` has one for each of `agents`."""
+        stage = self._live()
+        self._check(actions)
+        idle = {a: np.zeros((1, box.width)) for a, box in stage.boxes.items()}
+        team = stage.act({**idle, **{a: np.asarray(actions[a])[None] for a in self.agents}})
+        self.agents = self._those(team.present)
+        seen = self._numbered(team.seen)
+        result = (
+            self._observations(team),
+            {a: float(team.reward[0, j]) for j, a in seen},
+            {a: bool(team.terminated[0, j]) for j, a in seen},
+            {a: bool(team.truncated[0, j]) for j, a in seen},
+            self._infos(team),
+        )
+        self._screen.changed(self)
+        return result
+
+    def state(self) -> NDArray[np.float32]:
+        """Give the whole as a central critic sees it."""
+        return np.asarray(self._live().state()[0])
+
+    @property
+    def time(self) -> float:
+        """Give the seconds since the reset."""
+        return float(self._live().episodes.moment.time[0])
+
+    def render(self) -> Any:
+        """Draw the present moment: an array of pixels, or nothing in a window."""
+        return self._screen.frame(self.task, self._live().now.moment, 0)
+
+    def close(self) -> None:
+        """Free everything; a second call does nothing."""
+        self._screen.close()
+        stage, self._stage = self._stage, None
+        if stage is not None:
+            stage.episodes.close()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Give what makes an equal environment, which goes on with the next episode."""
+        state: dict[str, Any] = {
+            "task": self.task,
+            "render_mode": self.render_mode,
+            "backend": self.backend,
+            "spaces": (self.action_spaces, self.observation_spaces),
+        }
+        if self._seeded and self._stage is not None:
+            state["counters"] = (self._stage.episodes.seeds, self._stage.episodes.episodes)
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make the environment anew; its next call must be reset()."""
+        self.__init__(state["task"], state["render_mode"], state["backend"])
+        self.action_spaces, self.observation_spaces = state["spaces"]
+        if "counters" in state and self._stage is not None:
+            self._stage.episodes.seeds, self._stage.episodes.episodes = state["counters"]
+            self._seeded = True
+
+    def __del__(self) -> None:
+        """Free everything."""
+        if getattr(self, "_stage", None) is not None:
+            self.close()
+
+    # ---- inside ---------------------------------------------------------------------------
+
+    def _live(self) -> TeamStage:
+        if self._stage is None:
+            raise InputInvalid("the environment is closed; expected a new one")
+        return self._stage
+
+    def _numbered(self, mask: NDArray[np.bool_]) -> list[tuple[int, str]]:
+        return [(j, a) for j, a in enumerate(self.possible_agents) if mask[0, j]]
+
+    def _those(self, mask: NDArray[np.bool_]) -> list[str]:
+        return [a for _, a in self._numbered(mask)]
+
+    def _observations(self, team: TeamMoment) -> dict[str, Observation]:
+        return {a: team.observation[a][0].copy() for a in self._those(team.seen)}
+
+    def _infos(self, team: TeamMoment) -> dict[str, dict[str, Any]]:
+        stage = self._live()
+        given = stage.task.info(team.moment)
+        infos = {a: {k: v[0].copy() for k, v in given.items()} for a in self._those(team.seen)}
+        if failure := stage.episodes.failure(0):
+            for info in infos.values():
+                info["failure"] = failure
+        return infos
+
+    def _known(self, agent: str) -> str:
+        if agent not in self.possible_agents:
+            raise InputInvalid(f"{self._place()}: no agent {agent!r}; {self._near(agent)}")
+        return agent
+
+    def _check(self, actions: Mapping[str, Any]) -> None:
+        place = self._place()
+        if not isinstance(actions, Mapping):
+            raise InputInvalid(f"{place}: actions {actions!r}; expected an action by agent")
+        if not self.agents:
+            raise InputInvalid(f"{place}: nobody is there to act; expected reset() before step()")
+        for agent in actions:
+            self._known(agent)
+            if agent not in self.agents:
+                raise InputInvalid(
+                    f"{place}: an action for {agent!r}, who has ended or has not come yet; "
+                    f"expected actions for {', '.join(self.agents)}"
+                )
+        missing = [a for a in self.agents if a not in actions]
+        if missing:
+            raise InputInvalid(
+                f"{place}: no action for {', '.join(map(repr, missing))}; expected one for each "
+                f"of {', '.join(self.agents)}"
+            )
+
+    def _near(self, agent: Any) -> str:
+        near = get_close_matches(str(agent), self.possible_agents, 3) or self.possible_agents
+        return f"expected one of {', '.join(near)}"
+
+    def _place(self) -> str:
+        return f"task {type(self.task).__name__}"

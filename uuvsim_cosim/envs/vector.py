@@ -1,0 +1,224 @@
+"""Many environments of any system: Gymnasium's VectorEnv over a task."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, ClassVar, final
+
+import numpy as np
+from gymnasium.spaces import Box
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from uuvsim_cosim.envs import vector_info
+from uuvsim_cosim.envs.instant import Instant
+from uuvsim_cosim.envs.options import base_seed, mask_of, start_of
+from uuvsim_cosim.envs.plants import Backend, DType
+from uuvsim_cosim.envs.screen import Screen
+from uuvsim_cosim.envs.stage import Stage
+from uuvsim_cosim.envs.task import Task
+from uuvsim_cosim.errors import InputInvalid
+
+__all__ = ["CosimVectorEnv"]
+
+Observations = NDArray[np.float32]
+Array = NDArray[Any]
+Step = tuple[Observations, Array, Array, Array, dict[str, Any]]
+
+
+@final
+class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
+    """A task in `num_envs` copies of its system: environment i of seed s is CosimEnv of s + i.
+
+    The fused kernel in `threads`, and in number type `dtype`, when the system can be fused; else
+    masters in `processes` (one for each core by default, 0: in this process). With autoreset mode
+    NEXT_STEP the step after the end of an episode is the reset, its reward 0; with SAME_STEP the
+    step that ends it gives the next observation, and the last in infos "final_obs"; with DISABLED
+    `reset(options={"reset_mask": …})` begins the next episodes.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]
+        "render_modes": ["rgb_array"],
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
+
+    def __init__(
+        self,
+        task: Task,
+        num_envs: int,
+        *,
+        render_mode: str | None = None,
+        backend: Backend = "auto",
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        threads: int = 1,
+        dtype: DType = "float64",
+        processes: int | None = None,
+    ) -> None:
+        self._stage: Stage | None = None
+        if not isinstance(num_envs, int | np.integer) or num_envs < 1:
+            raise InputInvalid(f"num_envs {num_envs!r}; expected a whole number from 1")
+        try:
+            self._mode = AutoresetMode(autoreset_mode)
+        except ValueError:
+            words = ", ".join(repr(m.value) for m in AutoresetMode)
+            raise InputInvalid(
+                f"autoreset_mode {autoreset_mode!r}; expected one of {words}"
+            ) from None
+        if render_mode == "human":
+            raise InputInvalid("render_mode 'human' of many environments; expected 'rgb_array'")
+        self._screen = Screen(render_mode)
+        self._made = {
+            "task": task, "num_envs": int(num_envs), "render_mode": render_mode,
+            "backend": backend, "autoreset_mode": self._mode, "threads": threads,
+            "dtype": dtype, "processes": processes,
+        }  # fmt: skip
+        self._stage = Stage(
+            task, int(num_envs), backend=backend, threads=threads, dtype=dtype,
+            processes=processes, drawn=render_mode is not None,
+        )  # fmt: skip
+        self.task = task
+        self.num_envs = int(num_envs)
+        self.render_mode = render_mode
+        self.metadata = {  # type: ignore[misc]
+            **self.metadata,
+            "autoreset_mode": self._mode,
+            "render_fps": float(1 / task.action_step),
+        }
+        box, width = self._stage.observation_box, self._stage.action_box.width
+        self.single_observation_space = Box(box.low, box.high, dtype=np.float32)
+        self.single_action_space = Box(-1.0, 1.0, (width,), np.float32)
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self._ended = np.zeros(self.num_envs, bool)
+        self._seeded = False
+
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> tuple[Observations, dict[str, Any]]:
+        """Begin episode 0 of seeds, or without any the next episodes of the same seeds.
+
+        A seed s stands for s, s + 1, …; a list gives each its own.
+        """
+        stage = self._live()
+        start, mask = start_of(options), mask_of(options, self.num_envs)
+        if mask is not None and not self._seeded:
+            raise InputInvalid(f"{stage.place}: reset_mask before any reset; expected a whole one")
+        seeds = self._seeds(seed)
+        m = stage.episodes.reset(mask, seeds=seeds, start=start)
+        self._ended = np.zeros(self.num_envs, bool) if mask is None else self._ended & ~mask
+        infos = vector_info.of(stage.info(m), mask, self.num_envs)
+        return stage.observe(m), infos
+
+    def step(self, actions: Array) -> Step:
+        """Act in all environments for one action step."""
+        stage = self._live()
+        if not self._seeded:
+            raise InputInvalid(f"{stage.place}: no episode has begun; expected reset() first")
+        ended = self._ended
+        again = bool(ended.any())
+        if again and self._mode is AutoresetMode.DISABLED:
+            rows = ", ".join(map(str, np.flatnonzero(ended)[:8]))
+            raise InputInvalid(
+                f"{stage.place}: the episodes of environments {rows} have ended; expected "
+                'reset(options={"reset_mask": …}) before step()'
+            )
+        m = stage.act(actions, ended if again else None)
+        reward, terminated = stage.reward(m), stage.terminated(m)
+        truncated = stage.episodes.over & ~terminated
+        if again:
+            reward = np.where(ended, 0.0, reward)
+            terminated, truncated = terminated & ~ended, truncated & ~ended
+        infos = vector_info.of(stage.info(m), None, self.num_envs)
+        self._ended = terminated | truncated
+        done = bool(self._ended.any())
+        if done and terminated.any():
+            vector_info.add_failures(infos, stage.episodes, terminated)
+        observations = stage.observe(m)
+        if done and self._mode is AutoresetMode.SAME_STEP:
+            return self._begun(stage, (observations, reward, terminated, truncated, infos))
+        return observations, reward, terminated, truncated, infos
+
+    def _begun(self, stage: Stage, last: Step) -> Step:
+        """Begin the next episodes in the step that ended the last."""
+        observations, reward, terminated, truncated, infos = last
+        ended, self._ended = self._ended, np.zeros(self.num_envs, bool)
+        m = stage.episodes.reset(ended)
+        new = stage.observe(m)
+        infos = vector_info.final(infos, observations, ended, stage.info(m))
+        return np.where(ended[:, None], new, observations), reward, terminated, truncated, infos
+
+    def render(self) -> tuple[Any, ...] | None:
+        """Draw each environment, as pixels."""
+        m: Instant = self._live().episodes.moment
+        if self.render_mode is None:
+            self._screen.frame(self.task, m, 0)  # warns
+            return None
+        return tuple(self._screen.frame(self.task, m, row) for row in range(self.num_envs))
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Free everything."""
+        self._screen.close()
+        stage, self._stage = self._stage, None
+        if stage is not None:
+            stage.episodes.close()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Give what makes equal environments, which go on with the next episodes."""
+        spaces = (self.action_space, self.single_action_space,
+                  self.observation_space, self.single_observation_space)  # fmt: skip
+        state: dict[str, Any] = {
+            "made": self._made,
+            "spec": self.spec,
+            "spaces": spaces,
+            "np_random": (self._np_random, self._np_random_seed),
+        }
+        if self._seeded and self._stage is not None:
+            state["counters"] = (self._stage.episodes.seeds, self._stage.episodes.episodes)
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make the environments anew; the next call must be reset()."""
+        CosimVectorEnv.__init__(self, **state["made"])
+        self.spec = state["spec"]
+        self._np_random, self._np_random_seed = state["np_random"]
+        (self.action_space, self.single_action_space,
+         self.observation_space, self.single_observation_space) = state["spaces"]  # fmt: skip
+        if "counters" in state and self._stage is not None:
+            episodes = self._stage.episodes
+            episodes.seeds, episodes.episodes = state["counters"]
+            self._seeded = True
+
+    def __del__(self) -> None:
+        """Free everything."""
+        if getattr(self, "_stage", None) is not None:
+            self.close()
+
+    def _seeds(self, seed: int | Sequence[int | None] | None) -> NDArray[np.uint64] | None:
+        """Give a seed for each environment, or None to go on."""
+        n = self.num_envs
+        if seed is None and self._seeded:
+            return None
+        if not isinstance(seed, Sequence | np.ndarray) or isinstance(seed, str):
+            given = None if seed is None else base_seed(seed)
+            super().reset(seed=given)
+            own = self.np_random_seed if given is None else given
+            assert own is not None
+            numbers = [(own + i) % 2**64 for i in range(n)]
+        else:
+            if len(seed) != n:
+                raise InputInvalid(f"seed: {len(seed)} numbers; expected one, or {n}")
+            rng = np.random.default_rng()
+            numbers = [
+                int(rng.integers(2**63)) if s is None else base_seed(s) % 2**64 for s in seed
+            ]
+        self._seeded = True
+        return np.array(numbers, np.uint64)
+
+    def _live(self) -> Stage:
+        if self._stage is None:
+            raise InputInvalid("the environments are closed; expected new ones")
+        return self._stage

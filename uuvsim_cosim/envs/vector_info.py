@@ -1,0 +1,63 @@
+"""Infos of many environments in Gymnasium's form: arrays, each with a mask of who has it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.envs.episodes import Episodes
+
+__all__ = ["add_failures", "final", "of"]
+
+Mask = NDArray[np.bool_]
+
+
+def of(info: Mapping[str, NDArray[Any]], mask: Mask | None, n: int) -> dict[str, Any]:
+    """Give a task's infos, of the environments of the mask."""
+    infos: dict[str, Any] = {}
+    for key, values in info.items():
+        infos[key] = np.array(values)
+        infos[f"_{key}"] = np.ones(n, bool) if mask is None else mask.copy()
+    return infos
+
+
+def add_failures(infos: dict[str, Any], episodes: Episodes, terminated: Mask) -> None:
+    """Add a sentence for each environment in which a component has failed."""
+    failed = episodes.failed & terminated
+    if failed.any():
+        texts = np.full(len(failed), None, object)
+        for row in np.flatnonzero(failed):
+            texts[row] = episodes.failure(int(row))
+        infos["failure"], infos["_failure"] = texts, failed
+
+
+def final(
+    infos: Mapping[str, Any],
+    observations: NDArray[np.float32],
+    ended: Mask,
+    begun: Mapping[str, NDArray[Any]],
+) -> dict[str, Any]:
+    """Move infos of episodes that have ended to "final_info", and add "final_obs"."""
+    n = len(ended)
+    last = {k: v for k, v in infos.items() if not k.startswith("_")}
+    result: dict[str, Any] = {}
+    for key, values in last.items():
+        mine = infos[f"_{key}"] & ~ended
+        if key in begun:
+            shaped = ended.reshape(n, *(1,) * (np.ndim(values) - 1))
+            result[key] = np.where(shaped, begun[key], values)
+            result[f"_{key}"] = np.ones(n, bool)
+        elif mine.any():
+            result[key], result[f"_{key}"] = values, mine
+    kept = np.full(n, None, object)
+    for row in np.flatnonzero(ended):
+        kept[row] = observations[row].copy()
+    result["final_obs"], result["_final_obs"] = kept, ended.copy()
+    inner = {}
+    for key, values in last.items():
+        inner[key], inner[f"_{key}"] = values, infos[f"_{key}"] & ended
+    result["final_info"], result["_final_info"] = inner, ended.copy()
+    return result

@@ -1,0 +1,73 @@
+"""What a connection or a mapping does to a value on its way: convert its unit, then factor, offset."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from xml.etree.ElementTree import Element as Xml
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.units import Unit
+from uuvsim_cosim.orchestrator.ssp_xml import boolean, float_of
+from uuvsim_cosim.orchestrator.values import Misfit, conversion
+
+__all__ = ["PLAIN", "Transformation", "chained", "read_transformation"]
+
+
+@dataclass(frozen=True)
+class Transformation:
+    """The target gets factor · value + offset, after conversion into its unit if `convert`."""
+
+    factor: float = 1.0
+    offset: float = 0.0
+    convert: bool = True
+
+    @property
+    def scales(self) -> bool:
+        """Say whether there is a factor or an offset."""
+        return (self.factor, self.offset) != (1.0, 0.0)
+
+
+PLAIN = Transformation()
+
+
+def read_transformation(xml: Xml, place: str) -> Transformation:
+    """Read that of a connection or an entry of a mapping; raises InputInvalid."""
+    convert = not boolean(xml.get("suppressUnitConversion"))
+    for child in xml:
+        kind = child.tag.rpartition("}")[2] if isinstance(child.tag, str) else ""
+        if kind == "LinearTransformation":
+            factor = float_of(child, "factor", place, 1.0)
+            return Transformation(factor, float_of(child, "offset", place, 0.0), convert)
+        if kind.endswith("Transformation"):
+            raise InputInvalid(
+                f"{place}: a {kind}; expected none, or a LinearTransformation: values of other "
+                "kinds are not mapped"
+            )
+    return Transformation(convert=convert)
+
+
+def chained(
+    first: Transformation,
+    second: Transformation,
+    units: tuple[str | None, str | None, str | None],
+    definitions: Mapping[str, Unit],
+) -> Transformation:
+    """Give what two on one way do, by the units at the start, between and at the end.
+
+    Raises Misfit for units that are not commensurable.
+    """
+    if not first.scales and first.convert and second.convert:
+        return second
+    start, middle, end = units
+    if middle is None:  # the value between has the unit that it came with
+        middle = start
+    factor, offset = 1.0, 0.0
+    for step, a, b in ((first, start, middle), (second, middle, end)):
+        if step.convert and a is not None and b is not None:
+            pair = conversion(a, b, definitions)
+            if pair is None:
+                raise Misfit(f"unit {a!r} to unit {b!r}", "equal or commensurable units")
+            factor, offset = factor * pair[0], offset * pair[0] + pair[1]
+        factor, offset = factor * step.factor, offset * step.factor + step.offset
+    return Transformation(factor, offset, convert=False)

@@ -1,0 +1,218 @@
+"""Metrics as text: ``rms(wrap(hull.eta[6] - navigation.eta[6]))`` becomes a tree, or a sentence."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from fractions import Fraction
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.fmus.description import Description
+from uuvsim_cosim.orchestrator.endpoints import resolve_endpoint
+from uuvsim_cosim.orchestrator.values import Misfit
+from uuvsim_cosim.studies.metric_nodes import (
+    POINTWISE,
+    REDUCTIONS,
+    Courses,
+    Node,
+    Number,
+    Operation,
+    Pointwise,
+    Reduction,
+    Signal,
+)
+
+__all__ = ["Metric", "ReadMetric", "read_metric"]
+
+_TOKEN = re.compile(
+    r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
+    r"|(?P<name>[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*(?:\[[^\[\]]*\])?)|(?P<sign>[-+*/()<>,]))"
+)
+FUNCTIONS = (*POINTWISE, *REDUCTIONS)
+
+
+@dataclass(frozen=True)
+class Metric:
+    """What a run is judged by: an expression, over the samples from `after` to `until` [s]."""
+
+    expression: str
+    after: Fraction = Fraction(0)
+    until: Fraction | None = None
+
+
+@final
+@dataclass(frozen=True)
+class ReadMetric:
+    """A metric whose names have been found in a system."""
+
+    name: str
+    metric: Metric
+    root: Node
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Name its numbers: by its name, and by the element if there are several."""
+        if self.root.size == 1:
+            return (self.name,)
+        return tuple(f"{self.name}[{i + 1}]" for i in range(self.root.size))
+
+    def value(self, time: NDArray[np.float64], courses: Courses) -> list[float]:
+        """Give its numbers from the courses of one run; NaN if no sample is in its window."""
+        end = time[-1] if self.metric.until is None else float(self.metric.until)
+        inside = (time >= float(self.metric.after)) & (time <= end)
+        if not inside.any():
+            return [np.nan] * self.root.size
+        cut = {k: v[inside] for k, v in courses.items()}
+        return [float(x) for x in self.root.value(time[inside], cut)]
+
+
+def read_metric(name: str, metric: Metric, descriptions: Mapping[str, Description]) -> ReadMetric:
+    """Read an expression; raises InputInvalid with the place in it and what would be right."""
+    parser = _Parser(metric.expression, descriptions)
+    root = parser.whole()
+    if root.course:
+        raise InputInvalid(
+            f"{metric.expression!r} is a course over time; expected a number of it, such as "
+            f"rms({metric.expression})"
+        )
+    return ReadMetric(name, metric, root)
+
+
+class _Parser:
+    """Recursive descent: sum, product, sign, atom; comparisons bind weakest."""
+
+    def __init__(self, text: str, descriptions: Mapping[str, Description]) -> None:
+        self.text = text
+        self.descriptions = descriptions
+        self.tokens: list[tuple[str, str, int]] = []
+        at = 0
+        while text[at:].strip():
+            match = _TOKEN.match(text, at)
+            if match is None:
+                rest = text[at:].lstrip()
+                raise self._wrong(f"{rest[:12]!r}", "a name, a number, ( ) + - * / < >",
+                                  len(text) - len(rest))  # fmt: skip
+            kind = str(match.lastgroup)
+            self.tokens.append((kind, match[kind], match.start(kind)))
+            at = match.end()
+        self.at = 0
+
+    def whole(self) -> Node:
+        node = self._comparison()
+        if self._peek():
+            raise self._wrong(f"{self._peek()!r}", "an operator, or the end")
+        return node
+
+    def _comparison(self) -> Node:
+        left = self._sum()
+        if self._peek() in ("<", ">"):
+            return self._both(self._next(), left, self._sum())
+        return left
+
+    def _sum(self) -> Node:
+        node = self._product()
+        while self._peek() in ("+", "-"):
+            node = self._both(self._next(), node, self._product())
+        return node
+
+    def _product(self) -> Node:
+        node = self._signed()
+        while self._peek() in ("*", "/"):
+            node = self._both(self._next(), node, self._signed())
+        return node
+
+    def _signed(self) -> Node:
+        if self._peek() == "-":
+            self._next()
+            return self._both("*", Number(1, False, "1", -1.0), self._signed())
+        return self._atom()
+
+    def _atom(self) -> Node:
+        if self.at == len(self.tokens):
+            raise self._wrong("the end", "a name, a number, a function or (")
+        kind, token, _ = self.tokens[self.at]
+        if kind == "number":
+            self._next()
+            return Number(1, False, "1", float(token))
+        if token == "(":
+            self._next()
+            node = self._comparison()
+            self._must(")")
+            return node
+        if kind != "name":
+            raise self._wrong(f"{token!r}", "a name, a number, a function or (")
+        following = self.tokens[self.at + 1][1] if self.at + 1 < len(self.tokens) else ""
+        return self._call(token) if following == "(" else self._signal(token)
+
+    def _call(self, name: str) -> Node:
+        if name not in FUNCTIONS:
+            near = get_close_matches(name, FUNCTIONS, 1, 0.5) or FUNCTIONS
+            raise self._wrong(f"function {name!r}", f"one of {', '.join(near)}")
+        begin = self.at
+        self._next()
+        self._must("(")
+        of = self._comparison()
+        q = 0.5
+        if name == "quantile":
+            self._must(",")
+            number = self._signed()
+            q = float(number.value(np.zeros(1), {})[0]) if not number.course else -1.0
+            if not 0.0 <= q <= 1.0:
+                raise self._wrong("the second argument of quantile", "a number in [0, 1]", begin)
+        self._must(")")
+        if name in POINTWISE:
+            unit = of.unit if name != "sqrt" else None
+            return Pointwise(1 if name == "norm" else of.size, of.course, unit, name, of)
+        if not of.course:
+            raise self._wrong(f"{name} of a number", "a signal over time", begin)
+        unit = None if name == "integral" else of.unit
+        return Reduction(of.size, False, "1" if name == "share" else unit, name, of, q)
+
+    def _signal(self, text: str) -> Node:
+        try:
+            point = resolve_endpoint(text, self.descriptions)
+        except Misfit as misfit:
+            near = "" if "." in text else f", or a function: {', '.join(FUNCTIONS)}"
+            raise self._wrong(misfit.read, misfit.expected + near) from None
+        v = point.variable
+        if v.type in ("String", "Binary", "Clock"):
+            raise self._wrong(f"{text} is a {v.type}", "a number")
+        units = {v.unit_of_element(i) for i in point.elements}
+        self._next()
+        unit = (units.pop() or "1") if len(units) == 1 else None
+        return Signal(len(point.elements), True, unit, f"{point.element}.{v.name}", point.elements)
+
+    def _both(self, sign: str, a: Node, b: Node) -> Node:
+        if 1 not in (a.size, b.size) and a.size != b.size:
+            raise self._wrong(f"{a.size} {sign} {b.size} elements", "equally many, or one of them")
+        unit: str | None = "1"
+        if sign in "+-":
+            unit = a.unit if a.unit == b.unit else None
+        elif sign in "*/":
+            unit = a.unit if b.unit == "1" else b.unit if (a.unit, sign) == ("1", "*") else None
+            unit = "1" if sign == "/" and a.unit == b.unit is not None else unit
+        return Operation(max(a.size, b.size), a.course or b.course, unit, sign, a, b)
+
+    def _peek(self) -> str:
+        return self.tokens[self.at][1] if self.at < len(self.tokens) else ""
+
+    def _next(self) -> str:
+        self.at += 1
+        return self.tokens[self.at - 1][1]
+
+    def _must(self, sign: str) -> None:
+        if self._peek() != sign:
+            raise self._wrong(repr(self._peek()) if self._peek() else "the end", repr(sign))
+        self._next()
+
+    def _wrong(self, read: str, expected: str, at: Any = None) -> InputInvalid:
+        tokens = getattr(self, "tokens", [])
+        i = getattr(self, "at", 0)
+        place = at if at is not None else tokens[i][2] if i < len(tokens) else len(self.text)
+        return InputInvalid(f"{self.text!r}, character {place + 1}: {read}; expected {expected}")

@@ -1,0 +1,210 @@
+"""Runs are simulated and judged: by a kernel, many at a time, or by a master, one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, Protocol, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.errors import ComponentFailed, LoopNotConverged, UuvsimError
+from uuvsim_cosim.orchestrator.flatten import flatten
+from uuvsim_cosim.orchestrator.master import Master
+from uuvsim_cosim.orchestrator.prepared import prepare
+from uuvsim_cosim.orchestrator.system import System
+from uuvsim_cosim.studies.metric import ReadMetric
+
+__all__ = ["KernelRuns", "MasterRuns", "Outcome", "Script", "Simulated"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Script:
+    """What is done in every run; `every` communication steps the signals are sampled."""
+
+    system: System
+    steps: int
+    every: int
+    metrics: tuple[ReadMetric, ...]
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Name the variables that metrics read."""
+        return tuple(dict.fromkeys(s for m in self.metrics for s in m.root.signals()))
+
+    @property
+    def ticks(self) -> list[int]:
+        """Give the communication points that are sampled; the last is the end."""
+        return [*range(0, self.steps, self.every), self.steps]
+
+    @property
+    def time(self) -> Array:
+        """Give their times [s], as the master labels them."""
+        tick = Fraction(self.system.tick)
+        return np.array([k * tick.numerator for k in self.ticks]) / float(tick.denominator)
+
+    def judged(self, courses: Mapping[str, Array]) -> list[float]:
+        """Give the numbers of all metrics from the courses of one run."""
+        return [x for m in self.metrics for x in m.value(self.time, courses)]
+
+    @property
+    def n_numbers(self) -> int:
+        """Give how many numbers a run is judged by."""
+        return sum(m.root.size for m in self.metrics)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The numbers of a run, or the sentence of its failure."""
+
+    numbers: list[float]
+    failure: str | None = None
+
+
+Starts = Mapping[str, NDArray[Any]]
+
+
+class Simulated(Protocol):
+    """What simulates runs, and judges them."""
+
+    def runs(self, seeds: Sequence[int], start: Starts) -> list[Outcome]:
+        """Simulate runs with these system seeds and start values, of shape (n, *shape)."""
+
+    def close(self) -> None:
+        """Free everything."""
+
+
+@final
+class MasterRuns:
+    """One master; each run is a reset of it."""
+
+    def __init__(self, script: Script) -> None:
+        self.script = script
+        self._plan = flatten(script.system)
+        self._instantiate = prepare(self._plan, "native")
+        self._master: Master | None = None
+        self._paths = sorted((c.path for c in self._plan.components), key=len, reverse=True)
+
+    def runs(self, seeds: Sequence[int], start: Starts) -> list[Outcome]:
+        """Simulate one after the other."""
+        return [self._run(int(s), {k: v[i] for k, v in start.items()}) for i, s in enumerate(seeds)]
+
+    def close(self) -> None:
+        """Free the master."""
+        if self._master is not None:
+            self._master.free()
+            self._master = None
+
+    def _run(self, seed: int, start: Mapping[str, Any]) -> Outcome:
+        script = self.script
+        try:
+            if self._master is None:
+                self._master = Master(self._plan, self._instantiate)
+                self._master.initialize()
+            master = self._master
+            master.reset(seed, self._by_component(start))
+            points = [self._split(name) for name in script.signals]
+            sampled: list[list[Array]] = [[] for _ in points]
+            reached = 0
+            for k in script.ticks:
+                if k > reached:
+                    master.step(k - reached)
+                    reached = k
+                for values, (path, own) in zip(sampled, points, strict=True):
+                    values.append(np.array(master.get(path, own), dtype=float).reshape(-1))
+        except (ComponentFailed, LoopNotConverged) as error:
+            if any(c.description.kind != "native" for c in self._plan.components):
+                self.close()  # an FMU in error may refuse a reset; ours copy their whole state
+            return Outcome([np.nan] * script.n_numbers, str(error))
+        courses = {n: np.array(v) for n, v in zip(script.signals, sampled, strict=True)}
+        return Outcome(script.judged(courses))
+
+    def _split(self, name: str) -> tuple[str, str]:
+        path = next(p for p in self._paths if name.startswith(f"{p}."))
+        return path, name[len(path) + 1 :]
+
+    def _by_component(self, start: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+        found: dict[str, dict[str, Any]] = {}
+        variables = {c.path: c.description.variables for c in self._plan.components}
+        for name, value in start.items():
+            path, own = self._split(name)
+            kind = variables[path][own].type
+            dtype = {"Float64": float, "Float32": np.float32, "Boolean": bool}.get(kind, np.int64)
+            array = np.asarray(value).astype(dtype)
+            found.setdefault(path, {})[own] = array if array.ndim else array.item()
+        return found
+
+
+@final
+class KernelRuns:
+    """A batch of a kernel; raises SystemInvalid for a system that cannot be fused."""
+
+    def __init__(self, script: Script, n: int, threads: int) -> None:
+        from uuvsim_cosim.kernels import fuse
+
+        self.script = script
+        self._n, self._threads = n, threads
+        self._kernel = fuse(script.system)
+        self._batch: Any = None
+        self._master: MasterRuns | None = None
+
+    def runs(self, seeds: Sequence[int], start: Starts) -> list[Outcome]:
+        """Simulate side by side; places that are left over repeat the last run."""
+        n = len(seeds)
+        if n > self._n:
+            head, tail = {}, {}
+            for k, v in start.items():
+                head[k], tail[k] = v[: self._n], v[self._n :]
+            return self.runs(seeds[: self._n], head) + self.runs(seeds[self._n :], tail)
+        place = np.minimum(np.arange(self._n), n - 1)
+        filled = {k: np.asarray(v)[place] for k, v in start.items()}
+        words = [int(seeds[i]) % 2**64 for i in place]
+        if self._batch is None:
+            self._batch = self._first()
+        batch = self._batch
+        batch.reset(seeds=words, start=filled, check=False)
+        script, signals = self.script, self.script.signals
+        ticks = script.ticks
+        sampled = [np.empty((len(ticks), self._n, batch.variables[s].size)) for s in signals]
+        for j, tick in enumerate(ticks):
+            if j:
+                batch.step(tick - ticks[j - 1], check=False)
+            for values, name in zip(sampled, signals, strict=True):
+                values[j] = batch.get(name).reshape(self._n, -1)
+        failed = batch.failed
+        return [
+            self._failure(i, int(seeds[i]), {k: v[i : i + 1] for k, v in start.items()})
+            if failed[i]
+            else Outcome(script.judged({s: v[:, i] for s, v in zip(signals, sampled, strict=True)}))
+            for i in range(n)
+        ]
+
+    def close(self) -> None:
+        """End the threads."""
+        if self._batch is not None:
+            self._batch.close()
+            self._batch = None
+        if self._master is not None:
+            self._master.close()
+
+    def _first(self) -> Any:
+        try:
+            return self._kernel.batch(self._n, threads=self._threads)
+        except ComponentFailed as error:
+            raise UuvsimError(
+                f"{self.script.system.name}: fails as it is given, before any parameter is varied: "
+                f"{error}"
+            ) from error
+
+    def _failure(self, i: int, seed: int, start: Starts) -> Outcome:
+        """Say what the master says of a run that failed, which names more than the kernel."""
+        if self._master is None:
+            self._master = MasterRuns(self.script)
+        said = self._master.runs([seed], start)[0]
+        if said.failure is not None:
+            return said
+        return Outcome([np.nan] * self.script.n_numbers, str(self._batch.failure(i)))

@@ -1,0 +1,272 @@
+"""A study: a system run many times under drawn or gridded parameters, judged by metrics.
+
+>>> Study(
+...     uuv.load("bluerov2_hold"),
+...     duration="20",
+...     metrics={"error": "rms(norm(hull.eta[1:3] - guidance.eta_d[1:3]))"},
+...     parameters=[Vary("hull.m", Uniform(13.0, 14.0))],
+...     grid=[Vary("hull.v_c[1]", Choice([0.0, 0.2, 0.4]))],
+...     seeds=16,
+... ).run("studies/hold")  # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from fractions import Fraction
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal, final
+
+import numpy as np
+
+from uuvsim_cosim._version import __version__
+from uuvsim_cosim.cache import content_hash
+from uuvsim_cosim.envs.distributions import Choice
+from uuvsim_cosim.envs.randomisation import Randomisation, Vary
+from uuvsim_cosim.envs.randomisation_targets import Places
+from uuvsim_cosim.errors import InputInvalid, SystemInvalid
+from uuvsim_cosim.orchestrator.snapshot import plan_hash
+from uuvsim_cosim.orchestrator.system import System
+from uuvsim_cosim.studies.metric import Metric, read_metric
+from uuvsim_cosim.studies.simulate_runs import KernelRuns, MasterRuns, Script, Simulated
+from uuvsim_cosim.studies.study_folder import StudyFolder
+from uuvsim_cosim.studies.study_result import StudyResult, result_of
+from uuvsim_cosim.studies.study_runs import Runs
+
+__all__ = ["Study", "StudyInterrupted"]
+
+Backend = Literal["auto", "kernel", "master"]
+Progress = Callable[[str, float, float], None]
+MEMORY = 192e6  # bytes of sampled signals in a batch
+PARTS = 12  # about as many as a study is kept in
+
+
+class StudyInterrupted(KeyboardInterrupt):
+    """Ctrl-C; what is finished is kept, and the same study goes on from there."""
+
+
+@final
+class Study:
+    """What is to be run, checked as a whole; `run` does it.
+
+    `duration` and `every` (the sampling of metrics, by default each communication step) are whole
+    numbers of communication steps [s]. `seeds` is a number of them (0, 1, …) or a list.
+    Raises SystemInvalid or InputInvalid with what is wrong.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        *,
+        duration: Fraction | str | float,
+        metrics: Mapping[str, str | Metric],
+        parameters: Randomisation | Iterable[Vary] = (),
+        grid: Iterable[Vary] = (),
+        seeds: int | Sequence[int] = 1,
+        every: Fraction | str | float | None = None,
+        name: str = "",
+        output: str | Path | None = None,
+    ) -> None:
+        self.system = system
+        self.name = name or system.name
+        self.output = Path(output) if output is not None else Path("studies") / self.name
+        tick = system.base_step
+        self.duration = Fraction(str(duration))
+        self.every = tick if every is None else Fraction(str(every))
+        for what, value in (("duration", self.duration), ("every", self.every)):
+            if value <= 0 or (value / tick).denominator != 1:
+                raise InputInvalid(
+                    f"{what}: {float(value):g} s; expected a whole number of communication steps "
+                    f"of {float(tick):g} s"
+                )
+        self.seeds = _seeds(seeds)
+        drawn = parameters if isinstance(parameters, Randomisation) else Randomisation(parameters)
+        self.drawn = drawn.bound(system)
+        self.grid = tuple(grid)
+        for axis in self.grid:
+            if not isinstance(axis.distribution, Choice):
+                raise InputInvalid(f"grid: {axis.name} has {axis.distribution!r}; expected Choice")
+        self._places = Places(system)
+        descriptions = {c.path: c.description for c in self._places.plan.components}
+        self.metrics = {k: v if isinstance(v, Metric) else Metric(v) for k, v in metrics.items()}
+        if not self.metrics:
+            raise InputInvalid("metrics: none; expected at least one, such as final(hull.eta)")
+        read = tuple(read_metric(k, v, descriptions) for k, v in self.metrics.items())
+        steps = int(self.duration / tick)
+        self.script = Script(system, steps, int(self.every / tick), read)
+        self._check_windows()
+        self.runs = Runs(self.drawn, self.grid, self.seeds, self._places)
+        _ = self.runs.start
+        twice = [c for c in self.metrics if c in self.runs.columns()]
+        if twice:
+            raise InputInvalid(f"metrics: {twice[0]!r} names a parameter too; expected a new name")
+
+    @classmethod
+    def read(cls, path: str | Path) -> Study:
+        """Read a study file; raises InputInvalid with every mistake and its line."""
+        from uuvsim_cosim.studies.study_file import read_study
+
+        return read_study(Path(path))
+
+    def run(
+        self,
+        out: str | Path | None = None,
+        *,
+        jobs: int | None = None,
+        restart: bool = False,
+        backend: Backend = "auto",
+        batch: int | None = None,
+        progress: Progress | None = None,
+    ) -> StudyResult:
+        """Run what has not been run yet into a folder, by default `output`.
+
+        A fused kernel runs many at once in `jobs` threads; what cannot be fused, masters run in
+        `jobs` processes. Results have the same bits either way, for every `jobs` and `batch`.
+        Raises StudyInterrupted on Ctrl-C; then the same call goes on from there.
+        """
+        jobs = (os.cpu_count() or 1) if jobs is None else jobs
+        if jobs < 1 or (batch is not None and batch < 1):
+            raise InputInvalid(f"jobs {jobs}, batch {batch}; expected at least 1")
+        folder = StudyFolder(Path(out) if out is not None else self.output, self.asked, restart)
+        began = time.perf_counter()
+        done = folder.done()
+        resumed = len(done)
+        left = [r for r in range(self.runs.n) if r not in done]
+        remarks = list(self.drawn.remarks)
+        used = ""
+        if left:
+            if progress is not None:
+                progress("building", 0, 1)
+            simulated, used, why = self._simulated(backend, jobs, len(left), batch)
+            remarks += [why] if why else []
+            try:
+                self._run(simulated, left, folder, used, batch, progress)
+            except KeyboardInterrupt:
+                count = len(folder.done())
+                raise StudyInterrupted(
+                    f"interrupted; {count} of {self.runs.n} runs are kept in {folder.path}, "
+                    "and the same command goes on from there"
+                ) from None
+            finally:
+                for each in simulated:
+                    each.close()
+        wall = time.perf_counter() - began
+        return result_of(self, folder, remarks, backend=used, resumed=resumed, wall_time=wall)
+
+    @property
+    def asked(self) -> dict[str, Any]:
+        """Give what makes it this study and no other."""
+        plan = self._places.plan
+        start = [
+            f"{c.path} {v.name} {np.asarray(c.start.get(v.name, v.start)).tolist()!r}"
+            for c in plan.components
+            for v in c.description.of("parameter", "structuralParameter", "input")
+        ]
+        files = [Path(c.source.rpartition(":")[0] or c.source) for c in plan.components]
+        own = [f.read_bytes() for f in files if f.suffix == ".py" and f.is_file()]
+        return {
+            "system": self.system.name,
+            "version of the system": content_hash([plan_hash(plan), *start, *own]),
+            "duration": str(self.duration),
+            "every": str(self.every),
+            "metrics": {
+                k: [m.expression, str(m.after), None if m.until is None else str(m.until)]
+                for k, m in self.metrics.items()
+            },
+            "parameters": [repr(v) for v in self.drawn.parameters],
+            "correlation": [[*k, v] for k, v in self.drawn.correlation.items()],
+            "grid": [repr(v) for v in self.grid],
+            "seeds": list(self.seeds),
+            "uuvsim-cosim": __version__,
+        }
+
+    # ---- inside ---------------------------------------------------------------------------
+
+    def _check_windows(self) -> None:
+        for name, m in self.metrics.items():
+            end = self.duration if m.until is None else m.until
+            if not 0 <= m.after < end <= self.duration:
+                raise InputInvalid(
+                    f"metrics.{name}: from {float(m.after):g} to {float(end):g} s; expected a "
+                    f"window within 0 to {float(self.duration):g} s"
+                )
+
+    @cached_property
+    def _most(self) -> int:
+        """Give how many runs fit into memory at once."""
+        width = sum(self._places.variables[s].size for s in self.script.signals)
+        return max(8, int(MEMORY / (8 * len(self.script.ticks) * max(width, 1))) // 8 * 8)
+
+    def _simulated(
+        self, backend: Backend, jobs: int, n: int, batch: int | None
+    ) -> tuple[list[Simulated], str, str]:
+        """Give what simulates, its name, and why it is not a kernel."""
+        why = ""
+        if backend != "master":
+            size = batch or min(self._most, max(8, 8 * math.ceil(n / PARTS / 8)), 512)
+            try:
+                return [KernelRuns(self.script, min(size, n), jobs)], "kernel", ""
+            except SystemInvalid as error:
+                if backend == "kernel":
+                    raise
+                why = f"run by masters, since it cannot be fused: {error.problems[0]}"
+        if min(jobs, n) == 1:
+            return [MasterRuns(self.script)], "master", why
+        from uuvsim_cosim.orchestrator.master import Master
+        from uuvsim_cosim.orchestrator.prepared import prepare
+        from uuvsim_cosim.studies.worker import ProcessRuns
+
+        plan = self._places.plan
+        Master(plan, prepare(plan, "native")).free()  # compiled once, and not in every process
+        made: list[Simulated] = []
+        try:
+            while len(made) < min(jobs, n):
+                made.append(ProcessRuns(self.script))
+        except BaseException:
+            for each in made:
+                each.close()
+            raise
+        return made, "master", why
+
+    def _run(
+        self, simulated: list[Simulated], left: list[int], folder: StudyFolder, used: str,
+        batch: int | None, progress: Progress | None,
+    ) -> None:  # fmt: skip
+        from uuvsim_cosim.studies.share import share
+
+        most = batch or min(self._most, max(8, 8 * math.ceil(len(left) / PARTS / 8)), 512)
+        if used == "master":
+            most = batch or max(1, min(16, len(left) // (4 * len(simulated))))
+        chunks = [left[i : i + most] for i in range(0, len(left), most)]
+        count = self.runs.n - len(left)
+        start = self.runs.start
+
+        def work(each: Simulated, chunk: list[int]) -> list[int]:
+            rows = {k: v[chunk] for k, v in start.items()}
+            folder.keep(chunk, each.runs([self.runs.seed(r) for r in chunk], rows))
+            return chunk
+
+        if progress is not None:
+            progress("running", count, self.runs.n)
+        for chunk in share(work, simulated, chunks):
+            count += len(chunk)
+            if progress is not None:
+                progress("running", count, self.runs.n)
+
+
+def _seeds(given: int | Sequence[int]) -> tuple[int, ...]:
+    if isinstance(given, int) and not isinstance(given, bool):
+        if given < 1:
+            raise InputInvalid(f"seeds: {given}; expected at least 1, or a list of seeds")
+        return tuple(range(given))
+    listed = tuple(given) if isinstance(given, Sequence) and not isinstance(given, str) else ()
+    whole = [s for s in listed if isinstance(s, int) and not isinstance(s, bool)]
+    if not listed or len(whole) != len(listed) or len(set(listed)) != len(listed):
+        raise InputInvalid(
+            f"seeds: {given!r}; expected a number of them, or distinct whole numbers"
+        )
+    return listed
