@@ -5,7 +5,9 @@ Run by peers.py in a process of its own, so that no engine disturbs, or ends, an
 
 from __future__ import annotations
 
+import copy
 import ctypes
+import itertools
 import json
 import sys
 import tempfile
@@ -218,7 +220,7 @@ def toolbox(fmu: Path, n: int, steps: int, record: bool) -> Result:
         described = {
             "name": "container.fmu", "fmu": names, "step_size": H, "auto_link": False,
             "auto_input": False, "auto_output": False, "mt": False,
-            "link": [[a, "y", b, "u"] for a, b in zip(names, names[1:], strict=False)],
+            "link": [[a, "y", b, "u"] for a, b in itertools.pairwise(names)],
             "input": [["u", names[0], "u"]],
             "output": [[name, "y", f"y_{i}"] for i, name in enumerate(names)],
         }  # fmt: skip
@@ -234,7 +236,11 @@ def fmpy_container(fmu: Path, n: int, steps: int, record: bool) -> Result:
     from fmpy.container_fmu.cli import create_container_fmu
     from fmpy.container_fmu.config import Component, Configuration, Connection
     from fmpy.model_description import (
-        CoSimulation, DefaultExperiment, ModelDescription, ModelVariable, Unknown,
+        CoSimulation,
+        DefaultExperiment,
+        ModelDescription,
+        ModelVariable,
+        Unknown,
     )  # fmt: skip
 
     if record:
@@ -242,6 +248,9 @@ def fmpy_container(fmu: Path, n: int, steps: int, record: bool) -> Result:
     described = fmpy.read_model_description(str(fmu))
     inner = {v.name: v for v in described.modelVariables}
     components = [Component(f"lag_{i}", fmu, described) for i in range(n)]
+    # Connections want FMI 3.0's word for the type.
+    y, u_inside = (copy.copy(inner[name]) for name in "yu")
+    y.type = u_inside.type = "Float64"
     u = ModelVariable(name="u", type="Real", causality="input", valueReference=0, start="1.0",
                       variability="continuous")  # fmt: skip
     outputs = [
@@ -249,19 +258,21 @@ def fmpy_container(fmu: Path, n: int, steps: int, record: bool) -> Result:
                       variability="continuous")
         for i in range(n)
     ]  # fmt: skip
+    now = ModelVariable(name="time", type="Real", causality="independent", valueReference=0,
+                        variability="continuous")  # fmt: skip
     outer = ModelDescription(
         fmiVersion="2.0", modelName="container", instantiationToken="{peers}",
         coSimulation=CoSimulation(modelIdentifier="container_fmu", fixedInternalStepSize=H),
         defaultExperiment=DefaultExperiment(stepSize=str(H)),
-        modelVariables=[u, *outputs], outputs=[Unknown(variable=v) for v in outputs],
+        modelVariables=[now, u, *outputs], outputs=[Unknown(variable=v) for v in outputs],
     )  # fmt: skip
     mappings = {id(u): [(components[0], inner["u"])]}
     mappings |= {id(v): [(c, inner["y"])] for v, c in zip(outputs, components, strict=True)}
     configuration = Configuration(
         parallelDoStep=False, modelDescription=outer, components=components,
         connections=[
-            Connection(a, [inner["y"]], b, [inner["u"]])
-            for a, b in zip(components, components[1:], strict=False)
+            Connection(a, [y], b, [u_inside])
+            for a, b in itertools.pairwise(components)
         ],
         variableMappings={v: mappings[id(v)] for v in [u, *outputs]},
     )  # fmt: skip
@@ -288,7 +299,6 @@ def _container(file: Path, n: int, steps: int) -> Result:
         )  # fmt: skip
         slave.instantiate()
         slave.setupExperiment(startTime=0.0)
-        slave.setReal([reference["u"]], [1.0])
         slave.enterInitializationMode()
         slave.setReal([reference["u"]], [1.0])
         slave.exitInitializationMode()

@@ -26,12 +26,21 @@ void turnstile_set(turnstile *t, uint32_t count) {
         syscall(SYS_futex, &t->count, FUTEX_WAKE, 1, NULL, NULL, 0);
 }
 
-int turnstile_wait(turnstile *t, uint32_t seen, uint32_t spins, double seconds) {
-    const struct timespec time = {(time_t)seconds, (long)((seconds - (double)(time_t)seconds) * 1e9)};
-    for (uint32_t i = 0; i < spins; i++) {
-        if (__atomic_load_n(&t->count, __ATOMIC_ACQUIRE) != seen) return 1;
+int turnstile_spin(const turnstile *t, uint32_t seen, patience *p) {
+    const uint32_t spins = p->waits++ % 256 ? p->spins : p->limit; /* now and then it is tried anew */
+    for (uint32_t i = 0; i <= spins; i++) {
+        if (__atomic_load_n(&t->count, __ATOMIC_ACQUIRE) != seen) {
+            p->spins = p->limit;
+            return 1;
+        }
         pause_briefly();
     }
+    p->spins /= 2;
+    return 0;
+}
+
+int turnstile_sleep(turnstile *t, uint32_t seen, double seconds) {
+    const struct timespec time = {(time_t)seconds, (long)((seconds - (double)(time_t)seconds) * 1e9)};
     if (seconds <= 0.0) return __atomic_load_n(&t->count, __ATOMIC_ACQUIRE) != seen;
     /* Whoever counts up after this store sees it and wakes; who did before is seen by the kernel. */
     __atomic_store_n(&t->asleep, 1, __ATOMIC_SEQ_CST);
@@ -50,8 +59,13 @@ static void unmap(void *p, size_t size) { munmap(p, size); }
 #else
 void turnstile_set(turnstile *t, uint32_t count) { t->count = count; }
 
-int turnstile_wait(turnstile *t, uint32_t seen, uint32_t spins, double seconds) {
-    (void)spins, (void)seconds;
+int turnstile_spin(const turnstile *t, uint32_t seen, patience *p) {
+    (void)p;
+    return t->count != seen;
+}
+
+int turnstile_sleep(turnstile *t, uint32_t seen, double seconds) {
+    (void)seconds;
     return t->count != seen;
 }
 
@@ -132,14 +146,22 @@ UUV_CORE_API int uuv_exchange_map(uuv_exchange *e, int fd, uint32_t n_in, uint32
     return 1;
 }
 
-/* How to wait for the process that answers (0: this one does). */
+/* How to wait for the process that answers (0: this one does, from the next request on). */
 UUV_CORE_API void uuv_exchange_waits(uuv_exchange *e, int64_t child, double watchdog, uint32_t spins) {
     e->child = child;
     e->watchdog = watchdog;
-    e->spins = spins;
+    e->seen = e->shared->request.count;
+    e->patience = (patience){spins, spins, 0};
+}
+
+/* Gives the memory up; whoever steps it still is told that the child has died. */
+UUV_CORE_API void uuv_exchange_close(uuv_exchange *e) {
+    if (e->shared) unmap(e->shared, e->size);
+    e->shared = NULL;
+    if (e->trouble == EXCHANGE_FINE || e->trouble == EXCHANGE_FAILED) e->trouble = EXCHANGE_DIED;
 }
 
 UUV_CORE_API void uuv_exchange_free(uuv_exchange *e) {
-    if (e && e->shared) unmap(e->shared, e->size);
+    if (e) uuv_exchange_close(e);
     free(e);
 }

@@ -27,6 +27,12 @@ typedef struct {
     uint32_t messages; /* of the component, that wait to be fetched */
 } exchange;
 
+/* How long it is worth spinning: where the other side was not in time, it is less the next time,
+ * so that many processes on few cores do not take them from each other. */
+typedef struct {
+    uint32_t limit, spins, waits;
+} patience;
+
 enum exchange_trouble { EXCHANGE_FINE = 0, EXCHANGE_FAILED, EXCHANGE_DIED, EXCHANGE_LATE };
 
 /* One process's end of it. */
@@ -35,16 +41,19 @@ typedef struct {
     uuv_slot *in, *out;
     char *in_texts, *out_texts;
     size_t size, text_room;
-    uint32_t n_in, n_out, spins, seen;
+    uint32_t n_in, n_out, seen;
+    patience patience;
     int64_t child;   /* process that answers, or 0 in the child itself */
     double watchdog; /* seconds to answer in, or 0 for ever */
     int read;        /* the outputs in `out` are those of the component as it is now */
     int trouble;
 } uuv_exchange;
 
-/* Counts up and wakes; gives 1 if `count` differs from `seen`, 0 after about `seconds`. */
+/* Counts up and wakes. */
 void turnstile_set(turnstile *t, uint32_t count);
-int turnstile_wait(turnstile *t, uint32_t seen, uint32_t spins, double seconds);
+/* Both give 1 if `count` differs from `seen`; asleep, 0 after about `seconds`. */
+int turnstile_spin(const turnstile *t, uint32_t seen, patience *p);
+int turnstile_sleep(turnstile *t, uint32_t seen, double seconds);
 
 /* Copies between a process's slots and the shared ones; texts go in order. 0: no room, or memory. */
 int exchange_put(const uuv_exchange *e, uuv_slot *shared, char *texts, const uuv_slot *slots,

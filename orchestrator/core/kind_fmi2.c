@@ -24,7 +24,9 @@ static int fmi2_set(member *m, const uuv_slot *slots, uuv_failure *why) {
 
 static int fmi2_do_step(member *m, const uuv_slot *slots, double t, double h, uuv_failure *why) {
     (void)slots;
-    return accept(((fmi2DoStepTYPE *)m->do_step)(m->instance, t, h, fmi2False), UUV_CORE_DO_STEP, why);
+    /* fmi2True, as other masters say: some foreign FMUs stand still where it is not said. A snapshot
+     * that is restored later goes behind t all the same (docs/fmu.md). */
+    return accept(((fmi2DoStepTYPE *)m->do_step)(m->instance, t, h, fmi2True), UUV_CORE_DO_STEP, why);
 }
 
 static int fmi2_get(member *m, uuv_slot *slots, uuv_failure *why) {

@@ -38,7 +38,9 @@ static int fmi3_do_step(member *m, const uuv_slot *slots, double t, double h, uu
     fmi3Boolean event = fmi3False, terminate = fmi3False, early = fmi3False;
     fmi3Float64 reached = t;
     (void)slots;
-    const fmi3Status status = ((fmi3DoStepTYPE *)m->do_step)(m->instance, t, h, fmi3False, &event,
+    /* fmi3True, as other masters say: some foreign FMUs stand still where it is not said. A snapshot
+     * that is restored later goes behind t all the same (docs/fmu.md). */
+    const fmi3Status status = ((fmi3DoStepTYPE *)m->do_step)(m->instance, t, h, fmi3True, &event,
                                                              &terminate, &early, &reached);
     if (!accept(status, UUV_CORE_DO_STEP, why)) return 0;
     if (terminate) return failed(why, UUV_CORE_ENDED, (int)status, UUV_CORE_DO_STEP);

@@ -32,10 +32,10 @@ static const double SLICE = 0.02; /* seconds between two looks at whether the ch
 static int answered(uuv_exchange *e, uint32_t before) {
     turnstile *reply = &e->shared->reply;
     double begun = 0.0;
-    if (turnstile_wait(reply, before, e->spins, 0.0)) return 1;
+    if (turnstile_spin(reply, before, &e->patience)) return 1;
     for (begun = seconds_now(); e->trouble == EXCHANGE_FINE;) {
         const int gone = is_gone(e->child);
-        if (turnstile_wait(reply, before, 0, gone ? 0.0 : SLICE)) return 1;
+        if (turnstile_sleep(reply, before, gone ? 0.0 : SLICE)) return 1;
         if (gone)
             e->trouble = EXCHANGE_DIED;
         else if (e->watchdog > 0.0 && seconds_now() - begun >= e->watchdog)
@@ -71,6 +71,7 @@ static int lost(uuv_failure *why, int action) {
 
 static int shared_set(member *m, const uuv_slot *slots, uuv_failure *why) {
     const uuv_exchange *e = m->instance;
+    if (e->trouble >= EXCHANGE_DIED) return lost(why, UUV_CORE_SET);
     if (exchange_put(e, e->in, e->in_texts, slots, m->sets, m->n_sets)) return 1;
     return failed(why, UUV_CORE_NO_MEMORY, 0, UUV_CORE_SET);
 }
@@ -78,6 +79,7 @@ static int shared_set(member *m, const uuv_slot *slots, uuv_failure *why) {
 static int shared_do_step(member *m, const uuv_slot *slots, double t, double h, uuv_failure *why) {
     uuv_exchange *e = m->instance;
     (void)slots;
+    if (e->trouble >= EXCHANGE_DIED) return lost(why, UUV_CORE_DO_STEP);
     e->shared->t = t;
     e->shared->h = h;
     e->read = 0;
@@ -128,7 +130,12 @@ UUV_CORE_API void uuv_exchange_leave(uuv_exchange *e) {
     turnstile_set(&x->request, x->request.count + 1);
 }
 
-UUV_CORE_API int uuv_exchange_trouble(const uuv_exchange *e) { return e->trouble; }
+/* Why the last step failed, told once; that the child is gone is told again and again. */
+UUV_CORE_API int uuv_exchange_trouble(uuv_exchange *e) {
+    const int trouble = e->trouble;
+    if (trouble == EXCHANGE_FAILED) e->trouble = EXCHANGE_FINE;
+    return trouble;
+}
 
 UUV_CORE_API uint32_t uuv_exchange_messages(const uuv_exchange *e) {
     return e->shared ? e->shared->messages : 0;

@@ -48,9 +48,9 @@ static int obey(uuv_core *core, uuv_exchange *e, int command) {
 UUV_CORE_API void uuv_core_serve(uuv_core *core, uuv_exchange *e, int fd, const uint32_t *messages) {
     exchange *x = e->shared;
     for (;;) {
-        if (!turnstile_wait(&x->request, e->seen, e->spins, 0.5)) {
-            if (pipe_calls(fd)) return;
-            continue;
+        if (!turnstile_spin(&x->request, e->seen, &e->patience)) {
+            while (!turnstile_sleep(&x->request, e->seen, 0.5))
+                if (pipe_calls(fd)) return;
         }
         e->seen = __atomic_load_n(&x->request.count, __ATOMIC_ACQUIRE);
         if (x->command == EXCHANGE_LEAVE) return;

@@ -38,24 +38,33 @@ typedef struct {
 
 extern const kind kind_native, kind_fmi2, kind_fmi3, kind_callback, kind_shared;
 
-struct member {
-    const kind *kind;
-    void *instance, *do_step, *get;
+/* Of a member that is stepped without detours (straight.h): its one setter and its one getter. */
+typedef struct {
+    uint32_t version; /* of FMI: 2 or 3; 0: the member is none of these */
+    uint32_t alone, alone_source; /* the setter's one value comes from that slot */
+    uint32_t set_slot, n_set, n_set_references, get_slot, n_get, n_get_references;
+    void *set, *get;
+    const uint32_t *set_references, *get_references;
+} straight;
+
+struct member { /* what every step reads comes first */
+    straight straight;
+    void *instance, *do_step;
     uint64_t due; /* the communication point that its last step reached; its next step's start */
     uint64_t step_ticks;
-    double h;         /* its communication step [s] */
-    uuv_slot *fresh;  /* where its outputs are read to: the visible slots, or those of `early` */
+    double h; /* its communication step [s] */
+    transfer *transfers;
+    uint32_t n_transfers, n_sets, n_gets, n_faults;
+    const kind *kind;
+    void *get;
+    uuv_slot *fresh; /* where its outputs are read to: the visible slots, or those of `early` */
     int sequential;
     struct iteration *group; /* the iterated group that it belongs to, or NULL */
-    void *get_state, *set_state, *free_state; /* of a member of an iterated group (restore.c) */
+    access *sets, *gets;
+    fault *faults; /* of its outputs, in the order in which they came */
+    void *get_state, *set_state, *free_state; /* see uuv_core_state */
     size_t state_size;
     void *state;
-    access *sets, *gets;
-    uint32_t n_sets, n_gets;
-    transfer *transfers;
-    uint32_t n_transfers;
-    fault *faults; /* of its outputs, in the order in which they came */
-    uint32_t n_faults;
 };
 
 /* A run of recorded slots. */

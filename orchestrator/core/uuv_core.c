@@ -5,6 +5,7 @@
 
 #include "budget.h"
 #include "iterate.h"
+#include "straight.h"
 
 /* Seconds at a communication point: from integers, rounded once, never summed up. */
 static double seconds_at(const uuv_core *core, uint64_t tick) {
@@ -84,12 +85,15 @@ UUV_CORE_API int32_t uuv_core_run(uuv_core *core, uint64_t n_ticks, double secon
     const uint64_t last = core->tick + n_ticks;
     budget wall = budget_of(seconds);
     while (core->tick < last && !record_is_full(core) && !budget_is_spent(&wall)) {
-        const double t = seconds_at(core, core->tick);
+        const uint64_t now = core->tick, next = now + 1;
+        const double t = seconds_at(core, now);
         for (member *m = core->members; m < end; m++)
-            if (m->due == core->tick && !step(core, &m, t)) return stop(core, m);
-        core->tick++;
+            if (m->due == now && !(m->straight.version ? straight_step(core, m, t) : step(core, &m, t)))
+                return stop(core, m);
+        core->tick = next;
         for (member *m = core->members; m < end; m++)
-            if (m->due == core->tick && !show_outputs(core, m)) return stop(core, m);
+            if (m->due == next && !(m->straight.version ? straight_show(core, m) : show_outputs(core, m)))
+                return stop(core, m);
         if (!record_row(core)) return stop(core, core->members);
     }
     return UUV_CORE_GOOD;
@@ -98,6 +102,7 @@ UUV_CORE_API int32_t uuv_core_run(uuv_core *core, uint64_t n_ticks, double secon
 UUV_CORE_API int32_t uuv_core_begin(uuv_core *core, uint64_t tick) {
     core->tick = tick;
     core->record.next = tick;
+    find_straight(core);
     for (member *m = core->members; m < core->members + core->n_members; m++) {
         m->due = tick;
         if (!read_outputs(core, m)) return stop(core, m);

@@ -18,7 +18,7 @@ CHAIN = ["a.y -> b.u", "b.y -> c.u", "c.y -> d.u"]
 @pytest.fixture
 def natives(wired: Any, native: Any) -> Any:
     start = {"a": {"u": 1.0}, "b": {"k": 2.0}}
-    return wired({p: native for p in "abcd"}, CHAIN, start=start, step_ticks={"c": 3})
+    return wired(dict.fromkeys("abcd", native), CHAIN, start=start, step_ticks={"c": 3})
 
 
 def ends(master: Master) -> list[float]:

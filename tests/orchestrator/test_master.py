@@ -8,6 +8,7 @@ import pytest
 from uuvsim_cosim.errors import ComponentFailed, FmuError, InputInvalid
 from uuvsim_cosim.fmus.native import Native
 from uuvsim_cosim.models.model import Model
+from uuvsim_cosim.orchestrator.core import Core
 from uuvsim_cosim.orchestrator.master import Master
 
 KINDS = ["fmi2", "fmi3", "native", "python"]
@@ -183,3 +184,19 @@ def test_a_component_that_failed_leaves_the_master_free_to_go(wired: Any, fmi3: 
         master.free()
         with pytest.raises(InputInvalid, match="freed"):
             master.step()
+
+
+def test_rows_of_a_step_that_ctrl_c_interrupts_are_not_lost(
+    wired: Any, native: Any, watcher: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(core: Core, n_ticks: int, seconds: float) -> None:
+        plain(core, n_ticks, seconds)
+        raise KeyboardInterrupt
+
+    plain = Core.run
+    with Master(*wired({"a": native}), observers=[watcher]) as master:
+        master.initialize()
+        monkeypatch.setattr(Core, "run", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            master.step(5)
+    assert watcher.ticks == [0, 1, 2, 3, 4, 5]

@@ -68,7 +68,7 @@ def test_a_reset_repeats_the_run_with_another_instance(
         master.reset(start={"a": {"k": 2.0}})
         master.step(20)
         assert master.get("a", "y") == pytest.approx(2 * first[0], rel=1e-12)
-        with pytest.raises(FmuError, match="a: .* says that it cannot copy its state"):
+        with pytest.raises(FmuError, match=r"a: .* says that it cannot copy its state"):
             master.snapshot()
 
 

@@ -14,6 +14,7 @@ from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.fmu_access import Access, NumericAccess, StringAccess
 from uuvsim_cosim.fmus.fmu_binary import FmuBinary
 from uuvsim_cosim.fmus.fmu_library import Signatures
+from uuvsim_cosim.fmus.fmu_state import Phase
 
 __all__ = ["Fmu2"]
 
@@ -82,6 +83,7 @@ class Fmu2(FmuBinary):
 
     def _instantiate(self, logging_on: bool) -> int | None:
         log = self._log
+        self._before: dict[str, tuple[Variable, Any]] = {}
         # The FMU keeps the pointer, so the structure lives as long as the instance.
         self._callbacks = _Callbacks(
             log.address("uuv_log_fmi2"),
@@ -101,13 +103,23 @@ class Fmu2(FmuBinary):
         )
         return instance
 
+    def set(self, variable: Variable, value: Any) -> None:
+        """Set a value; one that is set before Initialization Mode is set again (see there)."""
+        super().set(variable, value)
+        if self._phase is Phase.INSTANTIATED:
+            self._before[variable.name] = (variable, value)
+
     def _enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
+        """Enter, with the values that were set: some foreign FMUs lose them in SetupExperiment."""
         stop = (0, 0.0) if stop_time is None else (1, stop_time)
         self._call("SetupExperiment", 0, 0.0, start_time, *stop)
+        for variable, value in self._before.values():
+            super().set(variable, value)
+        self._before.clear()
         self._call("EnterInitializationMode")
 
     def _do_step(self, time: float, step_size: float) -> None:
-        status = self._library.function("DoStep")(self._live(), time, step_size, 0)
+        status = self._library.function("DoStep")(self._live(), time, step_size, 1)
         if status == _DISCARD and self._asks_to_end():
             reason = self.failure("DoStep", status, time).reason
             raise ComponentFailed(self.path, time, f"{reason} (it asks to end the simulation)")

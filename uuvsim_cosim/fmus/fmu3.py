@@ -113,7 +113,7 @@ class Fmu3(FmuBinary):
             "DoStep",
             time,
             step_size,
-            False,  # noSetFMUStatePriorToCurrentPoint
+            True,  # noSetFMUStatePriorToCurrentPoint
             ctypes.byref(event),
             ctypes.byref(end),
             ctypes.byref(early),

@@ -8,7 +8,7 @@ import ctypes
 import os
 import sys
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -65,14 +65,19 @@ class FmuLibrary:
 
     def addresses(self) -> dict[str, int]:
         """Give the addresses of all functions that the FMU exports, by name without prefix."""
-        return {
-            name: ctypes.cast(self.function(name), ctypes.c_void_p).value or 0
-            for name in self._signatures
-            if self.has(name)
-        }
+        if self._c not in _addresses:
+            _addresses[self._c] = {
+                name: ctypes.cast(self.function(name), ctypes.c_void_p).value or 0
+                for name in self._signatures
+                if self.has(name)
+            }
+        return dict(_addresses[self._c])
 
 
-@lru_cache(maxsize=None)
+_addresses: dict[ctypes.CDLL, dict[str, int]] = {}
+
+
+@cache
 def _loaded(file: Path, inode: int) -> ctypes.CDLL:
     """Load a library once; it stays for as long as the process."""
     with _searching(file.parent):

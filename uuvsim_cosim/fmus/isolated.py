@@ -24,6 +24,7 @@ from uuvsim_cosim.fmus.description import Description, Variable
 __all__ = ["Isolated"]
 
 _GRACE = 2.0  # [s] that a child is given to end by itself
+_START = 60.0  # [s] at least, to start Python and import what is needed
 
 
 class Stepper(Protocol):
@@ -31,6 +32,9 @@ class Stepper(Protocol):
 
     def leave(self) -> None:
         """Let the child answer on its pipe."""
+
+    def close(self) -> None:
+        """Give the memory up; the child is gone."""
 
     def messages_wait(self) -> bool:
         """Say whether the component has said something."""
@@ -61,7 +65,8 @@ class Isolated:
 
     `factory` is a function at a module's top level. A call that takes longer than `watchdog`
     seconds ends the child. Without `shared`, and where there is no shared memory without a name,
-    `segment` is None, and a stepping loop goes through the pipes as well.
+    `segment` is None, and a stepping loop goes through the pipes as well. Without `wait`, the
+    child starts while others do, and what keeps it from being made is raised by the first call.
     """
 
     def __init__(
@@ -73,6 +78,7 @@ class Isolated:
         *,
         watchdog: float | None = None,
         shared: bool = True,
+        wait: bool = True,
     ) -> None:
         self.path = path
         self.description = description
@@ -93,11 +99,11 @@ class Isolated:
             stderr=self._words,
             env={**os.environ, "PYTHONPATH": search},
         )
-        try:
-            self._call("instantiate", factory, tuple(arguments))
-        except BaseException:
-            self.free()
-            raise
+        self._starting = True
+        with contextlib.suppress(OSError):  # a child that is gone is noticed by the answer
+            _send(self._child.stdin, ("instantiate", (factory, tuple(arguments)), []))
+        if wait:
+            self._started(self._child)
 
     # ---- the protocol -------------------------------------------------------------------------
 
@@ -171,9 +177,9 @@ class Isolated:
         child, self._child = self._child, None
         if child is None:
             return
-        if self._stepper is not None:
-            self._stepper.leave()
-            self._stepper = None
+        stepper, self._stepper = self._stepper, None
+        if stepper is not None:
+            stepper.leave()
         for pipe in (child.stdin, child.stdout):
             if pipe is not None:
                 with contextlib.suppress(OSError):  # the child, if alive, ends on end of file
@@ -184,6 +190,8 @@ class Isolated:
             child.kill()
             child.wait()
         self._words.close()
+        if stepper is not None:
+            stepper.close()
         if self.segment is not None:
             os.close(self.segment)
             self.segment = None
@@ -238,16 +246,34 @@ class Isolated:
 
     def _call(self, method: str, *arguments: Any) -> Any:
         child = self._child
-        if child is None or child.stdin is None or child.stdout is None:
+        if child is None:
             raise FmuError(f"{self.path}: used after it was freed, or after its process died")
+        if self._starting:
+            self._started(child)
         if self._stepper is not None:
             self._stepper.leave()
         dropped = [self._orphans.pop() for _ in range(len(self._orphans))]
-        late = threading.Event()
-        timer = self._timer(child, late)
+        imports = method in ("ask", "serve")
+        return self._answer(child, (method, arguments, dropped), imports=imports)
+
+    def _started(self, child: subprocess.Popen[bytes]) -> None:
+        """Wait until the child has imported what it needs, then until the component is made."""
+        self._starting = False
         try:
-            _send(child.stdin, (method, arguments, dropped))
-            status, result, messages = pickle.load(child.stdout)
+            self._answer(child, None, imports=True)
+            self._answer(child, None)
+        except BaseException:
+            self.free()
+            raise
+
+    def _answer(self, child: subprocess.Popen[bytes], call: Any, *, imports: bool = False) -> Any:
+        """Send a call, if there is one, and wait for the next answer."""
+        late = threading.Event()
+        timer = self._timer(child, late, imports)
+        try:
+            if call is not None:
+                _send(child.stdin, call)
+            status, result, messages = _load(child.stdout)
         except (EOFError, OSError, pickle.UnpicklingError):
             raise self._died(child, late.is_set()) from None
         finally:
@@ -264,7 +290,7 @@ class Isolated:
         return result
 
     def _timer(
-        self, child: subprocess.Popen[bytes], late: threading.Event
+        self, child: subprocess.Popen[bytes], late: threading.Event, imports: bool
     ) -> threading.Timer | None:
         if self.watchdog is None:
             return None
@@ -273,7 +299,8 @@ class Isolated:
             late.set()
             child.kill()
 
-        timer = threading.Timer(self.watchdog, end)
+        limit = max(self.watchdog, _START) if imports else self.watchdog
+        timer = threading.Timer(limit, end)
         timer.daemon = True
         timer.start()
         return timer
@@ -307,3 +334,8 @@ def _send(pipe: Any, message: Any) -> None:
     sink: BinaryIO = pipe
     pickle.dump(message, sink, protocol=pickle.HIGHEST_PROTOCOL)
     sink.flush()
+
+
+def _load(pipe: Any) -> Any:
+    source: BinaryIO = pipe
+    return pickle.load(source)

@@ -369,6 +369,7 @@ def _signatures() -> dict[str, tuple[Any, list[Any]]]:
         "uuv_exchange_messages": (u32, [pointer]),
         "uuv_exchange_save": (i, [pointer, pointer]),
         "uuv_exchange_restore": (i, [pointer, pointer]),
+        "uuv_exchange_close": (None, [pointer]),
         "uuv_exchange_free": (None, [pointer]),
         "uuv_core_record": (i, [pointer, u32, pointer, u64]),
         "uuv_core_rows": (None, [pointer, pointer, pointer, u32]),

@@ -27,8 +27,8 @@ def error_of(
         return _not_converged(failure, tables, components, time)
     binding = tables.bindings[failure.member]
     component = components[tables.order[failure.member]]
-    if isinstance(binding, SharedBinding) and (told := binding.exchange.error(time)) is not None:
-        return told
+    if isinstance(binding, SharedBinding) and (gave := binding.exchange.error(time)) is not None:
+        return gave
     if failure.outcome == Outcome.NO_MEMORY:
         return UuvsimError(f"{component.path}: no memory for a text or binary value")
     if failure.outcome == Outcome.BAD_STATUS and isinstance(binding, CallbackBinding):

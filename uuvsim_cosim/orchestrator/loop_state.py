@@ -37,7 +37,7 @@ class LoopState:
             if b.kind == BindingKind.NATIVE
         }
         self._others = [i for i in range(len(components)) if i not in native]
-        self._none = (None,) * len(components)
+        self._none: tuple[object, ...] = (None,) * len(components)
         outputs = _texts(tables, outputs_only=True)
         self._layout = layout_hash(tables)
         self._texts = [(self._core.slots, s) for s in _texts(tables)]

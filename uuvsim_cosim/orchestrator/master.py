@@ -12,7 +12,7 @@ from typing import Any, Literal, Self, final
 
 import numpy as np
 
-from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.errors import InputInvalid, UuvsimError
 from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator import snapshot as snapshots
@@ -151,12 +151,12 @@ class Master:
             for component in self.components:
                 component.terminate()
         finally:
-            self._watch.end()
+            self._end_watch()
 
     def free(self) -> None:
         """Free everything; a second call does nothing. Observers keep what they have seen."""
         try:
-            self._watch.end()
+            self._end_watch()
         finally:
             tables, self._tables = self._tables, None
             self._first = None
@@ -418,6 +418,16 @@ class Master:
         for drain in self._drains:
             drain()
         self._watch.emit(self._ready().core)
+
+    def _end_watch(self) -> None:
+        """Close the observers, which get the rows that an interrupted step has left."""
+        try:
+            if self._tables is not None:
+                self._watch.emit(self._tables.core)
+        except UuvsimError:
+            log.debug("the last rows are lost", exc_info=True)  # what failed has been raised
+        finally:
+            self._watch.end()
 
     def _fail(self, failure: Failure) -> None:
         time = self._seconds(failure.tick)

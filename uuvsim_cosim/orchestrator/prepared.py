@@ -69,6 +69,7 @@ def prepare(
                 instance_of,
                 (text, planned.path, backend),
                 watchdog=watchdog,
+                wait=False,
             )
         return source.instantiate(planned.path, backend=backend)
 

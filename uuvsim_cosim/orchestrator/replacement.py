@@ -36,11 +36,12 @@ def restart_component(master: Master, i: int, snapshot: Snapshot | None) -> None
             fresh.exit_initialization_mode()
             kept = [_taken_over(fresh, state) for state in outliving]
             snapshot = replace(snapshot, states=_with(snapshot.states, i, kept[0]))
+        tables = master._ready()
+        next_row = tables.core.next_row
+        tables.replace(tables.order.index(i), fresh)
     except BaseException:
         fresh.free()
         raise
-    next_row = master._ready().core.next_row
-    master._ready().replace(master._ready().order.index(i), fresh)
     master._take_in(i, fresh)
     old.free()
     if snapshot is None:
@@ -188,4 +189,3 @@ def _copy_values(before: Tables, after: Tables, i: int, fresh: Component) -> Non
                     continue
                 for k in range(size):
                     write_blob(here[a:], k, read_blob(there[b:], k))
-

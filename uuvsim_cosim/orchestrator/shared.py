@@ -62,6 +62,10 @@ class Exchange:
         """Let the process answer on its pipe."""
         self._c.uuv_exchange_leave(self.address)
 
+    def close(self) -> None:
+        """Give the memory up."""
+        self._c.uuv_exchange_close(self.address)
+
     def messages_wait(self) -> bool:
         """Say whether the component has said something."""
         return bool(self._c.uuv_exchange_messages(self.address))

@@ -31,9 +31,12 @@ def task_system(
     `disturbances` adds ramps of the current and thrusters that grow weak. Equal arguments give the
     same system, so that its kernel is made once.
     """
-    for given, known in ((action, get_args(ActedOn)), (observation, get_args(Observed))):
+    for name, given, known in (
+        ("action", action, get_args(ActedOn)),
+        ("observation", observation, get_args(Observed)),
+    ):
         if given not in known:
-            raise InputInvalid(f"{given!r}; expected one of {', '.join(known)}")
+            raise InputInvalid(f"{name} {given!r}; expected one of {', '.join(known)}")
     system = System("bluerov2_task", "0.01", "A BlueROV2 Heavy that a policy acts on")
     system = system.add("hull", "model:bluerov2_heavy", start={"eta_0": START})
     system = system.add("wrench", "model:wrench").connect("wrench.tau", "hull.tau")

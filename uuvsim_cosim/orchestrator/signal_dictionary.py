@@ -15,12 +15,11 @@ from xml.etree.ElementTree import Element as Xml
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.archive import shown
-from uuvsim_cosim.fmus.safe_xml import read_xml
 from uuvsim_cosim.models.units import Unit
 from uuvsim_cosim.orchestrator.elements import Exposed
 from uuvsim_cosim.orchestrator.endpoints import close_names
 from uuvsim_cosim.orchestrator.ssd_connections import Border, End, Link, Links, UnitOf, Wanted
-from uuvsim_cosim.orchestrator.ssp_xml import q
+from uuvsim_cosim.orchestrator.ssp_xml import q, read_document
 from uuvsim_cosim.orchestrator.transformation import Transformation, chained
 
 __all__ = ["Dictionary", "read_dictionaries", "read_references", "resolve_signals"]
@@ -46,10 +45,7 @@ def read_dictionaries(
                 raise InputInvalid(f"{here}: neither source nor entries; expected one of the two")
         else:
             path = find(unquote(source), here)
-            inner, here = read_xml(path, InputInvalid, shown(path)), shown(path)
-            if inner.tag != q("ssb:SignalDictionary"):
-                tag = inner.tag.rpartition("}")[2]
-                raise InputInvalid(f"{here}: <{tag}>; expected <ssb:SignalDictionary>")
+            inner, here = read_document(path, "ssb:SignalDictionary"), shown(path)
         if name in found:
             raise InputInvalid(f"{here}: a second dictionary of this name; expected one")
         found[name] = _entries(inner, here)
@@ -112,7 +108,7 @@ def resolve_signals(
         else:
             plain.append((a, b, change))
     for item in links.exposed:
-        if item.path.partition(".")[0] in references:
+        if any(item.path.startswith(f"{r}.") for r in references):
             raise InputInvalid(
                 f"{place}<ssd:Connection> {item.name} to {item.path}: from the system's own "
                 "connector to a dictionary; expected a component"

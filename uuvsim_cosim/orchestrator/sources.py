@@ -84,7 +84,8 @@ def resolve(source: str, base: Path | None = None) -> Source:
     if suffix == ".fmu":
         return FmuSource(_file(source, base, "an FMU"))
     if suffix in (".ssd", ".ssp"):
-        return SystemSource(_file(source, base, "a system"))
+        file, _, variant = source.partition("#")
+        return SystemSource(_file(file, base, "a system"), variant)
     target, colon, name = source.rpartition(":")
     if colon and name.isidentifier():
         if target.endswith(".py"):
@@ -196,23 +197,24 @@ class ModelSource:
 
 @dataclass(frozen=True)
 class SystemSource:
-    """A nested system in an .ssd or .ssp file."""
+    """A nested system in an .ssd or .ssp file, of which `variant` is one."""
 
     path: Path
+    variant: str = ""
     kind: str = "system"
 
     @property
     def text(self) -> str:
-        """Give the absolute path."""
-        return str(self.path)
+        """Give the absolute path, with the variant."""
+        return f"{self.path}#{self.variant}" if self.variant else str(self.path)
 
     def system(self) -> System:
         """Read the system; cached until the file changes."""
         from uuvsim_cosim.orchestrator.library import load
 
-        key = (str(self.path), _mtime(self.path))
+        key = (self.text, _mtime(self.path))
         if key not in _systems:
-            _systems[key] = load(self.path)
+            _systems[key] = load(self.text)
         return _systems[key]
 
     def describe(self) -> Description:

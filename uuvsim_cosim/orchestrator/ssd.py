@@ -13,7 +13,12 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.description import Description, Variable
 from uuvsim_cosim.models.units import Unit
 from uuvsim_cosim.orchestrator.elements import Element, step_text
-from uuvsim_cosim.orchestrator.endpoints import Endpoint, find_variable, index_text
+from uuvsim_cosim.orchestrator.endpoints import (
+    Endpoint,
+    find_variable,
+    index_text,
+    resolve_endpoint,
+)
 from uuvsim_cosim.orchestrator.sources import resolve
 from uuvsim_cosim.orchestrator.ssd_read import read_ssd
 from uuvsim_cosim.orchestrator.ssp_annotations import (
@@ -119,9 +124,9 @@ class _Writer:
         points = [p for w in system.checked.wires for p in (w.source, w.target)]
         used = [p.variable.name for p in points if p.element == element.name]
         for item in system.exposed:
-            owner, _, rest = item.path.partition(".")
-            if owner == element.name:
-                used.append(find_variable(rest, description)[0].name)
+            inner = resolve_endpoint(item.path, system.checked.descriptions)
+            if inner.element == element.name:
+                used.append(inner.variable.name)
         self._connectors(xml, description, [*used, *element.units])
         if element.start:
             bindings = SubElement(xml, "ssd:ParameterBindings")
@@ -196,8 +201,8 @@ class _Writer:
         outside = self.version == "2.0"
         interface = system.interface()
         for item in system.exposed:
-            owner, _, rest = item.path.partition(".")
-            inner = Endpoint(owner, *find_variable(rest, system.checked.descriptions[owner]))
+            inner = resolve_endpoint(item.path, system.checked.descriptions)
+            owner = inner.element
             outer = Endpoint("", *find_variable(item.name, interface))
             inside = has_arrays(system.checked.descriptions[owner], self.version)
             pairs = self._pairs(outer, inner, inside and outside)

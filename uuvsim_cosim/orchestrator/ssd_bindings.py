@@ -68,7 +68,9 @@ class Bindings:
             replace(
                 v,
                 name=f"{prefix}{v.name}",
-                value=Quantity(v.value, v.unit, definitions) if v.unit else v.value,
+                value=Quantity(v.value, _unit(v.unit, definitions), definitions)
+                if v.unit
+                else v.value,
             )
             for v in values
         ]
@@ -109,6 +111,12 @@ class Bindings:
         if not path.is_relative_to(inside.resolve()):
             raise InputInvalid(f"{place}: source {source!r}; expected a file inside {fmu}")
         return path
+
+
+def _unit(name: str, definitions: Mapping[str, Unit]) -> str:
+    """Give the name of a unit without the brackets that some files write around it."""
+    bracketed = name not in definitions and name.startswith("[") and name.endswith("]")
+    return name[1:-1] if bracketed else name
 
 
 def _changed(value: ParameterValue, entry: MappingEntry, place: str) -> ParameterValue:

@@ -55,6 +55,7 @@ class Border:
 
     changes: dict[str, Transformation] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
+    idle: set[str] = field(default_factory=set)  # connectors that lead to nothing inside
     signals: list[Wanted] = field(default_factory=list)
 
 

@@ -11,7 +11,6 @@ from xml.etree.ElementTree import Element as Xml
 
 from uuvsim_cosim.errors import InputInvalid, Problem, SystemInvalid, UuvsimError
 from uuvsim_cosim.fmus.archive import shown
-from uuvsim_cosim.fmus.safe_xml import parse_xml
 from uuvsim_cosim.orchestrator.elements import Element, StepGroup
 from uuvsim_cosim.orchestrator.endpoints import find_variable
 from uuvsim_cosim.orchestrator.signal_dictionary import (
@@ -22,7 +21,13 @@ from uuvsim_cosim.orchestrator.signal_dictionary import (
 from uuvsim_cosim.orchestrator.ssd_bindings import Bindings
 from uuvsim_cosim.orchestrator.ssd_connections import Border, End, Links, read_links
 from uuvsim_cosim.orchestrator.ssp_annotations import component_step, system_step
-from uuvsim_cosim.orchestrator.ssp_xml import find_annotation, q, read_units
+from uuvsim_cosim.orchestrator.ssp_xml import (
+    find_annotation,
+    float_of,
+    q,
+    read_document,
+    read_units,
+)
 from uuvsim_cosim.orchestrator.ssv import read_enumerations
 from uuvsim_cosim.orchestrator.system import System
 from uuvsim_cosim.orchestrator.validation import as_step, describe_element, problem_of
@@ -41,22 +46,19 @@ def read_ssd(path: Path, tick: str | None = None, confined: bool = False) -> Sys
     folder if `confined`. Raises SystemInvalid with every problem.
     """
     place = shown(path)
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise InputInvalid(f"{place}: {error.strerror}; expected an .ssd file") from None
-    root = parse_xml(data, place, InputInvalid)
-    if root.tag != q("ssd:SystemStructureDescription"):
-        tag = root.tag.rpartition("}")[2]
-        raise InputInvalid(f"{place}: <{tag}>; expected <ssd:SystemStructureDescription>")
+    remarks: list[str] = []
+    root = read_document(path, "ssd:SystemStructureDescription", remarks)
     version = root.get("version", "")
     if not version.startswith(("1.", "2.")):
         raise InputInvalid(f"{place}: SSP version {version!r}; expected 1.0 or 2.0")
     top = root.find(q("ssd:System"))
     if top is None:
         raise InputInvalid(f"{place}: no <ssd:System>; expected one")
+    experiment = root.find(q("ssd:DefaultExperiment"))
+    if experiment is not None and float_of(experiment, "startTime", place, 0.0):
+        remarks.append(f"startTime {experiment.get('startTime')} s: a run starts at 0 s")
     reader = _Reader(path, confined, root)
-    system = reader.system(top, tick)
+    system = reader.system(top, tick, remarks=remarks)
     if reader.problems or system is None:
         raise SystemInvalid([replace(p, place=f"{path.name}: {p.place}") for p in reader.problems])
     return system
@@ -75,20 +77,22 @@ class _Reader:
         self.bindings = Bindings(self.folder, units, enumerations, self._confine)
 
     def wrong(self, error: UuvsimError, place: str = "") -> None:
-        """Note a problem, once; the place is what an error says of itself before its first colon."""
+        """Note a problem; its place is what the error says of itself before the first colon."""
         where, colon, said = str(error).partition(": ")
         self.problems.append(
             problem_of(where, InputInvalid(said)) if colon else problem_of(place, error)
         )
 
-    def system(self, xml: Xml, tick: str | None, prefix: str = "") -> System | None:
+    def system(
+        self, xml: Xml, tick: str | None, prefix: str = "", remarks: list[str] | None = None
+    ) -> System | None:
         """Read a system; `tick` is the step of the one around it, or what a user asks for."""
         note = find_annotation(xml)
-        remarks: list[str] = []
+        remarks = remarks if remarks is not None else []
         step = self._tick(xml, tick, prefix, remarks)
         elements, broken = self._elements(xml, step, prefix, remarks)
         links = read_links(xml, self.wrong, prefix)
-        border = Border(links.changes, _connector_units(xml))
+        border = Border(links.changes, _connector_units(xml), _idle(xml, links))
         self._resolve(xml, elements, links, border, prefix, remarks)
         elements = self._bind_system(xml, elements, links, prefix, remarks)
         groups = tuple(_group(g) for g in (note if note is not None else ()))
@@ -136,7 +140,7 @@ class _Reader:
             if child.tag == q("ssd:System"):
                 found.append(self._nested(child, child, tick, place, broken))
             elif child.tag == q("ssd:Component") and source.startswith("#"):
-                found.append(self._reference(child, source[1:], tick, place, broken))
+                found.append(self._reference(child, source[1:], tick, place, broken, remarks))
             elif child.tag == q("ssd:Component"):
                 found.append(self._component(child, tick, place, remarks))
             elif child.tag != q("ssd:SignalDictionaryReference"):
@@ -156,7 +160,9 @@ class _Reader:
         own = text if note is not None and "description" in note.attrib else ""
         return self._units(Element(name, nested or _BROKEN, description=own), xml)
 
-    def _reference(self, xml: Xml, id: str, tick: str, place: str, broken: set[str]) -> Element:
+    def _reference(
+        self, xml: Xml, id: str, tick: str, place: str, broken: set[str], remarks: list[str]
+    ) -> Element:
         """Read a component that stands for a system of the same file, by that system's id."""
         name = xml.get("name", "")
         found = next((s for s in self.root.iter(q("ssd:System")) if s.get("id") == id), None)
@@ -169,7 +175,7 @@ class _Reader:
         element = self._nested(found, xml, tick, place, broken)
         self.inside.discard(id)
         values = self.bindings.read(xml, place, self.wrong)
-        return self._set(element, {v.name: v.value for v in values}, place)
+        return self._set(element, {v.name: v.value for v in values}, place, remarks)
 
     def _component(self, xml: Xml, tick: str, place: str, remarks: list[str]) -> Element:
         source = unquote(xml.get("source", ""))
@@ -192,15 +198,21 @@ class _Reader:
             rate = None
         element = Element(name, source, rate=rate, description=xml.get("description", ""))
         start = {v.name: v.value for v in self.bindings.read(xml, place, self.wrong)}
-        return self._units(self._set(element, start, place), xml)
+        return self._units(self._set(element, start, place, remarks), xml)
 
-    def _set(self, element: Element, start: dict[str, Any], place: str) -> Element:
+    def _set(
+        self, element: Element, start: dict[str, Any], place: str, remarks: list[str]
+    ) -> Element:
         """Give values to a component, or to what is inside a nested system."""
         if not start or element.source == _BROKEN:
             return element
         if isinstance(element.source, str) and not _is_system(element.source):
             return replace(element, start={**element.start, **start})
         for name, value in start.items():
+            owner, _, connector = f"{place}.{name}".rpartition(".")
+            if connector in self.borders.get(f"{owner}.", Border()).idle:
+                remarks.append(f"value of '{place}.{name}', a connector that leads to nothing")
+                continue
             try:
                 alone = System("", elements=(element,), base=self.folder)
                 element = alone.set(f"{element.name}.{name}", value).elements[0]
@@ -277,7 +289,9 @@ class _Reader:
             if not found:
                 remarks.append(f"value of {value.name!r} belongs to no component")
             for name, rest in found:
-                by_name[name] = self._set(by_name[name], {rest: value.value}, f"{prefix}{name}")
+                by_name[name] = self._set(
+                    by_name[name], {rest: value.value}, f"{prefix}{name}", remarks
+                )
         return [by_name[e.name] for e in elements]
 
     # ---- files ----------------------------------------------------------------------------
@@ -299,6 +313,12 @@ class _Reader:
 
 def _is_system(source: str) -> bool:
     return source.partition("#")[0].lower().endswith((".ssd", ".ssp"))
+
+
+def _idle(xml: Xml, links: Links) -> set[str]:
+    """Give the connectors of a system that nothing inside is connected to."""
+    named = xml.iterfind(f"{q('ssd:Connectors')}/{q('ssd:Connector')}")
+    return {c.get("name", "") for c in named} - {x.name for x in links.exposed}
 
 
 def _connector_units(xml: Xml) -> dict[str, str]:

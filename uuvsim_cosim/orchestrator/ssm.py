@@ -9,8 +9,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.archive import shown
-from uuvsim_cosim.fmus.safe_xml import read_xml
-from uuvsim_cosim.orchestrator.ssp_xml import SspVersion, document, q
+from uuvsim_cosim.orchestrator.ssp_xml import SspVersion, document, q, read_document
 from uuvsim_cosim.orchestrator.transformation import read_transformation
 
 __all__ = ["MappingEntry", "read_mapping", "read_names", "read_ssm", "write_ssm"]
@@ -29,12 +28,7 @@ class MappingEntry:
 
 def read_ssm(path: Path) -> list[MappingEntry]:
     """Read a mapping file."""
-    place = shown(path)
-    root = read_xml(path, InputInvalid, place)
-    if root.tag != q("ssm:ParameterMapping"):
-        tag = root.tag.rpartition("}")[2]
-        raise InputInvalid(f"{place}: <{tag}>; expected <ssm:ParameterMapping>")
-    return read_mapping(root, place)
+    return read_mapping(read_document(path, "ssm:ParameterMapping"), shown(path))
 
 
 def read_names(path: Path) -> dict[str, str]:
@@ -54,7 +48,9 @@ def read_mapping(root: Element, place: str) -> list[MappingEntry]:
     found: list[MappingEntry] = []
     for item in root.iterfind(q("ssm:MappingEntry")):
         source, target = item.get("source"), item.get("target")
-        if not source or not target:
+        if source == "":
+            continue  # no parameter has this name
+        if source is None or not target:
             raise InputInvalid(f"{place}: an entry without source or target; expected both")
         change = read_transformation(item, f"{place}: <ssm:MappingEntry source={source!r}>")
         found.append(MappingEntry(source, target, change.factor, change.offset, change.convert))

@@ -9,7 +9,8 @@ from pathlib import Path
 
 from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.fmus.archive import unpack
+from uuvsim_cosim.fmus.archive import shown, unpack
+from uuvsim_cosim.orchestrator.endpoints import close_names
 from uuvsim_cosim.orchestrator.ssd_read import read_ssd
 from uuvsim_cosim.orchestrator.system import System
 
@@ -19,9 +20,15 @@ _EPOCH = (1980, 1, 1, 0, 0, 0)
 
 
 def read_ssp(path: Path, variant: str = "SystemStructure.ssd", tick: str | None = None) -> System:
-    """Read the system of a package; `variant` is another .ssd at its top."""
-    folder = unpack(path, must_contain=variant)
-    return read_ssd(folder / variant, tick, confined=True)
+    """Read the system of a package; `variant` is another .ssd at its top, its ending left out."""
+    folder = unpack(path)
+    there = sorted(p.name for p in folder.glob("*.ssd"))
+    name = variant if variant.lower().endswith(".ssd") else f"{variant}.ssd"
+    if name not in there:
+        stems = [Path(n).stem for n in there]
+        expected = close_names(Path(name).stem, stems, "a variant")
+        raise InputInvalid(f"{shown(path)}: no variant {variant!r}; expected {expected}")
+    return read_ssd(folder / name, tick, confined=True)
 
 
 def write_archive(members: Mapping[str, bytes], path: Path) -> None:

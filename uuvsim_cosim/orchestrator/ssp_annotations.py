@@ -1,4 +1,4 @@
-"""The step that an SSP file has no word for: in this project's annotation, OSP's and OpenModelica's.
+"""The step, which SSP has no word for, in annotations of this project, of OSP and OpenModelica.
 
 ================================  ======================================  ======================
 annotation                        the system's step                       a component's step

@@ -11,13 +11,17 @@ plain SSP. Steps are repeated in the annotations of other tools (see `ssp_annota
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from math import isfinite
+from pathlib import Path
 from typing import Any, Literal
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.fmus.archive import shown
 from uuvsim_cosim.fmus.description import Description, VariableType
+from uuvsim_cosim.fmus.safe_xml import parse_xml
 from uuvsim_cosim.models.units import BASE, Unit
 from uuvsim_cosim.orchestrator.values import unit_named
 
@@ -36,6 +40,7 @@ __all__ = [
     "int_of",
     "number",
     "q",
+    "read_document",
     "read_units",
     "text_of",
     "type_name",
@@ -62,6 +67,7 @@ MIME = {
     "ssv": "application/x-ssp-parameter-set",
     "other": "application/vnd.uuvsim.source",
 }
+_ROOT = re.compile(rb"<[A-Za-z_][\w.:-]*")  # the first start tag
 _SCALAR_TYPES = {"Float64": "Real", "Float32": "Real", "Boolean": "Boolean", "String": "String",
                  "Binary": "Binary"}  # fmt: skip
 
@@ -173,6 +179,41 @@ def find_annotation(parent: Element, tag: str = "ssd:Annotations") -> Element | 
         if item.get("type") == ANNOTATION and len(item):
             return item[0]
     return None
+
+
+def read_document(path: Path, root: str, remarks: list[str] | None = None) -> Element:
+    """Parse a file of SSP, which must have this root, ``ssd:…``; raises InputInvalid.
+
+    A prefix of SSP that is used, but not declared, is taken as SSP's, with a remark: tools that
+    do not look at namespaces write and read such files.
+    """
+    place = shown(path)
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        what = f"an .{root.partition(':')[0]} file"
+        raise InputInvalid(f"{place}: {error.strerror}; expected {what}") from None
+    try:
+        found = parse_xml(data, place, InputInvalid)
+    except InputInvalid as error:
+        missing = [p for p in NAMESPACES if _used_undeclared(p, data)]
+        if "unbound prefix" not in str(error) or not missing:
+            raise
+        names = "".join(f' xmlns:{p}="{NAMESPACES[p]}"' for p in missing)
+        data = _ROOT.sub(lambda m: m[0] + names.encode(), data, count=1)
+        found = parse_xml(data, place, InputInvalid)
+        if remarks is not None:
+            listed = ", ".join(missing)
+            remarks.append(f"prefix {listed} without a namespace, taken as SSP's")
+    if found.tag != q(root):
+        tag = found.tag.rpartition("}")[2]
+        raise InputInvalid(f"{place}: <{tag}>; expected <{root}>")
+    return found
+
+
+def _used_undeclared(prefix: str, data: bytes) -> bool:
+    name = prefix.encode()
+    return b"<" + name + b":" in data and b"xmlns:" + name not in data
 
 
 def boolean(text: str | None, default: bool = False) -> bool:

@@ -11,7 +11,6 @@ from xml.etree.ElementTree import Element, SubElement
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.archive import shown
 from uuvsim_cosim.fmus.description import Description, Variable
-from uuvsim_cosim.fmus.safe_xml import read_xml
 from uuvsim_cosim.models.units import Unit
 from uuvsim_cosim.orchestrator.endpoints import close_names, index_text
 from uuvsim_cosim.orchestrator.ssp_xml import (
@@ -22,6 +21,7 @@ from uuvsim_cosim.orchestrator.ssp_xml import (
     int_of,
     number,
     q,
+    read_document,
     read_units,
     text_of,
     type_name,
@@ -56,9 +56,7 @@ def write_ssv(
 def read_ssv(path: Path) -> tuple[list[ParameterValue], dict[str, Unit]]:
     """Read a file of values, with the units that it defines."""
     place = shown(path)
-    root = read_xml(path, InputInvalid, place)
-    if root.tag != q("ssv:ParameterSet"):
-        raise InputInvalid(f"{place}: <{_local(root)}>; expected <ssv:ParameterSet>")
+    root = read_document(path, "ssv:ParameterSet")
     return read_parameter_set(root, place), read_units(root, "ssv:Units", place)
 
 

@@ -1,4 +1,4 @@
-"""What a connection or a mapping does to a value on its way: convert its unit, then factor, offset."""
+"""What a connection or a mapping does to a value: convert its unit, then factor and offset."""
 
 from __future__ import annotations
 
@@ -57,11 +57,13 @@ def chained(
 
     Raises Misfit for units that are not commensurable.
     """
-    if not first.scales and first.convert and second.convert:
-        return second
     start, middle, end = units
     if middle is None:  # the value between has the unit that it came with
         middle = start
+    if not first.scales and first.convert and second.convert:
+        known = start is None or middle is None or conversion(start, middle, definitions)
+        if known is not None:
+            return second
     factor, offset = 1.0, 0.0
     for step, a, b in ((first, start, middle), (second, middle, end)):
         if step.convert and a is not None and b is not None:

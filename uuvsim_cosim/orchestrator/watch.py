@@ -8,6 +8,7 @@ from uuvsim_cosim.errors import UuvsimError
 from uuvsim_cosim.orchestrator.core import Core
 from uuvsim_cosim.orchestrator.observer import Chunk, Column, Observer
 from uuvsim_cosim.orchestrator.plan import Plan
+from uuvsim_cosim.orchestrator.uninterrupted import uninterrupted
 
 __all__ = ["Watch", "rows_of"]
 
@@ -39,6 +40,10 @@ class Watch:
         """Give all the rows that the core has written, and make room for the next."""
         if not self._columns:
             return
+        with uninterrupted():  # no row is lost or seen twice
+            self._emit(core)
+
+    def _emit(self, core: Core) -> None:
         ticks, rows, texts = core.rows()
         if len(ticks):
             tick = self._plan.tick

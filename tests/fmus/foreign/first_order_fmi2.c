@@ -1,8 +1,8 @@
 /* A first-order lag as an FMI 2.0 FMU, dy/dt = (k u - y) / T by Euler, that can also misbehave.
  *
  * From t >= fault_time on, `fault` makes do_step: 1 give NaN, 2 return error with a formatted
- * message, 3 abort, 4 discard, 5 return fatal, 6 never return. BARE leaves out all that a plain
- * simulation does not need.
+ * message, 3 abort, 4 discard, 5 return fatal, 6 never return, 9 write to address 0. BARE leaves
+ * out all that a plain simulation does not need.
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -63,6 +63,9 @@ void fmi2FreeInstance(fmi2Component c) {
 fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean a, fmi2Real b, fmi2Real d,
                                fmi2Boolean e, fmi2Real f) {
     (void)c, (void)a, (void)b, (void)d, (void)e, (void)f;
+#ifdef HABITS_OF_20SIM
+    ((instance *)c)->v.real[K] = 1.0; /* parameters that were set before are lost */
+#endif
     return fmi2OK;
 }
 fmi2Status fmi2EnterInitializationMode(fmi2Component c) { return c ? fmi2OK : fmi2Error; }
@@ -90,7 +93,11 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference r[], size_t n,
 }
 
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real h, fmi2Boolean final) {
+#ifdef HABITS_OF_FMI4CPP
+    if (!final) return fmi2OK; /* it stands still unless earlier states will not be set */
+#else
     (void)final;
+#endif
     instance *s = c;
     values *v = &s->v;
     int fault = t >= v->real[FAULT_TIME] - 1e-12 ? v->integer[FAULT] : 0;
@@ -101,6 +108,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real h, fmi2Boolean final
                             v->integer[STEPS], t, "too hot");
     if (fault == 2) return fmi2Error;
     if (fault == 3) abort();
+    if (fault == 9) *(volatile int *)(size_t)(fault - 9) = 1; /* a segmentation fault */
     if (fault == 4) return fmi2Discard;
     if (fault == 5) return fmi2Fatal;
     while (fault == 6) {
