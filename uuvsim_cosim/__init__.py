@@ -8,6 +8,8 @@ from uuvsim_cosim._version import __version__
 from uuvsim_cosim.errors import UuvsimError
 
 if TYPE_CHECKING:
+    from uuvsim_cosim.bridge.client import connect
+    from uuvsim_cosim.bridge.zenoh_bridge import Bridge
     from uuvsim_cosim.envs.single import CosimEnv
     from uuvsim_cosim.envs.vector import CosimVectorEnv
     from uuvsim_cosim.kernels import fuse
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
     from uuvsim_cosim.studies import Study, study
 
 __all__ = [
+    "Bridge",
     "CosimEnv",
     "CosimVectorEnv",
     "Master",
@@ -33,6 +36,7 @@ __all__ = [
     "UuvsimError",
     "__version__",
     "available",
+    "connect",
     "declare",
     "fuse",
     "load",
@@ -44,6 +48,7 @@ __all__ = [
 
 # Names are imported when first used: `uuvsim --help` must not wait for CasADi or Arrow.
 _HOME = {
+    "Bridge": "bridge.zenoh_bridge",
     "CosimEnv": "envs.single",
     "CosimVectorEnv": "envs.vector",
     "Master": "orchestrator.master",
@@ -53,6 +58,7 @@ _HOME = {
     "Study": "studies",
     "System": "orchestrator.system",
     "available": "orchestrator.library",
+    "connect": "bridge.client",
     "declare": "models.library",
     "fuse": "kernels",
     "load": "orchestrator.library",

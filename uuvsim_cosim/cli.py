@@ -19,6 +19,7 @@ from uuvsim_cosim.commands import (
     pack,
     report,
     run,
+    serve,
     study,
     systems,
 )
@@ -52,6 +53,7 @@ def _root(
 
 
 app.command("run")(run.run_command)
+app.command("serve")(serve.serve_command)
 app.command("export")(export.export_command)
 app.command("report")(report.report_command)
 app.command("study")(study.study_command)

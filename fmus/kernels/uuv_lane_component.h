@@ -12,7 +12,7 @@
 typedef struct {
     uint32_t n_draws; /* standard normals that one tick consumes */
     uint32_t index;   /* the "variable number" in the key of its draws */
-    void (*update)(const V *b, const V *draws, V *z_new); /* writes all n_z values */
+    void (*update)(V *b, const V *draws, uuv_mask due); /* in place, in the lanes that are due */
 } uuv_lane_clock;
 
 /* The beginning and the end of a step, in each lane. */
@@ -22,7 +22,7 @@ typedef struct {
 
 typedef struct {
     uint32_t n_block, off_derived, off_x, n_x, n_z, off_y, n_clocks;
-    uint32_t n_held; /* values of the right-hand side that a step holds */
+    uint32_t n_held; /* values that a step holds */
     int32_t off_seed; /* or -1 */
     const uuv_lane_clock *clocks;
     void (*derived)(const V *b, V *out);
@@ -30,6 +30,7 @@ typedef struct {
     void (*held)(const V *b, V *w); /* what follows from inputs, parameters and samples alone */
     void (*rhs)(const V *b, const V *w, V *dx);
     void (*outputs)(const V *b, V *out);
+    void (*outputs_of_step)(const V *b, const V *w, V *out); /* the same, after `held` */
 } uuv_lane_component;
 
 /* The steps of one declaration, compiled with it (uuv_lane_steps.h). */

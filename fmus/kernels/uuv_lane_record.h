@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Linear tables on lanes whose intervals are found by buckets; see kernels/table_text.py.
+/* Linear tables on lanes by their intervals, found by buckets; see kernels/interval_text.py.
  *
  * A record holds what an interval needs: its first knot, then for one row of the table, or two
  * neighbouring ones, the value there and the slope. The last record is that of the last knot.
@@ -7,9 +7,7 @@
 #ifndef UUV_LANE_RECORD_H
 #define UUV_LANE_RECORD_H
 
-#include "uuv_lane_words.h"
-
-#define UUV_RECORD_INLINE static inline __attribute__((always_inline))
+#include "uuv_lane_rows.h"
 
 /* A bucket: the last knot before it, and the one knot inside it, or NaN. */
 typedef struct {
@@ -23,79 +21,7 @@ typedef struct {
     const uuv_real *next, *knots; /* next[i]: knot i + 1; NaN after the last */
 } uuv_lane_grid;
 
-typedef struct {
-    int32_t lane[UUV_W];
-} uuv_lane_places;
-
-#if UUV_W > 1
-typedef int32_t uuv_lane_whole_ __attribute__((vector_size(4 * UUV_W)));
-#endif
-
-UUV_RECORD_INLINE uuv_lane_places uuv_lane_whole(V x) {
-    uuv_lane_places at;
-#if UUV_W == 1
-    at.lane[0] = (int32_t)x;
-#else
-    const uuv_lane_whole_ n = __builtin_convertvector(x, uuv_lane_whole_);
-    memcpy(&at, &n, sizeof at);
-    __asm__("" : "+m"(at)); /* addresses come from memory: taken out of a register they cost more */
-#endif
-    return at;
-}
-
-/* Rows of memory become lanes in registers: groups of 8 rows are transposed. */
-#if UUV_W % 8 == 0 && (defined(__clang__) || __GNUC__ >= 12)
-#if defined(UUV_FLOAT32) && UUV_W % 16 == 0
-#define UUV_UNIT 16
-#define UUV_IN_(i) ((i) < 8 ? (i) : (i) + 8)
-#define UUV_PICK_(a, b, i, j, k, l, m, n, o, p)                                             \
-    __builtin_shufflevector(a, b, UUV_IN_(i), UUV_IN_(j), UUV_IN_(k), UUV_IN_(l), UUV_IN_(m), \
-                            UUV_IN_(n), UUV_IN_(o), UUV_IN_(p), UUV_IN_(i) + 8,               \
-                            UUV_IN_(j) + 8, UUV_IN_(k) + 8, UUV_IN_(l) + 8, UUV_IN_(m) + 8,   \
-                            UUV_IN_(n) + 8, UUV_IN_(o) + 8, UUV_IN_(p) + 8)
-#else
-#define UUV_UNIT 8
-#define UUV_PICK_(a, b, i, j, k, l, m, n, o, p) \
-    __builtin_shufflevector(a, b, i, j, k, l, m, n, o, p)
-#endif
-typedef uuv_real uuv_row_ __attribute__((vector_size(8 * sizeof(uuv_real))));
-typedef uuv_real uuv_unit_ __attribute__((vector_size(UUV_UNIT * sizeof(uuv_real))));
-
-UUV_RECORD_INLINE uuv_unit_ uuv_rows_(const uuv_real *records, const int32_t *at, int row) {
-    const uuv_row_ first = *(const uuv_row_ *)(const void *)(records + 8 * (int64_t)at[row]);
-#if UUV_UNIT == 16
-    const uuv_row_ second = *(const uuv_row_ *)(const void *)(records + 8 * (int64_t)at[row + 8]);
-    return __builtin_shufflevector(first, second, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13,
-                                   14, 15);
-#else
-    return first;
-#endif
-}
-
-/* field[f]: number f of the records `at` */
-UUV_RECORD_INLINE void uuv_lane_fields(const uuv_real *records, const uuv_lane_places *at,
-                                       V field[8]) {
-    for (int unit = 0; unit < UUV_W / UUV_UNIT; unit++) {
-        uuv_unit_ a[8], b[8], f[8];
-        for (int i = 0; i < 8; i += 2) {
-            const uuv_unit_ p = uuv_rows_(records, at->lane + UUV_UNIT * unit, i);
-            const uuv_unit_ q = uuv_rows_(records, at->lane + UUV_UNIT * unit, i + 1);
-            a[i] = UUV_PICK_(p, q, 0, 8, 2, 10, 4, 12, 6, 14);
-            a[i + 1] = UUV_PICK_(p, q, 1, 9, 3, 11, 5, 13, 7, 15);
-        }
-        for (int i = 0; i < 8; i += 4) {
-            b[i] = UUV_PICK_(a[i], a[i + 2], 0, 1, 8, 9, 4, 5, 12, 13);
-            b[i + 1] = UUV_PICK_(a[i + 1], a[i + 3], 0, 1, 8, 9, 4, 5, 12, 13);
-            b[i + 2] = UUV_PICK_(a[i], a[i + 2], 2, 3, 10, 11, 6, 7, 14, 15);
-            b[i + 3] = UUV_PICK_(a[i + 1], a[i + 3], 2, 3, 10, 11, 6, 7, 14, 15);
-        }
-        for (int i = 0; i < 4; i++) {
-            f[i] = UUV_PICK_(b[i], b[i + 4], 0, 1, 2, 3, 8, 9, 10, 11);
-            f[i + 4] = UUV_PICK_(b[i], b[i + 4], 4, 5, 6, 7, 12, 13, 14, 15);
-        }
-        for (int i = 0; i < 8; i++) memcpy((uuv_unit_ *)(void *)&field[i] + unit, &f[i], sizeof f[i]);
-    }
-}
+#if defined(UUV_UNIT)
 
 #if defined(UUV_FLOAT32) /* two floats are moved as one */
 typedef uint64_t uuv_pairs_ __attribute__((vector_size(UUV_UNIT * sizeof(uuv_real))));
@@ -156,16 +82,6 @@ UUV_RECORD_INLINE void uuv_lane_buckets(const uuv_lane_bucket *buckets, const uu
     *inside = i.all;
 }
 
-UUV_RECORD_INLINE void uuv_lane_fields(const uuv_real *records, const uuv_lane_places *at,
-                                       V field[8]) {
-    union {
-        V all[8];
-        uuv_real lane[8][UUV_W];
-    } r;
-    for (int i = 0; i < UUV_W; i++)
-        for (int f = 0; f < 8; f++) r.lane[f][i] = records[8 * (int64_t)at->lane[i] + f];
-    memcpy(field, &r, sizeof r);
-}
 #endif
 
 /* Of each lane the last knot not above x; the first one where there is none or x is NaN. */
@@ -239,36 +155,5 @@ UUV_RECORD_INLINE V uuv_lane_record2(V x, V y, const uuv_lane_grid *gx, const uu
     const V up = uuv_select(uuv_mask_lt(y, uuv_const(gy->first)), uuv_const(0), y - from);
     return uuv_select(uuv_mask_le(uuv_const(gy->last), y), q, p + up * slope);
 }
-
-#if defined(UUV_FLOAT32)
-
-/* float32: a bucket is a record itself: the knot inside, and for each of two rows the value there
- * and the slopes on both sides. Bends are exact; only the rounding differs from uuv_lane_record. */
-UUV_RECORD_INLINE V uuv_lane_bend_(V beyond, V value, V below, V above) {
-    const uuv_mask left = uuv_mask_lt(beyond, uuv_const(0));
-    return value + beyond * uuv_select(left, below, above);
-}
-
-UUV_RECORD_INLINE V uuv_lane_bent(V x, V y, const uuv_lane_grid *gx, const uuv_lane_grid *gy,
-                                  const uuv_real *records) {
-    V r[8];
-    const V first = uuv_const(gx->first), last = uuv_const(gx->last);
-    const V most = uuv_const((uuv_real)(gx->n_buckets - 1));
-    const V above = uuv_select(uuv_mask_gt(x, first), x, first);
-    const V in = uuv_select(uuv_mask_lt(above, last), above, last);
-    const V bucket = (in - first) * uuv_const(gx->scale);
-    const uuv_lane_places at = uuv_lane_whole(uuv_select(uuv_mask_lt(bucket, most), bucket, most));
-    uuv_lane_fields(records, &at, r);
-    const V beyond = uuv_select(uuv_mask_nan(x), x, in - r[0]);
-    const V p = uuv_lane_bend_(beyond, r[1], r[2], r[3]);
-    if (!gy) return p;
-    const V q = uuv_lane_bend_(beyond, r[4], r[5], r[6]);
-    const V low = uuv_const(gy->first), high = uuv_const(gy->last);
-    const V up = uuv_select(uuv_mask_lt(y, low), uuv_const(0),
-                            uuv_select(uuv_mask_lt(high, y), high - low, y - low));
-    return p + up * ((q - p) * uuv_const(1.0f / (gy->last - gy->first)));
-}
-
-#endif
 
 #endif

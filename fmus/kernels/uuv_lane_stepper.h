@@ -89,12 +89,10 @@ UUV_STEP_INLINE void lane_integrate(const uuv_lane_component *c, V *b, uint32_t 
 }
 
 UUV_STEP_INLINE void lane_sample(const uuv_lane_component *c, const uuv_lane_clock *clock, V *b,
-                                 uuv_mask due, uuv_words sample, V t, V *z_new) {
-    V *z = b + c->off_x + c->n_x, *draws = z_new + c->n_z;
+                                 uuv_mask due, uuv_words sample, V t, V *draws) {
     b[0] = t;
     if (clock->n_draws) lane_draw(b + c->off_seed, clock, sample, draws);
-    clock->update(b, draws, z_new);
-    for (uint32_t i = 0; i < c->n_z; i++) z[i] = uuv_select(due, z_new[i], z[i]);
+    clock->update(b, draws, due);
 }
 
 static void stepper_sample(V *b, uint32_t clock, uuv_mask due, uuv_words sample, V t, V *scratch) {
@@ -118,7 +116,7 @@ static void stepper_do_step(V *cells, V *b, uint32_t n_pieces, const uint8_t *pe
     }
     lane_integrate(c, b, 1, now->t, now->length, n_pieces, scratch);
     b[0] = now->end;
-    c->outputs(b, b + c->off_y);
+    c->outputs_of_step(b, scratch, b + c->off_y);
     lane_check(cells, b, c->off_x, c->n_block);
 }
 
@@ -130,7 +128,7 @@ static void stepper_do_step_together(V *cells, V *b, uint32_t count, uint32_t n_
     for (uint32_t j = 0; j < count; j++) {
         V *own = b + j * c->n_block;
         own[0] = now->end;
-        c->outputs(own, own + c->off_y);
+        c->outputs_of_step(own, scratch + j * c->n_held, own + c->off_y);
         for (uint32_t i = c->off_x; i < c->n_block; i++) sum += own[i] - own[i];
     }
     if (__builtin_expect(uuv_any(uuv_mask_nan(sum)), 0))

@@ -3,6 +3,8 @@
  *
  * Knots increase strictly; there are two or more. Outside of its knots an argument counts as the
  * nearest knot, so the slope is 0 there. At a knot the slope is that to its right. NaN gives NaN.
+ * Tables of one row or two are read without a search: uuv_even (models/even.py), uuv_bent
+ * (models/bends.py).
  */
 #ifndef UUV_TABLE_H
 #define UUV_TABLE_H
@@ -112,6 +114,105 @@ static inline V uuv_table2_dy(V x, V y, const uuv_real *xs, int nx, const uuv_re
     const uuv_cell_ c = uuv_find_cell_(at_x, at_y, zs, nx);
     return uuv_slope_(at_y, uuv_between_(at_x, c.z[0][0], c.z[0][1]),
                       uuv_between_(at_x, c.z[1][0], c.z[1][1]));
+}
+
+/* Between rows p at y = low and q at y = high, and held beyond. */
+static inline V uuv_rows_between_(V x, V y, V p, V q, uuv_real from, uuv_real to) {
+    const V low = uuv_const(from), high = uuv_const(to);
+    const V up = uuv_select(uuv_mask_lt(y, low), uuv_const(0.0), y - low);
+    const V value = uuv_select(uuv_mask_le(high, y), q, p + up * ((q - p) / (high - low)));
+    return uuv_select(uuv_mask_nan(x), x, value);
+}
+
+/* A knot of a row: the value there, and the slopes on both sides. */
+typedef struct {
+    uuv_real knot, value, below, above;
+} uuv_bend;
+
+/* Equal buckets, `scale` a unit of x; each row's bend for each of them. Two rows lie at y = low,
+ * high. */
+typedef struct {
+    uuv_real first, last, scale, low, high;
+    const unsigned short *at[2];
+    const uuv_bend *bends[2];
+} uuv_bent;
+
+static inline V uuv_bent_row_(V x, V bucket, const unsigned short *at, const uuv_bend *bends) {
+    V knot = x, value = x, below = x, above = x;
+    for (int i = 0; i < UUV_W; i++) {
+        const uuv_bend *bend = bends + at[(int)uuv_lane(bucket, i)];
+        knot = uuv_with_lane(knot, i, bend->knot);
+        value = uuv_with_lane(value, i, bend->value);
+        below = uuv_with_lane(below, i, bend->below);
+        above = uuv_with_lane(above, i, bend->above);
+    }
+    const V beyond = x - knot;
+    return value + beyond * uuv_select(uuv_mask_lt(beyond, uuv_const(0.0)), below, above);
+}
+
+/* x within the grid; the first knot for NaN. */
+static inline V uuv_bent_within_(V x, const uuv_bent *t) {
+    const V first = uuv_const(t->first), last = uuv_const(t->last);
+    const V above = uuv_select(uuv_mask_lt(first, x), x, first);
+    return uuv_select(uuv_mask_lt(above, last), above, last);
+}
+
+static inline V uuv_bent1(V x, const uuv_bent *t) {
+    const V in = uuv_bent_within_(x, t);
+    const V bucket = (in - uuv_const(t->first)) * uuv_const(t->scale);
+    return uuv_select(uuv_mask_nan(x), x, uuv_bent_row_(in, bucket, t->at[0], t->bends[0]));
+}
+
+static inline V uuv_bent2(V x, V y, const uuv_bent *t) {
+    const V in = uuv_bent_within_(x, t);
+    const V bucket = (in - uuv_const(t->first)) * uuv_const(t->scale);
+    const V p = uuv_bent_row_(in, bucket, t->at[0], t->bends[0]);
+    const V q = uuv_bent_row_(in, bucket, t->at[1], t->bends[1]);
+    return uuv_rows_between_(x, y, p, q, t->low, t->high);
+}
+
+/* Lines of equal length, `per_unit` in a unit of x; line k begins at (start + k) / per_unit. */
+typedef struct {
+    uuv_real value, slope;
+} uuv_line;
+
+typedef struct {
+    uuv_real first, last, scale, start, per_unit, low, high;
+    const uuv_line *lines[2];
+} uuv_even;
+
+static inline V uuv_even_row_(V x, V k, V beyond, const uuv_line *lines) {
+    V value = x, slope = x;
+    for (int i = 0; i < UUV_W; i++) {
+        const uuv_line *line = lines + (int)uuv_lane(k, i);
+        value = uuv_with_lane(value, i, line->value);
+        slope = uuv_with_lane(slope, i, line->slope);
+    }
+    return value + beyond * slope;
+}
+
+/* k and x - x_k, of x within the grid; the first knot for NaN. */
+static inline void uuv_even_line_(V x, const uuv_even *t, V *k, V *beyond) {
+    const V first = uuv_const(t->first), last = uuv_const(t->last);
+    const V above = uuv_select(uuv_mask_lt(first, x), x, first);
+    const V in = uuv_select(uuv_mask_lt(above, last), above, last);
+    const V place = (in - first) * uuv_const(t->scale);
+    *k = place;
+    for (int i = 0; i < UUV_W; i++) *k = uuv_with_lane(*k, i, (uuv_real)(int)uuv_lane(place, i));
+    *beyond = in - (*k + uuv_const(t->start)) / uuv_const(t->per_unit);
+}
+
+static inline V uuv_even1(V x, const uuv_even *t) {
+    V k, beyond;
+    uuv_even_line_(x, t, &k, &beyond);
+    return uuv_select(uuv_mask_nan(x), x, uuv_even_row_(x, k, beyond, t->lines[0]));
+}
+
+static inline V uuv_even2(V x, V y, const uuv_even *t) {
+    V k, beyond;
+    uuv_even_line_(x, t, &k, &beyond);
+    return uuv_rows_between_(x, y, uuv_even_row_(x, k, beyond, t->lines[0]),
+                             uuv_even_row_(x, k, beyond, t->lines[1]), t->low, t->high);
 }
 
 #endif

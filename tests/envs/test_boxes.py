@@ -86,7 +86,7 @@ def test_actions_beyond_the_box_are_clipped() -> None:
 def test_a_wrong_action_says_what_is_right(action: Any, words: str) -> None:
     box = actions(Channel("hull.tau[1:2]", -40, 20))
     with pytest.raises(InputInvalid, match=words):
-        box.checked(action, 1, "task")
+        box.checked(action, None, "task")
 
 
 def test_a_nan_among_many_names_the_environment() -> None:

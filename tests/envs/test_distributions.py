@@ -90,3 +90,9 @@ def test_a_normal_without_limits_has_a_range_of_three_deviations() -> None:
 def test_a_distribution_that_is_none_is_refused(make: Any, says: str) -> None:
     with pytest.raises(InputInvalid, match=says):
         make()
+
+
+def test_a_grid_of_a_million_values_is_ready_at_once() -> None:
+    n = 1_000_000
+    values = Choice(np.arange(float(n))).quantile((np.arange(n) + 0.5) / n)
+    assert np.array_equal(values, np.arange(float(n)))

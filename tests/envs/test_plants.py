@@ -112,7 +112,7 @@ def test_what_cannot_be_fused_gets_masters(first_order_fmi3: Path) -> None:
         ({"backend": "fast"}, "backend 'fast'.*'auto', 'kernel' or 'master'"),
         ({"dtype": "float16"}, "dtype 'float16'.*'float64' or 'float32'"),
         ({"backend": "master", "dtype": "float32"}, "expected backend 'kernel'"),
-        ({"backend": "master", "processes": -1}, "processes -1; expected at least 1"),
+        ({"backend": "master", "processes": -1}, "processes -1; expected a whole number from 0"),
     ],
 )
 def test_a_wrong_option_is_refused(options: dict[str, Any], words: str) -> None:
@@ -159,8 +159,11 @@ def test_workers_end_when_the_parent_is_killed(tmp_path: Path) -> None:
 
 def test_an_error_in_a_worker_has_its_class_and_words() -> None:
     made = plant(2, backend="master", processes=2)
-    with pytest.raises(UuvsimError, match="m"):
-        made.reset(np.ones(2, bool), [1, 2], {"hull.m": np.array([12.0, -1.0])})
+    made.reset(np.ones(2, bool), [1, 2], {"hull.m": np.array([12.0, -1.0])})
+    assert made.failed.tolist() == [False, True]
+    assert "value -1.0" in str(made.failure(1))
+    with pytest.raises(UuvsimError, match="mm"):
+        made.read("hull.mm")
     made.reset(np.ones(2, bool), [1, 2], {})
     made.step(1)
     assert not made.failed.any()

@@ -1,3 +1,4 @@
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -25,10 +26,14 @@ from uuvsim_cosim.envs.randomisation_sets import (
     thruster_strength,
 )
 from uuvsim_cosim.envs.task import Moment, Task
+from uuvsim_cosim.envs.tasks import TargetTracking
+from uuvsim_cosim.envs.team import CosimParallelEnv
 from uuvsim_cosim.errors import InputInvalid, SystemInvalid
 from uuvsim_cosim.models.parameters import parameter_set, read_yaml, vehicle_sets
 from uuvsim_cosim.orchestrator.library import load
+from uuvsim_cosim.orchestrator.shipped_tracking import target_tracking
 from uuvsim_cosim.orchestrator.system import System
+from uuvsim_cosim.studies import Study
 
 N = 400
 DRAWS = Draws(np.arange(N), np.zeros(N, int))
@@ -128,6 +133,27 @@ def test_a_correlation_that_cannot_be_is_refused(hold: System, correlation: Any,
 def test_a_matrix_that_is_no_correlation_is_refused(matrix: Any) -> None:
     with pytest.raises(InputInvalid, match="correlation: "):
         Randomisation([Vary("a.b", Constant(1)), Vary("a.c", Constant(1))], matrix)
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: Vary("hull.m", "x"), r"hull.m: 'x'; expected a distribution, such as Uniform\("),  # type: ignore[arg-type]
+        (lambda: Vary("hull.m", 13.0), r"such as Constant\(13.0\)"),  # type: ignore[arg-type]
+        (lambda: Vary(3, Constant(1)), "name 3; expected a text"),  # type: ignore[arg-type]
+        (lambda: Vary("hull.m", Constant(1), unit=1), "unit 1; expected a text"),  # type: ignore[arg-type]
+        (lambda: Vary("hull.m", Constant(1), relative="x"), "relative 'x'; expected True"),  # type: ignore[arg-type]
+        (lambda: Randomisation(["hull.m"]), "parameters: 'hull.m'; expected a Vary"),  # type: ignore[list-item]
+        (lambda: Randomisation("hull.m"), "'hull.m'; expected a list of Vary"),  # type: ignore[arg-type]
+        (lambda: Randomisation(Vary("a.b", Constant(1))), "expected a list of Vary"),  # type: ignore[arg-type]
+        (lambda: Randomisation([], "x"), "correlation: 'x'; expected"),  # type: ignore[arg-type]
+    ],
+)
+def test_what_is_no_randomisation_is_refused_in_a_sentence(
+    make: Callable[[], object], says: str
+) -> None:
+    with pytest.raises(InputInvalid, match=says):
+        make()
 
 
 @pytest.mark.parametrize(
@@ -235,6 +261,31 @@ def test_a_privileged_task_shows_what_it_draws(hold: System) -> None:
         with_privileged(Hold(hold, None))
 
 
+def test_a_privileged_team_sees_what_is_drawn_in_each_view_and_in_the_state() -> None:
+    varies = [Vary("tracker_*.hull.m", Uniform(1.0, 1.1), relative=True, together=True)]
+    plain = TargetTracking(2, 1, randomisation=Randomisation(varies))
+    task = with_privileged(plain)
+    assert task.privileged_width == 1
+    team = CosimParallelEnv(task)
+    try:
+        seen, _ = team.reset(seed=4)
+        assert team._stage is not None
+        m = team._stage.now.moment.start["tracker_1.hull.m"]
+        low, high = task.drawn.quantities[0].limits
+        wanted = 2 * (m[0] - low) / (high - low) - 1
+        assert abs(wanted) < 1
+        for agent in task.agents:
+            assert seen[agent][-1] == pytest.approx(wanted, abs=1e-6)
+            assert len(seen[agent]) == len(plain.limits(agent)[0]) + 1
+            assert team.observation_space(agent).contains(seen[agent])
+        assert team.state()[-1] == pytest.approx(wanted, abs=1e-6)
+        assert team.state_space.contains(team.state())
+    finally:
+        team.close()
+    with pytest.raises(InputInvalid, match="TargetTracking: draws nothing"):
+        with_privileged(TargetTracking(2))
+
+
 def test_without_a_system_nothing_is_drawn() -> None:
     with pytest.raises(InputInvalid, match="belongs to no system"):
         Randomisation([Vary("hull.m", Constant(1))]).draw(DRAWS)
@@ -282,6 +333,27 @@ def test_ready_made_sets_draw_noise_current_and_strength(hold: System, survey: S
         sensor_noise(hold)
     with pytest.raises(InputInvalid, match="no delay"):
         delays(hold)
+
+
+def test_delays_of_links_are_drawn_up_to_what_a_link_allows() -> None:
+    system = target_tracking(2, links=True)
+    r = delays(system, 10.0).bound(system)
+    links = ["positioning", *(f"tracker_{i}.{n}" for i in (1, 2) for n in ("radio", "positioning"))]
+    assert sorted(r.names) == sorted(f"{link}.delay" for link in links)
+    start = r.draw(DRAWS)
+    assert all(v.min() >= 0.0 and 0.38 < v.max() <= 0.4 for v in start.values())
+    task = TargetTracking(1, noise=0.01, randomisation=delays(target_tracking(1, links=True)))
+    drawn_ = task.start(DRAWS)["positioning.delay"]
+    assert drawn_.min() > 0.0
+    assert 0.19 < drawn_.max() <= 0.2
+
+
+def test_a_link_is_as_late_as_was_drawn(tmp_path: Path) -> None:
+    system = System("s", "0.02").add("clock", "model:link?size=1&unit=s&period=0.02")
+    grid = [Vary("clock.delay", Choice([0.0, 0.1, 0.2]))]
+    metrics = {"late": "final(clock.t_sample)"}
+    rows = Study(system, duration="1", metrics=metrics, grid=grid).run(tmp_path / "s").table()
+    assert rows["late"].to_pylist() == pytest.approx([0.98, 0.88, 0.78])
 
 
 def test_a_file_says_the_same_as_python(hold: System, tmp_path: Path) -> None:

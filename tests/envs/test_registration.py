@@ -6,7 +6,7 @@ from typing import Any
 import gymnasium
 import pytest
 
-from tests.envs.drift import Drift
+from tests.envs.drift import LIMIT, Drift
 from uuvsim_cosim import envs
 from uuvsim_cosim.envs.registration import SHIPPED, register_shipped
 from uuvsim_cosim.errors import InputInvalid
@@ -27,7 +27,7 @@ def test_an_id_makes_one_environment_with_options_of_its_task() -> None:
     assert env.unwrapped.task.reach == 0.5  # type: ignore[attr-defined]
     assert env.unwrapped.task.actions[0].high == 20.0
     assert env.spec is not None
-    assert env.spec.max_episode_steps is None
+    assert env.spec.max_episode_steps == LIMIT
     env.close()
 
 

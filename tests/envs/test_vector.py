@@ -161,7 +161,7 @@ def test_disabled_waits_for_a_reset_of_those_that_have_ended(make: Make, kind: s
 
 @pytest.mark.parametrize("mask", [np.ones(4, bool), np.ones(5), np.zeros(5, bool), [True], "all"])
 def test_a_wrong_mask_is_refused(make: Make, mask: Any) -> None:
-    env = make()
+    env = make(autoreset_mode="Disabled")
     env.reset(seed=1)
     with pytest.raises(InputInvalid, match="5 Booleans, at least one of them true"):
         env.reset(options={"reset_mask": mask})
@@ -169,7 +169,7 @@ def test_a_wrong_mask_is_refused(make: Make, mask: Any) -> None:
 
 def test_a_mask_needs_a_first_reset_of_all(make: Make) -> None:
     with pytest.raises(InputInvalid, match="before any reset"):
-        make().reset(options={"reset_mask": np.ones(5, bool)})
+        make(autoreset_mode="Disabled").reset(options={"reset_mask": np.ones(5, bool)})
 
 
 def test_a_list_gives_each_environment_its_seed(make: Make) -> None:
@@ -196,7 +196,7 @@ def test_without_a_seed_environments_differ_and_go_on(make: Make) -> None:
 
 @EACH
 def test_start_values_of_options_may_differ_by_environment(make: Make, kind: str) -> None:
-    env = make(kind, 3)
+    env = make(kind, 3, autoreset_mode="Disabled")
     eta = np.zeros((3, 6))
     eta[:, 0] = 1, 2, 3
     seen, _ = env.reset(seed=1, options={"start": {"hull.eta_0": eta}})
@@ -275,7 +275,12 @@ def test_spaces_hold_what_comes_out(make: Make) -> None:
         ({"n": 0}, "num_envs 0; expected a whole number from 1"),
         ({"autoreset_mode": "Never"}, "autoreset_mode 'Never'; expected one of 'NextStep'"),
         ({"render_mode": "human"}, "expected 'rgb_array'"),
-        ({"threads": 0}, "0 threads; expected at least 1"),
+        ({"threads": 0}, "threads 0; expected a whole number from 1"),
+        ({"threads": 1.5}, "threads 1.5; expected a whole number from 1"),
+        ({"backend": "master", "processes": 1.5}, "processes 1.5; expected a whole number from 0"),
+        ({"n": True}, "num_envs True; expected a whole number from 1"),
+        ({"n": 10**9}, r"1000000000 environments of at least \d+ bytes need .* are available"),
+        ({"n": 10**9, "backend": "master"}, r"1000000000 environments of at least 4096 bytes"),
     ],
 )
 def test_wrong_options_are_refused(make: Make, options: dict[str, Any], words: str) -> None:

@@ -11,10 +11,14 @@ from uuvsim_cosim.cache import cache_dir, content_hash, keep
 from uuvsim_cosim.content import content
 from uuvsim_cosim.fmus.emit import emit_function
 from uuvsim_cosim.fmus.equations import equations
+from uuvsim_cosim.fmus.table_data import table_call, table_data
 from uuvsim_cosim.fmus.toolchain import compile_shared
+from uuvsim_cosim.kernels.declaration_text import declaration_text
 from uuvsim_cosim.kernels.held import split
 from uuvsim_cosim.kernels.memory import aligned
 from uuvsim_cosim.kernels.table_text import tables_in_lanes
+from uuvsim_cosim.models.bends import bends
+from uuvsim_cosim.models.even import even
 from uuvsim_cosim.models.library import declare
 from uuvsim_cosim.models.table import TABLES, Table, table1, table2
 
@@ -95,6 +99,66 @@ def test_tables_in_lanes_are_the_table_to_the_last_bit(n: int, ny: int, width: i
             assert np.isnan(got[np.isnan(x)]).all()
 
 
+def as_called(table: Table, dtype: str, width: int, *, runtime: bool) -> ctypes.CDLL:
+    """Compile the call that FMUs make of a table, as they have it or as kernels do."""
+    call = table_call(table.name, "", ["xs[i]", "ys[i]"][: table.n_in])
+    body = (
+        "UUV_KERNEL_API void read(size_t n, const V *xs, const V *ys, V *out) {\n"
+        "    (void)ys;\n    for (size_t i = 0; i < n; i++) {\n"
+        f"        out[i] = {call};\n    }}\n}}\n"
+    )
+    tables = table_data(table.name)
+    if not runtime:
+        tables, body = tables_in_lanes(body, np.dtype(dtype))
+    names = ["stddef.h", "uuv_lane_component.h", "uuv_lane_lines.h", "uuv_lane_record.h"]
+    names += ["uuv_table.h"] if runtime else []
+    text = "".join(f'#include "{n}"\n' for n in names) + tables + body
+    source = cache_dir("generated", content_hash([text])) / "table.c"
+    keep(source, text.encode())
+    flags = [f"-DUUV_W={width}", "-Wno-psabi"]
+    flags += ["-DUUV_FLOAT32", "-ffp-contract=fast"] if dtype == "float32" else []
+    return ctypes.CDLL(str(compile_shared([source], name="table", include=INCLUDE, flags=flags)))
+
+
+def shipped_tables() -> list[Table]:
+    for name in ("thruster_t200", "battery", "allocation"):
+        declare(name)
+    forms = {id(t): t for t in TABLES.values() if even(t) or bends(t)}
+    return [t for t in forms.values() if len(t.x) > 9]
+
+
+@pytest.mark.parametrize("table", shipped_tables(), ids=lambda t: t.name)
+def test_the_form_of_a_table_is_the_table_with_the_same_bits_everywhere(table: Table) -> None:
+    x = arguments(np.array(table.x), 1)
+    x[:100] *= max(np.abs(table.x))
+    y = np.resize(arguments(np.array(table.y or (0.0,)), 2), len(x))
+    y[:200] = np.random.default_rng(3).uniform(11.0, 17.0, 200)
+    results = [
+        every(as_called(table, "float64", w, runtime=r), "read", x, y, w, "float64")
+        for w, r in ((1, True), (8, True), (1, False), (4, False), (8, False), (16, False))
+    ]
+    for other in results[1:]:
+        np.testing.assert_array_equal(other, results[0])
+    wanted = np.array([table(*pair[: table.n_in]) for pair in zip(x, y, strict=True)])
+    np.testing.assert_allclose(results[0], wanted, rtol=1e-12, atol=1e-10)
+    knots = np.isin(x, table.x) & ~np.isnan(y)
+    assert np.array_equal(results[0][knots] == 0.0, wanted[knots] == 0.0)
+
+
+@pytest.mark.parametrize("width", [4, 8, 16, 32])
+@pytest.mark.parametrize("table", shipped_tables(), ids=lambda t: t.name)
+def test_the_form_of_a_table_in_float32_is_near_it(table: Table, width: int) -> None:
+    rng = np.random.default_rng(4)
+    x = rng.uniform(table.x[0], table.x[-1], 512).astype(np.float32)
+    y = rng.uniform(11.0, 17.0, 512).astype(np.float32)
+    got = every(as_called(table, "float32", width, runtime=False), "read", x, y, width, "float32")
+    pairs = zip(x.astype(float), y.astype(float), strict=True)
+    wanted = np.array([table(*pair[: table.n_in]) for pair in pairs])
+    steepest = max(abs(table.dx(*pair[: table.n_in])) for pair in zip(x, y, strict=True))
+    largest = max(map(abs, table.x))
+    np.testing.assert_allclose(got, wanted, rtol=3e-6, atol=1e-5 + 3e-7 * steepest * largest)
+
+
 @pytest.mark.parametrize("width", [4, 8, 16, 32])
 @pytest.mark.parametrize(("n", "ny"), [(2, 0), (9, 0), (200, 0), (40, 2), (30, 5)])
 def test_float32_tables_bend_where_the_table_does(n: int, ny: int, width: int) -> None:
@@ -124,9 +188,17 @@ def test_the_table_of_a_thruster_is_read_once_a_step() -> None:
     first = eq.layout.offset["state"]
     both, n_held = split(text, lambda cell: cell in (0, first))
     held, rhs = both.split("static void rhs")
-    assert "uuv_table2" in held
-    assert "uuv_table2" not in rhs
+    assert "uuv_even2" in held
+    assert "uuv_even2" not in rhs
     assert n_held == 1
+
+
+def test_what_a_thruster_reads_at_its_command_is_read_together() -> None:
+    text = declaration_text(equations(declare("thruster_t200")), np.dtype("float64"))
+    held = text.split("static void held(")[1].split("\n}\n")[0]
+    step = text.split("static void outputs_of_step(")[1].split("\n}\n")[0]
+    assert held.count("_at_even(") == held.count("uuv_lane_pair") == 1
+    assert step.count("_at_") == step.count("_at_bent(") == 1
 
 
 def test_nothing_that_depends_on_states_or_time_is_held() -> None:
@@ -146,10 +218,11 @@ def test_nothing_that_depends_on_states_or_time_is_held() -> None:
 
 
 def test_in_float32_a_division_by_a_parameter_is_done_once_a_step() -> None:
-    eq = equations(declare("thruster_t200"))
-    text = emit_function(eq.rhs, "rhs(const V *b, V *dx)", ("b", "dx"))
-    first = eq.layout.offset["state"]
-    both, _ = split(text, lambda cell: cell in (0, first), invert=True)
+    text = (
+        "static void rhs(const V *b, V *dx) {\n    (void)b;\n    (void)dx;\n"
+        "    const V t0 = b[1] - b[2];\n    const V t1 = t0 / b[3];\n    dx[0] = t1;\n}\n"
+    )
+    both, _ = split(text, lambda cell: cell in (0, 2), invert=True)
     held, rhs = both.split("static void rhs")
     assert "uuv_inv" in held
     assert " / " not in rhs

@@ -19,9 +19,10 @@ def steady(u: float, voltage: float) -> tuple[float, float, float]:
     """Thrust [N], n [rad/s], current [A] where dn/dt = 0."""
     inputs = T200.values_of("input", {"u": u, "voltage": voltage})
     p = T200.values_of("parameter", {})
-    n = float(p[0] * T200.rhs(0, inputs, p, [], 0.0, []))
-    assert float(T200.rhs(0, inputs, p, [], n, [])) == pytest.approx(0, abs=1e-9)
-    thrust, speed, current = np.array(T200.outputs(0, inputs, p, [], n, [])).ravel()
+    d = T200.derived(p)
+    n = float(p[0] * T200.rhs(0, inputs, p, d, 0.0, []))
+    assert float(T200.rhs(0, inputs, p, d, n, [])) == pytest.approx(0, abs=1e-9)
+    thrust, speed, current = np.array(T200.outputs(0, inputs, p, d, n, [])).ravel()
     return thrust, speed, current
 
 

@@ -10,9 +10,11 @@ import uuvsim_cosim as uuv
 from uuvsim_cosim.envs.distributions import Choice, Normal, Uniform
 from uuvsim_cosim.envs.randomisation import Vary
 from uuvsim_cosim.errors import InputInvalid, SystemInvalid
+from uuvsim_cosim.fmus.export import build_fmu
 from uuvsim_cosim.orchestrator.flatten import flatten
 from uuvsim_cosim.orchestrator.master import Master
 from uuvsim_cosim.orchestrator.prepared import prepare
+from uuvsim_cosim.orchestrator.sources import ModelSource
 from uuvsim_cosim.orchestrator.system import System
 from uuvsim_cosim.studies import Study, StudyInterrupted
 
@@ -131,6 +133,21 @@ def test_what_cannot_be_fused_is_run_by_masters(tmp_path: Path, jobs: int) -> No
     np.testing.assert_allclose([r["level"] for r in rows[:4]], [0.9, 0.9, 1.8, 1.8])
 
 
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_study_over_an_fmu_has_the_bits_of_the_model_it_was_made_of(
+    hold: System, tmp_path: Path, jobs: int
+) -> None:
+    fmu = build_fmu(ModelSource("model:bluerov2_heavy").declare(), fmi=3, target=tmp_path / "h.fmu")
+    with_fmu = hold.replace("hull", str(fmu))
+    options: dict[str, Any] = {"duration": "0.5", "seeds": 2}
+    done = study(with_fmu, **options).run(tmp_path / "fmu", jobs=jobs)
+    assert done.backend == "master"
+    assert "an FMU" in done.remarks[0]
+    assert done.failed == 0
+    declared = study(hold, **options).run(tmp_path / "declared").table()
+    assert same(done.table(), declared)
+
+
 def test_an_interrupted_study_goes_on_where_it_was(hold: System, tmp_path: Path) -> None:
     def interrupt(stage: str, done: float, total: float) -> None:
         if stage == "running" and done >= 2:
@@ -234,6 +251,22 @@ def test_a_grid_over_vectors_and_instances_has_a_column_a_number(hold: System) -
         ({"grid": [Vary("hull.g", Uniform(9, 10))]}, "expected Choice"),
         ({"grid": [Vary("hull.M_A_11", Choice([-20.0]))]}, "no possible body"),
         ({"parameters": [Vary("hull.m", Normal(13, 1))]}, r"\[1e-09, inf\] kg"),
+        (
+            {"seeds": 10**9},
+            "under 1,000,000,000 seeds are .* 500 GB of memory, .* at most 10,000,0",
+        ),
+        (
+            {
+                "grid": [
+                    Vary("hull.v_c[1]", Choice([0.1] * 4000)),
+                    Vary("hull.v_c[2]", Choice([0.1] * 4000)),
+                ]
+            },
+            "16,000,000 grid points under 3 seeds are 48,000,000 runs",
+        ),
+        ({"duration": 10**14}, "1,000,000,000,000,001 samples of 18 numbers .* a larger `every`"),
+        ({"grid": ["hull.m"]}, "grid: 'hull.m'; expected a Vary"),
+        ({"grid": Vary("hull.m", Choice([13.0]))}, "expected a list of Vary"),
     ],
 )
 def test_a_study_that_cannot_be_is_refused(
@@ -241,3 +274,20 @@ def test_a_study_that_cannot_be_is_refused(
 ) -> None:
     with pytest.raises((InputInvalid, SystemInvalid), match=says):
         study(hold, **options)
+
+
+def test_what_is_assumed_of_a_system_is_said_once(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "parts.py").write_text(
+        TANK.replace('outputs = {"flow": "m/s"}', 'outputs = {"flow": None}')
+    )
+    tank = System("tank", "0.1", base=tmp_path).add("tap", "parts.py:Tap")
+    tank = tank.add("tank", "parts.py:Tank").connect("tap.flow", "tank.flow")
+    s = Study(tank, duration="1", metrics={"level": "final(tank.level)"}, seeds=4)
+    capfd.readouterr()
+    done = s.run(tmp_path / "s", jobs=2)
+    assert [r for r in done.remarks if "no unit given" in r] == [
+        "tap.flow: no unit given, taken as m/s from tank.flow"
+    ]
+    assert "no unit given" not in capfd.readouterr().err

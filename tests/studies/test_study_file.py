@@ -105,6 +105,50 @@ def test_what_is_no_study_is_refused(tmp_path: Path, text: str, says: str) -> No
         Study.read(file)
 
 
+HOLD = "system: bluerov2_hold\nduration: 1\nmetrics: {a: max(hull.eta)}\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("seeds: 1000000000\n", ":4: seeds: .*1,000,000,000 runs, about 500 GB .* 278 hours"),
+        (
+            "parameters:\n  hull.m: {grid: {from: 13, to: 14, count: 1000000000}}\n",
+            ":5: parameters.hull.m.grid.count: 1,000,000,000 grid points .* a coarser grid",
+        ),
+        (
+            "seeds: 10000\nparameters:\n  hull.m: {grid: {from: 13, to: 14, count: 10000}}\n",
+            ":5: parameters: 10,000 grid points under 10,000 seeds are 100,000,000 runs",
+        ),
+    ],
+)
+def test_a_study_too_large_for_any_machine_is_refused_at_its_line(
+    tmp_path: Path, text: str, says: str
+) -> None:
+    (tmp_path / "s.yaml").write_text(HOLD + text)
+    with pytest.raises(InputInvalid, match=says):
+        Study.read(tmp_path / "s.yaml")
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("parameters:\n  hull.m: {grid: {from: 0, to: 1}}\n", "a count of 2 or more"),
+        ("parameters:\n  hull.m: {grid: [a]}\n", "finite numbers"),
+        (
+            "correlation:\n  - {between: [hull.m, hull.nabla], value: 0.8}\n",
+            "expected a parameter that has a distribution; none is drawn here",
+        ),
+    ],
+)
+def test_a_mistake_is_told_without_its_consequences(tmp_path: Path, text: str, says: str) -> None:
+    (tmp_path / "s.yaml").write_text(HOLD + text)
+    with pytest.raises(InputInvalid, match=says) as refused:
+        Study.read(tmp_path / "s.yaml")
+    assert "drawn from" not in str(refused.value)
+    assert "one of " not in str(refused.value)
+
+
 def test_a_system_file_is_looked_for_beside_the_study(tmp_path: Path) -> None:
     import uuvsim_cosim as uuv
 

@@ -1,4 +1,4 @@
-"""`uuvsim models`: list the declarations, show one, check one against a reference."""
+"""`uuvsim models`: list the declarations, show one, check them, start a vehicle of one's own."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["app"]
 
-app = typer.Typer(help="List the models, show one, or check one against a reference.")
+app = typer.Typer(help="List the models, show one, check vehicles, or start one of your own.")
 
 
 @app.callback(invoke_without_command=True)
@@ -63,11 +63,18 @@ def _start(value: Any) -> str:
 
 @app.command("check")
 def check(
-    name: Annotated[str, typer.Argument(help="A vehicle as id@set.")],
-    reference: Annotated[Path, typer.Option(help="CSV of a reference trajectory.")],
+    name: Annotated[
+        str | None, typer.Argument(help="A vehicle, as id, id@set or its folder; all, if left out.")
+    ] = None,
+    reference: Annotated[Path | None, typer.Option(help="CSV of one reference trajectory.")] = None,
     tolerance: Annotated[float, typer.Option(help="Largest deviation that passes.")] = 1e-5,
 ) -> None:
-    """Simulate a vehicle along a reference trajectory and say how far it is off."""
+    """Compare vehicles with trajectories, published values and closed forms; say how far off."""
+    if reference is None:
+        _check_all([name] if name else None)
+        return
+    if name is None:
+        raise InputInvalid("--reference needs a vehicle before it, such as bluerov2_heavy@wu_2018")
     if not reference.is_file():
         raise InputInvalid(f"{reference}: no such file; expected a CSV of a trajectory")
     from uuvsim_cosim.models.check import check as compare
@@ -84,3 +91,53 @@ def check(
             f"t = {worst.t:g} s; expected at most {tolerance:g}"
         )
     line(f"{name} agrees with {reference.name} within {tolerance:g}")
+
+
+def _check_all(names: list[str] | None) -> None:
+    from uuvsim_cosim.models.checks import checks_of
+    from uuvsim_cosim.models.parameters import vehicle_ids
+
+    done = [c for name in names or vehicle_ids() for c in checks_of(name)]
+    words = {True: "yes", False: "NO"}
+    table(
+        ("vehicle", "check", "off", "at most", "holds"),
+        [
+            (c.address, c.what, f"{c.off:.2g}", f"{c.tolerance:g}",
+             "known" if c.known else words[c.holds])
+            for c in done
+        ],
+    )  # fmt: skip
+    for c in done:
+        if c.known:
+            line(f"known: {c.address}: {c.what}: {c.known}")
+    failed = [c for c in done if not c.holds and not c.known]
+    if failed:
+        raise InputInvalid(
+            "; ".join(
+                f"{c.address}: {c.what} is {c.off:.3g} off; expected at most {c.tolerance:g}"
+                f" ({c.source})"
+                for c in failed
+            )
+        )
+    kept = sum(c.holds for c in done)
+    rest = ", the cause of the rest is known" if kept < len(done) else ""
+    line(f"{kept} of {len(done)} checks hold{rest}")
+
+
+@app.command("new")
+def new(
+    name: Annotated[str, typer.Argument(help="Its id: lower case, digits and _.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder to write into.")] = Path(),
+    shape: Annotated[str, typer.Option(help="box or torpedo.")] = "box",
+) -> None:
+    """Write the folder of a vehicle of your own, which can be run at once, and say how."""
+    from uuvsim_cosim.commands.terminal import tilde
+    from uuvsim_cosim.models.new_vehicle import write_vehicle
+
+    folder = write_vehicle(name, out, shape)
+    for path in sorted(folder.iterdir()):
+        line(tilde(path))
+    line()
+    line(f"see it with    uuvsim models show {tilde(folder)}")
+    line(f"check it with  uuvsim models check {tilde(folder)}")
+    line(f"use it as      model:{tilde(folder)}")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from uuvsim_cosim.commands.study_progress import StudyProgress
+from uuvsim_cosim.commands.study_termination import Termination
 from uuvsim_cosim.commands.terminal import line, size_of, table, tilde
 from uuvsim_cosim.errors import InputInvalid
 
@@ -47,28 +48,35 @@ def study_command(
         raise InputInvalid(f"{file}: no such file; expected a study file (.yaml)")
     if jobs is not None and jobs < 1:
         raise InputInvalid(f"--jobs {jobs}: expected 1 or more")
-    from uuvsim_cosim.studies import Study, StudyInterrupted
-
-    study = Study.read(file)
-    report: Path | None = None
-    with StudyProgress() as progress:
+    with Termination() as termination, StudyProgress() as progress:
         try:
-            done = study.run(
-                out, jobs=jobs, restart=restart, backend="master" if master else "auto",
-                progress=progress,
-            )  # fmt: skip
-        except StudyInterrupted as interrupted:
+            done, report = _run(file, out, jobs, restart, master, no_report, progress)
+        except KeyboardInterrupt as interrupted:
             progress.stop()
-            sys.stderr.write(f"uuvsim: {interrupted}\n")
-            raise typer.Exit(130) from None
-        if not no_report:
-            from uuvsim_cosim.view.study_report import write_study_report
-
-            progress.say("writing the report")
-            report = write_study_report(done.folder)
+            said = str(interrupted) or "interrupted; the same command goes on from there"
+            sys.stderr.write(f"uuvsim: {said}\n")
+            raise typer.Exit(termination.status) from None
     _show(done, report)
     if open_ and report is not None:
         typer.launch(str(report))
+
+
+def _run(
+    file: Path, out: Path | None, jobs: int | None, restart: bool, master: bool, no_report: bool,
+    progress: StudyProgress,
+) -> tuple[StudyResult, Path | None]:  # fmt: skip
+    from uuvsim_cosim.studies import Study
+
+    study = Study.read(file)
+    done = study.run(
+        out, jobs=jobs, restart=restart, backend="master" if master else "auto", progress=progress
+    )
+    if no_report:
+        return done, None
+    from uuvsim_cosim.view.study_report import write_study_report
+
+    progress.say("writing the report")
+    return done, write_study_report(done.folder)
 
 
 def _show(done: StudyResult, report: Path | None) -> None:

@@ -58,26 +58,23 @@ class ActionBox:
         self._middle = (low / 2 + high / 2)[:, None]
         self._half = _inside(self._middle[:, 0], high / 2 - low / 2, low, high)[:, None]
 
-    def checked(self, actions: Any, n: int, place: str) -> Array:
+    def checked(self, actions: Any, n: int | None, place: str) -> Array:
         """Give actions of shape (n, width), clipped to [-1, 1]; raises InputInvalid.
 
-        One environment's may come without the first axis.
+        With n None those of one environment are given without the first axis.
         """
         try:
             given = np.asarray(actions)
         except ValueError:
             given = np.empty(0, object)
-        expected = (n, self.width)
-        single = n == 1 and given.shape == (self.width,)
-        if given.dtype.kind not in "fiu" or not (single or given.shape == expected):
-            wanted = (
-                f"{self.width} numbers in [-1, 1]" if n == 1 else f"numbers of shape {expected}"
-            )
+        expected = (self.width,) if n is None else (n, self.width)
+        if given.dtype.kind not in "fiu" or given.shape != expected:
+            wanted = f"{self.width} numbers" if n is None else f"numbers of shape {expected}"
             raise InputInvalid(
                 f"{place}: an action of type {given.dtype} and shape {given.shape}; "
-                f"expected {wanted}"
+                f"expected {wanted} in [-1, 1]"
             )
-        clipped = np.array(given.reshape(expected).T, np.float64, order="C")  # (width, n)
+        clipped = np.array(given.reshape(-1, self.width).T, np.float64, order="C")  # (width, n)
         np.maximum(clipped, -1.0, out=clipped)
         np.minimum(clipped, 1.0, out=clipped)
         total = np.add.reduce(clipped, axis=None)
@@ -85,7 +82,7 @@ class ActionBox:
             row, column = np.argwhere(np.isnan(clipped.T))[0]
             raise InputInvalid(
                 f"{place}: the action for {self.name(column)!r}"
-                + (f" in environment {row}" if n > 1 else "")
+                + (f" in environment {row}" if n is not None else "")
                 + " is not a number; expected one in [-1, 1]"
             )
         return clipped.T
@@ -160,11 +157,17 @@ class ObservationBox:
         self.width = len(self.low)
         self._least = self.low[:, None] if np.any(np.isfinite(self.low)) else None
         self._greatest = self.high[:, None]
-        if not self.width:
+        self._middle = np.clip(np.zeros_like(self.low), self.low, self.high)[:, None]
+        if not self.width and not self.problems:
             self.problems.append(Problem("observations", "none", "at least one"))
 
-    def of(self, values: Array, extra: Array | None) -> NDArray[np.float32]:
-        """Give observations (n, width) of signals (size, n), clipped to the box."""
+    def of(
+        self, values: Array, extra: Any, blank: NDArray[np.bool_] | None = None
+    ) -> NDArray[np.float32]:
+        """Give observations (n, width) of signals (size, n), clipped to the box.
+
+        Those of `blank` environments are zeros. Raises InputInvalid if one is not finite.
+        """
         n = values.shape[1]
         own, columns = self._room(n)
         values.take(self._rows, axis=0, out=own, mode="clip")
@@ -173,19 +176,37 @@ class ObservationBox:
             np.sin(own[i], out=own[i])
             np.cos(own[i + 1], out=own[i + 1])
         own += self._offset
-        columns[: self._n_own] = own
+        with np.errstate(over="ignore"):
+            columns[: self._n_own] = own
         if self.n_extra:
-            if extra is None or extra.shape != (n, self.n_extra):
-                shape = None if extra is None else extra.shape
+            given = None if extra is None else np.asarray(extra)
+            if given is None or given.shape != (n, self.n_extra) or given.dtype.kind not in "fiub":
+                shape = None if given is None else f"{given.dtype}, {given.shape}"
                 raise InputInvalid(
-                    f"extra(): observations of shape {shape}; expected {(n, self.n_extra)}, as "
-                    "extra_limits says"
+                    f"extra(): observations of type and shape {shape}; expected numbers of shape "
+                    f"{(n, self.n_extra)}, as extra_limits says"
                 )
-            columns[self._n_own :] = extra.T
+            columns[self._n_own :] = given.T
+        if blank is not None:
+            np.copyto(columns, self._middle, where=blank)
+        if not np.isfinite(np.add.reduce(columns, axis=None)):
+            most = np.finfo(np.float32).max
+            np.clip(own, -most, most, out=columns[: self._n_own], casting="same_kind")
+            self._refuse_infinite(columns)
         if self._least is not None:
             np.maximum(columns, self._least, out=columns)
             np.minimum(columns, self._greatest, out=columns)
         return columns.T.copy(order="C")
+
+    def _refuse_infinite(self, columns: NDArray[np.float32]) -> None:
+        bad = np.argwhere(~np.isfinite(columns.T))
+        if len(bad):
+            row, column = bad[0].tolist()
+            own = column - self._n_own
+            which = f"observation {column}" + (f", extra()[:, {own}]," if own >= 0 else "")
+            raise InputInvalid(
+                f"{which} in environment {row} is {columns[column, row]}; expected a finite number"
+            )
 
     def _room(self, n: int) -> tuple[Array, NDArray[np.float32]]:
         """Give room for intermediate values, which is the same each time."""

@@ -10,6 +10,8 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from fractions import Fraction
+from itertools import accumulate
 from typing import Any, Self, final
 
 import numpy as np
@@ -283,9 +285,11 @@ class Choice(Distribution):
 
     def quantile(self, u: Array) -> Array:
         """Give the value in whose share of (0, 1) u lies."""
-        weights = self.weights or (1.0,) * len(self.values)
-        total = math.fsum(weights)
-        ends = np.array([math.fsum(weights[: k + 1]) / total for k in range(len(weights) - 1)])
+        if self.weights is None:
+            ends = np.arange(1.0, len(self.values)) / len(self.values)
+        else:  # exact sums, each rounded once
+            *sums, total = map(float, accumulate(map(Fraction, self.weights)))
+            ends = np.array(sums) / total
         return np.asarray(self.values, dtype=float)[np.searchsorted(ends, u, side="right")]
 
     @property

@@ -14,6 +14,7 @@ from uuvsim_cosim.envs.draws import Draws
 from uuvsim_cosim.envs.instant import Instant, mixed
 from uuvsim_cosim.envs.plant import Plant
 from uuvsim_cosim.envs.signals import Signals, refuse
+from uuvsim_cosim.envs.start_values import rows_of
 from uuvsim_cosim.envs.task import Task, TeamTask
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid, Problem
 
@@ -73,6 +74,8 @@ class Episodes:
         self._start: dict[str, Array] = {}
         self._moment: Instant | None = None
         self.any_failed = False  # whether a component of any has failed
+        self.seeded = False  # whether seeds and counters are those of a reset
+        self.stillborn: Mask | None = None  # whose start has failed, if any
         self._every = np.ones(n, bool)
         self._idle = {agent: np.zeros((n, box.width)) for agent, box in self._boxes.items()}
 
@@ -82,7 +85,9 @@ class Episodes:
     def moment(self) -> Instant:
         """Give the present moment."""
         if self._moment is None:
-            raise InputInvalid("no episode has begun; expected reset() first")
+            raise InputInvalid(
+                "no episode has begun, or a call was interrupted; expected reset() first"
+            )
         return self._moment
 
     @property
@@ -100,12 +105,15 @@ class Episodes:
         """Begin the next episodes where the mask is true, or the first of other seeds (n rows).
 
         `start` gives start values instead of those drawn, of the variable's shape or with an axis
-        of n rows. Raises ComponentFailed if a start is not finite.
+        of n rows. Where a start fails the first step says so; raises ComponentFailed if without a
+        mask all fail.
         """
         old = self._moment
         chosen = self._every if mask is None or old is None else mask
         self._begin(chosen, seeds, start or {})
-        values, rows = self.plant.gather(), np.flatnonzero(chosen)
+        if mask is None and self.stillborn is not None and self.stillborn.all():
+            raise self._none_began()
+        values, rows = self._living(self.plant.gather()), np.flatnonzero(chosen)
         if old is None or len(rows) == self.n:
             self._moment = Instant(
                 self.signals, values, np.zeros(self.n, np.int64), self._step_seconds,
@@ -124,12 +132,17 @@ class Episodes:
         )
         return self._moment
 
+    def count(self, seeds: NDArray[np.uint64], episodes: NDArray[np.int64]) -> None:
+        """Go on after the given episodes of seeds."""
+        self.seeds, self.episodes, self.seeded = seeds, episodes, True
+
     def step(self, actions: Mapping[str, Array], again: Mask | None = None) -> Instant:
         """Act for one action step; `actions` by agent are checked, of shape (n, width).
 
         Where `again` is true the next episodes begin instead.
         """
         before = self.moment.alone()
+        self._moment = None  # there is none if this is interrupted
         plant, steps, rows = self.plant, before.step + 1, None
         scaled = [box.scaled(actions[agent]) for agent, box in self._boxes.items()]
         plant.scatter(scaled[0] if len(scaled) == 1 else np.concatenate(scaled))
@@ -143,7 +156,7 @@ class Episodes:
         failed = plant.failed
         self.any_failed = bool(failed.any())
         if self.any_failed:
-            values = np.where(failed, before.values, values)
+            values = self._living(np.where(failed, before.values, values))
         self._moment = Instant(
             self.signals, values, steps, self._step_seconds, actions, self._start, before, rows
         )
@@ -166,9 +179,18 @@ class Episodes:
         return self.plant.failed
 
     def failure(self, row: int) -> str:
-        """Say what failed, in a sentence."""
+        """Say what failed, in a sentence that names the environment if there are several."""
         failure = self.plant.failure(row)
-        return "" if failure is None else str(failure)
+        if failure is None:
+            return ""
+        return str(failure) if self.n == 1 else f"environment {row}: {failure}"
+
+    def rewarded(self, reward: Array) -> Array:
+        """Put the task's reward of a failure where a component has failed; 0 for a failed start."""
+        if not self.any_failed:
+            return reward
+        reward = np.where(self.failed, self.task.failure_reward, reward)
+        return reward if self.stillborn is None else np.where(self.stillborn, 0.0, reward)
 
     # ---- inside ---------------------------------------------------------------------------
 
@@ -187,49 +209,40 @@ class Episodes:
         draws = Draws(*counted)
         if not whole:
             draws = draws.rows(chosen)
-        drawn = {k: self._rows(k, v, draws.n) for k, v in self.task.start(draws).items()}
+        given_by_task = self.task.start(draws)
+        if not isinstance(given_by_task, Mapping):
+            raise InputInvalid(
+                f"task {type(self.task).__name__}: start(): {given_by_task!r}; expected start "
+                "values by name"
+            )
+        variables = self.plant.variables
+        drawn = {k: rows_of(variables, k, v, draws.n) for k, v in given_by_task.items()}
         for name, value in start.items():
-            wide = self._rows(name, value, self.n)
+            wide = rows_of(variables, name, value, self.n)
             drawn[name] = wide if whole else wide[chosen]
         system_seeds = draws.seeds()
         if not whole:
             drawn = {k: self._spread(k, v, chosen) for k, v in drawn.items()}
             few, system_seeds = system_seeds, np.zeros(self.n, np.uint64)
             system_seeds[chosen] = few
+        self._moment = None  # there is none if this is interrupted
         self.plant.reset(chosen, system_seeds, drawn)
-        self._refuse_failed(chosen)
-        self.seeds, self.episodes = counted
+        self.count(*counted)
         self._start = drawn if whole else {**self._start, **drawn}
+        failed = self.plant.failed
+        self.any_failed = bool(failed.any())
+        dead = failed & (chosen if self.stillborn is None else chosen | self.stillborn)
+        self.stillborn = dead if self.any_failed and dead.any() else None
 
-    def _rows(self, name: str, value: Any, n: int) -> Array:
-        """Give a start value with one row for each of n environments; raises InputInvalid."""
-        variable = self.plant.variables.get(name)
-        if variable is None:
-            from difflib import get_close_matches
+    def _living(self, values: Array) -> Array:
+        """Put zeros where a start has failed, whatever the plant has there."""
+        return values if self.stillborn is None else np.where(self.stillborn, 0.0, values)
 
-            near = get_close_matches(name, self.plant.variables, 3)
-            expected = f"one such as {', '.join(near)}" if near else "COMPONENT.VARIABLE"
-            raise InputInvalid(f"start value {name!r}: no such variable; expected {expected}")
-        if variable.causality not in ("input", "parameter"):
-            raise InputInvalid(
-                f"start value {name!r}: is of causality {variable.causality}; expected a "
-                "parameter or an input"
-            )
-        try:
-            array = np.asarray(value, dtype=float)
-        except (TypeError, ValueError):
-            raise InputInvalid(f"start value {name!r}: {value!r}; expected numbers") from None
-        shape = (n, *variable.shape)
-        good = np.isfinite(array).all()
-        if good and array.shape == shape:
-            return array
-        if array.shape not in (shape, variable.shape) or not good:
-            read = f"of shape {array.shape}" if good else "that are not finite"
-            raise InputInvalid(
-                f"start value {name!r}: numbers {read}; expected finite ones of shape "
-                f"{variable.shape} or {shape}"
-            )
-        return np.broadcast_to(array, shape)
+    def _none_began(self) -> ComponentFailed:
+        failure = self.plant.failure(0)
+        assert failure is not None
+        more = f" in environment 0, and all others of {self.n} fail" if self.n > 1 else ""
+        return ComponentFailed(failure.path, failure.time, failure.reason + more)
 
     def _spread(self, name: str, rows: Array, chosen: Mask) -> Array:
         """Put rows of some environments among those of all."""
@@ -239,14 +252,6 @@ class Episodes:
             wide[:] = rows[0]
         wide[chosen] = rows
         return wide
-
-    def _refuse_failed(self, chosen: Mask) -> None:
-        failed = self.plant.failed
-        self.any_failed = bool(failed.any())
-        if self.any_failed and (mine := np.flatnonzero(failed & chosen)).size:
-            failure = self.plant.failure(int(mine[0]))
-            assert isinstance(failure, ComponentFailed)
-            raise failure
 
 
 def _cleared(values: NDArray[Any], rows: NDArray[np.intp]) -> NDArray[Any]:

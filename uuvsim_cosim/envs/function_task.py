@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from uuvsim_cosim.envs.channel import Channel
 from uuvsim_cosim.envs.draws import Draws
 from uuvsim_cosim.envs.task import Array, Mask, Moment, Randomised, Task
+from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.system import System
 
 __all__ = ["FunctionTask"]
@@ -40,15 +41,20 @@ class FunctionTask(Task):
         start: Callable[[Draws], Mapping[str, Array]] | None = None,
         info: Callable[[Moment], Mapping[str, NDArray[Any]]] | None = None,
         randomisation: Randomised | None = None,
+        failure_reward: float = 0.0,
     ) -> None:
+        functions = {"reward": reward, "terminated": terminated, "start": start, "info": info}
+        for name, function in functions.items():
+            if not callable(function) and (function is not None or name == "reward"):
+                raise InputInvalid(f"{name} {function!r}; expected a function")
         if not isinstance(system, System):
             from uuvsim_cosim.orchestrator.library import load
 
             system = load(system)
         super().__init__(
             system,
-            actions=[Channel(c) if isinstance(c, str) else c for c in actions],
-            observations=[Channel(c) if isinstance(c, str) else c for c in observations],
+            actions=_named(actions),
+            observations=_named(observations),
             action_step=action_step,
             horizon=horizon,
             signals=signals,
@@ -56,11 +62,17 @@ class FunctionTask(Task):
         )
         self._reward, self._terminated = reward, terminated
         self._start, self._info = start, info
+        self.failure_reward = failure_reward
 
     def start(self, draws: Draws) -> Mapping[str, Array]:
         """Draw an episode's start values: the randomisation's, then those of the function."""
         drawn = super().start(draws)
-        return drawn if self._start is None else {**drawn, **self._start(draws)}
+        if self._start is None:
+            return drawn
+        own = self._start(draws)
+        if not isinstance(own, Mapping):
+            raise InputInvalid(f"start(): {own!r}; expected start values by name")
+        return {**drawn, **own}
 
     def reward(self, m: Moment) -> Array:
         """Give the function's reward."""
@@ -73,3 +85,10 @@ class FunctionTask(Task):
     def info(self, m: Moment) -> Mapping[str, NDArray[Any]]:
         """Give the function's infos, if there is one."""
         return {} if self._info is None else self._info(m)
+
+
+def _named(channels: Any) -> Any:
+    """Make channels of names; what is no list of them the task refuses."""
+    if not isinstance(channels, Sequence) or isinstance(channels, str):
+        return channels
+    return [Channel(c) if isinstance(c, str) else c for c in channels]

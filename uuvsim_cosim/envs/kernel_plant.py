@@ -102,7 +102,11 @@ class KernelPlant:
 
     def failure(self, row: int) -> ComponentFailed | None:
         """Say what failed in a copy."""
-        return self._batch.failure(row)
+        failure = self._batch.failure(row)
+        if failure is None:
+            return None
+        reason = failure.reason.removesuffix(f" in environment {row}")  # a copy knows no others
+        return ComponentFailed(failure.path, failure.time, reason)
 
     def close(self) -> None:
         """End the threads; a second call does nothing."""

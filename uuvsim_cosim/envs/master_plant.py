@@ -8,16 +8,19 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+from uuvsim_cosim.envs.memory import refuse_beyond, resident
 from uuvsim_cosim.envs.plant import Seeds
-from uuvsim_cosim.errors import ComponentFailed, UuvsimError
+from uuvsim_cosim.errors import ComponentFailed, InputInvalid, UuvsimError
 from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.fmus.native import Native
 from uuvsim_cosim.orchestrator.master import Master
 from uuvsim_cosim.orchestrator.plan import Plan, PlannedComponent
 
 __all__ = ["MasterPlant"]
 
 Array = NDArray[np.float64]
+_TRIED = 64  # masters after which it is known how much memory one takes
 
 
 @final
@@ -44,14 +47,20 @@ class MasterPlant:
             for c in plan.components
             for v in c.description.variables.values()
         }
-        self._plan, self._instantiate = plan, instantiate
+        self._plan, self._first = plan, instantiate
+        self._known: dict[str, Native] = {}  # an instance of each declaration
         self._reads, self._acts = tuple(reads), tuple(acts)
         self._failures: list[ComponentFailed | None] = [None] * n
         self._failed = np.zeros(n, bool)
         self._rows: list[_Row] = []
         try:
-            for _ in range(n):
+            before = None
+            for i in range(n):
                 self._rows.append(self._row())
+                if n > _TRIED and i == _TRIED // 2:
+                    before = resident()
+                elif i == _TRIED and before is not None and (now := resident()) is not None:
+                    refuse_beyond(n - i, (now - before) // (_TRIED // 2))
         except BaseException:
             self.close()
             raise
@@ -104,11 +113,14 @@ class MasterPlant:
                 self._failures[i], self._failed[i] = None, False
             try:
                 self._rows[i].master.reset(int(seeds[i]), values)
+                self._rows[i].check_start()
             except ComponentFailed as failure:
                 self._fail(i, failure)
-            except UuvsimError as error:
+            except InputInvalid as error:
                 self._fail(i, ComponentFailed("", 0.0, str(error)))
                 raise
+            except UuvsimError as error:
+                self._fail(i, ComponentFailed("", 0.0, str(error)))
 
     @property
     def failed(self) -> NDArray[np.bool_]:
@@ -128,10 +140,19 @@ class MasterPlant:
     def _fail(self, row: int, failure: ComponentFailed) -> None:
         self._failures[row], self._failed[row] = failure, True
 
+    def _instance(self, planned: PlannedComponent) -> Component:
+        known = self._known.get(planned.source)
+        if known is not None:
+            return known.another(planned.path)
+        made = self._first(planned)
+        if isinstance(made, Native):
+            self._known[planned.source] = made
+        return made
+
     def _row(self) -> _Row:
         live = [_split(name) for name in self._reads]
         held = list(dict.fromkeys(_split(name) for name, _ in self._acts))
-        master = Master(self._plan, self._instantiate, live=live, held=held)
+        master = Master(self._plan, self._instance, live=live, held=held)
         try:
             master.initialize()
             return _Row(master, live, self._acts)
@@ -169,6 +190,15 @@ class _Row:
         if not self._parts:
             return np.zeros(0)
         return np.concatenate([np.asarray(part(), float).ravel() for part in self._parts])
+
+    def check_start(self) -> None:
+        """Raise ComponentFailed for a start that is not finite, as a kernel finds it."""
+        for component in self.master.components:
+            if isinstance(component, Native):
+                component.check_outputs(0.0)
+        values = self.gather()
+        if not np.isfinite(values).all():
+            raise ComponentFailed("", 0.0, "a signal that is read is not finite")
 
     def scatter(self, values: Array) -> None:
         self._held[self._at] = values

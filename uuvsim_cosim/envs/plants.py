@@ -2,23 +2,32 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal
 
+from uuvsim_cosim.envs.memory import LEAST_MASTER, refuse_beyond
+from uuvsim_cosim.envs.options import whole
 from uuvsim_cosim.envs.plant import Plant
 from uuvsim_cosim.errors import InputInvalid, SystemInvalid
 from uuvsim_cosim.kernels import Kernel, fuse
 from uuvsim_cosim.orchestrator.flatten import flatten
+from uuvsim_cosim.orchestrator.plan import Plan as SystemPlan
 from uuvsim_cosim.orchestrator.prepared import prepare
 from uuvsim_cosim.orchestrator.system import System
 
 __all__ = ["Backend", "DType", "check_backend", "plant_of"]
+
+_log = logging.getLogger(__name__)
 
 Backend = Literal["auto", "kernel", "master"]
 DType = Literal["float64", "float32"]
 
 _kernels: list[tuple[System, int, str, Kernel]] = []  # the last few, so that each is made once
 _KEPT = 8
+_SIGNALS = 64  # bytes of a number that is read or acted on: it lies in several arrays
+_told: set[str] = set()  # notes of systems, which are logged once
 
 
 def check_backend(backend: str, dtype: str) -> None:
@@ -46,9 +55,12 @@ def plant_of(
 
     "auto" takes a kernel unless the system cannot be fused; "kernel" says why it cannot
     (SystemInvalid). Masters of more than one copy run in `processes` (0: in this one).
-    Raises ToolchainError.
+    Refuses more copies than memory holds. Raises ToolchainError.
     """
     check_backend(backend, dtype)
+    threads = whole(threads, "threads")
+    if processes is not None:
+        processes = whole(processes, "processes", 0)
     if backend != "master":
         try:
             kernel = _kernel(system, n, dtype)
@@ -58,15 +70,29 @@ def plant_of(
         else:
             from uuvsim_cosim.envs.kernel_plant import KernelPlant
 
+            fused = kernel.fused
+            cells = (fused.n_cells + fused.n_start) * kernel.dtype.itemsize
+            refuse_beyond(n, cells + _SIGNALS * (len(reads) + len(acts)), least=True)
             return KernelPlant(kernel, n, reads=reads, acts=acts, threads=threads)
+    plan = flatten(system)
+    refuse_beyond(n, LEAST_MASTER * len(plan.components), least=True)
+    plan = told(plan)
     if n > 1 and processes != 0:
         from uuvsim_cosim.envs.process_plant import ProcessPlant
 
-        return ProcessPlant(system, n, reads=reads, acts=acts, processes=processes)
+        return ProcessPlant(plan, n, reads=reads, acts=acts, processes=processes)
     from uuvsim_cosim.envs.master_plant import MasterPlant
 
-    plan = flatten(system)
     return MasterPlant(plan, prepare(plan, "native"), n, reads=reads, acts=acts)
+
+
+def told(plan: SystemPlan) -> SystemPlan:
+    """Log the notes of a plan, once in a process, not with each master of it."""
+    for note in plan.warnings:
+        if note not in _told:
+            _told.add(note)
+            _log.warning("%s", note)
+    return replace(plan, warnings=())
 
 
 def _kernel(system: System, n: int, dtype: DType) -> Kernel:

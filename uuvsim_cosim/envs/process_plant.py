@@ -2,38 +2,24 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
-import subprocess
-import sys
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import Any, BinaryIO, final
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.plant import Seeds
 from uuvsim_cosim.envs.process_memory import Shared
-from uuvsim_cosim.envs.process_worker import receive, send
-from uuvsim_cosim.errors import (
-    ComponentFailed,
-    FmuError,
-    InputInvalid,
-    LoopNotConverged,
-    UuvsimError,
-)
+from uuvsim_cosim.envs.process_pipe import WorkerProcess
+from uuvsim_cosim.errors import ComponentFailed, InputInvalid, UuvsimError
 from uuvsim_cosim.fmus.description import Variable
-from uuvsim_cosim.orchestrator.flatten import flatten
-from uuvsim_cosim.orchestrator.system import System
+from uuvsim_cosim.orchestrator.plan import Plan
 
 __all__ = ["ProcessPlant"]
 
 Array = NDArray[np.float64]
-_ERRORS: dict[str, type[UuvsimError]] = {
-    c.__name__: c for c in (ComponentFailed, FmuError, InputInvalid, LoopNotConverged)
-}
-_GRACE = 5.0  # [s] that a worker is given to free its components
 
 
 @final
@@ -41,12 +27,14 @@ class ProcessPlant:
     """The `Plant` protocol over `MasterPlant`s, each with some of the rows in a process.
 
     Signals and actions lie in shared memory. A worker ends when this process does; when a worker
-    ends before, the next call says so and the plant is closed.
+    ends before, the next call says so and the plant is closed. After a call that an exception has
+    interrupted a reset of all is the only call; it makes workers anew that it finds in the midst
+    of a message.
     """
 
     def __init__(
         self,
-        system: System,
+        plan: Plan,
         n: int,
         *,
         reads: Sequence[str],
@@ -56,8 +44,6 @@ class ProcessPlant:
         count = (os.cpu_count() or 1) if processes is None else processes
         if count < 1:
             raise InputInvalid(f"processes {processes}; expected at least 1, or None")
-        count = min(count, n)
-        plan = flatten(system)
         self.n = n
         self.tick = plan.tick
         self.variables: Mapping[str, Variable] = {
@@ -65,28 +51,27 @@ class ProcessPlant:
             for c in plan.components
             for v in c.description.variables.values()
         }
+        self._owner = os.getpid()
         self._failures: dict[int, ComponentFailed] = {}
         self._acted = False  # whether there are actions that the workers have not seen
-        bounds = np.linspace(0, n, count + 1).astype(int).tolist()
+        self._broken = False  # whether a call has begun and not ended
+        bounds = np.linspace(0, n, min(count, n) + 1).astype(int).tolist()
         size = sum(self.variables[name].size for name in reads)
         self._memory = Shared(None, size, len(acts), n)
-        self._workers: list[_Process] = []
-        job = {"plan": plan, "reads": tuple(reads), "acts": tuple(acts),
-               "path": self._memory.path, "shape": (size, len(acts), n)}  # fmt: skip
+        self._workers: list[WorkerProcess] = []
+        self._job = {"plan": plan, "reads": tuple(reads), "acts": tuple(acts),
+                     "memory": self._memory.key, "shape": (size, len(acts), n)}  # fmt: skip
         try:
             for first, end in pairwise(bounds):
-                worker = _Process(first, end)
+                worker = self._begun(first, end)
                 self._workers.append(worker)
-                worker.send("begin", {**job, "n": end - first, "first": first})
                 if first == 0:  # compiles what the others load
                     worker.answer()
             for worker in self._workers[1:]:
                 worker.answer()
         except BaseException:
-            self.close()
+            self._end(now=True)
             raise
-        finally:
-            self._memory.unlink()
 
     def read(self, name: str) -> NDArray[Any]:
         """Copy a variable: of shape (n, *shape)."""
@@ -94,9 +79,7 @@ class ProcessPlant:
 
     def write(self, name: str, values: NDArray[Any]) -> None:
         """Set an unconnected input or a tunable parameter in all copies: (n, *shape)."""
-        for worker in self._live():
-            self._send(worker, "write", name, values[worker.rows])
-        self._answers()
+        self._each("write", [(name, values[worker.rows]) for worker in self._live()])
 
     def gather(self) -> Array:
         """Copy what is read: of shape (size, n)."""
@@ -118,13 +101,14 @@ class ProcessPlant:
         self, mask: NDArray[np.bool_], seeds: Seeds, start: Mapping[str, NDArray[Any]]
     ) -> None:
         """Go back to time 0 where the mask is true."""
+        if self._broken and mask.all():
+            self._settle()
         workers = self._live()
         self._memory.mask[...] = mask
         self._memory.seeds[...] = np.asarray(seeds, np.uint64)
-        for worker in workers:
-            rows = worker.rows
-            self._send(worker, "reset", {name: v[rows] for name, v in start.items()})
-        self._took_failures(self._answers())
+        starts = [({name: v[w.rows] for name, v in start.items()},) for w in workers]
+        self._took_failures(self._each("reset", starts))
+        self._acted = self._acted and not mask.all()
 
     @property
     def failed(self) -> NDArray[np.bool_]:
@@ -137,107 +121,81 @@ class ProcessPlant:
 
     def close(self) -> None:
         """End the processes; a second call does nothing."""
-        workers, self._workers = self._workers, []
-        for worker in workers:
-            worker.hang_up()
-        for worker in workers:
-            worker.end()
+        self._end()
 
     # ---- inside ---------------------------------------------------------------------------
 
+    def _begun(self, first: int, end: int) -> WorkerProcess:
+        """Start a worker and tell it its rows; its answer is to be taken."""
+        worker = WorkerProcess(first, end, self._memory.handles)
+        worker.send("begin", {**self._job, "n": end - first, "first": first})
+        return worker
+
     def _call(self, name: str, *arguments: Any) -> list[Any]:
-        for worker in self._live():
-            self._send(worker, name, *arguments)
-        return self._answers()
+        return self._each(name, [arguments] * len(self._live()))
 
-    def _send(self, worker: _Process, name: str, *arguments: Any) -> None:
+    def _each(self, name: str, arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
+        """Ask all, take the answers of all, then raise the first error; one gone closes all."""
+        workers, results, errors = self._live(), [], []
+        self._broken = True
         try:
-            worker.send(name, *arguments)
+            for worker, given in zip(workers, arguments, strict=True):
+                worker.send(name, *given)
         except UuvsimError:
-            self.close()
+            self._end()
             raise
-
-    def _answers(self) -> list[Any]:
-        """Take the answers of all, then raise the first error; a worker that is gone closes all."""
-        results, errors = [], []
-        for worker in self._live():
+        for worker in workers:
             try:
                 results.append(worker.answer())
             except UuvsimError as error:
                 errors.append(error)
-        if any(worker.is_gone for worker in self._workers):
-            self.close()
+        self._broken = False
+        if any(worker.is_gone for worker in workers):
+            self._end()
         if errors:
             raise errors[0]
         return results
 
-    def _took_failures(self, told: Sequence[Mapping[int, tuple[str, float, str]]]) -> None:
-        self._failures = {}
-        for worker, failures in zip(self._workers, told, strict=True):
-            for row, failure in failures.items():
-                self._failures[worker.rows.start + row] = ComponentFailed(*failure)
+    def _settle(self) -> None:
+        """Make all workers ready after an interruption."""
+        for i, worker in enumerate(self._workers):
+            try:
+                worker.settle()
+            except UuvsimError:
+                self._end()
+                raise
+            if worker.torn:
+                worker.end(now=True)
+                self._workers[i] = self._begun(worker.rows.start, worker.rows.stop)
+                self._workers[i].answer()
+        self._broken = False
 
-    def _live(self) -> list[_Process]:
+    def _took_failures(self, told: Sequence[Mapping[int, tuple[str, float, str]]]) -> None:
+        self._failures = {
+            worker.rows.start + row: ComponentFailed(*failure)
+            for worker, failures in zip(self._workers, told, strict=True)
+            for row, failure in failures.items()
+        }
+
+    def _live(self) -> list[WorkerProcess]:
+        if os.getpid() != self._owner:
+            raise UuvsimError(
+                "the worker processes are those of another process, which this one was forked "
+                "from; expected new environments"
+            )
         if not self._workers:
             raise UuvsimError("the worker processes have ended; expected new environments")
+        if self._broken:
+            raise UuvsimError("a call was interrupted; expected reset() of all environments")
         return self._workers
 
-
-class _Process:
-    """One worker and its pipes; rows are those from `first` to before `end`."""
-
-    def __init__(self, first: int, end: int) -> None:
-        self.rows = slice(first, end)
-        self.is_gone = False
-        search = os.pathsep.join(p for p in sys.path if p)
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "uuvsim_cosim.envs.process_worker"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            env={**os.environ, "PYTHONPATH": search},
-        )
-
-    def send(self, name: str, *arguments: Any) -> None:
-        try:
-            send(self._pipe(self._process.stdin), (name, arguments))
-        except (BrokenPipeError, ValueError):
-            raise self._gone(name) from None
-
-    def answer(self) -> Any:
-        try:
-            kind, result = receive(self._pipe(self._process.stdout))
-        except (EOFError, ValueError):
-            raise self._gone("answering") from None
-        if kind is not None:
-            raise _ERRORS.get(kind, UuvsimError)(*result)
-        return result
-
-    def hang_up(self) -> None:
-        if self._process.stdin is not None:
-            with contextlib.suppress(OSError):
-                self._process.stdin.close()
-
-    def end(self) -> None:
-        try:
-            self._process.wait(_GRACE)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
-        if self._process.stdout is not None:
-            self._process.stdout.close()
-
-    def _gone(self, doing: str) -> UuvsimError:
-        self.is_gone = True
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(_GRACE)
-        code = self._process.returncode
-        how = f"by signal {-code}" if code is not None and code < 0 else f"with status {code}"
-        return UuvsimError(
-            f"the worker process of environments {self.rows.start} to {self.rows.stop - 1} ended "
-            f"{how} ({doing}); expected new environments, or a component that does not crash"
-        )
-
-    @staticmethod
-    def _pipe(pipe: Any) -> BinaryIO:
-        stream: BinaryIO = pipe
-        return stream
+    def _end(self, *, now: bool = False) -> None:
+        workers, self._workers = self._workers, []
+        if workers and os.getpid() == self._owner:
+            for worker in workers:
+                worker.hang_up()
+            for worker in workers:
+                worker.end(now=now)
+        for worker in workers:
+            worker.forget()
+        self._memory.release()

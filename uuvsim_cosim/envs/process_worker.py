@@ -4,35 +4,19 @@ from __future__ import annotations
 
 import contextlib
 import os
-import pickle
 import signal
 import sys
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 
 from uuvsim_cosim.envs.master_plant import MasterPlant
 from uuvsim_cosim.envs.process_memory import Shared
+from uuvsim_cosim.envs.process_pipe import receive, send
 from uuvsim_cosim.errors import ComponentFailed, UuvsimError
 from uuvsim_cosim.orchestrator.prepared import prepare
 
-__all__ = ["main", "receive", "send"]
-
-
-def send(pipe: BinaryIO, message: Any) -> None:
-    """Write a message."""
-    data = pickle.dumps(message, protocol=pickle.HIGHEST_PROTOCOL)
-    pipe.write(len(data).to_bytes(8, "little") + data)
-    pipe.flush()
-
-
-def receive(pipe: BinaryIO) -> Any:
-    """Read a message; raises EOFError when the other side has gone."""
-    head = pipe.read(8)
-    if len(head) < 8:
-        raise EOFError
-    data = pipe.read(int.from_bytes(head, "little"))
-    return pickle.loads(data)
+__all__ = ["main"]
 
 
 class _Worker:
@@ -43,7 +27,8 @@ class _Worker:
         self.plant = MasterPlant(
             plan, prepare(plan, "native"), n, reads=job["reads"], acts=job["acts"]
         )
-        shared = Shared(job["path"], *job["shape"])
+        shared = Shared(job["memory"], *job["shape"])
+        shared.release()
         rows = slice(first, first + n)
         self._signals, self._actions = shared.signals[:, rows], shared.actions[:, rows]
         self._seeds, self._mask = shared.seeds[rows], shared.mask[rows]
@@ -87,7 +72,7 @@ def main() -> None:
     worker: _Worker | None = None
     with contextlib.suppress(EOFError, BrokenPipeError):
         while True:
-            name, arguments = receive(calls)
+            number, name, arguments = receive(calls)
             try:
                 if name == "begin":
                     worker = _Worker(*arguments)
@@ -95,13 +80,13 @@ def main() -> None:
                 else:
                     result = getattr(worker, name)(*arguments)
             except ComponentFailed as error:
-                send(answers, ("ComponentFailed", (error.path, error.time, error.reason)))
+                send(answers, (number, "ComponentFailed", (error.path, error.time, error.reason)))
             except UuvsimError as error:
-                send(answers, (type(error).__name__, (str(error),)))
+                send(answers, (number, type(error).__name__, (str(error),)))
             except Exception as error:  # a Python component may raise anything
-                send(answers, ("UuvsimError", (f"{type(error).__name__}: {error}",)))
+                send(answers, (number, "UuvsimError", (f"{type(error).__name__}: {error}",)))
             else:
-                send(answers, (None, result))
+                send(answers, (number, None, result))
     if worker is not None:
         worker.plant.close()
 

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from uuvsim_cosim.envs.draws import Draws
 from uuvsim_cosim.envs.randomisation_copula import Copula, copula_problems
 from uuvsim_cosim.envs.randomisation_mass import hulls_of
-from uuvsim_cosim.envs.randomisation_targets import Places, Quantity, Vary, problem_of
+from uuvsim_cosim.envs.randomisation_targets import Places, Quantity, Vary, problem_of, varies
 from uuvsim_cosim.errors import InputInvalid, Problem, SystemInvalid
 from uuvsim_cosim.orchestrator.values import Misfit
 
@@ -74,7 +74,7 @@ class Randomisation:
         correlation: Correlation | None = None,
         system: System | None = None,
     ) -> None:
-        self.parameters = tuple(parameters)
+        self.parameters = varies(parameters)
         self.correlation = _pairs(correlation, self.parameters)
         self.system = system
         self.rejected: dict[str, int] = {}  # by hull: draws that were no possible body
@@ -220,8 +220,13 @@ def _pairs(given: Correlation | None, parameters: tuple[Vary, ...]) -> dict[tupl
         if wrong:
             raise InputInvalid(f"correlation: {wrong[0]!r}; expected pairs of names")
         return {(str(a), str(b)): rho for (a, b), rho in given.items()}
-    matrix: Any = np.asarray(given, dtype=float)
     k = len(parameters)
+    try:
+        matrix: Any = np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        raise InputInvalid(
+            f"correlation: {given!r}; expected numbers by pairs of names, or a matrix {k} x {k}"
+        ) from None
     if matrix.shape != (k, k) or not np.isfinite(matrix).all():
         raise InputInvalid(
             f"correlation: numbers of shape {matrix.shape}; expected a finite matrix {k} x {k}, "

@@ -32,8 +32,10 @@ def copula_problems(pairs: Pairs, labels: Sequence[str]) -> list[Problem]:
         for name in pair:
             if name not in labels:
                 near = get_close_matches(name, labels, 3, 0.4) or list(labels)[:8]
-                problems.append(Problem(place, f"{name!r} is not one draw",
-                                        f"one of {', '.join(near)}"))  # fmt: skip
+                right = f"one of {', '.join(near)}" if near else (
+                    "a parameter that has a distribution; none is drawn here"
+                )  # fmt: skip
+                problems.append(Problem(place, f"{name!r} is not one draw", right))
         if len(set(pair)) != 2:
             problems.append(Problem(place, "one draw with itself", "two draws"))
         elif frozenset(pair) in seen:

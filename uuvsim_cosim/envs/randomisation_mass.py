@@ -13,6 +13,7 @@ from uuvsim_cosim.envs.randomisation_targets import Places
 __all__ = ["HullMass", "hulls_of"]
 
 Array = NDArray[np.float64]
+AT_ONCE = 4096  # rows, so that a million of them need little memory
 MASS = ("m", "I_b", "I_g", "M_A", "x_g", "y_g", "z_g")
 
 
@@ -49,6 +50,15 @@ class HullMass:
 
     def right(self, start: Mapping[str, Array], n: int) -> NDArray[np.bool_]:
         """Say which rows of start values are a possible body, of shape (n,)."""
+        own = {k: start[f"{self.path}.{k}"] for k in self._names if f"{self.path}.{k}" in start}
+        parts = [
+            self._right({f"{self.path}.{k}": v[i : i + AT_ONCE] for k, v in own.items()},
+                        min(AT_ONCE, n - i))
+            for i in range(0, n, AT_ONCE)
+        ]  # fmt: skip
+        return np.concatenate(parts) if parts else np.ones(0, bool)
+
+    def _right(self, start: Mapping[str, Array], n: int) -> NDArray[np.bool_]:
         values = self._values(start, n)
         table = np.array([values[k] for k in self._names])
         M = np.asarray(self._M(table)).reshape(6, n, 6).transpose(1, 0, 2)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, Any, final, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.draws import Draws
 from uuvsim_cosim.envs.randomisation import Randomisation
-from uuvsim_cosim.envs.task import Moment, Task
+from uuvsim_cosim.envs.task import Moment, Task, TeamTask
 from uuvsim_cosim.errors import InputInvalid
 
 if TYPE_CHECKING:
@@ -21,13 +21,29 @@ __all__ = ["with_privileged"]
 Array = NDArray[np.float64]
 
 
-def with_privileged(task: Task) -> PrivilegedTask:
+@overload
+def with_privileged(task: Task) -> PrivilegedTask: ...
+@overload
+def with_privileged(task: TeamTask) -> PrivilegedTeamTask: ...
+
+
+def with_privileged(task: Task | TeamTask) -> PrivilegedTask | PrivilegedTeamTask:
     """Give a task whose observation ends with the drawn parameters, scaled by their range.
 
     These are its last `privileged_width` numbers, so that an actor can be kept from seeing them.
+    Of a team, each agent's observation and the state end so.
     Raises InputInvalid if the task draws nothing by a Randomisation.
     """
-    return PrivilegedTask(task)
+    return PrivilegedTeamTask(task) if isinstance(task, TeamTask) else PrivilegedTask(task)
+
+
+def _drawn(task: Task | TeamTask) -> Randomisation:
+    drawn = task.randomisation
+    if not isinstance(drawn, Randomisation):
+        raise InputInvalid(
+            f"{type(task).__name__}: draws nothing by a Randomisation; expected a task with one"
+        )
+    return drawn.bound(task.system)
 
 
 @final
@@ -35,14 +51,9 @@ class PrivilegedTask(Task):
     """Another task, with `extra` longer by what its Randomisation draws."""
 
     def __init__(self, task: Task) -> None:
-        drawn = task.randomisation
-        if not isinstance(drawn, Randomisation):
-            raise InputInvalid(
-                f"{type(task).__name__}: draws nothing by a Randomisation; expected a task with one"
-            )
-        self.task = task
-        self.drawn = drawn.bound(task.system)
+        self.task, self.drawn = task, _drawn(task)
         self.privileged_width = len(self.drawn.privileged_names)
+        self.failure_reward = task.failure_reward
         super().__init__(
             task.system,
             actions=task.actions,
@@ -85,3 +96,68 @@ class PrivilegedTask(Task):
     def view(self, m: Moment, row: int) -> View | None:
         """Draw what the task draws."""
         return self.task.view(m, row)
+
+
+@final
+class PrivilegedTeamTask(TeamTask):
+    """Another team's task, with observations and state longer by what its Randomisation draws."""
+
+    def __init__(self, task: TeamTask) -> None:
+        self.task, self.drawn = task, _drawn(task)
+        self.privileged_width = len(self.drawn.privileged_names)
+        self.failure_reward, self.team_reward = task.failure_reward, task.team_reward
+        super().__init__(
+            task.system,
+            agents=task.agents,
+            actions=task.actions,
+            action_step=task.action_step,
+            horizon=task.horizon,
+            signals=task.signals,
+            randomisation=self.drawn,
+        )
+
+    def limits(self, agent: str) -> tuple[Array, Array]:
+        """Give the task's own, then -1 and 1."""
+        return self._longer(self.task.limits(agent))
+
+    def observe(self, m: Moment) -> Mapping[str, Array]:
+        """Give each agent's own observation, then the drawn parameters."""
+        seen = self.drawn.privileged(m.start)
+        own = self.task.observe(m)
+        return {agent: np.concatenate([own[agent], seen], axis=1) for agent in self.agents}
+
+    def state(self, m: Moment) -> Array:
+        """Give the task's own, then the drawn parameters."""
+        return np.concatenate([self.task.state(m), self.drawn.privileged(m.start)], axis=1)
+
+    def state_limits(self) -> tuple[Array, Array]:
+        """Give the task's own, then -1 and 1."""
+        return self._longer(self.task.state_limits())
+
+    def start(self, draws: Draws) -> Mapping[str, Array]:
+        """Draw what the task draws."""
+        return self.task.start(draws)
+
+    def reward(self, m: Moment) -> Mapping[str, Array]:
+        """Give the task's rewards."""
+        return self.task.reward(m)
+
+    def terminated(self, m: Moment) -> Mapping[str, NDArray[np.bool_]]:
+        """Say what the task says."""
+        return self.task.terminated(m)
+
+    def present(self, m: Moment) -> Mapping[str, NDArray[np.bool_]]:
+        """Say what the task says."""
+        return self.task.present(m)
+
+    def info(self, m: Moment) -> Mapping[str, NDArray[Any]]:
+        """Give the task's info."""
+        return self.task.info(m)
+
+    def view(self, m: Moment, row: int) -> View | None:
+        """Draw what the task draws."""
+        return self.task.view(m, row)
+
+    def _longer(self, own: tuple[Array, Array]) -> tuple[Array, Array]:
+        (low, high), (least, most) = own, self.drawn.privileged_limits
+        return np.concatenate([low, least]), np.concatenate([high, most])

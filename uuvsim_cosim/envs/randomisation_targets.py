@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import final
@@ -19,7 +19,7 @@ from uuvsim_cosim.orchestrator.plan import Plan
 from uuvsim_cosim.orchestrator.system import System
 from uuvsim_cosim.orchestrator.values import Misfit, conversion, flat
 
-__all__ = ["Places", "Quantity", "Target", "Vary"]
+__all__ = ["Places", "Quantity", "Target", "Vary", "varies"]
 
 Array = NDArray[np.float64]
 
@@ -39,6 +39,36 @@ class Vary:
     unit: str | None = None
     relative: bool = False
     together: bool = False
+
+    def __post_init__(self) -> None:
+        """Check what kinds of things are given."""
+        if not isinstance(self.name, str):
+            raise InputInvalid(f"Vary: name {self.name!r}; expected a text, such as 'hull.m'")
+        if not isinstance(self.distribution, Distribution):
+            number = isinstance(self.distribution, int | float)
+            expected = f"Constant({self.distribution})" if number else "Uniform(low, high)"
+            raise InputInvalid(
+                f"{self.name}: {self.distribution!r}; expected a distribution, such as {expected}"
+            )
+        if self.unit is not None and not isinstance(self.unit, str):
+            raise InputInvalid(f"{self.name}: unit {self.unit!r}; expected a text, or None")
+        for option in ("relative", "together"):
+            value = getattr(self, option)
+            if not isinstance(value, bool):
+                raise InputInvalid(f"{self.name}: {option} {value!r}; expected True or False")
+
+
+def varies(given: object, name: str = "parameters") -> tuple[Vary, ...]:
+    """Give what is to be varied; raises InputInvalid for anything but a list of Vary."""
+    if isinstance(given, str | Vary) or not isinstance(given, Iterable):
+        raise InputInvalid(f"{name}: {given!r}; expected a list of Vary")
+    listed = tuple(given)
+    for each in listed:
+        if not isinstance(each, Vary):
+            raise InputInvalid(
+                f"{name}: {each!r}; expected a Vary, such as Vary('hull.m', Uniform(13, 14))"
+            )
+    return listed
 
 
 @dataclass(frozen=True)

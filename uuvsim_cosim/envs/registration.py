@@ -6,6 +6,7 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from uuvsim_cosim.envs.options import refuse_options
 from uuvsim_cosim.errors import InputInvalid
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ _TASKS = {  # names under uuvsim/, and in uuvsim_cosim.envs.tasks
     "TargetTrackingTransition2-v0": "tracking_scenarios:transition_2",
     "TargetTrackingTarget-v0": "tracking_scenarios:target",
 }
+_OF_MANY = ("threads", "dtype", "processes", "autoreset_mode")  # what make_vector_env has beside
 SHIPPED = {f"uuvsim/{id}": f"uuvsim_cosim.envs.tasks.{name}" for id, name in _TASKS.items()}
 
 
@@ -100,15 +102,15 @@ def make_vector_env(
 def _task(make_task: str | Callable[..., Task], options: dict[str, Any]) -> Task:
     from uuvsim_cosim.envs.task import TeamTask
 
-    if "max_episode_steps" in options:
-        raise InputInvalid("max_episode_steps: is the task's to say; expected horizon= in seconds")
+    steps = options.pop("max_episode_steps", None)  # make_vec gives what a spec says
     make = _found(make_task) if isinstance(make_task, str) else make_task
-    try:
-        task = make(**options)
-    except TypeError as error:
-        if "argument" not in str(error):
-            raise
-        raise InputInvalid(f"task {_name(make_task)}: {error}; expected its own options") from error
+    for name in _OF_MANY:
+        if name in options:
+            raise InputInvalid(f"{name}: is of many environments; expected it in make_vec")
+    refuse_options(f"task {_name(make_task)}", make, options)
+    task = make(**options)
+    if steps is not None and steps != task.horizon / task.action_step:
+        raise InputInvalid("max_episode_steps: is the task's to say; expected horizon= in seconds")
     if isinstance(task, TeamTask):
         from uuvsim_cosim.envs.solo import Solo
 

@@ -8,9 +8,11 @@ from typing import Any, ClassVar, final
 
 import gymnasium
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.options import base_seed, start_of
+from uuvsim_cosim.envs.limit import limited
+from uuvsim_cosim.envs.options import base_seed, refuse_options, start_of
 from uuvsim_cosim.envs.plants import Backend
 from uuvsim_cosim.envs.screen import Screen
 from uuvsim_cosim.envs.stage import Stage
@@ -29,7 +31,8 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[Any]]):
 
     Actions are numbers in [-1, 1], those beyond are clipped; they scale to the limits of the
     task's channels. `reset(options={"start": {"hull.eta_0": …}})` sets start values by name.
-    Raises InputInvalid and SystemInvalid for a task that does not fit its system.
+    Raises InputInvalid and SystemInvalid for a task that does not fit its system; a reset raises
+    ComponentFailed if the episode cannot start, and the next one begins the next episode.
     """
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array", "human"]}  # type: ignore[misc]
@@ -41,6 +44,7 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[Any]]):
         self._screen = Screen(render_mode)
         self._stage = Stage(task, 1, backend=backend, drawn=render_mode is not None)
         self.task = task
+        self.spec = None
         self.render_mode = render_mode
         self.backend = backend
         self.metadata = {**self.metadata, "render_fps": float(1 / task.action_step)}  # type: ignore[misc]
@@ -48,7 +52,6 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[Any]]):
         self.observation_space = gymnasium.spaces.Box(box.low, box.high, dtype=np.float32)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (width,), np.float32)
         self._ended = False
-        self._seeded = False
 
     @classmethod
     def of(
@@ -62,6 +65,7 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[Any]]):
         """Make an environment of a system, or a file of one, and functions; see `FunctionTask`."""
         from uuvsim_cosim.envs.function_task import FunctionTask
 
+        refuse_options("CosimEnv.of", FunctionTask, {"system": system, **task})
         return cls(FunctionTask(system, **task), render_mode=render_mode, backend=backend)
 
     def reset(
@@ -69,14 +73,13 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[Any]]):
     ) -> tuple[Observation, dict[str, Any]]:
         """Begin episode 0 of a seed, or without one the next episode of the same seed."""
         stage = self._live()
-        start = start_of(options)
+        start = start_of(options, mask="a vector in autoreset mode 'Disabled'")
         if seed is not None:
             seed = base_seed(seed)
         super().reset(seed=seed)
         seeds = None
-        if seed is not None or not self._seeded:
-            own = self.np_random_seed if seed is None else seed
-            seeds, self._seeded = [own], True
+        if seed is not None or not stage.episodes.seeded:
+            seeds = [self.np_random_seed if seed is None else seed]
         m = stage.episodes.reset(seeds=seeds, start=start)
         self._ended = False
         result = stage.observe(m)[0], _row(stage.info(m))
@@ -86,10 +89,10 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[Any]]):
     def step(self, action: NDArray[Any]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Act for one action step."""
         stage = self._live()
-        if self._ended or not self._seeded:
+        if self._ended or not stage.episodes.begun:
             had = "the episode has ended" if self._ended else "no episode has begun"
             raise InputInvalid(f"{stage.place}: {had}; expected reset() before step()")
-        m = stage.act(action)
+        m = stage.act(action, alone=True)
         reward = stage.reward(m)[0].item()
         terminated = bool(stage.terminated(m)[0])
         truncated = bool(stage.episodes.over[0]) and not terminated
@@ -100,6 +103,15 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[Any]]):
         result = stage.observe(m)[0], reward, terminated, truncated, info
         self._screen.changed(self)
         return result
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """Give the spec of gymnasium.make, with the steps of an episode, which ends by itself."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = limited(spec, self.task)
 
     @property
     def time(self) -> float:
@@ -126,7 +138,7 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[Any]]):
             "spaces": (self.action_space, self.observation_space),
             "np_random": (self._np_random, self._np_random_seed),
         }
-        if self._seeded and self._stage is not None:
+        if self._stage is not None and self._stage.episodes.seeded:
             state["counters"] = (self._stage.episodes.seeds, self._stage.episodes.episodes)
         return state
 
@@ -137,8 +149,8 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[Any]]):
         self._np_random, self._np_random_seed = state["np_random"]
         self.action_space, self.observation_space = state["spaces"]
         if "counters" in state and self._stage is not None:
-            self._stage.episodes.seeds, self._stage.episodes.episodes = state["counters"]
-            self._seeded, self._ended = True, True
+            self._stage.episodes.count(*state["counters"])
+            self._ended = True
 
     def __del__(self) -> None:
         """Free everything."""

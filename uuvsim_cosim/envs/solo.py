@@ -26,8 +26,9 @@ class Solo(Task):
 
     Actions and observations stand one after the other, in the order of the team's agents. With
     more than one agent, those who are not there are seen as zeros and a flag for each, 1 or 0,
-    follows the observations. The reward is the sum over those who are there; the episode is
-    terminated as soon as one of them is.
+    follows the observations. The reward is the sum over those who are there or, where the task says
+    that each is given its team's (`team_reward`), the mean; the episode is terminated as soon as
+    one of them is. A component's failure gives the team's `failure_reward` once.
     """
 
     def __init__(self, team: TeamTask) -> None:
@@ -41,6 +42,7 @@ class Solo(Task):
             high = np.concatenate([np.maximum(high, 0.0), np.ones(flags)])
         self._limits = low, high
         self._slices: Mapping[str, slice] | None = None
+        self.failure_reward = team.failure_reward
         super().__init__(
             team.system,
             actions=[c for agent in team.agents for c in team.actions[agent]],
@@ -72,10 +74,13 @@ class Solo(Task):
         return np.concatenate(parts, axis=1)
 
     def reward(self, m: Moment) -> Array:
-        """Give the sum of the rewards of those who are there."""
+        """Give the sum of the rewards of those who are there, or the team's."""
         given = self.team.reward(self._split(m))
         rewards = np.stack([given[agent] for agent in self.team.agents], axis=1)
-        return np.asarray(np.where(self._present(m), rewards, 0.0).sum(axis=1))
+        here = self._present(m)
+        total = np.asarray(np.where(here, rewards, 0.0).sum(axis=1))
+        shared = bool(getattr(self.team, "team_reward", False))
+        return total / np.maximum(here.sum(axis=1), 1) if shared else total
 
     def terminated(self, m: Moment) -> Mask:
         """Say where one of those who are there has ended."""

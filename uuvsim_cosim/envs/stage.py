@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from uuvsim_cosim.envs.boxes import ActionBox, ObservationBox
 from uuvsim_cosim.envs.episodes import AGENT, Episodes, check_times
 from uuvsim_cosim.envs.every_hull import hulls
+from uuvsim_cosim.envs.given import check_failure_reward, infos_of, refuse_infinite, rewards_of
 from uuvsim_cosim.envs.instant import Instant
 from uuvsim_cosim.envs.plants import Backend, DType, plant_of
 from uuvsim_cosim.envs.signals import Signals, refuse
@@ -51,13 +52,16 @@ class Stage:
         self.action_box = ActionBox(plan, task.actions)
         observed = [c for c in task.observations if not _bad(signals, c.name)]
         self.observation_box = ObservationBox(plan, signals, observed, task.extra_limits)
+        none = [] if observed == list(task.observations) else ["observations"]
+        observations = [p for p in self.observation_box.problems if p.place not in none]
         refuse(
             self.place,
             [
                 *check_times(task, plan.tick),
                 *self.action_box.problems,
                 *signals.problems,
-                *self.observation_box.problems,
+                *observations,
+                *check_failure_reward(task),
             ],
         )
         plant = plant_of(
@@ -72,24 +76,31 @@ class Stage:
         )
         self.episodes = Episodes(task, plant, signals, {AGENT: self.action_box})
 
-    def act(self, actions: Any, again: NDArray[np.bool_] | None = None) -> Instant:
-        """Check actions and act, or begin anew where `again` is true; raises InputInvalid."""
-        checked = self.action_box.checked(actions, self.episodes.n, self.place)
+    def act(
+        self, actions: Any, again: NDArray[np.bool_] | None = None, *, alone: bool = False
+    ) -> Instant:
+        """Check actions and act, or begin anew where `again` is true; raises InputInvalid.
+
+        Those of an environment `alone` have no axis of environments.
+        """
+        n = None if alone else self.episodes.n
+        checked = self.action_box.checked(actions, n, self.place)
         return self.episodes.step({AGENT: checked}, again)
 
     def observe(self, m: Instant) -> NDArray[np.float32]:
         """Give the observations, of shape (n, width)."""
         extra = self.task.extra(m) if self.observation_box.n_extra else None
-        return self.observation_box.of(m.values, extra)
+        try:
+            return self.observation_box.of(m.values, extra, self.episodes.stillborn)
+        except InputInvalid as error:
+            raise InputInvalid(f"{self.place}: {error}") from None
 
     def reward(self, m: Instant) -> Array:
-        """Give the rewards, of shape (n,); 0 where a component has failed."""
-        reward = np.asarray(self.task.reward(m), dtype=np.float64)
-        if reward.shape != (m.n,):
-            raise InputInvalid(f"{self.place}: rewards of shape {reward.shape}; expected {(m.n,)}")
-        if not self.episodes.any_failed:
-            return reward
-        return np.where(self.episodes.failed, 0.0, reward)
+        """Give the rewards, of shape (n,); the task's `failure_reward` where one has failed."""
+        reward = rewards_of(self.task.reward(m), m.n, f"{self.place}: reward()")
+        reward = self.episodes.rewarded(reward)
+        refuse_infinite(reward, f"{self.place}: reward()")
+        return reward
 
     def terminated(self, m: Instant) -> NDArray[np.bool_]:
         """Say which episodes have ended by themselves, or by a failure."""
@@ -103,7 +114,7 @@ class Stage:
 
     def info(self, m: Instant) -> Mapping[str, NDArray[Any]]:
         """Give the task's infos, of shape (n, …)."""
-        return self.task.info(m)
+        return infos_of(self.task.info(m), m.n, self.place)
 
 
 def _bad(signals: Signals, name: str) -> bool:

@@ -7,7 +7,7 @@ environments, and every array that a method gets or gives has n rows.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.channel import Channel
 from uuvsim_cosim.envs.draws import Draws
+from uuvsim_cosim.envs.options import seconds
 from uuvsim_cosim.errors import InputInvalid
 
 if TYPE_CHECKING:
@@ -76,7 +77,10 @@ class _Common:
     `system` has free inputs that are acted on. An action lasts `action_step` seconds, a whole
     number of the system's communication steps. An episode is truncated after `horizon` seconds.
     `signals` names what the methods read of a moment, beside the channels observed.
+    `failure_reward` is given, to each agent that acted, in the step in which a component fails.
     """
+
+    failure_reward: float = 0.0
 
     def __init__(
         self,
@@ -88,9 +92,9 @@ class _Common:
         randomisation: Randomised | None = None,
     ) -> None:
         self.system = system
-        self.action_step = Fraction(str(action_step))
-        self.horizon = Fraction(str(horizon))
-        self.signals = tuple(signals)
+        self.action_step = seconds(action_step, "action_step")
+        self.horizon = seconds(horizon, "horizon")
+        self.signals = _several(signals, "signals", "names")
         # A Randomisation may be declared without a system; here it gets one, and is checked.
         bound = getattr(randomisation, "bound", None)
         self.randomisation: Randomised | None = randomisation if bound is None else bound(system)
@@ -129,8 +133,8 @@ class Task(_Common, ABC):
             signals=signals,
             randomisation=randomisation,
         )
-        self.actions = tuple(actions)
-        self.observations = tuple(observations)
+        self.actions = _channels(actions, "actions")
+        self.observations = _channels(observations, "observations")
 
     @abstractmethod
     def reward(self, m: Moment) -> Array:
@@ -154,7 +158,10 @@ class TeamTask(_Common, ABC):
     """A task of several agents, which act at the same time; an agent may come and go.
 
     `agents` names all that can ever be there. What a method gives by agent has n rows for each.
+    `team_reward` says that each agent is given the reward of the team, not a part of it.
     """
+
+    team_reward: bool = False
 
     def __init__(
         self,
@@ -174,13 +181,13 @@ class TeamTask(_Common, ABC):
             signals=signals,
             randomisation=randomisation,
         )
-        self.agents = tuple(agents)
+        self.agents = _several(agents, "agents", "names")
         if not self.agents or len(set(self.agents)) < len(self.agents):
             raise InputInvalid(f"agents {self.agents}; expected at least one, each named once")
         if set(actions) != set(self.agents):
             expected = f"actions for each of the agents {', '.join(self.agents)}, and no others"
             raise InputInvalid(f"actions for {', '.join(actions) or 'nobody'}; expected {expected}")
-        self.actions = {agent: tuple(actions[agent]) for agent in self.agents}
+        self.actions = {a: _channels(actions[a], f"actions of {a!r}") for a in self.agents}
 
     @abstractmethod
     def limits(self, agent: str) -> tuple[Array, Array]:
@@ -209,3 +216,20 @@ class TeamTask(_Common, ABC):
     @abstractmethod
     def state_limits(self) -> tuple[Array, Array]:
         """Give the least and the greatest value of each number of `state`."""
+
+
+def _several(given: Any, name: str, of: str) -> tuple[Any, ...]:
+    """Give a list's elements; a text is none."""
+    if isinstance(given, str | Channel) or not isinstance(given, Iterable):
+        wanted = f"a list of {of}" + (f", [{given!r}]" if isinstance(given, str | Channel) else "")
+        raise InputInvalid(f"{name} {given!r}; expected {wanted}")
+    return tuple(given)
+
+
+def _channels(given: Any, name: str) -> tuple[Channel, ...]:
+    channels = _several(given, name, "channels")
+    for channel in channels:
+        if not isinstance(channel, Channel):
+            near = f", such as Channel({channel!r})" if isinstance(channel, str) else ""
+            raise InputInvalid(f"{name}: {channel!r}; expected a Channel{near}")
+    return channels

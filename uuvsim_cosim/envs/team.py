@@ -57,13 +57,12 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[Any]]):  # type: ig
         }
         self.possible_agents = list(stage.agents)
         self.agents: list[str] = []
-        self.observation_spaces = dict(stage.spaces)
-        self.action_spaces = {
+        self.observation_spaces: dict[str, gymnasium.spaces.Box] = dict(stage.spaces)
+        self.action_spaces: dict[str, gymnasium.spaces.Box] = {
             agent: gymnasium.spaces.Box(-1.0, 1.0, (box.width,), np.float32)
             for agent, box in stage.boxes.items()
         }
         self.state_space = stage.state_space
-        self._seeded = False
 
     def observation_space(self, agent: str) -> gymnasium.spaces.Box:
         """Give an agent's space of observations, the same object each time."""
@@ -78,13 +77,12 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[Any]]):  # type: ig
     ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
         """Begin episode 0 of a seed, or without one the next episode of the same seed."""
         stage = self._live()
-        start = start_of(options)
+        start = start_of(options, mask="a vector in autoreset mode 'Disabled'", others=True)
         seeds = None
-        if seed is not None or not self._seeded:
+        if seed is not None or not stage.episodes.seeded:
             seeds = [base_seed(seed) if seed is not None else int(seeding.np_random()[1])]
         self.agents = []
         team = stage.reset(seeds=seeds, start=start)
-        self._seeded = True
         self.agents = self._those(team.present)
         result = self._observations(team), self._infos(team)
         self._screen.changed(self)
@@ -144,7 +142,7 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[Any]]):  # type: ig
             "backend": self.backend,
             "spaces": (self.action_spaces, self.observation_spaces),
         }
-        if self._seeded and self._stage is not None:
+        if self._stage is not None and self._stage.episodes.seeded:
             state["counters"] = (self._stage.episodes.seeds, self._stage.episodes.episodes)
         return state
 
@@ -153,8 +151,7 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[Any]]):  # type: ig
         self.__init__(state["task"], state["render_mode"], state["backend"])
         self.action_spaces, self.observation_spaces = state["spaces"]
         if "counters" in state and self._stage is not None:
-            self._stage.episodes.seeds, self._stage.episodes.episodes = state["counters"]
-            self._seeded = True
+            self._stage.episodes.count(*state["counters"])
 
     def __del__(self) -> None:
         """Free everything."""
@@ -179,7 +176,7 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[Any]]):  # type: ig
 
     def _infos(self, team: TeamMoment) -> dict[str, dict[str, Any]]:
         stage = self._live()
-        given = stage.task.info(team.moment)
+        given = stage.info(team.moment)
         infos = {a: {k: v[0].copy() for k, v in given.items()} for a in self._those(team.seen)}
         if failure := stage.episodes.failure(0):
             for info in infos.values():

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from uuvsim_cosim.envs.boxes import ActionBox
 from uuvsim_cosim.envs.episodes import Episodes, check_times
 from uuvsim_cosim.envs.every_hull import hulls
+from uuvsim_cosim.envs.given import check_failure_reward, infos_of, refuse_infinite
 from uuvsim_cosim.envs.instant import Instant
 from uuvsim_cosim.envs.plants import Backend, DType, plant_of
 from uuvsim_cosim.envs.signals import Signals, refuse
@@ -78,7 +79,12 @@ class TeamStage:
         self.state_space = self._space(task.state_limits(), "state_limits()")
         refuse(
             self.place,
-            [*check_times(task, plan.tick), *self._problems(task), *signals.problems],
+            [
+                *check_times(task, plan.tick),
+                *self._problems(task),
+                *signals.problems,
+                *check_failure_reward(task),
+            ],
         )
         acts = [target for box in self.boxes.values() for target in box.targets]
         plant = plant_of(
@@ -114,6 +120,8 @@ class TeamStage:
         old = self._now
         here = self._by_agent(self.task.present(m), "present()", bool)
         fresh = np.ones(self.n, bool) if mask is None or old is None else mask
+        if self.episodes.stillborn is not None:
+            here |= self.episodes.stillborn[:, None]  # all are told of it in the first step
         empty = fresh & ~here.any(axis=1)
         if empty.any():
             raise InputInvalid(
@@ -155,17 +163,24 @@ class TeamStage:
         come = here & ~acting & ~self._gone & ~failed & ~over
         self._gone |= terminated | truncated
         reward = self._by_agent(self.task.reward(m), "reward()", float)
+        acted = np.where(acting, self.episodes.rewarded(reward.T).T, 0.0)
+        for j, agent in enumerate(self.agents):
+            refuse_infinite(acted[:, j], f"{self.place}: reward(), {agent!r},")
         self._now = TeamMoment(
             moment=m,
             acted=acting,
             seen=acting | come,
             present=(acting | come) & ~terminated & ~truncated,
             observation=self._observe(m),
-            reward=np.where(acting & ~failed, reward, 0.0),
+            reward=acted,
             terminated=terminated,
             truncated=truncated,
         )
         return self._now
+
+    def info(self, m: Instant) -> Mapping[str, NDArray[Any]]:
+        """Give the task's infos, of shape (n, …)."""
+        return infos_of(self.task.info(m), m.n, self.place)
 
     def state(self) -> NDArray[np.float32]:
         """Give the central state, of shape (n, width)."""
@@ -187,6 +202,9 @@ class TeamStage:
                 f"{self.place}: {place} of shape {numbers.shape}; expected {expected}, as its "
                 f"limits say"
             )
+        if self.episodes.stillborn is not None:
+            numbers = np.where(self.episodes.stillborn[:, None], np.float32(0), numbers)
+        refuse_infinite(numbers, f"{self.place}: {place}")
         return np.asarray(np.clip(numbers, space.low, space.high))
 
     def _by_agent(self, given: Mapping[str, Any], place: str, kind: type) -> NDArray[Any]:

@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs import vector_info
-from uuvsim_cosim.envs.options import base_seed, mask_of, start_of
+from uuvsim_cosim.envs.options import base_seed, mask_of, start_of, whole
 from uuvsim_cosim.envs.plants import Backend, DType
 from uuvsim_cosim.envs.task import TeamTask
 from uuvsim_cosim.envs.team_stage import TeamMoment, TeamStage
@@ -48,8 +48,7 @@ class CosimTeamVectorEnv:
         processes: int | None = None,
     ) -> None:
         self._stage: TeamStage | None = None
-        if isinstance(num_envs, bool) or not isinstance(num_envs, int) or num_envs < 1:
-            raise InputInvalid(f"num_envs {num_envs!r}; expected a whole number from 1")
+        num_envs = whole(num_envs, "num_envs")
         try:
             self._mode = AutoresetMode(autoreset_mode)
         except ValueError:
@@ -78,7 +77,6 @@ class CosimTeamVectorEnv:
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (num_envs, *shape), np.float32)
         self.single_state_space = stage.state_space
         self._ended = np.zeros(num_envs, bool)
-        self._seeded = False
 
     @property
     def present(self) -> NDArray[np.bool_]:
@@ -97,11 +95,11 @@ class CosimTeamVectorEnv:
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Begin episode 0 of seeds s, s + 1, …, or without any the next of the same seeds."""
         stage = self._live()
-        start, mask = start_of(options), mask_of(options, self.num_envs)
-        if mask is not None and not self._seeded:
+        wants = None if self._mode is AutoresetMode.DISABLED else "autoreset mode 'Disabled'"
+        start, mask = start_of(options, mask=wants), mask_of(options, self.num_envs)
+        if mask is not None and not stage.episodes.begun:
             raise InputInvalid(f"{stage.place}: reset_mask before any reset; expected a whole one")
         team = stage.reset(mask, seeds=self._seeds(seed), start=start)
-        self._seeded = True
         self._ended = np.zeros(self.num_envs, bool) if mask is None else self._ended & ~mask
         return _observations(stage, team), self._infos(stage, team)
 
@@ -163,19 +161,19 @@ class CosimTeamVectorEnv:
         return np.where(acting[:, :, None], given, 0.0)
 
     def _infos(self, stage: TeamStage, team: TeamMoment) -> dict[str, Any]:
-        infos = vector_info.of(stage.task.info(team.moment), None, self.num_envs)
+        infos = vector_info.of(stage.info(team.moment), None, self.num_envs)
         return {**infos, "present": team.present.copy(), "acted": team.acted.copy()}
 
     def _seeds(self, seed: int | Sequence[int] | None) -> list[int] | None:
         if seed is None:
-            if self._seeded:
+            if self._live().episodes.seeded:
                 return None
-            seed = int(seeding.np_random()[1])
+            seed = int(seeding.np_random()[1]) % 2**63
         if isinstance(seed, Sequence) and not isinstance(seed, str):
             if len(seed) != self.num_envs:
                 raise InputInvalid(f"seed: {len(seed)} numbers; expected one, or {self.num_envs}")
             return [base_seed(s) for s in seed]
-        first = base_seed(seed)
+        first = base_seed(seed, self.num_envs)
         return [first + i for i in range(self.num_envs)]
 
 

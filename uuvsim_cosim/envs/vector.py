@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any, ClassVar, final
 
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
@@ -13,7 +14,8 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.envs import vector_info
 from uuvsim_cosim.envs.instant import Instant
-from uuvsim_cosim.envs.options import base_seed, mask_of, start_of
+from uuvsim_cosim.envs.limit import limited
+from uuvsim_cosim.envs.options import base_seed, mask_of, start_of, whole
 from uuvsim_cosim.envs.plants import Backend, DType
 from uuvsim_cosim.envs.screen import Screen
 from uuvsim_cosim.envs.stage import Stage
@@ -35,7 +37,8 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
     masters in `processes` (one for each core by default, 0: in this process). With autoreset mode
     NEXT_STEP the step after the end of an episode is the reset, its reward 0; with SAME_STEP the
     step that ends it gives the next observation, and the last in infos "final_obs"; with DISABLED
-    `reset(options={"reset_mask": …})` begins the next episodes.
+    `reset(options={"reset_mask": …})` begins the next episodes. An environment whose episode cannot
+    start terminates in its first step; a reset in which none can start raises ComponentFailed.
     """
 
     metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]
@@ -56,8 +59,7 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
         processes: int | None = None,
     ) -> None:
         self._stage: Stage | None = None
-        if not isinstance(num_envs, int | np.integer) or num_envs < 1:
-            raise InputInvalid(f"num_envs {num_envs!r}; expected a whole number from 1")
+        num_envs = whole(num_envs, "num_envs")
         try:
             self._mode = AutoresetMode(autoreset_mode)
         except ValueError:
@@ -69,16 +71,17 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
             raise InputInvalid("render_mode 'human' of many environments; expected 'rgb_array'")
         self._screen = Screen(render_mode)
         self._made = {
-            "task": task, "num_envs": int(num_envs), "render_mode": render_mode,
+            "task": task, "num_envs": num_envs, "render_mode": render_mode,
             "backend": backend, "autoreset_mode": self._mode, "threads": threads,
             "dtype": dtype, "processes": processes,
         }  # fmt: skip
         self._stage = Stage(
-            task, int(num_envs), backend=backend, threads=threads, dtype=dtype,
+            task, num_envs, backend=backend, threads=threads, dtype=dtype,
             processes=processes, drawn=render_mode is not None,
         )  # fmt: skip
         self.task = task
-        self.num_envs = int(num_envs)
+        self.spec = None
+        self.num_envs = num_envs
         self.render_mode = render_mode
         self.metadata = {  # type: ignore[misc]
             **self.metadata,
@@ -91,7 +94,6 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self._ended = np.zeros(self.num_envs, bool)
-        self._seeded = False
 
     def reset(
         self,
@@ -104,8 +106,9 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
         A seed s stands for s, s + 1, …; a list gives each its own.
         """
         stage = self._live()
-        start, mask = start_of(options), mask_of(options, self.num_envs)
-        if mask is not None and not self._seeded:
+        wants = None if self._mode is AutoresetMode.DISABLED else "autoreset mode 'Disabled'"
+        start, mask = start_of(options, mask=wants), mask_of(options, self.num_envs)
+        if mask is not None and not stage.episodes.begun:
             raise InputInvalid(f"{stage.place}: reset_mask before any reset; expected a whole one")
         seeds = self._seeds(seed)
         m = stage.episodes.reset(mask, seeds=seeds, start=start)
@@ -116,7 +119,7 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
     def step(self, actions: Array) -> Step:
         """Act in all environments for one action step."""
         stage = self._live()
-        if not self._seeded:
+        if not stage.episodes.begun:
             raise InputInvalid(f"{stage.place}: no episode has begun; expected reset() first")
         ended = self._ended
         again = bool(ended.any())
@@ -151,6 +154,15 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
         infos = vector_info.final(infos, observations, ended, stage.info(m))
         return np.where(ended[:, None], new, observations), reward, terminated, truncated, infos
 
+    @property
+    def spec(self) -> EnvSpec | None:
+        """Give the spec of gymnasium.make_vec, with the steps of an episode."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = limited(spec, self.task)
+
     def render(self) -> tuple[Any, ...] | None:
         """Draw each environment, as pixels."""
         m: Instant = self._live().episodes.moment
@@ -176,7 +188,7 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
             "spaces": spaces,
             "np_random": (self._np_random, self._np_random_seed),
         }
-        if self._seeded and self._stage is not None:
+        if self._stage is not None and self._stage.episodes.seeded:
             state["counters"] = (self._stage.episodes.seeds, self._stage.episodes.episodes)
         return state
 
@@ -188,9 +200,7 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
         (self.action_space, self.single_action_space,
          self.observation_space, self.single_observation_space) = state["spaces"]  # fmt: skip
         if "counters" in state and self._stage is not None:
-            episodes = self._stage.episodes
-            episodes.seeds, episodes.episodes = state["counters"]
-            self._seeded = True
+            self._stage.episodes.count(*state["counters"])
 
     def __del__(self) -> None:
         """Free everything."""
@@ -200,10 +210,10 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
     def _seeds(self, seed: int | Sequence[int | None] | None) -> NDArray[np.uint64] | None:
         """Give a seed for each environment, or None to go on."""
         n = self.num_envs
-        if seed is None and self._seeded:
+        if seed is None and self._live().episodes.seeded:
             return None
         if not isinstance(seed, Sequence | np.ndarray) or isinstance(seed, str):
-            given = None if seed is None else base_seed(seed)
+            given = None if seed is None else base_seed(seed, n)
             super().reset(seed=given)
             own = self.np_random_seed if given is None else given
             assert own is not None
@@ -212,10 +222,7 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
             if len(seed) != n:
                 raise InputInvalid(f"seed: {len(seed)} numbers; expected one, or {n}")
             rng = np.random.default_rng()
-            numbers = [
-                int(rng.integers(2**63)) if s is None else base_seed(s) % 2**64 for s in seed
-            ]
-        self._seeded = True
+            numbers = [int(rng.integers(2**63)) if s is None else base_seed(s) for s in seed]
         return np.array(numbers, np.uint64)
 
     def _live(self) -> Stage:

@@ -11,6 +11,7 @@ import casadi as ca
 
 from uuvsim_cosim.errors import UuvsimError
 from uuvsim_cosim.fmus.branches import Block, Node, flat, nodes_of, scheduled
+from uuvsim_cosim.fmus.table_data import table_call, table_data
 from uuvsim_cosim.models.table import TABLES
 
 __all__ = ["emit_function", "emit_tables", "emit_update", "literal"]
@@ -177,17 +178,17 @@ def _call(f: Any, a: list[str]) -> list[str]:
     """Lower a call of a table, of its partial derivative, or of its forward derivative."""
     name = f.name()
     if name in TABLES:
-        return [_table(name, "", a)]
+        return [table_call(name, "", a)]
     for suffix in ("_dx", "_dy", "_d"):
         if name.endswith(suffix) and name[: -len(suffix)] in TABLES:
-            return [_table(name[: -len(suffix)], suffix, a)]
+            return [table_call(name[: -len(suffix)], suffix, a)]
     wrapped = name.removeprefix("fwd1_wrap_")
     if wrapped in TABLES:
         n = TABLES[wrapped].n_in
         x, seeds = a[:n], a[-n:]
         suffixes = ("_d",) if n == 1 else ("_dx", "_dy")
         terms = [
-            f"{_table(wrapped, s, x)} * {seed}"
+            f"{table_call(wrapped, s, x)} * {seed}"
             for s, seed in zip(suffixes, seeds, strict=True)
             if seed
         ]
@@ -195,25 +196,7 @@ def _call(f: Any, a: list[str]) -> list[str]:
     raise UuvsimError(f"{name}: this function is called in equations, but is no known intrinsic")
 
 
-def _table(name: str, suffix: str, a: list[str]) -> str:
-    table = TABLES[name]
-    nx = len(table.x)
-    if table.n_in == 1:
-        return f"uuv_table1{suffix}({a[0]}, {name}_x, {name}_values, {nx})"
-    ny = len(table.y)
-    return f"uuv_table2{suffix}({a[0]}, {a[1]}, {name}_x, {nx}, {name}_y, {ny}, {name}_values)"
-
-
 def emit_tables(functions: list[Any]) -> str:
     """Write the data of every table that the functions call, in the order of their names."""
     names = {g.name() for f in functions for g in f.find_functions()}
-    text = []
-    for name in sorted(names & set(TABLES)):
-        table = TABLES[name]
-        arrays = {"x": table.x, "values": table.values}
-        if table.n_in == 2:
-            arrays["y"] = table.y
-        for part, numbers in arrays.items():
-            items = ", ".join(literal(float(v)) for v in numbers)
-            text.append(f"static const double {name}_{part}[] = {{{items}}};\n")
-    return "".join(text)
+    return "".join(table_data(name) for name in sorted(names & set(TABLES)))

@@ -57,7 +57,8 @@ class Solver:
     ) -> tuple[float, bool] | None:
         from scipy.integrate import RK45
 
-        rtol, atol = max(self._tolerance, 3e-14), self._tolerance * np.abs(self._nominals)
+        rtol = max(self._tolerance, 3e-14)
+        atol: Any = self._tolerance * np.abs(self._nominals)  # SciPy takes one for each state
         rk = RK45(self._rhs, time, x, until, rtol=rtol, atol=atol, first_step=until - time)
         for _ in range(_STEPS):
             before = float(rk.t)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
+from copy import copy
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -41,10 +43,8 @@ class Native:
     """An instance of a declaration: the `Component` protocol over its block of values."""
 
     def __init__(self, model: Model, path: str, library: Path | None = None) -> None:
-        self.path = path
         lowered = lower(model)
         self.description = describe(model, lowered.equations)
-        self.messages: list[tuple[str, str]] = []
         self._names = {
             p.offset + i: f"{p.variable.name}[{i + 1}]" if p.variable.shape else p.variable.name
             for p in lowered.layout.placed
@@ -54,9 +54,20 @@ class Native:
         self._layout = lowered.layout
         self._c = ctypes.CDLL(str(library or compile_native(lowered)))
         _declare(self._c)
+        self._instantiate(path)
+
+    def another(self, path: str) -> Native:
+        """Make another instance of the same declaration, which is not lowered again."""
+        made = copy(self)
+        made._instantiate(path)
+        return made
+
+    def _instantiate(self, path: str) -> None:
+        self.path = path
+        self.messages: list[tuple[str, str]] = []
         self._instance: int | None = self._c.uuv_instantiate(self._c.uuv_get_component())
         if not self._instance:
-            raise FmuError(f"{path}: no memory for an instance of {model.name!r}")
+            raise FmuError(f"{path}: no memory for an instance of {self.description.name!r}")
         self._head = _Instance.from_address(self._instance)
         self._block = np.ctypeslib.as_array(
             ctypes.cast(self._head.b, ctypes.POINTER(ctypes.c_double)), (self._size,)
@@ -113,6 +124,15 @@ class Native:
                 current_communication_point,
                 f"{self._names.get(status - 1, 'a value')} is not finite",
             )
+
+    def check_outputs(self, time: float) -> None:
+        """Raise ComponentFailed that names an output which is not finite."""
+        self._c.uuv_update_outputs(self._live())
+        first = self._layout.offset["output"]
+        outputs = self._block[first : first + self._layout.count["output"]]
+        if not isfinite(np.add.reduce(outputs)):
+            for i in np.flatnonzero(~np.isfinite(outputs)).tolist():
+                raise ComponentFailed(self.path, time, f"{self._names[first + i]} is not finite")
 
     def get_fmu_state(self) -> bytes:
         """Copy the whole state, sample counters included."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from itertools import pairwise
 from operator import index
 from typing import Any, Self, final
@@ -55,6 +56,7 @@ class Batch:
         self._scratch = [int(s.ctypes.data) for s in scratch]
         self._scratch_cells = scratch
         self._pool = ThreadPoolExecutor(workers - 1) if workers > 1 else None
+        self._owner = os.getpid()
         self._raised = np.zeros(n_envs, bool)
         self._signals: dict[str, Signal] = {}
         self._step = kernel.c.uuv_kernel_step
@@ -189,13 +191,21 @@ class Batch:
         """Call for each range of blocks, side by side; C lets go of the GIL."""
         if self._pool is None:
             return [call(0, 0, self._n_blocks)]
+        if self._owner != os.getpid():  # threads do not outlive a fork
+            self._pool, self._owner = ThreadPoolExecutor(len(self._scratch) - 1), os.getpid()
         left = iter(self._ranges)  # whoever is free takes the next
 
         def work(worker: int) -> list[Any]:
             return [call(worker, first, last) for first, last in left]
 
-        waiting = [self._pool.submit(work, n) for n in range(1, len(self._scratch))]
-        return [*work(0), *(r for w in waiting for r in w.result())]
+        waiting: list[Future[list[Any]]] = []
+        try:
+            waiting.extend(self._pool.submit(work, n) for n in range(1, len(self._scratch)))
+            return [*work(0), *(r for w in waiting for r in w.result())]
+        except BaseException:  # interrupted: the others must not go on beside the next call
+            list(left)
+            wait(waiting)
+            raise
 
     def _signal(self, name: str) -> Signal:
         if name not in self._signals:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uuvsim_cosim.fmus.emit import emit_function
+from uuvsim_cosim.fmus.emit import emit_function, emit_update
 from uuvsim_cosim.fmus.equations import Equations
 from uuvsim_cosim.kernels.held import split
 from uuvsim_cosim.kernels.table_text import tables_in_lanes
@@ -22,8 +22,12 @@ def declaration_text(eq: Equations, dtype: np.dtype) -> str:
     ]
     states = range(o["state"], o["state"] + n["state"])
     emitted = emit_function(eq.rhs, "rhs(const V *b, V *dx)", ("b", "dx"))
+    outputs = emit_function(eq.outputs, "outputs(const V *b, V *out)", ("b", "out"))
     rhs, n_held = split(
-        emitted, lambda cell: cell == 0 or cell in states, invert=dtype == np.float32
+        emitted,
+        lambda cell: cell == 0 or cell in states or not states,
+        invert=dtype == np.float32,
+        outputs=outputs,
     )
     table = [
         *(["static const uuv_lane_clock clocks[] = {", *clocks, "};"] if clocks else []),
@@ -33,7 +37,7 @@ def declaration_text(eq: Equations, dtype: np.dtype) -> str:
         f"    .n_clocks = {len(clocks)}, .off_seed = {seed}, .n_held = {n_held},",
         f"    .clocks = {'clocks' if clocks else '0'},",
         "    .derived = derived, .initial = initial, .held = held, .rhs = rhs,",
-        "    .outputs = outputs,",
+        "    .outputs = outputs, .outputs_of_step = outputs_of_step,",
         "};",
         '#include "uuv_lane_stepper.h"',
     ]
@@ -41,11 +45,9 @@ def declaration_text(eq: Equations, dtype: np.dtype) -> str:
         emit_function(eq.derived, "derived(const V *b, V *out)", ("b", "out")),
         emit_function(eq.initial, "initial(const V *b, V *out)", ("b", "out")),
         rhs,
-        emit_function(eq.outputs, "outputs(const V *b, V *out)", ("b", "out")),
+        outputs,
         *(
-            emit_function(
-                f, f"update_{i}(const V *b, const V *draws, V *z_new)", ("b", "draws", "z_new")
-            )
+            emit_update(f, f"update_{i}(V *b, const V *draws, uuv_mask due)", o["discrete"])
             for i, f in enumerate(eq.updates)
         ),
         "\n".join(table),
@@ -54,6 +56,7 @@ def declaration_text(eq: Equations, dtype: np.dtype) -> str:
     head = [
         f"/* Generated from the declaration of {model.name!r}: do not edit. */",
         '#include "uuv_lane_component.h"',
+        '#include "uuv_lane_lines.h"',
         '#include "uuv_lane_record.h"',
         "",
         tables,

@@ -26,7 +26,7 @@ def driver_text(fused: Fused, tokens: Sequence[str]) -> str:
     scratch = most * max(
         max(
             5 * m.layout.count["state"] + _held(fused, m.source),
-            m.layout.count["discrete"] + _draws(fused, m.source) + 2,
+            _draws(fused, m.source) + 2,
         )
         for m in fused.members
     )
@@ -79,8 +79,9 @@ def driver_text(fused: Fused, tokens: Sequence[str]) -> str:
 
 
 def _held(fused: Fused, source: str) -> int:
-    """Give a bound of the values that a right-hand side may hold: one for each operation."""
-    return int(fused.equations[source].rhs.n_instructions())
+    """Give a bound of the values that a step may hold: one for each operation."""
+    equations = fused.equations[source]
+    return int(equations.rhs.n_instructions() + equations.outputs.n_instructions())
 
 
 def _draws(fused: Fused, source: str) -> int:

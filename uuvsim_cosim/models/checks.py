@@ -51,7 +51,9 @@ def checks_of(address: str, h: float = 1e-2) -> Iterator[Checked]:
     id, chosen = split_address(address)
     sets = vehicle_sets(id)
     if chosen is not None and chosen not in sets:
-        raise InputInvalid(f"{id}: there is no parameter set {chosen!r}; expected {', '.join(sets)}")
+        raise InputInvalid(
+            f"{id}: there is no parameter set {chosen!r}; expected {', '.join(sets)}"
+        )
     folder = vehicle_folder(id)
     data = _read(folder, sets)
     wanted = sets if chosen is None else [chosen]
@@ -97,7 +99,9 @@ def _published(id: str, entry: Mapping[str, Any], h: float) -> Checked:
         for ours, theirs in zip(result[output][-1], values, strict=True):
             if theirs is not None:
                 off = max(off, float(abs(ours - theirs)))
-    return Checked(address, str(entry["what"]), off, float(entry["tolerance"]), str(entry["source"]))
+    return Checked(
+        address, str(entry["what"]), off, float(entry["tolerance"]), str(entry["source"])
+    )
 
 
 def _read(folder: Path, sets: list[str]) -> Any:

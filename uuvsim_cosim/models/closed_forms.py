@@ -39,7 +39,8 @@ class ClosedForm:
 def closed_forms(model: Model) -> Iterator[ClosedForm]:
     """Give each claim for a hull; `off` is relative, 0 where it holds exactly."""
     M = total_mass(model)
-    scale = np.sqrt(np.outer(np.diag(M), np.diag(M)))
+    size = np.sqrt(np.maximum(np.abs(np.diag(M)), 1e-12))
+    scale = np.outer(size, size)
     yield ClosedForm("M is symmetric", float(np.max(np.abs(M - M.T) / scale)), 1e-9)
     values = np.linalg.eigvalsh(0.5 * (M + M.T) / scale)
     yield ClosedForm("M is positive definite", max(0.0, 1e-6 - float(values[0])), 0.0)
@@ -61,7 +62,7 @@ def total_mass(model: Model) -> Array:
 def _energy_gained(model: Model, M: Array) -> float:
     """Give the largest power that a moving hull gets from still water, over what turns over."""
     f = Evaluation(model)
-    weightless = {n: 0.0 for n in ("W", "B", "g") if n in model.variables}
+    weightless: dict[str, float] = {n: 0.0 for n in ("W", "B", "g") if n in model.variables}
     p = f.values_of("parameter", weightless)
     d = np.array(f.derived(p)).ravel()
     x = np.array(f.initial(p, d)).ravel()

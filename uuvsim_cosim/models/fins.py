@@ -118,7 +118,7 @@ def fin_force(nu_r: Any, r: Any, a: Any, delta: Any, p: dict[str, Any]) -> Any:
 @lru_cache
 def fin_geometry(vehicle: str) -> FinGeometry:
     """Read the fins of a vehicle, by its id or its folder."""
-    path = vehicle_folder(vehicle.partition("@")[0]) / "fins.yaml"
+    path = vehicle_folder(vehicle) / "fins.yaml"
     if not path.is_file():
         raise ParameterInvalid(f"there are no fins of {vehicle!r}; expected a file {path}")
     data = read_yaml(path, "fins.schema.json")
@@ -139,7 +139,8 @@ def fin_geometry(vehicle: str) -> FinGeometry:
     for hinge, line in zip(a, place, strict=True):
         if abs(np.linalg.norm(hinge) - 1.0) > 1e-6 or abs(hinge[0]) > 0.9:
             problems.append(f"{path}:{line}: a = {hinge}; expected length 1, and across x")
-    figures, sources = {}, {}
+    figures: dict[str, Array] = {}
+    sources: dict[str, str] = {}
     for name, (unit, low, _) in _FIGURES.items():
         values = []
         for fin, line in zip(items, place, strict=True):

@@ -30,6 +30,7 @@ __all__ = [
     "meaning_of",
     "missing",
     "near_names",
+    "not_positive",
     "structure",
 ]
 
@@ -136,16 +137,36 @@ def _gaps_of_strips(given: set[str]) -> Iterator[str]:
         yield f"{', '.join(lacking)} missing; expected all that cross-flow drag by strips needs"
 
 
+_ELSEWHERE = {
+    "mass": "m",
+    "weight": "W",
+    "buoyancy": "B",
+    "density": "rho",
+    "fluid_density": "rho",
+    "volume": "nabla",
+    "gravity": "g",
+}
+_SNAME = re.compile(r"([XYZKMN])_?([uvwpqr])(dot|\2|\|\2\||)$")
+_TENSOR = re.compile(r"I_?([xyz])([xyz])?$")
+
+
 def near_names(name: str) -> str:
-    """Give the parameters whose names are near to one that does not exist, else examples."""
+    """Give what was meant by a name that does not exist: in other projects' words, or misspelt."""
+    if name.lower() in _ELSEWHERE:
+        return _ELSEWHERE[name.lower()]
+    if (tensor := _TENSOR.match(name)) is not None:
+        i, j = "xyz".index(tensor[1]) + 1, "xyz".index(tensor[2] or tensor[1]) + 1
+        return f"I_g_{min(i, j)}{max(i, j)} about CG, or I_b_{min(i, j)}{max(i, j)} about CO"
+    if (derivative := _SNAME.match(name)) is not None:
+        i, j = "XYZKMN".index(derivative[1]) + 1, "uvwpqr".index(derivative[2]) + 1
+        kind = {"dot": "M_A", "": "D_l"}.get(derivative[3], "D_q")
+        return f"{kind}_{i}{j}, its negative"
     every = [*_SCALARS]
-    for kind in ("M_A", "D_l", "D_q", "D_u", "I_b", "I_g"):
+    for kind in ("M_A", "D_l", "D_q", "D_u", "D_f", "I_b", "I_g"):
         every += [f"{kind}_{i}{j}" for i in range(1, 7) for j in range(1, 7)]
     known = [n for n in every if meaning_of(n) is not None]
     near = get_close_matches(name, known, n=4, cutoff=0.6)
-    if not near:  # in other letters: mass, Xudot, Zww
-        near = get_close_matches(name.lower(), [n.lower() for n in known], n=4, cutoff=0.75)
-    return ", ".join(near or ("m", "W", "z_g", "M_A_11", "...")) + (" (near)" if near else "")
+    return ", ".join(near) + " (near)" if near else "m, W, z_g, M_A_11, ..."
 
 
 def declare_parameters(
@@ -174,6 +195,24 @@ def declare_parameters(
             name, float(value), unit=meaning.unit, min=meaning.min, description=words
         )
     return symbols
+
+
+def not_positive(numbers: Mapping[str, float]) -> Iterator[str]:
+    """Give a sentence for each mass of a whole set that is not positive definite."""
+    import numpy as np
+
+    M = ca.evalf(ca.densify(ca.SX(structure(numbers)[0])))
+    M_A = ca.evalf(ca.densify(_symmetric(numbers, "M_A")))
+    rigid, added = np.array(M) - np.array(M_A), np.array(M_A)
+    for name, matrix, least in (("M_RB", rigid, 1e-9), ("M_A", added, -1e-9)):
+        size = np.sqrt(np.maximum(np.abs(np.diag(rigid + added)), 1e-12))
+        values = np.linalg.eigvalsh(0.5 * (matrix + matrix.T) / np.outer(size, size))
+        if values[0] < least:
+            what = "mass and inertia about CG" if name == "M_RB" else "added mass"
+            yield (
+                f"{what} ({name}) has the eigenvalue {values[0]:.3g} (relative); expected a "
+                "positive definite matrix: no negative diagonal, and off-diagonals that it bears"
+            )
 
 
 def structure(p: Mapping[str, Any]) -> tuple[Any, ...]:

@@ -12,7 +12,7 @@ from typing import Any
 
 from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import ParameterInvalid
-from uuvsim_cosim.models.hull_parameters import meaning_of, missing, near_names
+from uuvsim_cosim.models.hull_parameters import meaning_of, missing, near_names, not_positive
 from uuvsim_cosim.models.units import parse_unit
 
 __all__ = [
@@ -54,18 +54,21 @@ class ParameterSet:
 
 @dataclass(frozen=True)
 class Size:
-    """What a vehicle looks like from afar: length, breadth, height [m], and box, torpedo, ...."""
+    """What a vehicle looks like from afar: length, breadth, height, where its middle is [m]."""
 
     length: float
     breadth: float
     height: float
-    shape: str
+    at: tuple[float, float, float]  # from CO in b
+    shape: str  # box, torpedo or ellipsoid
 
 
 def split_address(address: str) -> tuple[str, str | None]:
     """Give (vehicle, set) of an address such as ``bluerov2_heavy@wu_2018``."""
     vehicle, at, name = address.rpartition("@")
-    return (vehicle, name or None) if at else (address, None)
+    if not at or "/" in name:  # an @ within the path of a folder
+        return address, None
+    return vehicle, name or None
 
 
 def vehicle_ids() -> list[str]:
@@ -81,7 +84,8 @@ def is_vehicle(id: str) -> bool:
 
 
 def vehicle_folder(id: str) -> Path:
-    """Give the folder of a vehicle: a shipped one by its id, any other by its path."""
+    """Give the folder of a vehicle (``id`` or ``id@set``): a shipped one, or one by its path."""
+    id, _ = split_address(id)
     if id in vehicle_ids():
         return content("models", "vehicles", id)
     path = Path(id).expanduser()
@@ -103,8 +107,11 @@ def vehicle_size(id: str) -> Size | None:
     if "size" not in data:
         return None
     size = data["size"]
-    numbers = [in_unit(float(v), str(size["unit"]), "m") for v in size["value"]]
-    return Size(*numbers, str(size["shape"]))
+    length, breadth, height, x, y, z = (
+        in_unit(float(v), str(size["unit"]), "m")
+        for v in [*size["value"], *size.get("at", [0] * 3)]
+    )
+    return Size(length, breadth, height, (x, y, z), str(size["shape"]))
 
 
 def vehicle_sets(id: str) -> list[str]:
@@ -215,8 +222,9 @@ def _mistakes(data: Any) -> Iterator[tuple[int, str]]:
         except ValueError as error:
             yield line_of(data, ["size"]), f"size: {error}"
     for name, chosen in data["sets"].items():
-        for sentence in missing(chosen["parameters"]):
-            yield line_of(data, ["sets", name]), f"sets.{name}: {sentence}"
+        gaps = list(missing(chosen["parameters"]))
+        yield from ((line_of(data, ["sets", name]), f"sets.{name}: {text}") for text in gaps)
+        numbers: dict[str, float] = {}
         for key, entry in chosen["parameters"].items():
             line = line_of(data, ["sets", name, "parameters", key])
             meaning = meaning_of(key)
@@ -230,3 +238,8 @@ def _mistakes(data: Any) -> Iterator[tuple[int, str]]:
                 continue
             if meaning.min is not None and not value >= meaning.min:
                 yield line, f"{key}: {value:g} {meaning.unit}; expected at least {meaning.min:g}"
+                continue
+            numbers[str(key)] = value
+        if not gaps and len(numbers) == len(chosen["parameters"]):
+            for text in not_positive(numbers):
+                yield line_of(data, ["sets", name]), f"sets.{name}: {text}"

@@ -41,7 +41,7 @@ def thruster(p: ThrusterParameters = T200_AT_16_V) -> Model:
     K_n = m.parameter("K_n", p.K_n, unit="N.s2/rad2", description="thrust = K_n |n| n")
     K_P = m.parameter("K_P", p.K_P, unit="W.s3/rad3", description="power = K_P |n|^3")
     n = m.state("shaft", unit="rad/s", description="shaft speed")
-    m.der(n, (n_max * saturate(u, 1.0) - n) / T_n)
+    m.der(n, (n_max * saturate(u, 1.0) - n) * m.derived("rate", 1.0 / T_n))
     return _outputs(m, K_n * abs_(n) * n, n, K_P * abs_(n) * n * n / voltage)
 
 
@@ -63,7 +63,7 @@ def thruster_t200() -> Model:
     current = table2(list(u_grid), bench.voltage, current_rows.tolist())
     thrust = table2(list(n_grid), bench.voltage, thrust_rows.tolist())
     n = m.state("shaft", unit="rad/s", description="shaft speed; its sign is the thrust's")
-    m.der(n, (n_d(u, voltage) - n) / T_n)
+    m.der(n, (n_d(u, voltage) - n) * m.derived("rate", 1.0 / T_n))
     return _outputs(m, thrust(n, voltage), n, current(u, voltage))
 
 

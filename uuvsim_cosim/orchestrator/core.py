@@ -286,7 +286,7 @@ class Core:
         if self._image is None:
             self._image = ctypes.create_string_buffer(self.image_size)
         self._c.uuv_core_get_image(self._core, self._image)
-        return self._image.raw
+        return bytes(self._image.raw)
 
     def set_image(self, image: bytes) -> None:
         """Restore what `get_image` gave."""

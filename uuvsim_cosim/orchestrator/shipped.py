@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
+from uuvsim_cosim.orchestrator.shipped_tasks import task_system
+from uuvsim_cosim.orchestrator.shipped_tracking import target_tracking
 from uuvsim_cosim.orchestrator.system import System
 
 __all__ = ["BUILDERS", "bluerov2_hold", "bluerov2_survey"]
@@ -103,4 +106,6 @@ def bluerov2_survey() -> System:
 BUILDERS: dict[str, Callable[[], System]] = {
     "bluerov2_hold": bluerov2_hold,
     "bluerov2_survey": bluerov2_survey,
+    "bluerov2_task": task_system,
+    "target_tracking": partial(target_tracking, 2),
 }

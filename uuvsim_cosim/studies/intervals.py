@@ -55,19 +55,20 @@ def rank_correlation(x: Array, y: Array, point: NDArray[np.int64]) -> float:
     """Give Spearman's correlation within grid points, pooled; NaN if one of them never varies.
 
     Ranks are taken among the finite pairs of a point, so that differences between points do not
-    count.
+    count. `point` never falls.
     """
     from scipy.stats import rankdata
 
     good = np.isfinite(x) & np.isfinite(y)
-    a, b = [], []
-    for p in np.unique(point[good]):
-        here = good & (point == p)
-        middle = (int(here.sum()) + 1) / 2
-        a.append(rankdata(x[here]) - middle)
-        b.append(rankdata(y[here]) - middle)
     if good.sum() < 3:
         return float("nan")
+    x, y, point = x[good], y[good], point[good]
+    ends = np.flatnonzero(np.diff(point)) + 1
+    a, b = [], []
+    for p, q in zip(np.split(x, ends), np.split(y, ends), strict=True):
+        middle = (len(p) + 1) / 2
+        a.append(rankdata(p) - middle)
+        b.append(rankdata(q) - middle)
     u, v = np.concatenate(a), np.concatenate(b)
     scale = float(np.sqrt((u @ u) * (v @ v)))
     return float(u @ v) / scale if scale > 0 else float("nan")

@@ -20,6 +20,7 @@ from uuvsim_cosim.studies.metric import ReadMetric
 __all__ = ["KernelRuns", "MasterRuns", "Outcome", "Script", "Simulated"]
 
 Array = NDArray[np.float64]
+AT_ONCE = 256  # communication steps after which an interruption is noticed, at the latest
 
 
 @dataclass(frozen=True)
@@ -111,9 +112,10 @@ class MasterRuns:
             sampled: list[list[Array]] = [[] for _ in points]
             reached = 0
             for k in script.ticks:
-                if k > reached:
-                    master.step(k - reached)
-                    reached = k
+                while reached < k:
+                    ahead = min(k - reached, AT_ONCE)
+                    master.step(ahead)
+                    reached += ahead
                 for values, (path, own) in zip(sampled, points, strict=True):
                     values.append(np.array(master.get(path, own), dtype=float).reshape(-1))
         except (ComponentFailed, LoopNotConverged) as error:
@@ -170,9 +172,12 @@ class KernelRuns:
         script, signals = self.script, self.script.signals
         ticks = script.ticks
         sampled = [np.empty((len(ticks), self._n, batch.variables[s].size)) for s in signals]
+        reached = 0
         for j, tick in enumerate(ticks):
-            if j:
-                batch.step(tick - ticks[j - 1], check=False)
+            while reached < tick:
+                ahead = min(tick - reached, AT_ONCE)
+                batch.step(ahead, check=False)
+                reached += ahead
             for values, name in zip(sampled, signals, strict=True):
                 values[j] = batch.get(name).reshape(self._n, -1)
         failed = batch.failed

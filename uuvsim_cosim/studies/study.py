@@ -27,7 +27,7 @@ from uuvsim_cosim._version import __version__
 from uuvsim_cosim.cache import content_hash
 from uuvsim_cosim.envs.distributions import Choice
 from uuvsim_cosim.envs.randomisation import Randomisation, Vary
-from uuvsim_cosim.envs.randomisation_targets import Places
+from uuvsim_cosim.envs.randomisation_targets import Places, varies
 from uuvsim_cosim.errors import InputInvalid, SystemInvalid
 from uuvsim_cosim.orchestrator.snapshot import plan_hash
 from uuvsim_cosim.orchestrator.system import System
@@ -36,6 +36,7 @@ from uuvsim_cosim.studies.simulate_runs import KernelRuns, MasterRuns, Script, S
 from uuvsim_cosim.studies.study_folder import StudyFolder
 from uuvsim_cosim.studies.study_result import StudyResult, result_of
 from uuvsim_cosim.studies.study_runs import Runs
+from uuvsim_cosim.studies.study_size import check_runs, check_samples
 
 __all__ = ["Study", "StudyInterrupted"]
 
@@ -86,7 +87,7 @@ class Study:
         self.seeds = _seeds(seeds)
         drawn = parameters if isinstance(parameters, Randomisation) else Randomisation(parameters)
         self.drawn = drawn.bound(system)
-        self.grid = tuple(grid)
+        self.grid = varies(grid, "grid")
         for axis in self.grid:
             if not isinstance(axis.distribution, Choice):
                 raise InputInvalid(f"grid: {axis.name} has {axis.distribution!r}; expected Choice")
@@ -98,6 +99,7 @@ class Study:
         read = tuple(read_metric(k, v, descriptions) for k, v in self.metrics.items())
         steps = int(self.duration / tick)
         self.script = Script(system, steps, int(self.every / tick), read)
+        check_samples(int(self.duration / self.every) + 1, self._width)
         self._check_windows()
         self.runs = Runs(self.drawn, self.grid, self.seeds, self._places)
         _ = self.runs.start
@@ -154,6 +156,7 @@ class Study:
             finally:
                 for each in simulated:
                     each.close()
+        remarks = list(dict.fromkeys([*remarks, *self._places.plan.warnings]))
         wall = time.perf_counter() - began
         return result_of(self, folder, remarks, backend=used, resumed=resumed, wall_time=wall)
 
@@ -195,11 +198,15 @@ class Study:
                     f"window within 0 to {float(self.duration):g} s"
                 )
 
+    @property
+    def _width(self) -> int:
+        """Give how many numbers metrics read of each sample."""
+        return sum(self._places.variables[s].size for s in self.script.signals)
+
     @cached_property
     def _most(self) -> int:
         """Give how many runs fit into memory at once."""
-        width = sum(self._places.variables[s].size for s in self.script.signals)
-        return max(8, int(MEMORY / (8 * len(self.script.ticks) * max(width, 1))) // 8 * 8)
+        return max(8, int(MEMORY / (8 * len(self.script.ticks) * max(self._width, 1))) // 8 * 8)
 
     def _simulated(
         self, backend: Backend, jobs: int, n: int, batch: int | None
@@ -262,8 +269,12 @@ def _seeds(given: int | Sequence[int]) -> tuple[int, ...]:
     if isinstance(given, int) and not isinstance(given, bool):
         if given < 1:
             raise InputInvalid(f"seeds: {given}; expected at least 1, or a list of seeds")
+        check_runs(1, given)
         return tuple(range(given))
-    listed = tuple(given) if isinstance(given, Sequence) and not isinstance(given, str) else ()
+    listed: tuple[int, ...] = ()
+    if isinstance(given, Sequence) and not isinstance(given, str):
+        check_runs(1, len(given))
+        listed = tuple(given)
     whole = [s for s in listed if isinstance(s, int) and not isinstance(s, bool)]
     if not listed or len(whole) != len(listed) or len(set(listed)) != len(listed):
         raise InputInvalid(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from uuvsim_cosim.orchestrator.system import System
 from uuvsim_cosim.studies.metric import Metric, read_metric
 from uuvsim_cosim.studies.study import Study, _seeds
 from uuvsim_cosim.studies.study_runs import Runs
+from uuvsim_cosim.studies.study_size import MOST_RUNS, check_runs
 
 __all__ = ["read_study"]
 
@@ -52,11 +54,12 @@ def read_study(path: Path) -> Study:
         if key in data and not isinstance(data[key], str):
             text.wrong([key], f"{shown(data[key])}; expected a text")
     metrics = _metrics(text, data, system, duration)
-    grid = _grid(text, data)
+    grid, gridded = _grid(text, data)
     drawn: Randomisation | None = None
     if system is not None:
-        drawn = randomisation_in(text, data, system, skip=[v.name for v in grid])
-        _check_grid(text, system, grid, drawn)
+        drawn = randomisation_in(text, data, system, skip=gridded)
+        if _small(text, data, grid):
+            _check_grid(text, system, grid, drawn)
     text.refuse()
     assert system is not None
     assert drawn is not None
@@ -169,27 +172,28 @@ def _metrics(
     return found
 
 
-def _grid(text: YamlText, data: Mapping[str, Any]) -> list[Vary]:
-    """Read the parameters that have a `grid`, and take them as one value after the other."""
+def _grid(text: YamlText, data: Mapping[str, Any]) -> tuple[list[Vary], list[str]]:
+    """Give the axes that can be read, and the names of all parameters that have a `grid`."""
     found: list[Vary] = []
+    names: list[str] = []
     given = data.get("parameters")
     for name, entry in given.items() if isinstance(given, Mapping) else ():
         if not isinstance(entry, Mapping) or "grid" not in entry:
             continue
+        names.append(name)
         place = ["parameters", name]
         text.keys(place, entry, ("grid", "unit", "relative", "together"))
         values = plain(entry["grid"])
         if isinstance(values, dict):
             values = _spaced(text, [*place, "grid"], values)
             if values is None:
-                found.append(Vary(str(name), Choice([0.0])))
                 continue
         try:
             distribution = Choice(values)
         except InputInvalid as error:
             text.wrong([*place, "grid"], str(error).replace("Choice: ", "").replace("; expected ",
                        "; expected a list of ", 1))  # fmt: skip
-            distribution = Choice([0.0])
+            continue
         flags = {k: entry.get(k, k == "together") for k in ("relative", "together")}
         for k, flag in flags.items():
             if not isinstance(flag, bool):
@@ -198,7 +202,24 @@ def _grid(text: YamlText, data: Mapping[str, Any]) -> list[Vary]:
         together = bool(flags["together"]) and not distribution.joint
         found.append(Vary(str(name), distribution, None if unit is None else str(unit),
                           bool(flags["relative"]), together))  # fmt: skip
-    return found
+    return found, names
+
+
+def _small(text: YamlText, data: Mapping[str, Any], grid: list[Vary]) -> bool:
+    """Say whether there are few enough runs, before any of them is made; note it if not."""
+    seeds = data.get("seeds", 1)
+    count = len(seeds) if isinstance(seeds, Sequence) else seeds
+    whole = isinstance(count, int) and not isinstance(count, bool) and count > 0
+    points = math.prod(
+        len(v.distribution.values) for v in grid if isinstance(v.distribution, Choice)
+    )
+    try:
+        check_runs(points, int(count) if whole else 1)
+    except InputInvalid as error:
+        if not (whole and count > MOST_RUNS):  # that is said of the seeds already
+            text.wrong(["parameters"], str(error))
+        return False
+    return True
 
 
 def _spaced(text: YamlText, place: list[Any], given: dict[str, Any]) -> list[float] | None:
@@ -209,6 +230,11 @@ def _spaced(text: YamlText, place: list[Any], given: dict[str, Any]) -> list[flo
     numbers = all(isinstance(x, int | float) and not isinstance(x, bool) for x in (low, high))
     if not numbers or isinstance(count, bool) or not isinstance(count, int) or count < 2:
         text.wrong(place, f"{shown(given)}; expected from, to, and a count of 2 or more")
+        return None
+    try:
+        check_runs(count, 1)
+    except InputInvalid as error:
+        text.wrong([*place, "count"], str(error))
         return None
     return [float(x) for x in np.linspace(float(low), float(high), count)]  # type: ignore[arg-type]
 

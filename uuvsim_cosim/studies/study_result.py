@@ -77,7 +77,7 @@ def result_of(
     grid = [a["name"] for a in about if a["kind"] == "grid"]
     found: list[dict[str, Any]] = []
     for p in range(len(runs.points)):
-        here = point == p
+        here = slice(p * len(runs.seeds), (p + 1) * len(runs.seeds))
         at = {name: float(columns[name][here][0]) for name in grid}
         for (name, _), values in zip(metrics, numbers.T, strict=True):
             found.append({"point": p, "at": at, "metric": name, **asdict(interval(values[here]))})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from itertools import product
@@ -16,6 +17,7 @@ from uuvsim_cosim.envs.randomisation import Randomisation, Vary, resolved
 from uuvsim_cosim.envs.randomisation_mass import hulls_of
 from uuvsim_cosim.envs.randomisation_targets import Places, Quantity
 from uuvsim_cosim.errors import InputInvalid, Problem, SystemInvalid
+from uuvsim_cosim.studies.study_size import check_runs
 
 __all__ = ["Runs"]
 
@@ -50,6 +52,7 @@ class Runs:
         if problems:
             raise SystemInvalid(list(dict.fromkeys(problems)))
         counts = [len(_choice(q).values) for q in self.grid]
+        check_runs(math.prod(counts), len(self.seeds))
         self.points = list(product(*(range(n) for n in counts)))
         self._axis_u = [(np.arange(n) + 0.5) / n for n in counts]
 

@@ -1,11 +1,19 @@
-"""A process that simulates runs with a master: requests come in by stdin, answers go to stdout."""
+"""A process that simulates runs with a master: requests come in by stdin, answers go to stdout.
+
+It ends at once when whoever asks has ended, however that came about: its input then ends.
+"""
 
 from __future__ import annotations
 
+import ctypes
+import logging
 import os
 import pickle
+import queue
+import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Sequence
 from typing import Any, final
 
@@ -17,11 +25,11 @@ __all__ = ["ProcessRuns", "main"]
 
 @final
 class ProcessRuns:
-    """A master in a process of its own, which ends with its input."""
+    """A master in a process of its own, which ends with its input, and with this process."""
 
     def __init__(self, script: Script) -> None:
         self._child = subprocess.Popen(
-            [sys.executable, "-m", "uuvsim_cosim.studies.worker"],
+            [sys.executable, "-m", "uuvsim_cosim.studies.worker", str(os.getpid())],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             start_new_session=True,  # Ctrl-C is ours to deal with, not the child's
@@ -68,16 +76,20 @@ class ProcessRuns:
 
 def main() -> None:
     """Answer until the input ends."""
+    if len(sys.argv) > 1:
+        _end_with(int(sys.argv[1]))
+    # What is assumed of a system, the process that asks has said already.
+    logging.getLogger("uuvsim_cosim").addHandler(logging.NullHandler())
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what a component prints must not come between the answers
-    requests = sys.stdin.buffer
+    requests: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    threading.Thread(target=_listen, args=(requests,), daemon=True).start()
     runs: MasterRuns | None = None
     while True:
+        request = requests.get()
         try:
-            request = pickle.load(requests)
-        except EOFError:
-            return
-        try:
+            if isinstance(request, Exception):
+                raise request
             if isinstance(request, Script):
                 runs = MasterRuns(request)
                 answer: Any = None
@@ -94,6 +106,30 @@ def main() -> None:
             answers.flush()
         except BrokenPipeError:
             os._exit(0)  # whoever asked has ended
+
+
+def _listen(requests: queue.SimpleQueue[Any]) -> None:
+    """Pass on what is asked; end the process where the input ends, even amid a run."""
+    while True:
+        try:
+            requests.put(pickle.load(sys.stdin.buffer))
+        except EOFError:
+            os._exit(0)
+        except Exception as error:
+            requests.put(error)
+
+
+def _end_with(parent: int) -> None:
+    """Have Linux end this process with its parent, even where a component keeps Python busy."""
+    if not sys.platform.startswith("linux"):
+        return
+    PR_SET_PDEATHSIG = 1
+    try:
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)
+    except (AttributeError, OSError):
+        return  # the input's end is noticed all the same
+    if os.getppid() != parent:
+        os._exit(0)  # it ended before this was said
 
 
 if __name__ == "__main__":

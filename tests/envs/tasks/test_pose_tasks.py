@@ -210,16 +210,32 @@ def test_the_ids_make_environments_of_one_and_of_many(id: str) -> None:
 @pytest.mark.parametrize(
     ("make", "options", "message"),
     [
-        (StationKeeping, {"action": "torque"}, "'torque'; expected one of force, thrusters"),
-        (StationKeeping, {"region": 0.0}, r"region \[m\]: 0.0; expected 1e-09 to inf"),
+        (StationKeeping, {"action": "forces"}, "action 'forces'; expected one of force, thrusters"),
+        (StationKeeping, {"action": ["force"]}, r"action \['force'\]; expected one of force"),
+        (StationKeeping, {"observation": "x"}, "observation 'x'; expected one of truth, navig"),
+        (
+            StationKeeping,
+            {"region": 0.0},
+            r"region \[m\]: 0.0; expected a number of at least 1e-09",
+        ),
+        (StationKeeping, {"away": "far"}, r"away \[m\]: 'far'; expected a number of at least 0"),
         (
             StationKeeping,
             {"current": (0.3, 0.1)},
-            r"current, least \[m/s\]: 0.3; expected 0 to 0.1",
+            r"current .*\(0.3, 0.1\); expected the least fir",
         ),
-        (DisturbanceRejection, {"faults": 9}, "faults: 9; expected 0 to 8"),
-        (StationKeeping, {"observation": "x"}, "'x'; expected one of truth, navigation"),
+        (StationKeeping, {"current": 1}, r"current \[m/s\]: 1; expected \(least, greatest\)"),
+        (StationKeeping, {"current": "fast"}, r"current \[m/s\]: 'fast'; expected \(least, gre"),
+        (StationKeeping, {"privileged": "no"}, "privileged: 'no'; expected True or False"),
+        (StationKeeping, {"randomisation": ["hull.m"]}, "expected a Randomisation"),
+        (StationKeeping, {"awya": 1}, "StationKeeping: option 'awya'; expected one of away"),
+        (StationKeeping, {"xxx": 1}, "option 'xxx'; expected one of away, action, observation, "),
+        (DisturbanceRejection, {"faults": 9}, "faults: 9; expected a whole number from 0 to 8"),
+        (DisturbanceRejection, {"faults": 1.5}, "faults: 1.5; expected a whole number from 0 to 8"),
+        (DisturbanceRejection, {"guts": 1}, "option 'guts'; expected one of gust"),
         (TrajectoryFollowing, {"curves": ("circle",)}, r"\['circle'\]; expected some of lemnis"),
+        (TrajectoryFollowing, {"curves": "line"}, "curves: 'line'; expected some of lemnis"),
+        (TrajectoryFollowing, {"speed": 0.5}, r"speed \[m/s\]: 0.5; expected \(least, greatest\)"),
     ],
 )
 def test_wrong_options_are_refused_in_a_sentence(

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 import uuvsim_cosim.envs  # noqa: F401  (registers the ids)
 from tests.envs.tasks.moments import ArrayMoment
 from uuvsim_cosim.envs.draws import Draws
+from uuvsim_cosim.envs.solo import Solo
 from uuvsim_cosim.envs.tasks import TargetTracking, evaluate, scripted_policy
 from uuvsim_cosim.envs.tasks.tracking_scenarios import SCENARIOS
 from uuvsim_cosim.envs.team import CosimParallelEnv
@@ -237,17 +238,49 @@ def test_the_start_values_of_all_parts_agree() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"n_trackers": 0}, "0 trackers; expected 1 to 8"),
-        ({"n_trackers": 3, "slots": (1, 2)}, r"slots \(1, 2\); expected at least \(2, 0\)"),
+        ({"n_trackers": 0}, "n_trackers: 0; expected a whole number from 1 to 8"),
+        ({"n_trackers": 1.5}, "n_trackers: 1.5; expected a whole number from 1 to 8"),
+        ({"n_trackers": "2"}, "n_trackers: '2'; expected a whole number from 1 to 8"),
+        ({"n_obstacles": -1}, "n_obstacles: -1; expected a whole number from 0 to 64"),
+        (
+            {"n_trackers": 3, "slots": (1, 2)},
+            "slots, other trackers: 1; expected a whole .* from 2",
+        ),
+        ({"slots": 0}, r"slots: 0; expected two numbers, .* at least \(1, 0\)"),
+        ({"knowledge_range": -1}, r"knowledge_range \[m\]: -1; expected a number of at least 0"),
         ({"vehicle": "pool9"}, "vehicle 'pool9'; expected one of pool8, bluerov2_heavy"),
         ({"motion": "sleep"}, "motion 'sleep'; expected one of random_heading, flee, path, rest"),
-        ({"delay": 0.5}, r"delay \[s\]: 0.5; expected 0 to 0.4"),
-        ({"loss": 2}, "loss: 2; expected 0 to 1"),
-        ({"n_obstacles": -1}, "n_obstacles: -1; expected 0 to 64"),
-        ({"frame": "moon"}, "frame 'moon'; expected body or world"),
+        ({"delay": 0.5}, r"delay \[s\]: 0.5; expected a number, 0 to 0.4"),
+        ({"loss": 2}, "loss: 2; expected a number, 0 to 1"),
+        ({"noise": float("nan")}, r"noise \[m\]: nan; expected a number of at least 0"),
+        ({"frame": "moon"}, "frame 'moon'; expected one of body, world"),
+        ({"arena": (2.6, 4.8)}, r"arena \[m\]: \(2.6, 4.8\); expected \(N, E, D\)"),
         ({"profile": "paper"}, "profile 'paper'; expected one of default, table1"),
+        ({"rules": {"w_p": "a"}}, "rules, w_p: 'a'; expected a number"),
+        ({"rules": {"edges": "near"}}, "rules, edges 'near'; expected one of range, exponential"),
+        ({"rules": {"end_on_collision": 1}}, "rules, end_on_collision: 1; expected True or False"),
+        ({"rules": 3}, "rules: 3; expected values by name"),
+        ({"trackers": 3}, "TargetTracking: option 'trackers'; expected one of n_trackers"),
     ],
 )
 def test_wrong_options_are_refused_in_a_sentence(options: dict[str, Any], message: str) -> None:
     with pytest.raises(InputInvalid, match=message):
         TargetTracking(**options)
+
+
+def test_a_scenario_says_which_options_there_are() -> None:
+    with pytest.raises(InputInvalid, match="option 'motoin'; expected one of motion"):
+        SCENARIOS["target"](motoin="flee")
+    with pytest.raises(InputInvalid, match="option 'motoin'; expected one of motion"):
+        gymnasium.make("uuvsim/TargetTrackingTarget-v0", motoin="flee")
+
+
+def test_trackers_are_given_their_teams_reward_unless_each_has_its_own() -> None:
+    assert TargetTracking(2).team_reward
+    assert not TargetTracking(2, rules={"credit": "own"}).team_reward
+
+
+def test_one_central_agent_earns_what_each_of_its_trackers_earns() -> None:
+    task = TargetTracking(2)
+    m = ArrayMoment(a_moment(task).signals, {"": np.zeros((20, 4))}, {}, a_moment(task, seed=1))
+    assert np.array_equal(Solo(task).reward(m), task.reward(m)["tracker_1"])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.draws import Draws
 from uuvsim_cosim.envs.task import Moment
-from uuvsim_cosim.envs.tasks.ranges import within
+from uuvsim_cosim.envs.tasks.ranges import whole, within
 from uuvsim_cosim.envs.tasks.station_keeping import StationKeeping
 
 __all__ = ["DisturbanceRejection"]
@@ -31,10 +31,9 @@ class DisturbanceRejection(StationKeeping):
     def __init__(
         self, *, gust: float = 0.3, faults: int = 1, away: float = 0.3, **options: Any
     ) -> None:
-        within("gust [m/s]", gust, 0, np.inf)
-        within("faults", faults, 0, THRUSTERS)
+        self.gust = within("gust [m/s]", gust, 0, np.inf)
+        self.faults = whole("faults", faults, 0, THRUSTERS)
         super().__init__(disturbances=True, signals=("faults.health",), away=away, **options)
-        self.gust, self.faults = float(gust), int(faults)
 
     def hidden(self, m: Moment, R: Array) -> list[Array]:
         """Give each thruster's share of its thrust."""

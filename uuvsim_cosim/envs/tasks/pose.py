@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from uuvsim_cosim.envs.randomisation import Randomisation
 from uuvsim_cosim.envs.randomisation_sets import published, thruster_strength
 from uuvsim_cosim.envs.task import Moment, Randomised, Task
 from uuvsim_cosim.envs.tasks.frames import R_zyx, in_body, wrap
-from uuvsim_cosim.envs.tasks.ranges import within
+from uuvsim_cosim.envs.tasks.ranges import flag, known_options, one_of, pair, randomised, within
 from uuvsim_cosim.orchestrator.shipped_tasks import THRUSTERS, ActedOn, Observed, task_system
 from uuvsim_cosim.orchestrator.system import System
 
@@ -68,10 +68,18 @@ class PoseTask(Task, ABC):
         signals: Sequence[str] = (),
         reference: bool = False,
         disturbances: bool = False,
+        **unknown: Any,
     ) -> None:
+        known_options(type(self), unknown)
+        one_of("action", action, get_args(ActedOn))
+        one_of("observation", observation, get_args(Observed))
+        randomised(randomisation)
+        self.region = within("region [m]", region, 1e-9, np.inf)
+        self.current = pair("current [m/s]", current)
+        self.privileged = flag("privileged", privileged)
         known = "hull" if observation == "truth" else "navigation"
         system = task_system(action, observation, reference, disturbances)
-        if randomise and randomisation is None:
+        if flag("randomise", randomise) and randomisation is None:
             randomisation = published_vehicle(system)
         if isinstance(randomisation, Randomisation):
             randomisation = randomisation.bound(system)
@@ -85,10 +93,7 @@ class PoseTask(Task, ABC):
                      "ramps.v_c" if disturbances else "current.v_c", *signals),
             randomisation=randomisation,
         )  # fmt: skip
-        within("region [m]", region, 1e-9, np.inf)
-        within("current, least [m/s]", current[0], 0, current[1])
-        self.known, self.region, self.current = known, float(region), current
-        self.privileged = privileged
+        self.known = known
         self._water = "ramps.v_c" if disturbances else "current.v_c"
         self._width = sum(_size(c) for c in self.actions)
 

@@ -1,13 +1,100 @@
-"""Options of tasks are refused, with what would be right, where they are out of range."""
+"""Options of tasks are refused, with what would be right, where they cannot be meant."""
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
+from math import inf, isnan
+from numbers import Real
+from operator import index
+from typing import Any
+
+import numpy as np
+
 from uuvsim_cosim.errors import InputInvalid
 
-__all__ = ["within"]
+__all__ = [
+    "flag", "known_options", "numbers", "one_of", "pair", "randomised", "whole", "within",
+]  # fmt: skip
+
+_OF_SHIPPED = ("self", "signals", "reference", "disturbances")  # what tasks tell each other
 
 
-def within(name: str, value: float, low: float, high: float) -> None:
-    """Raise InputInvalid unless low <= value <= high."""
-    if not low <= value <= high:
-        raise InputInvalid(f"{name}: {value}; expected {low:g} to {high:g}")
+def within(name: str, value: Any, low: float, high: float) -> float:
+    """Give a number; raises InputInvalid unless low <= value <= high."""
+    if _is_number(value) and low <= value <= high:
+        return float(value)
+    expected = f"a number of at least {low:g}" if high == inf else f"a number, {low:g} to {high:g}"
+    raise InputInvalid(f"{name}: {value!r}; expected {expected}")
+
+
+def whole(name: str, value: Any, low: int, high: int | None = None) -> int:
+    """Give a whole number; raises InputInvalid unless low <= value <= high."""
+    try:
+        number = index(value)
+    except TypeError:
+        number = low - 1
+    if not low <= number or (high is not None and number > high) or isinstance(value, bool):
+        to = "" if high is None else f" to {high}"
+        raise InputInvalid(f"{name}: {value!r}; expected a whole number from {low}{to}")
+    return number
+
+
+def numbers(name: str, value: Any, expected: Sequence[str], low: float = 0.0) -> tuple[float, ...]:
+    """Give as many numbers of at least `low` as `expected` names; raises InputInvalid."""
+    right = isinstance(value, Sequence | np.ndarray) and not isinstance(value, str)
+    if right and len(value) == len(expected) and all(_is_number(v) for v in value):
+        given = tuple(float(v) for v in value)
+        if all(low <= v < inf for v in given):
+            return given
+    raise InputInvalid(
+        f"{name}: {value!r}; expected ({', '.join(expected)}), numbers of at least {low:g}"
+    )
+
+
+def pair(name: str, value: Any) -> tuple[float, float]:
+    """Give the least and the greatest value of a range that begins at 0 or above."""
+    least, greatest = numbers(name, value, ("least", "greatest"))
+    if least > greatest:
+        raise InputInvalid(f"{name}: {value!r}; expected the least first")
+    return least, greatest
+
+
+def flag(name: str, value: Any) -> bool:
+    """Give a Boolean; raises InputInvalid."""
+    if not isinstance(value, bool | np.bool_):
+        raise InputInvalid(f"{name}: {value!r}; expected True or False")
+    return bool(value)
+
+
+def one_of(name: str, value: Any, known: Sequence[str]) -> None:
+    """Raise InputInvalid unless a text is among those known."""
+    if not isinstance(value, str) or value not in known:
+        raise InputInvalid(f"{name} {value!r}; expected one of {', '.join(known)}")
+
+
+def randomised(value: Any) -> None:
+    """Raise InputInvalid unless something can be drawn by it, or it is None."""
+    if value is not None and not hasattr(value, "draw"):
+        raise InputInvalid(f"randomisation: {value!r}; expected a Randomisation")
+
+
+def known_options(make: type, unknown: Mapping[str, Any]) -> None:
+    """Raise InputInvalid, with the options that a task has, if there are unknown ones."""
+    if not unknown:
+        return
+    known = [
+        p.name
+        for each in make.__mro__
+        if "__init__" in vars(each) and each.__module__.startswith("uuvsim_cosim.envs.tasks")
+        for p in inspect.signature(vars(each)["__init__"]).parameters.values()
+        if p.kind is not p.VAR_KEYWORD and p.name not in _OF_SHIPPED
+    ]
+    name = next(iter(unknown))
+    near = get_close_matches(name, known, 3) or known
+    raise InputInvalid(f"{make.__name__}: option {name!r}; expected one of {', '.join(near)}")
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool) and not isnan(value)

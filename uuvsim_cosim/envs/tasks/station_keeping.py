@@ -28,8 +28,7 @@ class StationKeeping(PoseTask):
 
     def __init__(self, *, away: float = 1.5, **options: Any) -> None:
         super().__init__(**options)
-        within("away [m]", away, 0, np.inf)
-        self.away = float(away)
+        self.away = within("away [m]", away, 0, np.inf)
 
     def wanted(self, m: Moment) -> Array:
         """Give the goal, n times."""

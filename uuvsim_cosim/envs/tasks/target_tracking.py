@@ -6,7 +6,7 @@ docs/tasks.md says where the paper is silent and what is done here.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal, get_args
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from uuvsim_cosim.envs.channel import Channel
 from uuvsim_cosim.envs.draws import Draws
 from uuvsim_cosim.envs.task import Moment, Randomised, TeamTask
-from uuvsim_cosim.envs.tasks.ranges import within
+from uuvsim_cosim.envs.tasks.ranges import known_options, numbers, one_of, randomised, whole, within
 from uuvsim_cosim.envs.tasks.tracking_observation import Seen, egocentric, largest
 from uuvsim_cosim.envs.tasks.tracking_reward import Scene, Terms, reward_terms
 from uuvsim_cosim.envs.tasks.tracking_rules import rules_of
@@ -28,6 +28,7 @@ from uuvsim_cosim.orchestrator.shipped_tracking import (
     DEPTH,
     LATENCY,
     TRACKED,
+    TRACKERS_MAX,
     target_tracking,
 )
 from uuvsim_cosim.orchestrator.system import System
@@ -73,29 +74,34 @@ class TargetTracking(TeamTask):
         action_step: Fraction | str | float = "0.4",
         horizon: Fraction | str | float = 20,
         randomisation: Randomised | None = None,
+        **unknown: Any,
     ) -> None:
-        self.rules = rules_of(profile, vehicle, **(rules or {}))
-        self.profile, self.vehicle, self.motion = profile, vehicle, motion
-        self.n_trackers, self.n_obstacles = int(n_trackers), int(n_obstacles)
-        within("n_obstacles", n_obstacles, 0, 64)
-        within("delay [s]", delay, 0, LATENCY)
-        within("noise [m]", noise, 0, np.inf)
-        within("loss", loss, 0, 1)
-        within("target_speed [m/s]", target_speed, 0, np.inf)
-        if motion not in get_args(Motion):
-            raise InputInvalid(f"motion {motion!r}; expected one of {', '.join(get_args(Motion))}")
-        self.links = delay > 0 or noise > 0 or loss > 0
-        self.delay, self.noise, self.loss = float(delay), float(noise), float(loss)
-        self.knowledge_range = knowledge_range
-        self.target_speed = 0.0 if motion == "rest" else float(target_speed)
-        self.slots = slots or (max(1, self.n_trackers - 1), max(2, self.n_obstacles))
-        if self.slots[0] < self.n_trackers - 1 or self.slots[1] < self.n_obstacles:
-            raise InputInvalid(
-                f"slots {self.slots}; expected at least {(self.n_trackers - 1, self.n_obstacles)}"
-            )
-        if frame not in ("body", "world"):
-            raise InputInvalid(f"frame {frame!r}; expected body or world")
-        self.frame = frame
+        known_options(type(self), unknown)
+        one_of("vehicle", vehicle, list(TRACKED))
+        one_of("motion", motion, get_args(Motion))
+        one_of("frame", frame, ("body", "world"))
+        randomised(randomisation)
+        changes = {} if rules is None else rules
+        if not isinstance(changes, Mapping) or not all(isinstance(k, str) for k in changes):
+            raise InputInvalid(f"rules: {rules!r}; expected values by name, as {{'w_p': 0.02}}")
+        self.rules = rules_of(profile, vehicle, **changes)
+        self.team_reward = self.rules.credit == "team"
+        self.profile, self.vehicle, self.motion, self.frame = profile, vehicle, motion, frame
+        self.n_trackers = whole("n_trackers", n_trackers, 1, TRACKERS_MAX)
+        self.n_obstacles = whole("n_obstacles", n_obstacles, 0, 64)
+        self.delay = within("delay [s]", delay, 0, LATENCY)
+        self.noise = within("noise [m]", noise, 0, np.inf)
+        self.loss = within("loss", loss, 0, 1)
+        self.links = self.delay > 0 or self.noise > 0 or self.loss > 0
+        self.knowledge_range = (
+            None
+            if knowledge_range is None
+            else within("knowledge_range [m]", knowledge_range, 0, np.inf)
+        )
+        speed = within("target_speed [m/s]", target_speed, 0, np.inf)
+        self.target_speed = 0.0 if motion == "rest" else speed
+        self.slots = self._slots_of(slots)
+        numbers("arena [m]", arena, ("N", "E", "D"), 1e-9)
         agents = [f"tracker_{i}" for i in range(1, self.n_trackers + 1)]
         radius = TRACKED[vehicle].radius if vehicle in TRACKED else 0.0
         self.arena = Arena(arena, from_wall=radius + 0.1)
@@ -274,6 +280,19 @@ class TargetTracking(TeamTask):
 
     def _reaches(self, obstacles: Array) -> Mask:
         return np.asarray(self.arena.size[2] - obstacles[:, :, 3] <= DEPTH)
+
+    def _slots_of(self, given: Any) -> tuple[int, int]:
+        least = (self.n_trackers - 1, self.n_obstacles)
+        if given is None:
+            return max(1, least[0]), max(2, least[1])
+        if not isinstance(given, Sequence) or isinstance(given, str) or len(given) != 2:
+            raise InputInvalid(
+                f"slots: {given!r}; expected two numbers, of other trackers and of obstacles, at "
+                f"least {least}"
+            )
+        names = ("slots, other trackers", "slots, obstacles")
+        others, obstacles = (whole(*x) for x in zip(names, given, least, strict=True))
+        return others, obstacles
 
     def _channels(self, agent: str) -> list[Channel]:
         if self.links:

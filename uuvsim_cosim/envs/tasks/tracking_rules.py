@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, get_args, get_type_hints
 
+from uuvsim_cosim.envs.tasks.ranges import flag, one_of, within
 from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["PROFILES", "TrackingRules", "rules_of"]
@@ -56,12 +57,23 @@ def rules_of(profile: str, vehicle: str, **changes: Any) -> TrackingRules:
     """Give a profile's rules, with the distances that the vehicle needs, and changes by name."""
     from difflib import get_close_matches
 
-    if profile not in PROFILES:
-        raise InputInvalid(f"profile {profile!r}; expected one of {', '.join(PROFILES)}")
+    one_of("profile", profile, list(PROFILES))
     rules = PROFILES[profile]
     unknown = [name for name in changes if name not in TrackingRules.__dataclass_fields__]
     if unknown:
         known = list(TrackingRules.__dataclass_fields__)
         near = get_close_matches(unknown[0], known, 3) or known
         raise InputInvalid(f"no rule {unknown[0]!r}; expected one of {', '.join(near)}")
+    for name, value in changes.items():
+        _check(name, value)
     return replace(rules, **{**(HEAVY if vehicle == "bluerov2_heavy" else {}), **changes})
+
+
+def _check(name: str, value: Any) -> None:
+    kind = get_type_hints(TrackingRules)[name]
+    if kind is bool:
+        flag(f"rules, {name}", value)
+    elif kind is float:
+        within(f"rules, {name}", value, 0.0 if name.startswith("d_") else -1e9, 1e9)
+    else:
+        one_of(f"rules, {name}", value, get_args(kind))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from uuvsim_cosim.envs.draws import Draws
 from uuvsim_cosim.envs.task import Moment
 from uuvsim_cosim.envs.tasks.frames import in_body
 from uuvsim_cosim.envs.tasks.pose import PoseTask
-from uuvsim_cosim.envs.tasks.ranges import within
+from uuvsim_cosim.envs.tasks.ranges import pair, within
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.reference import AHEAD
 
@@ -34,19 +34,20 @@ class TrajectoryFollowing(PoseTask):
     def __init__(
         self,
         *,
-        curves: tuple[str, ...] = CURVES,
+        curves: Sequence[str] = CURVES,
         speed: tuple[float, float] = (0.15, 0.4),
         away: float = 0.5,
         **options: Any,
     ) -> None:
-        unknown = [c for c in curves if c not in CURVES]
+        several = isinstance(curves, Sequence) and not isinstance(curves, str)
+        unknown = [c for c in curves if c not in CURVES] if several else curves
         if unknown or not curves:
-            raise InputInvalid(f"curves: {unknown}; expected some of {', '.join(CURVES)}")
-        within("speed, least [m/s]", speed[0], 0, speed[1])
-        within("away [m]", away, 0, np.inf)
+            raise InputInvalid(f"curves: {unknown!r}; expected some of {', '.join(CURVES)}")
+        self.speed = pair("speed [m/s]", speed)
+        self.away = within("away [m]", away, 0, np.inf)
         signals = ("reference.eta_d", "reference.nu_d", "reference.ahead")
         super().__init__(reference=True, signals=signals, **options)
-        self.curves, self.speed, self.away = tuple(curves), speed, float(away)
+        self.curves = tuple(curves)
 
     def wanted(self, m: Moment) -> Array:
         """Give where the reference is, and its heading."""

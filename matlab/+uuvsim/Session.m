@@ -1,0 +1,433 @@
+classdef Session < handle
+  % A running co-simulation:  s = uuvsim.connect();  y = s.step([], 0.1);  s.close();
+  %
+  % Names are "component.variable". Results are structs of arrays: 'hull.eta' is y.hull.eta.
+  % Inputs u are such a struct, a containers.Map, a cell {name, value, ...}, or, after
+  % s.layout(inputs, outputs), a plain vector (the fastest way; then y is a vector as well).
+  properties (SetAccess = private)
+    system = '';        % its name
+    name = '';          % of this client
+    allowed = {};       % read, set, step, manage
+    step_size = 0;      % communication step [s]
+    tick = 0;           % of the present communication point
+    time = 0;           % of the present communication point [s]
+  end
+  properties (Access = private)
+    transport = [];
+    known = [];         % the signals, once asked for
+    agreed = {{}, {}};  % inputs and outputs of the layout that the server has
+    paths = {};         % where each output of the layout stands in a struct
+    shapes = {};
+    vector = [];        % inputs and outputs of the user's layout, or []
+    in_vector = false;  % the server has the user's layout
+    inputs = 0;         % numbers in the user's layout
+  end
+
+  methods
+    function self = Session(options)
+      self.transport = uuvsim.Transport(options.host, options.port, options.timeout);
+      hello = struct('call', 'hello', 'protocol', 1, 'name', options.name, ...
+                     'lockstep', logical(options.lockstep), 'lag', options.lag);
+      if ~isempty(options.user)
+        hello.user = options.user;
+        hello.password = options.password;
+      end
+      welcome = self.transport.request(hello, []);
+      self.system = welcome.system.system;
+      self.name = welcome.client;
+      self.allowed = welcome.allowed;
+      self.step_size = welcome.step_size;
+      self.tick = self.transport.greeting.tick;
+      self.time = self.transport.greeting.time;
+    end
+
+    function list = signals(self, pattern)
+      % All signals (struct array: name, type, shape, unit, causality, settable, description), or
+      % those whose name has `pattern` (a regular expression) in it. Without output: a table.
+      if isempty(self.known)
+        answer = self.transport.request(struct('call', 'schema'), []);
+        self.known = answer.signals(:);
+      end
+      list = self.known;
+      if nargin > 1
+        list = list(~cellfun(@isempty, regexp({list.name}, pattern, 'once')));
+      end
+      if nargout == 0
+        for k = 1:numel(list)
+          shape = sprintf('%d ', list(k).shape);
+          fprintf('%-40s %-8s %-6s %-12s %s\n', list(k).name, list(k).type, shape, ...
+                  list(k).unit, list(k).causality);
+        end
+        clear list
+      end
+    end
+
+    function varargout = get(self, varargin)
+      % The value of a signal; of several, as many values, or a struct of all.
+      names = cellstr_of(varargin);
+      [answer, numbers] = self.transport.request(struct('call', 'get', 'names', {names}), []);
+      [found, values] = self.columns(answer, numbers);
+      if numel(names) == 1 || nargout > 1
+        varargout = cell(1, numel(names));
+        for k = 1:numel(names)
+          varargout{k} = values{strcmp(names{k}, found)};
+        end
+      else
+        varargout{1} = nested(found, values);
+      end
+    end
+
+    function set(self, varargin)
+      % s.set('name', value, ...) or s.set(struct): unconnected inputs and tunable parameters.
+      header = struct('call', 'set');
+      if numel(varargin) == 1
+        [names, values] = pairs_of(varargin{1});
+      else
+        [names, values] = pairs_of(varargin);
+      end
+      [header, numbers] = with_values(header, names, values);
+      self.transport.request(header, numbers);
+    end
+
+    function previous = layout(self, inputs, outputs)
+      % Agree on what the vectors of s.step(u, dt) hold; the fastest way to step. Without names:
+      % forget it, and step with structs again. Gives what was agreed on before, as {in, out}.
+      previous = self.vector;
+      if nargin < 2
+        self.vector = [];
+        return
+      end
+      self.vector = {cellstr_of({inputs}), cellstr_of({outputs})};
+      self.inputs = self.agree(self.vector);
+      self.in_vector = true;
+    end
+
+    function y = step(self, u, dt, outputs)
+      % Set inputs u, go on by dt seconds (one communication step if left out), and give outputs:
+      % those named, else all. With a vector u: the outputs of the layout, as a vector.
+      n = 1;
+      if nargin > 2 && ~isempty(dt)
+        n = self.steps_of(dt);
+      end
+      if nargin > 1 && isnumeric(u) && ~isempty(self.vector) && nargin < 4
+        if ~self.in_vector
+          self.layout(self.vector{1}, self.vector{2});
+        end
+        if numel(u) ~= self.inputs
+          error('uuvsim:InputInvalid', 'uuvsim: u has %d numbers; the layout has %d (%s).', ...
+                numel(u), self.inputs, strjoin(self.vector{1}, ', '));
+        end
+        numbers = self.transport.exchange([n, double(u(:).')]);
+        self.tick = numbers(1);
+        self.time = numbers(2);
+        y = numbers(3:end).';
+        return
+      end
+      if nargin < 2
+        u = [];
+      end
+      if nargin < 4
+        outputs = self.all_outputs();
+      end
+      y = self.step_named(u, n, cellstr_of({outputs}));
+    end
+
+    function results = run(self, duration, names, patience)
+      % Run for so many seconds of simulated time, as fast as can be; give time and signals (all
+      % outputs if none are named), one row a communication point. `patience`: seconds to wait.
+      if nargin < 3 || isempty(names)
+        names = self.all_outputs();
+      end
+      if nargin < 4
+        patience = 3600;
+      end
+      header = struct('call', 'run', 'duration', duration, 'record', {cellstr_of({names})});
+      [answer, numbers] = self.transport.request(header, [], patience);
+      self.now(answer);
+      [found, values] = self.columns(answer, numbers);
+      results = nested(found, values);
+    end
+
+    function stream(self, factor)
+      % Go on against the wall clock, at a factor of real time (1), until s.pause().
+      if nargin < 2
+        factor = 1;
+      end
+      self.now(self.transport.request(struct('call', 'run', 'factor', factor), []));
+    end
+
+    function pause(self)
+      % Stop streaming.
+      self.now(self.transport.request(struct('call', 'pause'), []));
+    end
+
+    function reset(self, seed, varargin)
+      % Back to the start; with a seed, and start values as in s.set.
+      header = struct('call', 'reset');
+      if nargin > 1 && ~isempty(seed)
+        header.seed = seed;
+      end
+      numbers = [];
+      if numel(varargin) == 1
+        [names, values] = pairs_of(varargin{1});
+        [header, numbers] = with_values(header, names, values);
+      elseif numel(varargin) > 1
+        [names, values] = pairs_of(varargin);
+        [header, numbers] = with_values(header, names, values);
+      end
+      self.now(self.transport.request(header, numbers));
+    end
+
+    function id = snapshot(self)
+      % Keep the whole state; give the name to restore it by.
+      answer = self.transport.request(struct('call', 'snapshot'), []);
+      id = answer.snapshot;
+    end
+
+    function restore(self, id)
+      % Go back to a snapshot.
+      self.now(self.transport.request(struct('call', 'restore', 'snapshot', id), []));
+    end
+
+    function replace(self, component, source)
+      % Put another source in a component's place; the run begins anew.
+      self.now(self.transport.request(struct('call', 'replace', 'component', component, ...
+                                             'source', source), [], 600));
+      self.known = [];
+      self.agreed = {{}, {}};
+      self.in_vector = false;
+    end
+
+    function what = describe(self)
+      % What the server says of the system now.
+      answer = self.transport.request(struct('call', 'describe'), []);
+      self.now(answer);
+      what = answer.system;
+    end
+
+    function close(self)
+      % Let the co-simulation go; it runs on without this client.
+      if ~isempty(self.transport) && self.transport.isopen()
+        try
+          self.transport.request(struct('call', 'bye'), []);
+        catch
+        end
+        self.transport.close();
+      end
+    end
+
+    function delete(self)
+      self.close();
+    end
+  end
+
+  methods (Access = private)
+    function names = all_outputs(self)
+      list = self.signals();
+      chosen = strcmp({list.causality}, 'output') & ~strcmp({list.type}, 'String') ...
+               & ~strcmp({list.type}, 'Binary');
+      names = {list(chosen).name};
+    end
+
+    function count = agree(self, wanted)
+      header = struct('call', 'layout', 'inputs', {wanted{1}}, 'outputs', {wanted{2}});
+      answer = self.transport.request(header, []);
+      self.agreed = wanted;
+      count = total(answer.inputs);
+      self.shapes = shapes_of(answer.outputs);
+      self.paths = cellfun(@path_of, wanted{2}, 'UniformOutput', false);
+    end
+
+    function y = step_named(self, u, n, outputs)
+      [names, values] = pairs_of(u);
+      wanted = {names, outputs};
+      if self.in_vector || ~isequal(self.agreed, wanted)
+        self.agree(wanted);
+        self.in_vector = false;
+      end
+      rows = cellfun(@row_major, values, 'UniformOutput', false);
+      numbers = self.transport.exchange([n, rows{:}]);
+      self.tick = numbers(1);
+      self.time = numbers(2);
+      y = struct();
+      at = 2;
+      for k = 1:numel(self.paths)
+        count = prod(self.shapes{k});
+        y = put(y, self.paths{k}, shaped(numbers(at + 1:at + count), self.shapes{k}));
+        at = at + count;
+      end
+    end
+
+    function n = steps_of(self, dt)
+      n = round(dt / self.step_size);
+      if ~(dt >= 0) || abs(n * self.step_size - dt) > 1e-6 * self.step_size + 1e-9
+        error('uuvsim:InputInvalid', ...
+              ['uuvsim: dt = %g s was read; expected a whole multiple of the communication ' ...
+               'step, %g s.'], dt, self.step_size);
+      end
+    end
+
+    function now(self, answer)
+      self.tick = answer.tick;
+      self.time = answer.time;
+    end
+
+    function [names, values] = columns(self, answer, numbers)
+      names = {};
+      values = {};
+      at = 0;
+      for k = 1:numel(answer.columns)
+        column = answer.columns(k);
+        shape = reshape(column.shape, 1, []);
+        count = prod(shape);
+        value = shaped(numbers(at + 1:at + count), shape);
+        at = at + count;
+        if strcmp(column.type, 'Boolean')
+          value = logical(value);
+        end
+        names{end + 1} = column.name;
+        values{end + 1} = value;
+      end
+      for k = 1:numel(answer.texts)
+        names{end + 1} = answer.texts(k).name;
+        values{end + 1} = answer.texts(k).value;
+      end
+    end
+  end
+end
+
+function names = cellstr_of(given)
+  % A cell of names out of names and cells of names.
+  names = {};
+  for k = 1:numel(given)
+    if iscell(given{k})
+      names = [names, reshape(given{k}, 1, [])];
+    elseif ischar(given{k})
+      names = [names, given(k)];
+    elseif isa(given{k}, 'string')
+      names = [names, reshape(cellstr(given{k}), 1, [])];
+    else
+      error('uuvsim:InputInvalid', ...
+            'uuvsim: a %s was read where a signal''s name is due, as ''hull.eta''.', ...
+            class(given{k}));
+    end
+  end
+end
+
+function [names, values] = pairs_of(given)
+  % Names and values out of a struct of arrays, a containers.Map or a cell {name, value, ...}.
+  names = {};
+  values = {};
+  if isempty(given)
+    return
+  elseif isstruct(given)
+    [names, values] = flattened(given, '');
+  elseif isa(given, 'containers.Map')
+    names = keys(given);
+    values = given.values();
+  elseif iscell(given) && mod(numel(given), 2) == 0
+    names = reshape(cellfun(@char, given(1:2:end), 'UniformOutput', false), 1, []);
+    values = reshape(given(2:2:end), 1, []);
+  else
+    error('uuvsim:InputInvalid', ...
+          ['uuvsim: inputs were given as %s; expected a struct (u.hull.tau), a ' ...
+           'containers.Map, a cell {''hull.tau'', value}, or a vector after s.layout.'], ...
+          class(given));
+  end
+end
+
+function [names, values] = flattened(given, prefix)
+  names = {};
+  values = {};
+  fields = fieldnames(given);
+  for k = 1:numel(fields)
+    value = given.(fields{k});
+    if isstruct(value)
+      [inner, inner_values] = flattened(value, [prefix fields{k} '.']);
+      names = [names, inner];
+      values = [values, inner_values];
+    else
+      names{end + 1} = [prefix fields{k}];
+      values{end + 1} = value;
+    end
+  end
+end
+
+function [header, numbers] = with_values(header, names, values)
+  numbers = [];
+  columns = {};
+  texts = containers.Map();
+  for k = 1:numel(names)
+    if ischar(values{k}) || isa(values{k}, 'string')
+      texts(names{k}) = char(values{k});
+    elseif isnumeric(values{k}) || islogical(values{k})
+      columns{end + 1} = struct('name', names{k}, 'shape', {{numel(values{k})}});
+      numbers = [numbers, row_major(values{k})];
+    else
+      error('uuvsim:InputInvalid', 'uuvsim: %s: a %s was given; expected numbers or a text.', ...
+            names{k}, class(values{k}));
+    end
+  end
+  header.columns = columns;
+  if texts.Count > 0
+    header.values = texts;
+  end
+end
+
+function row = row_major(value)
+  % A value's numbers, the last index fastest, as the server has them.
+  value = double(value);
+  if ndims(value) > 2 || ~isvector(value)
+    value = permute(value, ndims(value):-1:1);
+  end
+  row = reshape(value, 1, []);
+end
+
+function value = shaped(numbers, shape)
+  % Numbers with the last index fastest as an array; a vector is a column.
+  if numel(shape) < 2
+    value = reshape(numbers, [], 1);
+  else
+    value = permute(reshape(numbers, fliplr(shape)), numel(shape):-1:1);
+  end
+end
+
+function shapes = shapes_of(infos)
+  shapes = cell(1, numel(infos));
+  for k = 1:numel(infos)
+    shapes{k} = reshape(infos(k).shape, 1, []);
+  end
+end
+
+function count = total(infos)
+  count = 0;
+  for k = 1:numel(infos)
+    count = count + prod(infos(k).shape);
+  end
+end
+
+function path = path_of(name)
+  % The fields under which a signal stands: 'hull.eta' is {'hull', 'eta'}.
+  path = matlab.lang.makeValidName(strsplit(name, '.'));
+end
+
+function result = nested(names, values)
+  result = struct();
+  for k = 1:numel(names)
+    result = put(result, path_of(names{k}), values{k});
+  end
+end
+
+function result = put(result, path, value)
+  if numel(path) == 1
+    result.(path{1}) = value;
+  elseif numel(path) == 2
+    result.(path{1}).(path{2}) = value;
+  else
+    inner = struct();
+    if isfield(result, path{1}) && isstruct(result.(path{1}))
+      inner = result.(path{1});
+    end
+    result.(path{1}) = put(inner, path(2:end), value);
+  end
+end

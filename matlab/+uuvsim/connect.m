@@ -1,0 +1,32 @@
+function session = connect(varargin)
+  % Connect to a running co-simulation:  s = uuvsim.connect()
+  %
+  % Start one in a terminal first:  uuvsim serve bluerov2_hold
+  % Options, as name and value:
+  %   'host'      '127.0.0.1'
+  %   'port'      7448
+  %   'timeout'   how long to wait for an answer [s], 10
+  %   'name'      what others see of this client, 'matlab' or 'octave'
+  %   'lockstep'  true: others wait for this client's steps, and it for theirs; false
+  %   'lag'       how long others wait for it in lockstep [s], 5
+  %   'user', 'password'   where the server asks for them
+  %
+  % See also uuvsim.Session, uuvsim.selftest, uuvsim.linearize.
+  name = 'matlab';
+  if exist('OCTAVE_VERSION', 'builtin') ~= 0
+    name = 'octave';
+  end
+  options = struct('host', '127.0.0.1', 'port', 7448, 'timeout', 10, 'name', name, ...
+                   'lockstep', false, 'lag', 5, 'user', '', 'password', '');
+  known = fieldnames(options);
+  if mod(numel(varargin), 2) ~= 0
+    error('uuvsim:option', 'uuvsim: options come in pairs, as in uuvsim.connect(''port'', 7448).');
+  end
+  for k = 1:2:numel(varargin)
+    if ~ischar(varargin{k}) || ~any(strcmp(varargin{k}, known))
+      error('uuvsim:option', 'uuvsim: an option is one of %s.', strjoin(known.', ', '));
+    end
+    options.(varargin{k}) = varargin{k + 1};
+  end
+  session = uuvsim.Session(options);
+end

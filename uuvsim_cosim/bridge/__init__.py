@@ -1,0 +1,1 @@
+"""A running co-simulation is reached from elsewhere, and components may be there."""

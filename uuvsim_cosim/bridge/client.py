@@ -1,0 +1,267 @@
+"""The Python client: a running co-simulation elsewhere, with the names of a local one."""
+
+from __future__ import annotations
+
+import json
+import secrets
+from collections.abc import Mapping, Sequence
+from types import TracebackType
+from typing import Any, Self, final, overload
+
+import numpy as np
+
+from uuvsim_cosim._version import __version__
+from uuvsim_cosim.bridge.client_subscription import Subscription
+from uuvsim_cosim.bridge.conductor_names import nearest
+from uuvsim_cosim.bridge.desk import Moment, SignalInfo
+from uuvsim_cosim.bridge.wrapped_session import PORT, Disconnected, WrappedSession, connecting
+from uuvsim_cosim.bridge.zenoh_codec import PROTOCOL, error_of, packed, read_message, unpacked
+from uuvsim_cosim.errors import InputInvalid
+
+__all__ = ["Connection", "connect"]
+
+
+def connect(
+    system: str | None = None,
+    *,
+    host: str = "127.0.0.1",
+    port: int = PORT,
+    name: str = "python",
+    lockstep: bool = False,
+    lag: float = 5.0,
+) -> Connection:
+    """Connect to a co-simulation that `uuvsim serve` or a `Bridge` runs.
+
+    `system` need not be given where there is one only. With `lockstep`, time moves only when this
+    client and all others in lockstep have asked for their step; after `lag` seconds of silence
+    the others go on as the co-simulation is configured. Raises Disconnected if nobody is there.
+    """
+    session = connecting(host, port)
+    try:
+        return Connection(session, _found(session, system, host, port), name, lockstep, lag)
+    except BaseException:
+        session.close()
+        raise
+
+
+@final
+class Connection:
+    """One client of a running co-simulation; leaves when it is closed, or the program ends."""
+
+    def __init__(
+        self, session: WrappedSession, system: str, name: str, lockstep: bool, lag: float
+    ) -> None:
+        self.system = system
+        self._session = session
+        self._base = f"uuvsim/{system}"
+        self._askers: dict[str, Any] = {}
+        self._schema: tuple[SignalInfo, ...] | None = None
+        self._subscriptions: list[Subscription] = []
+        self._id = secrets.token_hex(8)
+        self._token = session.token(f"{self._base}/live/client/{self._id}")
+        told, _ = self._ask(
+            "join", name=name, lockstep=lockstep, lag=lag, protocol=PROTOCOL, version=__version__
+        )
+        if told.get("protocol") != PROTOCOL:
+            raise InputInvalid(
+                f"the co-simulation (uuvsim-cosim {told.get('version', 'unknown')}) speaks "
+                f"protocol {told.get('protocol')}; expected protocol {PROTOCOL}, as uuvsim-cosim "
+                f"{__version__} has, which connects"
+            )
+        self.name = str(told["name"])
+        self._watching = session.watch(f"{self._base}/live/master", self._master_lives)
+
+    # ---- what there is --------------------------------------------------------------------
+
+    @property
+    def moment(self) -> Moment:
+        """Say where the co-simulation was at the last answer."""
+        return self._moment
+
+    @property
+    def time(self) -> float:
+        """Time at the last answer [s]."""
+        return self._moment.time
+
+    @property
+    def tick(self) -> int:
+        """Communication point at the last answer."""
+        return self._moment.tick
+
+    def describe(self) -> dict[str, Any]:
+        """Give system, version, tick, components, clients and mode."""
+        return dict(self._ask("describe")[0]["result"])
+
+    @property
+    def schema(self) -> tuple[SignalInfo, ...]:
+        """List all variables; asked for once, and again after a replacement."""
+        if self._schema is None:
+            signals = self._ask("schema")[0]["signals"]
+            self._schema = tuple(SignalInfo(**{**s, "shape": tuple(s["shape"])}) for s in signals)
+        return self._schema
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """List the names of all variables."""
+        return tuple(s.name for s in self.schema)
+
+    # ---- values ---------------------------------------------------------------------------
+
+    @overload
+    def get(self, names: str) -> Any: ...
+    @overload
+    def get(self, names: Sequence[str]) -> dict[str, Any]: ...
+    def get(self, names: str | Sequence[str]) -> Any:
+        """Read a variable, or several by name."""
+        wanted = [names] if isinstance(names, str) else list(names)
+        _, values = self._ask("get", names=wanted)
+        return values[names] if isinstance(names, str) else values
+
+    @overload
+    def set(self, name: str, value: Any, /) -> Moment: ...
+    @overload
+    def set(self, name: Mapping[str, Any], /) -> Moment: ...
+    def set(self, name: str | Mapping[str, Any], value: Any = None, /) -> Moment:
+        """Set unconnected inputs and tunable parameters, all or none."""
+        values = {name: value} if isinstance(name, str) else name
+        self._ask("set", {"values": values})
+        return self._moment
+
+    # ---- time -----------------------------------------------------------------------------
+
+    def step(
+        self,
+        n: int = 1,
+        inputs: Mapping[str, Any] | None = None,
+        outputs: Sequence[str] = (),
+    ) -> dict[str, Any]:
+        """Set inputs, make n communication steps, and give outputs; `time` is where it is then."""
+        return self._ask("step", {"inputs": inputs or {}}, n=n, outputs=list(outputs))[1]
+
+    def run(
+        self,
+        until: float | None = None,
+        factor: float | None = None,
+        record: Sequence[str] = (),
+    ) -> dict[str, np.ndarray]:
+        """Run to a time [s], as fast as can be or at a factor of real time; gives what is recorded.
+
+        Without `until` it streams on, in real time, until `pause`, and gives nothing.
+        """
+        return self._ask("run", until=until, factor=factor, record=list(record))[1]
+
+    def pause(self) -> Moment:
+        """Stop streaming at a communication point."""
+        self._ask("pause")
+        return self._moment
+
+    def reset(self, seed: int | None = None, start: Mapping[str, Any] | None = None) -> Moment:
+        """Go back to the start, with another seed or other start values."""
+        self._ask("reset", {"start": start or {}}, seed=seed)
+        return self._moment
+
+    def snapshot(self) -> str:
+        """Keep the whole state, under a name that is given."""
+        return str(self._ask("snapshot")[0]["result"])
+
+    def restore(self, snapshot: str) -> Moment:
+        """Go back to a snapshot."""
+        self._ask("restore", snapshot=snapshot)
+        return self._moment
+
+    def replace(
+        self, component: str, source: str, mapping: Mapping[str, str] | None = None
+    ) -> Moment:
+        """Put another source in a component's place; the run begins anew."""
+        given = None if mapping is None else dict(mapping)
+        self._ask("replace", component=component, source=source, mapping=given)
+        self._schema = None
+        return self._moment
+
+    def subscribe(self, *names: str, keep: int = 1024) -> Subscription:
+        """Give the blocks of states as they come; the newest `keep` wait to be taken."""
+        paths = {c["path"] for c in self.describe()["components"]}
+        subscription = Subscription(self._session, self._base, names, paths, self._blocks, keep)
+        self._subscriptions.append(subscription)
+        return subscription
+
+    # ---- the end --------------------------------------------------------------------------
+
+    def close(self) -> None:
+        """Leave; a second call does nothing."""
+        if not self._session.is_open:
+            return
+        try:
+            self._ask("leave")
+        except Disconnected:
+            pass
+        finally:
+            self._session.close()
+
+    def __enter__(self) -> Self:
+        """Give the connection."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Leave."""
+        self.close()
+
+    # ---- inside ---------------------------------------------------------------------------
+
+    def _ask(
+        self, call: str, values: Mapping[str, Mapping[str, Any]] | None = None, /, **rest: Any
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        message: dict[str, Any] = {"client": self._id, "binary": True, **rest}
+        block = b""
+        for key, given in (values or {}).items():
+            message[key], block = packed(given)
+        if call not in self._askers:
+            if not self._session.is_open:
+                raise Disconnected(f"{call}: this connection is closed; expected an open one")
+            self._askers[call] = self._session.asker(f"{self._base}/call/{call}")
+        reply = self._answer(call, json.dumps(message), block)
+        if reply.ok is None:
+            raise error_of(read_message(reply.err.payload.to_bytes()))
+        told = read_message(reply.ok.payload.to_bytes())
+        attached = reply.ok.attachment
+        if "moment" in told:
+            self._moment = Moment(**told["moment"])
+        held = told.get("values", {})
+        return told, unpacked(held, b"" if attached is None else attached.to_bytes())
+
+    def _answer(self, call: str, message: str, block: bytes) -> Any:
+        import zenoh
+
+        try:
+            replies = self._askers[call].get(payload=message, attachment=block or None)
+            for reply in replies:
+                return reply
+        except zenoh.ZError:
+            pass
+        raise Disconnected(f"{call}: the co-simulation {self.system!r} is gone; expected it to run")
+
+    def _blocks(self) -> dict[str, Any]:
+        return self._ask("schema")[0]
+
+    def _master_lives(self, key: str, lives: bool) -> None:
+        if not lives:
+            for subscription in self._subscriptions:
+                subscription.close()
+
+
+def _found(session: WrappedSession, system: str | None, host: str, port: int) -> str:
+    there = sorted(key.split("/")[1] for key in session.alive("uuvsim/*/live/master"))
+    if system is not None and system not in there:
+        raise InputInvalid(
+            f"no co-simulation {system!r} at {host}, port {port}; expected {nearest(system, there)}"
+        )
+    if len(there) != 1 and system is None:
+        raise InputInvalid(
+            f"{len(there)} co-simulations at {host}, port {port}; expected {nearest('', there)}"
+        )
+    return there[0] if system is None else system

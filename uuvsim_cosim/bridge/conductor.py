@@ -1,0 +1,248 @@
+"""The conductor: one thread owns the master, and carries out what clients ask for in order."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self, final
+
+import numpy as np
+
+from uuvsim_cosim.bridge.at_exit import close_at_exit
+from uuvsim_cosim.bridge.barrier import FailSafe
+from uuvsim_cosim.bridge.conductor_acts import Acts
+from uuvsim_cosim.bridge.conductor_calls import Answer, Calls
+from uuvsim_cosim.bridge.conductor_lockstep import Lockstep
+from uuvsim_cosim.bridge.conductor_stage import Stage
+from uuvsim_cosim.bridge.desk import Client, Moment, SignalInfo
+from uuvsim_cosim.bridge.roles import check
+from uuvsim_cosim.errors import UuvsimError
+from uuvsim_cosim.orchestrator.observer import Observer
+from uuvsim_cosim.orchestrator.plan import Plan
+from uuvsim_cosim.orchestrator.sources import Backend
+from uuvsim_cosim.orchestrator.system import System
+
+__all__ = ["Conductor"]
+
+_ANYBODY = Client("anybody", "local", frozenset())
+
+
+@final
+class Conductor:
+    """The `Desk` of one running co-simulation; every door hands calls to it.
+
+    `record` is a folder for recordings: each run from a start to the next reset, restore or
+    replacement gets its own. `fail_safe` says what is done about a client in lockstep that is
+    late or gone (see `Barrier`).
+    """
+
+    def __init__(
+        self,
+        system: System | Plan | str | Path,
+        seed: int = 0,
+        backend: Backend = "native",
+        *,
+        record: str | Path | None = None,
+        fail_safe: FailSafe = "drop",
+    ) -> None:
+        self._calls = Calls()
+        self._ended = False
+        self._ending = threading.Lock()
+        self._stage: Stage | None = None
+        self._thread = threading.Thread(target=self._conduct, name="uuvsim-conductor", daemon=True)
+        self._thread.start()
+        folder = None if record is None else Path(record)
+
+        def begin(answer: Answer) -> None:
+            stage = Stage(system, seed, backend, folder)
+            self._lockstep = Lockstep(stage, fail_safe)
+            self._acts = Acts(stage, self._lockstep)
+            self._stage = stage
+            stage.moment()
+            answer.set_result(None)
+
+        try:
+            self._calls.put(begin).result()
+        except BaseException:
+            self.close()
+            raise
+        close_at_exit(self)
+
+    # ---- what is known without asking -----------------------------------------------------
+
+    def moment(self) -> Moment:
+        """Say where the co-simulation is."""
+        return Moment(0, 0.0, False) if self._stage is None else self._stage.last
+
+    @property
+    def folders(self) -> tuple[Path, ...]:
+        """Give the folders of the recordings so far."""
+        return () if self._stage is None else tuple(self._stage.tap.folders)
+
+    @property
+    def failed(self) -> UuvsimError | None:
+        """Give why it is paused, if a step failed and nobody has gone back since."""
+        return None if self._stage is None else self._stage.failed
+
+    # ---- the desk -------------------------------------------------------------------------
+
+    def describe(self) -> Mapping[str, Any]:
+        """Give the system: name, version, tick, components, clients, mode."""
+        return dict(self.ask("describe", _ANYBODY).result())
+
+    def schema(self) -> Sequence[SignalInfo]:
+        """List all variables."""
+        return list(self.ask("schema", _ANYBODY).result())
+
+    def get(self, client: Client, names: Sequence[str]) -> Mapping[str, Any]:
+        """Read variables at the present communication point."""
+        return dict(self.ask("get", client, names).result())
+
+    def set(self, client: Client, values: Mapping[str, Any]) -> Moment:
+        """Set unconnected inputs and tunable parameters, all or none."""
+        return _moment(self.ask("set", client, values).result())
+
+    def step(
+        self,
+        client: Client,
+        n: int = 1,
+        inputs: Mapping[str, Any] | None = None,
+        outputs: Sequence[str] = (),
+    ) -> tuple[Moment, Mapping[str, Any]]:
+        """Set inputs, make n communication steps, and give outputs; in lockstep, with others."""
+        moment, values = self.ask("step", client, n, inputs, outputs).result()
+        return moment, values
+
+    def run(
+        self,
+        client: Client,
+        until: float | None = None,
+        factor: float | None = None,
+        record: Sequence[str] = (),
+    ) -> Mapping[str, np.ndarray]:
+        """Run to a time [s], or on and on without `until`; gives the time and what is recorded."""
+        return dict(self.ask("run", client, until, factor, record).result())
+
+    def pause(self, client: Client) -> Moment:
+        """Stop streaming at a communication point."""
+        return _moment(self.ask("pause", client).result())
+
+    def reset(
+        self, client: Client, seed: int | None = None, start: Mapping[str, Any] | None = None
+    ) -> Moment:
+        """Go back to the start, with another seed or other start values."""
+        return _moment(self.ask("reset", client, seed, start).result())
+
+    def snapshot(self, client: Client) -> str:
+        """Keep the whole state, under a name that is given."""
+        return str(self.ask("snapshot", client).result())
+
+    def restore(self, client: Client, snapshot: str) -> Moment:
+        """Go back to a snapshot."""
+        return _moment(self.ask("restore", client, snapshot).result())
+
+    def replace(
+        self, client: Client, component: str, source: str, mapping: Mapping[str, str] | None = None
+    ) -> Moment:
+        """Put another source in a component's place; the run begins anew."""
+        return _moment(self.ask("replace", client, component, source, mapping).result())
+
+    def join(self, client: Client, *, lockstep: bool = False, lag: float = 5.0) -> Client:
+        """Enter a client; with `lockstep` it holds the barrier."""
+        joined = self.ask("join", client, lockstep, lag).result()
+        assert isinstance(joined, Client)
+        return joined
+
+    def leave(self, client: Client) -> None:
+        """Let a client go; the barrier no longer waits for it."""
+        self.ask("leave", client).result()
+
+    # ---- beside the desk ------------------------------------------------------------------
+
+    def lost(self, client: Client) -> None:
+        """A client is gone without leaving: if it held the barrier, the fail-safe decides."""
+        self.ask("lost", client).result()
+
+    def ask(self, call: str, client: Client, *arguments: Any) -> Answer:
+        """Ask for a call without waiting for its answer."""
+
+        def work(answer: Answer) -> None:
+            check(client, call)
+            self._acts.carry_out(call, client, answer, *arguments)
+
+        return self._calls.put(work)
+
+    def watch(self, observer: Observer) -> None:
+        """Hand the rows of every communication point to an observer, in the conductor's thread."""
+        self._now(lambda: self._on.tap.listen(observer))
+
+    def unwatch(self, observer: Observer) -> None:
+        """Hand it no more."""
+        self._now(lambda: self._on.tap.leave(observer))
+
+    def close(self) -> None:
+        """End the co-simulation; recordings are complete then. A second call does nothing."""
+        with self._ending:
+            if self._ended:
+                return
+            self._ended = True
+        answer = self._calls.close(self._end)
+        self._thread.join()
+        self._calls.drain()
+        error = answer.exception()
+        if error is not None:
+            raise error
+
+    def __enter__(self) -> Self:
+        """Give the conductor."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """End the co-simulation."""
+        self.close()
+
+    # ---- in the conductor's thread --------------------------------------------------------
+
+    def _conduct(self) -> None:
+        while self._stage is None:
+            self._calls.carry_out(None)
+            if self._stage is None and self._ended:
+                return
+        stage, lockstep = self._stage, self._lockstep
+        while not stage.is_closed:
+            stage.moment()
+            waits = [w for w in (stage.wait, lockstep.wait) if w is not None]
+            if self._calls.carry_out(min(waits) if waits else None):
+                continue
+            stage.advance()
+            lockstep.advance()
+
+    def _end(self, answer: Answer) -> None:
+        try:
+            if self._stage is not None:
+                self._lockstep.end("the co-simulation has ended")
+                self._stage.close()
+        except UuvsimError as error:
+            answer.set_exception(error)
+        else:
+            answer.set_result(None)
+
+    @property
+    def _on(self) -> Stage:
+        assert self._stage is not None
+        return self._stage
+
+    def _now(self, call: Callable[[], Any]) -> Any:
+        return self._calls.put(lambda answer: answer.set_result(call())).result()
+
+
+def _moment(answer: Any) -> Moment:
+    assert isinstance(answer, Moment)
+    return answer

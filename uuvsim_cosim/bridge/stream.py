@@ -1,0 +1,166 @@
+"""The states of each communication point leave as one block a component, off the stepping's path.
+
+A block is little-endian: tick (int64), time [s] (float64), layout (int64), then the component's
+recorded variables as float64, in the order that the schema gives for this layout. What cannot be
+sent in time is dropped; the ticks tell.
+"""
+
+from __future__ import annotations
+
+import struct
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, final
+
+import numpy as np
+
+from uuvsim_cosim.orchestrator.observer import Chunk, Column
+from uuvsim_cosim.orchestrator.plan import Plan
+
+__all__ = ["HEADER", "Layout", "Stream"]
+
+HEADER = struct.Struct("<qdq")
+_ROWS = 2048  # that wait at most; older ones are dropped
+_RATE = 2000.0  # [rows/s] that are sent at most
+_LOOK = 0.05  # [s] between two looks who subscribes
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Which columns a component's block holds; `names` and `sizes` are those of variables."""
+
+    names: tuple[str, ...]
+    shapes: tuple[tuple[int, ...], ...]
+    columns: tuple[int, ...]
+
+
+@final
+class Stream:
+    """An observer that copies rows into a ring, which a thread drains into `publisher(path)`.
+
+    A publisher has `put(bytes)` and `matching_status`, whether anybody wants it.
+    """
+
+    def __init__(self, publisher: Callable[[str], Any]) -> None:
+        self._make = publisher
+        self._publishers: dict[str, Any] = {}
+        self._ring: deque[tuple[int, np.ndarray, np.ndarray, np.ndarray]] = deque()
+        self._waiting = 0
+        self._wake = threading.Event()
+        self._over = False
+        self._wanted: tuple[str, ...] = ()
+        self._plans: dict[int, list[tuple[str, np.ndarray, list[tuple[int, Any]]]]] = {}
+        self.layout = 0
+        self.layouts: Mapping[str, Layout] = {}
+        self.dropped = 0
+        self._thread = threading.Thread(target=self._drain, name="uuvsim-stream", daemon=True)
+        self._thread.start()
+
+    # ---- the observer, in the conductor's thread ------------------------------------------
+
+    def begin(self, plan: Plan, columns: Sequence[Column]) -> None:
+        """Lay out the blocks of a new run."""
+        self.layouts = _layouts(columns)
+        number = self.layout + 1
+        self._plans = {number: [_gather(p, l, columns) for p, l in self.layouts.items()]}
+        for path in self.layouts:
+            if path not in self._publishers:
+                self._publishers[path] = self._make(path)
+        self.layout = number
+
+    def observe(self, chunk: Chunk) -> None:
+        """Copy the rows, the newest of them if they are many."""
+        if not self._wanted:
+            return
+        ring, n = self._ring, len(chunk.ticks)
+        if self._waiting + n > _ROWS:
+            self.dropped += self._waiting + n - _ROWS
+            while ring and self._waiting + n > _ROWS:
+                self._waiting -= len(ring.popleft()[1])
+        keep = slice(max(0, n - _ROWS), None)
+        ring.append(
+            (
+                self.layout,
+                chunk.ticks[keep].copy(),
+                chunk.time[keep].copy(),
+                chunk.rows[keep].copy(),
+            )
+        )
+        self._waiting += min(n, _ROWS)
+        if not self._wake.is_set():
+            self._wake.set()
+
+    def end(self) -> None:
+        """Send what waits no more, and stop."""
+        self._over = True
+        self._wake.set()
+        self._thread.join()
+
+    # ---- the thread that sends ------------------------------------------------------------
+
+    def _drain(self) -> None:
+        looked, budget, then = 0.0, _RATE, time.monotonic()
+        while not self._over:
+            self._wake.wait(_LOOK)
+            self._wake.clear()
+            now = time.monotonic()
+            if now - looked >= _LOOK:
+                looked = now
+                publishers = list(self._publishers.items())
+                self._wanted = tuple(path for path, p in publishers if p.matching_status)
+            budget = min(_RATE * _LOOK * 2, budget + _RATE * (now - then))
+            then = now
+            while self._ring and not self._over:
+                try:
+                    layout, ticks, times, rows = self._ring.popleft()
+                except IndexError:
+                    break
+                self._waiting = max(0, self._waiting - len(ticks))
+                n = min(len(ticks), int(budget))
+                self.dropped += len(ticks) - n
+                if n:
+                    budget -= n
+                    self._send(layout, ticks[-n:], times[-n:], rows[-n:])
+
+    def _send(self, layout: int, ticks: Any, times: Any, rows: Any) -> None:
+        wanted = self._wanted
+        for path, columns, converted in self._plans.get(layout, ()):
+            if path not in wanted:
+                continue
+            block = rows[:, columns]
+            for i, type_ in converted:
+                block[:, i] = block[:, i].view(type_).astype(np.float64).view(np.uint64)
+            put = self._publishers[path].put
+            for k in range(len(ticks)):
+                put(HEADER.pack(ticks[k], times[k], layout) + block[k].tobytes())
+
+
+def _layouts(columns: Sequence[Column]) -> dict[str, Layout]:
+    found: dict[str, dict[str, tuple[tuple[int, ...], list[int]]]] = {}
+    for i, c in enumerate(columns):
+        if not c.type.is_blob:
+            variables = found.setdefault(c.path, {})
+            variables.setdefault(c.variable.name, (c.variable.shape, []))[1].append(i)
+    return {
+        path: Layout(
+            tuple(f"{path}.{name}" for name in variables),
+            tuple(shape for shape, _ in variables.values()),
+            tuple(i for _, indices in variables.values() for i in indices),
+        )
+        for path, variables in found.items()
+    }
+
+
+def _gather(
+    path: str, layout: Layout, columns: Sequence[Column]
+) -> tuple[str, np.ndarray, list[tuple[int, Any]]]:
+    """Give a component's columns, and which of them are to be made float64 from what type."""
+    converted = []
+    for k, i in enumerate(layout.columns):
+        type_ = np.dtype(columns[i].type.dtype)
+        if type_ != np.dtype("f8"):
+            converted.append((k, type_))
+    return path, np.array(layout.columns, np.intp), converted

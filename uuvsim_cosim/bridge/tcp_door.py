@@ -1,0 +1,198 @@
+"""The TCP door: MATLAB, Octave and whatever speaks frames of float64 reach a desk through it."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import socket
+import ssl
+import threading
+import time
+from collections.abc import Sequence
+
+from uuvsim_cosim.bridge.desk import Desk
+from uuvsim_cosim.bridge.tcp_session import Admission, everybody, serve
+from uuvsim_cosim.bridge.wire import TCP_PORT, Disconnected, Limits, frame
+from uuvsim_cosim.bridge.wire_calls import failure
+from uuvsim_cosim.errors import InputInvalid, UuvsimError
+
+__all__ = ["LOOPBACK", "TcpDoor", "listening"]
+
+LOOPBACK = ("127.0.0.1", "::1")
+_PIECE = 1 << 20
+
+
+class TcpDoor:
+    """Listens from construction to `close`; each client has a thread, and its limits."""
+
+    def __init__(
+        self,
+        desk: Desk,
+        port: int = TCP_PORT,
+        hosts: Sequence[str] = LOOPBACK,
+        *,
+        admit: Admission = everybody,
+        limits: Limits | None = None,
+        tls: ssl.SSLContext | None = None,
+    ) -> None:
+        self._desk = desk
+        self._admit = admit
+        self._limits = limits or Limits()
+        self._tls = tls
+        self._lock = threading.Lock()
+        self._open: dict[socket.socket, threading.Thread] = {}
+        self._closed = False
+        self._listeners = listening(hosts, port, "TCP")
+        self.port: int = self._listeners[0].getsockname()[1]
+        self._threads = [
+            threading.Thread(target=self._accept, args=(one,), name="uuvsim-tcp", daemon=True)
+            for one in self._listeners
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    @property
+    def addresses(self) -> tuple[str, ...]:
+        """Where it listens, as `host:port`."""
+        return tuple(
+            f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+            for host, port, *_ in (one.getsockname() for one in self._listeners)
+        )
+
+    def close(self) -> None:
+        """Let all clients go and stop listening."""
+        self._closed = True
+        with self._lock:
+            clients = dict(self._open)
+        for one in (*self._listeners, *clients):
+            with contextlib.suppress(OSError):
+                one.shutdown(socket.SHUT_RDWR)
+        for one in self._listeners:
+            one.close()
+        for thread in (*self._threads, *clients.values()):
+            thread.join(timeout=2.0)
+
+    def __enter__(self) -> TcpDoor:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _accept(self, listener: socket.socket) -> None:
+        pause = 1.0 / self._limits.connections_per_s
+        while not self._closed:
+            try:
+                client, _ = listener.accept()
+            except OSError:
+                if self._closed:
+                    return
+                time.sleep(0.05)  # too many open files, say: others go on
+                continue
+            client.settimeout(self._limits.hello_s)
+            thread = threading.Thread(
+                target=self._serve, args=(client,), name="uuvsim-tcp-client", daemon=True
+            )
+            with self._lock:
+                full = len(self._open) >= self._limits.clients
+                if not full:
+                    self._open[client] = thread
+            if full:
+                self._refuse(client)
+            else:
+                thread.start()
+            time.sleep(pause)
+
+    def _refuse(self, client: socket.socket) -> None:
+        error = InputInvalid(
+            f"{self._limits.clients} clients are connected, which is all that may be; close one"
+        )
+        client.setblocking(False)
+        with client, contextlib.suppress(OSError):
+            client.send(frame(failure(error)))
+
+    def _serve(self, plain: socket.socket) -> None:
+        client = plain
+        try:
+            client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            _keep_alive(client)
+            if self._tls is not None:
+                client = self._tls.wrap_socket(plain, server_side=True)
+            self._talk(client)
+        except (Disconnected, OSError):
+            pass  # it has gone: nobody is there to be told
+        except UuvsimError as error:
+            with contextlib.suppress(OSError):
+                client.settimeout(1.0)
+                client.sendall(frame(failure(error)))
+                client.shutdown(socket.SHUT_WR)
+        finally:
+            with self._lock:
+                self._open.pop(plain, None)
+            client.close()
+
+    def _talk(self, client: socket.socket) -> None:
+        limits = self._limits
+        entered = False
+        deadline = time.monotonic() + limits.hello_s
+
+        def receive(size: int, begun: bool) -> bytes:
+            if not entered:  # drops of bytes do not lengthen the time for the first frame
+                client.settimeout(max(deadline - time.monotonic(), 0.001))
+            else:
+                client.settimeout(limits.frame_s if begun else None)
+            return client.recv(size)
+
+        def send(data: bytes) -> None:
+            client.settimeout(limits.frame_s)  # a client that does not read is let go
+            for begin in range(0, len(data), _PIECE):
+                client.sendall(data[begin : begin + _PIECE] if len(data) > _PIECE else data)
+
+        def admitted() -> None:
+            nonlocal entered
+            entered = True
+
+        serve(self._desk, self._admit, self._limits, receive, send, admitted)
+
+
+def _keep_alive(client: socket.socket) -> None:
+    """Have the system find out within a minute that a client's machine has gone."""
+    client.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for option, value in (("TCP_KEEPIDLE", 20), ("TCP_KEEPINTVL", 10), ("TCP_KEEPCNT", 4)):
+        if hasattr(socket, option):
+            client.setsockopt(socket.IPPROTO_TCP, getattr(socket, option), value)
+
+
+def listening(hosts: Sequence[str], port: int, what: str) -> list[socket.socket]:
+    """Open listening sockets, all on one port (0: a free one); raises InputInvalid in words."""
+    found: list[socket.socket] = []
+    for host in hosts:
+        try:
+            found.append(_listener(host, port))
+        except OSError as error:
+            absent = error.errno in (errno.EADDRNOTAVAIL, errno.EAFNOSUPPORT)
+            if host == "::1" and absent and found:
+                continue  # a machine without IPv6
+            for one in found:
+                one.close()
+            reason = "it is in use" if error.errno == errno.EADDRINUSE else error.strerror
+            raise InputInvalid(
+                f"{what} port {port} at {host} cannot be opened: {reason}; another "
+                "co-simulation may be served there: end it, or choose another port (0: any free)"
+            ) from None
+        port = port or found[0].getsockname()[1]
+    return found
+
+
+def _listener(host: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listener = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        if family == socket.AF_INET6:
+            listener.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind((host, port))
+        listener.listen(64)
+    except OSError:
+        listener.close()
+        raise
+    return listener

@@ -1,0 +1,165 @@
+"""A Zenoh session that says in words what went wrong, and that lets Python end though it is open."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import threading
+from collections.abc import Callable, Sequence
+from types import TracebackType
+from typing import Any, Self, final
+
+from uuvsim_cosim.bridge.at_exit import close_at_exit
+from uuvsim_cosim.errors import InputInvalid, UuvsimError
+
+__all__ = ["PORT", "Disconnected", "WrappedSession", "connecting", "listening"]
+
+PORT = 7470
+_FOREVER = 10_000_000  # [s] that a query waits; a session that ends answers sooner
+_LARGEST = 64 << 20  # bytes of one message
+
+
+class Disconnected(UuvsimError):
+    """The other end is not there, or is gone."""
+
+    exit_status = 3
+
+
+@final
+class WrappedSession:
+    """An open session; `close_at_exit` closes it when the program ends."""
+
+    def __init__(self, session: Any) -> None:
+        self._session = session
+        self._lock = threading.Lock()
+        self._open = True
+        close_at_exit(self)
+
+    @property
+    def raw(self) -> Any:
+        """Give Zenoh's own session."""
+        return self._session
+
+    @property
+    def is_open(self) -> bool:
+        """Say whether it has not been closed."""
+        return self._open
+
+    def answer(self, key: str, answer: Callable[[Any], None]) -> Any:
+        """Let a function answer the queries on a key, one after another in a thread."""
+        return self._session.declare_queryable(key, answer)
+
+    def asker(self, key: str) -> Any:
+        """Give what asks queries of a key, and waits as long as the answer takes."""
+        return self._session.declare_querier(key, timeout=_FOREVER)
+
+    def publisher(self, key: str) -> Any:
+        """Give a publisher of state: messages that cannot be sent at once are dropped."""
+        import zenoh
+
+        return self._session.declare_publisher(
+            key,
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.DATA_LOW,
+        )
+
+    def subscribe(self, key: str, keep: int) -> Any:
+        """Subscribe to a key; the newest `keep` messages wait to be received."""
+        import zenoh
+
+        return self._session.declare_subscriber(key, zenoh.handlers.RingChannel(keep))
+
+    def token(self, key: str) -> Any:
+        """Say that something lives, until this session ends."""
+        return self._session.liveliness().declare_token(key)
+
+    def alive(self, key: str) -> list[str]:
+        """List the keys of what lives now."""
+        replies = self._session.liveliness().get(key, timeout=5.0)
+        return [str(r.ok.key_expr) for r in replies if r.ok is not None]
+
+    def watch(self, key: str, tell: Callable[[str, bool], None]) -> Any:
+        """Tell of each key that begins (True) or ceases (False) to live."""
+        import zenoh
+
+        def told(sample: Any) -> None:
+            tell(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
+        return self._session.liveliness().declare_subscriber(key, told, history=True)
+
+    def close(self) -> None:
+        """Close the session; whoever waits for a message is let go."""
+        with self._lock:
+            was, self._open = self._open, False
+        if was:
+            with contextlib.suppress(Exception):  # the other end may be gone already
+                self._session.close()
+
+    def __enter__(self) -> Self:
+        """Give the session."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close the session."""
+        self.close()
+
+
+def listening(port: int, hosts: Sequence[str] = ("127.0.0.1",)) -> WrappedSession:
+    """Open a session that others connect to; raises InputInvalid if the port is taken."""
+    import zenoh
+
+    endpoints = [f"tcp/{_bracketed(host)}:{port}" for host in hosts]
+    try:
+        return WrappedSession(zenoh.open(_config("router", listen=endpoints)))
+    except zenoh.ZError as error:
+        if "in use" in str(error):
+            raise InputInvalid(
+                f"port {port} on {', '.join(hosts)} is in use; expected a free one, such as by "
+                f"--port {port + 1}, or 0 for any"
+            ) from None
+        raise InputInvalid(f"cannot listen on {', '.join(endpoints)}: {_words(error)}") from None
+
+
+def connecting(host: str, port: int) -> WrappedSession:
+    """Open a session to one that listens; raises Disconnected if nobody does."""
+    import zenoh
+
+    endpoint = f"tcp/{_bracketed(host)}:{port}"
+    try:
+        return WrappedSession(zenoh.open(_config("client", connect=[endpoint])))
+    except zenoh.ZError:
+        raise Disconnected(
+            f"nobody answers at {host}, port {port}; expected a co-simulation there, such as by "
+            f"`uuvsim serve SYSTEM --port {port}`"
+        ) from None
+
+
+def _config(mode: str, listen: Sequence[str] = (), connect: Sequence[str] = ()) -> Any:
+    import zenoh
+
+    config = zenoh.Config()
+    settings: dict[str, Any] = {
+        "mode": mode,
+        "listen/endpoints": list(listen),
+        "connect/endpoints": list(connect),
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "queries_default_timeout": 1000 * _FOREVER,
+        "transport/link/rx/max_message_size": _LARGEST,
+    }
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+def _bracketed(host: str) -> str:
+    return f"[{host}]" if ":" in host else host
+
+
+def _words(error: Exception) -> str:
+    return str(error).split(" at /", 1)[0]

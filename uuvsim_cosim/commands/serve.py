@@ -1,0 +1,154 @@
+"""`uuvsim serve`: a system runs, and clients elsewhere read, set and step it."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import time
+from pathlib import Path
+from types import FrameType
+from typing import Annotated, Any
+
+import typer
+
+from uuvsim_cosim.commands.options import assignments
+from uuvsim_cosim.commands.run import MAP, SET
+from uuvsim_cosim.commands.terminal import line, tilde
+from uuvsim_cosim.errors import InputInvalid
+
+__all__ = ["serve_command"]
+
+_LOOK = 0.1  # [s] between two looks whether the end has come
+
+
+def serve_command(
+    system: Annotated[str, typer.Argument(help="Name of a system, or .ssd, .ssp, .fmu.")],
+    real_time: Annotated[
+        float, typer.Option(help="Factor of real time at which it streams.")
+    ] = 1.0,
+    paused: Annotated[
+        bool, typer.Option("--paused", help="Wait for clients to run or step it.")
+    ] = False,
+    until: Annotated[float | None, typer.Option(help="End at this simulated time in s.")] = None,
+    port: Annotated[int | None, typer.Option(help="Zenoh's port (7470); 0 for any.")] = None,
+    tcp_port: Annotated[
+        int | None, typer.Option(help="Port for MATLAB and Octave; 0 for any, -1 for none.")
+    ] = None,
+    http_port: Annotated[
+        int | None, typer.Option(help="Port for browsers and curl; 0 for any, -1 for none.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Folder of the recording.")
+    ] = None,
+    no_record: Annotated[bool, typer.Option("--no-record", help="Record nothing.")] = False,
+    seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 0,
+    replace: Annotated[
+        list[str] | None, typer.Option(help="component=source: an .fmu, FILE.py:Class, remote:…")
+    ] = None,
+    map_: Annotated[
+        list[str] | None, typer.Option("--map", help=f"{MAP}, or component=FILE.ssm.")
+    ] = None,
+    rate: Annotated[
+        list[str] | None, typer.Option(help="component=seconds: communication step.")
+    ] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", help=f"{SET}; again for more.")] = None,
+    fmu: Annotated[bool, typer.Option("--fmu", help="Run models as FMUs, as `run` does.")] = False,
+    fail_safe: Annotated[
+        str, typer.Option(help="A client late or gone in lockstep: drop, pause or go-on.")
+    ] = "drop",
+) -> None:
+    """Serve a running system to clients on this machine, until Ctrl-C.
+
+    Python: uuvsim_cosim.connect(). MATLAB and Octave: uuvsim.connect(). Nobody else can reach it.
+    """
+    from uuvsim_cosim.bridge.conductor import Conductor
+    from uuvsim_cosim.commands.run import _edited
+
+    if until is not None and not 0.0 < until < float("inf"):
+        raise InputInvalid(f"--until {until:g}: expected more than 0 seconds")
+    if not 0.0 < real_time < float("inf"):
+        raise InputInvalid(f"--real-time {real_time:g}: expected a factor of more than 0")
+    changes = {
+        "replace": assignments("--replace", replace or [], "component=source", dotted=False),
+        "map": assignments("--map", map_ or [], MAP, dotted=False),
+        "rate": assignments("--rate", rate or [], "component=seconds", dotted=False),
+        "set": assignments("--set", set_ or [], SET, dotted=True),
+    }
+    edited = _edited(system, None, changes)
+    folder = None
+    if not no_record:
+        folder = out if out is not None else Path("runs") / f"{edited.name}-{seed}"
+    conductor = Conductor(
+        edited, seed, "fmu" if fmu else "native", record=folder,
+        fail_safe=fail_safe,  # type: ignore[arg-type]
+    )  # fmt: skip
+    doors: list[Any] = []
+    try:
+        doors = _doors(conductor, port, tcp_port, http_port)
+        signal.signal(signal.SIGTERM, _interrupt)
+        _wait(conductor, real_time, paused, until)
+    finally:
+        _close(doors, conductor)
+
+
+def _doors(conductor: Any, port: int | None, tcp: int | None, http: int | None) -> list[Any]:
+    """Open the doors, and say where they are."""
+    from uuvsim_cosim.bridge.tcp_door import TcpDoor
+    from uuvsim_cosim.bridge.wire import TCP_PORT
+    from uuvsim_cosim.bridge.wrapped_session import PORT
+    from uuvsim_cosim.bridge.zenoh_bridge import Bridge
+
+    del http
+    doors: list[Any] = []
+    try:
+        bridge = Bridge(conductor, port=PORT if port is None else port)
+        doors.append(bridge)
+        line(f"{conductor.describe()['system']} is served on this machine:")
+        line(f"  Zenoh  tcp/{bridge.host}:{bridge.port}  Python: uuvsim_cosim.connect("
+             f"{'' if bridge.port == PORT else f'port={bridge.port}'})")  # fmt: skip
+        if tcp != -1:
+            door = TcpDoor(conductor, TCP_PORT if tcp is None else tcp)
+            doors.append(door)
+            line(f"  TCP    {', '.join(door.addresses)}  MATLAB, Octave: uuvsim.connect()")
+    except BaseException:
+        for opened in doors:
+            opened.close()
+        raise
+    return doors
+
+
+def _wait(conductor: Any, factor: float, paused: bool, until: float | None) -> None:
+    """Run until the end, or until somebody interrupts."""
+    from uuvsim_cosim.bridge.desk import Client
+
+    sys.stdout.flush()
+    told = None
+    try:
+        line("paused: clients run or step it; Ctrl-C ends it" if paused else
+             f"streams at {factor:g} times real time; Ctrl-C ends it")  # fmt: skip
+        if not paused:
+            conductor.ask("run", Client("serve", "local"), until, factor, ())
+        while until is None or conductor.moment().time < until - 1e-9:
+            if (failed := conductor.failed) is not None and failed is not told:
+                if until is not None:
+                    raise failed
+                sys.stderr.write(f"uuvsim: {failed}; paused, clients may reset it\n")
+                told = failed
+            time.sleep(_LOOK)
+    except KeyboardInterrupt:
+        line()
+        line(f"interrupted at t = {conductor.moment().time:.6g} s")
+        if until is not None:
+            raise
+
+
+def _close(doors: list[Any], conductor: Any) -> None:
+    for door in doors:
+        door.close()
+    conductor.close()
+    for folder in conductor.folders:
+        line(f"recording  {tilde(folder)}")
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt

@@ -1,0 +1,42 @@
+"""SIGTERM of a study ends it as Ctrl-C does: finished runs are kept, and a sentence is said."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from types import FrameType, TracebackType
+from typing import Any, Self, final
+
+__all__ = ["Termination"]
+
+
+@final
+class Termination:
+    """While it is entered, SIGTERM raises KeyboardInterrupt; a second one ends the process.
+
+    `status` is the exit status of an interrupted command: 130, or 143 after SIGTERM.
+    """
+
+    status = 130
+    _before: Any = None
+
+    def __enter__(self) -> Self:
+        """Begin to listen; only the main thread can."""
+        if threading.current_thread() is threading.main_thread():
+            self._before = signal.signal(signal.SIGTERM, self._end)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Leave SIGTERM to whoever had it before."""
+        if self._before is not None:
+            signal.signal(signal.SIGTERM, self._before)
+
+    def _end(self, _number: int, _frame: FrameType | None) -> None:
+        self.status = 143
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        raise KeyboardInterrupt
