@@ -14,6 +14,7 @@ from uuvsim_cosim.commands import (
     doctor,
     export,
     fmu,
+    matlab,
     models,
     new,
     pack,
@@ -54,6 +55,7 @@ def _root(
 
 app.command("run")(run.run_command)
 app.command("serve")(serve.serve_command)
+app.command("matlab")(matlab.matlab_command)
 app.command("export")(export.export_command)
 app.command("report")(report.report_command)
 app.command("study")(study.study_command)

@@ -15,10 +15,10 @@ classdef Session < handle
   properties (Access = private)
     transport = [];
     known = [];         % the signals, once asked for
-    agreed = {{}, {}};  % inputs and outputs of the layout that the server has
+    agreed = '';        % inputs and outputs of the layout that the server has for structs
     paths = {};         % where each output of the layout stands in a struct
     shapes = {};
-    vector = [];        % inputs and outputs of the user's layout, or []
+    vector = {};        % inputs and outputs of the user's layout, or {}
     in_vector = false;  % the server has the user's layout
     inputs = 0;         % numbers in the user's layout
   end
@@ -94,7 +94,7 @@ classdef Session < handle
       % forget it, and step with structs again. Gives what was agreed on before, as {in, out}.
       previous = self.vector;
       if nargin < 2
-        self.vector = [];
+        self.vector = {};
         return
       end
       self.vector = {cellstr_of({inputs}), cellstr_of({outputs})};
@@ -194,7 +194,7 @@ classdef Session < handle
       self.now(self.transport.request(struct('call', 'replace', 'component', component, ...
                                              'source', source), [], 600));
       self.known = [];
-      self.agreed = {{}, {}};
+      self.agreed = '';
       self.in_vector = false;
     end
 
@@ -232,7 +232,6 @@ classdef Session < handle
     function count = agree(self, wanted)
       header = struct('call', 'layout', 'inputs', {wanted{1}}, 'outputs', {wanted{2}});
       answer = self.transport.request(header, []);
-      self.agreed = wanted;
       count = total(answer.inputs);
       self.shapes = shapes_of(answer.outputs);
       self.paths = cellfun(@path_of, wanted{2}, 'UniformOutput', false);
@@ -240,9 +239,10 @@ classdef Session < handle
 
     function y = step_named(self, u, n, outputs)
       [names, values] = pairs_of(u);
-      wanted = {names, outputs};
-      if self.in_vector || ~isequal(self.agreed, wanted)
-        self.agree(wanted);
+      wanted = [sprintf('%s\n', names{:}), '>', sprintf('%s\n', outputs{:})];
+      if self.in_vector || ~strcmp(self.agreed, wanted)
+        self.agree({names, outputs});
+        self.agreed = wanted;
         self.in_vector = false;
       end
       rows = cellfun(@row_major, values, 'UniformOutput', false);
@@ -251,9 +251,17 @@ classdef Session < handle
       self.time = numbers(2);
       y = struct();
       at = 2;
-      for k = 1:numel(self.paths)
-        count = prod(self.shapes{k});
-        y = put(y, self.paths{k}, shaped(numbers(at + 1:at + count), self.shapes{k}));
+      all_paths = self.paths;
+      all_shapes = self.shapes;
+      for k = 1:numel(all_paths)
+        count = prod(all_shapes{k});
+        path = all_paths{k};
+        value = shaped(numbers(at + 1:at + count), all_shapes{k});
+        if numel(path) == 2
+          y.(path{1}).(path{2}) = value;
+        else
+          y = put(y, path, value);
+        end
         at = at + count;
       end
     end

@@ -9,6 +9,7 @@ classdef Transport < handle
   properties (Access = private)
     socket = [];
     timeout = 10;
+    direct = false;  % Octave's package has functions under its slow read and write
   end
 
   methods
@@ -17,6 +18,8 @@ classdef Transport < handle
       self.port = port;
       self.timeout = timeout;
       self.socket = connected(host, port, timeout);
+      self.direct = exist('OCTAVE_VERSION', 'builtin') ~= 0 ...
+                    && exist('__tcpclient_read__') == 3 && exist('__tcpclient_write__') == 3;
       self.greeting = self.receive();
     end
 
@@ -37,11 +40,20 @@ classdef Transport < handle
       end
       data = [typecast(uint32([0, 8 * numel(numbers)]), 'uint8'), typecast(numbers(:).', 'uint8')];
       try
-        write(self.socket, data);
-        prefix = uint8(read(self.socket, 8));
-        sizes = double(typecast(prefix, 'uint32'));
+        if self.direct  % 0.4 ms less than read and write; by feval, for MATLAB has no such names
+          patience = 1000 * self.timeout;
+          feval('__tcpclient_write__', self.socket, data);
+          sizes = double(typecast(feval('__tcpclient_read__', self.socket, 8, patience), 'uint32'));
+        else
+          write(self.socket, data);
+          sizes = double(typecast(uint8(read(self.socket, 8)), 'uint32'));
+        end
         if sizes(1) == 0
-          body = uint8(read(self.socket, sizes(2)));
+          if self.direct
+            body = feval('__tcpclient_read__', self.socket, sizes(2), patience);
+          else
+            body = uint8(read(self.socket, sizes(2)));
+          end
           numbers = typecast(body, 'double');
           if numel(numbers) == sizes(2) / 8
             return
@@ -146,7 +158,7 @@ function socket = connected(host, port, timeout)
     end
     error('uuvsim:unreachable', ...
           ['uuvsim: nothing answers at %s, port %d (%s). Start a co-simulation there, in a ' ...
-           'terminal:\n\n    uuvsim serve bluerov2_hold\n\nor name its address: ' ...
+           'terminal:\n\n    uuvsim serve bluerov2_hold --paused\n\nor name its address: ' ...
            'uuvsim.connect(''host'', ''127.0.0.1'', ''port'', 7448).'], ...
           host, port, strtrim(reason.message));
   end

@@ -1,7 +1,7 @@
 function session = connect(varargin)
   % Connect to a running co-simulation:  s = uuvsim.connect()
   %
-  % Start one in a terminal first:  uuvsim serve bluerov2_hold
+  % Start one in a terminal first:  uuvsim serve bluerov2_hold --paused
   % Options, as name and value:
   %   'host'      '127.0.0.1'
   %   'port'      7448

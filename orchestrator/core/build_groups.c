@@ -36,7 +36,8 @@ UUV_CORE_API int uuv_core_iterate(uuv_core *core, uint32_t first, uint32_t n_mem
     it->x = calloc(it->n + 1, sizeof *it->x);
     it->r = calloc(it->n + 1, sizeof *it->r);
     it->work = calloc(work_size(it->n) + 1, sizeof *it->work);
-    if (!it->x || !it->r || !it->work) return 0;
+    it->largest = calloc(it->n + 1, sizeof *it->largest);
+    if (!it->x || !it->r || !it->work || !it->largest) return 0;
     /* The array of groups has moved. */
     for (uint32_t g = 0; g < core->n_groups; g++)
         for (uint32_t i = 0; i < core->groups[g].n_members; i++)
@@ -51,6 +52,7 @@ void free_groups(uuv_core *core) {
         free(core->groups[i].x);
         free(core->groups[i].r);
         free(core->groups[i].work);
+        free(core->groups[i].largest);
     }
     free(core->groups);
 }

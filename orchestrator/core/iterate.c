@@ -51,7 +51,9 @@ int evaluate(uuv_core *core, iteration *it, const double *x, double *r) {
 
 int agreed(const iteration *it, const double *x, const double *r) {
     for (uint32_t j = 0; j < it->n; j++)
-        if (!(fabs(r[j]) <= it->tolerance * (1.0 + fabs(x[j])))) return 0;
+        if (!(fabs(x[j]) <= it->largest[j]) ||
+            !(fabs(r[j]) <= it->tolerance * (1.0 + fabs(x[j]))))
+            return 0;
     return 1;
 }
 
@@ -81,7 +83,10 @@ int step_group(uuv_core *core, iteration *it, double t) {
     }
     for (uint32_t j = 0; j < it->n; j++) it->x[j] = core->slots[it->slots[j]].f;
     do {
+        const int first = !it->begun;
         if (!evaluate(core, it, it->x, it->r)) return 0;
+        for (uint32_t j = 0; first && j < it->n; j++)
+            it->largest[j] = 1e6 * (1.0 + fabs(it->x[j]) + fabs(it->r[j]));
         if (!it->solve(core, it)) return 0;
         if (it->unsettled && it->count++ >= it->limit) return not_converged(core, it, it->r);
     } while (it->unsettled);

@@ -21,6 +21,7 @@ struct iteration {
     double tolerance;          /* of |r| relative to 1 + |x| */
     uint32_t limit, count;     /* iterations allowed, and made in this step */
     double *x, *r, *work;
+    double *largest;           /* |x| beyond it has run away: there rounding alone makes r 0 */
     double t;
     int begun, unsettled;
     uint32_t culprit;          /* member that failed */

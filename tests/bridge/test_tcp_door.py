@@ -18,8 +18,8 @@ from uuvsim_cosim.errors import InputInvalid
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from doors import Peer  # noqa: E402
-from fake_desk import DECAY, STEP, FakeDesk  # noqa: E402
+from doors import Peer
+from fake_desk import DECAY, STEP, FakeDesk
 
 BRIEF = Limits(clients=4, hello_s=0.3, frame_s=0.3)
 

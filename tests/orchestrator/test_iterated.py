@@ -217,3 +217,13 @@ def test_members_of_different_steps_are_refused_by_name() -> None:
 def test_a_wrong_setting_is_refused_with_the_right_ones(more: dict[str, Any], message: str) -> None:
     with pytest.raises(SystemInvalid, match=message):
         hold().group(["a", "b"], **{"algorithm": "iterated", **more})
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_loop_of_gain_one_has_no_solution_however_far_it_runs(solver: str, wired: Any) -> None:
+    makers = {"a": native(gain(0.5)), "b": native(gain(0.5))}
+    with Master(*wired(makers, LOOP, groups=iterated(solver=solver))) as master:
+        master.initialize()
+        master.components[0].set(master.components[0].description.variables["g"], 2.0)
+        with pytest.raises(LoopNotConverged):  # x = x + 3/2
+            master.step()

@@ -91,7 +91,7 @@ def test_what_cannot_be_set_is_refused_with_the_reason(wired: Any, fmi3: Any) ->
             master.set("a", "z", 1.0)
         with pytest.raises(InputInvalid, match=r"no component 'c'; expected one of a, b"):
             master.get("c", "y")
-        with pytest.raises(FmuError, match=r"shape \(2,\)"):
+        with pytest.raises(InputInvalid, match=r"a\.u: 2 values; expected a scalar"):
             master.set("a", "u", np.zeros(2))
 
 
@@ -200,3 +200,22 @@ def test_rows_of_a_step_that_ctrl_c_interrupts_are_not_lost(
         with pytest.raises(KeyboardInterrupt):
             master.step(5)
     assert watcher.ticks == [0, 1, 2, 3, 4, 5]
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda m: m.step(1.5), "1.5 steps; expected a whole number"),
+        (lambda m: m.step(-1), "expected a whole number, 0 or more"),
+        (lambda m: m.run_until(float("nan")), "expected seconds"),
+        (lambda m: m.run_until("soon"), "expected seconds"),
+        (lambda m: m.restore(None), "a NoneType; expected what snapshot"),
+        (lambda m: m.initialize(), r"expected reset\(\)"),
+        (lambda m: m.set("a", "u", float("nan")), "nan"),
+    ],
+)
+def test_a_wrong_call_is_refused_in_words(call: Any, message: str, wired: Any, native: Any) -> None:
+    with Master(*wired({"a": native})) as master:
+        master.initialize()
+        with pytest.raises(InputInvalid, match=message):
+            call(master)

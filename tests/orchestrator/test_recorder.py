@@ -254,3 +254,18 @@ def test_texts_and_binaries_of_an_fmu_are_recorded(first_order_fmi3: Path, tmp_p
         assert f"f.{v.name}" in signals
     blob = next(v.name for v in outputs if v.type == "Binary")
     assert isinstance(signals[f"f.{blob}"][-1], bytes)
+
+
+def test_a_full_disk_ends_a_run_with_one_sentence(
+    wired: Any, native: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recorder = Recorder(tmp_path / "r", flush_seconds=0.0)
+    with Master(*wired({"a": native}), observers=[recorder]) as master:
+        master.initialize()
+
+        def full() -> None:
+            raise OSError(28, "No space left on device")
+
+        monkeypatch.setattr(recorder._file, "flush", full, raising=False)
+        with pytest.raises(RecordingError, match="No space left on device"):
+            master.step(40_000)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from math import prod
+from types import TracebackType
 from typing import Any, Self, final
 
 import numpy as np
@@ -81,6 +82,19 @@ class Subscription:
             path = str(sample.key_expr).rpartition("/")[2]
             if path in self._paths:
                 return self._block(path, sample.payload.to_bytes())
+
+    def __enter__(self) -> Self:
+        """Give itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """End it."""
+        self.close()
 
     def close(self) -> None:
         """End it; whoever waits for a block is let go."""

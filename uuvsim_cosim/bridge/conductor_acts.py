@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, final
 
 from uuvsim_cosim.bridge.conductor_calls import Answer
@@ -22,7 +22,7 @@ class Acts:
 
     def __init__(self, stage: Stage, lockstep: Lockstep) -> None:
         self._stage, self._lockstep = stage, lockstep
-        self._acts = {
+        self._acts: dict[str, Callable[..., None]] = {
             "get": self._get, "set": self._set, "step": self._step, "run": self._run,
             "pause": self._pause, "reset": self._reset, "snapshot": self._snapshot,
             "restore": self._restore, "replace": self._replace, "join": self._join,

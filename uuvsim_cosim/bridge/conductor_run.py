@@ -102,6 +102,7 @@ class Running:
         self.answer, self.record, self.finish = answer, record, finish
         self.factor = factor
         self.overruns = 0
+        self.busy = 0.0  # [s] of wall time in steps
         self._master, self._end = master, end
         self._first, self._begun = master.tick, time.perf_counter()
         self._period = 0.0 if factor is None else float(master.plan.tick) / factor
@@ -128,6 +129,7 @@ class Running:
         n = self._each if self._end is None else min(self._each, self._end - self._master.tick)
         self._master.step(n)
         took = time.perf_counter() - begun
+        self.busy += took
         if not self._period:
             if self.record is None or not self.record.each_step:
                 wanted = int(self._each * _SECONDS / max(took, 1e-6))

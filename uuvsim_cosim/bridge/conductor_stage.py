@@ -70,6 +70,7 @@ class Stage:
             "failed": None if self.failed is None else str(self.failed),
             "real_time_factor": self.running.factor if self.running else None,
             "overruns": self.running.overruns if self.running else 0,
+            "busy": self.running.busy if self.running else 0.0,
             "recordings": [folder.name for folder in self.tap.folders],
             "components": [
                 {
@@ -101,6 +102,7 @@ class Stage:
             self.master.step(n)
         except UuvsimError as error:
             self.failed = error
+            self.moment()
             raise
 
     def run(
@@ -166,6 +168,7 @@ class Stage:
             running.advance()
         except UuvsimError as error:
             self.failed, self.running = error, None
+            self.moment()
             if running.record is not None:
                 self.tap.leave(running.record)
             if running.answer is not None:

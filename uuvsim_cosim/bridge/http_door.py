@@ -43,7 +43,7 @@ class HttpDoor:
         self.port: int = self._servers[0].server_address[1]
         self._threads = [
             threading.Thread(
-                target=server.serve_forever, args=(0.2,), name="uuvsim-http", daemon=True
+                target=server.serve_forever, args=(0.05,), name="uuvsim-http", daemon=True
             )
             for server in self._servers
         ]
@@ -53,8 +53,8 @@ class HttpDoor:
     @property
     def addresses(self) -> tuple[str, ...]:
         """Where a browser finds it."""
-        hosts = (server.server_address[0] for server in self._servers)
-        shown = (f"[{host}]" if ":" in str(host) else str(host) for host in hosts)
+        hosts = [str(server.socket.getsockname()[0]) for server in self._servers]
+        shown = (f"[{host}]" if ":" in host else host for host in hosts)
         return tuple(f"http://{host}:{self.port}/" for host in shown)
 
     def close(self) -> None:

@@ -23,8 +23,10 @@ from uuvsim_cosim.orchestrator.plan import Plan
 __all__ = ["HEADER", "Layout", "Stream"]
 
 HEADER = struct.Struct("<qdq")
-_ROWS = 2048  # that wait at most; older ones are dropped
+_CHUNKS = 512  # of rows that wait at most; older ones are dropped
 _RATE = 2000.0  # [rows/s] that are sent at most
+_MANY = 64  # rows that come at once only where steps are as fast as can be: then
+_FEW = 4  # of them, the newest, are enough to look at, and the loop is hardly slowed
 _LOOK = 0.05  # [s] between two looks who subscribes
 
 
@@ -47,9 +49,9 @@ class Stream:
     def __init__(self, publisher: Callable[[str], Any]) -> None:
         self._make = publisher
         self._publishers: dict[str, Any] = {}
-        self._ring: deque[tuple[int, np.ndarray, np.ndarray, np.ndarray]] = deque()
-        self._waiting = 0
+        self._ring: deque[tuple[int, np.ndarray, np.ndarray, np.ndarray]] = deque(maxlen=_CHUNKS)
         self._wake = threading.Event()
+        self._noticed = threading.Condition()
         self._over = False
         self._wanted: tuple[str, ...] = ()
         self._plans: dict[int, list[tuple[str, np.ndarray, list[tuple[int, Any]]]]] = {}
@@ -65,7 +67,7 @@ class Stream:
         """Lay out the blocks of a new run."""
         self.layouts = _layouts(columns)
         number = self.layout + 1
-        self._plans = {number: [_gather(p, l, columns) for p, l in self.layouts.items()]}
+        self._plans = {number: [_gather(p, held, columns) for p, held in self.layouts.items()]}
         for path in self.layouts:
             if path not in self._publishers:
                 self._publishers[path] = self._make(path)
@@ -76,11 +78,11 @@ class Stream:
         if not self._wanted:
             return
         ring, n = self._ring, len(chunk.ticks)
-        if self._waiting + n > _ROWS:
-            self.dropped += self._waiting + n - _ROWS
-            while ring and self._waiting + n > _ROWS:
-                self._waiting -= len(ring.popleft()[1])
-        keep = slice(max(0, n - _ROWS), None)
+        few = n if n <= _MANY else _FEW
+        self.dropped += n - few
+        if len(ring) == _CHUNKS:
+            self.dropped += len(ring[0][1])  # it falls out at the other end
+        keep = slice(n - few, None)
         ring.append(
             (
                 self.layout,
@@ -89,7 +91,6 @@ class Stream:
                 chunk.rows[keep].copy(),
             )
         )
-        self._waiting += min(n, _ROWS)
         if not self._wake.is_set():
             self._wake.set()
 
@@ -98,6 +99,11 @@ class Stream:
         self._over = True
         self._wake.set()
         self._thread.join()
+
+    def wait_until_wanted(self, path: str, timeout: float) -> bool:
+        """Wait until somebody subscribes to a component and this has been noticed."""
+        with self._noticed:
+            return self._noticed.wait_for(lambda: path in self._wanted, timeout)
 
     # ---- the thread that sends ------------------------------------------------------------
 
@@ -110,7 +116,9 @@ class Stream:
             if now - looked >= _LOOK:
                 looked = now
                 publishers = list(self._publishers.items())
-                self._wanted = tuple(path for path, p in publishers if p.matching_status)
+                with self._noticed:
+                    self._wanted = tuple(path for path, p in publishers if p.matching_status)
+                    self._noticed.notify_all()
             budget = min(_RATE * _LOOK * 2, budget + _RATE * (now - then))
             then = now
             while self._ring and not self._over:
@@ -118,7 +126,6 @@ class Stream:
                     layout, ticks, times, rows = self._ring.popleft()
                 except IndexError:
                     break
-                self._waiting = max(0, self._waiting - len(ticks))
                 n = min(len(ticks), int(budget))
                 self.dropped += len(ticks) - n
                 if n:

@@ -117,6 +117,8 @@ class TcpDoor:
             _keep_alive(client)
             if self._tls is not None:
                 client = self._tls.wrap_socket(plain, server_side=True)
+                with self._lock:
+                    self._open[client] = self._open.pop(plain)
             self._talk(client)
         except (Disconnected, OSError):
             pass  # it has gone: nobody is there to be told
@@ -128,6 +130,7 @@ class TcpDoor:
         finally:
             with self._lock:
                 self._open.pop(plain, None)
+                self._open.pop(client, None)
             client.close()
 
     def _talk(self, client: socket.socket) -> None:

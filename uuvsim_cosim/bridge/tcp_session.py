@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -113,7 +114,7 @@ def _answer_all(
             if header is None:
                 data = _compact(calls, layout, payload)
             elif header.get("call") == "layout":
-                layout = calls.knowing(lambda h=header: _Layout(calls, h))
+                layout = calls.knowing(partial(_Layout, calls, header))
                 data = frame({"ok": True, **layout.header()})
             elif header.get("call") == "bye":
                 send(frame({"ok": True}))

@@ -125,7 +125,10 @@ def typed(info: SignalInfo, numbers: np.ndarray) -> np.ndarray:
     if not np.all(shaped == np.floor(shaped)):  # NaN as well
         raise InputInvalid(f"{info.name}: {numbers.tolist()} was read; expected {_expected(info)}")
     dtype = np.dtype(np.bool_) if info.type == "Boolean" else _integer(info)
-    low, high = (0, 1) if info.type == "Boolean" else (np.iinfo(dtype).min, np.iinfo(dtype).max)
+    low, high = 0, 1
+    if info.type != "Boolean":
+        limits = np.iinfo(dtype.name)
+        low, high = int(limits.min), int(limits.max)
     if shaped.size and not (low <= shaped.min() and shaped.max() <= high):
         raise InputInvalid(f"{info.name}: {numbers.tolist()} was read; expected {low} to {high}")
     return shaped.astype(dtype)

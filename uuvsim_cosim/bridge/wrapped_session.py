@@ -1,4 +1,4 @@
-"""A Zenoh session that says in words what went wrong, and that lets Python end though it is open."""
+"""A Zenoh session that says in words what went wrong, and that lets Python end if left open."""
 
 from __future__ import annotations
 
@@ -45,13 +45,29 @@ class WrappedSession:
         """Say whether it has not been closed."""
         return self._open
 
+    @property
+    def is_connected(self) -> bool:
+        """Say whether there is anybody at the other end."""
+        info = self._session.info
+        return bool(info.routers_zid() or info.peers_zid())
+
     def answer(self, key: str, answer: Callable[[Any], None]) -> Any:
         """Let a function answer the queries on a key, one after another in a thread."""
         return self._session.declare_queryable(key, answer)
 
-    def asker(self, key: str) -> Any:
-        """Give what asks queries of a key, and waits as long as the answer takes."""
-        return self._session.declare_querier(key, timeout=_FOREVER)
+    def asker(self, key: str, timeout: float = _FOREVER) -> Any:
+        """Give what asks queries of a key, and waits as long as the answer takes, or `timeout` s.
+
+        The one answer is given as it comes: without consolidation, which waits for others.
+        """
+        import zenoh
+
+        return self._session.declare_querier(
+            key,
+            timeout=timeout,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            express=True,
+        )
 
     def publisher(self, key: str) -> Any:
         """Give a publisher of state: messages that cannot be sent at once are dropped."""
@@ -149,6 +165,7 @@ def _config(mode: str, listen: Sequence[str] = (), connect: Sequence[str] = ()) 
         "connect/endpoints": list(connect),
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
+        "scouting/delay": 0,
         "queries_default_timeout": 1000 * _FOREVER,
         "transport/link/rx/max_message_size": _LARGEST,
     }

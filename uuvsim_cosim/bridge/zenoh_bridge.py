@@ -33,7 +33,7 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.plan import Plan
 from uuvsim_cosim.orchestrator.system import System
 
-__all__ = ["Bridge"]
+__all__ = ["Bridge", "free_port"]
 
 _CALLS = [*NEEDS, "describe", "schema", "join", "leave"]
 
@@ -54,7 +54,7 @@ class Bridge:
         host: str = "127.0.0.1",
         **conducting: Any,
     ) -> None:
-        self.port = port if port else _free_port(host)
+        self.port = port if port else free_port(host)
         self.host = host
         self._session = listening(self.port, [host])
         self._own: Conductor | None = None
@@ -74,7 +74,7 @@ class Bridge:
     def close(self) -> None:
         """Let all clients go; ends the co-simulation if the bridge began it."""
         if self._session.is_open:
-            self.conductor.unwatch(self._stream)
+            self.conductor.unwatch(self.stream)
         self._session.close()
         if self._own is not None:
             self._own.close()
@@ -98,8 +98,8 @@ class Bridge:
         described = self.conductor.describe()
         self._base = f"uuvsim/{described['system']}"
         session = self._session
-        self._stream = Stream(lambda path: session.publisher(f"{self._base}/state/{path}"))
-        self.conductor.watch(self._stream)
+        self.stream = Stream(lambda path: session.publisher(f"{self._base}/state/{path}"))
+        self.conductor.watch(self.stream)
         self._answering = session.answer(f"{self._base}/call/*", self._asked)
         self._watching = session.watch(f"{self._base}/live/client/*", self._lives)
         paths = [c["path"] for c in described["components"]]
@@ -187,7 +187,7 @@ class Bridge:
                     told["values"], block = packed(values)
                 else:
                     told["values"] = plain(values)
-            query.reply(query.key_expr, json.dumps(told), attachment=block or None)
+            query.reply(query.key_expr, json.dumps(told), attachment=block or None, express=True)
         except Exception as wrong:  # told, rather than a client that waits
             _refuse(query, wrong)
         finally:
@@ -203,9 +203,9 @@ class Bridge:
         if isinstance(result, Moment):
             return {"moment": asdict(result)}, None
         if call == "schema":
-            layouts = {p: list(l.names) for p, l in self._stream.layouts.items()}
+            layouts = {p: list(held.names) for p, held in self.stream.layouts.items()}
             signals = [asdict(s) for s in result]
-            return {"signals": signals, "layout": self._stream.layout, "blocks": layouts}, None
+            return {"signals": signals, "layout": self.stream.layout, "blocks": layouts}, None
         if call == "join":
             return moment | {
                 "name": result.name,
@@ -260,7 +260,8 @@ def _refuse(query: Any, error: BaseException) -> None:
         query.drop()
 
 
-def _free_port(host: str) -> int:
+def free_port(host: str) -> int:
+    """Find a port that nobody listens on."""
     import socket
 
     with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as s:

@@ -67,7 +67,7 @@ def _value(name: str, value: Any, block: bytes) -> Any:
         if kind not in _TYPES or at < 0 or any(n < 0 for n in shape):
             raise ValueError
         array = np.frombuffer(block, "?" if kind == "?" else f"<{kind}", prod(shape), at)
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, OverflowError):
         raise InputInvalid(
             f"{name}: {json.dumps(value)[:100]} with a block of {len(block)} bytes; expected "
             "at, type (f8, i8, u8 or ?) and shape of numbers that lie in the block"

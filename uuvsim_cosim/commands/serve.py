@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 import time
+from contextlib import ExitStack
 from pathlib import Path
 from types import FrameType
 from typing import Annotated, Any
@@ -82,52 +83,51 @@ def serve_command(
         edited, seed, "fmu" if fmu else "native", record=folder,
         fail_safe=fail_safe,  # type: ignore[arg-type]
     )  # fmt: skip
-    doors: list[Any] = []
+    before = signal.signal(signal.SIGTERM, _interrupt)
     try:
-        doors = _doors(conductor, port, tcp_port, http_port)
-        signal.signal(signal.SIGTERM, _interrupt)
-        _wait(conductor, real_time, paused, until)
+        with ExitStack() as stack:
+            stack.callback(_told, conductor)
+            stack.callback(conductor.close)
+            _open_doors(stack, conductor, port, tcp_port, http_port)
+            _wait(conductor, real_time, paused, until)
     finally:
-        _close(doors, conductor)
+        signal.signal(signal.SIGTERM, before)
 
 
-def _doors(conductor: Any, port: int | None, tcp: int | None, http: int | None) -> list[Any]:
+def _open_doors(
+    stack: ExitStack, conductor: Any, port: int | None, tcp: int | None, http: int | None
+) -> None:
     """Open the doors, and say where they are."""
+    from uuvsim_cosim.bridge.http_door import HttpDoor
     from uuvsim_cosim.bridge.tcp_door import TcpDoor
-    from uuvsim_cosim.bridge.wire import TCP_PORT
+    from uuvsim_cosim.bridge.wire import HTTP_PORT, TCP_PORT
     from uuvsim_cosim.bridge.wrapped_session import PORT
     from uuvsim_cosim.bridge.zenoh_bridge import Bridge
 
-    del http
-    doors: list[Any] = []
-    try:
-        bridge = Bridge(conductor, port=PORT if port is None else port)
-        doors.append(bridge)
-        line(f"{conductor.describe()['system']} is served on this machine:")
-        line(f"  Zenoh  tcp/{bridge.host}:{bridge.port}  Python: uuvsim_cosim.connect("
-             f"{'' if bridge.port == PORT else f'port={bridge.port}'})")  # fmt: skip
-        if tcp != -1:
-            door = TcpDoor(conductor, TCP_PORT if tcp is None else tcp)
-            doors.append(door)
-            line(f"  TCP    {', '.join(door.addresses)}  MATLAB, Octave: uuvsim.connect()")
-    except BaseException:
-        for opened in doors:
-            opened.close()
-        raise
-    return doors
+    bridge = stack.enter_context(Bridge(conductor, port=PORT if port is None else port))
+    line(f"{conductor.describe()['system']} is served on this machine:")
+    line(f"  Zenoh  tcp/{bridge.host}:{bridge.port}  Python: uuvsim_cosim.connect("
+         f"{'' if bridge.port == PORT else f'port={bridge.port}'})")  # fmt: skip
+    if tcp != -1:
+        door = stack.enter_context(TcpDoor(conductor, TCP_PORT if tcp is None else tcp))
+        line(f"  TCP    {', '.join(door.addresses)}  MATLAB, Octave: uuvsim.connect()")
+    if http != -1:
+        page = HttpDoor(conductor, HTTP_PORT if http is None else http)
+        stack.callback(page.close)
+        line(f"  HTTP   {page.addresses[0]}  curl, webread, and a page for browsers")
 
 
 def _wait(conductor: Any, factor: float, paused: bool, until: float | None) -> None:
     """Run until the end, or until somebody interrupts."""
     from uuvsim_cosim.bridge.desk import Client
 
-    sys.stdout.flush()
     told = None
     try:
         line("paused: clients run or step it; Ctrl-C ends it" if paused else
              f"streams at {factor:g} times real time; Ctrl-C ends it")  # fmt: skip
         if not paused:
             conductor.ask("run", Client("serve", "local"), until, factor, ())
+        sys.stdout.flush()
         while until is None or conductor.moment().time < until - 1e-9:
             if (failed := conductor.failed) is not None and failed is not told:
                 if until is not None:
@@ -142,10 +142,7 @@ def _wait(conductor: Any, factor: float, paused: bool, until: float | None) -> N
             raise
 
 
-def _close(doors: list[Any], conductor: Any) -> None:
-    for door in doors:
-        door.close()
-    conductor.close()
+def _told(conductor: Any) -> None:
     for folder in conductor.folders:
         line(f"recording  {tilde(folder)}")
 

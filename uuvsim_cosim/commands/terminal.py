@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -65,13 +66,20 @@ def tilde(path: str | Path) -> str:
 
 def size_of(path: Path) -> str:
     """Give a file's or folder's size in words."""
-    files = [path] if path.is_file() else [p for p in path.rglob("*") if p.is_file()]
-    size = float(sum(_bytes(p) for p in files))
+    size = float(_bytes(path) if path.is_file() else _bytes_in(path))
     for unit in ("B", "kB", "MB"):
         if size < 1000:
             return f"{size:.3g} {unit}"
         size /= 1000
     return f"{size:.3g} GB"
+
+
+def _bytes_in(folder: Path) -> int:
+    """Add up a folder's files; others may be made and deleted meanwhile."""
+    total = 0
+    for place, _, names in os.walk(folder, onerror=lambda error: None):
+        total += sum(_bytes(Path(place) / name) for name in names)
+    return total
 
 
 def _bytes(path: Path) -> int:

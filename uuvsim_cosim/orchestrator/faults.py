@@ -137,7 +137,7 @@ class Faults:
             )
         bad = not math.isfinite(fault.value)
         bad |= fault.kind == "drop" and not 0.0 <= fault.value <= 1.0
-        bad |= fault.kind == "override" and not _fits(placed.variable, fault.value)
+        bad |= fault.kind in ("override", "bias") and not _fits(placed.variable, fault.value)
         n = 1
         if fault.kind == "delay" and not bad:
             step = self._step(placed)

@@ -107,7 +107,10 @@ def _warning(
             undeclared.append(f"{components[b].path}.{into} -> {components[b].path}.{following}")
     path = ", ".join(hops)
     if not undeclared:
-        return f"algebraic loop, solved in initialization: {path}"
+        return (
+            "algebraic loop, solved in initialization; in stepping each connection delays by a "
+            f"step, unless an iterated group solves it: {path}"
+        )
     return (
         f"loop in initialization, iterated because feedthrough is not declared "
         f"({', '.join(undeclared)}): {path}"

@@ -6,6 +6,7 @@ import logging
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from functools import partial
+from operator import index
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal, Self, final
@@ -102,6 +103,8 @@ class Master:
 
     def initialize(self, start_time: float = 0.0, stop_time: float | None = None) -> None:
         """Set start values and seeds, solve Initialization Mode, and leave it."""
+        if self._tables is not None:
+            raise InputInvalid("initialize: the run has begun; expected reset()")
         for warning in self.plan.warnings:
             log.warning("%s", warning)
         self._start_tick = self._tick_at(start_time, "start_time")
@@ -205,7 +208,7 @@ class Master:
         """Make n communication steps; raises ComponentFailed."""
         core = self._ready().core
         tick = core.tick
-        end = tick + n
+        end = tick + _whole(n)
         while tick < end:
             failure = core.run(end - tick, _SECONDS)
             self._emit()
@@ -215,7 +218,10 @@ class Master:
 
     def run_until(self, time: float | Fraction | str) -> None:
         """Step to the first communication point at or after `time` [s]."""
-        ticks = Fraction(str(time)) / self.plan.tick
+        try:
+            ticks = Fraction(str(time)) / self.plan.tick
+        except ValueError:
+            raise InputInvalid(f"run_until: {time!r}; expected seconds") from None
         self.step(max(0, -int(-ticks // 1) - self.tick))
 
     # ---- values ---------------------------------------------------------------------------
@@ -232,6 +238,7 @@ class Master:
     def set(self, path: str, name: str, value: Any) -> None:
         """Set an unconnected input, or a tunable parameter, between steps."""
         tables = self._ready()
+        value = self.fitted(path, name, value)
         i, variable = self._settable(path, name)
         self.components[i].set(variable, value)
         placed = tables.inputs.get((i, name))
@@ -306,6 +313,10 @@ class Master:
 
     def restore(self, snapshot: Snapshot) -> None:
         """Go back to a snapshot of this master; what follows is repeated bit for bit."""
+        if not isinstance(snapshot, Snapshot):
+            raise InputInvalid(
+                f"restore: a {type(snapshot).__name__}; expected what snapshot() has given"
+            )
         self._state.restore(snapshot)
 
     def save_snapshot(self, path: Path) -> None:
@@ -466,3 +477,13 @@ class Master:
                 f"{what}: {time} s is no multiple of the tick of {self.plan.tick} s; expected one"
             )
         return int(ticks)
+
+
+def _whole(n: int) -> int:
+    try:
+        steps = index(n)
+    except TypeError:
+        steps = -1
+    if steps < 0:
+        raise InputInvalid(f"step: {n!r} steps; expected a whole number, 0 or more")
+    return steps

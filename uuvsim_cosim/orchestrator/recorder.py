@@ -86,6 +86,8 @@ class Recorder:
 
     def observe(self, chunk: Chunk) -> None:
         """Keep the rows; writes at first, then when 0.2 s have passed or the batch is full."""
+        if self._file is None:  # writing has failed, which has been said
+            return
         done, n = 0, len(chunk.ticks)
         while done < n:
             take = min(n - done, _ROWS - self._used)

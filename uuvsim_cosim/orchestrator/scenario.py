@@ -82,6 +82,8 @@ class Played:
         if isinstance(event, Change):
             self._at(self._tick(event.at), lambda: self._set(event.variable, event.value))
             return
+        if math.isinf(event.at):
+            raise InputInvalid("at inf s; expected a time that comes")
         first, last = self._tick(event.at), self._tick(event.until)
         if last is not None and first is not None and last <= first:
             raise InputInvalid(
@@ -99,6 +101,8 @@ class Played:
 
     def _tick(self, time: float) -> int | None:
         """Give the first communication point at or after a time; None for never."""
+        if math.isnan(time) or time < 0.0:
+            raise InputInvalid(f"at {time:g} s; expected seconds, 0 or more")
         if math.isinf(time):
             return None
         return math.ceil(Fraction(str(time)) / self._master.plan.tick)

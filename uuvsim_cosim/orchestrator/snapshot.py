@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import zipfile
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -105,7 +106,8 @@ def load_snapshot(path: Path, plan: Plan, components: Sequence[Component]) -> Sn
             data = [archive.read(n) if n in there else None for n in names]
     except OSError as error:
         raise InputInvalid(f"snapshot {path}: cannot be read ({error.strerror})") from error
-    except (zipfile.BadZipFile, KeyError, ValueError) as error:
+    except (zipfile.BadZipFile, zlib.error, KeyError, ValueError, TypeError,
+            NotImplementedError, EOFError) as error:  # fmt: skip
         raise InputInvalid(
             f"snapshot {path}: is no snapshot, or damaged ({error}); expected a file written by "
             "save_snapshot"

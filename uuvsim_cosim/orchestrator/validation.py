@@ -292,7 +292,8 @@ def _check_groups(system: System, names: set[str], problems: list[Problem]) -> N
             if read not in known:
                 near = close_names(read, list(known), "one of " + ", ".join(map(repr, known)))
                 problems.append(Problem(place, f"{what} {read!r}", near))
-        if not (0.0 < group.tolerance < 1.0 and group.limit >= 1):
+        numbers = isinstance(group.tolerance, int | float) and isinstance(group.limit, int)
+        if not (numbers and 0.0 < group.tolerance < 1.0 and group.limit >= 1):
             problems.append(
                 Problem(
                     place,

@@ -1,0 +1,111 @@
+"""The MATLAB client, run in GNU Octave against a live co-simulation; never yet in MATLAB."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import uuvsim_cosim as uuv
+from uuvsim_cosim.bridge.conductor import Conductor
+from uuvsim_cosim.bridge.tcp_door import TcpDoor
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from doors import Peer
+
+MATLAB = Path(__file__).parents[2] / "matlab"
+OCTAVE = shutil.which("octave-cli") or shutil.which("octave")
+PLAIN = ["--norc", "--quiet", "--no-window-system", "--eval"]
+PACKAGE = (
+    OCTAVE is not None
+    and subprocess.run(
+        [OCTAVE, *PLAIN, "pkg load instrument-control"], capture_output=True, check=False
+    ).returncode
+    == 0
+)
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        not PACKAGE,
+        reason="GNU Octave or its package instrument-control is not installed; the MATLAB client "
+        "was not run (apt-get install octave octave-instrument-control)",
+    ),
+]
+
+
+@pytest.fixture(scope="module")
+def port() -> Iterator[int]:
+    """Serve one hull, whose forces a client may set."""
+    hull = uuv.System("hull_alone", "0.01").add("hull", "model:bluerov2_heavy")
+    conductor = Conductor(hull)
+    with TcpDoor(conductor, 0) as door:
+        yield door.port
+    conductor.close()
+
+
+def octave(code: str) -> subprocess.Popen[str]:
+    """Start Octave with the client on its path, and nothing of the user's."""
+    assert OCTAVE is not None
+    paths = f"addpath('{MATLAB}', '{MATLAB / 'tests'}');"
+    return subprocess.Popen(
+        [OCTAVE, *PLAIN, f"{paths} {code}"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+
+
+def test_the_clients_own_suite_passes_in_octave(port: int) -> None:
+    with octave(f"exit(suite({port}) > 0)") as process:
+        said, _ = process.communicate(timeout=300)
+    assert process.returncode == 0, said
+    assert "FAILED" not in said, said
+    assert "26 of 26 passed" in said, said
+
+
+def test_octave_and_python_step_in_lockstep(port: int) -> None:
+    count = 200
+    with Peer(port) as owner:
+        owner.ask({"call": "reset"})
+    with Peer(port, lockstep=True, lag=60, name="python") as peer:
+        peer.ask({"call": "layout", "inputs": [], "outputs": ["hull.nu"]})
+        with octave(f"lockstep({port}, {count})") as process:
+            while "octave" not in str(peer.ask({"call": "describe"})[0]["system"]["clients"]):
+                assert process.poll() is None, process.communicate()[0]
+            for k in range(count):
+                numbers = peer.ask(None, [1])[1]
+                assert numbers[0] == k + 1
+            said, _ = process.communicate(timeout=60)
+    assert said.split()[:2] == ["tick", str(count)], said
+    assert [float(x) for x in said.split()[3:]] == [numbers[2], numbers[7]]
+
+
+def test_a_client_that_ends_without_a_word_holds_nobody_up(port: int) -> None:
+    with octave(
+        f"s = uuvsim.connect('port', {port}, 'lockstep', true, 'lag', 60); disp('in'); "
+        "fflush(stdout); kill(getpid(), 9);"
+    ) as process:
+        process.communicate(timeout=60)
+    with Peer(port) as peer:
+        assert peer.ask({"call": "step"})[0]["ok"]
+
+
+def test_the_command_prints_a_line_that_octave_takes() -> None:
+    line = [sys.executable, "-m", "uuvsim_cosim", "matlab"]
+    said = subprocess.run(line, capture_output=True, text=True, check=True).stdout
+    assert OCTAVE is not None
+    code = f"{said.strip()}; try, uuvsim.connect('prt', 1), catch e, disp(e.identifier), end"
+    found = subprocess.run([OCTAVE, *PLAIN, code], capture_output=True, text=True, check=True)
+    assert found.stdout == "uuvsim:option\n"
+
+
+def test_the_packages_functions_all_have_a_first_help_line() -> None:
+    for file in sorted((MATLAB / "+uuvsim").glob("*.m")):
+        lines = file.read_text(encoding="utf-8").splitlines()
+        assert lines[1].lstrip().startswith("% "), file.name

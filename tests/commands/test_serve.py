@@ -1,0 +1,87 @@
+"""`uuvsim serve`: it says where it listens, and ends with its recording complete."""
+
+from __future__ import annotations
+
+import re
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import uuvsim_cosim as uuv
+from uuvsim_cosim.cli import status_of
+from uuvsim_cosim.orchestrator.ssd import write_ssd
+
+PARTS = Path(__file__).parents[1] / "bridge" / "parts.py"
+ANY = ("--port", "0", "--tcp-port", "0", "--http-port", "0")
+
+
+@pytest.fixture
+def sums(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    monkeypatch.chdir(tmp_path)
+    write_ssd(uuv.System("sums", "0.1").add("sum", f"{PARTS}:Sum"), tmp_path / "sums.ssd")
+    return "sums.ssd"
+
+
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
+def test_it_ends_when_interrupted_with_the_recording_complete(
+    sums: str, ending: signal.Signals
+) -> None:
+    command = [sys.executable, "-m", "uuvsim_cosim", "serve", sums, "--paused", *ANY]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as serving:
+        assert serving.stdout is not None
+        said = [serving.stdout.readline() for _ in range(5)]
+        port = int(re.findall(r"port=(\d+)", said[1])[0])
+        with uuv.connect(port=port) as client:
+            client.step(5, {"sum.a": 1.0})
+        serving.send_signal(ending)
+        out, _ = serving.communicate(timeout=30)
+    assert serving.returncode == 0
+    assert "interrupted at t = 0.5 s" in out
+    assert uuv.read_signals(Path("runs/sums-0"))["sum.s"][-1] == pytest.approx(0.5)
+
+
+def test_it_ends_at_the_time_that_is_asked_for(
+    sums: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert status_of(["serve", sums, "--until", "1", "--real-time", "20", "-o", "out", *ANY]) == 0
+    assert "recording  out" in capsys.readouterr().out
+    assert uuv.read_signals(Path("out")).time[-1] == 1.0
+
+
+def test_a_port_in_use_is_said_and_nothing_is_left_open(
+    sums: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        assert status_of(["serve", sums, "--no-record", *ANY[2:], "--port", str(port)]) == 2
+    assert re.search(rf"port {port} .* is in use; expected a free one", capsys.readouterr().err)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--until", "-1"], "more than 0 seconds"),
+        (["--real-time", "0"], "factor of more than 0"),
+        (["--fail-safe", "panic"], "drop, pause, go-on"),
+        (["--replace", "smu=x.fmu"], "sum"),
+    ],
+)
+def test_a_wrong_option_is_refused_in_words(
+    sums: str, options: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert status_of(["serve", sums, "--no-record", *ANY, *options]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_a_component_that_fails_ends_a_serve_with_an_end(
+    sums: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    swap = f"sum={PARTS}:Fails"
+    options = ["--until", "9", "--real-time", "50", "--replace", swap, "-o", "out"]
+    assert status_of(["serve", sums, *ANY, *options]) == 3
+    assert "the well is dry" in capsys.readouterr().err
+    assert len(uuv.read_signals(Path("out")).time) == 6
