@@ -341,6 +341,43 @@ def test_a_killed_component_is_restarted_and_the_run_goes_on_bit_for_bit(
     assert {k: v[:n] for k, v in watcher.values.items()} == unbroken
 
 
+@pytest.mark.parametrize("isolate", [True, False])
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("fault", [0, NAN, ERROR, ABORT, DISCARD, FATAL, HANG, SEGFAULT])
+def test_whatever_has_failed_is_restarted_twice_and_goes_on_bit_for_bit(
+    fault: int, version: int, isolate: bool, c_fmu: Any, wired: Any, nothing_left: list[int]
+) -> None:
+    if not isolate and fault in (ABORT, HANG, SEGFAULT):
+        return  # would end this process
+    fmu = c_fmu(version)
+
+    def make(path: str) -> Component:
+        return instantiate_fmu(fmu, path, isolate=isolate, watchdog=1.0 if isolate else None)
+
+    start = {"a": {"fault": fault, "fault_time": 0.1, "u": 1.0}, "b": {"u": 2.0}}
+    with Master(*wired({"a": make, "b": make}, start=start)) as master:
+        master.initialize()
+        master.step(5)
+        expected = master.get("a", "y"), master.get("b", "y")
+        master.reset()
+        master.snapshot()
+        for _ in range(3):
+            if isolate:
+                nothing_left.append(child_of(master, "a"))
+            if fault:
+                with pytest.raises(ComponentFailed, match=r"'a' failed at t = 0\.(09|1)\d* s"):
+                    master.step(20)
+            else:
+                master.step(20)
+            master.restart("a")
+            assert master.tick == 0
+            master.step(5)
+            assert (master.get("a", "y"), master.get("b", "y")) == expected
+        master.reset()
+        master.step(5)
+        assert (master.get("a", "y"), master.get("b", "y")) == expected
+
+
 def test_without_a_snapshot_a_restart_begins_anew(chain: Any) -> None:
     with Master(*chain) as master:
         master.initialize()
@@ -434,6 +471,26 @@ def test_another_component_takes_the_place_of_a_killed_one(
         master.reset()
         master.step(3)
     assert watcher.ticks[:31] == list(range(31))
+
+
+@pytest.mark.parametrize("killed", [True, False])
+def test_a_unit_that_another_source_does_not_name_is_taken_from_the_place(
+    killed: bool, c_fmu: Any, wired: Any, native: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    bare = c_fmu(3, edits=[(' start="0" unit="cm"', ' start="0"')])
+    with Master(*replaceable(c_fmu(3), {"a": {"k": 1.5}}, wired, native)) as master:
+        master.initialize()
+        master.step(4)
+        master.snapshot()
+        master.step(4)
+        if killed:
+            os.kill(child_of(master, "a"), signal.SIGKILL)
+            with pytest.raises(ComponentFailed):
+                master.step()
+        master.restart("a", source=str(bare))
+        assert master.tick == 4
+        assert any("a.y: names no unit" in m for m in caplog.messages)
+        master.step(4)
 
 
 def test_a_component_that_does_not_fit_is_refused(c_fmu: Any, wired: Any, native: Any) -> None:

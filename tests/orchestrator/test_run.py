@@ -1,10 +1,13 @@
 import json
 import os
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from uuvsim_cosim.cli import status_of
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid, RecordingError
 from uuvsim_cosim.orchestrator.flatten import flatten
 from uuvsim_cosim.orchestrator.library import load
@@ -130,6 +133,39 @@ def test_a_folder_is_claimed_only_if_it_is_free(tmp_path: Path) -> None:
         claim(tmp_path / "file")
     with pytest.raises(InputInvalid, match="cannot be made"):
         claim(tmp_path / "file" / "below")
+
+
+def test_runs_that_begin_at_once_claim_folders_of_their_own(tmp_path: Path) -> None:
+    barrier = threading.Barrier(8)
+
+    def begin(_: int) -> Path:
+        barrier.wait()
+        return claim(tmp_path / "runs" / "two").path
+
+    with ThreadPoolExecutor(8) as threads:
+        claimed = list(threads.map(begin, range(8)))
+    numbered = ["two", *(f"two-{n}" for n in range(2, 9))]
+    assert sorted(p.name for p in claimed) == numbered
+
+
+def test_a_claim_lasts_until_it_is_discarded(tmp_path: Path) -> None:
+    (tmp_path / "r").mkdir()
+    first = claim(tmp_path / "r")
+    assert claim(tmp_path / "r").path == tmp_path / "r-2"
+    first.discard()
+    assert claim(tmp_path / "r").path == tmp_path / "r"
+
+
+@pytest.mark.parametrize("seconds", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_watchdog_that_is_no_time_is_refused(
+    seconds: float, tank: System, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    wanted = rf"watchdog {seconds:g}: expected more than 0 seconds"
+    with pytest.raises(InputInvalid, match=wanted):
+        run(tank, until=1.0, out=tmp_path / "r", watchdog=seconds)
+    assert status_of(["run", "bluerov2_hold", "--watchdog", str(seconds)]) == 2
+    assert f"--{wanted}" in capsys.readouterr().err
+    assert not (tmp_path / "r").exists()
 
 
 def test_discarding_removes_only_what_was_made(tmp_path: Path) -> None:

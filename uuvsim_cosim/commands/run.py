@@ -13,6 +13,7 @@ from uuvsim_cosim.commands.run_progress import RunProgress
 from uuvsim_cosim.commands.run_table import show_run
 from uuvsim_cosim.commands.terminal import line, size_of, tilde
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid
+from uuvsim_cosim.fmus.watchdog import check_watchdog
 
 __all__ = ["run_command"]
 
@@ -80,6 +81,7 @@ def run_command(
         raise InputInvalid(f"--until {until:g}: expected more than 0 seconds")
     if record_every < 1:
         raise InputInvalid(f"--record-every {record_every}: expected 1 or more")
+    check_watchdog(watchdog, "--watchdog")
     if _is_fmu(system):
         refused = {
             "--waypoints": waypoints, "--replace": replace, "--map": map_, "--rate": rate,

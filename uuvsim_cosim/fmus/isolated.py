@@ -20,6 +20,7 @@ from typing import Any, BinaryIO, Protocol, final
 from uuvsim_cosim.errors import ComponentFailed, FmuError, UuvsimError
 from uuvsim_cosim.fmus.component import Binding, BindingKind, Component
 from uuvsim_cosim.fmus.description import Description, Variable
+from uuvsim_cosim.fmus.watchdog import check_watchdog
 
 __all__ = ["Isolated"]
 
@@ -80,6 +81,8 @@ class Isolated:
         shared: bool = True,
         wait: bool = True,
     ) -> None:
+        if watchdog is not None:
+            check_watchdog(watchdog)
         self.path = path
         self.description = description
         self.messages: list[tuple[str, str]] = []
@@ -220,6 +223,12 @@ class Isolated:
         """
         self._call("serve", make, tuple(arguments))
         self._stepper = stepper
+
+    def unserved(self, stepper: Stepper) -> None:
+        """Let the child make way, and give up the stepper, if it is this one's."""
+        if self._stepper is stepper:
+            self._stepper = None
+            stepper.leave()
 
     def why(self, time: float) -> BaseException:
         """Give the error that the last step through shared memory ended with."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,7 @@ from uuvsim_cosim.orchestrator.plan import Plan, Transfer
 from uuvsim_cosim.orchestrator.slots import decode, encode, read_blob, write_blob
 from uuvsim_cosim.orchestrator.snapshot import Snapshot
 from uuvsim_cosim.orchestrator.start import enter_initialization
+from uuvsim_cosim.orchestrator.values import is_float
 
 if TYPE_CHECKING:
     from uuvsim_cosim.orchestrator.master import Master
@@ -124,10 +126,10 @@ def _planned(plan: Plan, i: int, source: str) -> Plan:
     from uuvsim_cosim.orchestrator.sources import resolve
 
     resolved = resolve(source)
-    described = resolved.describe()
     old = plan.components[i]
     ends = [t.source_variable for t in plan.transfers if t.source == i]
     ends += [t.target_variable for t in plan.transfers if t.target == i]
+    described = _assuming(resolved.describe(), ends, old.path)
     problems = {v.name: p for v in ends if (p := _misfit(old.path, v, described)) is not None}
     if problems:
         raise SystemInvalid(list(problems.values()))
@@ -138,6 +140,23 @@ def _planned(plan: Plan, i: int, source: str) -> Plan:
     component = replace(old, source=resolved.text, description=described, start=start)
     transfers = tuple(_rewired(t, i, described) for t in plan.transfers)
     return replace(plan, components=_with(plan.components, i, component), transfers=transfers)
+
+
+def _assuming(described: Description, ends: Sequence[Variable], path: str) -> Description:
+    """Give the units of the place to variables that name none, as `System.replace` does."""
+    variables = dict(described.variables)
+    for old in ends:
+        new = variables.get(old.name)
+        if new is None or not is_float(new) or None not in new.units or new.size != old.size:
+            continue
+        units = tuple(b or a for a, b in zip(old.units, new.units, strict=True))
+        if units != new.units:
+            same = len(set(units)) == 1
+            variables[old.name] = replace(
+                new, unit=units[0] if same else None, element_units=() if same else units
+            )
+            log.warning("%s.%s: names no unit; %s is assumed", path, old.name, old.unit_text)
+    return replace(described, variables=variables)
 
 
 def _misfit(path: str, old: Variable, described: Description) -> Problem | None:

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from uuvsim_cosim._version import __version__
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid, RecordingError, UuvsimError
+from uuvsim_cosim.fmus.watchdog import check_watchdog
 from uuvsim_cosim.orchestrator.flatten import flatten
 from uuvsim_cosim.orchestrator.loops import loop_delays
 from uuvsim_cosim.orchestrator.mission import duration, path_of
@@ -124,6 +125,7 @@ def run(
         raise InputInvalid(f"until: {until:g} s was read; expected more than 0")
     if record_every < 1:
         raise InputInvalid(f"record_every: {record_every} was read; expected 1 or more")
+    check_watchdog(watchdog)
     if not isinstance(system, System):
         from uuvsim_cosim.orchestrator.library import load
 

@@ -1,4 +1,7 @@
-"""The folder of a run: never an older run's, and gone again if the run was refused."""
+"""The folder of a run: never another run's, and gone again if the run was refused.
+
+Whoever makes the file of the recording, which only one can, has the folder.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +9,12 @@ import itertools
 import math
 import os
 import shutil
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.orchestrator.recording_files import STREAM
 
 __all__ = ["RunFolder", "check_room", "claim"]
 
@@ -31,21 +36,18 @@ class RunFolder:
 
     def discard(self) -> None:
         """Remove what was made, as far as nothing else has come to lie in it."""
-        if self.made:
-            for file in self.path.iterdir():
-                if file.is_file():
-                    file.unlink()
-        for folder in reversed(self.made):
-            try:
-                folder.rmdir()
-            except OSError:
-                return
+        for file in self.path.iterdir():  # the claim's last: until then the folder is this run's
+            if file.is_file() and file.name != STREAM:
+                file.unlink()
+        (self.path / STREAM).unlink(missing_ok=True)
+        _remove(self.made)
 
 
 def claim(asked: str | Path) -> RunFolder:
     """Make the folder, or the first of NAME-2, NAME-3, … if it has something in it already.
 
-    Raises InputInvalid if it cannot be made or written into.
+    It holds an empty file of a recording from then on, so that no other run claims it. Raises
+    InputInvalid if it cannot be made or written into.
     """
     asked = Path(asked).expanduser().absolute()
     for number in itertools.count(1):
@@ -61,12 +63,32 @@ def claim(asked: str | Path) -> RunFolder:
                 f"output folder {path}: cannot be made ({error.strerror}); expected a folder "
                 "that can be written"
             ) from None
-        if not os.access(path, os.W_OK | os.X_OK):
+        try:
+            if _marked(path):
+                return RunFolder(path, asked, made)
+        except OSError as error:
+            _remove(made)
             raise InputInvalid(
-                f"output folder {path}: cannot be written; expected a folder that can be written"
-            )
-        return RunFolder(path, asked, made)
+                f"output folder {path}: cannot be written ({error.strerror}); expected a folder "
+                "that can be written"
+            ) from None
     raise AssertionError("the count does not end")
+
+
+def _marked(path: Path) -> bool:
+    """Put the empty recording there; False if another run was quicker."""
+    while True:
+        try:
+            os.close(os.open(path / STREAM, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+        except FileExistsError:
+            return False
+        except FileNotFoundError:  # a run that was refused has removed the folder meanwhile
+            path.mkdir(parents=True, exist_ok=True)
+            continue
+        if os.listdir(path) == [STREAM]:
+            return True
+        (path / STREAM).unlink()  # that run is over already
+        return False
 
 
 def check_room(folder: Path, wanted: float) -> None:
@@ -86,10 +108,23 @@ def _made(path: Path) -> tuple[Path, ...]:
     done: list[Path] = []
     try:
         for folder in missing:
-            folder.mkdir()
+            try:
+                folder.mkdir()
+            except FileExistsError:  # another run makes the same; what it made is not this one's
+                if not folder.is_dir():
+                    raise
+                continue
             done.append(folder)
     except OSError:
-        for folder in reversed(done):
-            folder.rmdir()
+        _remove(done)
         raise
     return tuple(done)
+
+
+def _remove(folders: Sequence[Path]) -> None:
+    """Remove empty folders, the innermost first."""
+    for folder in reversed(folders):
+        try:
+            folder.rmdir()
+        except OSError:  # it is not empty
+            return

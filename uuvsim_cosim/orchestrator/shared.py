@@ -53,7 +53,8 @@ class Exchange:
         component.serve(self, serve, (*names, spins))
 
     def exchange_with(self, component: Isolated) -> None:
-        """Step another instance of the same from now on."""
+        """Step another instance of the same from now on; the one before steps no more."""
+        self._component.unserved(self)  # it must not close what is the other's from now on
         self._component = component
         if self._shown is not None:
             self.open(*self._shown)
