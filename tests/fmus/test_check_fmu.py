@@ -10,9 +10,10 @@ from typing import Any
 import pytest
 
 from uuvsim_cosim.errors import FmuError
-from uuvsim_cosim.fmus.check_fmu import check
+from uuvsim_cosim.fmus.check_fmu import check, examine, relied_on
 from uuvsim_cosim.fmus.export import build_fmu, write_archive
-from uuvsim_cosim.fmus.toolchain import compile_shared
+from uuvsim_cosim.fmus.reference_result import LS_REF
+from uuvsim_cosim.fmus.toolchain import compile_shared, host
 from uuvsim_cosim.models.library import available, declare
 from uuvsim_cosim.models.model import Model
 
@@ -102,6 +103,138 @@ def test_an_fmu_that_crashes_or_hangs_is_a_finding(
     assert words in found[0].text
 
 
+FIRST_ORDER = Path(__file__).parent / "foreign" / "first_order_fmi2"
+
+
+def first_order(tmp_path: Path, *edits: tuple[str, str], **members: str) -> Path:
+    """An FMU in C that leaves out functions nobody needs; its C may be edited."""
+    import fmpy
+
+    code, text = (FIRST_ORDER.with_suffix(s).read_text() for s in (".c", ".xml"))
+    for old, new in edits:
+        assert old in code
+        code = code.replace(old, new, 1)
+    source = tmp_path / "first_order.c"
+    source.write_text(code)
+    headers = [Path(fmpy.__file__).parent / "c-code", FIRST_ORDER.parent]
+    library = compile_shared([source], name="first_order", include=headers)
+    platform = host()
+    path = tmp_path / "first_order.fmu"
+    write_archive(
+        path,
+        {
+            "modelDescription.xml": text.encode(),
+            f"binaries/{platform.fmi2}/first_order{platform.suffix}": library.read_bytes(),
+            **{name: content.encode() for name, content in members.items()},
+        },
+    )
+    return path
+
+
+def results(path: Path) -> dict[str, str]:
+    return {look.check: look.result for look in examine(path)}
+
+
+def test_every_look_at_an_fmu_is_told_with_its_result(tmp_path: Path) -> None:
+    found = results(first_order(tmp_path))
+    assert found == {
+        "rules": "ok", "binary": "ok", "run": "ok", "determinism": "ok", "reset": "ok",
+        "state": "ok", "reference": "not applicable",
+    }  # fmt: skip
+
+
+def test_an_fmu_that_omits_functions_nobody_needs_passes(tmp_path: Path) -> None:
+    left_out = ("fmi2CancelStep", "fmi2SetRealInputDerivatives")
+    assert check(first_order(tmp_path, *((name, f"x{name}") for name in left_out))) == []
+
+
+COUNT = "v->integer[STEPS]++;"
+KEPT = "    memcpy(&((instance *)c)->v, state, sizeof(values));"
+RESET = "    start(&((instance *)c)->v);\n    return fmi2OK;"
+
+
+@pytest.mark.parametrize(
+    ("edit", "finding", "words"),
+    [
+        ((COUNT, "static int all; v->integer[STEPS] = ++all;"), "determinism", "'steps' differs"),
+        ((RESET, "    return c ? fmi2OK : fmi2Error;"), "reset", "'steps' differs after a reset"),
+        ((RESET, "    abort();"), "reset", "crashed with signal"),
+        ((RESET, "    for (volatile int i = 1; i;) ;"), "reset", "did not end within"),
+        (("fmi2Status fmi2Reset", "fmi2Status fmi2Reset_"), "reset", "fmi2Reset"),
+        ((KEPT, "    (void)c, (void)state;"), "state",
+         "'steps' differs after the state was restored"),
+    ],
+)  # fmt: skip
+def test_what_a_master_needs_and_the_fmu_does_not_keep_is_found(
+    tmp_path: Path, edit: tuple[str, str], finding: str, words: str
+) -> None:
+    looks = examine(path := first_order(tmp_path, edit), time_limit=8.0)
+    found = {look.check: look for look in looks}
+    assert found[finding].result == "finding"
+    assert any(look.check == finding and words in look.text for look in looks)
+    assert found["run"].result == "ok"
+    assert found["reference"].result == "not applicable"  # the looks after it were made
+    said = relied_on(path, looks)
+    topic = {"determinism": "same bits each time", "reset": "FMI's own reset", "state": "snapshot"}
+    assert said[topic[finding]].startswith(("no, tried", "not as declared"))
+
+
+MANIFEST = """<?xml version="1.0" encoding="UTF-8"?>
+<fmiReferences xmlns:fmi-ls="http://fmi-standard.org/fmi-ls-manifest"
+ fmi-ls:fmi-ls-name="org.fmi-standard.fmi-ls-ref" fmi-ls:fmi-ls-version="1.0.0-alpha.1">
+<Related type="text/csv" source="in.csv" role="input"/>
+<Related type="text/csv" source="out.csv" role="result"/></fmiReferences>"""
+
+
+def with_reference(tmp_path: Path, result: str, **more: str) -> Path:
+    members = {
+        "fmi-ls-manifest.xml": MANIFEST,
+        "in.csv": "time,u\n0,1\n",
+        "out.csv": result,
+        **more,
+    }
+    return first_order(tmp_path, **{f"{LS_REF}/{name}": text for name, text in members.items()})
+
+
+def test_the_result_of_fmi_ls_ref_is_repeated_with_its_inputs(tmp_path: Path) -> None:
+    # Euler by hand: y' = (1 - y) / 0.5, h = 0.1
+    rows = "".join(f"{k / 10},{1 - 0.8**k!r},{k}\n" for k in range(6))
+    looks = examine(with_reference(tmp_path, "time,y,steps\n" + rows))
+    (look,) = (look for look in looks if look.check == "reference")
+    assert look.result == "ok"
+    assert "out.csv: 2 columns within 0.0001 of their range, at 6 of 6 times" in look.text
+
+
+def test_a_deviation_from_fmi_ls_ref_is_found_with_its_time_and_tolerance(tmp_path: Path) -> None:
+    found = check(with_reference(tmp_path, "time,y\n0,0\n0.1,0.2\n0.2,0.5\n"))
+    assert [f.check for f in found] == ["reference"]
+    assert "output 'y' is off by 0.28 of its range at t = 0.2 s" in found[0].text
+    assert "expected at most 0.0001" in found[0].text
+
+
+def test_an_experiment_of_fmi_ls_ref_names_parameters_signals_and_tolerance(
+    tmp_path: Path,
+) -> None:
+    experiments = """<Experiments name="all"><Experiment name="gain" stopTime="1" stepSize="0.1"
+     tolerance="0.01"><Parameters source="p.ssv"/><Stimuli source="in.csv"/>
+     <References source="gain.csv"><Signal name="y"/></References></Experiment></Experiments>"""
+    ssv = '<P><Parameters><Parameter name="k"><Real value="2"/></Parameter></Parameters></P>'
+    path = with_reference(
+        tmp_path,
+        "time,y\n0,0\n0.1,0.2\n",
+        **{"experiments.xml": experiments, "p.ssv": ssv},
+        **{"gain.csv": "time,y,steps\n0,0,9\n0.1,0.4001,9\n"},
+    )
+    (look,) = (look for look in examine(path) if look.check == "reference")
+    assert look.result == "ok", look.text
+    assert "'gain' gain.csv: 1 columns within 0.01" in look.text
+
+
+def test_a_file_that_the_manifest_names_must_be_there(tmp_path: Path) -> None:
+    path = first_order(tmp_path, **{f"{LS_REF}/fmi-ls-manifest.xml": MANIFEST})
+    assert "names 'out.csv', which is not in the archive" in str(*check(path))
+
+
 def test_a_file_that_is_no_fmu_is_an_error(tmp_path: Path) -> None:
     file = tmp_path / "x.fmu"
     file.write_text("no zip")
@@ -112,4 +245,8 @@ def test_a_file_that_is_no_fmu_is_an_error(tmp_path: Path) -> None:
 @pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("name", available())
 def test_every_shipped_component_is_a_valid_fmu_that_fmpy_simulates(name: str, fmi: int) -> None:
-    assert check(build_fmu(declare(name), fmi=fmi)) == []
+    import fmpy
+
+    path = build_fmu(declare(name), fmi=fmi)
+    assert check(path) == []
+    assert len(fmpy.simulate_fmu(str(path), validate=False)) > 1

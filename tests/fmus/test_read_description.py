@@ -155,3 +155,29 @@ def test_a_faulty_description_is_refused_at_its_place(
 ) -> None:
     with pytest.raises(FmuError, match=message):
         read_description(c_fmu(version, edits=[(old, new)]))
+
+
+def test_a_structural_parameter_may_be_boolean_or_of_any_whole_type(
+    tmp_path: Path, c_fmu: CFmu
+) -> None:
+    import zipfile
+
+    with zipfile.ZipFile(c_fmu(3)) as archive:
+        members = {n: archive.read(n) for n in archive.namelist()}
+    text = members["modelDescription.xml"].decode()
+    more = "".join(
+        f'<{kind} name="s{n}" valueReference="{9000 + n}" causality="structuralParameter" '
+        f'variability="fixed" start="{start}"/>'
+        for n, (kind, start) in enumerate([("Boolean", "false"), ("Int8", "-1"), ("UInt16", "3")])
+    )
+    dimension = '<Dimension valueReference="9002"/>'
+    more += f'<Float64 name="a3" valueReference="9003" start="0">{dimension}</Float64>'
+    text = text.replace("</ModelVariables>", more + "</ModelVariables>")
+    write_archive(tmp_path / "x.fmu", {**members, "modelDescription.xml": text.encode()})
+    variables = read_description(tmp_path / "x.fmu").variables
+    assert [variables[f"s{n}"].start for n in range(3)] == [False, -1, 3]
+    assert variables["a3"].shape == (3,)
+    bad = text.replace(dimension, '<Dimension valueReference="9001"/>')
+    write_archive(tmp_path / "y.fmu", {**members, "modelDescription.xml": bad.encode()})
+    with pytest.raises(FmuError, match="'a3': Dimension '-1'; expected a whole number, 0 or more"):
+        read_description(tmp_path / "y.fmu")

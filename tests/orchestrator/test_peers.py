@@ -6,6 +6,7 @@ from typing import Any
 
 import fmpy
 import pytest
+from fmpy import fmi2
 from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 
@@ -30,6 +31,15 @@ def lag() -> Model:
 PATHS = "abc"
 
 
+def callbacks() -> Any:
+    """FMPy's own go through one logger for all instances, which another test may have freed."""
+    own = fmi2.fmi2CallbackFunctions()
+    own.logger = fmi2.fmi2CallbackLoggerTYPE(lambda *words: None)
+    own.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
+    own.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free)
+    return own
+
+
 def by_fmpy(fmu: Path, version: int) -> list[list[float]]:
     """Read all, set all, step all: what a Jacobi master does, through FMPy's calls alone."""
     described = fmpy.read_model_description(str(fmu))
@@ -40,9 +50,11 @@ def by_fmpy(fmu: Path, version: int) -> list[list[float]]:
     for path in PATHS:
         f = kind(guid=described.guid, unzipDirectory=folder, instanceName=path,
                  modelIdentifier=described.coSimulation.modelIdentifier)  # fmt: skip
-        f.instantiate()
         if version == 2:
+            f.instantiate(callbacks=callbacks())
             f.setupExperiment(startTime=0.0)
+        else:
+            f.instantiate()
         fmus.append(f)
     get, put = ("getReal", "setReal") if version == 2 else ("getFloat64", "setFloat64")
     getattr(fmus[0], put)(u, [1.0])

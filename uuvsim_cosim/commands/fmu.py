@@ -107,17 +107,21 @@ def _short(value: Any) -> str:
 
 @app.command("check")
 def check(files: Annotated[list[Path], typer.Argument(help="One .fmu, or several.")]) -> None:
-    """Check FMUs against FMI's schema and rules, and run them; status 2 if something is wrong."""
-    from uuvsim_cosim.fmus.check_fmu import check as find
+    """Check FMUs: rules, run, reset, state, reference result; status 2 if something is wrong."""
+    from uuvsim_cosim.fmus.check_fmu import examine, relied_on
 
     wrong = []
     for file in files:
         with console(stderr=True).status(f"checking {file.name}"):
-            findings = find(file)
-        for finding in findings:
-            line(str(finding))
-        if findings:
-            wrong.append(f"{file}: {len(findings)} finding(s)")
+            looks = examine(file)
+        line(tilde(file))
+        for look in looks:
+            line(f"  {look.check}: {look.result}{': ' if look.text else ''}{look.text}")
+        line()
+        table(("a master may rely on", ""), list(relied_on(file, looks).items()))
+        found = sum(look.result == "finding" for look in looks)
+        if found:
+            wrong.append(f"{file}: {found} finding(s)")
         else:
             line(f"{tilde(file)}: nothing wrong was found")
     if wrong:

@@ -1,20 +1,26 @@
-"""Does an .fmu keep FMI's rules, and does it run? Each doubt is a finding."""
+"""Looks at an .fmu from all sides, and says what a master may rely on."""
 
 from __future__ import annotations
 
 import json
 import subprocess
 import sys
+import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from uuvsim_cosim.errors import FmuError
-from uuvsim_cosim.fmus.read_description import read_fmu
+from uuvsim_cosim.fmus.read_description import FmuArchive, read_fmu
+from uuvsim_cosim.fmus.reliance import reliance
 from uuvsim_cosim.fmus.toolchain import host
+from uuvsim_cosim.fmus.trial_run import LOOKS
 
-__all__ = ["TIME_LIMIT", "Finding", "check"]
+__all__ = ["TIME_LIMIT", "Finding", "Look", "check", "examine", "relied_on"]
 
-TIME_LIMIT = 120.0  # seconds that an FMU may take for the trial run
+TIME_LIMIT = 120.0  # seconds that an FMU may take for each process of the trial
+Result = Literal["ok", "finding", "not applicable"]
 
 
 @dataclass(frozen=True)
@@ -29,43 +35,105 @@ class Finding:
         return f"{self.check}: {self.text}"
 
 
-def check(path: Path, *, time_limit: float = TIME_LIMIT) -> list[Finding]:
-    """Check an .fmu and list what is wrong; an empty list is a good FMU.
+@dataclass(frozen=True)
+class Look:
+    """One look at an FMU: its result, and the finding, the measure, or why it was not made."""
 
-    Schema and rules by FMPy; a run with start values by FMPy; outputs that are no numbers; a
-    step repeated from a serialized state; and the reference result, where the archive has
-    ``documentation/reference.csv``. The run happens in a process of its own, so that an FMU
-    that crashes or hangs is a finding. Raises FmuError if the file is no FMU at all.
+    check: str
+    result: Result
+    text: str
+
+
+def check(path: Path, *, time_limit: float = TIME_LIMIT) -> list[Finding]:
+    """List what is wrong with an .fmu; an empty list is a good FMU. See `examine`."""
+    looks = examine(path, time_limit=time_limit)
+    return [Finding(look.check, look.text) for look in looks if look.result == "finding"]
+
+
+def examine(path: Path, *, time_limit: float = TIME_LIMIT) -> list[Look]:
+    """Look at an .fmu from all sides: rules, binary, run, determinism, reset, state, reference.
+
+    Schema and rules by FMPy; everything that runs by this package's own importer, in a process
+    of its own, so that an FMU that crashes or hangs is a finding of the look that was made, and
+    the others go on. Raises FmuError if the file is no FMU at all.
     """
     from fmpy.validation import validate_fmu
 
     fmu = read_fmu(path)
-    findings = [Finding("rules", " ".join(text.split())) for text in validate_fmu(str(path))]
+    texts = [" ".join(text.split()) for text in validate_fmu(str(path))]
+    looks = [Look("rules", "finding", text) for text in texts]
+    looks = looks or [Look("rules", "ok", "schema and rules of the model description")]
     platform = host()
-    if not {platform.fmi2, platform.fmi3} & set(fmu.binaries):
-        there = ", ".join(fmu.binaries) or "none"
-        findings.append(
-            Finding("binary", f"none for {platform.fmi2}, so it was not run; there: {there}")
-        )
-        return findings
-    return findings + _trial(path, time_limit)
+    here = sorted({platform.fmi2, platform.fmi3} & set(fmu.binaries))
+    there = ", ".join(fmu.binaries) or "none"
+    if not here:
+        text = f"none for {platform.fmi2}, so it was not run; there: {there}"
+        looks.append(Look("binary", "finding", text))
+        return looks + _skipped(list(LOOKS), "no binary for this machine")
+    looks.append(Look("binary", "ok", there))
+    return looks + _trial(path, time_limit)
 
 
-def _trial(path: Path, time_limit: float) -> list[Finding]:
-    command = [sys.executable, "-m", "uuvsim_cosim.fmus.trial_run", str(path)]
+def relied_on(path: Path, looks: Sequence[Look]) -> dict[str, str]:
+    """Say what a master may rely on: what the FMU declares, less what the looks disproved."""
+    fmu: FmuArchive = read_fmu(path)
+    said = reliance(fmu)
+    failed = {look.check for look in looks if look.result == "finding"}
+    passed = {look.check for look in looks if look.result == "ok"}
+    if "run" in failed:
+        said["run"] = "no: see what was found"
+    if "state" in failed and fmu.description.can_get_and_set_state:
+        for topic in ("reset", "snapshot", "iterated groups"):
+            said[topic] = "not as declared: its state did not come back, see what was found"
+    said["FMI's own reset"] = _word("reset", passed, failed)
+    said["same bits each time"] = _word("determinism", passed, failed)
+    return said
+
+
+def _word(check: str, passed: set[str], failed: set[str]) -> str:
+    return "yes, tried" if check in passed else "no, tried" if check in failed else "not tried"
+
+
+def _trial(path: Path, time_limit: float) -> list[Look]:
+    looks: list[Look] = []
+    left = list(LOOKS)
+    with tempfile.TemporaryDirectory() as folder:
+        while left:
+            done = _process(path, Path(folder) / f"{len(left)}.jsonl", left, time_limit)
+            looks += done
+            over = {look.check for look in done}
+            if "run" in over and not over - {"run"} and len(left) == len(LOOKS):
+                return looks + _skipped(left[1:], "it did not run")
+            left = [name for name in left if name not in over]
+    return looks
+
+
+def _process(path: Path, file: Path, looks: Sequence[str], time_limit: float) -> list[Look]:
+    """Make looks in one process, until they are made or it ends; there is at least one result."""
+    command = [sys.executable, "-m", "uuvsim_cosim.fmus.trial_run", str(path), str(file), *looks]
+    ended = "ended without a result"
     try:
         done = subprocess.run(
-            command, capture_output=True, text=True, timeout=time_limit, check=False
-        )
+            command, capture_output=True, text=True, errors="replace", timeout=time_limit,
+            check=False,
+        )  # fmt: skip
+        if done.returncode < 0:
+            ended = f"crashed with signal {-done.returncode}"
+        elif done.returncode:
+            last = (done.stderr.strip().splitlines() or ["no message"])[-1]
+            ended = f"ended with status {done.returncode}: {last}"
     except subprocess.TimeoutExpired:
-        return [Finding("run", f"did not end within {time_limit:g} s")]
+        ended = f"did not end within {time_limit:g} s"
     except OSError as error:
         raise FmuError(f"{path}: the trial run cannot be started ({error.strerror})") from error
-    if done.returncode < 0:
-        return [Finding("run", f"crashed with signal {-done.returncode}")]
-    lines = done.stdout.splitlines()
-    if done.returncode != 0 or not lines:
-        last = (done.stderr.strip().splitlines() or ["no message"])[-1]
-        return [Finding("run", f"ended with status {done.returncode}: {last}")]
-    # The FMU may have printed as well; the findings are the last line.
-    return [Finding(**entry) for entry in json.loads(lines[-1])]
+    lines = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []
+    entries = [json.loads(line) for line in lines if line.endswith("}")]
+    made = [Look(**e) for e in entries if e["result"] != "begun"]
+    begun = [e["check"] for e in entries if e["result"] == "begun"] or [looks[0]]
+    if begun[-1] not in {look.check for look in made}:
+        made.append(Look(begun[-1], "finding", ended))
+    return made
+
+
+def _skipped(names: Sequence[str], why: str) -> list[Look]:
+    return [Look(name, "not applicable", why) for name in names]

@@ -1,242 +1,284 @@
-"""Runs an FMU by FMPy and writes findings as JSON: `check_fmu` starts this in its own process."""
+"""Runs an FMU as a master would, by this package's importer: `check_fmu` starts it as a process."""
 
 from __future__ import annotations
 
-import csv
 import json
 import os
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from uuvsim_cosim.fmus.description import Description, Variable
+from uuvsim_cosim.errors import ComponentFailed, FmuError
+from uuvsim_cosim.fmus.compare_reference import asks_to_end, deviations
+from uuvsim_cosim.fmus.component import Component
+from uuvsim_cosim.fmus.input_csv import Series, read_input_csv
 from uuvsim_cosim.fmus.instantiate import instantiate_fmu
-from uuvsim_cosim.fmus.model_description import element_names
 from uuvsim_cosim.fmus.read_description import FmuArchive, read_fmu
+from uuvsim_cosim.fmus.reference_result import TOLERANCE, default_experiment, references
 
-__all__ = ["trial"]
+__all__ = ["LOOKS", "trial"]
 
-TOLERANCE = 1e-9  # of the reference result, relative to the largest value of its column
-STEPS = 5
-_NUMERIC = ("Float64", "Int32", "Boolean")
+STEPS = 500  # at most, of the run
+REPEATED = 50  # at most, of each run that is repeated
+DEFAULT_STEP, DEFAULT_STOP = 0.01, 1.0  # [s], where the FMU names none
 
 Entry = dict[str, str]
+Rows = list[dict[str, Any]]  # the outputs at each communication point
 
 
-def trial(path: Path) -> list[Entry]:
-    """Run the FMU in three ways; each doubt is one entry."""
-    fmu = read_fmu(path)
-    messages: list[str] = []
+class NotApplicable(Exception):
+    """Why a look is not made at this FMU."""
+
+
+def trial(
+    path: Path, looks: Iterable[str] = (), report: Callable[[Entry], None] = lambda entry: None
+) -> list[Entry]:
+    """Make the named looks, all by default; give the findings, and report each result."""
+    experiment = _Experiment(read_fmu(path))
     findings: list[Entry] = []
-    exchange = fmu.interface == "ModelExchange"
-    looks = (("run", _run), ("state", _state_of_exchange if exchange else _state),
-             *(() if exchange else (("reference", _reference),)))  # fmt: skip
-    for name, look in looks:
+    looks = list(looks or LOOKS)
+    if "run" not in looks:
+        list(_run(experiment))  # how far it goes
+    for name in looks:
+        report({"check": name, "result": "begun", "text": ""})
         try:
-            findings += [{"check": name, "text": text} for text in look(fmu, messages)]
-        except Exception as error:  # whatever FMPy makes of the FMU's status
-            words = " | ".join([str(error), *messages[-3:]])
-            findings.append({"check": name, "text": words})
+            experiment.say = ""
+            texts = list(LOOKS[name](experiment))
+            found = [{"check": name, "result": "finding", "text": text} for text in texts]
+            done = found or [{"check": name, "result": "ok", "text": experiment.say}]
+        except NotApplicable as why:
+            found, done = [], [{"check": name, "result": "not applicable", "text": str(why)}]
+        except Exception as error:  # whatever the FMU's status became
+            found = done = [{"check": name, "result": "finding", "text": str(error)}]
+        for entry in done:
+            report(entry)
+        findings += [{"check": e["check"], "text": e["text"]} for e in found]
+        if name == "run" and any(e["result"] == "finding" for e in done) and not experiment.ran:
             break
     return findings
 
 
-def _run(fmu: FmuArchive, messages: list[str]) -> Iterator[str]:
-    """Simulate with the start values."""
-    import fmpy
+class _Experiment:
+    """The FMU's default experiment, with the inputs of its own reference result if it has one."""
 
-    result = fmpy.simulate_fmu(
-        str(fmu.path), validate=False, timeout=60.0, logger=_collector(messages)
-    )
-    for name in result.dtype.names:
-        values = np.asarray(result[name], dtype=float).reshape(len(result), -1)
-        bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
-        if bad.size:
-            yield f"output {name!r} is not finite from t = {result['time'][bad[0]]:.9g} s on"
+    def __init__(self, fmu: FmuArchive) -> None:
+        self.fmu = fmu
+        self.outputs = fmu.description.of("output")
+        self.say = ""  # what an "ok" adds
+        self.ran = False
+        _, stop, step = default_experiment(fmu)
+        stop = stop or DEFAULT_STOP
+        self.h = step or min(DEFAULT_STEP, stop / 10)
+        self.count = max(2, min(STEPS, round(stop / self.h)))
+        self.repeated = min(self.count, REPEATED)
+        self.series: list[Series] = []
+        try:
+            given = next((r.inputs for r in references(fmu) if r.inputs is not None), None)
+            if given is not None:
+                self.series = read_input_csv(given, fmu.description)
+        except Exception:
+            self.series = []  # the look at the reference says what is wrong with it
 
+    @contextmanager
+    def instance(self, name: str = "trial") -> Iterator[Component]:
+        """Give an instance that is freed."""
+        x = instantiate_fmu(self.fmu, name)
+        try:
+            yield x
+        finally:
+            x.free()
 
-def _state(fmu: FmuArchive, messages: list[str]) -> Iterator[str]:
-    """Repeat a step from a state that was serialized."""
-    description = fmu.description
-    if not (description.can_get_and_set_state and description.can_serialize_state):
-        return
-    h = description.default_step_size or 0.01
-    with _instance(fmu, messages) as x:
-        _start(x, {})
-        for k in range(STEPS):
-            x.doStep(currentCommunicationPoint=k * h, communicationStepSize=h)
-        state = _call(x, "getFMUState")
-        data = _call(x, "serializeFMUState", state)
-        _call(x, "freeFMUState", state)
-        runs = []
-        for again in (False, True):
-            if again:
-                state = _call(x, "deserializeFMUState", data)
-                _call(x, "setFMUState", state)
-                _call(x, "freeFMUState", state)
-            for k in range(STEPS, 2 * STEPS):
-                x.doStep(currentCommunicationPoint=k * h, communicationStepSize=h)
-            runs.append(_read(x, description))
-        for name, value in runs[0].items():
-            if not np.array_equal(value, runs[1][name], equal_nan=True):
-                yield f"output {name!r} differs after the state was restored"
-
-
-def _state_of_exchange(fmu: FmuArchive, messages: list[str]) -> Iterator[str]:
-    """Repeat a step from a state, where the master integrates."""
-    description = fmu.description
-    if not description.can_get_and_set_state:
-        return
-    h = description.default_step_size or 0.01
-    x = instantiate_fmu(fmu, "trial")
-    try:
+    def start(self, x: Component) -> None:
+        """Go through Initialization Mode."""
         x.enter_initialization_mode(0.0, None)
+        self.feed(x, 0)
         x.exit_initialization_mode()
-        x.do_step(0.0, h)
-        state = x.get_fmu_state()
-        runs = []
-        for again in (False, True):
-            if again:
-                x.set_fmu_state(state)
-            x.do_step(h, h)
-            runs.append({v.name: np.asarray(x.get(v)) for v in description.of("output")})
-        for name, value in runs[0].items():
-            if not np.array_equal(value, runs[1][name]):
-                yield f"output {name!r} differs after the state was restored"
-    finally:
-        messages += [text for _, text in getattr(x, "messages", [])]
-        x.free()
+
+    def feed(self, x: Component, k: int) -> None:
+        """Set the inputs of a step."""
+        feed(x, self.series, k * self.h)
+
+    def step(self, x: Component, first: int, n: int) -> Rows:
+        """Make steps; give the outputs after each."""
+        rows: Rows = []
+        for k in range(first, first + n):
+            self.feed(x, k)
+            x.do_step(k * self.h, self.h)
+            rows.append(self.read(x))
+        return rows
+
+    def read(self, x: Component) -> dict[str, Any]:
+        """Read all outputs."""
+        return {v.name: np.asarray(x.get(v)).copy() for v in self.outputs}
+
+    def differences(self, one: Rows, other: Rows, what: str, first: int = 0) -> Iterator[str]:
+        """Say which outputs have not the same bits, and from when on."""
+        for v in self.outputs:
+            for k, (a, b) in enumerate(zip(one, other, strict=True)):
+                if not _same(a[v.name], b[v.name]):
+                    t = (first + k + 1) * self.h
+                    yield f"output {v.name!r} differs {what}, first at t = {t:.9g} s"
+                    break
 
 
-def _reference(fmu: FmuArchive, messages: list[str]) -> Iterator[str]:
-    """Repeat the reference result inside."""
-    folder = fmu.folder / "documentation"
-    if not ((folder / "input.csv").is_file() and (folder / "reference.csv").is_file()):
+def feed(x: Component, series: Iterable[Series], t: float) -> None:
+    """Set the inputs that have values over time."""
+    whole: dict[str, tuple[Any, Any]] = {}
+    for s in series:
+        v = s.variable
+        if not v.shape:
+            x.set(v, s.at(t))
+            continue
+        _, array = whole.setdefault(v.name, (v, np.array(x.get(v))))
+        array.flat[s.element] = s.at(t)
+    for v, array in whole.values():
+        x.set(v, array)
+
+
+def _same(a: Any, b: Any) -> bool:
+    one, other = np.asarray(a), np.asarray(b)
+    if one.dtype == object:
+        return bool(np.array_equal(one, other))
+    return one.tobytes() == other.tobytes()
+
+
+def _run(e: _Experiment) -> Iterator[str]:
+    """Simulate with the start values, as far as the default experiment goes."""
+    with e.instance() as x:
+        e.start(x)
+        seen: set[str] = set()
+        end = ""
+        for k in range(e.count):
+            try:
+                values = e.step(x, k, 1)[0]
+            except ComponentFailed as error:
+                if k == 0 or not asks_to_end(error):
+                    raise
+                end = ", then it asked to end the simulation"
+                e.count, e.repeated = k, min(k, e.repeated)
+                break
+            for name, value in values.items():
+                bad = value.dtype.kind == "f" and not np.isfinite(value).all()
+                if bad and name not in seen:
+                    seen.add(name)
+                    yield f"output {name!r} is not finite from t = {(k + 1) * e.h:.9g} s on"
+        e.ran = True
+        if not end:
+            x.terminate()
+    e.say = f"{e.count} steps of {e.h:g} s{end}"
+
+
+def _determinism(e: _Experiment) -> Iterator[str]:
+    """Step two instances in turn; where only one may live, one after the other."""
+    n = e.repeated
+    rows: tuple[Rows, Rows] = ([], [])
+    if e.fmu.description.can_be_instantiated_only_once:
+        for r in rows:
+            with e.instance() as x:
+                e.start(x)
+                r += e.step(x, 0, n)
+        e.say = f"two instances, one after the other: the same bits over {n} steps"
+        yield from e.differences(*rows, "between two instances, one after the other")
         return
-    given, expected = _table(folder / "input.csv"), _table(folder / "reference.csv")
-    description = fmu.description
-    outputs = [v for v in description.of("output") if v.type in _NUMERIC]
-    scale = {n: max(1e-12, float(np.max(np.abs(c)))) for n, c in expected.items()}
-    h = float(given["time"][1])
-    worst: dict[str, tuple[float, float]] = {}
-    row = 0
-    with _instance(fmu, messages) as x:
-        for k, t in enumerate(given["time"]):
-            if k == 0:
-                _start(x, _elements(description, given, 0))
-            else:
-                _set(x, _elements(description, given, k))
-            x.doStep(currentCommunicationPoint=float(t), communicationStepSize=h)
-            if row < len(expected["time"]) and abs(t + h - expected["time"][row]) < 0.5 * h:
-                values = _read(x, description)
-                for v in outputs:
-                    for name, value in zip(element_names(v), values[v.name].ravel(), strict=True):
-                        error = abs(float(value) - float(expected[name][row])) / scale[name]
-                        if not error <= max(TOLERANCE, worst.get(name, (0.0, 0.0))[0]):
-                            worst[name] = (error, float(t + h))
-                row += 1
-    for name, (error, t) in worst.items():
-        yield f"output {name!r} is off by {error:.3g} of its range at t = {t:.9g} s"
+    with e.instance("first") as a, e.instance("second") as b:
+        for x in (a, b):
+            e.start(x)
+        for k in range(n):
+            for x, r in zip((a, b), rows, strict=True):
+                r += e.step(x, k, 1)
+    e.say = f"two instances side by side: the same bits over {n} steps"
+    yield from e.differences(*rows, "between two instances side by side")
 
 
-# ---- FMPy ---------------------------------------------------------------------------------
+def _reset(e: _Experiment) -> Iterator[str]:
+    """Reset, and run again."""
+    with e.instance() as x:
+        e.start(x)
+        first = e.step(x, 0, e.repeated)
+        x.reset()
+        e.start(x)
+        again = e.step(x, 0, e.repeated)
+    e.say = f"run again: the same bits over {e.repeated} steps"
+    yield from e.differences(first, again, "after a reset")
 
 
-def _collector(messages: list[str]) -> Any:
-    def collect(*arguments: Any) -> None:
-        text = arguments[-1]
-        messages.append(text.decode(errors="replace") if isinstance(text, bytes) else str(text))
-
-    return collect
-
-
-@contextmanager
-def _instance(fmu: FmuArchive, messages: list[str]) -> Iterator[Any]:
-    from fmpy.model_description import read_model_description
-    from fmpy.simulation import instantiate_fmu
-
-    md = read_model_description(str(fmu.folder), validate=False)
-    x = instantiate_fmu(str(fmu.folder), md, "CoSimulation", logger=_collector(messages))
-    try:
-        yield x
-    finally:
-        x.freeInstance()
-
-
-def _start(x: Any, elements: Mapping[str, tuple[Variable, Any]]) -> None:
-    two = hasattr(x, "setupExperiment")
-    if two:
-        x.setupExperiment(startTime=0.0)
-    x.enterInitializationMode()
-    _set(x, elements)
-    x.exitInitializationMode()
-
-
-def _call(x: Any, name: str, *arguments: Any) -> Any:
-    """Call a function by its FMI 3 name; FMPy's FMI 2 class spells some differently."""
-    spellings = {
-        "getFMUState": "getFMUstate",
-        "setFMUState": "setFMUstate",
-        "freeFMUState": "freeFMUstate",
-        "serializeFMUState": "serializeFMUstate",
-        "deserializeFMUState": "deSerializeFMUstate",
-    }
-    return getattr(x, name if hasattr(x, name) else spellings[name])(*arguments)
+def _state(e: _Experiment) -> Iterator[str]:
+    """Go back to states: of Initialization Mode, of a step, and of a step as bytes."""
+    d = e.fmu.description
+    if not d.can_get_and_set_state:
+        raise NotApplicable("it does not say that its state can be copied")
+    n = max(1, e.repeated // 2)
+    with e.instance() as x:
+        x.enter_initialization_mode(0.0, None)
+        initial = x.get_fmu_state()
+        e.feed(x, 0)
+        x.exit_initialization_mode()
+        before = e.step(x, 0, n)
+        state = x.get_fmu_state()
+        data = x.serialize_fmu_state(state) if d.can_serialize_state else None
+        after = e.step(x, n, n)
+        x.set_fmu_state(state)
+        yield from e.differences(after, e.step(x, n, n), "after the state was restored", n)
+        if data is not None:
+            x.set_fmu_state(x.deserialize_fmu_state(data))
+            what = "after the serialized state was restored"
+            yield from e.differences(after, e.step(x, n, n), what, n)
+        x.set_fmu_state(initial)
+        e.feed(x, 0)
+        x.exit_initialization_mode()
+        what = "after the state of Initialization Mode was restored"
+        yield from e.differences(before, e.step(x, 0, n), what)
+    kinds = "in Initialization Mode, between steps" + (", as bytes" if data is not None else "")
+    e.say = f"restored {kinds}: the same bits over {n} steps"
 
 
-def _elements(
-    description: Description, table: Mapping[str, np.ndarray], row: int
-) -> dict[str, tuple[Variable, Any]]:
-    return {
-        v.name: (v, [table[n][row].item() for n in element_names(v)])
-        for v in description.of("input")
-        if element_names(v)[0] in table
-    }
+def _reference(e: _Experiment) -> Iterator[str]:
+    """Repeat the results that the archive carries."""
+    carried = references(e.fmu)
+    if not carried:
+        raise NotApplicable("it carries no result (documentation/reference.csv, fmi-ls-ref)")
+    said = []
+    for reference in carried:
+        with e.instance() as x:
+            texts, summary = deviations(e.fmu, x, reference, feed)
+        if texts and e.fmu.interface == "ModelExchange" and reference.tolerance == TOLERANCE:
+            # Nothing says how closely, or with what solver, the result was integrated.
+            raise NotApplicable(f"{texts[0]}, but a result follows from its solver, not named here")
+        yield from texts
+        said.append(summary)
+    e.say = "; ".join(said)
 
 
-def _set(x: Any, elements: Mapping[str, tuple[Variable, Any]]) -> None:
-    for v, values in elements.values():
-        cast = {"Float64": float, "Int32": int, "Boolean": bool}[v.type]
-        getattr(x, "set" + _type(x, v))(list(v.value_references), [cast(e) for e in values])
-
-
-def _read(x: Any, description: Description) -> dict[str, np.ndarray]:
-    values = {}
-    for v in description.of("output"):
-        if v.type in _NUMERIC:
-            get = getattr(x, "get" + _type(x, v))
-            three = hasattr(x, "getFloat64")
-            flat = get(list(v.value_references), *([v.size] if three else []))
-            values[v.name] = np.array(flat, dtype=float)
-    return values
-
-
-def _type(x: Any, v: Variable) -> str:
-    if hasattr(x, "getFloat64"):
-        return v.type
-    return {"Float64": "Real", "Int32": "Integer", "Boolean": "Boolean"}[v.type]
-
-
-def _table(path: Path) -> dict[str, np.ndarray]:
-    with path.open(newline="") as file:
-        names, *rows = list(csv.reader(file))
-    columns = np.array([[float(cell) for cell in row] for row in rows])
-    return {name: columns[:, i] for i, name in enumerate(names)}
+LOOKS: dict[str, Callable[[_Experiment], Iterator[str]]] = {
+    "run": _run,
+    "determinism": _determinism,
+    "reset": _reset,
+    "state": _state,
+    "reference": _reference,
+}
 
 
 def main() -> None:
-    """Write the findings of one FMU as the last line of the standard output."""
-    with tempfile.TemporaryDirectory() as scratch:
-        path = Path(sys.argv[1]).resolve()
+    """Write the results of one FMU, each as a line of JSON, into a file, as they come."""
+    path, target, *looks = sys.argv[1:]
+    fmu, file = Path(path).resolve(), Path(target).resolve()
+    with tempfile.TemporaryDirectory() as scratch, file.open("a", encoding="utf-8") as sink:
+
+        def report(entry: Entry) -> None:
+            sink.write(json.dumps(entry) + "\n")
+            sink.flush()
+
         os.chdir(scratch)  # for FMUs that write where they are
-        findings = trial(path)
+        try:
+            trial(fmu, looks, report)
+        except FmuError as error:
+            report({"check": "run", "result": "finding", "text": str(error)})
         os.chdir("/")
-    sys.stdout.write("\n" + json.dumps(findings) + "\n")
 
 
 if __name__ == "__main__":

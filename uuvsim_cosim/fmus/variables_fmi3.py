@@ -16,6 +16,7 @@ from uuvsim_cosim.fmus.description_xml import DTYPES, SimpleType, Source
 __all__ = ["read_variables_fmi3"]
 
 MAX_SIZE = 10**8
+_WHOLE = ("Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
 
 
 def read_variables_fmi3(
@@ -50,14 +51,23 @@ def read_variables_fmi3(
 
 
 def _structural(source: Source, elements: list[Element]) -> dict[int, int]:
-    """Give the start values of the structural parameters, by value reference."""
-    return {
-        source.natural(e.get("valueReference"), "valueReference", e.get("name", "")): (
-            source.natural(e.get("start"), "start", f"structural parameter {e.get('name')!r}")
-        )
-        for e in elements
-        if e.get("causality") == "structuralParameter" and e.find("Dimension") is None
-    }
+    """Give the whole start values of structural parameters, by value reference.
+
+    Others (a Boolean that chooses among equations, say) cannot be a dimension.
+    """
+    extents: dict[int, int] = {}
+    for e in elements:
+        if e.get("causality") != "structuralParameter" or e.find("Dimension") is not None:
+            continue
+        where = f"structural parameter {e.get('name')!r}"
+        start = e.get("start")
+        if start is None:
+            raise source.fault(where, "no start", "a start value")
+        value = source.value(e.tag, start, where)  # type: ignore[arg-type]
+        if e.tag in _WHOLE:
+            reference = source.natural(e.get("valueReference"), "valueReference", where)
+            extents[reference] = value
+    return extents
 
 
 def _variable(
@@ -107,9 +117,11 @@ def _extent(source: Source, dimension: Element, extents: Mapping[int, int], wher
     reference = source.natural(dimension.get("valueReference"), "Dimension valueReference", where)
     if reference not in extents:
         raise source.fault(
-            where, f"a dimension by value reference {reference}", "that of a structural parameter"
+            where,
+            f"a dimension by value reference {reference}",
+            "that of a whole structural parameter",
         )
-    return extents[reference]
+    return source.natural(str(extents[reference]), "Dimension", where)
 
 
 def _start(

@@ -108,10 +108,11 @@ def run(
 ) -> Run:
     """Simulate a system from 0 to `until` [s] and record every output into a fresh folder.
 
-    Without `until`, a mission runs as long as its path takes (see `mission.duration`). The
-    folder is `out`, by default ``runs/<system>-<seed>``; if it holds something already, the
-    first free of NAME-2, NAME-3, …. ``progress(stage, done, total)`` is called while
-    "building" (components) and "simulating" (seconds). `about` goes into run.json. `real_time`
+    Without `until`, a run ends where its scenario says, else a mission runs as long as its path
+    takes (see `mission.duration`). The folder is `out`, by default ``runs/<system>-<seed>``; if
+    it holds something already, the first free of NAME-2, NAME-3, …. ``progress(stage, done,
+    total)`` is called while "building" (components) and "simulating" (seconds). `about` goes
+    into run.json. `real_time`
     is a factor of real time to be kept, or a `Pace`; without it the run is as fast as it can be.
     `scenario`, or a file of one, is what happens meanwhile. `isolate` names components that get a
     process of their own ("*": all), so that a crash is an error and no more; one that does not
@@ -136,7 +137,8 @@ def run(
     played = scenario if isinstance(scenario, Scenario | None) else _read_scenario(scenario)
     pace = real_time if isinstance(real_time, Pace | None) else Pace(real_time)
     plan = flatten(system, seed)
-    end = duration(plan) if until is None else until
+    asked = played.end if until is None and played is not None else until
+    end = duration(plan) if asked is None else asked
     _check_end(end, plan)
     trace = None if trace_fmi is None else _trace(Path(trace_fmi))
     folder = claim(out if out is not None else Path("runs") / f"{system.name}-{seed}")

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, Any, Literal, final
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.faults import Fault
@@ -14,7 +14,7 @@ from uuvsim_cosim.orchestrator.faults import Fault
 if TYPE_CHECKING:
     from uuvsim_cosim.orchestrator.master import Master
 
-__all__ = ["Change", "Played", "Scenario", "SignalFault"]
+__all__ = ["Change", "Event", "Manipulation", "Played", "Scenario", "SignalFault"]
 
 
 @dataclass(frozen=True)
@@ -36,12 +36,34 @@ class SignalFault:
 
 
 @dataclass(frozen=True)
+class Manipulation:
+    """From `at` to `until` [s] a variable of whatever causality is overridden, or biased.
+
+    What that means follows from the system (see `manipulation`): a fault of an output, a change
+    of a parameter or an unconnected input, a fault of the output that feeds a connected input.
+    """
+
+    at: float
+    variable: str
+    kind: Literal["override", "bias"]
+    value: float
+    until: float = math.inf
+
+
+Event = Change | SignalFault | Manipulation
+
+
+@dataclass(frozen=True)
 class Scenario:
-    """Events in any order; those of one instant happen in the order of the list."""
+    """Events in any order; those of one instant happen in the order of the list.
+
+    `end` [s] is that of a run which is given none.
+    """
 
     name: str
-    events: tuple[Change | SignalFault, ...]
+    events: tuple[Event, ...]
     description: str = ""
+    end: float | None = None
 
 
 @final
@@ -54,8 +76,9 @@ class Played:
         for number, event in enumerate(scenario.events, start=1):
             place = f"scenario {scenario.name!r}, event {number}"
             try:
-                self._check(event)
-                self._plan(event)
+                for meant in self._meant(event):
+                    self._check(meant)
+                    self._plan(meant)
             except InputInvalid as error:
                 raise InputInvalid(f"{place}: {error}") from None
 
@@ -77,6 +100,13 @@ class Played:
                 happen()
             later = [tick for tick in self._due if self._master.tick < tick < end]
             self._master.step(min([end, *later]) - self._master.tick)
+
+    def _meant(self, event: Event) -> Sequence[Change | SignalFault]:
+        if not isinstance(event, Manipulation):
+            return (event,)
+        from uuvsim_cosim.orchestrator.manipulation import meant
+
+        return meant(event, self._master)
 
     def _plan(self, event: Change | SignalFault) -> None:
         if isinstance(event, Change):

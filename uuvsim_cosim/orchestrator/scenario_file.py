@@ -5,18 +5,19 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.parameters import line_of, read_yaml
-from uuvsim_cosim.orchestrator.faults import Fault, FaultKind
-from uuvsim_cosim.orchestrator.scenario import Change, Scenario, SignalFault
+from uuvsim_cosim.orchestrator.faults import Fault
+from uuvsim_cosim.orchestrator.scenario import Change, Manipulation, Scenario, SignalFault
 
 __all__ = ["read_scenario"]
 
-_LIBCOSIM: dict[str, FaultKind] = {"override": "override", "bias": "bias"}
+_LIBCOSIM: dict[str, Literal["override", "bias"]] = {"override": "override", "bias": "bias"}
 
 
 def read_scenario(path: str | Path) -> Scenario:
@@ -74,27 +75,48 @@ def _libcosim(path: Path) -> Scenario:
     except (OSError, ValueError) as error:
         raise InputInvalid(f"{path}: cannot be read as JSON: {error}") from None
     items = data.get("events") if isinstance(data, dict) else None
-    if not isinstance(items, list):
+    if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
         raise InputInvalid(f"{path}: no list of events; expected a scenario of libcosim")
-    defaults = data.get("defaults", {})
-    open_: dict[str, list[tuple[float, Fault]]] = {}
-    events: list[Change | SignalFault] = []
-    for i, item in enumerate(sorted(items, key=lambda e: float(e.get("time", 0.0))), start=1):
-        event = {**defaults, **item}
-        missing = [k for k in ("time", "model", "variable", "action") if k not in event]
-        action = event.get("action")
-        if missing or action not in (*_LIBCOSIM, "reset"):
-            read = f"without {missing[0]}" if missing else f"action {action!r}"
-            raise InputInvalid(
-                f"{path}: event {i} {read}; expected time, model, variable and action (override, "
-                "bias or reset)"
-            )
-        at, signal = float(event["time"]), f"{event['model']}.{event['variable']}"
-        for begun, fault in open_.pop(signal, []):
-            if at > begun:
-                events.append(SignalFault(begun, fault, at))
+    given = [
+        _given({**data.get("defaults", {}), **item}, f"{path}: event {i}")
+        for i, item in enumerate(items, start=1)
+    ]
+    open_: dict[str, Manipulation] = {}
+    events: list[Manipulation] = []
+    for action, event in sorted(given, key=lambda g: g[1].at):
+        begun = open_.pop(event.variable, None)
+        if begun is not None and event.at > begun.at:
+            events.append(replace(begun, until=event.at))
         if action != "reset":
-            value = float(event.get("value", 0.0))
-            open_.setdefault(signal, []).append((at, Fault(signal, _LIBCOSIM[action], value)))
-    events += [SignalFault(begun, fault) for kept in open_.values() for begun, fault in kept]
-    return Scenario(path.stem, tuple(events), str(data.get("description", "")))
+            open_[event.variable] = event
+    end = data.get("end")
+    return Scenario(
+        path.stem,
+        (*events, *open_.values()),
+        str(data.get("description", "")),
+        None if end is None else _seconds(end, f"{path}: end"),
+    )
+
+
+def _given(event: Mapping[str, Any], place: str) -> tuple[str, Manipulation]:
+    """Read one event: its action, and what it does until the next of its variable."""
+    missing = [k for k in ("time", "model", "variable", "action") if k not in event]
+    action = event.get("action")
+    if missing or action not in (*_LIBCOSIM, "reset"):
+        read = f"without {missing[0]}" if missing else f"action {action!r}"
+        raise InputInvalid(
+            f"{place} {read}; expected time, model, variable and action (override, bias or reset)"
+        )
+    at = _seconds(event["time"], f"{place}: time")
+    value = event.get("value", 0.0 if action == "reset" else None)
+    if not isinstance(value, int | float):
+        raise InputInvalid(f"{place}: value {value!r}; expected a number or a Boolean")
+    variable = f"{event['model']}.{event['variable']}"
+    return action, Manipulation(at, variable, _LIBCOSIM.get(action, "override"), float(value))
+
+
+def _seconds(value: Any, place: str) -> float:
+    bad = isinstance(value, bool) or not isinstance(value, int | float)
+    if bad or not math.isfinite(value):
+        raise InputInvalid(f"{place} {value!r}; expected seconds")
+    return float(value)

@@ -1,0 +1,106 @@
+"""What libcosim's override or bias of a variable means, once the system is known."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.orchestrator.endpoints import Endpoint, index_text, resolve_endpoint
+from uuvsim_cosim.orchestrator.faults import Fault
+from uuvsim_cosim.orchestrator.scenario import Change, Manipulation, SignalFault
+from uuvsim_cosim.orchestrator.values import Misfit
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.orchestrator.master import Master
+
+__all__ = ["meant"]
+
+
+def meant(event: Manipulation, master: Master) -> Sequence[Change | SignalFault]:
+    """Give the events that it comes to.
+
+    An output: its fault. A parameter or an unconnected input: a change, and at `until` the value
+    that it has now. A connected input: a fault of the output that feeds it, if nobody else is
+    fed. Raises InputInvalid for everything else.
+    """
+    plan = master.plan
+    try:
+        point = resolve_endpoint(event.variable, {c.path: c.description for c in plan.components})
+    except Misfit as misfit:
+        raise InputInvalid(str(misfit.at(event.variable))) from None
+    if point.variable.causality == "output":
+        return (_fault(event, event.variable, event.value),)
+    fed = [_feeding(event, master, point, e) for e in point.elements]
+    if all(source is not None for source in fed) and fed:
+        return [_fault(event, *source) for source in fed if source is not None]
+    if any(fed):
+        raise InputInvalid(
+            f"{event.variable}: some of its elements are connected; expected one element"
+        )
+    return _changes(event, master, point)
+
+
+def _fault(event: Manipulation, signal: str, value: float) -> SignalFault:
+    return SignalFault(event.at, Fault(signal, event.kind, value), event.until)
+
+
+def _feeding(
+    event: Manipulation, master: Master, point: Endpoint, element: int
+) -> tuple[str, float] | None:
+    """Find the output that feeds an element, and what it must show; None if there is none."""
+    components = master.plan.components
+    pairs = [
+        (t, s, e)
+        for t in master.plan.transfers
+        for s, e in zip(t.source_elements, t.target_elements, strict=True)
+    ]
+    for transfer, s, e in pairs:
+        target = (components[transfer.target].path, transfer.target_variable.name, e)
+        if target != (point.element, point.variable.name, element):
+            continue
+        source = (transfer.source, transfer.source_variable.name, s)
+        others = [
+            f"{components[t.target].path}.{t.target_variable.name}"
+            f"{index_text(t.target_variable, i)}"
+            for t, other, i in pairs
+            if (t.source, t.source_variable.name, other) == source
+            and (components[t.target].path, t.target_variable.name, i) != target
+        ]
+        index = index_text(transfer.source_variable, s)
+        signal = f"{components[transfer.source].path}.{transfer.source_variable.name}{index}"
+        if others:
+            raise InputInvalid(
+                f"{event.variable}: is connected to {signal}, which feeds {', '.join(others)} too; "
+                f"expected an unconnected input, or {signal} itself, for all that it feeds"
+            )
+        offset = transfer.offset if event.kind == "override" else 0.0
+        return signal, (event.value - offset) / transfer.factor
+    return None
+
+
+def _changes(event: Manipulation, master: Master, point: Endpoint) -> Sequence[Change]:
+    kind = "a parameter" if point.variable.causality == "parameter" else "an unconnected input"
+    if event.kind == "bias":
+        raise InputInvalid(
+            f"{event.variable}: a bias of {kind}; expected an override, or a bias of an output"
+        )
+    name = f"{point.element}.{point.variable.name}"
+    begin = np.array(master.get(point.element, point.variable.name))
+    value = begin.astype(object)
+    for element in point.elements:
+        value.flat[element] = _of_type(begin.dtype.kind, event.value)
+    changes = [Change(event.at, name, value.tolist())]
+    if not math.isinf(event.until):
+        changes.append(Change(event.until, name, begin.tolist()))
+    return changes
+
+
+def _of_type(kind: str, value: float) -> float | int | bool:
+    """Give JSON's number as a Boolean or a whole number where it is one; else it is refused."""
+    if kind == "b" and value in (0.0, 1.0):
+        return bool(value)
+    return int(value) if kind in "iu" and value.is_integer() else value
