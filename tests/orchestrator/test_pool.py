@@ -163,4 +163,5 @@ def test_inspection_says_beforehand_what_a_master_will_do(c_fmu: Callable[..., P
 def test_instantiate_takes_what_was_read_already(c_fmu: Callable[..., Path]) -> None:
     read = read_description.read_fmu(c_fmu(3))
     component = instantiate_fmu(read, "x")
+    assert component.description is read.description
     component.free()
