@@ -1,0 +1,94 @@
+"""A training learns, is kept whole, and goes on from there to the same bits."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from uuvsim_cosim.envs.tasks.tracking_scenarios import SCENARIOS
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.masac import Masac, MasacSettings
+from uuvsim_cosim.learn.masac_learner import MasacLearner, OffPolicySettings
+from uuvsim_cosim.learn.policy import Policy
+from uuvsim_cosim.learn.training import Training
+
+SMALL = MasacSettings(hidden=16)
+SCHEDULE = OffPolicySettings(batch=16, buffer=600, warm_up=32, updates=1.0)
+
+
+def training(folder: Path, steps: int, scenario: str = "transition_2") -> Training:
+    task = SCENARIOS[scenario](horizon=4)
+    learner = MasacLearner(len(task.agents), 31, 2, seed=3, network=SMALL, schedule=SCHEDULE)
+    return Training(
+        task, learner, name=scenario, options={"horizon": 4}, n=8, seed=3, steps=steps,
+        folder=folder, evaluate_every=200, evaluation_episodes=4, checkpoint_every=56,
+    )  # fmt: skip
+
+
+def bits(folder: Path) -> list[bytes]:
+    names = ("policy-tracker_1.npz", "policy-tracker_2.npz", "evaluations.csv", "episodes.csv")
+    return [(folder / name).read_bytes() for name in names]
+
+
+def test_a_training_that_is_interrupted_goes_on_to_the_same_bits(tmp_path: Path) -> None:
+    torch.set_num_threads(1)
+    whole = training(tmp_path / "whole", 400)
+    whole.run()
+    first = training(tmp_path / "parts", 168)  # within an episode: ten actions of eight
+    first.run()
+    again = training(tmp_path / "parts", 400)
+    again.run()
+    assert again.step == 400
+    assert bits(tmp_path / "whole") == bits(tmp_path / "parts")
+
+
+def test_a_rollout_lives_again_what_episodes_of_different_lengths_were(tmp_path: Path) -> None:
+    from uuvsim_cosim.learn.rollout import Rollout
+
+    task = SCENARIOS["transition_1"](rules={"end_on_collision": True, "d_st": 0.8}, horizon=8)
+    rollout, random = Rollout(task, 16, 0), np.random.default_rng(0)
+    drawn = random.uniform(-1, 1, (60, 16, 1, 2)).astype(np.float32)
+    for actions in drawn[:43]:
+        rollout.step(actions)
+    assert len(set(rollout.steps.tolist())) > 3  # they are out of step
+    other = Rollout(task, 16, 99)
+    other.set_state(rollout.state())
+    assert np.array_equal(other.observation, rollout.observation)
+    for actions in drawn[43:]:
+        one, ended = rollout.step(actions)
+        two, ended_too = other.step(actions)
+        assert np.array_equal(one.after, two.after)
+        assert np.array_equal(one.reward, two.reward)
+        assert (ended is None) == (ended_too is None)
+        if ended is not None and ended_too is not None:
+            assert np.array_equal(ended.returns, ended_too.returns)
+            assert np.array_equal(ended.metrics["dist"], ended_too.metrics["dist"])
+
+
+def test_a_policy_acts_as_its_network_does(tmp_path: Path) -> None:
+    masac = Masac(2, 31, 2, MasacSettings(hidden=32), 0)
+    seen = np.random.default_rng(1).normal(size=(9, 2, 31)).astype(np.float32)
+    trained = training(tmp_path, 8)
+    expected = trained.learner.act(seen, explore=False)
+    for i, policy in enumerate(trained.policies().values()):
+        assert np.allclose(policy(seen[:, i]), expected[:, i], atol=1e-6)
+        again = Policy.load(policy.save(tmp_path / f"{i}.npz"))
+        assert np.array_equal(again(seen[:, i]), policy(seen[:, i]))
+    assert masac.act(seen).shape == (9, 2, 2)
+
+
+@pytest.mark.parametrize("cut", [10, 500])
+def test_a_truncated_checkpoint_is_refused_in_words(tmp_path: Path, cut: int) -> None:
+    first = training(tmp_path, 64)
+    first.run()
+    whole = first.checkpoint.read_bytes()
+    first.checkpoint.write_bytes(whole[: len(whole) * cut // 1000])
+    with pytest.raises(InputInvalid, match="expected a whole checkpoint"):
+        training(tmp_path, 128).run()
+
+
+def test_a_checkpoint_of_another_task_is_refused(tmp_path: Path) -> None:
+    training(tmp_path, 64).run()
+    with pytest.raises(InputInvalid, match="task 'transition_2'; expected 'target'"):
+        training(tmp_path, 64, "target").run()

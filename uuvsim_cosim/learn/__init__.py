@@ -1,0 +1,1 @@
+"""Agents that learn in the environments, and policies that leave as components."""

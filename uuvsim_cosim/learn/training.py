@@ -1,0 +1,249 @@
+"""A training: a learner lives in a task, is judged on seeds never trained on, and is kept."""
+
+from __future__ import annotations
+
+import csv
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol, final
+
+import numpy as np
+
+from uuvsim_cosim.envs.task import Task, TeamTask
+from uuvsim_cosim.envs.tasks.evaluation import Evaluation, evaluate
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.checkpoint import load_checkpoint, save_checkpoint
+from uuvsim_cosim.learn.learner import Learner
+from uuvsim_cosim.learn.policy import Policy
+from uuvsim_cosim.learn.rollout import Ended, Rollout
+
+__all__ = ["EVALUATION_SEED", "Progress", "Training", "TrainingObserver", "acting"]
+
+EVALUATION_SEED = 1_000_000  # the first of the held-out seeds; those of training are below
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a training is; `row` are numbers by name, of the last step, episodes or evaluation."""
+
+    step: int  # environment steps, of all environments together
+    steps: int  # of the whole training
+    episodes: int
+    row: Mapping[str, float] = field(default_factory=dict)
+    what: str = "step"  # "step", "episodes", "evaluation", "checkpoint"
+
+
+class TrainingObserver(Protocol):
+    """Watches a training; cannot change it."""
+
+    def __call__(self, progress: Progress) -> None:
+        """Be told."""
+
+
+@final
+class Training:
+    """`learner` on `n` copies of `task`, for `steps` environment steps, kept in `folder`.
+
+    The folder holds episodes.csv (one row an episode), evaluations.csv, policy.npz (the last),
+    best.npz (the best evaluation) and checkpoint.pt. `run` goes on from a checkpoint that is
+    there, to the same bits as without the interruption. `name`, `options` say which task it is.
+    """
+
+    def __init__(
+        self,
+        task: Task | TeamTask,
+        learner: Learner,
+        *,
+        name: str,
+        options: Mapping[str, Any],
+        n: int,
+        seed: int,
+        steps: int,
+        folder: Path,
+        evaluate_every: int,
+        evaluation_episodes: int = 100,
+        checkpoint_every: int | None = None,
+        observers: tuple[TrainingObserver, ...] = (),
+        stop: Callable[[Evaluation], bool] | None = None,
+    ) -> None:
+        self.task, self.learner, self.folder = task, learner, folder
+        self.name, self.options = name, dict(options)
+        self.n, self.seed, self.steps = n, seed, steps
+        self._evaluate_every, self._evaluation_episodes = evaluate_every, evaluation_episodes
+        self._checkpoint_every = checkpoint_every or evaluate_every
+        self._observers, self._stop = observers, stop
+        self.rollout = Rollout(task, n, seed)
+        self.step, self.episodes, self.cpu = 0, 0, 0.0
+        self.best = -np.inf
+        self.evaluations: list[dict[str, float]] = []
+        self._rows: list[dict[str, float]] = []
+
+    @property
+    def checkpoint(self) -> Path:
+        """Name the file that this goes on from."""
+        return self.folder / "checkpoint.pt"
+
+    def run(self) -> list[dict[str, float]]:
+        """Train to the end; gives one row an evaluation, the first before anything is learned.
+
+        Ctrl-C, and a loss that is no number, leave a checkpoint of the last whole step.
+        """
+        self.folder.mkdir(parents=True, exist_ok=True)
+        if self.checkpoint.is_file():
+            self._resume()
+        elif not self.evaluations:
+            self._evaluate()
+        began = time.process_time()
+        try:
+            while self.step < self.steps and not self._enough():
+                self._one_step()
+                self._after_step()
+        finally:
+            self.cpu += time.process_time() - began
+        self.save()
+        return self.evaluations
+
+    def _one_step(self) -> None:
+        actions = self.learner.act(self.rollout.observation)
+        lived, ended = self.rollout.step(actions)
+        over = self.rollout.steps == 0
+        told = self.learner.learn(lived, over)
+        self.step += self.n
+        if ended is not None:
+            self._count(ended)
+        self._tell("step", told)
+
+    def _after_step(self) -> None:
+        if self._passed(self._evaluate_every):
+            self._evaluate()
+        if self._passed(self._checkpoint_every):
+            self.save()
+
+    def _passed(self, every: int) -> bool:
+        return self.step // every > (self.step - self.n) // every
+
+    def _count(self, ended: Ended) -> None:
+        for i in range(len(ended.returns)):
+            row = {"step": float(self.step), "return": float(ended.returns[i])}
+            row |= {k: float(v[i]) for k, v in ended.metrics.items()}
+            self._rows.append(row)
+        self.episodes += len(ended.returns)
+        means = {"return": float(ended.returns.mean())}
+        self._tell("episodes", means | {k: float(v.mean()) for k, v in ended.metrics.items()})
+
+    def _enough(self) -> bool:
+        return bool(self.evaluations and self.evaluations[-1].get("stopped"))
+
+    def _evaluate(self) -> None:
+        judged = evaluate(
+            self.task, acting(self.task, self.policies()), self._evaluation_episodes,
+            seed=EVALUATION_SEED,
+        )  # fmt: skip
+        row = {"step": float(self.step), "episodes": float(self.episodes), **judged.summary()}
+        row["stopped"] = float(self._stop is not None and self._stop(judged))
+        self.evaluations.append(row)
+        self._tell("evaluation", row)
+        if row["return"] > self.best:
+            self.best = row["return"]
+            self._write_policies("best")
+
+    def policies(self) -> dict[str, Policy]:
+        """Give each agent's policy as it is now, without exploration."""
+        seen, acts = self.rollout.named()
+        given = {}
+        for i, agent in enumerate(self.rollout.agents):
+            kind, tensors = self.learner.tensors(i)
+            given[agent] = Policy(
+                kind=kind,  # type: ignore[arg-type]
+                tensors=tensors,
+                observation=seen,
+                action=acts,
+                task=self.name,
+                options=self.options,
+                agent=agent if len(self.rollout.agents) > 1 else "",
+                trained={
+                    "algorithm": self.learner.name,
+                    "seed": self.seed,
+                    "step": self.step,
+                    "episodes": self.episodes,
+                    **self.learner.settings,
+                },
+            )
+        return given
+
+    def save(self) -> None:
+        """Write what there is: curves, policies, the checkpoint."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        _write_csv(self.folder / "episodes.csv", self._rows)
+        _write_csv(self.folder / "evaluations.csv", self.evaluations)
+        self._write_policies("policy")
+        save_checkpoint(
+            self.checkpoint,
+            {
+                "task": self.name,
+                "options": self.options,
+                "algorithm": self.learner.name,
+                "n": self.n,
+                "seed": self.seed,
+                "counters": {"step": self.step, "episodes": self.episodes, "best": self.best},
+                "rows": self._rows,
+                "evaluations": self.evaluations,
+                "rollout": self.rollout.state(),
+                "learner": self.learner.state(),
+            },
+        )
+        self._tell("checkpoint", {})
+
+    def close(self) -> None:
+        """Free everything; a second call does nothing."""
+        self.rollout.close()
+
+    # ---- inside ---------------------------------------------------------------------------
+
+    def _resume(self) -> None:
+        read = load_checkpoint(self.checkpoint)
+        own = {"task": self.name, "options": self.options, "algorithm": self.learner.name,
+               "n": self.n, "seed": self.seed}  # fmt: skip
+        for what, expected in own.items():
+            if read.get(what) != expected:
+                raise InputInvalid(
+                    f"{self.checkpoint}: {what} {read.get(what)!r}; expected {expected!r}, or "
+                    "another folder"
+                )
+        self.rollout.set_state(read["rollout"])
+        self.learner.set_state(read["learner"])
+        counters = read["counters"]
+        self.step, self.episodes, self.best = (
+            int(counters["step"]), int(counters["episodes"]), float(counters["best"])
+        )  # fmt: skip
+        self._rows, self.evaluations = read["rows"], read["evaluations"]
+
+    def _write_policies(self, stem: str) -> None:
+        several = len(self.rollout.agents) > 1
+        self.folder.mkdir(parents=True, exist_ok=True)
+        for agent, policy in self.policies().items():
+            policy.save(self.folder / f"{stem}{f'-{agent}' if several else ''}.npz")
+
+    def _tell(self, what: str, row: Mapping[str, float]) -> None:
+        for observer in self._observers:
+            observer(Progress(self.step, self.steps, self.episodes, row, what))
+
+
+def acting(task: Task | TeamTask, policies: Mapping[str, Policy]) -> Any:
+    """Give policies as `evaluate` takes them: by agent of a team, else the only one."""
+    if isinstance(task, TeamTask):
+        return dict(policies)
+    (only,) = policies.values()
+    return only
+
+
+def _write_csv(path: Path, rows: list[dict[str, float]]) -> None:
+    if not rows:
+        return
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, names)
+        writer.writeheader()
+        writer.writerows(rows)
