@@ -157,7 +157,7 @@ class Masac:
     def _q(self, critic: StackedMLP, seen: Tensor) -> Tensor:
         """Give both values of each agent, of shape (N, 2, n)."""
         both: Tensor = critic(seen.repeat_interleave(2, 0))
-        return both.squeeze(-1).unflatten(0, (self.agents, 2))
+        return both.squeeze(-1).view(self.agents, 2, -1)
 
     # ---- state ----------------------------------------------------------------------------
 

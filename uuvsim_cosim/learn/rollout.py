@@ -1,4 +1,4 @@
-"""Where experience comes from: a task in n copies of its system, as arrays, that can be gone back to.
+"""Where experience comes from: a task in n copies of its system, as arrays; can be gone back to.
 
 A team's task and a task of one agent look alike here: observations (n, N, d), actions (n, N, a).
 """

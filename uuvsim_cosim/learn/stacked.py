@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import final
 
 import torch
@@ -23,7 +24,7 @@ class StackedMLP(nn.Module):
     def __init__(self, count: int, widths: Sequence[int], generator: torch.Generator) -> None:
         super().__init__()
         self.weights, self.biases = nn.ParameterList(), nn.ParameterList()
-        for fan_in, fan_out in zip(widths[:-1], widths[1:], strict=True):
+        for fan_in, fan_out in pairwise(widths):
             bound = 1.0 / math.sqrt(fan_in)
             for kept, shape in (
                 (self.weights, (count, fan_in, fan_out)),
