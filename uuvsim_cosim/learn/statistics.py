@@ -1,0 +1,83 @@
+"""What seeds say: interquartile means, their intervals, and how often one way beats another.
+
+Agarwal et al., "Deep Reinforcement Learning at the Edge of the Statistical Precipice", 2021.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.errors import InputInvalid
+
+__all__ = ["Interval", "interquartile_mean", "interval", "probability_of_improvement"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A figure with the limits between which 95 % of its bootstrap lies."""
+
+    value: float
+    low: float
+    high: float
+
+    def __str__(self) -> str:
+        """Give "0.95 [0.93, 0.97]"."""
+        return f"{self.value:.3g} [{self.low:.3g}, {self.high:.3g}]"
+
+    def apart(self, other: Interval) -> bool:
+        """Say whether the two intervals have nothing in common."""
+        return self.low > other.high or other.low > self.high
+
+
+def interquartile_mean(values: Array) -> float:
+    """Give the mean of the middle half; values at the quartiles count with their share."""
+    ordered = np.sort(np.ravel(values))
+    n = len(ordered)
+    if not n:
+        raise InputInvalid("interquartile mean of no values; expected at least one")
+    # Value k stands for the share [k/n, (k+1)/n]; what lies in [1/4, 3/4] counts.
+    edges = np.clip(np.arange(n + 1) / n, 0.25, 0.75)
+    return float(np.diff(edges) @ ordered * 2.0)
+
+
+def interval(
+    values: Array,
+    figure: Callable[[Array], float] = interquartile_mean,
+    *,
+    draws: int = 2000,
+    seed: int = 0,
+) -> Interval:
+    """Give a figure of values (seeds, episodes) with its 95 % stratified bootstrap interval.
+
+    Episodes are drawn again within each seed, and seeds among themselves.
+    """
+    values = np.atleast_2d(np.asarray(values, float))
+    random = np.random.default_rng(seed)
+    seeds, episodes = values.shape
+    figures = np.empty(draws)
+    for k in range(draws):
+        rows = random.integers(0, seeds, seeds)[:, None]
+        figures[k] = figure(values[rows, random.integers(0, episodes, (seeds, episodes))])
+    low, high = np.quantile(figures, [0.025, 0.975])
+    return Interval(figure(values), float(low), float(high))
+
+
+def probability_of_improvement(x: Array, y: Array, *, draws: int = 2000, seed: int = 0) -> Interval:
+    """Give how often a value of x is greater than one of y; ties count half."""
+    x, y = np.ravel(np.asarray(x, float)), np.ravel(np.asarray(y, float))
+    if not len(x) or not len(y):
+        raise InputInvalid("probability of improvement of no values; expected at least one each")
+    random = np.random.default_rng(seed)
+
+    def share(a: Array, b: Array) -> float:
+        return float(np.mean((a[:, None] > b) + 0.5 * (a[:, None] == b)))
+
+    drawn = [share(random.choice(x, len(x)), random.choice(y, len(y))) for _ in range(draws)]
+    low, high = np.quantile(drawn, [0.025, 0.975])
+    return Interval(share(x, y), float(low), float(high))
