@@ -62,8 +62,9 @@ def interval(
     seeds, episodes = values.shape
     figures = np.empty(draws)
     for k in range(draws):
-        rows = random.integers(0, seeds, seeds)[:, None]
-        figures[k] = figure(values[rows, random.integers(0, episodes, (seeds, episodes))])
+        rows = random.integers(0, seeds, seeds)
+        columns = random.integers(0, episodes, (seeds, episodes))
+        figures[k] = figure(np.take_along_axis(values[rows], columns, 1))
     low, high = np.quantile(figures, [0.025, 0.975])
     return Interval(figure(values), float(low), float(high))
 
