@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import trim_mean
 
@@ -18,6 +18,7 @@ def test_the_interquartile_mean_is_the_mean_of_the_middle_half() -> None:
     assert interquartile_mean(np.arange(8.0)) == pytest.approx(np.mean([2, 3, 4, 5]))
 
 
+@settings(deadline=None)
 @given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=40))
 def test_it_equals_scipys_trimmed_mean_of_each_value_four_times(values: list[float]) -> None:
     expected = trim_mean(np.repeat(values, 4), 0.25)
