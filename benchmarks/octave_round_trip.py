@@ -2,7 +2,8 @@
 
 Each number is the median (and 99th percentile) of as many trips through the same co-simulation in
 one run; the ratio is to a step in process. Set the six forces, make one step of 0.01 s, read
-position and velocity.
+position and velocity. Where UUVSIM_ZENOH_PICO names an installed zenoh-pico, the MEX client on
+Zenoh is compiled and measured as well.
 """
 
 from __future__ import annotations
@@ -10,10 +11,12 @@ from __future__ import annotations
 import argparse
 import http.client
 import json
+import os
 import shutil
 import socket
 import struct
 import subprocess
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -37,6 +40,15 @@ printf('%%.9g %%.9g ', median(taken), quantile(taken, 0.99));
 s.layout('hull.tau', {'hull.eta', 'hull.nu'});
 for k = 1:numel(taken), q = tic; y = s.step(tau); taken(k) = toc(q); end
 printf('%%.9g %%.9g\\n', median(taken), quantile(taken, 0.99)); s.close();
+"""
+
+
+ZENOH = """
+build_zenoh('%s', '%s'); addpath('%s'); taken = zeros(%d, 1);
+z = uuvsim.Zenoh('port', %d); u = {'hull.tau', [10; 0; 0; 0; 0; 1]};
+for k = 1:numel(taken), q = tic; [a, b] = z.step(1, u, {'hull.eta', 'hull.nu'}); taken(k) = toc(q);
+end
+printf('%%.9g %%.9g\\n', median(taken), quantile(taken, 0.99)); z.close();
 """
 
 
@@ -93,12 +105,25 @@ def in_octave(port: int, count: int) -> list[tuple[float, float]]:
     octave = shutil.which("octave-cli")
     if octave is None:
         return []
-    folder = Path(__file__).parents[1] / "matlab"
-    code = f"addpath('{folder}');" + OCTAVE % (port, count)
-    command = [octave, "--norc", "--quiet", "--no-window-system", "--eval", code]
-    said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-    numbers = [float(x) for x in said.split()]
+    numbers = numbers_of(octave, OCTAVE % (port, count))
     return [(numbers[0], numbers[1]), (numbers[2], numbers[3])]
+
+
+def in_octave_on_zenoh(port: int, count: int) -> list[tuple[float, float]]:
+    octave, built = shutil.which("octave-cli"), os.environ.get("UUVSIM_ZENOH_PICO")
+    if octave is None or built is None:
+        return []
+    with tempfile.TemporaryDirectory() as folder:
+        numbers = numbers_of(octave, ZENOH % (built, folder, folder, count, port))
+    return [(numbers[0], numbers[1])]
+
+
+def numbers_of(octave: str, code: str) -> list[float]:
+    folder = Path(__file__).parents[1] / "matlab"
+    command = [octave, "--norc", "--quiet", "--no-window-system", "--eval"]
+    paths = f"addpath('{folder}', '{folder / 'mex'}');"
+    done = subprocess.run([*command, paths + code], check=True, capture_output=True, text=True)
+    return [float(x) for x in done.stdout.split()]
 
 
 def main() -> None:
@@ -107,7 +132,11 @@ def main() -> None:
     count = parser.parse_args().count
     conductor = Conductor(uuv.System("hull_alone", "0.01").add("hull", "model:bluerov2_heavy"))
     me = Client("benchmark", "local")
-    with TcpDoor(conductor, 0) as tcp, HttpDoor(conductor, 0) as web:
+    with (
+        TcpDoor(conductor, 0) as tcp,
+        HttpDoor(conductor, 0) as web,
+        uuv.Bridge(conductor, port=0) as bridge,
+    ):
         rows = [
             (
                 "in process",
@@ -118,6 +147,7 @@ def main() -> None:
         ]
         names = ("Octave .m, structs", "Octave .m, vectors")
         rows += list(zip(names, in_octave(tcp.port, count), strict=False))
+        rows += [("Octave, Zenoh MEX", x) for x in in_octave_on_zenoh(bridge.port, count)]
     conductor.close()
     base = rows[0][1][0]
     print(f"{'round trip':32} {'p50 ms':>9} {'p99 ms':>9} {'ratio':>7}")

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from uuvsim_cosim.models.model import Model
     from uuvsim_cosim.models.simulate import simulate
     from uuvsim_cosim.orchestrator.library import available, load
+    from uuvsim_cosim.orchestrator.linearize import linearize, trim
     from uuvsim_cosim.orchestrator.master import Master
     from uuvsim_cosim.orchestrator.recording import Signals, read_signals
     from uuvsim_cosim.orchestrator.run import Run, run
@@ -39,11 +40,13 @@ __all__ = [
     "connect",
     "declare",
     "fuse",
+    "linearize",
     "load",
     "read_signals",
     "run",
     "simulate",
     "study",
+    "trim",
 ]
 
 # Names are imported when first used: `uuvsim --help` must not wait for CasADi or Arrow.
@@ -61,11 +64,13 @@ _HOME = {
     "connect": "bridge.client",
     "declare": "models.library",
     "fuse": "kernels",
+    "linearize": "orchestrator.linearize",
     "load": "orchestrator.library",
     "read_signals": "orchestrator.recording",
     "run": "orchestrator.run",
     "simulate": "models.simulate",
     "study": "studies",
+    "trim": "orchestrator.linearize",
 }
 
 

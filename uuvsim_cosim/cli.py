@@ -11,6 +11,7 @@ import typer
 
 from uuvsim_cosim._version import __version__
 from uuvsim_cosim.commands import (
+    access,
     doctor,
     export,
     fmu,
@@ -55,6 +56,7 @@ def _root(
 
 app.command("run")(run.run_command)
 app.command("serve")(serve.serve_command)
+app.add_typer(access.app, name="access")
 app.command("matlab")(matlab.matlab_command)
 app.command("export")(export.export_command)
 app.command("report")(report.report_command)

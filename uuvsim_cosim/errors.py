@@ -73,6 +73,11 @@ class ComponentFailed(UuvsimError):
         self.partial: object | None = None  # what was computed up to then, if anything
         super().__init__(f"component {path!r} failed at t = {time:.9g} s: {reason}")
 
+    @property
+    def asks_to_end(self) -> bool:
+        """Whether it was the component's way to end the simulation, which FMI allows."""
+        return "asks to end the simulation" in self.reason
+
 
 class LoopNotConverged(UuvsimError):
     """An algebraic loop without a solution that could be found; names its hops."""

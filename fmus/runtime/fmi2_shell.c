@@ -1,7 +1,7 @@
-/* FMI 2.0 for Co-Simulation over an instance of a component. Value references name elements. */
+/* FMI 2.0 for Co-Simulation and Model Exchange over an instance of a component. Value references name elements. */
 #include "fmi2Functions.h"
+#include "shell_exchange.h"
 #include "shell_states.h"
-#include "shell_steps.h"
 
 static fmi2Status status_of(int ok) { return ok ? fmi2OK : fmi2Error; }
 
@@ -44,7 +44,8 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
     void (*log)(void) = functions ? (void (*)(void))functions->logger : NULL;
     (void)fmuResourceLocation, (void)visible, (void)loggingOn;
     shell *s = shell_instantiate(instanceName, fmuGUID, environment, log);
-    if (s && fmuType != fmi2CoSimulation) {
+    if (s) s->exchange = fmuType == fmi2ModelExchange;
+    if (s && s->exchange && !UUV_EXCHANGES) {
         refuse(s, "fmi2Instantiate: Model Exchange is not supported; expected Co-Simulation");
         shell_free(s);
         return NULL;
@@ -75,8 +76,9 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
 }
 
 fmi2Status fmi2Terminate(fmi2Component c) {
-    if (!in_mode(c, "fmi2Terminate", STEP_MODE)) return fmi2Error;
+    if (!in_mode(c, "fmi2Terminate", STEP_MODE | EXCHANGE_MODE)) return fmi2Error;
     ((shell *)c)->mode = TERMINATED;
+    uuv_terminate(((shell *)c)->block);
     return fmi2OK;
 }
 
@@ -128,6 +130,20 @@ fmi2Status fmi2SetBoolean(fmi2Component c, const fmi2ValueReference vr[], size_t
         set_values(c, "fmi2SetBoolean", vr, nvr, UUV_BOOLEAN, 0, value, nvr, read_truth));
 }
 
+#ifdef UUV_WHOLE
+
+fmi2Status fmi2GetString(fmi2Component c, const fmi2ValueReference vr[], size_t nvr,
+                         fmi2String value[]) {
+    return status_of(get_texts(c, "fmi2GetString", vr, nvr, value));
+}
+
+fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference vr[], size_t nvr,
+                         const fmi2String value[]) {
+    return status_of(set_texts(c, "fmi2SetString", vr, nvr, value));
+}
+
+#endif
+
 /* ---- steps and derivatives ------------------------------------------------------------- */
 
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real currentCommunicationPoint,
@@ -148,7 +164,7 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
     uint32_t size;
     V *sensitivity;
     int ok = 1;
-    if (!in_mode(s, name, INITIALIZATION_MODE | STEP_MODE | TERMINATED)) return fmi2Error;
+    if (!in_mode(s, name, ANY_MODE & ~(INSTANTIATED | FAILED))) return fmi2Error;
     V *seed = derivative_space(s, &sensitivity);
     if (!seed) return fmi2Error;
     for (size_t i = 0; ok && i < nKnown; i++) {
@@ -162,6 +178,62 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
     }
     free(seed);
     return status_of(ok);
+}
+
+/* ---- Model Exchange ---------------------------------------------------------------------- */
+
+fmi2Status fmi2EnterEventMode(fmi2Component c) {
+    return status_of(shell_enter_mode(c, "fmi2EnterEventMode", CONTINUOUS_TIME_MODE, EVENT_MODE));
+}
+
+fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c) {
+    static const char name[] = "fmi2EnterContinuousTimeMode";
+    return status_of(shell_enter_mode(c, name, EVENT_MODE, CONTINUOUS_TIME_MODE));
+}
+
+fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info) {
+    double next;
+    if (!shell_new_discrete_states(c, "fmi2NewDiscreteStates", &next)) return fmi2Error;
+    *info = (fmi2EventInfo){.nextEventTimeDefined = __builtin_isfinite(next) != 0,
+                            .nextEventTime = __builtin_isfinite(next) ? next : 0.0};
+    return fmi2OK;
+}
+
+fmi2Status fmi2CompletedIntegratorStep(fmi2Component c,
+                                       fmi2Boolean noSetFMUStatePriorToCurrentPoint,
+                                       fmi2Boolean *enterEventMode,
+                                       fmi2Boolean *terminateSimulation) {
+    (void)noSetFMUStatePriorToCurrentPoint;
+    if (!in_mode(c, "fmi2CompletedIntegratorStep", CONTINUOUS_TIME_MODE)) return fmi2Error;
+    *enterEventMode = *terminateSimulation = fmi2False;
+    return fmi2OK;
+}
+
+fmi2Status fmi2SetTime(fmi2Component c, fmi2Real time) {
+    return status_of(shell_set_time(c, "fmi2SetTime", time));
+}
+
+fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real x[], size_t nx) {
+    return status_of(shell_set_states(c, "fmi2SetContinuousStates", x, nx));
+}
+
+fmi2Status fmi2GetContinuousStates(fmi2Component c, fmi2Real x[], size_t nx) {
+    return status_of(shell_get_states(c, "fmi2GetContinuousStates", x, nx));
+}
+
+fmi2Status fmi2GetDerivatives(fmi2Component c, fmi2Real derivatives[], size_t nx) {
+    const int got = shell_get_derivatives(c, "fmi2GetDerivatives", derivatives, nx);
+    return got < 0 ? fmi2Discard : status_of(got);
+}
+
+fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real nominals[], size_t nx) {
+    return status_of(shell_get_nominals(c, "fmi2GetNominalsOfContinuousStates", nominals, nx));
+}
+
+fmi2Status fmi2GetEventIndicators(fmi2Component c, fmi2Real indicators[], size_t ni) {
+    (void)indicators;
+    if (!in_mode(c, "fmi2GetEventIndicators", ANY_MODE)) return fmi2Error;
+    return ni ? status_of(refuse(c, "fmi2GetEventIndicators: there are none")) : fmi2OK;
 }
 
 /* ---- states ---------------------------------------------------------------------------- */
@@ -221,25 +293,16 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte serializedSta
 
 #define VRS const fmi2ValueReference vr[], size_t nvr
 
+#ifndef UUV_WHOLE
 NOT_SUPPORTED(fmi2GetString, VRS, fmi2String value[])
 NOT_SUPPORTED(fmi2SetString, VRS, const fmi2String value[])
+#endif
 NOT_SUPPORTED(fmi2SetRealInputDerivatives, VRS, const fmi2Integer order[], const fmi2Real value[])
 NOT_SUPPORTED(fmi2GetRealOutputDerivatives, VRS, const fmi2Integer order[], fmi2Real value[])
 NOT_SUPPORTED(fmi2CancelStep)
 NOT_SUPPORTED(fmi2GetStatus, const fmi2StatusKind kind, fmi2Status *value)
 NOT_SUPPORTED(fmi2GetIntegerStatus, const fmi2StatusKind kind, fmi2Integer *value)
 NOT_SUPPORTED(fmi2GetStringStatus, const fmi2StatusKind kind, fmi2String *value)
-NOT_SUPPORTED(fmi2EnterEventMode)
-NOT_SUPPORTED(fmi2NewDiscreteStates, fmi2EventInfo *info)
-NOT_SUPPORTED(fmi2EnterContinuousTimeMode)
-NOT_SUPPORTED(fmi2CompletedIntegratorStep, fmi2Boolean noSetFMUStatePriorToCurrentPoint,
-              fmi2Boolean *enterEventMode, fmi2Boolean *terminateSimulation)
-NOT_SUPPORTED(fmi2SetTime, fmi2Real time)
-NOT_SUPPORTED(fmi2SetContinuousStates, const fmi2Real x[], size_t nx)
-NOT_SUPPORTED(fmi2GetDerivatives, fmi2Real derivatives[], size_t nx)
-NOT_SUPPORTED(fmi2GetEventIndicators, fmi2Real indicators[], size_t ni)
-NOT_SUPPORTED(fmi2GetContinuousStates, fmi2Real x[], size_t nx)
-NOT_SUPPORTED(fmi2GetNominalsOfContinuousStates, fmi2Real nominals[], size_t nx)
 
 /* Steps are never pending or discarded; importers ask for these two nevertheless. */
 fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Real *value) {

@@ -1,10 +1,10 @@
-/* FMI 3.0 for Co-Simulation over an instance of a component. Value references name variables. */
+/* FMI 3.0 for Co-Simulation and Model Exchange over an instance of a component. Value references name variables. */
 #include <stdbool.h>
 #include <stdint.h>
 
 #include "fmi3Functions.h"
+#include "shell_exchange.h"
 #include "shell_states.h"
-#include "shell_steps.h"
 
 static fmi3Status status_of(int ok) { return ok ? fmi3OK : fmi3Error; }
 
@@ -51,11 +51,14 @@ fmi3Instance fmi3InstantiateCoSimulation(
     return NULL;
 }
 
-static fmi3Instance only_co_simulation(fmi3InstanceEnvironment environment,
-                                       fmi3LogMessageCallback logMessage) {
+static fmi3Instance refused_instance(fmi3InstanceEnvironment environment,
+                                     fmi3LogMessageCallback logMessage) {
     if (logMessage)
         logMessage(environment, fmi3Error, "logStatusError",
-                   "only Co-Simulation is supported; expected fmi3InstantiateCoSimulation");
+                   UUV_EXCHANGES ? "Scheduled Execution is not supported; expected "
+                                   "fmi3InstantiateCoSimulation or fmi3InstantiateModelExchange"
+                                 : "only Co-Simulation is supported; expected "
+                                   "fmi3InstantiateCoSimulation");
     return NULL;
 }
 
@@ -64,9 +67,12 @@ fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String in
                                           fmi3Boolean loggingOn,
                                           fmi3InstanceEnvironment instanceEnvironment,
                                           fmi3LogMessageCallback logMessage) {
-    (void)instanceName, (void)instantiationToken, (void)resourcePath, (void)visible;
-    (void)loggingOn;
-    return only_co_simulation(instanceEnvironment, logMessage);
+    (void)resourcePath, (void)visible, (void)loggingOn;
+    if (!UUV_EXCHANGES) return refused_instance(instanceEnvironment, logMessage);
+    shell *s = shell_instantiate(instanceName, instantiationToken, instanceEnvironment,
+                                 (void (*)(void))logMessage);
+    if (s) s->exchange = 1;
+    return s;
 }
 
 fmi3Instance fmi3InstantiateScheduledExecution(
@@ -76,7 +82,7 @@ fmi3Instance fmi3InstantiateScheduledExecution(
     fmi3LockPreemptionCallback lockPreemption, fmi3UnlockPreemptionCallback unlockPreemption) {
     (void)instanceName, (void)instantiationToken, (void)resourcePath, (void)visible;
     (void)loggingOn, (void)clockUpdate, (void)lockPreemption, (void)unlockPreemption;
-    return only_co_simulation(instanceEnvironment, logMessage);
+    return refused_instance(instanceEnvironment, logMessage);
 }
 
 void fmi3FreeInstance(fmi3Instance instance) { shell_free(instance); }
@@ -98,8 +104,9 @@ fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) {
 }
 
 fmi3Status fmi3Terminate(fmi3Instance instance) {
-    if (!in_mode(instance, "fmi3Terminate", STEP_MODE)) return fmi3Error;
+    if (!in_mode(instance, "fmi3Terminate", STEP_MODE | EXCHANGE_MODE)) return fmi3Error;
     ((shell *)instance)->mode = TERMINATED;
+    uuv_terminate(((shell *)instance)->block);
     return fmi3OK;
 }
 
@@ -135,6 +142,24 @@ ACCESS(Float64, UUV_FLOAT64, write_double, read_double)
 ACCESS(Int32, UUV_INT32, write_int32, read_int32)
 ACCESS(Boolean, UUV_BOOLEAN, write_bool, read_bool)
 
+#ifdef UUV_WHOLE
+
+fmi3Status fmi3GetString(fmi3Instance instance, const fmi3ValueReference vr[], size_t nvr,
+                         fmi3String values[], size_t nValues) {
+    if (!in_mode(instance, "fmi3GetString", ANY_MODE)) return fmi3Error;
+    return status_of(counts_match(instance, "fmi3GetString", nvr, nValues) &&
+                     get_texts(instance, "fmi3GetString", vr, nvr, values));
+}
+
+fmi3Status fmi3SetString(fmi3Instance instance, const fmi3ValueReference vr[], size_t nvr,
+                         const fmi3String values[], size_t nValues) {
+    if (!in_mode(instance, "fmi3SetString", ANY_MODE)) return fmi3Error;
+    return status_of(counts_match(instance, "fmi3SetString", nvr, nValues) &&
+                     set_texts(instance, "fmi3SetString", vr, nvr, values));
+}
+
+#endif
+
 /* ---- steps and derivatives ------------------------------------------------------------- */
 
 fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoint,
@@ -161,7 +186,7 @@ static int derivative(shell *s, const char *name, int adjoint, const fmi3ValueRe
                       size_t nUnknowns, const fmi3ValueReference *knowns, size_t nKnowns,
                       const double *seed, size_t nSeed, double *sensitivity,
                       size_t nSensitivity) {
-    if (!in_mode(s, name, INITIALIZATION_MODE | STEP_MODE | TERMINATED)) return 0;
+    if (!in_mode(s, name, ANY_MODE & ~(INSTANTIATED | FAILED))) return 0;
     size_t n_known = 0, n_unknown = 0;
     uint32_t size;
     for (size_t i = 0; i < nKnowns; i++, n_known += size)
@@ -222,6 +247,86 @@ fmi3Status fmi3GetAdjointDerivative(fmi3Instance instance, const fmi3ValueRefere
                                     fmi3Float64 sensitivity[], size_t nSensitivity) {
     return status_of(derivative(instance, "fmi3GetAdjointDerivative", 1, unknowns, nUnknowns,
                                 knowns, nKnowns, seed, nSeed, sensitivity, nSensitivity));
+}
+
+/* ---- Model Exchange ---------------------------------------------------------------------- */
+
+fmi3Status fmi3EnterEventMode(fmi3Instance instance) {
+    static const char name[] = "fmi3EnterEventMode";
+    return status_of(shell_enter_mode(instance, name, CONTINUOUS_TIME_MODE, EVENT_MODE));
+}
+
+fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance instance) {
+    static const char name[] = "fmi3EnterContinuousTimeMode";
+    return status_of(shell_enter_mode(instance, name, EVENT_MODE, CONTINUOUS_TIME_MODE));
+}
+
+fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *discreteStatesNeedUpdate,
+                                    fmi3Boolean *terminateSimulation,
+                                    fmi3Boolean *nominalsOfContinuousStatesChanged,
+                                    fmi3Boolean *valuesOfContinuousStatesChanged,
+                                    fmi3Boolean *nextEventTimeDefined,
+                                    fmi3Float64 *nextEventTime) {
+    double next;
+    if (!shell_new_discrete_states(instance, "fmi3UpdateDiscreteStates", &next)) return fmi3Error;
+    *discreteStatesNeedUpdate = *terminateSimulation = false;
+    *nominalsOfContinuousStatesChanged = *valuesOfContinuousStatesChanged = false;
+    *nextEventTimeDefined = __builtin_isfinite(next);
+    *nextEventTime = __builtin_isfinite(next) ? next : 0.0;
+    return fmi3OK;
+}
+
+fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance,
+                                       fmi3Boolean noSetFMUStatePriorToCurrentPoint,
+                                       fmi3Boolean *enterEventMode,
+                                       fmi3Boolean *terminateSimulation) {
+    (void)noSetFMUStatePriorToCurrentPoint;
+    if (!in_mode(instance, "fmi3CompletedIntegratorStep", CONTINUOUS_TIME_MODE)) return fmi3Error;
+    *enterEventMode = *terminateSimulation = false;
+    return fmi3OK;
+}
+
+fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 time) {
+    return status_of(shell_set_time(instance, "fmi3SetTime", time));
+}
+
+fmi3Status fmi3SetContinuousStates(fmi3Instance instance, const fmi3Float64 states[], size_t n) {
+    return status_of(shell_set_states(instance, "fmi3SetContinuousStates", states, n));
+}
+
+fmi3Status fmi3GetContinuousStates(fmi3Instance instance, fmi3Float64 states[], size_t n) {
+    return status_of(shell_get_states(instance, "fmi3GetContinuousStates", states, n));
+}
+
+fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance instance, fmi3Float64 derivatives[],
+                                             size_t n) {
+    static const char name[] = "fmi3GetContinuousStateDerivatives";
+    const int got = shell_get_derivatives(instance, name, derivatives, n);
+    return got < 0 ? fmi3Discard : status_of(got);
+}
+
+fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance instance, fmi3Float64 nominals[],
+                                             size_t n) {
+    return status_of(
+        shell_get_nominals(instance, "fmi3GetNominalsOfContinuousStates", nominals, n));
+}
+
+fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance instance, size_t *n) {
+    if (!in_mode(instance, "fmi3GetNumberOfContinuousStates", ANY_MODE)) return fmi3Error;
+    *n = ((shell *)instance)->block->component->n_x;
+    return fmi3OK;
+}
+
+fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance instance, size_t *n) {
+    if (!in_mode(instance, "fmi3GetNumberOfEventIndicators", ANY_MODE)) return fmi3Error;
+    *n = 0;
+    return fmi3OK;
+}
+
+fmi3Status fmi3GetEventIndicators(fmi3Instance instance, fmi3Float64 indicators[], size_t n) {
+    (void)indicators;
+    if (!in_mode(instance, "fmi3GetEventIndicators", ANY_MODE)) return fmi3Error;
+    return n ? status_of(refuse(instance, "fmi3GetEventIndicators: there are none")) : fmi3OK;
 }
 
 /* ---- states ---------------------------------------------------------------------------- */
@@ -294,7 +399,9 @@ NO_VARIABLES(UInt16)
 NO_VARIABLES(UInt32)
 NO_VARIABLES(Int64)
 NO_VARIABLES(UInt64)
+#ifndef UUV_WHOLE
 NO_VARIABLES(String)
+#endif
 NOT_SUPPORTED(fmi3GetBinary, VRS, size_t sizes[], fmi3Binary values[], size_t nValues)
 NOT_SUPPORTED(fmi3SetBinary, VRS, const size_t sizes[], const fmi3Binary values[], size_t nValues)
 NOT_SUPPORTED(fmi3GetClock, VRS, fmi3Clock values[])
@@ -303,7 +410,6 @@ NOT_SUPPORTED(fmi3GetNumberOfVariableDependencies, fmi3ValueReference vr, size_t
 NOT_SUPPORTED(fmi3GetVariableDependencies, fmi3ValueReference dependent, size_t elements[],
               fmi3ValueReference independents[], size_t elementsOfIndependents[],
               fmi3DependencyKind kinds[], size_t n)
-NOT_SUPPORTED(fmi3EnterEventMode)
 NOT_SUPPORTED(fmi3EnterStepMode)
 NOT_SUPPORTED(fmi3EnterConfigurationMode)
 NOT_SUPPORTED(fmi3ExitConfigurationMode)
@@ -320,21 +426,6 @@ NOT_SUPPORTED(fmi3SetShiftDecimal, VRS, const fmi3Float64 shifts[])
 NOT_SUPPORTED(fmi3SetShiftFraction, VRS, const fmi3UInt64 counters[],
               const fmi3UInt64 resolutions[])
 NOT_SUPPORTED(fmi3EvaluateDiscreteStates)
-NOT_SUPPORTED(fmi3UpdateDiscreteStates, fmi3Boolean *discreteStatesNeedUpdate,
-              fmi3Boolean *terminateSimulation, fmi3Boolean *nominalsChanged,
-              fmi3Boolean *valuesChanged, fmi3Boolean *nextEventTimeDefined,
-              fmi3Float64 *nextEventTime)
-NOT_SUPPORTED(fmi3EnterContinuousTimeMode)
-NOT_SUPPORTED(fmi3CompletedIntegratorStep, fmi3Boolean noSetFMUStatePriorToCurrentPoint,
-              fmi3Boolean *enterEventMode, fmi3Boolean *terminateSimulation)
-NOT_SUPPORTED(fmi3SetTime, fmi3Float64 time)
-NOT_SUPPORTED(fmi3SetContinuousStates, const fmi3Float64 states[], size_t n)
-NOT_SUPPORTED(fmi3GetContinuousStateDerivatives, fmi3Float64 derivatives[], size_t n)
-NOT_SUPPORTED(fmi3GetEventIndicators, fmi3Float64 indicators[], size_t n)
-NOT_SUPPORTED(fmi3GetContinuousStates, fmi3Float64 states[], size_t n)
-NOT_SUPPORTED(fmi3GetNominalsOfContinuousStates, fmi3Float64 nominals[], size_t n)
-NOT_SUPPORTED(fmi3GetNumberOfEventIndicators, size_t *n)
-NOT_SUPPORTED(fmi3GetNumberOfContinuousStates, size_t *n)
 NOT_SUPPORTED(fmi3GetOutputDerivatives, VRS, const fmi3Int32 orders[], fmi3Float64 values[],
               size_t nValues)
 NOT_SUPPORTED(fmi3ActivateModelPartition, fmi3ValueReference clock, fmi3Float64 activationTime)

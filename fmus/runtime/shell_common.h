@@ -13,7 +13,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "uuv_component.h"
+#include "shell_hooks.h"
 
 enum shell_mode {
     INSTANTIATED = 1,
@@ -21,13 +21,16 @@ enum shell_mode {
     STEP_MODE = 4,
     TERMINATED = 8,
     FAILED = 16,
-    ANY_MODE = 31
+    EVENT_MODE = 32, /* of Model Exchange, as the next */
+    CONTINUOUS_TIME_MODE = 64,
+    ANY_MODE = 127
 };
 
 typedef struct {
     uuv_instance *block;
     char *name;
     uint64_t mode;
+    int exchange; /* for Model Exchange; else for Co-Simulation */
     double time, start_time, stop_time; /* stop_time: inf where there is none */
     void *environment;
     void (*log)(void); /* the importer's callback, cast by the shell */
@@ -42,6 +45,8 @@ static const char *mode_name(uint64_t mode) {
     case INITIALIZATION_MODE: return "Initialization Mode";
     case STEP_MODE: return "Step Mode";
     case TERMINATED: return "Terminated";
+    case EVENT_MODE: return "Event Mode";
+    case CONTINUOUS_TIME_MODE: return "Continuous-Time Mode";
     default: return "Failed";
     }
 }
@@ -60,9 +65,9 @@ static int refuse(shell *s, const char *format, ...) {
 static int in_mode(shell *s, const char *function, unsigned allowed) {
     if (!s) return 0;
     if (s->mode & allowed) return 1;
-    char expected[128] = "";
+    char expected[192] = "";
     size_t used = 0;
-    for (unsigned m = INSTANTIATED; m <= FAILED; m <<= 1)
+    for (unsigned m = INSTANTIATED; m <= CONTINUOUS_TIME_MODE; m <<= 1)
         if (allowed & m)
             used += (size_t)snprintf(expected + used, sizeof expected - used, "%s%s",
                                      used ? " or " : "", mode_name(m));

@@ -30,6 +30,10 @@ static size_t state_bytes(const shell *s) { return sizeof(state_header) + uuv_st
 
 /* Copies the state into memory that is allocated unless `old` is given. */
 static void *save_state(shell *s, void *old) {
+    if (!uuv_state_size(s->block)) {
+        refuse(s, "the state of this component cannot be saved");
+        return NULL;
+    }
     state_header *state = old ? old : malloc(state_bytes(s));
     if (!state) {
         refuse(s, "out of memory");
@@ -59,6 +63,10 @@ static int is_state(shell *s, const char *function, const state_header *state) {
 
 static int restore_state(shell *s, const char *function, const state_header *state) {
     if (!is_state(s, function, state)) return 0;
+    if (state->mode & (EVENT_MODE | CONTINUOUS_TIME_MODE | STEP_MODE) &&
+        s->exchange != (state->mode != STEP_MODE))
+        return refuse(s, "%s: the state is one of %s; expected one of an instance for %s", function,
+                      mode_name(state->mode), s->exchange ? "Model Exchange" : "Co-Simulation");
     uuv_set_state(s->block, state + 1);
     s->mode = state->mode;
     s->time = state->time;
@@ -98,7 +106,7 @@ static void *deserialize_state(shell *s, const char *function, const unsigned ch
     const uint64_t head = hash_bytes(HASH_START, &header, sizeof header);
     const uint64_t found = hash_bytes(head, bytes + sizeof header, size - sizeof header);
     const int one_mode = header.mode && (header.mode & (header.mode - 1)) == 0;
-    if (found != checksum || !one_mode || header.mode > FAILED) {
+    if (found != checksum || !one_mode || header.mode > ANY_MODE) {
         refuse(s, "%s: the serialized state is damaged: its checksum does not fit", function);
         return NULL;
     }

@@ -22,11 +22,15 @@ static int all_finite(shell *s, const char *function, double time, int32_t bad) 
 static int shell_exit_initialization(shell *s, const char *function) {
     uuv_exit_initialization(s->block);
     uuv_update_outputs(s->block);
+    if (uuv_failure(s->block)) {
+        s->mode = FAILED;
+        return refuse(s, "%s: %s", function, uuv_failure(s->block));
+    }
     if (!all_finite(s, function, s->time, 0)) {
         s->mode = FAILED;
         return 0;
     }
-    s->mode = STEP_MODE;
+    s->mode = s->exchange ? EVENT_MODE : STEP_MODE;
     return 1;
 }
 
@@ -45,8 +49,14 @@ static int shell_do_step(shell *s, const char *function, double t, double h) {
     if (t + h > s->stop_time + slack)
         return refuse(s, "%s: the step ends at %.17g; expected not after stopTime %.17g",
                       function, t + h, s->stop_time);
+    const char *words = uuv_step_refused(s->block, t, h);
+    if (words) return refuse(s, "%s: %s", function, words);
     const int32_t bad = uuv_do_step(s->block, t, h);
     s->time = t + h;
+    if (uuv_failure(s->block)) {
+        s->mode = FAILED;
+        return refuse(s, "%s: %s", function, uuv_failure(s->block));
+    }
     if (bad) {
         s->mode = FAILED;
         return all_finite(s, function, s->time, bad);
@@ -55,24 +65,31 @@ static int shell_do_step(shell *s, const char *function, double t, double h) {
 }
 
 /* ---- derivatives ----------------------------------------------------------------------- */
-/* Place of an input or output in [u] or [y]; -1 if the reference is refused. */
+/* Place of an input or state in [u, x], or of an output or derivative in [y, dx]; -1 if the reference is refused. */
 static int64_t differentiable(shell *s, const char *function, uint32_t vr, int known, int whole,
                               uint32_t *size) {
     const uuv_component *c = s->block->component;
     uint32_t element;
     const uuv_variable *v = reference(s, function, vr, UUV_FLOAT64, whole, &element, size);
     if (!v) return -1;
-    if (v->kind != (known ? UUV_INPUT : UUV_OUTPUT)) {
-        refuse(s, "%s: \"%s\" is not %s", function, v->name,
-               known ? "a known; expected an input" : "an unknown; expected an output");
-        return -1;
-    }
-    return (int64_t)vr - (known ? c->off_u : c->off_y);
+    const int64_t x = (int64_t)vr - c->off_x;
+    if (known && v->kind == UUV_INPUT) return (int64_t)vr - c->off_u;
+    if (known && v->kind == UUV_LOCAL && x < c->n_x) return c->n_u + x;
+    if (!known && v->kind == UUV_OUTPUT) return (int64_t)vr - c->off_y;
+    if (!known && v->kind == UUV_DERIVATIVE) return c->n_y + ((int64_t)vr - c->n_block);
+    refuse(s, "%s: \"%s\" is not %s", function, v->name,
+           known ? "a known; expected an input or a continuous state"
+                 : "an unknown; expected an output or a state's derivative");
+    return -1;
 }
 
 /* Work space [seed of u and x | sensitivity of y and dx], zeroed; NULL if there is no memory. */
 static V *derivative_space(shell *s, V **sensitivity) {
     const uuv_component *c = s->block->component;
+    if (!c->forward) {
+        refuse(s, "derivatives are not provided");
+        return NULL;
+    }
     const size_t n = (size_t)c->n_u + c->n_x, m = (size_t)c->n_y + c->n_x;
     V *seed = calloc(n + m + 1, sizeof(V));
     if (!seed) {

@@ -59,7 +59,12 @@ static V *readable(shell *s, const char *function, uint32_t vr, unsigned type, i
     if (!v) return NULL;
     if (s->mode != FAILED) {
         if (v->kind == UUV_OUTPUT) uuv_update_outputs(s->block);
+        if (uuv_failure(s->block)) {
+            refuse(s, "%s: %s", function, uuv_failure(s->block));
+            return NULL;
+        }
         if (v->kind == UUV_LOCAL) uuv_refresh(s->block);
+        if (v->kind == UUV_DERIVATIVE) uuv_update_derivatives(s->block);
     }
     return s->block->b + vr;
 }
@@ -72,7 +77,12 @@ static V *settable(shell *s, const char *function, uint32_t vr, unsigned type, i
     if (!v) return NULL;
     switch (v->kind) {
     case UUV_INPUT:
-    case UUV_TUNABLE: return s->block->b + vr;
+    case UUV_TUNABLE:
+        if (s->mode != CONTINUOUS_TIME_MODE || (v->kind == UUV_INPUT && v->type == UUV_FLOAT64))
+            return s->block->b + vr;
+        refuse(s, "%s: \"%s\" cannot be set in state %s; expected it to be set in Event Mode",
+               function, v->name, mode_name(s->mode));
+        return NULL;
     case UUV_FIXED:
         if (s->mode == INSTANTIATED || s->mode == INITIALIZATION_MODE) return s->block->b + vr;
         refuse(s, "%s: fixed parameter \"%s\" cannot be set in state %s; expected it to be set "
@@ -108,6 +118,31 @@ static void store(shell *s, V *place, double value) {
     s->block->outputs_stale = 1;
 }
 
+#ifdef UUV_WHOLE
+
+static int get_texts(shell *s, const char *function, const uint32_t *vr, size_t n,
+                     const char *values[]) {
+    if (!in_mode(s, function, ANY_MODE)) return 0;
+    for (size_t i = 0; i < n; i++)
+        if (!(values[i] = uuv_text(s->block, vr[i])))
+            return refuse(s, "%s: value reference %u is unknown", function, (unsigned)vr[i]);
+    return 1;
+}
+
+static int set_texts(shell *s, const char *function, const uint32_t *vr, size_t n,
+                     const char *const values[]) {
+    if (!in_mode(s, function, INSTANTIATED | INITIALIZATION_MODE)) return 0;
+    for (size_t i = 0; i < n; i++) {
+        if (!values[i]) return refuse(s, "%s: a text is NULL", function);
+        if (!uuv_set_text(s->block, vr[i], values[i]))
+            return refuse(s, "%s: value reference %u is unknown, or its text too long", function,
+                          (unsigned)vr[i]);
+    }
+    return 1;
+}
+
+#endif
+
 typedef double (*value_reader)(const void *values, size_t i);
 typedef void (*value_writer)(void *values, size_t i, double value);
 
@@ -136,7 +171,7 @@ static int get_values(shell *s, const char *function, const uint32_t *vr, size_t
 /* Sets variables (`whole`) or elements of them; all or, if one is refused, none. */
 static int set_values(shell *s, const char *function, const uint32_t *vr, size_t n_vr,
                       unsigned type, int whole, const void *values, size_t n, value_reader at) {
-    if (!in_mode(s, function, INSTANTIATED | INITIALIZATION_MODE | STEP_MODE)) return 0;
+    if (!in_mode(s, function, ANY_MODE & ~(TERMINATED | FAILED))) return 0;
     for (int storing = 0; storing < 2; storing++) {
         size_t used = 0;
         for (size_t i = 0; i < n_vr; i++) {

@@ -2,7 +2,7 @@
  *
  * All variables of an instance lie in one block of W-lane values V (W = 1 in FMUs and native
  * components): time, inputs, parameters, derived values, continuous states, discrete states,
- * outputs, in this order. A variable's value reference is its offset in the block; element i
+ * outputs, in this order. Derivatives of the states follow it. A variable's value reference is its offset in the block; element i
  * of an array has the value reference of the array plus i. Int32 and Boolean variables are
  * stored as doubles.
  */
@@ -15,7 +15,7 @@
 #include "uuv_math.h"
 
 enum uuv_type { UUV_FLOAT64 = 0, UUV_INT32 = 1, UUV_BOOLEAN = 2 };
-enum uuv_kind { UUV_TIME = 0, UUV_INPUT, UUV_FIXED, UUV_TUNABLE, UUV_LOCAL, UUV_OUTPUT };
+enum uuv_kind { UUV_TIME = 0, UUV_INPUT, UUV_FIXED, UUV_TUNABLE, UUV_LOCAL, UUV_OUTPUT, UUV_DERIVATIVE };
 
 typedef struct {
     const char *name;
@@ -56,7 +56,7 @@ typedef struct {
 
 typedef struct {
     const uuv_component *component;
-    V *b;          /* the block, n_block values */
+    V *b;          /* the block, n_block values, and n_x derivatives */
     uint64_t *k;   /* next sample index of each clock */
     V *scratch;    /* work space of do_step */
     int dirty;     /* parameters changed: derived values are stale */
@@ -84,6 +84,11 @@ UUV_EXPORT void uuv_enter_initialization(uuv_instance *s, double start_time);
 UUV_EXPORT void uuv_exit_initialization(uuv_instance *s);
 /* Computes outputs if inputs, parameters or states changed since. */
 UUV_EXPORT void uuv_update_outputs(uuv_instance *s);
+/* Computes the derivatives of the states at the present values. */
+UUV_EXPORT void uuv_update_derivatives(uuv_instance *s);
+/* Model Exchange: takes the samples due at t [s], and says when the next is due (inf: never). */
+UUV_EXPORT void uuv_take_samples(uuv_instance *s, double t);
+UUV_EXPORT double uuv_next_sample(const uuv_instance *s);
 /* Forward derivative at the present values: seeds [u, x] -> sensitivities [y, dx]. */
 UUV_EXPORT void uuv_forward(const uuv_instance *s, const V *seed, V *sensitivity);
 /* Advances from t by h [s]; returns 0, or 1 + offset of the first value that is not finite. */

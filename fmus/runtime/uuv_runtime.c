@@ -23,7 +23,7 @@ UUV_EXPORT uuv_instance *uuv_instantiate(const uuv_component *c) {
     if (!s) return NULL;
     size_t scratch = 6 * (size_t)c->n_x + c->n_z + max_draws(c) + 1;
     s->component = c;
-    s->b = calloc(c->n_block, sizeof(V));
+    s->b = calloc((size_t)c->n_block + c->n_x, sizeof(V));
     s->k = calloc(c->n_clocks + 1, sizeof *s->k);
     s->scratch = calloc(scratch, sizeof(V));
     if (!s->b || !s->k || !s->scratch) {
@@ -87,6 +87,11 @@ UUV_EXPORT void uuv_forward(const uuv_instance *s, const V *seed, V *sensitivity
     s->component->forward(s->b, seed, sensitivity);
 }
 
+UUV_EXPORT void uuv_update_derivatives(uuv_instance *s) {
+    uuv_refresh(s);
+    s->component->rhs(s->b, s->b + s->component->n_block);
+}
+
 /* One classical Runge-Kutta step of length h from time t. */
 static void rk4(uuv_instance *s, double t, double h) {
     const uuv_component *c = s->component;
@@ -144,6 +149,38 @@ static void tick(uuv_instance *s, uint32_t i) {
     s->k[i]++;
 }
 
+/* The clock that is due first, before *at, which becomes its instant; n_clocks if none is. */
+static uint32_t first_due(const uuv_instance *s, double *at) {
+    const uuv_component *c = s->component;
+    uint32_t next = c->n_clocks;
+    for (uint32_t i = 0; i < c->n_clocks; i++) {
+        const double due = instant(&c->clocks[i], s->k[i]);
+        if (due < *at) {
+            *at = due;
+            next = i;
+        }
+    }
+    return next;
+}
+
+UUV_EXPORT void uuv_take_samples(uuv_instance *s, double t) {
+    uuv_refresh(s);
+    for (;;) { /* an importer's time may be off by a few units in the last place */
+        double at = t + 1e-12 + 1e-14 * __builtin_fabs(t);
+        const uint32_t next = first_due(s, &at);
+        if (next == s->component->n_clocks) break;
+        tick(s, next);
+    }
+    s->b[0] = broadcast(t);
+    s->outputs_stale = 1;
+}
+
+UUV_EXPORT double uuv_next_sample(const uuv_instance *s) {
+    double at = __builtin_inf();
+    first_due(s, &at);
+    return at;
+}
+
 UUV_EXPORT int32_t uuv_do_step(uuv_instance *s, double t, double h) {
     const uuv_component *c = s->component;
     const double end = t + h;
@@ -151,15 +188,8 @@ UUV_EXPORT int32_t uuv_do_step(uuv_instance *s, double t, double h) {
     double now = t;
     uuv_refresh(s);
     for (;;) {
-        uint32_t next = c->n_clocks;
         double at = end - tolerance;
-        for (uint32_t i = 0; i < c->n_clocks; i++) {
-            const double due = instant(&c->clocks[i], s->k[i]);
-            if (due < at) {
-                at = due;
-                next = i;
-            }
-        }
+        const uint32_t next = first_due(s, &at);
         if (next == c->n_clocks) break;
         if (at > now + tolerance) {
             integrate(s, now, at);

@@ -3,7 +3,8 @@ function model = linearize(session, inputs, outputs, varargin)
   %
   %   m = uuvsim.linearize(s, {'hull.tau'}, {'hull.nu'})
   %
-  % x and y are deviations from the present trajectory, inputs held over a communication step:
+  % x and y are deviations from the present trajectory, inputs held over dt, a communication step
+  % unless 'dt' says more:
   %
   %   x(k+1) = A x(k) + B u(k),    y(k+1) = C x(k+1) + D u(k)
   %
@@ -17,15 +18,18 @@ function model = linearize(session, inputs, outputs, varargin)
   % Options, as name and value:
   %   'states'   names of the signals that make x
   %   'step'     size of the push, a number or one for each input element (1e-4)
-  %   'steps'    communication steps that are watched (twice the states, at least 20)
+  %   'dt'       from one sample of the model to the next [s]: the period of the controller to be,
+  %              long enough for what lies between command and force (one communication step)
+  %   'steps'    samples that are watched (twice the states, at least 20)
   %
   % With MATLAB's Control System Toolbox or Octave's control: ss(m.A, m.B, m.C, m.D, m.dt).
   inputs = reshape(cellstr(inputs), 1, []);
   outputs = reshape(cellstr(outputs), 1, []);
-  options = struct('states', {outputs}, 'step', 1e-4, 'steps', []);
+  options = struct('states', {outputs}, 'step', 1e-4, 'dt', session.step_size, ...
+                   'steps', []);
   for k = 1:2:numel(varargin)
     if ~isfield(options, varargin{k})
-      error('uuvsim:option', 'uuvsim: an option of linearize is states, step or steps.');
+      error('uuvsim:option', 'uuvsim: an option of linearize is states, step, dt or steps.');
     end
     options.(varargin{k}) = varargin{k + 1};
   end
@@ -48,8 +52,8 @@ function model = linearize(session, inputs, outputs, varargin)
   for j = 1:numel(u0)
     push = zeros(numel(u0), 1);
     push(j) = size_of_step(j);
-    up = response(session, id, u0, push, steps);
-    down = response(session, id, u0, -push, steps);
+    up = response(session, id, u0, push, options.dt, steps);
+    down = response(session, id, u0, -push, options.dt, steps);
     both = (up - down) / (2 * size_of_step(j));
     x = both(1:numel(x0), :);
     y = both(numel(x0) + 1:end, :);
@@ -71,7 +75,7 @@ function model = linearize(session, inputs, outputs, varargin)
   model.C = bsxfun(@rdivide, Y * pinv(bsxfun(@rdivide, Xnext, scale), tolerance), scale.');
   model.D = Y1 - model.C * X1;
   model.D(abs(model.D) < 1e-6 * max([abs(Y1(:)); realmin])) = 0;
-  model.dt = session.step_size;
+  model.dt = options.dt;
   model.state_names = state_names;
   model.input_names = input_names;
   model.output_names = output_names;
@@ -83,8 +87,9 @@ function model = linearize(session, inputs, outputs, varargin)
   model.rank = rank(scaled, tolerance);
   if model.residual > 1e-2
     warning('uuvsim:linearize', ...
-            ['uuvsim: the named states leave %.2g of the response unexplained: there are others ' ...
-             '(of thrusters, delays, filters); name them with ''states''.'], model.residual);
+            ['uuvsim: the named states leave %.2g of the response unexplained: there are ' ...
+             'others (of thrusters, delays, filters); name them with ''states'', or make ' ...
+             '''dt'' longer.'], model.residual);
   end
 end
 
@@ -104,12 +109,12 @@ function [numbers, names] = column_of(session, signals)
   end
 end
 
-function rows = response(session, id, u0, push, steps)
+function rows = response(session, id, u0, push, dt, steps)
   session.restore(id);
-  first = session.step(u0 + push);
+  first = session.step(u0 + push, dt);
   rows = zeros(numel(first), steps);
   rows(:, 1) = first;
   for k = 2:steps
-    rows(:, k) = session.step(u0);
+    rows(:, k) = session.step(u0, dt);
   end
 end

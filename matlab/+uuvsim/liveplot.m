@@ -13,8 +13,11 @@ function figure_handle = liveplot(session, names, duration, varargin)
     end
     options.(varargin{k}) = varargin{k + 1};
   end
+  session.get(names{:});  % an unknown name is refused here, before there is a window
+  units = cellfun(@(name) unit_of(session, name), names, 'UniformOutput', false);
   figure_handle = figure('name', 'uuvsim', 'visible', options.visible);
   begin = session.time;
+  shown = tic();
   times = [];
   kept = cell(1, numel(names));
   lines = cell(1, numel(names));
@@ -28,7 +31,14 @@ function figure_handle = liveplot(session, names, duration, varargin)
     for k = 1:numel(names)
       kept{k}(:, end + 1) = values{k};
     end
-    lines = drawn(figure_handle, names, times, kept, lines);
+    if toc(shown) > 0.1  % drawing is what takes time
+      lines = drawn(figure_handle, names, units, [begin, begin + duration], times, kept, lines);
+      drawnow();
+      shown = tic();
+    end
+  end
+  if ishandle(figure_handle)
+    drawn(figure_handle, names, units, [begin, begin + duration], times, kept, lines);
     drawnow();
   end
 end
@@ -44,12 +54,23 @@ function values = now_or_stepped(session, names, options)
   values = cellfun(@(v) double(v(:)), values, 'UniformOutput', false);
 end
 
-function lines = drawn(figure_handle, names, times, kept, lines)
+function unit = unit_of(session, name)
+  list = session.signals();
+  unit = list(strcmp(name, {list.name})).unit;
+  unit = strjoin(unique(strtrim(strsplit(unit, ',')), 'stable'), ', ');
+end
+
+function lines = drawn(figure_handle, names, units, limits, times, kept, lines)
   for k = 1:numel(names)
     if isempty(lines{k})
       axis_handle = subplot(numel(names), 1, k, 'Parent', figure_handle);
       lines{k} = plot(axis_handle, times, kept{k});
-      ylabel(axis_handle, names{k}, 'Interpreter', 'none');
+      ylabel(axis_handle, sprintf('%s [%s]', names{k}, units{k}), 'Interpreter', 'none');
+      if numel(lines{k}) > 1
+        elements = arrayfun(@(i) sprintf('[%d]', i), 1:numel(lines{k}), 'UniformOutput', false);
+        legend(axis_handle, elements{:}, 'Location', 'eastoutside');
+      end
+      xlim(axis_handle, limits);
       grid(axis_handle, 'on');
       if k == numel(names)
         xlabel(axis_handle, 'time [s]');

@@ -31,6 +31,9 @@ function failed = suite(port)
     'a linear model predicts the response',           @linearizes
     'linearizing leaves the session as it was',       @linearizes_quietly
     'states that are left out are warned of',         @warns_of_states
+    'a linear model may have a longer sample',       @linearizes_slower
+    'a live plot shows what came, with its units',   @plots
+    'a live plot refuses unknown names',             @plots_nothing
     'the self test passes',                           @tests_itself
   };
   failed = 0;
@@ -247,6 +250,35 @@ function linearizes(s, port)
   end
   off = norm(pushed - free - x) / norm(x);
   assert(off < 1e-3, 'the prediction is off by %g', off);
+end
+
+function linearizes_slower(s, port)
+  signals = {'hull.eta', 'hull.nu'};
+  slow = uuvsim.linearize(s, 'hull.tau', signals, 'step', 1e-3, 'dt', 0.05);
+  fast = uuvsim.linearize(s, 'hull.tau', signals, 'step', 1e-3);
+  assert(slow.dt == 0.05 && fast.dt == 0.01);
+  off = norm(slow.B - (eye(12) + fast.A + fast.A^2 + fast.A^3 + fast.A^4) * fast.B);
+  assert(off < 1e-3 * norm(slow.B), 'B is off by %g', off / norm(slow.B));
+  refused(@() uuvsim.linearize(s, 'hull.tau', signals, 'dt', 0.013), 'whole multiple');
+end
+
+function plots(s, port)
+  handle = uuvsim.liveplot(s, {'hull.nu'}, 0.5, 'visible', 'off');
+  close_it = onCleanup(@() close(handle));
+  shown = findobj(handle, 'type', 'axes');
+  labels = get(shown, 'ylabel');
+  if iscell(labels)
+    labels = labels{end};
+  end
+  assert(strcmp(get(labels, 'string'), 'hull.nu [m/s, rad/s]'), get(labels, 'string'));
+  curves = findobj(handle, 'type', 'line');
+  counts = arrayfun(@(h) numel(get(h, 'xdata')), curves);
+  assert(sum(counts == 5) >= 6, 'curves of %s points', mat2str(counts));
+  assert(abs(s.time - 0.5) < 1e-9);
+end
+
+function plots_nothing(s, port)
+  refused(@() uuvsim.liveplot(s, {'hull.mu'}, 1), 'hull.nu');
 end
 
 function linearizes_quietly(s, port)

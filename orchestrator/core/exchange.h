@@ -45,6 +45,8 @@ typedef struct {
     patience patience;
     int64_t child;   /* process that answers, or 0 in the child itself */
     double watchdog; /* seconds to answer in, or 0 for ever */
+    double asked;    /* when, in seconds */
+    uint32_t before; /* replies before that */
     int read;        /* the outputs in `out` are those of the component as it is now */
     int trouble;
 } uuv_exchange;

@@ -29,30 +29,32 @@ static int is_gone(int64_t child) { return child != 0; }
 static const double SLICE = 0.02; /* seconds between two looks at whether the child lives */
 
 /* Gives 1 when the child has answered; it may have done so and died. */
-static int answered(uuv_exchange *e, uint32_t before) {
+static int answered(uuv_exchange *e) {
     turnstile *reply = &e->shared->reply;
-    double begun = 0.0;
-    if (turnstile_spin(reply, before, &e->patience)) return 1;
-    for (begun = seconds_now(); e->trouble == EXCHANGE_FINE;) {
+    if (turnstile_spin(reply, e->before, &e->patience)) return 1;
+    while (e->trouble == EXCHANGE_FINE) {
         const int gone = is_gone(e->child);
-        if (turnstile_sleep(reply, before, gone ? 0.0 : SLICE)) return 1;
+        if (turnstile_sleep(reply, e->before, gone ? 0.0 : SLICE)) return 1;
         if (gone)
             e->trouble = EXCHANGE_DIED;
-        else if (e->watchdog > 0.0 && seconds_now() - begun >= e->watchdog)
+        else if (e->watchdog > 0.0 && seconds_now() - e->asked >= e->watchdog)
             e->trouble = EXCHANGE_LATE;
     }
     return 0;
 }
 
-static int ask(uuv_exchange *e, int command) {
+static int request(uuv_exchange *e, int command) {
     exchange *x = e->shared;
     if (e->trouble >= EXCHANGE_DIED) return 0;
     e->trouble = EXCHANGE_FINE;
-    const uint32_t before = x->reply.count;
+    e->before = x->reply.count;
+    e->asked = seconds_now();
     x->command = command;
     turnstile_set(&x->request, x->request.count + 1);
-    return answered(e, before);
+    return 1;
 }
+
+static int ask(uuv_exchange *e, int command) { return request(e, command) && answered(e); }
 
 /* What the child says of what went wrong; its slots are numbered from its first input on. */
 static int told(uuv_exchange *e, const member *m, uuv_failure *why) {
@@ -76,17 +78,26 @@ static int shared_set(member *m, const uuv_slot *slots, uuv_failure *why) {
     return failed(why, UUV_CORE_NO_MEMORY, 0, UUV_CORE_SET);
 }
 
-static int shared_do_step(member *m, const uuv_slot *slots, double t, double h, uuv_failure *why) {
+static int shared_post(member *m, double t, double h, uuv_failure *why) {
     uuv_exchange *e = m->instance;
-    (void)slots;
     if (e->trouble >= EXCHANGE_DIED) return lost(why, UUV_CORE_DO_STEP);
     e->shared->t = t;
     e->shared->h = h;
     e->read = 0;
-    if (!ask(e, EXCHANGE_STEP)) return lost(why, UUV_CORE_DO_STEP);
+    return request(e, EXCHANGE_STEP) || lost(why, UUV_CORE_DO_STEP);
+}
+
+static int shared_collect(member *m, uuv_failure *why) {
+    uuv_exchange *e = m->instance;
+    if (!answered(e)) return lost(why, UUV_CORE_DO_STEP);
     e->read = 1;
     /* What failed in reading its outputs is told when they are needed, as in this process. */
     return e->shared->why.action == UUV_CORE_GET || told(e, m, why);
+}
+
+static int shared_do_step(member *m, const uuv_slot *slots, double t, double h, uuv_failure *why) {
+    (void)slots;
+    return shared_post(m, t, h, why) && shared_collect(m, why);
 }
 
 static int shared_get(member *m, uuv_slot *slots, uuv_failure *why) {
@@ -98,7 +109,7 @@ static int shared_get(member *m, uuv_slot *slots, uuv_failure *why) {
     return failed(why, UUV_CORE_NO_MEMORY, 0, UUV_CORE_GET);
 }
 
-const kind kind_shared = {shared_set, shared_do_step, shared_get};
+const kind kind_shared = {shared_set, shared_do_step, shared_get, shared_post, shared_collect};
 
 /* The child keeps its state; called as FMI's functions are, for iterated groups. */
 static int state(uuv_exchange *e, int command) {

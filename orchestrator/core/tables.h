@@ -29,11 +29,14 @@ typedef struct {
 typedef struct member member;
 typedef struct fault fault;
 
-/* How a kind of component is written, stepped and read; each gives 1, or 0 and fills `why`. */
+/* How a kind of component is written, stepped and read; each gives 1, or 0 and fills `why`. One
+ * that steps elsewhere can be left to it: `post` begins what `collect` ends. */
 typedef struct {
     int (*set)(member *m, const uuv_slot *slots, uuv_failure *why);
     int (*do_step)(member *m, const uuv_slot *slots, double t, double h, uuv_failure *why);
     int (*get)(member *m, uuv_slot *slots, uuv_failure *why);
+    int (*post)(member *m, double t, double h, uuv_failure *why);
+    int (*collect)(member *m, uuv_failure *why);
 } kind;
 
 extern const kind kind_native, kind_fmi2, kind_fmi3, kind_callback, kind_shared;
@@ -59,6 +62,7 @@ struct member { /* what every step reads comes first */
     void *get;
     uuv_slot *fresh; /* where its outputs are read to: the visible slots, or those of `early` */
     int sequential;
+    int stepping; /* its step has been posted, and not been collected */
     struct iteration *group; /* the iterated group that it belongs to, or NULL */
     access *sets, *gets;
     fault *faults; /* of its outputs, in the order in which they came */
@@ -79,8 +83,9 @@ typedef struct {
     uint32_t *text_columns, *text_slots, n_texts;
     uint64_t *last_text; /* of each text column: index of its last text, or UINT64_MAX */
     uint64_t every, next;
-    uint64_t *rows;
+    uint64_t *rows; /* column by column, `stride` values apart */
     int64_t *ticks;
+    size_t stride;
     uint32_t n_rows, used;
     uuv_blob *texts;
     uint64_t n_stored, capacity;
@@ -94,6 +99,7 @@ struct uuv_core {
     uint8_t *classes;
     struct iteration *groups; /* the iterated ones */
     uint32_t n_groups;
+    uint32_t n_stepping; /* members whose steps have been posted */
     int iterating; /* inputs inside an iterated group come from the trial's outputs */
     recording record;
     uuv_failure why;
@@ -102,8 +108,6 @@ struct uuv_core {
 void apply_faults(const uuv_core *core, member *m, uuv_slot *slots);
 void free_faults(member *m);
 int blob_assign(uuv_blob *blob, const char *data, size_t size);
-int record_row(uuv_core *core);
-int record_is_full(const uuv_core *core);
 int read_outputs(uuv_core *core, member *m);
 int transfer_inputs(uuv_core *core, member *target);
 int failed(uuv_failure *why, int outcome, int status, int action);

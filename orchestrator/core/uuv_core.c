@@ -5,6 +5,7 @@
 
 #include "budget.h"
 #include "iterate.h"
+#include "record.h"
 #include "straight.h"
 
 /* Seconds at a communication point: from integers, rounded once, never summed up. */
@@ -61,16 +62,48 @@ static int step_member(uuv_core *core, member *m, double t) {
     return 1;
 }
 
+/* Begins the step of a member that steps elsewhere, beside the others of the tick: what they read
+ * was valid at its start, so nothing depends on who ends first. */
+static int post_step(uuv_core *core, member *m, double t) {
+    if (!transfer_inputs(core, m)) return 0;
+    if (!m->kind->set(m, core->slots, &core->why)) return 0;
+    if (!m->kind->post(m, t, m->h, &core->why)) return 0;
+    m->stepping = 1;
+    core->n_stepping++;
+    return 1;
+}
+
+/* Waits for all steps that were posted; gives the first member that failed, or NULL. */
+static member *collect_steps(uuv_core *core) {
+    member *culprit = NULL;
+    uuv_failure first = core->why;
+    for (member *m = core->members; core->n_stepping; m++) {
+        if (!m->stepping) continue;
+        m->stepping = 0;
+        core->n_stepping--;
+        if (m->kind->collect(m, &core->why)) {
+            m->due += m->step_ticks;
+        } else if (!culprit) {
+            culprit = m;
+            first = core->why;
+        }
+    }
+    core->why = first;
+    return culprit;
+}
+
 /* Steps a member, or its whole group if that is iterated; gives the one that failed. */
 static int step(uuv_core *core, member **m, double t) {
     iteration *group = (*m)->group;
-    if (!group) return step_member(core, *m, t);
+    if (!group) return ((*m)->kind->post && !(*m)->sequential ? post_step : step_member)(core, *m, t);
     if (step_group(core, group, t)) return 1;
     *m = core->members + group->culprit;
     return 0;
 }
 
 static int32_t stop(uuv_core *core, const member *m) {
+    const member *before = core->n_stepping ? collect_steps(core) : NULL;
+    if (before) m = before; /* as if they stepped one after the other */
     core->why.member = (uint32_t)(m - core->members);
     core->why.tick = core->tick;
     return core->why.outcome;
@@ -90,6 +123,8 @@ UUV_CORE_API int32_t uuv_core_run(uuv_core *core, uint64_t n_ticks, double secon
         for (member *m = core->members; m < end; m++)
             if (m->due == now && !(m->straight.version ? straight_step(core, m, t) : step(core, &m, t)))
                 return stop(core, m);
+        const member *failed_one = core->n_stepping ? collect_steps(core) : NULL;
+        if (failed_one) return stop(core, failed_one);
         core->tick = next;
         for (member *m = core->members; m < end; m++)
             if (m->due == next && !(m->straight.version ? straight_show(core, m) : show_outputs(core, m)))

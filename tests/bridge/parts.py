@@ -45,3 +45,21 @@ class Twice:
 
     def step(self, t: float, dt: float, u: dict[str, Any]) -> dict[str, Any]:
         return {"y": 2.0 * u["x"]}
+
+
+class Feet(Sum):
+    """A sum in another unit."""
+
+    outputs = {"s": "km", "both": (2, "m/s")}  # noqa: RUF012
+
+
+class Current:
+    """The names of a Gauss-Markov current, with other shapes."""
+
+    outputs = {"v_c": (2, "m/s")}  # noqa: RUF012
+    names = ("speed", "direction", "v_D", "sigma", "tau", "sigma_direction", "tau_direction")
+    parameters = dict.fromkeys(names, (1.0, "1"))
+    inputs: dict[str, str] = {}  # noqa: RUF012
+
+    def step(self, t: float, dt: float, u: dict[str, Any]) -> dict[str, Any]:
+        return {"v_c": [0.0, 0.0]}

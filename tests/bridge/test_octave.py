@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -17,26 +16,9 @@ from uuvsim_cosim.bridge.tcp_door import TcpDoor
 sys.path.insert(0, str(Path(__file__).parent))
 
 from doors import Peer
+from in_octave import MATLAB, NEEDS_OCTAVE, OCTAVE, PLAIN, octave, said
 
-MATLAB = Path(__file__).parents[2] / "matlab"
-OCTAVE = shutil.which("octave-cli") or shutil.which("octave")
-PLAIN = ["--norc", "--quiet", "--no-window-system", "--eval"]
-PACKAGE = (
-    OCTAVE is not None
-    and subprocess.run(
-        [OCTAVE, *PLAIN, "pkg load instrument-control"], capture_output=True, check=False
-    ).returncode
-    == 0
-)
-
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(
-        not PACKAGE,
-        reason="GNU Octave or its package instrument-control is not installed; the MATLAB client "
-        "was not run (apt-get install octave octave-instrument-control)",
-    ),
-]
+pytestmark = NEEDS_OCTAVE
 
 
 @pytest.fixture(scope="module")
@@ -49,24 +31,10 @@ def port() -> Iterator[int]:
     conductor.close()
 
 
-def octave(code: str) -> subprocess.Popen[str]:
-    """Start Octave with the client on its path, and nothing of the user's."""
-    assert OCTAVE is not None
-    paths = f"addpath('{MATLAB}', '{MATLAB / 'tests'}');"
-    return subprocess.Popen(
-        [OCTAVE, *PLAIN, f"{paths} {code}"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
-
-
 def test_the_clients_own_suite_passes_in_octave(port: int) -> None:
-    with octave(f"exit(suite({port}) > 0)") as process:
-        said, _ = process.communicate(timeout=300)
-    assert process.returncode == 0, said
-    assert "FAILED" not in said, said
-    assert "26 of 26 passed" in said, said
+    words = said(f"suite({port})", 300)
+    assert "FAILED" not in words, words
+    assert "29 of 29 passed" in words, words
 
 
 def test_octave_and_python_step_in_lockstep(port: int) -> None:
@@ -81,9 +49,9 @@ def test_octave_and_python_step_in_lockstep(port: int) -> None:
             for k in range(count):
                 numbers = peer.ask(None, [1])[1]
                 assert numbers[0] == k + 1
-            said, _ = process.communicate(timeout=60)
-    assert said.split()[:2] == ["tick", str(count)], said
-    assert [float(x) for x in said.split()[3:]] == [numbers[2], numbers[7]]
+            words, _ = process.communicate(timeout=60)
+    assert words.split()[:2] == ["tick", str(count)], words
+    assert [float(x) for x in words.split()[3:]] == [numbers[2], numbers[7]]
 
 
 def test_a_client_that_ends_without_a_word_holds_nobody_up(port: int) -> None:
@@ -98,14 +66,14 @@ def test_a_client_that_ends_without_a_word_holds_nobody_up(port: int) -> None:
 
 def test_the_command_prints_a_line_that_octave_takes() -> None:
     line = [sys.executable, "-m", "uuvsim_cosim", "matlab"]
-    said = subprocess.run(line, capture_output=True, text=True, check=True).stdout
+    printed = subprocess.run(line, capture_output=True, text=True, check=True).stdout
     assert OCTAVE is not None
-    code = f"{said.strip()}; try, uuvsim.connect('prt', 1), catch e, disp(e.identifier), end"
+    code = f"{printed.strip()}; try, uuvsim.connect('prt', 1), catch e, disp(e.identifier), end"
     found = subprocess.run([OCTAVE, *PLAIN, code], capture_output=True, text=True, check=True)
     assert found.stdout == "uuvsim:option\n"
 
 
 def test_the_packages_functions_all_have_a_first_help_line() -> None:
-    for file in sorted((MATLAB / "+uuvsim").glob("*.m")):
+    for file in sorted([*(MATLAB / "+uuvsim").glob("*.m"), *(MATLAB / "examples").glob("*.m")]):
         lines = file.read_text(encoding="utf-8").splitlines()
         assert lines[1].lstrip().startswith("% "), file.name

@@ -7,6 +7,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -15,11 +16,16 @@ from uuvsim_cosim.bridge.desk import Client
 from uuvsim_cosim.bridge.remote import ComponentServer, serve_component, source
 from uuvsim_cosim.bridge.zenoh_bridge import free_port
 from uuvsim_cosim.errors import ComponentFailed, FmuError, InputInvalid, SystemInvalid
+from uuvsim_cosim.orchestrator.flatten import flatten
+from uuvsim_cosim.orchestrator.master import Master
+from uuvsim_cosim.orchestrator.prepared import prepare
+from uuvsim_cosim.orchestrator.python_class import load
 from uuvsim_cosim.orchestrator.run import run
 from uuvsim_cosim.orchestrator.system import System
 
 PARTS = Path(__file__).parent / "parts.py"
 ME = Client("me", "local")
+Sum: Any = load(f"{PARTS}:Sum")
 
 
 @pytest.fixture(scope="module")
@@ -83,11 +89,49 @@ def test_two_masters_have_objects_of_their_own(served: ComponentServer) -> None:
         assert other.step(ME, 5, {"sum.a": 3.0}, ["sum.s"])[1]["sum.s"] == pytest.approx(1.5)
 
 
-def test_a_state_that_is_elsewhere_is_not_copied(served: ComponentServer) -> None:
+def test_a_remote_component_goes_back_to_a_snapshot(served: ComponentServer) -> None:
+    names = ["sum.s", "sum.both", "twice.y"]
     with Conductor(system(served.source)) as desk:
-        with pytest.raises(FmuError, match="cannot copy its state"):
+        desk.step(ME, 3, {"sum.a": 0.4, "sum.k": 1.5})
+        kept, before = desk.snapshot(ME), desk.get(ME, names)
+        first = desk.step(ME, 4, {"sum.b": 2.0}, names)[1]
+        desk.restore(ME, kept)
+        assert desk.get(ME, names)["sum.s"] == before["sum.s"]
+        again = desk.step(ME, 4, {"sum.b": 2.0}, names)[1]
+        assert first["sum.both"].tolist() == again["sum.both"].tolist()
+        assert (first["sum.s"], first["twice.y"]) == (again["sum.s"], again["twice.y"])
+        assert desk.describe()["components"][0]["can_snapshot"]
+
+
+def test_its_state_is_kept_in_a_file_as_any_other(served: ComponentServer, tmp_path: Path) -> None:
+    plan = flatten(system(served.source), 0)
+    with Master(plan, prepare(plan, "native")) as master:
+        master.initialize()
+        master.set("sum", "a", 0.4)
+        master.step(3)
+        master.save_snapshot(tmp_path / "state")
+        master.step(2)
+        after = master.get("sum", "s")
+        master.load_snapshot(tmp_path / "state")
+        master.step(2)
+        assert master.get("sum", "s") == after
+
+
+def test_a_remote_component_that_cannot_copy_its_state_is_refused_by_name() -> None:
+    class Locked(Sum):
+        def __init__(self) -> None:
+            super().__init__()
+            self.lock = threading.Lock()
+
+    with (
+        serve_component(Locked, "locked", port=0) as server,
+        Conductor(system(server.source)) as desk,
+    ):
+        with pytest.raises(FmuError, match=r"sum: Locked, which is remote, cannot copy its state"):
             desk.snapshot(ME)
         assert not desk.describe()["components"][0]["can_snapshot"]
+        desk.step(ME, 2)
+        assert desk.reset(ME).tick == 0
 
 
 def test_a_failure_there_names_the_component_here() -> None:

@@ -12,7 +12,10 @@ from pathlib import Path
 import pytest
 
 import uuvsim_cosim as uuv
+from uuvsim_cosim.bridge.keyboard import source
 from uuvsim_cosim.cli import status_of
+from uuvsim_cosim.orchestrator.recording import export
+from uuvsim_cosim.orchestrator.sources import register
 from uuvsim_cosim.orchestrator.ssd import write_ssd
 
 PARTS = Path(__file__).parents[1] / "bridge" / "parts.py"
@@ -85,3 +88,30 @@ def test_a_component_that_fails_ends_a_serve_with_an_end(
     assert status_of(["serve", sums, *ANY, *options]) == 3
     assert "the well is dry" in capsys.readouterr().err
     assert len(uuv.read_signals(Path("out")).time) == 6
+
+
+def test_a_recording_is_served_as_live(sums: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert status_of(["serve", sums, "--until", "1", "--real-time", "50", "-o", "run", *ANY]) == 0
+    export("run", "run.mcap")
+    for recording in ("run", "run.mcap"):
+        capsys.readouterr()
+        options = ["--until", "0.5", "--real-time", "50", *ANY]
+        assert status_of(["serve", recording, *options]) == 0
+        said = capsys.readouterr().out
+        assert "sums is served on this machine" in said
+        assert "recording  " not in said
+    assert status_of(["serve", "run", "--until", "3", *ANY]) == 2
+    assert "at most 1 s, where the recording ends" in capsys.readouterr().err
+    assert status_of(["serve", "run.mcap", "--set", "sum.k=2", "--seed", "3", *ANY]) == 2
+    assert "expected it without --set, --seed" in capsys.readouterr().err
+
+
+def test_where_the_pilots_page_is_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    register("keyboard", source)
+    write_ssd(uuv.System("alone", "0.1").add("helm", "keyboard:"), tmp_path / "alone.ssd")
+    options = ["--replace", "helm=keyboard", "--until", "0.1", "--no-record", *ANY]
+    assert status_of(["serve", "alone.ssd", *options]) == 0
+    assert re.search(r"Pilot  http://127\.0\.0\.1:\d+/pilot", capsys.readouterr().out)

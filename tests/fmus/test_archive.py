@@ -126,6 +126,14 @@ def test_members_that_would_leave_their_folder_are_refused(tmp_path: Path, name:
     assert not list(tmp_path.glob("**/evil"))
 
 
+def test_archives_with_the_separators_of_windows_are_unpacked(tmp_path: Path) -> None:
+    folder_ = ("binaries\\win64\\", b"")
+    fmu = write(tmp_path / "x.fmu", DESCRIPTION, folder_, ("resources\\deep\\y.txt", b"a"))
+    folder = unpack(fmu)
+    assert (folder / "resources" / "deep" / "y.txt").read_bytes() == b"a"
+    assert (folder / "binaries" / "win64").is_dir()
+
+
 def test_symbolic_links_are_refused(tmp_path: Path) -> None:
     link = zipfile.ZipInfo("link")
     link.external_attr = (stat.S_IFLNK | 0o777) << 16

@@ -34,12 +34,10 @@ def test_every_function_of_the_header_is_exported(
 @pytest.mark.parametrize(
     ("function", "arguments"),
     [
-        ("fmi3EnterEventMode", ()),
         ("fmi3EnterStepMode", ()),
         ("fmi3EnterConfigurationMode", ()),
         ("fmi3EvaluateDiscreteStates", ()),
-        ("fmi3SetTime", (1.0,)),
-        ("fmi3GetNumberOfContinuousStates", (ctypes.byref(ctypes.c_size_t()),)),
+        ("fmi3GetClock", ((ctypes.c_uint32 * 1)(1), 1, (ctypes.c_bool * 1)())),
     ],
 )
 def test_what_is_not_supported_says_so(

@@ -44,9 +44,13 @@ def test_fmpy_finds_nothing_wrong(declared: Declared, name: str, fmi: Any, tmp_p
 def test_what_is_read_back_is_what_was_declared(
     exported: Callable[[str, Any], tuple[Path, Path]], declared: Declared, name: str, fmi: Any
 ) -> None:
-    native = describe(declared[name]()).variables
+    model = declared[name]()
+    native = describe(model).variables
     found = dict(read_description(exported(name, fmi)[0]).variables)
     found.pop("time", None)
+    for state in model.of_kind("state"):  # and its derivative, for Model Exchange
+        rate = found.pop(f"der({state.name})")
+        assert (rate.shape, rate.causality) == (state.shape, "local")
     assert list(found) == list(native)
     for v in native.values():
         w = found[v.name]
@@ -84,20 +88,37 @@ def test_a_linear_output_says_what_its_factor_is() -> None:
 
 
 @both
-def test_outputs_without_feedthrough_declare_an_empty_dependency(
-    declared: Declared, fmi: Any
-) -> None:
-    tag = "Outputs/Unknown" if fmi == 2 else "Output"
-    outputs = xml(declared["lag"](), fmi).findall(f"ModelStructure/{tag}")
-    assert [o.get("dependencies") for o in outputs] == ["", "1"]
+def test_outputs_without_feedthrough_depend_on_states_alone(declared: Declared, fmi: Any) -> None:
+    structure = xml(declared["lag"](), fmi).find("ModelStructure")
+    assert structure is not None
+    outputs = structure.findall("Outputs/Unknown" if fmi == 2 else "Output")
+    rates = structure.findall("Derivatives/Unknown" if fmi == 2 else "ContinuousStateDerivative")
+    # u is 1, x is 5, as index and as value reference
+    assert [o.get("dependencies") for o in outputs] == ["5", "1 5"]
+    assert [o.get("dependencies") for o in rates] == ["1 5"]
+
+
+@both
+def test_each_state_has_its_derivative(declared: Declared, fmi: Any) -> None:
+    root = xml(declared["linear"](), fmi)
+    real = ".//Real" if fmi == 2 else ".//Float64"
+    states = [e.get("derivative") for e in root.iterfind(real) if e.get("derivative")]
+    scalars = [*root.iterfind("ModelVariables/*")]
+    by_index = {str(i): e.get("name") for i, e in enumerate(scalars, 1)}
+    by_reference = {str(e.get("valueReference")): e.get("name") for e in scalars}
+    known = by_index if fmi == 2 else by_reference
+    wanted = ["x[1]", "x[2]", "x[3]"] if fmi == 2 else ["x"]
+    assert [known[s] for s in states] == wanted
+    assert {"der(x[1])", "der(x)"} & set(by_reference.values())
 
 
 @both
 def test_initial_unknowns_follow_states_to_their_parameters(declared: Declared, fmi: Any) -> None:
     tag = "InitialUnknowns/Unknown" if fmi == 2 else "InitialUnknown"
-    unknowns = xml(declared["lag"](), fmi).findall(f"ModelStructure/{tag}")
-    # u is 1, k 2, T 3, x_0 4, as index and as value reference
-    assert [u.get("dependencies") for u in unknowns] == ["4", "1 2 4"]
+    found = xml(declared["lag"](), fmi).findall(f"ModelStructure/{tag}")
+    unknowns = sorted(found, key=lambda u: int(u.get("index") or u.get("valueReference") or 0))
+    # u is 1, k 2, T 3, x_0 4, as index and as value reference; then x, y, z and der(x)
+    assert [u.get("dependencies") for u in unknowns] == ["4", "4", "1 2 4", "1 2 3 4"]
 
 
 def test_units_of_an_arrays_elements_are_kept() -> None:

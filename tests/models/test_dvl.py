@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from uuvsim_cosim.errors import ParameterInvalid
 from uuvsim_cosim.models.dvl import dvl
 from uuvsim_cosim.models.kinematics import q_of_euler
 
@@ -97,3 +98,47 @@ def test_velocity_noise_is_that_of_four_beams(lanes: Any, silent: Any) -> None:
     level = 0.01 / np.sqrt(2) / np.sin(TILT)
     expected = [level, level, 0.01 / 2 / np.cos(TILT)]
     assert np.std(run["velocity"], axis=1) == pytest.approx(expected, rel=0.06)
+
+
+# ---- water track, and pings by range ------------------------------------------------------------
+
+
+def through(lanes: Any, silent: Any, height: float, **inputs: Any) -> Any:
+    m = dvl("a50", track="both")
+    still = silent(m) | {"bottom_depth": 5.0 + height, "r_s": [0, 0, 0]}
+    return lanes(m, parameters=still).step(0.0, 0.2, eta=[0, 0, 5, 0, 0, 0], **inputs)
+
+
+def test_water_track_sees_the_velocity_through_the_water(lanes: Any, silent: Any) -> None:
+    east = q(0, 0, np.pi / 2)
+    run = through(lanes, silent, 15.0, q=east, nu=[0.5, 0, 0, 0, 0, 0], v_c=[0.1, 0.2, 0])
+    assert run["velocity_water"] == pytest.approx([0.3, 0.1, 0], abs=1e-8)
+    assert run["velocity"] == pytest.approx([0.5, 0, 0], abs=1e-8)
+    assert run["valid_water"] == 1.0
+
+
+@pytest.mark.parametrize(("height", "valid"), [(5.5, 0.0), (5.7, 1.0), (900.0, 1.0)])
+def test_water_track_needs_its_layer_clear_of_the_bottom_and_no_bottom(
+    lanes: Any, silent: Any, height: float, valid: float
+) -> None:
+    assert through(lanes, silent, height)["valid_water"] == valid
+
+
+@pytest.mark.parametrize(
+    ("height", "pings"),
+    [(2.0, 26), (20.0, 26), (40.0, 18), (200.0, 4)],  # of 2 · 40 / cos(tilt) / 1500 = 0.058 s
+)
+def test_pings_follow_the_range(lanes: Any, silent: Any, height: float, pings: int) -> None:
+    m = dvl("a50", period="0.0005", aperiodic=True)
+    still = silent(m) | {"bottom_depth": 5.0 + height, "r_s": [0, 0, 0]}
+    run = lanes(m, parameters=still)
+    times = set()
+    for k in range(200):
+        run.step(0.005 * k, 0.005, eta=[0, 0, 5, 0, 0, 0])
+        times.add(float(run["t_sample"][0]))
+    assert len(times) == pings
+
+
+def test_a_track_that_does_not_exist_is_refused() -> None:
+    with pytest.raises(ParameterInvalid, match="track = 'watre'; expected bottom or both"):
+        dvl(track="watre")

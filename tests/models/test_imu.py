@@ -1,11 +1,14 @@
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
 
+from uuvsim_cosim.content import content
+from uuvsim_cosim.errors import ParameterInvalid
 from uuvsim_cosim.models.imu import imu
 from uuvsim_cosim.models.kinematics import R, R_zyx, q_of_euler
 
@@ -79,3 +82,46 @@ def test_errors_have_the_deviation_of_the_figures(lanes: Any) -> None:
     assert acc == pytest.approx([np.sqrt(0.196**2 + 0.073485**2 + 0.004**2 * 100)] * 3, rel=0.06)
     expected = np.sqrt(0.0087**2 + 8.6726e-4**2 + 0.00033939**2 * 100)
     assert gyro == pytest.approx([expected] * 3, rel=0.06)
+
+
+# ---- presets with scale, misalignment and range -------------------------------------------------
+
+
+def test_scale_and_misalignment_are_drawn_once_and_act_on_the_reading(lanes: Any) -> None:
+    m = imu("stim300")
+    quiet = {v.name: 0.0 for v in m.of_kind("parameter") if v.name.endswith(("density", "_tau"))}
+    quiet |= {f"{a}_{kind}_sigma": 0.0 for a in ("acc", "gyro") for kind in ("bias", "turn_on")}
+    quiet = {k: v for k, v in quiet.items() if not k.endswith("tau")}
+    run = lanes(m, 3000, parameters=quiet | {"gyro_scale_sigma": 0.01, "g": 0.0})
+    omega = np.array([0.5, 0.0, 0.0])
+    first = run.step(0.0, 0.1, nu=[0, 0, 0, *omega])["gyro"]
+    assert np.std(first, axis=1) == pytest.approx([0.5 * 0.01, 0.5e-3, 0.5e-3], rel=0.06)
+    later = run.step(0.1, 0.1, nu=[0, 0, 0, *(2 * omega)])["gyro"]
+    np.testing.assert_allclose(later, 2 * first, rtol=1e-12)
+
+
+def test_beyond_its_range_it_saturates(lanes: Any, silent: Any) -> None:
+    m = imu("mpu6050")
+    run = lanes(m, parameters=silent(m)).step(0.0, 0.01, nu=[0, 0, 0, 9.0, -9.0, 0.1])
+    assert run["gyro"] == pytest.approx([4.3633, -4.3633, 0.1])
+
+
+def test_a_preset_without_these_figures_declares_none() -> None:
+    names = {v.name for v in imu().variables.values()}
+    assert not any("scale" in n or "misalignment" in n or n.endswith("_range") for n in names)
+
+
+def test_a_bias_instability_that_cannot_be_names_the_file(tmp_path: Path) -> None:
+    text = content("models", "sensors", "stim300", "imu.yaml").read_text()
+    (tmp_path / "x.yaml").write_text(text.replace("value: 3600", "value: 36"))
+    with pytest.raises(ParameterInvalid, match=r"x\.yaml: gyro: bias_tau 36 s.*expected at least"):
+        imu(str(tmp_path / "x.yaml"))
+
+
+def test_a_misspelt_figure_is_refused_with_its_line_and_the_right_name(tmp_path: Path) -> None:
+    text = content("models", "sensors", "adis16448", "imu.yaml").read_text()
+    (tmp_path / "y.yaml").write_text(
+        text + '  gyro_rnage: {value: 1, unit: rad/s, source: "guess"}\n'
+    )
+    with pytest.raises(ParameterInvalid, match=r"y\.yaml:16: gyro_rnage.*expected gyro_range"):
+        imu(str(tmp_path / "y.yaml"))

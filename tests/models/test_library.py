@@ -24,3 +24,15 @@ def test_an_unknown_name_lists_the_known() -> None:
 def test_an_unknown_option_is_named() -> None:
     with pytest.raises(InputInvalid, match="colour"):
         declare("thruster_t200", colour="red")
+
+
+def test_a_preset_is_addressed_as_a_vehicles_set_is() -> None:
+    names = {v.name for v in declare("imu@stim300").of_kind("parameter")}
+    assert "gyro_scale_sigma" in names
+    with pytest.raises(InputInvalid, match="no imu 'stim30'; expected adis16448"):
+        declare("imu@stim30")
+
+
+def test_an_option_that_is_no_number_is_named_with_its_value() -> None:
+    with pytest.raises(InputInvalid, match=r"'lbl' with beacons=many: .* expected a number"):
+        declare("lbl", beacons="many")

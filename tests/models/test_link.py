@@ -72,3 +72,10 @@ def test_numbers_of_several_units_share_a_link() -> None:
 def test_a_line_too_long_is_refused() -> None:
     with pytest.raises(ParameterInvalid, match="at most 255 samples under way"):
         link(period="0.001", delay_max="0.4")
+
+
+def test_a_preset_gives_the_deviation_in_the_unit_of_the_link(lanes: Any) -> None:
+    assert list(link(id="pool_positioning").variables["sigma"].start) == [0.007] * 3
+    assert list(link(2, "mm", id="pool_positioning").variables["sigma"].start) == [7.0, 7.0]
+    with pytest.raises(ParameterInvalid, match="no link 'pool'; expected pool_positioning"):
+        link(id="pool")

@@ -10,10 +10,14 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
+from uuvsim_cosim.content import content
+from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.cross_flow import cross_flow
 from uuvsim_cosim.models.evaluation import Evaluation
+from uuvsim_cosim.models.kinematics import R_zyx
 from uuvsim_cosim.models.library import declare
 from uuvsim_cosim.models.model import Model
+from uuvsim_cosim.models.simulate import simulate
 
 MSS = YAML(typ="safe").load(Path(__file__).parent / "reference" / "npsauv_values.yaml")
 L, RHO = 5.3, 1025.0
@@ -148,3 +152,86 @@ def test_the_hulls_force_is_that_of_mss_but_for_two_wrong_signs(model: Model, nu
 def test_astern_it_is_damped_where_the_printed_products_drive_it(model: Model) -> None:
     astern = np.array([-1.0, 0.2, 0, 0, 0, 0])
     assert acceleration(model, astern)[1] < 0 < mss_force(astern)[1]
+
+
+# ---- control surfaces ---------------------------------------------------------------------------
+
+
+def control(nu: np.ndarray, act: list[float]) -> np.ndarray:
+    """Our planes as printed and our propeller, settled at their commands."""
+    n = act[4] * np.pi / 30
+    planes = declare("fins", vehicle="npsauv", form="derivatives")
+    inputs = {"u": act[:4], "nu_r": nu, "n": n}
+    tau = simulate(planes, at=[0.0, 4.0], h=0.01, inputs=inputs)["tau"][-1]
+    inputs = {"u": n / (50 * np.pi), "nu_r": nu}
+    pushed = simulate(declare("propeller", vehicle="npsauv"), at=[0.0, 4.0], h=0.01, inputs=inputs)
+    return np.asarray(tau + pushed["tau"][-1])
+
+
+@pytest.mark.parametrize("rpm", [800.0, 1500.0])
+def test_planes_and_propeller_are_those_of_mss_with_every_term(rpm: float) -> None:
+    """Products of deflections with q, r, v, w and the propeller's slipstream on the planes, too."""
+    act = [0.1, -0.05, 0.02, 0.03, rpm]
+    np.testing.assert_allclose(control(NU, act), mss_control(NU, act), rtol=1e-8, atol=1e-6)
+
+
+def test_mss_acceleration_in_a_current_is_ours_but_for_what_is_known(model: Model) -> None:
+    """The whole right-hand side: hull, planes, propeller, weight, current; four differences named.
+
+    Two signs, the strips (11 stations for ten, w + x q), and eta by the speed over ground.
+    """
+    case = MSS["npsauv_xdot_test_state"]
+    nu_r = NU - np.array([*V_C, 0, 0, 0])
+    act = list(case["u_actual"])
+    act[4] *= nu_r[0] / NU[0]
+    phi, theta, psi = case["euler"]
+    v_c = np.array(ca.evalf(ca.mtimes(R_zyx(phi, theta, psi), ca.DM(V_C)))).ravel()
+    start = {"eta_0": [0, 0, 9, phi, theta, psi], "nu_0": NU}
+    run = simulate(model, at=[0.0], inputs={"v_c": v_c}, tau=control(nu_r, act), parameters=start)
+    k_y, k_z = 0.5 * RHO * 0.5 * 0.53, 0.5 * RHO * 0.6 * 0.53
+    strips = -np.array(ca.evalf(cross_flow(ca.SX(nu_r), -L / 2, L / 2, k_y, k_z))).ravel()
+    known = sign_errors(nu_r) + strips - mss_strips(nu_r)
+    # It turns the current by yaw alone; what that leaves out of nu_c_dot:
+    turned = -np.cross(NU[3:], V_C) - np.array([NU[5] * V_C[1], -NU[5] * V_C[0], 0])
+    expected = np.array(MSS["npsauv_xdot_at_test_state"]).ravel()[:6]
+    expected = expected + np.linalg.solve(mass(model), known) + [*turned, 0, 0, 0]
+    np.testing.assert_allclose(run["nu_dot"][0], expected, atol=1e-8)
+
+
+def test_at_its_steady_speed_the_propeller_adds_nothing_to_the_planes() -> None:
+    steady = np.array([1.5, 0.1, 0.05, 0.02, 0.03, -0.01])
+    fast = control(steady, [0.0, 0.0, 0.0, 0.0, 1.5 / 0.012 * 30 / np.pi])
+    np.testing.assert_allclose(fast, [0.5 * RHO * L**2 * 0.00385 * 2.25, 0, 0, 0, 0, 0], atol=1e-6)
+
+
+def test_without_flow_the_planes_as_printed_are_finite() -> None:
+    act = [0.2, 0.2, 0.2, 0.2, 1500.0]
+    assert np.all(np.isfinite(control(np.zeros(6), act)))
+    assert np.all(np.isfinite(control(-NU, [*act[:4], -1500.0])))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('of: [u, u, "rudders"]', 'of: [u, "rudders"]', "two velocities"),
+        ('of: [u, r, "rudders"]', 'of: [u, r, "ruders"]', "rudders, stern planes"),
+        (
+            'unit: "N.s2/m2", source: "Healey and Lienard (1993): Ydr',
+            'unit: N, source: "Ydr',
+            "Ydr",
+        ),
+    ],
+)
+def test_a_mistake_in_a_control_derivative_is_named_with_its_line(
+    old: str, new: str, message: str, tmp_path: Path
+) -> None:
+    for name in ("parameters", "fins", "control"):
+        text = content("models", "vehicles", "npsauv", f"{name}.yaml").read_text()
+        (tmp_path / f"{name}.yaml").write_text(text.replace(old, new))
+    with pytest.raises(InputInvalid, match=rf"control\.yaml:\d+: .*{message}"):
+        declare("fins", vehicle=str(tmp_path), form="derivatives")
+
+
+def test_a_vehicle_without_control_derivatives_is_refused_by_name() -> None:
+    with pytest.raises(InputInvalid, match=r"remus100.*control\.yaml"):
+        declare("fins", vehicle="remus100", form="derivatives")

@@ -76,6 +76,7 @@ def test_a_commensurable_unit_is_converted(tmp_path: Path) -> None:
         ("default: von_benzon_2022", "default: best", "expected one of von_benzon_2022, wu_2018"),
         ("      rho: {", "      W: {", "never both"),
         ("source: \"von Benzon et al. (2022), Table A1\"}", "source: \"\"}", "source"),
+        ("      z_b: {value: -0.01", "      z_b: {value: .nan", "z_b: nan; expected a finite"),
         ("      I_b_22:", "      I_b_11:", "duplicate key"),
         ("    parameters:\n", "    parameters: [\n", "expected YAML"),
     ],
@@ -98,8 +99,21 @@ def test_every_mistake_is_listed(tmp_path: Path) -> None:
     assert str(caught.value).count(str(path)) >= 3
 
 
+def test_what_a_schema_sees_and_what_it_does_not_are_listed_together(tmp_path: Path) -> None:
+    """A missing source, a mass in newtons, a name that does not exist."""
+    path = tmp_path / "mine.yaml"
+    text = SHIPPED.replace("      m: {value: 13.5, unit: kg,", "      m: {value: 13.5, unit: N,", 1)
+    text = text.replace("      M_A_11: {value: 6", "      M_A_17: {value: 6", 1)
+    text = text.replace('source: "von Benzon et al. (2022), Table A1"}', "note: none}", 1)
+    path.write_text(text)
+    with pytest.raises(ParameterInvalid) as caught:
+        declare(str(path))
+    for word in ("'source' is a required property", "expected 'kg'", "M_A_17: not a parameter"):
+        assert word in str(caught.value)
+
+
 def test_an_unknown_model_is_refused_with_those_that_exist() -> None:
-    with pytest.raises(InputInvalid, match=r"no model 'bluerov3'; expected one of .*thruster_t200"):
+    with pytest.raises(InputInvalid, match=r"no model 'bluerov3'.*expected one of .*thruster_t200"):
         declare("bluerov3")
 
 
@@ -125,3 +139,47 @@ def test_a_direction_that_is_not_of_length_one_is_refused_with_its_line(tmp_path
     line = text[: text.index("[0, 0, -1]")].count("\n") + 1
     with pytest.raises(ParameterInvalid, match=f":{line}: e = .*expected length 1"):
         thruster_geometry(str(path))
+
+
+def test_a_centre_of_gravity_outside_the_hull_is_refused_with_its_line(tmp_path: Path) -> None:
+    text = content("models", "vehicles", "rexrov", "parameters.yaml").read_text()
+    path = tmp_path / "mine.yaml"
+    place = "    parameters:\n"
+    wrong = '      x_g: {value: 140, unit: cm, source: "typed for a test"}\n'
+    path.write_text(text.replace(place, place + wrong, 1))
+    line = text[: text.index(place)].count("\n") + 2
+    with pytest.raises(ParameterInvalid) as caught:
+        declare(str(path))
+    assert f":{line}: x_g: 1.4 m, the centre of gravity outside the hull" in str(caught.value)
+    assert "expected -1.3 to 1.3 m" in str(caught.value)
+
+
+def test_every_thruster_that_cannot_be_placed_is_named_with_its_line(tmp_path: Path) -> None:
+    """Too far away (mm read as m), no unit vector, an unknown unit, two in one place, NaN."""
+    folder = content("models", "vehicles", "bluerov2_heavy")
+    (tmp_path / "parameters.yaml").write_text((folder / "parameters.yaml").read_text())
+
+    def thruster(name: str, r: str, e: str = "[1, 0, 0]", unit: str = "m") -> str:
+        r, e = f"{{value: {r}, unit: {unit}}}", f'{{value: {e}, unit: "1"}}'
+        return f"  - name: {name}\n    r: {r}\n    e: {e}\n"
+
+    head = 'vehicle: mine\nsource: "typed for a test"\nthrusters:\n'
+    far = thruster("far", "[156, 111, 85]")
+    twins = thruster("port", "[0, 0.1, 0]") + thruster("port again", "[0, 0.1, 0]", "[-1, 0, 0]")
+    long = thruster("long", "[0, 0, 0]", "[0, 2, 0]")
+    for items, messages in (
+        (far + twins + long, ["far: r = [156", "stands where port does", "expected length 1"]),
+        (
+            thruster("a", "[1, 0, 0]", unit="kg") + thruster("b", "[.nan, 0, 0]"),
+            ["unit 'kg'", "expected three numbers"],
+        ),
+    ):
+        path = tmp_path / "thrusters.yaml"
+        path.write_text(head + items)
+        thruster_geometry.cache_clear()
+        with pytest.raises(ParameterInvalid) as caught:
+            thruster_geometry(str(path))
+        text = str(caught.value)
+        assert [m for m in messages if m not in text] == []
+        assert text.count("thrusters.yaml:") == len(messages)
+    thruster_geometry.cache_clear()

@@ -75,3 +75,24 @@ def test_above_the_water_it_reads_the_air(lanes: Any, silent: Any) -> None:
     m = pressure()
     run = lanes(m, parameters=silent(m)).step(0.0, 0.1, eta=[0, 0, -2, 0, 0, 0])
     assert run["pressure"] == pytest.approx([101325.0])
+
+
+def test_beyond_its_range_it_saturates_and_is_not_valid(lanes: Any, silent: Any) -> None:
+    m = pressure("bar30")
+    run = lanes(m, parameters=silent(m))
+    run.step(0.0, 0.1, eta=[0, 0, 280.0, 0, 0, 0])
+    assert run["valid"] == 1.0
+    run.step(0.1, 0.1, eta=[0, 0, 320.0, 0, 0, 0])
+    assert (run["valid"], run["pressure"]) == (0.0, 30e5)
+
+
+def test_in_fresh_water_a_metre_is_less_pressure_than_in_the_sea(lanes: Any, silent: Any) -> None:
+    m = pressure()
+    sea, lake = (
+        lanes(m, parameters=silent(m) | {"salinity": s, "r_s": [0, 0, 0]}).step(
+            0.0, 0.1, eta=[0, 0, 100.0, 0, 0, 0]
+        )["pressure"][0]
+        - 101325.0
+        for s in (35.0, 0.0)
+    )
+    assert lake / sea == pytest.approx(1000.0 / 1027.0, rel=2e-3)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from uuvsim_cosim.models.closed_forms import total_mass
 from uuvsim_cosim.models.evaluation import Evaluation
 from uuvsim_cosim.models.library import declare
 from uuvsim_cosim.models.parameters import parameter_set
@@ -39,16 +40,24 @@ def fossen_numbers() -> dict[str, float]:
     }
 
 
-def fossen_force(nu: np.ndarray, fins: np.ndarray, rpm: float) -> np.ndarray:
-    """Propeller, fins, body lift and cross-flow drag with 21 strips, as Fossen writes them."""
+def fossen_force(
+    nu: np.ndarray, fins: np.ndarray, rpm: float, over_ground: float | None = None
+) -> np.ndarray:
+    """Propeller, fins, body lift and cross-flow drag with 21 strips, as Fossen writes them.
+
+    `nu` is relative to the water; his speed of advance is the one over ground.
+    """
     rho, S, C_D = 1026.0, 0.7 * 1.6 * 0.19, 1.2108 - 0.0067 / 0.0652 * 0.1272
     u, v, w, _, _, r = nu
     U, alpha, n = float(np.linalg.norm(nu[:3])), np.arctan2(w, u), rpm / 60
+    U_a = U if over_ground is None else over_ground
     D, J = PROPELLER["D"], PROPELLER["J"]
     tau = np.zeros(6)
     for row, key, power in ((0, "KT", 4), (3, "KQ", 5)):
         at_0, at_J = PROPELLER[key]
-        tau[row] = rho * D**power * (at_0 * n * abs(n) + (at_J - at_0) / J * 0.944 * U / D * abs(n))
+        tau[row] = (
+            rho * D**power * (at_0 * n * abs(n) + (at_J - at_0) / J * 0.944 * U_a / D * abs(n))
+        )
     tau[0] *= 1 - PROPELLER["t"]
     tau[3] /= 10  # his scaling of the propeller's moment
     q_h, q_v = 0.5 * rho * (u * u + v * v), 0.5 * rho * (u * u + w * w)
@@ -70,11 +79,25 @@ def fossen_force(nu: np.ndarray, fins: np.ndarray, rpm: float) -> np.ndarray:
     return tau
 
 
-def run(name: str, numbers: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
-    """Integrate our hull under Fossen's forces along his file; give ours and his, (n, 12)."""
+def rotation(q: np.ndarray) -> np.ndarray:
+    """Give R of b to n of a unit quaternion, scalar first."""
+    w, v = q[0], q[1:]
+    S = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+    return np.asarray(np.eye(3) + 2 * w * S + 2 * S @ S)
+
+
+def run(
+    name: str, numbers: dict[str, float], current: tuple[float, float] = (0.0, 0.0)
+) -> tuple[np.ndarray, np.ndarray]:
+    """Integrate our hull under Fossen's forces along his file; give ours and his, (n, 12).
+
+    He turns the current (speed, direction) into b by yaw alone, and leaves out what pitching makes
+    of it in heave: both are done to ours here.
+    """
     rows = [r for r in (HERE / name).read_text().splitlines() if not r.startswith("#")]
     table = np.array([[float(x) for x in r.split(",")] for r in rows[1:]])
-    f = Evaluation(hull("remus", numbers, surface=False))
+    model = hull("remus", numbers, surface=False)
+    f, M = Evaluation(model), total_mass(model)
     p = f.values_of("parameter", {"eta_0": np.zeros(6)})
     d = np.array(f.derived(p)).ravel()
     x = np.array(f.initial(p, d)).ravel()
@@ -82,7 +105,16 @@ def run(name: str, numbers: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
     act, h, steps = np.zeros(3), 0.02, 25
 
     def rate(x: np.ndarray, act: np.ndarray, command: np.ndarray) -> tuple[Any, np.ndarray]:
-        u[:6] = fossen_force(x[7:13], act[:2], act[2])
+        nu = x[7:13].copy()
+        if current[0]:
+            eta, speed = np.array(f.outputs(0.0, u, p, d, x, [])).ravel()[:6], current[0]
+            angle = current[1] - eta[5]
+            v_b = np.array([speed * np.cos(angle), speed * np.sin(angle), 0.0])
+            u[6:9] = rotation(x[3:7]) @ v_b
+            nu[:3] -= v_b
+        u[:6] = fossen_force(nu, act[:2], act[2], float(np.linalg.norm(x[7:10])))
+        if current[0]:
+            u[:6] -= M[:, 2] * (x[11] * v_b[0] - x[10] * v_b[1])
         dx = np.array(f.rhs(0.0, u, p, d, x, [])).ravel()
         return dx, (command - act) / np.array([0.1, 0.1, 1.0])
 
@@ -117,6 +149,15 @@ def test_the_shipped_propeller_and_drag_balance_at_fossens_speed() -> None:
     drag = parameter_set("remus100", "fossen_2021").quantities["D_q_11"].value * 2.5536**2
     assert r["thrust"][-1] == pytest.approx(drag, rel=2e-4)
     assert r["tau"][-1, 3] > 0  # a left-handed propeller rolls the hull to starboard
+
+
+def test_fossens_trajectory_in_a_current_is_reproduced_where_his_choices_are_taken() -> None:
+    """Turning in 0.5 m/s: Coriolis of the relative velocity, a current that turns in b."""
+    current = (0.5, np.deg2rad(30.0))
+    ours, his = run("pvs_remus100_step_current_converged.csv", fossen_numbers(), current)
+    off = ours - his
+    off[:, 3:6] = np.remainder(off[:, 3:6] + np.pi, 2 * np.pi) - np.pi
+    assert np.abs(off).max() < 1e-6
 
 
 # ---- Prestero ----------------------------------------------------------------------------------

@@ -14,6 +14,7 @@ from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import ParameterInvalid
 from uuvsim_cosim.models.check import check
 from uuvsim_cosim.models.evaluation import Evaluation
+from uuvsim_cosim.models.kinematics import R_zyx
 from uuvsim_cosim.models.library import declare
 from uuvsim_cosim.models.model import Model
 from uuvsim_cosim.models.rigid_body import C_RB
@@ -308,6 +309,23 @@ def test_forces_sampled_in_a_file_are_continued_between_the_rows(
     body = "\n".join(",".join(f"{v:.12g}" for v in row) for row in rows)
     path = tmp_path / "r.csv"
     path.write_text(f"# no surface\n{header}\n{body}\n")
+    deviations = check("bluerov2_heavy@wu_2018", path, h=5e-3)
+    assert max(d.max for d in deviations) < 1e-6
+
+
+def test_a_file_may_hold_a_current_in_which_the_hull_drifts(tmp_path: Path) -> None:
+    """The published trajectory as one who drifts the other way would have written it down."""
+    lines = (REFERENCE / "wu_2018_release_tilt.csv").read_text().splitlines()
+    table = np.array([[float(x) for x in row.split(",")] for row in lines[5:80]])
+    v_c = np.array([0.3, -0.2, 0.1])
+    for row in table:
+        phi, theta, psi = row[4:7]
+        Rnb = np.array(ca.evalf(R_zyx(phi, theta, psi)))
+        row[1:4] += v_c * row[0]
+        row[7:10] += Rnb.T @ v_c
+    rows = "\n".join(",".join(f"{x:.12g}" for x in [*row, *v_c]) for row in table)
+    path = tmp_path / "drift.csv"
+    path.write_text(f"# no surface\n{lines[4]},vc_N_mps,vc_E_mps,vc_D_mps\n{rows}\n")
     deviations = check("bluerov2_heavy@wu_2018", path, h=5e-3)
     assert max(d.max for d in deviations) < 1e-6
 

@@ -263,6 +263,23 @@ def test_a_kill_from_outside_is_an_error(
             master.snapshot()
 
 
+def test_isolated_components_step_beside_each_other(
+    first_order_fmi3: Path, wired: Any, nothing_left: list[int]
+) -> None:
+    makers = {"dies": isolated(first_order_fmi3), "lives": isolated(first_order_fmi3)}
+    with Master(*wired(makers, start={"lives": {"u": 1.0}})) as master:
+        master.initialize()
+        nothing_left += [child_of(master, p) for p in makers]
+        master.step(4)
+        lives = master.components[1]
+        y = lives.description.variables["y"]
+        before = lives.get(y)
+        os.kill(child_of(master, "dies"), signal.SIGKILL)
+        with pytest.raises(ComponentFailed, match=r"'dies' failed at t = 0\.04 s.*signal 9"):
+            master.step()
+        assert lives.get(y) != before  # its step was not waiting for the other's
+
+
 LIVES = """
 import sys
 from pathlib import Path

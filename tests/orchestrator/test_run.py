@@ -2,6 +2,7 @@ import json
 import os
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -270,3 +271,19 @@ def test_a_run_in_real_time_says_how_punctual_it_was(tank: System, tmp_path: Pat
     assert done.punctuality is not None
     assert done.punctuality.steps == 10
     assert json.loads((done.folder / "run.json").read_text())["real_time"]["factor"] == 100.0
+
+
+def test_a_run_ends_where_its_system_ends(tank: System, tmp_path: Path) -> None:
+    ends = replace(tank, stop_time=0.25)
+    assert run(ends, out=tmp_path / "a").time == 0.3  # the first step that reaches it
+    assert run(ends, out=tmp_path / "b", until=0.1).time == 0.1
+
+
+def test_a_component_that_asks_to_end_ends_the_run(first_order_fmi3: Path, tmp_path: Path) -> None:
+    asks = {"fault": 7, "fault_time": 0.05}
+    system = System("s", "0.01").add("a", str(first_order_fmi3), start=asks)
+    done = run(system, until=1.0, out=tmp_path / "r")
+    assert done.time == 0.05
+    assert done.warnings[-1] == "a asks to end the simulation at t = 0.05 s"
+    assert not done.interrupted
+    assert len(done.signals().time) == 6

@@ -136,12 +136,17 @@ def test_libcosims_override_of_an_input_whose_source_feeds_others_is_refused(
         run(fan, until=1.0, out=tmp_path / "r", scenario=libcosim(tmp_path, event))
 
 
-def test_libcosims_bias_of_an_unconnected_input_is_refused_by_name(
+def test_libcosims_bias_of_an_unconnected_input_adds_to_the_value_that_it_has(
     system: System, tmp_path: Path
 ) -> None:
-    event = {"time": 0.5, "model": "a", "variable": "u", "action": "bias", "value": 7}
-    with pytest.raises(InputInvalid, match=r"a\.u: a bias of an unconnected input; expected"):
-        run(system, until=1.0, out=tmp_path / "r", scenario=libcosim(tmp_path, event))
+    events = (
+        {"time": 0.4, "model": "a", "variable": "u", "action": "bias", "value": 7},
+        {"time": 0.7, "model": "a", "variable": "u", "action": "reset"},
+    )
+    file = libcosim(tmp_path, *events)
+    run(system.set("a.u", 1.5), until=1.0, out=tmp_path / "r", scenario=file)
+    v = read_signals(tmp_path / "r")["a.v"][1:]
+    assert v == pytest.approx(np.array([1.5] * 4 + [8.5] * 3 + [1.5] * 3))
 
 
 def test_libcosims_override_of_a_parameter_lasts_until_its_reset(tmp_path: Path) -> None:

@@ -483,3 +483,45 @@ def test_a_start_time_is_said_not_taken(read: Read) -> None:
         "<ssd:DefaultExperiment", '<ssd:DefaultExperiment startTime="10"'
     )
     assert "startTime 10 s" in read(ssd(inside(FILTERS), "", "", tail)).notes[0]
+
+
+def test_the_default_experiment_says_where_a_run_ends(read: Read, tmp_path: Path) -> None:
+    tail = '<ssd:DefaultExperiment startTime="0" stopTime="2.5"/>'
+    system = read(ssd(inside(FILTERS), tail=tail))
+    assert system.stop_time == 2.5
+    write_ssd(system, tmp_path / "again.ssd")
+    assert read_ssd(tmp_path / "again.ssd") == system
+    assert read(ssd(inside(FILTERS))).stop_time is None
+
+
+def test_a_proxy_is_read_as_its_file(first_order_fmi2: Path, tmp_path: Path) -> None:
+    (tmp_path / "x.fmu").write_bytes(first_order_fmi2.read_bytes())
+    uri = "proxyfmu://{}?file=x.fmu"
+    file = tmp_path / "s.ssd"
+    file.write_text(ssd(inside(f'<ssd:Component name="a" source="{uri.format("localhost")}"/>')))
+    system = read_ssd(file)
+    assert system.components["a"].source == "x.fmu"
+    assert any("proxyfmu is read as its file" in note for note in system.notes)
+    file.write_text(ssd(inside(f'<ssd:Component name="a" source="{uri.format("elsewhere")}"/>')))
+    with pytest.raises(SystemInvalid, match="nothing is run on other machines") as raised:
+        read_ssd(file)
+    assert len(raised.value.problems) == 1
+
+
+def test_an_item_is_found_in_the_enumeration_of_its_variable(
+    first_order_fmi2: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "x.fmu").write_bytes(first_order_fmi2.read_bytes())
+    value = (
+        "<ssd:ParameterBindings><ssd:ParameterBinding><ssd:ParameterValues><ssv:ParameterSet "
+        'version="1.0" name="p"><ssv:Parameters><ssv:Parameter name="mode"><ssv:Enumeration '
+        'value="{}"/></ssv:Parameter></ssv:Parameters></ssv:ParameterSet></ssd:ParameterValues>'
+        "</ssd:ParameterBinding></ssd:ParameterBindings>"
+    )
+    component = '<ssd:Component name="a" source="x.fmu">{}</ssd:Component>'
+    file = tmp_path / "s.ssd"
+    file.write_text(ssd(inside(component.format(value.format("fast")))))
+    assert read_ssd(file).components["a"].start == {"mode": 2}
+    file.write_text(ssd(inside(component.format(value.format("fastest")))))
+    with pytest.raises(SystemInvalid, match="an item of its enumeration, 'slow', 'fast'"):
+        read_ssd(file)

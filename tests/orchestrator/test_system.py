@@ -157,7 +157,9 @@ def test_a_source_that_cannot_be_read_is_refused_by_name() -> None:
     with pytest.raises(SystemInvalid, match=r"a: .*no/such.fmu: no such file; expected an FMU"):
         System("s").add("a", "no/such.fmu")
     with pytest.raises(SystemInvalid, match=r"of no known kind; expected a .fmu"):
-        System("s").add("a", "nothing")
+        System("s").add("a", "nothing.txt")
+    with pytest.raises(SystemInvalid, match=r"there is no model 'lqrr' \(did you mean lqr"):
+        System("s").add("a", "lqrr")
 
 
 def test_a_nested_system_is_connected_by_what_it_exposes(vehicle: System) -> None:

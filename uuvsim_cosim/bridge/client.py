@@ -5,16 +5,18 @@ from __future__ import annotations
 import json
 import secrets
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, final, overload
 
 import numpy as np
 
 from uuvsim_cosim._version import __version__
+from uuvsim_cosim.bridge.access_client import Credentials
 from uuvsim_cosim.bridge.client_subscription import Subscription
 from uuvsim_cosim.bridge.conductor_names import nearest
 from uuvsim_cosim.bridge.desk import Moment, SignalInfo
-from uuvsim_cosim.bridge.wrapped_session import PORT, Disconnected, WrappedSession, connecting
+from uuvsim_cosim.bridge.wrapped_session import PORT, Disconnected, WrappedSession
 from uuvsim_cosim.bridge.zenoh_codec import PROTOCOL, error_of, packed, read_message, unpacked
 from uuvsim_cosim.errors import InputInvalid
 
@@ -29,16 +31,25 @@ def connect(
     name: str = "python",
     lockstep: bool = False,
     lag: float = 5.0,
+    user: str | None = None,
+    password: str | None = None,
+    ca: str | Path | None = None,
+    certificate: str | Path | None = None,
+    key: str | Path | None = None,
 ) -> Connection:
     """Connect to a co-simulation that `uuvsim serve` or a `Bridge` runs.
 
     `system` need not be given where there is one only. With `lockstep`, time moves only when this
     client and all others in lockstep have asked for their step; after `lag` seconds of silence
-    the others go on as the co-simulation is configured. Raises Disconnected if nobody is there.
+    the others go on as the co-simulation is configured. `user` and `password`, the PEM files `ca`
+    (then TLS is spoken), `certificate` and `key` where who serves asks for them. Raises
+    Disconnected if nobody is there, InputInvalid in words if it may not enter.
     """
-    session = connecting(host, port)
+    credentials = Credentials(user, password, ca, certificate, key)
+    session = credentials.opened(host, port)
     try:
-        return Connection(session, _found(session, system, host, port), name, lockstep, lag)
+        found = _found(session, system, host, port)
+        return Connection(session, found, name, lockstep, lag, credentials, (host, port))
     except BaseException:
         session.close()
         raise
@@ -49,19 +60,32 @@ class Connection:
     """One client of a running co-simulation; leaves when it is closed, or the program ends."""
 
     def __init__(
-        self, session: WrappedSession, system: str, name: str, lockstep: bool, lag: float
+        self,
+        session: WrappedSession,
+        system: str,
+        name: str,
+        lockstep: bool,
+        lag: float,
+        credentials: Credentials | None = None,
+        address: tuple[str, int] = ("127.0.0.1", PORT),
     ) -> None:
         self.system = system
         self._session = session
+        self._credentials = credentials or Credentials()
+        self._address = address
+        self._states: WrappedSession | None = None
+        self._proof: dict[str, str] = {}
         self._base = f"uuvsim/{system}"
         self._askers: dict[str, Any] = {}
         self._schema: tuple[SignalInfo, ...] | None = None
         self._subscriptions: list[Subscription] = []
         self._id = secrets.token_hex(8)
         self._token = session.token(f"{self._base}/live/client/{self._id}")
-        told, _ = self._ask(
-            "join", name=name, lockstep=lockstep, lag=lag, protocol=PROTOCOL, version=__version__
-        )
+        joining = {
+            "name": name, "lockstep": lockstep, "lag": lag, "protocol": PROTOCOL,
+            "version": __version__,
+        }  # fmt: skip
+        told, _ = self._credentials.join(self._ask_at, joining)
         if told.get("protocol") != PROTOCOL:
             raise InputInvalid(
                 f"the co-simulation (uuvsim-cosim {told.get('version', 'unknown')}) speaks "
@@ -69,6 +93,9 @@ class Connection:
                 f"{__version__} has, which connects"
             )
         self.name = str(told["name"])
+        self.allowed = frozenset(told.get("allowed", ("read", "set", "step", "manage")))
+        self._proof = {"proof": told["proof"]} if "proof" in told else {}
+        self._reader: list[str] | None = told.get("reader")
         self._watching = session.watch(f"{self._base}/live/master", self._master_lives)
 
     # ---- what there is --------------------------------------------------------------------
@@ -181,7 +208,11 @@ class Connection:
     def subscribe(self, *names: str, keep: int = 1024) -> Subscription:
         """Give the blocks of states as they come; the newest `keep` wait to be taken."""
         paths = {c["path"] for c in self.describe()["components"]}
-        subscription = Subscription(self._session, self._base, names, paths, self._blocks, keep)
+        if "read" not in self.allowed:
+            may = ", ".join(sorted(self.allowed)) or "nothing"
+            raise InputInvalid(f"subscribe: this client may {may}, and this needs 'read'")
+        session = self._reading()
+        subscription = Subscription(session, self._base, names, paths, self._blocks, keep)
         self._subscriptions.append(subscription)
         return subscription
 
@@ -196,6 +227,8 @@ class Connection:
         except Disconnected:
             pass
         finally:
+            if self._states is not None:
+                self._states.close()
             self._session.close()
 
     def __enter__(self) -> Self:
@@ -216,15 +249,21 @@ class Connection:
     def _ask(
         self, call: str, values: Mapping[str, Mapping[str, Any]] | None = None, /, **rest: Any
     ) -> tuple[dict[str, Any], dict[str, Any]]:
+        return self._ask_at(f"call/{call}", values, **self._proof, **rest)
+
+    def _ask_at(
+        self, key: str, values: Mapping[str, Mapping[str, Any]] | None = None, /, **rest: Any
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        call = key.rpartition("/")[2]
         message: dict[str, Any] = {"client": self._id, "binary": True, **rest}
         block = b""
-        for key, given in (values or {}).items():
-            message[key], block = packed(given)
-        if call not in self._askers:
+        for field, given in (values or {}).items():
+            message[field], block = packed(given)
+        if key not in self._askers:
             if not self._session.is_open:
                 raise Disconnected(f"{call}: this connection is closed; expected an open one")
-            self._askers[call] = self._session.asker(f"{self._base}/call/{call}")
-        reply = self._answer(call, json.dumps(message), block)
+            self._askers[key] = self._session.asker(f"{self._base}/{key}")
+        reply = self._answer(key, json.dumps(message), block)
         if reply.ok is None:
             raise error_of(read_message(reply.err.payload.to_bytes()))
         told = read_message(reply.ok.payload.to_bytes())
@@ -234,16 +273,26 @@ class Connection:
         held = told.get("values", {})
         return told, unpacked(held, b"" if attached is None else attached.to_bytes())
 
-    def _answer(self, call: str, message: str, block: bytes) -> Any:
+    def _answer(self, key: str, message: str, block: bytes) -> Any:
         import zenoh
 
         try:
-            replies = self._askers[call].get(payload=message, attachment=block or None)
+            replies = self._askers[key].get(payload=message, attachment=block or None)
             for reply in replies:
                 return reply
         except zenoh.ZError:
             pass
+        call = key.rpartition("/")[2]
         raise Disconnected(f"{call}: the co-simulation {self.system!r} is gone; expected it to run")
+
+    def _reading(self) -> WrappedSession:
+        """Give the session that receives states: another one where Zenoh guards them."""
+        if self._reader is None:
+            return self._session
+        if self._states is None:
+            user, password = self._reader
+            self._states = self._credentials.opened(*self._address, user, password)
+        return self._states
 
     def _blocks(self) -> dict[str, Any]:
         return self._ask("schema")[0]

@@ -17,6 +17,7 @@ from uuvsim_cosim.bridge.conductor_calls import Answer, Calls
 from uuvsim_cosim.bridge.conductor_lockstep import Lockstep
 from uuvsim_cosim.bridge.conductor_stage import Stage
 from uuvsim_cosim.bridge.desk import Client, Moment, SignalInfo
+from uuvsim_cosim.bridge.replay import Replay
 from uuvsim_cosim.bridge.roles import check
 from uuvsim_cosim.errors import UuvsimError
 from uuvsim_cosim.orchestrator.observer import Observer
@@ -27,11 +28,12 @@ from uuvsim_cosim.orchestrator.system import System
 __all__ = ["Conductor"]
 
 _ANYBODY = Client("anybody", "local", frozenset())
+_CALLS = 16  # that are carried out at most before steps that are due, however many come
 
 
 @final
 class Conductor:
-    """The `Desk` of one running co-simulation; every door hands calls to it.
+    """The `Desk` of one running co-simulation, or of a recording; every door hands calls to it.
 
     `record` is a folder for recordings: each run from a start to the next reset, restore or
     replacement gets its own. `fail_safe` says what is done about a client in lockstep that is
@@ -40,7 +42,7 @@ class Conductor:
 
     def __init__(
         self,
-        system: System | Plan | str | Path,
+        system: System | Plan | Replay | str | Path,
         seed: int = 0,
         backend: Backend = "native",
         *,
@@ -215,12 +217,14 @@ class Conductor:
             self._calls.carry_out(None)
             if self._stage is None and self._ended:
                 return
-        stage, lockstep = self._stage, self._lockstep
+        stage, lockstep, carried = self._stage, self._lockstep, 0
         while not stage.is_closed:
             stage.moment()
             waits = [w for w in (stage.wait, lockstep.wait) if w is not None]
-            if self._calls.carry_out(min(waits) if waits else None):
+            if self._calls.carry_out(min(waits) if waits else None) and carried < _CALLS:
+                carried += 1
                 continue
+            carried = 0
             stage.advance()
             lockstep.advance()
 

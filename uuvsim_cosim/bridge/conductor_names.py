@@ -11,9 +11,9 @@ from typing import Any, final
 import numpy as np
 
 from uuvsim_cosim.bridge.desk import SignalInfo
+from uuvsim_cosim.bridge.stepped import Stepped
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.description import Variable
-from uuvsim_cosim.orchestrator.master import Master
 
 __all__ = ["Names", "Place", "nearest"]
 
@@ -31,7 +31,7 @@ class Place:
 class Names:
     """All variables of a master by name."""
 
-    def __init__(self, master: Master) -> None:
+    def __init__(self, master: Stepped) -> None:
         self._master = master
         plan = master.plan
         self.places = {

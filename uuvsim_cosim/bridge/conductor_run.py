@@ -11,8 +11,8 @@ import numpy as np
 
 from uuvsim_cosim.bridge.conductor_calls import Answer
 from uuvsim_cosim.bridge.conductor_names import Place
+from uuvsim_cosim.bridge.stepped import Stepped
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.orchestrator.master import Master
 from uuvsim_cosim.orchestrator.observer import Chunk, Column
 from uuvsim_cosim.orchestrator.plan import Plan
 
@@ -90,7 +90,7 @@ class Running:
 
     def __init__(
         self,
-        master: Master,
+        master: Stepped,
         end: int | None,
         factor: float | None,
         answer: Answer | None,

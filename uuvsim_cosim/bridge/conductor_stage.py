@@ -14,12 +14,13 @@ from uuvsim_cosim.bridge.conductor_names import Names, nearest
 from uuvsim_cosim.bridge.conductor_run import Record, Running
 from uuvsim_cosim.bridge.conductor_tap import Tap
 from uuvsim_cosim.bridge.desk import Moment
+from uuvsim_cosim.bridge.replay import Replay, is_recording
+from uuvsim_cosim.bridge.stepped import Stepped
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
 from uuvsim_cosim.orchestrator.flatten import flatten
 from uuvsim_cosim.orchestrator.master import Master
 from uuvsim_cosim.orchestrator.plan import Plan
 from uuvsim_cosim.orchestrator.prepared import prepare
-from uuvsim_cosim.orchestrator.snapshot import Snapshot
 from uuvsim_cosim.orchestrator.sources import Backend, resolve
 from uuvsim_cosim.orchestrator.system import System
 
@@ -33,24 +34,37 @@ class Stage:
     """One system's master in the conductor's thread; a step that failed leaves it paused."""
 
     def __init__(
-        self, system: System | Plan | str | Path, seed: int, backend: Backend, record: Path | None
+        self,
+        system: System | Plan | Replay | str | Path,
+        seed: int,
+        backend: Backend,
+        record: Path | None,
     ) -> None:
-        if isinstance(system, str | Path):
+        if isinstance(system, str | Path) and is_recording(system):
+            system = Replay(system)
+        elif isinstance(system, str | Path):
             from uuvsim_cosim.orchestrator.library import load
 
             system = load(system)
         self._system = system if isinstance(system, System) else None
         self._seed, self._backend = seed, backend
-        self.name = system.name if isinstance(system, System) else "plan"
+        self._replay = system if isinstance(system, Replay) else None
+        self.name = "plan" if isinstance(system, Plan) else system.name
+        record = None if self._replay else record  # there is a recording already
         self.tap = Tap(record, {"system": self.name, "seed": seed})
         self.running: Running | None = None
         self.failed: UuvsimError | None = None
         self.is_closed = False
         self.last = Moment(0, 0.0, False)
-        self._snapshots: dict[str, Snapshot] = {}
+        self._snapshots: dict[str, Any] = {}
         self._taken = 0
-        plan = system if isinstance(system, Plan) else flatten(system, seed)
-        self.master = self._begun(plan)
+        self.master: Stepped
+        if isinstance(system, Replay):
+            system.initialize([self.tap])
+            self.master = system
+        else:
+            plan = system if isinstance(system, Plan) else flatten(system, seed)
+            self.master = self._begun(plan)
         self.names = Names(self.master)
 
     def moment(self) -> Moment:
@@ -72,11 +86,12 @@ class Stage:
             "overruns": self.running.overruns if self.running else 0,
             "busy": self.running.busy if self.running else 0.0,
             "recordings": [folder.name for folder in self.tap.folders],
+            **({} if self._replay is None else self._replay.told),
             "components": [
                 {
                     "path": c.path,
                     "name": c.description.name,
-                    "kind": resolve(c.source).kind,
+                    "kind": "recording" if self._replay else resolve(c.source).kind,
                     "step": float(c.step_ticks * plan.tick),
                     "can_snapshot": c.description.can_get_and_set_state,
                 }
@@ -98,6 +113,7 @@ class Stage:
 
     def step(self, n: int) -> None:
         """Make n communication steps; after a failure the stage is paused."""
+        self._check_ahead(self.master.tick + n, "step")
         try:
             self.master.step(n)
         except UuvsimError as error:
@@ -123,10 +139,13 @@ class Stage:
             raise InputInvalid("run: record without until; expected a time, or subscribe")
         if until is None and factor is None:
             factor = 1.0
+        if end is not None:
+            self._check_ahead(end, "run")
         places = {name: self.names.find(name) for name in record}
         kept = Record(places, self.tap.columns, self.names.read)
         kept_or_none = kept if end is not None else None
-        self.running = Running(self.master, end, factor, answer, kept_or_none, kept.taken)
+        last = end if self._replay is None or end is not None else self._replay.last_tick
+        self.running = Running(self.master, last, factor, answer, kept_or_none, kept.taken)
         if end is None:
             answer.set_result({})
             self.running.answer = None
@@ -138,6 +157,7 @@ class Stage:
 
     def run_for(self, n: int, answer: Answer, finish: Any) -> None:
         """Begin a run of n steps whose answer is what `finish` gives at its end."""
+        self._check_ahead(self.master.tick + n, "step")
         self.running = Running(self.master, self.master.tick + n, None, answer, None, finish)
 
     def pause(self) -> None:
@@ -181,6 +201,8 @@ class Stage:
 
     def reset(self, seed: int | None, start: Mapping[str, Any]) -> None:
         """Go back to the start."""
+        if self._replay is not None and seed is not None:
+            raise InputInvalid(f"reset: seed {seed}; expected none, for this replays a recording")
         starts = self.names.starts(start)
         self.pause()
         self.tap.fresh()
@@ -203,7 +225,10 @@ class Stage:
         return name
 
     def restore(self, name: str) -> None:
-        """Go back to a snapshot."""
+        """Go back to a snapshot; in a recording, also to ``t=SECONDS``."""
+        sought = None if self._replay is None else self._replay.sought(name)
+        if sought is not None:
+            self._snapshots[name] = sought
         if name not in self._snapshots:
             raise InputInvalid(f"no snapshot {name!r}; expected {nearest(name, self._snapshots)}")
         self.pause()
@@ -213,20 +238,22 @@ class Stage:
 
     def replace(self, component: str, source: str, mapping: Mapping[str, str] | None) -> None:
         """Put another source in a component's place, and begin anew; or leave all as it is."""
+        if self._replay is not None:
+            raise InputInvalid(f"replace {component}: this replays a recording; expected a running "
+                               "system")  # fmt: skip
         if self._system is None:
             raise InputInvalid("replace: this was begun from a plan; expected one from a system")
         system = self._system.replace(component, source, map=mapping)
         plan = flatten(system, self._seed)
         instantiate = prepare(plan, self._backend)
         self.pause()
-        old = self.master
-        self.master = Master(plan, instantiate, observers=[self.tap])
+        old, master = self.master, Master(plan, instantiate, observers=[self.tap])
         try:
-            self.master.initialize()
+            master.initialize()
         except BaseException:
-            self.master.free()
-            self.master = old
+            master.free()
             raise
+        self.master = master
         self._system, self.failed = system, None
         self._snapshots.clear()
         self.names = Names(self.master)
@@ -247,6 +274,10 @@ class Stage:
                 self.master.free()
             finally:
                 self.tap.close()
+
+    def _check_ahead(self, tick: int, call: str) -> None:
+        if self._replay is not None:
+            self._replay.check_ahead(tick, call)
 
     def _begun(self, plan: Plan) -> Master:
         master = Master(plan, prepare(plan, self._backend), observers=[self.tap])

@@ -14,10 +14,13 @@ from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 from uuvsim_cosim._version import __version__
+from uuvsim_cosim.bridge.access_doorkeeper import Admission
+from uuvsim_cosim.bridge.access_tls import common_name
 from uuvsim_cosim.bridge.desk import Client, Desk
+from uuvsim_cosim.bridge.http_pilot import pilot_page, pilots, steered
+from uuvsim_cosim.bridge.http_sessions import HEADER, Sessions
 from uuvsim_cosim.bridge.page import page
 from uuvsim_cosim.bridge.roles import NEEDS
-from uuvsim_cosim.bridge.tcp_session import Admission
 from uuvsim_cosim.bridge.wire import Limits
 from uuvsim_cosim.bridge.wire_calls import Calls, failure
 from uuvsim_cosim.bridge.wire_values import json_of, near, taken
@@ -25,8 +28,11 @@ from uuvsim_cosim.errors import InputInvalid, UuvsimError
 
 __all__ = ["Door", "Handler"]
 
-GET = ("describe", "schema", "signals", "live")
-POST = ("set", "step", "run", "pause", "reset", "snapshot", "restore", "replace")
+GET = ("describe", "schema", "signals", "live", "pilots")
+POST = (
+    "set", "step", "run", "pause", "reset", "snapshot", "restore", "replace", "join", "leave",
+    "pilot",
+)  # fmt: skip
 STREAMS = 8
 RATE_MAX = 50.0  # Hz, of live values
 _VALUES = {"step": "inputs", "reset": "start"}  # the field that holds values, by call
@@ -43,7 +49,9 @@ class Door:
         self.closed = threading.Event()
         self.lock = threading.Lock()
         self.open: set[socket.socket] = set()
+        self.silent: dict[socket.socket, float] = {}  # whose request is not whole, and since when
         self.streams = threading.BoundedSemaphore(STREAMS)
+        self.sessions = Sessions(desk)
 
 
 class _Refused(Exception):
@@ -74,6 +82,9 @@ class Handler(BaseHTTPRequestHandler):
         if parts.path in ("/", "/index.html"):
             self._answered(lambda: (b"text/html; charset=utf-8", page().encode()))
             return
+        if parts.path == "/pilot":
+            self._answered(lambda: (b"text/html; charset=utf-8", pilot_page().encode()))
+            return
         self._answered(lambda: self._read(parts.path.strip("/"), parse_qs(parts.query)))
 
     def do_POST(self) -> None:
@@ -85,7 +96,12 @@ class Handler(BaseHTTPRequestHandler):
             self.close_connection = True
             self._send(refused.status, b"application/json", _words(str(refused)))
             return
-        self._answered(lambda: self._called(urlsplit(self.path).path.strip("/"), body))
+        token = self.headers.get(HEADER)
+        self.door.sessions.waiting(token, begins=True)
+        try:
+            self._answered(lambda: self._called(urlsplit(self.path).path.strip("/"), body))
+        finally:
+            self.door.sessions.waiting(token, begins=False)
 
     def _body(self) -> bytes:
         length = self.headers.get("Content-Length", "0")
@@ -97,6 +113,8 @@ class Handler(BaseHTTPRequestHandler):
         return self.rfile.read(int(length))
 
     def _answered(self, answer: Any) -> None:
+        with self.door.lock:
+            self.door.silent.pop(self.connection, None)
         self._wait_for_its_turn()
         try:
             self._check_origin()
@@ -129,7 +147,8 @@ class Handler(BaseHTTPRequestHandler):
         if origin is not None and urlsplit(origin).netloc != host:
             raise _Refused(403, f"a page of {origin} asks; expected one of http://{host}")
 
-    def _client(self, call: str) -> Calls:
+    def _allowed(self) -> tuple[str | None, frozenset[str]]:
+        """Give who asks and what it may do."""
         user = password = None
         kind, _, code = self.headers.get("Authorization", "").partition(" ")
         if kind.lower() == "basic":
@@ -138,13 +157,21 @@ class Handler(BaseHTTPRequestHandler):
             except (binascii.Error, UnicodeDecodeError):
                 raise _Refused(400, "Authorization: expected Basic, in base64") from None
         try:
-            allowed = self.door.admit(user, password)
+            name = common_name(self.connection)
+            shown = () if name is None else (name,)
+            return user, self.door.admit(user, password, *shown)
         except UuvsimError as error:
             raise _Refused(401, str(error)) from None
+
+    def _client(self, call: str) -> Calls:
+        user, allowed = self._allowed()
         needed = NEEDS.get(call)
         if needed is not None and needed not in allowed:
             may = ", ".join(sorted(allowed)) or "nothing"
             raise _Refused(403, f"{call}: this needs {needed!r}; your role may {may}")
+        token = self.headers.get(HEADER)
+        if token is not None:
+            return self.door.sessions.calls(token, allowed)
         if self._calls is None or self._calls.client.allowed != allowed:
             self._calls = Calls(self.door.desk, Client(user or "http", "http", allowed))
         return self._calls
@@ -159,6 +186,8 @@ class Handler(BaseHTTPRequestHandler):
             return None
         if path == "signals":
             return _json(calls, {"call": "get", "names": names}, {})
+        if path == "pilots":
+            return b"application/json", json.dumps({"ok": True, **pilots(calls.desk)}).encode()
         return _json(calls, {"call": path}, {})
 
     def _called(self, path: str, body: bytes) -> tuple[bytes, bytes]:
@@ -176,10 +205,24 @@ class Handler(BaseHTTPRequestHandler):
         if not isinstance(read, dict):
             raise InputInvalid(f"body: a {type(read).__name__} was read; expected an object")
         calls = self._client(path)
+        if path in ("join", "leave", "pilot"):
+            told = {"ok": True, **self._taken(path, calls, read)}
+            return b"application/json", json.dumps(told).encode()
         if path == "set":
             return _json(calls, {"call": "set"}, read)
         given = read.pop(_VALUES[path], None) if path in _VALUES else None
         return _json(calls, {**read, "call": path}, given or {})
+
+    def _taken(self, path: str, calls: Calls, said: dict[str, Any]) -> dict[str, Any]:
+        if path == "pilot":
+            return json_of(steered(calls.desk, calls.client, said))  # type: ignore[no-any-return]
+        if path == "join":
+            return self.door.sessions.join(calls.client, said)
+        token = self.headers.get(HEADER)
+        if token is None:
+            raise InputInvalid(f"leave: no session; expected the header {HEADER} of POST /join")
+        self.door.sessions.leave(token)
+        return {}
 
     def _live(self, calls: Calls, names: list[str], query: dict[str, list[str]]) -> None:
         """Send values as they come, as server-sent events, until the client goes."""

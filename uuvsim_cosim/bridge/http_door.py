@@ -4,21 +4,30 @@ from __future__ import annotations
 
 import contextlib
 import io
+import json
 import socket
+import ssl
 import threading
 import time
 from collections.abc import Sequence
 from http.server import ThreadingHTTPServer
 from typing import Any
 
+from uuvsim_cosim.bridge.access import is_loopback
+from uuvsim_cosim.bridge.access_tls import secured
 from uuvsim_cosim.bridge.desk import Desk
 from uuvsim_cosim.bridge.http_answers import Door, Handler
 from uuvsim_cosim.bridge.tcp_door import LOOPBACK, listening
 from uuvsim_cosim.bridge.tcp_session import Admission, everybody
 from uuvsim_cosim.bridge.wire import HTTP_PORT, Limits
+from uuvsim_cosim.errors import UuvsimError
 
 __all__ = ["HttpDoor"]
 
+_PLAIN = (
+    b"HTTP/1.1 400 Bad Request\r\nContent-Type: application/json\r\n"
+    b"Content-Length: %d\r\nConnection: close\r\n\r\n%s"
+)
 _FULL = (
     b"HTTP/1.1 503 Service Unavailable\r\nContent-Type: application/json\r\n"
     b"Content-Length: %d\r\nConnection: close\r\n\r\n%s"
@@ -36,10 +45,13 @@ class HttpDoor:
         *,
         admit: Admission = everybody,
         limits: Limits | None = None,
+        tls: ssl.SSLContext | None = None,
     ) -> None:
-        door = Door(desk, admit, limits or Limits(), local=set(hosts) <= set(LOOPBACK))
+        local = all(is_loopback(host) for host in hosts)
+        door = Door(desk, admit, limits or Limits(), local=local)
+        self._tls = tls
         self._door = door
-        self._servers = [_Server(one, door) for one in listening(hosts, port, "HTTP")]
+        self._servers = [_Server(one, door, tls) for one in listening(hosts, port, "HTTP")]
         self.port: int = self._servers[0].server_address[1]
         self._threads = [
             threading.Thread(
@@ -55,11 +67,14 @@ class HttpDoor:
         """Where a browser finds it."""
         hosts = [str(server.socket.getsockname()[0]) for server in self._servers]
         shown = (f"[{host}]" if ":" in host else host for host in hosts)
-        return tuple(f"http://{host}:{self.port}/" for host in shown)
+        kind = "http" if self._tls is None else "https"
+        return tuple(f"{kind}://{host}:{self.port}/" for host in shown)
 
     def close(self) -> None:
         """Let all clients go and stop listening."""
         self._door.closed.set()
+        with contextlib.suppress(UuvsimError):  # the desk may have ended before
+            self._door.sessions.close()
         for server in self._servers:
             server.shutdown()
             server.server_close()
@@ -82,10 +97,13 @@ class _Server(ThreadingHTTPServer):
     daemon_threads = True
     block_on_close = False
 
-    def __init__(self, listener: socket.socket, door: Door) -> None:
+    def __init__(
+        self, listener: socket.socket, door: Door, tls: ssl.SSLContext | None = None
+    ) -> None:
         self.address_family = listener.family
         self._accepted = 0.0
         self.door = door
+        self.tls = tls
         super().__init__(listener.getsockname(), _Connection, bind_and_activate=False)
         self.socket.close()
         self.socket = listener
@@ -99,9 +117,10 @@ class _Server(ThreadingHTTPServer):
             time.sleep(pause)
         self._accepted = time.monotonic()
         with door.lock:
-            full = len(door.open) >= door.limits.clients
+            full = len(door.open) >= door.limits.clients and not self._made_room()
             if not full:
                 door.open.add(request)
+                door.silent[request] = time.monotonic()
         if full:
             words = b'{"error": "%d connections are open, which is all that may be; close one"}'
             text = words % door.limits.clients
@@ -116,7 +135,21 @@ class _Server(ThreadingHTTPServer):
         """Forget a connection that has ended."""
         with self.door.lock:
             self.door.open.discard(request)
+            self.door.silent.pop(request, None)
         super().shutdown_request(request)
+
+    def _made_room(self) -> bool:
+        """Let a connection go that has asked nothing for a while, so that others may."""
+        door = self.door
+        for one, since in door.silent.items():  # the oldest first
+            if time.monotonic() - since < door.limits.patience_s:
+                return False
+            del door.silent[one]
+            door.open.discard(one)
+            with contextlib.suppress(OSError):
+                one.shutdown(socket.SHUT_RDWR)
+            return True
+        return False
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Say nothing: a client that breaks off is no error of this side."""
@@ -129,6 +162,8 @@ class _Connection(Handler):
         assert isinstance(self.server, _Server)
         self.door = self.server.door
         self.request.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        if self.server.tls is not None:
+            self._secure(self.request, self.server.tls)
         super().setup()
         self._raw = _Timed(self.connection, self.door.limits)
         self.rfile = io.BufferedReader(self._raw)
@@ -136,7 +171,38 @@ class _Connection(Handler):
     def handle_one_request(self) -> None:
         """Answer a request, with a fresh allowance of time for the next."""
         self._raw.end = None
+        with self.door.lock:
+            if self.connection in self.door.open:
+                self.door.silent[self.connection] = time.monotonic()
         super().handle_one_request()
+
+    def finish(self) -> None:
+        """End what TLS has begun."""
+        super().finish()
+        if isinstance(self.request, ssl.SSLSocket):
+            self._forget(self.request)
+
+    def _secure(self, plain: socket.socket, context: ssl.SSLContext) -> None:
+        try:
+            self.request = secured(plain, context, self.door.limits.hello_s)
+        except UuvsimError as error:
+            text = json.dumps({"ok": False, "error": f"{error}: https://"}).encode()
+            plain.sendall(_PLAIN % (len(text), text))
+            raise
+        with self.door.lock:  # the plain one has no line any more
+            let_go = plain not in self.door.open
+            self.door.open.discard(plain)
+            self.door.silent.pop(plain, None)
+            self.door.open.add(self.request)
+        if let_go:
+            self._forget(self.request)
+            raise ConnectionAbortedError
+
+    def _forget(self, client: socket.socket) -> None:
+        with self.door.lock:
+            self.door.open.discard(client)
+            self.door.silent.pop(client, None)
+        client.close()
 
 
 class _Timed(io.RawIOBase):

@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import re
 import struct
@@ -25,6 +26,7 @@ from uuvsim_cosim.bridge.zenoh_codec import PROTOCOL, error_of, packed, read_mes
 from uuvsim_cosim.errors import ComponentFailed, FmuError, InputInvalid
 from uuvsim_cosim.fmus.component import Binding, BindingKind, Component
 from uuvsim_cosim.fmus.description import Description, Variable
+from uuvsim_cosim.orchestrator.python_state import pickled, unpickled
 from uuvsim_cosim.orchestrator.sources import Backend
 
 __all__ = ["ComponentServer", "RemoteComponent", "RemoteSource", "serve_component", "source"]
@@ -80,8 +82,10 @@ class RemoteSource:
             )
         variables = {v["name"]: _variable(v) for v in told["variables"]}
         return Description(
-            name=told["name"], kind="python", variables=variables, description=told["description"]
-        )
+            name=told["name"], kind="python", variables=variables, description=told["description"],
+            can_get_and_set_state=bool(told.get("can_copy_state", False)),
+            can_serialize_state=bool(told.get("can_copy_state", False)),
+        )  # fmt: skip
 
     def instantiate(self, path: str, *, backend: Backend = "fmu") -> Component:
         """Let it make an object for this master."""
@@ -161,20 +165,28 @@ class RemoteComponent:
                 return  # it is gone already
 
     def get_fmu_state(self) -> Any:
-        """Refuse: the state is elsewhere."""
-        raise FmuError(f"{self.path}: a remote component cannot copy its state")
+        """Fetch a copy of the state there, and keep what is known of it here."""
+        if not self.description.can_get_and_set_state:
+            raise FmuError(
+                f"{self.path}: {self.description.name}, which is remote, cannot copy its state; "
+                "expected a class whose attributes are numbers, text, arrays and containers of them"
+            )
+        far = self._far_ask("get_state", {"instance": self._instance}, b"")
+        return far, copy.deepcopy(self._values), dict(self._told), self._time
 
     def set_fmu_state(self, state: Any) -> None:
-        """Refuse."""
-        self.get_fmu_state()
+        """Send a copy back."""
+        far, values, told, self._time = state
+        self._far_ask("set_state", {"instance": self._instance}, far)
+        self._values, self._told = copy.deepcopy(values), dict(told)
 
     def serialize_fmu_state(self, state: Any) -> bytes:
-        """Refuse."""
-        return bytes(self.get_fmu_state())
+        """Turn a copy into bytes."""
+        return pickled(state, self.path)
 
     def deserialize_fmu_state(self, data: bytes) -> Any:
-        """Refuse."""
-        self.get_fmu_state()
+        """Turn bytes into a copy."""
+        return unpickled(data, self.path)
 
     def directional_derivative(
         self, unknowns: list[Variable], knowns: list[Variable], seed: Any

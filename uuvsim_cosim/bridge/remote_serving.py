@@ -13,7 +13,7 @@ import numpy as np
 from uuvsim_cosim._version import __version__
 from uuvsim_cosim.bridge.wrapped_session import listening
 from uuvsim_cosim.bridge.zenoh_codec import PROTOCOL, message_of, read_message, unpacked
-from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.errors import FmuError, InputInvalid
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.python_class import load
 from uuvsim_cosim.orchestrator.python_component import PythonComponent
@@ -114,6 +114,11 @@ class ComponentServer:
         if number not in self._instances:
             raise InputInvalid(f"{self.name}: no instance {number!r}; it was served anew meanwhile")
         component = self._instances[number]
+        if call == "get_state":
+            return {}, component.serialize_fmu_state(component.get_fmu_state())
+        if call == "set_state":
+            component.set_fmu_state(component.deserialize_fmu_state(block))
+            return {}, b""
         values = message.get("values", {})
         inputs = component.description.of("input")
         if call == "step":
@@ -157,7 +162,17 @@ class ComponentServer:
             "protocol": PROTOCOL,
             "version": __version__,
             "variables": variables,
+            "can_copy_state": self._can_copy_state(),
         }
+
+    def _can_copy_state(self) -> bool:
+        """Say whether objects of the class can be copied and sent: tried on a fresh one."""
+        fresh = PythonComponent(self._class, self.name)
+        try:
+            fresh.serialize_fmu_state(fresh.get_fmu_state())
+        except FmuError:
+            return False
+        return True
 
 
 def _take(component: PythonComponent, inputs: list[Variable], numbers: np.ndarray) -> None:

@@ -7,17 +7,20 @@ sent in time is dropped; the ticks tell.
 
 from __future__ import annotations
 
+import contextlib
 import struct
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any, final
 
 import numpy as np
 
-from uuvsim_cosim.orchestrator.observer import Chunk, Column
+from uuvsim_cosim.bridge.shared_memory import SharedMemory
+from uuvsim_cosim.orchestrator.observer import Chunk, Column, seconds
 from uuvsim_cosim.orchestrator.plan import Plan
 
 __all__ = ["HEADER", "Layout", "Stream"]
@@ -26,7 +29,9 @@ HEADER = struct.Struct("<qdq")
 _CHUNKS = 512  # of rows that wait at most; older ones are dropped
 _RATE = 2000.0  # [rows/s] that are sent at most
 _MANY = 64  # rows that come at once only where steps are as fast as can be: then
+_BYTES = 32 << 20  # of rows that wait at most: frames are large
 _FEW = 4  # of them, the newest, are enough to look at, and the loop is hardly slowed
+_REST = 0.001  # [s] after sending: rows of so long leave together, for waking costs the loop
 _LOOK = 0.05  # [s] between two looks who subscribes
 
 
@@ -46,18 +51,20 @@ class Stream:
     A publisher has `put(bytes)` and `matching_status`, whether anybody wants it.
     """
 
-    def __init__(self, publisher: Callable[[str], Any]) -> None:
+    def __init__(self, publisher: Callable[[str], Any], memory: SharedMemory | None = None) -> None:
         self._make = publisher
         self._publishers: dict[str, Any] = {}
-        self._ring: deque[tuple[int, np.ndarray, np.ndarray, np.ndarray]] = deque(maxlen=_CHUNKS)
+        self._ring: deque[tuple[int, np.ndarray, np.ndarray]] = deque(maxlen=_CHUNKS)
         self._wake = threading.Event()
         self._noticed = threading.Condition()
         self._over = False
         self._wanted: tuple[str, ...] = ()
-        self._plans: dict[int, list[tuple[str, np.ndarray, list[tuple[int, Any]]]]] = {}
+        self._plans: dict[int, list[tuple[str, np.ndarray | slice, list[tuple[int, Any]]]]] = {}
+        self._most, self._tick = _CHUNKS, Fraction(1)
         self.layout = 0
         self.layouts: Mapping[str, Layout] = {}
         self.dropped = 0
+        self.memory = memory or SharedMemory()
         self._thread = threading.Thread(target=self._drain, name="uuvsim-stream", daemon=True)
         self._thread.start()
 
@@ -65,7 +72,10 @@ class Stream:
 
     def begin(self, plan: Plan, columns: Sequence[Column]) -> None:
         """Lay out the blocks of a new run."""
-        self.layouts = _layouts(columns)
+        self.layouts, self._tick = _layouts(columns), plan.tick
+        self._most = max(2, _BYTES // (8 * len(columns) + 1))
+        if self._most < _CHUNKS:
+            self._ring = deque(self._ring, self._most)
         number = self.layout + 1
         self._plans = {number: [_gather(p, held, columns) for p, held in self.layouts.items()]}
         for path in self.layouts:
@@ -78,19 +88,12 @@ class Stream:
         if not self._wanted:
             return
         ring, n = self._ring, len(chunk.ticks)
-        few = n if n <= _MANY else _FEW
+        few = min(n if n <= _MANY else _FEW, self._most)
         self.dropped += n - few
-        if len(ring) == _CHUNKS:
-            self.dropped += len(ring[0][1])  # it falls out at the other end
-        keep = slice(n - few, None)
-        ring.append(
-            (
-                self.layout,
-                chunk.ticks[keep].copy(),
-                chunk.time[keep].copy(),
-                chunk.rows[keep].copy(),
-            )
-        )
+        if len(ring) == ring.maxlen:
+            with contextlib.suppress(IndexError):  # all sent in this very moment
+                self.dropped += len(ring[0][1])  # it falls out at the other end
+        ring.append((self.layout, chunk.ticks[n - few :].copy(), chunk.rows[n - few :].copy()))
         if not self._wake.is_set():
             self._wake.set()
 
@@ -120,29 +123,34 @@ class Stream:
                     self._wanted = tuple(path for path, p in publishers if p.matching_status)
                     self._noticed.notify_all()
             budget = min(_RATE * _LOOK * 2, budget + _RATE * (now - then))
-            then = now
+            then, sent = now, False
             while self._ring and not self._over:
                 try:
-                    layout, ticks, times, rows = self._ring.popleft()
+                    layout, ticks, rows = self._ring.popleft()
                 except IndexError:
                     break
                 n = min(len(ticks), int(budget))
                 self.dropped += len(ticks) - n
                 if n:
                     budget -= n
-                    self._send(layout, ticks[-n:], times[-n:], rows[-n:])
+                    self._send(layout, ticks[-n:], rows[-n:])
+                    sent = True
+            if sent and not self._over:
+                time.sleep(_REST)
 
-    def _send(self, layout: int, ticks: Any, times: Any, rows: Any) -> None:
-        wanted = self._wanted
+    def _send(self, layout: int, ticks: np.ndarray, rows: np.ndarray) -> None:
+        wanted, payload = self._wanted, self.memory.payload
+        times = seconds(ticks, self._tick).tolist()
+        heads = [HEADER.pack(k, t, layout) for k, t in zip(ticks.tolist(), times, strict=True)]
         for path, columns, converted in self._plans.get(layout, ()):
             if path not in wanted:
                 continue
-            block = rows[:, columns]
+            block = rows[:, columns].copy() if converted else rows[:, columns]
             for i, type_ in converted:
                 block[:, i] = block[:, i].view(type_).astype(np.float64).view(np.uint64)
             put = self._publishers[path].put
-            for k in range(len(ticks)):
-                put(HEADER.pack(ticks[k], times[k], layout) + block[k].tobytes())
+            for head, values in zip(heads, block, strict=True):
+                put(payload(head, values))
 
 
 def _layouts(columns: Sequence[Column]) -> dict[str, Layout]:
@@ -163,11 +171,14 @@ def _layouts(columns: Sequence[Column]) -> dict[str, Layout]:
 
 def _gather(
     path: str, layout: Layout, columns: Sequence[Column]
-) -> tuple[str, np.ndarray, list[tuple[int, Any]]]:
+) -> tuple[str, np.ndarray | slice, list[tuple[int, Any]]]:
     """Give a component's columns, and which of them are to be made float64 from what type."""
     converted = []
     for k, i in enumerate(layout.columns):
         type_ = np.dtype(columns[i].type.dtype)
         if type_ != np.dtype("f8"):
             converted.append((k, type_))
-    return path, np.array(layout.columns, np.intp), converted
+    held = layout.columns  # mostly side by side: then nothing is gathered
+    if held and held == tuple(range(held[0], held[0] + len(held))):
+        return path, slice(held[0], held[0] + len(held)), converted
+    return path, np.array(held, np.intp), converted

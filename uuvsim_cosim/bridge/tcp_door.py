@@ -10,6 +10,8 @@ import threading
 import time
 from collections.abc import Sequence
 
+from uuvsim_cosim.bridge.access import LOOPBACK
+from uuvsim_cosim.bridge.access_tls import common_name, secured
 from uuvsim_cosim.bridge.desk import Desk
 from uuvsim_cosim.bridge.tcp_session import Admission, everybody, serve
 from uuvsim_cosim.bridge.wire import TCP_PORT, Disconnected, Limits, frame
@@ -18,7 +20,6 @@ from uuvsim_cosim.errors import InputInvalid, UuvsimError
 
 __all__ = ["LOOPBACK", "TcpDoor", "listening"]
 
-LOOPBACK = ("127.0.0.1", "::1")
 _PIECE = 1 << 20
 
 
@@ -41,6 +42,7 @@ class TcpDoor:
         self._tls = tls
         self._lock = threading.Lock()
         self._open: dict[socket.socket, threading.Thread] = {}
+        self._strangers: dict[socket.socket, float] = {}  # not let in yet, and since when
         self._closed = False
         self._listeners = listening(hosts, port, "TCP")
         self.port: int = self._listeners[0].getsockname()[1]
@@ -93,14 +95,27 @@ class TcpDoor:
                 target=self._serve, args=(client,), name="uuvsim-tcp-client", daemon=True
             )
             with self._lock:
-                full = len(self._open) >= self._limits.clients
+                full = len(self._open) >= self._limits.clients and not self._made_room()
                 if not full:
                     self._open[client] = thread
+                    self._strangers[client] = time.monotonic()
             if full:
                 self._refuse(client)
             else:
                 thread.start()
             time.sleep(pause)
+
+    def _made_room(self) -> bool:
+        """Let a connection go that has not said who it is in its time, so that others may."""
+        for one, since in self._strangers.items():  # the oldest first
+            if time.monotonic() - since < self._limits.patience_s:
+                return False
+            del self._strangers[one]
+            self._open.pop(one, None)
+            with contextlib.suppress(OSError):
+                one.shutdown(socket.SHUT_RDWR)
+            return True
+        return False
 
     def _refuse(self, client: socket.socket) -> None:
         error = InputInvalid(
@@ -116,9 +131,12 @@ class TcpDoor:
             client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             _keep_alive(client)
             if self._tls is not None:
-                client = self._tls.wrap_socket(plain, server_side=True)
+                client = secured(plain, self._tls, self._limits.hello_s)
                 with self._lock:
-                    self._open[client] = self._open.pop(plain)
+                    self._open[client] = threading.current_thread()
+                    if self._open.pop(plain, None) is None:
+                        return  # let go meanwhile
+                    self._strangers[client] = self._strangers.pop(plain)
             self._talk(client)
         except (Disconnected, OSError):
             pass  # it has gone: nobody is there to be told
@@ -131,6 +149,8 @@ class TcpDoor:
             with self._lock:
                 self._open.pop(plain, None)
                 self._open.pop(client, None)
+                self._strangers.pop(plain, None)
+                self._strangers.pop(client, None)
             client.close()
 
     def _talk(self, client: socket.socket) -> None:
@@ -153,8 +173,11 @@ class TcpDoor:
         def admitted() -> None:
             nonlocal entered
             entered = True
+            with self._lock:
+                self._strangers.pop(client, None)
 
-        serve(self._desk, self._admit, self._limits, receive, send, admitted)
+        name = common_name(client)
+        serve(self._desk, self._admit, self._limits, receive, send, admitted, name)
 
 
 def _keep_alive(client: socket.socket) -> None:

@@ -10,21 +10,15 @@ from typing import Any
 import numpy as np
 
 from uuvsim_cosim._version import __version__
+from uuvsim_cosim.bridge.access_doorkeeper import Admission, everybody
 from uuvsim_cosim.bridge.desk import Client, Desk
-from uuvsim_cosim.bridge.wire import PROTOCOL, Limits, Reader, frame
+from uuvsim_cosim.bridge.interface import entry, interface_hash
+from uuvsim_cosim.bridge.wire import PROTOCOL, Disconnected, Limits, Reader, frame
 from uuvsim_cosim.bridge.wire_calls import Answer, Calls, failure, whole
 from uuvsim_cosim.bridge.wire_values import columns_of, find, json_of, taken, typed, unpacked
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
 
 __all__ = ["Admission", "everybody", "serve"]
-
-Admission = Callable[[str | None, str | None], frozenset[str]]
-"""Gives what a user with a password may do; raises UuvsimError in words for who may not enter."""
-
-
-def everybody(user: str | None, password: str | None) -> frozenset[str]:
-    """Let everybody do everything; fit for loopback only."""
-    return frozenset({"read", "set", "step", "manage"})
 
 
 class _Layout:
@@ -42,9 +36,14 @@ class _Layout:
 
     def header(self) -> dict[str, Any]:
         def shown(infos: list[Any]) -> list[dict[str, Any]]:
-            return [{"name": i.name, "type": i.type, "shape": list(i.shape)} for i in infos]
+            return [dict(entry(i)) for i in infos]
 
-        return {"inputs": shown(self.inputs), "outputs": shown(self.outputs)}
+        interface = interface_hash(self.inputs, self.outputs)
+        return {
+            "inputs": shown(self.inputs),
+            "outputs": shown(self.outputs),
+            "interface": interface,
+        }
 
 
 def serve(
@@ -54,13 +53,14 @@ def serve(
     receive: Callable[[int, bool], bytes],
     send: Callable[[bytes], None],
     admitted: Callable[[], None],
+    certificate: str | None = None,
 ) -> None:
     """Answer one client until it goes; raises Disconnected then, InputInvalid for no frame."""
     moment = desk.moment()
     greeting = {"uuvsim": __version__, "protocol": PROTOCOL, "tick": moment.tick}
     send(frame({"ok": True, **greeting, "time": moment.time}))
     reader = Reader(receive, limits)
-    client = _hello(desk, admit, reader)
+    client = _hello(desk, admit, reader, certificate)
     admitted()
     try:
         calls = Calls(desk, client)
@@ -68,11 +68,16 @@ def serve(
         header = {"client": client.name, "allowed": allowed, "step_size": float(calls.tick)}
         send(frame({"ok": True, **header, "system": json_of(desk.describe())}))
         _answer_all(calls, reader, send, limits)
-    finally:
+    except (Disconnected, OSError):  # gone without a word: in lockstep the fail-safe decides
+        getattr(desk, "lost", desk.leave)(client)
+        raise
+    except BaseException:
         desk.leave(client)
+        raise
+    desk.leave(client)
 
 
-def _hello(desk: Desk, admit: Admission, reader: Reader) -> Client:
+def _hello(desk: Desk, admit: Admission, reader: Reader, certificate: str | None) -> Client:
     header, _ = reader.frame()
     if header is None or header.get("call") != "hello":
         raise InputInvalid('the first frame must be {"call": "hello", "protocol": 1}')
@@ -85,7 +90,8 @@ def _hello(desk: Desk, admit: Admission, reader: Reader) -> Client:
     for what, read in (("user", user), ("password", password)):
         if read is not None and not isinstance(read, str):
             raise InputInvalid(f"hello: {what} must be a text")
-    allowed = admit(user, password)
+    shown = () if certificate is None else (certificate,)
+    allowed = admit(user, password, *shown)
     lockstep, lag = header.get("lockstep", False), header.get("lag", 5.0)
     if not isinstance(lag, int | float) or not 0 < lag <= 3600:
         raise InputInvalid(

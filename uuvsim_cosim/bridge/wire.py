@@ -42,6 +42,7 @@ class Limits:
     answer_bytes: int = 512 << 20
     calls_per_s: float = 5000.0  # of calls that do not step; faster ones are made to wait
     connections_per_s: float = 200.0
+    patience_s: float = 1.0  # where all places are taken, who has said nothing for so long goes
 
 
 class Disconnected(UuvsimError):

@@ -5,11 +5,13 @@ from __future__ import annotations
 import contextlib
 import json
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import TracebackType
 from typing import Any, Self, final
 
+from uuvsim_cosim.bridge.access_zenoh import endpoints as endpoints_of
 from uuvsim_cosim.bridge.at_exit import close_at_exit
+from uuvsim_cosim.bridge.shared_memory import LARGE
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
 
 __all__ = ["PORT", "Disconnected", "WrappedSession", "connecting", "listening"]
@@ -17,6 +19,14 @@ __all__ = ["PORT", "Disconnected", "WrappedSession", "connecting", "listening"]
 PORT = 7470
 _FOREVER = 10_000_000  # [s] that a query waits; a session that ends answers sooner
 _LARGEST = 64 << 20  # bytes of one message
+_NONE: Mapping[str, Any] = {}
+# A client that takes nothing off its line is let go; half-open ones do not keep others out.
+_LISTENING = {
+    "transport/unicast/max_sessions": 128,
+    "transport/unicast/accept_pending": 64,
+    "transport/unicast/accept_timeout": 3000,
+    "transport/link/tx/queue/congestion_control/block/wait_before_close": 2_000_000,
+}
 
 
 class Disconnected(UuvsimError):
@@ -125,13 +135,20 @@ class WrappedSession:
         self.close()
 
 
-def listening(port: int, hosts: Sequence[str] = ("127.0.0.1",)) -> WrappedSession:
+def listening(
+    port: int,
+    hosts: Sequence[str] = ("127.0.0.1",),
+    settings: Mapping[str, Any] = _NONE,
+    *,
+    tls: bool = False,
+) -> WrappedSession:
     """Open a session that others connect to; raises InputInvalid if the port is taken."""
     import zenoh
 
-    endpoints = [f"tcp/{_bracketed(host)}:{port}" for host in hosts]
+    endpoints = endpoints_of(hosts, port, tls=tls)
     try:
-        return WrappedSession(zenoh.open(_config("router", listen=endpoints)))
+        config = _config("router", listen=endpoints, settings={**_LISTENING, **settings})
+        return WrappedSession(zenoh.open(config))
     except zenoh.ZError as error:
         if "in use" in str(error):
             raise InputInvalid(
@@ -141,13 +158,15 @@ def listening(port: int, hosts: Sequence[str] = ("127.0.0.1",)) -> WrappedSessio
         raise InputInvalid(f"cannot listen on {', '.join(endpoints)}: {_words(error)}") from None
 
 
-def connecting(host: str, port: int) -> WrappedSession:
+def connecting(
+    host: str, port: int, settings: Mapping[str, Any] = _NONE, *, tls: bool = False
+) -> WrappedSession:
     """Open a session to one that listens; raises Disconnected if nobody does."""
     import zenoh
 
-    endpoint = f"tcp/{_bracketed(host)}:{port}"
     try:
-        return WrappedSession(zenoh.open(_config("client", connect=[endpoint])))
+        config = _config("client", connect=endpoints_of([host], port, tls=tls), settings=settings)
+        return WrappedSession(zenoh.open(config))
     except zenoh.ZError:
         raise Disconnected(
             f"nobody answers at {host}, port {port}; expected a co-simulation there, such as by "
@@ -155,11 +174,16 @@ def connecting(host: str, port: int) -> WrappedSession:
         ) from None
 
 
-def _config(mode: str, listen: Sequence[str] = (), connect: Sequence[str] = ()) -> Any:
+def _config(
+    mode: str,
+    listen: Sequence[str] = (),
+    connect: Sequence[str] = (),
+    settings: Mapping[str, Any] = _NONE,
+) -> Any:
     import zenoh
 
     config = zenoh.Config()
-    settings: dict[str, Any] = {
+    held: dict[str, Any] = {
         "mode": mode,
         "listen/endpoints": list(listen),
         "connect/endpoints": list(connect),
@@ -168,14 +192,13 @@ def _config(mode: str, listen: Sequence[str] = (), connect: Sequence[str] = ()) 
         "scouting/delay": 0,
         "queries_default_timeout": 1000 * _FOREVER,
         "transport/link/rx/max_message_size": _LARGEST,
+        # As `SharedMemory` does; by itself Zenoh would, from 3 kB on, which costs more than bytes.
+        "transport/shared_memory/transport_optimization/message_size_threshold": LARGE,
+        **settings,
     }
-    for key, value in settings.items():
+    for key, value in held.items():
         config.insert_json5(key, json.dumps(value))
     return config
-
-
-def _bracketed(host: str) -> str:
-    return f"[{host}]" if ":" in host else host
 
 
 def _words(error: Exception) -> str:

@@ -7,18 +7,22 @@ for its blocks, ``live/master``, ``live/component/<component>`` and ``live/clien
 from __future__ import annotations
 
 import json
-import threading
+from collections.abc import Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, final
 
 from uuvsim_cosim._version import __version__
+from uuvsim_cosim.bridge.access_doorkeeper import Doorkeeper
+from uuvsim_cosim.bridge.access_zenoh import guarded
 from uuvsim_cosim.bridge.conductor import Conductor
 from uuvsim_cosim.bridge.conductor_calls import Answer
 from uuvsim_cosim.bridge.conductor_names import nearest
 from uuvsim_cosim.bridge.desk import Client, Moment
 from uuvsim_cosim.bridge.roles import NEEDS
+from uuvsim_cosim.bridge.shared_memory import SharedMemory
 from uuvsim_cosim.bridge.stream import Stream
 from uuvsim_cosim.bridge.wrapped_session import PORT, listening
 from uuvsim_cosim.bridge.zenoh_codec import (
@@ -29,6 +33,7 @@ from uuvsim_cosim.bridge.zenoh_codec import (
     read_message,
     unpacked,
 )
+from uuvsim_cosim.bridge.zenoh_gate import MOST_BYTES, Gate, Lane
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.plan import Plan
 from uuvsim_cosim.orchestrator.system import System
@@ -43,7 +48,8 @@ class Bridge:
     """Lets a running co-simulation be reached by Zenoh, on this machine unless told otherwise.
 
     Given a system, it conducts it, and ends it when it is closed; a `Conductor` goes on. Port 0
-    is any free one; `port` says which.
+    is any free one; `port` says which. With `access` clients say who they are. Large blocks
+    reach clients on this machine by shared memory, unless told otherwise.
     """
 
     def __init__(
@@ -51,19 +57,26 @@ class Bridge:
         system: Conductor | System | Plan | str | Path,
         *,
         port: int = PORT,
-        host: str = "127.0.0.1",
+        host: str | Sequence[str] = "127.0.0.1",
+        access: Doorkeeper | None = None,
+        shared_memory: bool = True,
         **conducting: Any,
     ) -> None:
-        self.port = port if port else free_port(host)
-        self.host = host
-        self._session = listening(self.port, [host])
+        self.hosts = (host,) if isinstance(host, str) else tuple(host)
+        self.host = self.hosts[0]
+        self.port = port if port else free_port(self.host)
+        self._gate = Gate(access)
+        said = None if access is None else access.access
+        self.tls = said is not None and said.tls is not None
+        self._shared = shared_memory
+        with guarded(said, self._gate.reader) as settings:
+            settings = {"transport/shared_memory/enabled": shared_memory, **settings}
+            self._session = listening(self.port, self.hosts, settings, tls=self.tls)
         self._own: Conductor | None = None
         try:
             if not isinstance(system, Conductor):
                 system = self._own = Conductor(system, **conducting)
             self.conductor = system
-            self._clients: dict[str, Client] = {}
-            self._lock = threading.Lock()
             self._serve()
         except BaseException:
             self._session.close()
@@ -76,6 +89,7 @@ class Bridge:
         if self._session.is_open:
             self.conductor.unwatch(self.stream)
         self._session.close()
+        self._gate.close()
         if self._own is not None:
             self._own.close()
 
@@ -98,9 +112,15 @@ class Bridge:
         described = self.conductor.describe()
         self._base = f"uuvsim/{described['system']}"
         session = self._session
-        self.stream = Stream(lambda path: session.publisher(f"{self._base}/state/{path}"))
+        self.stream = Stream(
+            lambda path: session.publisher(f"{self._base}/state/{path}"),
+            SharedMemory(wanted=self._shared),
+        )
         self.conductor.watch(self.stream)
-        self._answering = session.answer(f"{self._base}/call/*", self._asked)
+        self._answering = [
+            session.answer(f"{self._base}/call/*", self._asked),
+            session.answer(f"{self._base}/certificate/*", self._shown),
+        ]
         self._watching = session.watch(f"{self._base}/live/client/*", self._lives)
         paths = [c["path"] for c in described["components"]]
         keys = ["master", *(f"component/{path}" for path in paths)]
@@ -109,8 +129,7 @@ class Bridge:
     def _lives(self, key: str, lives: bool) -> None:
         if lives:
             return
-        with self._lock:
-            client = self._clients.pop(key.rpartition("/")[2], None)
+        client = self._gate.leave(key.rpartition("/")[2])
         if client is not None:
             try:
                 self.conductor.ask("lost", client)
@@ -118,72 +137,92 @@ class Bridge:
                 return  # it has ended itself
 
     def _asked(self, query: Any) -> None:
-        call = str(query.key_expr).rpartition("/")[2]
-        binary = False
+        self._take(query, str(query.key_expr).rpartition("/")[2], None)
+
+    def _shown(self, query: Any) -> None:
+        """Join one whose certificate Zenoh has verified: it lets nobody else ask this key."""
+        self._take(query, "join", str(query.key_expr).rpartition("/")[2])
+
+    def _take(self, query: Any, call: str, certificate: str | None) -> None:
+        """Ask for a call, or refuse it; all that is answered leaves by the client's lane."""
+        wrong: Exception | None = None
+        message: dict[str, Any] = {}
         try:
-            payload, attached = query.payload, query.attachment
-            message = read_message(b"" if payload is None else payload.to_bytes())
-            block = b"" if attached is None else attached.to_bytes()
-            binary = bool(message.get("binary"))
+            message, block = _read(query)
+        except Exception as error:
+            wrong = error
+        lane = self._gate.lane(call, message)
+        taken = lane.take()
+        if taken is None:
+            query.drop()
+            return
+        try:
+            if wrong is not None:
+                raise wrong
+            if not taken:
+                raise InputInvalid(f"{call}: too many calls wait for their answer; expected fewer")
+            if call == "join":
+                lane.put(lambda: self._join(query, message, certificate))
+                return
             answer = self._asking(call, message, block)
         except Exception as error:
-            _refuse(query, error)
+            lane.put(partial(_refuse, query, error))
             return
-        answer.add_done_callback(lambda done: self._reply(query, call, message, binary, done))
+        answer.add_done_callback(partial(self._answered, lane, query, call, message))
 
     def _asking(self, call: str, message: dict[str, Any], block: bytes) -> Answer:
         if call not in _CALLS:
             raise InputInvalid(f"no call {call!r}; expected {nearest(call, _CALLS)}")
-        token = str(message.get("client", ""))
-        if call == "join":
-            return self._join(token, message)
-        with self._lock:
-            client = self._clients.get(token)
-        if client is None:
-            if token:
-                raise InputInvalid(f"{call}: this client has not joined, or was let go; expected "
-                                   "to join first")  # fmt: skip
-            client = Client("zenoh", "zenoh")
+        client = self._gate.client(call, message)
         if call == "leave":
-            with self._lock:
-                self._clients.pop(token, None)
+            self._gate.leave(str(message.get("client", "")))
         return self.conductor.ask(call, client, *_arguments(call, message, block))
 
-    def _join(self, token: str, message: dict[str, Any]) -> Answer:
-        theirs, version = message.get("protocol", PROTOCOL), message.get("version", "unknown")
-        if theirs != PROTOCOL:
-            raise InputInvalid(
-                f"the client (uuvsim-cosim {version}) speaks protocol {theirs}; expected protocol "
-                f"{PROTOCOL}, as uuvsim-cosim {__version__} has, which serves here"
-            )
-        if not token or "/" in token or token in self._clients:
-            raise InputInvalid(f"join: client {token!r}; expected an id of its own")
-        lag = message.get("lag", 5.0)
-        if isinstance(lag, bool) or not isinstance(lag, int | float):
-            raise InputInvalid(f"join: lag {lag!r}; expected seconds")
-        wanted = Client(str(message.get("name", "zenoh"))[:80], "zenoh")
-        answer = self.conductor.ask("join", wanted, bool(message.get("lockstep")), float(lag))
+    def _join(self, query: Any, message: dict[str, Any], certificate: str | None) -> None:
+        """Enter a client; in a thread of its own, for passwords take a while."""
+        try:
+            theirs, version = message.get("protocol", PROTOCOL), message.get("version", "unknown")
+            if theirs != PROTOCOL:
+                raise InputInvalid(
+                    f"the client (uuvsim-cosim {version}) speaks protocol {theirs}; expected "
+                    f"protocol {PROTOCOL}, as uuvsim-cosim {__version__} has, which serves here"
+                )
+            lag = message.get("lag", 5.0)
+            if isinstance(lag, bool) or not isinstance(lag, int | float):
+                raise InputInvalid(f"join: lag {lag!r}; expected seconds")
+            allowed = self._gate.allowed(message, certificate)
+            wanted = Client(str(message.get("name", "zenoh"))[:80], "zenoh", allowed)
+            lockstep = bool(message.get("lockstep"))
+            client = self.conductor.join(wanted, lockstep=lockstep, lag=float(lag))
+            told = {
+                "moment": asdict(self.conductor.moment()), "name": client.name,
+                "protocol": PROTOCOL, "version": __version__, **self._gate.enter(message, client),
+            }  # fmt: skip
+            query.reply(query.key_expr, json.dumps(told), express=True)
+        except Exception as error:
+            _refuse(query, error)
+        finally:
+            query.drop()
 
-        def joined(done: Answer) -> None:
-            if done.exception() is None:
-                with self._lock:
-                    self._clients[token] = done.result()
-
-        answer.add_done_callback(joined)
-        return answer
+    def _answered(
+        self, lane: Lane, query: Any, call: str, message: dict[str, Any], done: Answer
+    ) -> None:
+        """Hand an answer on, in the conductor's thread: it never waits for a client."""
+        moment = self.conductor.moment()
+        lane.put(lambda: self._reply(query, call, message, moment, done))
 
     def _reply(
-        self, query: Any, call: str, message: dict[str, Any], binary: bool, done: Answer
+        self, query: Any, call: str, message: dict[str, Any], moment: Moment, done: Answer
     ) -> None:
         error = done.exception()
         if error is not None:
             _refuse(query, error)
             return
         try:
-            told, values = self._told(call, done.result())
+            told, values = self._told(call, done.result(), moment)
             block = b""
             if values is not None:
-                if binary:
+                if message.get("binary"):
                     told["values"], block = packed(values)
                 else:
                     told["values"] = plain(values)
@@ -193,11 +232,11 @@ class Bridge:
         finally:
             query.drop()
 
-    def _told(self, call: str, result: Any) -> tuple[dict[str, Any], Any]:
+    def _told(self, call: str, result: Any, at: Moment) -> tuple[dict[str, Any], Any]:
         """Give the answer in JSON, and the values that go with it."""
         if call == "step":
             return {"moment": asdict(result[0])}, result[1]
-        moment = {"moment": asdict(self.conductor.moment())}
+        moment = {"moment": asdict(at)}
         if call in ("get", "run"):
             return moment, result
         if isinstance(result, Moment):
@@ -206,13 +245,16 @@ class Bridge:
             layouts = {p: list(held.names) for p, held in self.stream.layouts.items()}
             signals = [asdict(s) for s in result]
             return {"signals": signals, "layout": self.stream.layout, "blocks": layouts}, None
-        if call == "join":
-            return moment | {
-                "name": result.name,
-                "protocol": PROTOCOL,
-                "version": __version__,
-            }, None
         return moment | {"result": result}, None
+
+
+def _read(query: Any) -> tuple[dict[str, Any], bytes]:
+    payload, attached = query.payload, query.attachment
+    for what, read in (("message", payload), ("block of numbers", attached)):
+        if read is not None and len(read) > (most := MOST_BYTES[what]):
+            raise InputInvalid(f"a {what} of {len(read)} bytes; expected at most {most}")
+    message = read_message(b"" if payload is None else payload.to_bytes())
+    return message, b"" if attached is None else attached.to_bytes()
 
 
 def _arguments(call: str, message: dict[str, Any], block: bytes) -> tuple[Any, ...]:
@@ -261,9 +303,14 @@ def _refuse(query: Any, error: BaseException) -> None:
 
 
 def free_port(host: str) -> int:
-    """Find a port that nobody listens on."""
+    """Find a port that nobody listens on; raises InputInvalid for a host of others."""
     import socket
 
     with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as s:
-        s.bind((host, 0))
+        try:
+            s.bind((host, 0))
+        except OSError as error:
+            raise InputInvalid(
+                f"cannot listen at {host}: {error.strerror}; expected an address of this machine"
+            ) from None
         return int(s.getsockname()[1])

@@ -8,12 +8,15 @@ from typing import Annotated, Any
 
 import typer
 
+from uuvsim_cosim.commands.fmu_system import client_command, system_command
 from uuvsim_cosim.commands.terminal import console, line, range_of, size_of, table, tilde
 from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["app", "fmi_version"]
 
 app = typer.Typer(help="Build, inspect and check FMUs.", no_args_is_help=True)
+app.command("system")(system_command)
+app.command("client")(client_command)
 
 
 def fmi_version(number: int) -> Any:

@@ -10,12 +10,17 @@ __all__ = ["matlab_command"]
 
 
 def matlab_command() -> None:
-    """Print the addpath line for MATLAB and GNU Octave; then: s = uuvsim.connect()."""
+    """Print the addpath line for MATLAB and GNU Octave; then: s = uuvsim.connect().
+
+    It names the client, its examples, and the folder of the optional MEX client.
+    """
     folder = content("matlab")
     if not (folder / "+uuvsim" / "connect.m").is_file():
         raise InputInvalid(
             f"{folder}: the MATLAB client is not there; expected the folder +uuvsim, which the "
             "wheel brings: install uuvsim-cosim again"
         )
-    quoted = str(folder).replace("'", "''")
-    line(f"addpath('{quoted}')")
+    folders = [
+        str(part).replace("'", "''") for part in (folder, folder / "examples", folder / "mex")
+    ]
+    line("addpath(" + ", ".join(f"'{part}'" for part in folders) + ")")

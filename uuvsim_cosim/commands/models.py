@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from uuvsim_cosim.commands.import_vehicle import import_command
 from uuvsim_cosim.commands.terminal import line, range_of, table
 from uuvsim_cosim.errors import InputInvalid
 
@@ -20,25 +21,39 @@ def every(context: typer.Context) -> None:
     """List the models that can be simulated and built as FMUs."""
     if context.invoked_subcommand is not None:
         return
-    from uuvsim_cosim.models.library import available, declare
+    from uuvsim_cosim.models.library import IN_PROCESS, available, declare
 
     rows = []
     for name in available():
         model = declare(name)
         rows.append((name, " ".join(model.description.split())))
+    rows += [(name, f"Python component, in process only: {where}")
+             for name, where in IN_PROCESS.items()]  # fmt: skip
     table(("model", "what it is"), rows)
 
 
 @app.command("show")
-def show(name: Annotated[str, typer.Argument(help="A name, or a vehicle as id@set.")]) -> None:
+def show(
+    name: Annotated[
+        str, typer.Argument(help="A name, a vehicle as id@set, a preset as imu@stim300.")
+    ],
+) -> None:
     """Show a model's variables with units, values and meaning."""
     from uuvsim_cosim.fmus.describe import describe
     from uuvsim_cosim.models.library import declare
+    from uuvsim_cosim.models.parameters import is_vehicle, split_address
+    from uuvsim_cosim.models.preset import presets_of
 
     model = declare(name)
-    line(f"{model.name}: {' '.join(model.description.split())}")
+    wanted: tuple[str, ...] = ("input", "output", "parameter")
+    if is_vehicle(split_address(name)[0]):
+        from uuvsim_cosim.commands.show_vehicle import show_vehicle
+
+        show_vehicle(name)
+        wanted = ("input", "output")
+    else:
+        line(f"{model.name}: {' '.join(model.description.split())}")
     line()
-    wanted = ("input", "output", "parameter")
     table(
         ("causality", "variable", "size", "unit", "start", "range", "meaning"),
         [
@@ -49,6 +64,10 @@ def show(name: Annotated[str, typer.Argument(help="A name, or a vehicle as id@se
             for v in describe(model).of(causality)  # type: ignore[arg-type]
         ],
     )  # fmt: skip
+    presets = presets_of(model.name)
+    if presets:
+        line()
+        table(("preset", "what it is"), [(f"{model.name}@{k}", v) for k, v in presets.items()])
 
 
 def _start(value: Any) -> str:
@@ -141,3 +160,6 @@ def new(
     line(f"see it with    uuvsim models show {tilde(folder)}")
     line(f"check it with  uuvsim models check {tilde(folder)}")
     line(f"use it as      model:{tilde(folder)}")
+
+
+app.command("import")(import_command)

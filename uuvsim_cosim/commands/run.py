@@ -245,8 +245,7 @@ def _run_fmu(
     try:
         with traced as trace:
             result = simulate_fmu(
-                Path(fmu), until=10.0 if until is None else until, step=step, inputs=inputs,
-                start=values, trace=trace,
+                Path(fmu), until=until, step=step, inputs=inputs, start=values, trace=trace,
             )  # fmt: skip
     except ComponentFailed as error:
         if isinstance(error.partial, SimulationResult):
@@ -254,5 +253,7 @@ def _run_fmu(
             sys.stderr.write(f"uuvsim: the values up to then are in {tilde(target)}\n")
         raise
     result.write_csv(target)
-    line(f"{len(result.time)} rows, {len(result.variables)} outputs, until {result.time[-1]:g} s")
+    why = ", when it asked to end the simulation" if result.asked_to_end else ""
+    rows, outputs = len(result.time), len(result.variables)
+    line(f"{rows} rows, {outputs} outputs, until {result.time[-1]:g} s{why}")
     line(f"{tilde(target)}  {size_of(target)}")

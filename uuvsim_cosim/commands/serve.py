@@ -23,7 +23,7 @@ _LOOK = 0.1  # [s] between two looks whether the end has come
 
 
 def serve_command(
-    system: Annotated[str, typer.Argument(help="Name of a system, or .ssd, .ssp, .fmu.")],
+    system: Annotated[str, typer.Argument(help="System, .ssd, .ssp, .fmu; or a recording.")],
     real_time: Annotated[
         float, typer.Option(help="Factor of real time at which it streams.")
     ] = 1.0,
@@ -44,7 +44,7 @@ def serve_command(
     no_record: Annotated[bool, typer.Option("--no-record", help="Record nothing.")] = False,
     seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 0,
     replace: Annotated[
-        list[str] | None, typer.Option(help="component=source: an .fmu, FILE.py:Class, remote:…")
+        list[str] | None, typer.Option(help="component=source: .fmu, FILE.py:Class, keyboard")
     ] = None,
     map_: Annotated[
         list[str] | None, typer.Option("--map", help=f"{MAP}, or component=FILE.ssm.")
@@ -57,27 +57,46 @@ def serve_command(
     fail_safe: Annotated[
         str, typer.Option(help="A client late or gone in lockstep: drop, pause or go-on.")
     ] = "drop",
+    access: Annotated[
+        Path | None, typer.Option(help="YAML that says who may do what: see docs/security.md.")
+    ] = None,
+    host: Annotated[
+        list[str] | None, typer.Option(help="Address to listen at; again for more. 0.0.0.0: all.")
+    ] = None,
+    anyone: Annotated[
+        bool, typer.Option("--anyone", help="Beyond this machine without --access.")
+    ] = False,
 ) -> None:
     """Serve a running system to clients on this machine, until Ctrl-C.
 
-    Python: uuvsim_cosim.connect(). MATLAB and Octave: uuvsim.connect(). Nobody else can reach it.
+    Python: uuvsim_cosim.connect(). MATLAB and Octave: uuvsim.connect(). Nobody else can reach it,
+    unless --host or --access say so.
     """
+    from uuvsim_cosim.bridge.access_doors import opening
     from uuvsim_cosim.bridge.conductor import Conductor
+    from uuvsim_cosim.bridge.keyboard import with_keyboards
+    from uuvsim_cosim.bridge.replay import is_recording
     from uuvsim_cosim.commands.run import _edited
 
     if until is not None and not 0.0 < until < float("inf"):
         raise InputInvalid(f"--until {until:g}: expected more than 0 seconds")
     if not 0.0 < real_time < float("inf"):
         raise InputInvalid(f"--real-time {real_time:g}: expected a factor of more than 0")
+    doors = opening(access, host or (), anyone=anyone)
     changes = {
         "replace": assignments("--replace", replace or [], "component=source", dotted=False),
         "map": assignments("--map", map_ or [], MAP, dotted=False),
         "rate": assignments("--rate", rate or [], "component=seconds", dotted=False),
         "set": assignments("--set", set_ or [], SET, dotted=True),
     }
-    edited = _edited(system, None, changes)
+    recorded = is_recording(system)
+    if recorded:
+        _refuse_changes(system, changes, fmu=fmu, seed=seed, out=out)
+    else:
+        with_keyboards(system, changes["replace"])
+    edited: Any = system if recorded else _edited(system, None, changes)
     folder = None
-    if not no_record:
+    if not no_record and not recorded:
         folder = out if out is not None else Path("runs") / f"{edited.name}-{seed}"
     conductor = Conductor(
         edited, seed, "fmu" if fmu else "native", record=folder,
@@ -88,14 +107,19 @@ def serve_command(
         with ExitStack() as stack:
             stack.callback(_told, conductor)
             stack.callback(conductor.close)
-            _open_doors(stack, conductor, port, tcp_port, http_port)
+            _open_doors(stack, conductor, doors, port, tcp_port, http_port)
             _wait(conductor, real_time, paused, until)
     finally:
         signal.signal(signal.SIGTERM, before)
 
 
 def _open_doors(
-    stack: ExitStack, conductor: Any, port: int | None, tcp: int | None, http: int | None
+    stack: ExitStack,
+    conductor: Any,
+    doors: Any,
+    port: int | None,
+    tcp: int | None,
+    http: int | None,
 ) -> None:
     """Open the doors, and say where they are."""
     from uuvsim_cosim.bridge.http_door import HttpDoor
@@ -104,17 +128,30 @@ def _open_doors(
     from uuvsim_cosim.bridge.wrapped_session import PORT
     from uuvsim_cosim.bridge.zenoh_bridge import Bridge
 
-    bridge = stack.enter_context(Bridge(conductor, port=PORT if port is None else port))
-    line(f"{conductor.describe()['system']} is served on this machine:")
-    line(f"  Zenoh  tcp/{bridge.host}:{bridge.port}  Python: uuvsim_cosim.connect("
-         f"{'' if bridge.port == PORT else f'port={bridge.port}'})")  # fmt: skip
+    number = PORT if port is None else port
+    bridge = stack.enter_context(
+        Bridge(conductor, port=number, host=doors.zenoh_hosts, access=doors.keeper)
+    )
+    local = doors.words == "on this machine"
+    served = "on this machine" if local else f"to {doors.words}"
+    line(f"{conductor.describe()['system']} is served {served}:")
+    kind = "tls" if bridge.tls else "tcp"
+    said = [f"port={bridge.port}"] if bridge.port != PORT else []
+    said += ['ca="ca.pem"'] if bridge.tls else []
+    where = ", ".join(f"{kind}/{host}:{bridge.port}" for host in bridge.hosts)
+    line(f"  Zenoh  {where}  Python: uuvsim_cosim.connect({', '.join(said)})")
+    guard = {"admit": doors.admit, "tls": doors.tls}
     if tcp != -1:
-        door = stack.enter_context(TcpDoor(conductor, TCP_PORT if tcp is None else tcp))
-        line(f"  TCP    {', '.join(door.addresses)}  MATLAB, Octave: uuvsim.connect()")
+        number = TCP_PORT if tcp is None else tcp
+        door = stack.enter_context(TcpDoor(conductor, number, doors.hosts, **guard))
+        whom = "TLS" if bridge.tls else "MATLAB, Octave: uuvsim.connect()"
+        line(f"  TCP    {', '.join(door.addresses)}  {whom}")
     if http != -1:
-        page = HttpDoor(conductor, HTTP_PORT if http is None else http)
+        page = HttpDoor(conductor, HTTP_PORT if http is None else http, doors.hosts, **guard)
         stack.callback(page.close)
         line(f"  HTTP   {page.addresses[0]}  curl, webread, and a page for browsers")
+        if any(c["kind"] == "keyboard" for c in conductor.describe()["components"]):
+            line(f"  Pilot  {page.addresses[0]}pilot  keyboard and gamepad")
 
 
 def _wait(conductor: Any, factor: float, paused: bool, until: float | None) -> None:
@@ -125,8 +162,9 @@ def _wait(conductor: Any, factor: float, paused: bool, until: float | None) -> N
     try:
         line("paused: clients run or step it; Ctrl-C ends it" if paused else
              f"streams at {factor:g} times real time; Ctrl-C ends it")  # fmt: skip
+        asked = None
         if not paused:
-            conductor.ask("run", Client("serve", "local"), until, factor, ())
+            asked = conductor.ask("run", Client("serve", "local"), until, factor, ())
         sys.stdout.flush()
         while until is None or conductor.moment().time < until - 1e-9:
             if (failed := conductor.failed) is not None and failed is not told:
@@ -134,12 +172,25 @@ def _wait(conductor: Any, factor: float, paused: bool, until: float | None) -> N
                     raise failed
                 sys.stderr.write(f"uuvsim: {failed}; paused, clients may reset it\n")
                 told = failed
+            elif asked is not None and asked.done():
+                asked.result()  # raises what it refused, such as a time after a recording's end
+                asked = None
             time.sleep(_LOOK)
     except KeyboardInterrupt:
         line()
         line(f"interrupted at t = {conductor.moment().time:.6g} s")
         if until is not None:
             raise
+
+
+def _refuse_changes(system: str, changes: dict[str, Any], **others: Any) -> None:
+    """A recording is as it was."""
+    given = [f"--{name}" for name, value in {**changes, **others}.items() if value]
+    if given:
+        raise InputInvalid(
+            f"{system}: is a recording, which nothing can change; expected it without "
+            f"{', '.join(given)}"
+        )
 
 
 def _told(conductor: Any) -> None:

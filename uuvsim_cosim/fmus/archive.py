@@ -93,6 +93,8 @@ def _checked(archive: zipfile.ZipFile, path: Path, must_contain: str) -> Iterato
             f"{shown(path)}: an archive bomb, unpacks to {total // packed} times its size; "
             f"expected at most {MAX_RATIO} times"
         )
+    for member in members:  # archives made on Windows, by tools that do not care
+        member.filename = member.filename.replace("\\", "/")
     if not any(m.filename == must_contain for m in members):
         raise FmuError(
             f"{shown(path)}: has no {must_contain}; expected it at the top of the archive"
@@ -103,12 +105,11 @@ def _checked(archive: zipfile.ZipFile, path: Path, must_contain: str) -> Iterato
 
 
 def _refuse_outside(member: zipfile.ZipInfo, path: Path) -> None:
-    name = member.orig_filename
-    expected = "a relative name with forward slashes that stays in the archive's folder"
+    name = member.orig_filename.replace("\\", "/")
+    expected = "a relative name that stays in the archive's folder"
     outside = (
         not name
         or name.startswith("/")
-        or "\\" in name
         or "\0" in name
         or _DRIVE.match(name) is not None
         or ".." in PurePosixPath(name).parts

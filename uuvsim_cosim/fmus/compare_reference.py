@@ -97,7 +97,7 @@ def deviations(
 
 def asks_to_end(error: ComponentFailed) -> bool:
     """Say whether a step was the FMU's way to end the simulation, which FMI allows."""
-    return "asks to end the simulation" in str(error)
+    return error.asks_to_end
 
 
 def _called(variable: Variable, name: str) -> str:

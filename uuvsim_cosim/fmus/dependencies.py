@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Literal
 
 from uuvsim_cosim.fmus.equations import Equations
 from uuvsim_cosim.fmus.layout import Layout
 
-__all__ = ["KINDS", "direct_kinds", "initial_knowns"]
+__all__ = ["KINDS", "derivative_knowns", "direct_kinds", "initial_knowns"]
 
 # From the most to the least that an importer may take for granted of a partial derivative.
 KINDS = ("constant", "fixed", "tunable", "dependent")
@@ -20,16 +20,16 @@ _STEPS = (
 def direct_kinds(eq: Equations) -> list[dict[int, str]]:
     """Give, for each element of the outputs, the places it depends on and FMI's dependenciesKind.
 
-    Places are offsets in the block, of inputs and of time (0). A kind better than ``dependent``
-    is given only where the outputs hold no operation with a step or a kink: there the partial
-    derivative alone does not say how the output depends on the input.
+    Places are offsets in the block, of inputs, continuous states and time (0). A kind better than
+    ``dependent`` is given only for inputs, and where the outputs hold no operation with a step or
+    a kink: there the partial derivative alone does not say how the output depends on the input.
     """
     layout = eq.layout
     first, count = layout.offset["input"], layout.count["input"]
-    kinds: list[dict[int, str]] = []
-    for known in _rows(eq.outputs, 0):
-        inputs = sorted(k for k in known if k == 0 or first <= k < first + count)
-        kinds.append(dict.fromkeys(inputs, "dependent"))
+    known = _known(layout)
+    kinds: list[dict[int, str]] = [
+        dict.fromkeys(sorted(filter(known, row)), "dependent") for row in _rows(eq.outputs, 0)
+    ]
     smooth = _smooth_rows(eq) if count else set()
     for (row, column), factors in (_factors(eq) if smooth else {}).items():
         if row in smooth and first + column in kinds[row]:
@@ -37,8 +37,23 @@ def direct_kinds(eq: Equations) -> list[dict[int, str]]:
     return kinds
 
 
-def initial_knowns(eq: Equations) -> list[list[int]]:
-    """Give, for each element of the outputs, the inputs and parameters it depends on initially.
+def derivative_knowns(eq: Equations) -> list[list[int]]:
+    """Give, for each state's derivative, the inputs, states and time (0) that it depends on."""
+    known = _known(eq.layout)
+    return [sorted(filter(known, row)) for row in _rows(eq.rhs, 0)]
+
+
+def _known(layout: Layout) -> Callable[[int], bool]:
+    """Tell apart what an importer sets between events: time, inputs, continuous states."""
+    o, n = layout.offset, layout.count
+    known = {0, *(o[kind] + i for kind in ("input", "state") for i in range(n[kind]))}
+    return known.__contains__
+
+
+def initial_knowns(
+    eq: Equations, of: Literal["outputs", "initial", "rhs"] = "outputs"
+) -> list[list[int]]:
+    """Give, for each element of a function, the inputs and parameters it depends on initially.
 
     States count through their start values, and derived values through their equations.
     """
@@ -47,7 +62,7 @@ def initial_knowns(eq: Equations) -> list[list[int]]:
     for function, kind in ((eq.derived, "derived"), (eq.initial, "state")):
         at = layout.offset["derived" if kind == "derived" else "state"]
         through.update({at + i: known for i, known in enumerate(_rows(function, 0))})
-    return [sorted(_closed(known, through)) for known in _rows(eq.outputs, 0)]
+    return [sorted(_closed(known, through)) for known in _rows(getattr(eq, of), 0)]
 
 
 def _closed(known: set[int], through: Mapping[int, set[int]]) -> set[int]:

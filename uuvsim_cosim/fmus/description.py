@@ -55,6 +55,7 @@ class Variable:
     value_references: tuple[int, ...] = ()
     dependencies: tuple[str, ...] | None = None
     element_units: tuple[str | None, ...] = ()  # where the elements' units differ; unit is None
+    items: tuple[tuple[str, int], ...] = ()  # of an enumeration: names and numbers
 
     @property
     def size(self) -> int:

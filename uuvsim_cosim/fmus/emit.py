@@ -11,10 +11,12 @@ import casadi as ca
 
 from uuvsim_cosim.errors import UuvsimError
 from uuvsim_cosim.fmus.branches import Block, Node, flat, nodes_of, scheduled
+from uuvsim_cosim.fmus.network_data import HEADER, network_call, network_data
 from uuvsim_cosim.fmus.table_data import table_call, table_data
+from uuvsim_cosim.models.network import NETWORKS
 from uuvsim_cosim.models.table import TABLES
 
-__all__ = ["emit_function", "emit_tables", "emit_update", "literal"]
+__all__ = ["emit_function", "emit_networks", "emit_tables", "emit_update", "literal"]
 
 # CasADi operation -> function of fmus/runtime/uuv_math.h; arithmetic is written as operators.
 INFIX = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
@@ -134,7 +136,15 @@ class _Text:
             self.stores.append(f"{self.result}[{place}] = {self._arguments(k)[0]};")
         elif op == ca.OP_CALL:
             self.calls = f.instructions_sx() if self.calls is None else self.calls
-            texts = _call(self.calls[k].which_function(), self._arguments(k))
+            called = self.calls[k].which_function()
+            name = called.name().removeprefix("fwd1_wrap_")
+            if name in NETWORKS:
+                forward = name != called.name()
+                line, *texts = network_call(k, name, self._arguments(k), forward)
+                yield line
+                self.value.update({(k, place): text for place, text in enumerate(texts)})
+                return
+            texts = _call(called, self._arguments(k))
             for place, text in enumerate(texts):
                 yield f"const V t{k}_{place} = {text};"
                 self.value[k, place] = f"t{k}_{place}"
@@ -200,3 +210,10 @@ def emit_tables(functions: list[Any]) -> str:
     """Write the data of every table that the functions call, in the order of their names."""
     names = {g.name() for f in functions for g in f.find_functions()}
     return "".join(table_data(name) for name in sorted(names & set(TABLES)))
+
+
+def emit_networks(functions: list[Any]) -> str:
+    """Write the data of every network that the functions call, in the order of their names."""
+    called = (g.name() for f in functions for g in f.find_functions())
+    names = {name.removeprefix("fwd1_wrap_") for name in called} & set(NETWORKS)
+    return "".join([HEADER if names else "", *map(network_data, sorted(names))])

@@ -120,12 +120,16 @@ class Fmu2(FmuBinary):
 
     def _do_step(self, time: float, step_size: float) -> None:
         status = self._library.function("DoStep")(self._live(), time, step_size, 1)
-        if status == _DISCARD and self._asks_to_end():
-            reason = self.failure("DoStep", status, time).reason
-            raise ComponentFailed(self.path, time, f"{reason} (it asks to end the simulation)")
         if status > 1 or status < 0:
             raise self.failure("DoStep", status, time)
         self._log.drain()
+
+    def failure(self, function: str, status: int, time: float) -> ComponentFailed:
+        """Give the error for a status; a discarded step may be the way to end the simulation."""
+        error = super().failure(function, status, time)
+        if function != "DoStep" or status != _DISCARD or not self._asks_to_end():
+            return error
+        return ComponentFailed(self.path, time, f"{error.reason} (it asks to end the simulation)")
 
     def _asks_to_end(self) -> bool:
         if not self._library.has("GetBooleanStatus"):

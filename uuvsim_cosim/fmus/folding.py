@@ -14,7 +14,7 @@ from uuvsim_cosim.fmus.description_xml import DTYPES
 
 __all__ = ["fold"]
 
-_ELEMENT = re.compile(r"^(?P<name>.+)\[(?P<indices>\d+(?:\s*,\s*\d+)*)\]$")
+_ELEMENT = re.compile(r"^(?P<name>.+)\[(?P<indices>\d+(?:\s*,\s*\d+)*)\](?P<end>\)?)$")
 
 
 def fold(scalars: Sequence[Variable]) -> dict[str, Variable]:
@@ -30,7 +30,8 @@ def fold(scalars: Sequence[Variable]) -> dict[str, Variable]:
         match = _ELEMENT.match(scalar.name)
         if match is not None:
             indices = tuple(int(i) for i in match["indices"].split(","))
-            groups.setdefault(match["name"], {})[indices] = scalar
+            name = match["name"] + match["end"]  # der(x[1]) is an element of der(x)
+            groups.setdefault(name, {})[indices] = scalar
     taken = {v.name for v in scalars}
     folded_name = {v.name: v.name for v in scalars}
     arrays: dict[str, Variable] = {}

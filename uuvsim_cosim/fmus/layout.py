@@ -42,6 +42,10 @@ class Layout:
         """Give the offset of a variable's first element: its value reference."""
         return next(p.offset for p in self.placed if p.variable.name == name)
 
+    def derivative_of(self, state: Placed) -> int:
+        """Give the value reference of a state's derivative: they follow the block."""
+        return self.size + state.offset - self.offset["state"]
+
     @cached_property
     def block(self) -> Any:
         """Give the symbols of everything before the outputs, as one SX column."""

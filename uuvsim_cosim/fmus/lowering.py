@@ -8,7 +8,7 @@ from pathlib import Path
 
 from uuvsim_cosim.cache import content_hash
 from uuvsim_cosim.content import content
-from uuvsim_cosim.fmus.emit import emit_function, emit_tables, literal
+from uuvsim_cosim.fmus.emit import emit_function, emit_networks, emit_tables, literal
 from uuvsim_cosim.fmus.equations import Equations, equations
 from uuvsim_cosim.fmus.layout import Layout, Placed
 from uuvsim_cosim.models.model import Model
@@ -51,6 +51,7 @@ def lower(model: Model) -> Lowered:
         f"/* Generated from the declaration of {model.name!r}: do not edit. */\n",
         '#include "uuv_component.h"\n#include "uuv_table.h"\n\n',
         emit_tables(functions),
+        emit_networks(functions),
         _writing(eq.derived, "derived", at["derived"]),
         _writing(eq.initial, "initial", at["state"]),
         emit_function(eq.rhs, "rhs(const V *b, V *dx)", ("b", "dx")),
@@ -87,6 +88,7 @@ def _tables_of(eq: Equations, token: str) -> str:
             for i, value in enumerate(p.variable.start):
                 start[p.offset + i] = literal(float(value))
     rows = [_row(p) for p in layout.placed if p.variable.kind != "derived"]
+    rows += [_derivative_row(layout, p) for p in layout.placed if p.variable.kind == "state"]
     clocks = [
         f"    {{{c.period.numerator}u, {c.period.denominator}u, "
         f"{sum(d.numel() for d in c.draws)}, {c.index}, update_{c.index}}},"
@@ -115,6 +117,15 @@ def _tables_of(eq: Equations, token: str) -> str:
         "};",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _derivative_row(layout: Layout, p: Placed) -> str:
+    """A state's derivative has its references after the block."""
+    v = p.variable
+    return (
+        f'    {{"der({v.name})", {layout.derivative_of(p)}, {v.size}, UUV_FLOAT64, '
+        f"UUV_DERIVATIVE, {1 if v.shape else 0}, -__builtin_inf(), __builtin_inf()}},"
+    )
 
 
 def _row(p: Placed) -> str:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any, Literal
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
@@ -13,11 +13,17 @@ import numpy as np
 
 from uuvsim_cosim._version import __version__
 from uuvsim_cosim.errors import ParameterInvalid
-from uuvsim_cosim.fmus.dependencies import KINDS, direct_kinds, initial_knowns
+from uuvsim_cosim.fmus.dependencies import (
+    KINDS,
+    derivative_knowns,
+    direct_kinds,
+    initial_knowns,
+)
 from uuvsim_cosim.fmus.describe import describe
 from uuvsim_cosim.fmus.description import UNITS_ANNOTATION, Description, Variable
 from uuvsim_cosim.fmus.equations import Equations
 from uuvsim_cosim.fmus.experiment import experiment_of
+from uuvsim_cosim.fmus.state_derivatives import rate_units, state_derivatives
 from uuvsim_cosim.models.units import BASE, parse_unit
 
 __all__ = [
@@ -40,11 +46,15 @@ def model_identifier(name: str) -> str:
 
 
 def element_names(v: Variable) -> list[str]:
-    """Give the names of a variable's elements: ``tau[1]``, ``M[1,2]``; a scalar's own name."""
+    """Give the names of a variable's elements: ``tau[1]``, ``M[1,2]``, ``der(x[1])``.
+
+    A scalar has its own name.
+    """
     if not v.shape:
         return [v.name]
+    name, end = (v.name[:-1], ")") if v.name.startswith("der(") else (v.name, "")
     indices = product(*(range(1, extent + 1) for extent in v.shape))
-    return [f"{v.name}[{','.join(map(str, i))}]" for i in indices]
+    return [f"{name}[{','.join(map(str, i))}]{end}" for i in indices]
 
 
 def model_description(
@@ -67,8 +77,10 @@ def model_description(
             "variableNamingConvention": "structured",
         },
     )
-    _co_simulation(root, fmi, model_identifier(model.name), sources)
-    _units(root, description)
+    for interface in ("ModelExchange", "CoSimulation"):  # FMI 3.0 wants them in this order
+        _interface(root, fmi, interface, model_identifier(model.name), sources)
+    derivatives = state_derivatives(eq, description.variables)
+    _units(root, replace(description, units={**description.units, **rate_units(derivatives)}))
     categories = SubElement(root, "LogCategories")
     SubElement(categories, "Category", name="logStatusError", description="refused calls")
     experiment = experiment_of(model)
@@ -78,9 +90,10 @@ def model_description(
         startTime="0",
         stopTime=_number(experiment.stop_time),
         stepSize=_number(experiment.step_size),
+        tolerance="1e-06",
     )
-    places = _fmi2_variables(root, description) if fmi == 2 else _fmi3_variables(root, description)
-    _model_structure(root, fmi, eq, places)
+    variables = _fmi2_variables if fmi == 2 else _fmi3_variables
+    _model_structure(root, fmi, eq, variables(root, description, derivatives))
     return xml_text(root)
 
 
@@ -97,6 +110,8 @@ class _Places:
 
     reference: Callable[[int], str | None]  # None: the place is not exposed
     outputs: list[tuple[str, range]]  # reference and elements of each output
+    states: list[tuple[str, range]]  # and of each continuous state
+    derivatives: list[tuple[str, range]]  # the same elements, as references to derivatives
 
 
 def _refuse_names(description: Description) -> None:
@@ -108,16 +123,20 @@ def _refuse_names(description: Description) -> None:
             )
 
 
-def _co_simulation(root: Element, fmi: FmiVersion, identifier: str, sources: Sequence[str]) -> None:
+def _interface(
+    root: Element, fmi: FmiVersion, interface: str, identifier: str, sources: Sequence[str]
+) -> None:
     capabilities = {
         2: "canGetAndSetFMUstate canSerializeFMUstate providesDirectionalDerivative "
         "canNotUseMemoryManagementFunctions",
         3: "canGetAndSetFMUState canSerializeFMUState providesDirectionalDerivatives "
         "providesAdjointDerivatives",
     }[fmi].split()
-    names = ["canHandleVariableCommunicationStepSize", *capabilities]
+    names = [*capabilities]
+    if interface == "CoSimulation":
+        names.insert(0, "canHandleVariableCommunicationStepSize")
     attributes = {"modelIdentifier": identifier, **dict.fromkeys(names, "true")}
-    element = SubElement(root, "CoSimulation", attributes)
+    element = SubElement(root, interface, attributes)
     if fmi == 2 and sources:
         files = SubElement(element, "SourceFiles")
         for name in sources:
@@ -170,24 +189,42 @@ def _number(value: float) -> str:
     return repr(int(value)) if value == int(value) and abs(value) < 1e15 else repr(float(value))
 
 
-def _fmi2_variables(root: Element, description: Description) -> _Places:
+def _fmi2_variables(
+    root: Element, description: Description, derivatives: Mapping[str, Variable]
+) -> _Places:
     parent = SubElement(root, "ModelVariables")
     index: dict[int, str] = {}
     outputs: list[tuple[str, range]] = []
-    for v in description.variables.values():
+    state_of = {d.name: description.variables[x] for x, d in derivatives.items()}
+    for v in [*description.variables.values(), *derivatives.values()]:
         first = v.value_references[0]
         starts = None if v.start is None else np.ravel(v.start)
         for i, name in enumerate(element_names(v)):
             index[first + i] = str(len(index) + 1)
             element = SubElement(parent, "ScalarVariable", _common(v, name, first + i))
             start = None if starts is None else [starts[i]]
-            SubElement(element, _FMI2_TYPES[v.type], _value(v, v.unit_of_element(i), start))
+            real = SubElement(element, _FMI2_TYPES[v.type], _value(v, v.unit_of_element(i), start))
+            if v.name in state_of:
+                real.set("derivative", index[state_of[v.name].value_references[0] + i])
             if v.causality == "output":
                 outputs.append((index[first + i], range(first + i, first + i + 1)))
-    return _Places(index.get, outputs)
+    pairs = [
+        (index[x.value_references[0] + i], index[d.value_references[0] + i])
+        for d, x in ((d, description.variables[name]) for name, d in derivatives.items())
+        for i in range(x.size)
+    ]
+    numbers = [range(k, k + 1) for k in range(len(pairs))]
+    return _Places(
+        index.get,
+        outputs,
+        [(x, n) for (x, _), n in zip(pairs, numbers, strict=True)],
+        [(d, n) for (_, d), n in zip(pairs, numbers, strict=True)],
+    )
 
 
-def _fmi3_variables(root: Element, description: Description) -> _Places:
+def _fmi3_variables(
+    root: Element, description: Description, derivatives: Mapping[str, Variable]
+) -> _Places:
     parent = SubElement(root, "ModelVariables")
     reference: dict[int, str] = {0: "0"}
     outputs: list[tuple[str, range]] = []
@@ -201,10 +238,20 @@ def _fmi3_variables(root: Element, description: Description) -> _Places:
         variability="continuous",
         unit="s",
     )
-    for v in description.variables.values():
+    state_of = {d.name: description.variables[x] for x, d in derivatives.items()}
+    states: list[tuple[str, range]] = []
+    rates: list[tuple[str, range]] = []
+    k = 0
+    for v in [*description.variables.values(), *derivatives.values()]:
         first = v.value_references[0]
         starts = None if v.start is None else np.ravel(v.start)
         attributes = {**_common(v, v.name, first), **_value(v, v.unit, starts)}
+        if v.name in state_of:
+            state = str(state_of[v.name].value_references[0])
+            attributes["derivative"] = state
+            states.append((state, range(k, k + v.size)))
+            rates.append((str(first), range(k, k + v.size)))
+            k += v.size
         element = SubElement(parent, v.type, attributes)
         if v.element_units:  # FMI 3.0 has one unit for the whole array
             notes = SubElement(element, "Annotations")
@@ -215,37 +262,60 @@ def _fmi3_variables(root: Element, description: Description) -> _Places:
         reference.update(dict.fromkeys(range(first, first + v.size), str(first)))
         if v.causality == "output":
             outputs.append((str(first), range(first, first + v.size)))
-    return _Places(reference.get, outputs)
+    return _Places(reference.get, outputs, states, rates)
 
 
 def _model_structure(root: Element, fmi: FmiVersion, eq: Equations, places: _Places) -> None:
     structure = SubElement(root, "ModelStructure")
-    direct, initial = direct_kinds(eq), initial_knowns(eq)
+    direct = direct_kinds(eq)
     first = eq.layout.offset["output"]
-    key = "index" if fmi == 2 else "valueReference"
-    parent = SubElement(structure, "Outputs") if fmi == 2 and places.outputs else structure
-    for name, elements in places.outputs:
-        kinds: dict[str, str] = {}
-        for row in elements:
-            for place, kind in direct[row - first].items():
+    of_rates: list[dict[int, str]] = [dict.fromkeys(k, "dependent") for k in derivative_knowns(eq)]
+    by_row = [
+        ("Output", [(name, [direct[r - first] for r in rows]) for name, rows in places.outputs]),
+        (
+            "ContinuousStateDerivative",
+            [(name, [of_rates[r] for r in rows]) for name, rows in places.derivatives],
+        ),
+    ]
+    for tag, unknowns in by_row:
+        parent = structure
+        if fmi == 2 and unknowns:
+            parent = SubElement(structure, "Outputs" if tag == "Output" else "Derivatives")
+        for name, found in unknowns:
+            kinds: dict[str, str] = {}
+            for place, kind in (item for row in found for item in row.items()):
                 known = places.reference(place)
                 if known is not None:
                     kinds[known] = max(kinds.get(known, kind), kind, key=KINDS.index)
-        SubElement(
-            parent,
-            "Unknown" if fmi == 2 else "Output",
-            {
-                key: name,
+            attributes = {
+                "index" if fmi == 2 else "valueReference": name,
                 "dependencies": " ".join(kinds),
                 "dependenciesKind": " ".join(kinds.values()),
-            },
-        )
-    parent = SubElement(structure, "InitialUnknowns") if fmi == 2 and places.outputs else structure
-    for name, elements in places.outputs:
-        found = {places.reference(place) for row in elements for place in initial[row - first]}
-        knowns = sorted((k for k in found if k is not None), key=int)
+            }
+            SubElement(parent, "Unknown" if fmi == 2 else tag, attributes)
+    _initial_unknowns(structure, fmi, eq, places)
+
+
+def _initial_unknowns(structure: Element, fmi: FmiVersion, eq: Equations, places: _Places) -> None:
+    unknowns: list[tuple[str, list[str]]] = []
+    for listed, rows in (
+        (places.outputs, dict(enumerate(initial_knowns(eq), eq.layout.offset["output"]))),
+        (places.states, dict(enumerate(initial_knowns(eq, "initial")))),
+        (places.derivatives, dict(enumerate(initial_knowns(eq, "rhs")))),
+    ):
+        for name, elements in listed:
+            found = {places.reference(place) for row in elements for place in rows[row]}
+            unknowns.append((name, sorted((k for k in found if k is not None), key=int)))
+    parent = structure
+    if fmi == 2:
+        unknowns.sort(key=lambda u: int(u[0]))  # in this order, says FMI 2.0
+        parent = SubElement(structure, "InitialUnknowns") if unknowns else structure
+    for name, knowns in unknowns:
         SubElement(
             parent,
             "Unknown" if fmi == 2 else "InitialUnknown",
-            {key: name, "dependencies": " ".join(knowns)},
+            {
+                "index" if fmi == 2 else "valueReference": name,
+                "dependencies": " ".join(knowns),
+            },
         )

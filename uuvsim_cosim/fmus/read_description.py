@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 from xml.etree.ElementTree import Element
@@ -60,6 +60,9 @@ def read_fmu(path: Path) -> FmuArchive:
     interface, element = _interface(path, root)
     read = read_variables_fmi2 if version == "2.0" else read_variables_fmi3
     variables, enumerations = read(source, root)
+    for name in variables.keys() & enumerations.keys():
+        items = tuple((item, number) for number, item in enumerations[name].items())
+        variables[name] = replace(variables[name], items=items)
     experiment = root.find("DefaultExperiment")
     where = "DefaultExperiment"
     description = Description(

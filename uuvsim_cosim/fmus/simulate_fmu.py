@@ -6,7 +6,7 @@ import csv
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, final
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 __all__ = ["SimulationResult", "simulate_fmu"]
 
 Inputs = Mapping[str, Any] | Path | str | None
-_DEFAULT_STEP = 0.01  # [s], if neither caller nor FMU names one
+_DEFAULT_STEP, _DEFAULT_END = 0.01, 10.0  # s, where an FMU gives none
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,7 @@ class SimulationResult:
     columns: Mapping[str, np.ndarray]
     variables: Mapping[str, Variable]
     messages: Sequence[tuple[str, str]] = field(default_factory=list)
+    asked_to_end: bool = False  # before `until`
 
     def __getitem__(self, name: str) -> np.ndarray:
         """Give a variable over time."""
@@ -71,7 +72,7 @@ class SimulationResult:
 def simulate_fmu(
     fmu: Path | str | FmuArchive,
     *,
-    until: float,
+    until: float | None = None,
     step: float | str | Fraction | None = None,
     inputs: Inputs = None,
     start: Mapping[str, Any] | None = None,
@@ -80,6 +81,7 @@ def simulate_fmu(
 ) -> SimulationResult:
     """Simulate an FMU from 0 to `until` [s], communicating at every whole multiple of `step` [s].
 
+    Without `until`, to the end of its default experiment, else 10 s; less if it asks to end.
     `inputs` is a CSV file (first column: time), or a mapping: of constants and functions of
     time by name, or, with a key ``time``, of samples. Continuous inputs are interpolated, others
     held, at the communication points. `start` values may be text, as a user types them.
@@ -91,6 +93,8 @@ def simulate_fmu(
     """
     archive = fmu if isinstance(fmu, FmuArchive) else read_fmu(Path(fmu))
     description = archive.description
+    if until is None:
+        until = _default_end(archive, step)
     tick, count = _steps(until, step, description.default_step_size)
     feed = _feed(inputs, description)
     begin = _start_values(start or {}, archive)
@@ -112,6 +116,8 @@ def simulate_fmu(
         component.terminate()
         return samples.result(component, tick)
     except ComponentFailed as error:
+        if samples.taken and error.asks_to_end:
+            return replace(samples.result(component, tick), asked_to_end=True)
         if samples.taken:
             error.partial = samples.result(component, tick)
         raise
@@ -125,6 +131,18 @@ def _instance(archive: FmuArchive, trace: Trace | None) -> Component:
     from uuvsim_cosim.fmus.trace import instantiate_traced
 
     return instantiate_traced(archive, archive.description.name, trace)
+
+
+def _default_end(fmu: FmuArchive, step: float | str | Fraction | None) -> float:
+    """Give the end of an FMU's default experiment, at a whole step where a user gives one."""
+    end = fmu.default_stop_time
+    if end is None or not 0.0 < end < math.inf:
+        end = _DEFAULT_END
+    try:
+        h = Fraction(str(step)) if step is not None else Fraction()
+    except (ValueError, ZeroDivisionError):
+        return end  # said with the step
+    return float(math.ceil(Fraction(str(end)) / h) * h) if h > 0 else end
 
 
 def _steps(

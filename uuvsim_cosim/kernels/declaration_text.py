@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uuvsim_cosim.fmus.emit import emit_function, emit_update
+from uuvsim_cosim.fmus.emit import emit_function, emit_networks, emit_update
 from uuvsim_cosim.fmus.equations import Equations
 from uuvsim_cosim.kernels.held import split
 from uuvsim_cosim.kernels.table_text import tables_in_lanes
@@ -60,5 +60,6 @@ def declaration_text(eq: Equations, dtype: np.dtype) -> str:
         '#include "uuv_lane_record.h"',
         "",
         tables,
+        emit_networks([eq.derived, eq.initial, eq.rhs, eq.outputs, *eq.updates]),
     ]
     return "\n".join(head) + body

@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterator
 
 __all__ = ["split"]
 
-_LINE = re.compile(r"const V (?P<name>t\w+) = (?P<value>.*);$")
+# The values of a network (fmus/network_data.py) are no V, and so are not held.
+_LINE = re.compile(r"const (?P<type>V|network_\w+_values) (?P<name>t\w+) = (?P<value>.*);$")
 _STORE = re.compile(r"dx\[\d+\] = (?P<value>.*);$")
 _VALUE = re.compile(r"\bt\d+(?:_\d+)?\b")
 _QUOTIENT = re.compile(r"const V (?P<name>t\d+) = (?P<dividend>\S+) / (?P<divisor>\S+);$")
@@ -39,7 +40,8 @@ def split(
     constant = {m["name"] for m in values if m["value"].startswith("uuv_const(")}
     for m in values:
         cells = (int(i) for i in _CELL.findall(m["value"]))
-        if any(map(varies, cells)) or moving.intersection(_VALUE.findall(m["value"])):
+        moved = any(map(varies, cells)) or moving.intersection(_VALUE.findall(m["value"]))
+        if moved or m["type"] != "V":
             moving.add(m["name"])
     readers = [m["value"] for m in values if m["name"] in moving] + [m["value"] for m in stores]
     read = dict.fromkeys(name for value in readers for name in _VALUE.findall(value))

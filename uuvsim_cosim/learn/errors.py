@@ -12,9 +12,13 @@ class LearningDiverged(UuvsimError):
 
     exit_status = 3
 
-    def __init__(self, algorithm: str, name: str, value: float) -> None:
+    def __init__(self, algorithm: str, name: str, value: float, kept: str = "") -> None:
         self.algorithm, self.name, self.value = algorithm, name, value
         super().__init__(
             f"{algorithm}: {name} is {value}; expected a finite number: a smaller lr, or a smaller "
-            "weight of what the reward takes away"
+            f"weight of what the reward takes away{kept and '; '}{kept}"
         )
+
+    def saying(self, kept: str) -> LearningDiverged:
+        """Give the same, and what was kept."""
+        return LearningDiverged(self.algorithm, self.name, self.value, kept)

@@ -25,6 +25,7 @@ from torch import Tensor
 from torch.nn.functional import softplus
 
 from uuvsim_cosim.learn.errors import LearningDiverged
+from uuvsim_cosim.learn.gradients import check_gradients
 from uuvsim_cosim.learn.replay import Transitions
 from uuvsim_cosim.learn.stacked import StackedMLP
 
@@ -45,6 +46,8 @@ class MasacSettings:
     hidden: int = 256
     layers: int = 2
     central: bool = True  # critics see all agents; without: independent SAC
+    shared: bool = False  # one actor and one critic for all agents, each seen as the first
+    h0: float = 1.0  # the entropy wanted is -h0 dim a
 
 
 @final
@@ -58,9 +61,10 @@ class Masac:
         self.random = torch.Generator().manual_seed(seed)
         hidden = [settings.hidden] * settings.layers
         seen = agents * (observed + acted) if settings.central else observed + acted
-        self.actor = StackedMLP(agents, [observed, *hidden, 2 * acted], self.random)
-        self.critic = StackedMLP(2 * agents, [seen, *hidden, 1], self.random)
-        self.target = StackedMLP(2 * agents, [seen, *hidden, 1], self.random)
+        self.nets = 1 if settings.shared else agents
+        self.actor = StackedMLP(self.nets, [observed, *hidden, 2 * acted], self.random)
+        self.critic = StackedMLP(2 * self.nets, [seen, *hidden, 1], self.random)
+        self.target = StackedMLP(2 * self.nets, [seen, *hidden, 1], self.random)
         self.target.load_state_dict(self.critic.state_dict())
         self.target.requires_grad_(False)
         self.log_alpha = torch.full((agents,), math.log(settings.alpha), requires_grad=True)
@@ -73,6 +77,8 @@ class Masac:
             )
         }
         self._mine = torch.eye(agents)[:, None, :, None]  # (i, 1, j, 1): whether j is i
+        others = [[j for j in range(agents) if j != i] for i in range(agents)]
+        self._others = torch.tensor(others, dtype=torch.long).view(agents, agents - 1)
 
     # ---- acting ---------------------------------------------------------------------------
 
@@ -83,12 +89,17 @@ class Masac:
         if explore:
             action, _ = self._drawn(o)
         else:
-            action = torch.tanh(self.actor(o)[..., : self.acted])
+            action = torch.tanh(self._acts(o)[..., : self.acted])
         return np.asarray(action.transpose(0, 1).contiguous().numpy())
+
+    def _acts(self, o: Tensor) -> Tensor:
+        """Give the actors' last layers (N, n, 2 a)."""
+        folded: Tensor = self.actor(o.reshape(self.nets, -1, self.observed))
+        return folded.view(*o.shape[:2], -1)
 
     def _drawn(self, o: Tensor) -> tuple[Tensor, Tensor]:
         """Give actions (N, n, a) and their log density (N, n), of the squashed Gaussian."""
-        mean, log_std = self.actor(o).chunk(2, dim=-1)
+        mean, log_std = self._acts(o).chunk(2, dim=-1)
         log_std = log_std.clamp(*LOG_STD)
         noise = torch.randn(mean.shape, generator=self.random)
         z = mean + log_std.exp() * noise
@@ -129,7 +140,8 @@ class Masac:
         told = {"actor_loss": self._descend("actor", (alpha * log_pi - q).mean(-1).sum())}
         entropy = -log_pi.detach().mean(-1)
         if self.settings.tune_alpha:
-            loss = (self.log_alpha.exp() * (entropy + self.acted)).sum()
+            wanted = -self.settings.h0 * self.acted
+            loss = (self.log_alpha.exp() * (entropy - wanted)).sum()
             self._descend("alpha", loss)
         return {**told, "entropy": float(entropy.mean())}
 
@@ -140,6 +152,7 @@ class Masac:
             raise LearningDiverged("masac", f"{name}_loss", value)
         optimizer.zero_grad(set_to_none=True)
         loss.backward()  # type: ignore[no-untyped-call]
+        check_gradients("masac", name, optimizer.param_groups[0]["params"])
         optimizer.step()
         return value
 
@@ -148,6 +161,11 @@ class Masac:
         if not self.settings.central:
             return torch.cat([o, a if own is None else own], -1)
         n = o.shape[1]
+        if self.settings.shared:  # itself, then the others
+            first, rest = (o, a if own is None else own), (o[self._others], a[self._others])
+            parts = zip(first, rest, strict=True)
+            seen = [torch.cat([x[:, None], y], 1).transpose(1, 2) for x, y in parts]
+            return torch.cat([x.reshape(self.agents, n, -1) for x in seen], -1)
         every_o = o.transpose(0, 1).reshape(1, n, -1).expand(self.agents, -1, -1)
         every_a = a.transpose(0, 1)[None].expand(self.agents, -1, -1, -1)
         if own is not None:
@@ -156,7 +174,10 @@ class Masac:
 
     def _q(self, critic: StackedMLP, seen: Tensor) -> Tensor:
         """Give both values of each agent, of shape (N, 2, n)."""
-        both: Tensor = critic(seen.repeat_interleave(2, 0))
+        folded = seen.reshape(self.nets, -1, seen.shape[-1]).repeat_interleave(2, 0)
+        both: Tensor = critic(folded)
+        if self.settings.shared:
+            return both.view(2, self.agents, -1).transpose(0, 1)
         return both.squeeze(-1).view(self.agents, 2, -1)
 
     # ---- state ----------------------------------------------------------------------------
@@ -186,7 +207,7 @@ class Masac:
     def tensors(self, agent: int) -> dict[str, NDArray[np.float32]]:
         """Give one actor's mean as the tensors of a `Policy`."""
         given: dict[str, NDArray[np.float32]] = {}
-        last = len(self.actor.weights) - 1
+        agent, last = min(agent, self.nets - 1), len(self.actor.weights) - 1
         for i, (w, b) in enumerate(zip(self.actor.weights, self.actor.biases, strict=True)):
             out = self.acted if i == last else w.shape[2]
             given[f"{i}.weight"] = w[agent, :, :out].detach().numpy().T.copy()

@@ -28,6 +28,7 @@ class OffPolicySettings:
     warm_up: int = 500  # environment steps with random actions, without updates
     critic_only: int = 0  # updates of the critics alone, after a transfer
     updates: float = 1.0  # for each step of all environments together
+    actor_every: int = 1  # updates of the critics for one of actors and temperatures
 
 
 @final
@@ -83,7 +84,9 @@ class MasacLearner:
         told: Mapping[str, float] = {}
         while self._due >= 1.0:
             drawn = self._replay.draw(self.schedule.batch, self._random)
-            told = self.masac.update(drawn, critic_only=self._updates < self.schedule.critic_only)
+            skipped = self._updates % self.schedule.actor_every > 0
+            early = self._updates < self.schedule.critic_only
+            told = {**told, **self.masac.update(drawn, critic_only=early or skipped)}
             self._due -= 1.0
             self._updates += 1
         return {**told, "updates": float(self._updates)} if told else {}

@@ -7,7 +7,9 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import final
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
 __all__ = ["StackedMLP"]
@@ -41,3 +43,11 @@ class StackedMLP(nn.Module):
             if i < last:
                 x = torch.relu(x)
         return x
+
+    def tensors(self, network: int) -> dict[str, NDArray[np.float32]]:
+        """Give one of the networks as the layers of a `Policy`: weights (out, in), biases."""
+        given: dict[str, NDArray[np.float32]] = {}
+        for i, (w, b) in enumerate(zip(self.weights, self.biases, strict=True)):
+            given[f"{i}.weight"] = w[network].detach().numpy().T.copy()
+            given[f"{i}.bias"] = b[network, 0].detach().numpy().copy()
+        return given

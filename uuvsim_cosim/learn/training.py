@@ -15,13 +15,13 @@ from uuvsim_cosim.envs.task import Task, TeamTask
 from uuvsim_cosim.envs.tasks.evaluation import Evaluation, evaluate
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.checkpoint import load_checkpoint, save_checkpoint
+from uuvsim_cosim.learn.errors import LearningDiverged
 from uuvsim_cosim.learn.learner import Learner
 from uuvsim_cosim.learn.policy import Policy
 from uuvsim_cosim.learn.rollout import Ended, Rollout
+from uuvsim_cosim.learn.training_seeds import EVALUATION_SEED
 
 __all__ = ["EVALUATION_SEED", "Progress", "Training", "TrainingObserver", "acting"]
-
-EVALUATION_SEED = 1_000_000  # the first of the held-out seeds; those of training are below
 
 
 @dataclass(frozen=True)
@@ -67,13 +67,14 @@ class Training:
         checkpoint_every: int | None = None,
         observers: tuple[TrainingObserver, ...] = (),
         stop: Callable[[Evaluation], bool] | None = None,
+        interrupted: Callable[[], bool] | None = None,
     ) -> None:
         self.task, self.learner, self.folder = task, learner, folder
         self.name, self.options = name, dict(options)
         self.n, self.seed, self.steps = n, seed, steps
         self._evaluate_every, self._evaluation_episodes = evaluate_every, evaluation_episodes
         self._checkpoint_every = checkpoint_every or evaluate_every
-        self._observers, self._stop = observers, stop
+        self._observers, self._stop, self._interrupted = observers, stop, interrupted
         self.rollout = Rollout(task, n, seed)
         self.step, self.episodes, self.cpu = 0, 0, 0.0
         self.best = -np.inf
@@ -88,18 +89,29 @@ class Training:
     def run(self) -> list[dict[str, float]]:
         """Train to the end; gives one row an evaluation, the first before anything is learned.
 
-        Ctrl-C, and a loss that is no number, leave a checkpoint of the last whole step.
+        Where `interrupted` says so after a step, that step is kept and KeyboardInterrupt raised. A
+        loss that is no number raises LearningDiverged, and the last checkpoint stays.
         """
         self.folder.mkdir(parents=True, exist_ok=True)
         if self.checkpoint.is_file():
             self._resume()
         elif not self.evaluations:
             self._evaluate()
+            self.save()
+        kept = self.step
         began = time.process_time()
         try:
             while self.step < self.steps and not self._enough():
                 self._one_step()
-                self._after_step()
+                kept = self.step if self._after_step() else kept
+                if self._interrupted is not None and self._interrupted():
+                    self.save()
+                    raise KeyboardInterrupt
+        except LearningDiverged as error:
+            self._write_curves()
+            raise error.saying(
+                f"stopped after step {self.step}; {self.checkpoint} is of step {kept}"
+            ) from None
         finally:
             self.cpu += time.process_time() - began
         self.save()
@@ -115,11 +127,14 @@ class Training:
             self._count(ended)
         self._tell("step", told)
 
-    def _after_step(self) -> None:
+    def _after_step(self) -> bool:
+        """Evaluate and save where it is time; say whether it was saved."""
         if self._passed(self._evaluate_every):
             self._evaluate()
-        if self._passed(self._checkpoint_every):
+        due = self._passed(self._checkpoint_every)
+        if due:
             self.save()
+        return due
 
     def _passed(self, every: int) -> bool:
         return self.step // every > (self.step - self.n) // every
@@ -176,8 +191,7 @@ class Training:
     def save(self) -> None:
         """Write what there is: curves, policies, the checkpoint."""
         self.folder.mkdir(parents=True, exist_ok=True)
-        _write_csv(self.folder / "episodes.csv", self._rows)
-        _write_csv(self.folder / "evaluations.csv", self.evaluations)
+        self._write_curves()
         self._write_policies("policy")
         save_checkpoint(
             self.checkpoint,
@@ -219,6 +233,10 @@ class Training:
             int(counters["step"]), int(counters["episodes"]), float(counters["best"])
         )  # fmt: skip
         self._rows, self.evaluations = read["rows"], read["evaluations"]
+
+    def _write_curves(self) -> None:
+        _write_csv(self.folder / "episodes.csv", self._rows)
+        _write_csv(self.folder / "evaluations.csv", self.evaluations)
 
     def _write_policies(self, stem: str) -> None:
         several = len(self.rollout.agents) > 1

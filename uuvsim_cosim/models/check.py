@@ -3,8 +3,9 @@
 The file has `#` lines, then a header: t_s, N_m E_m D_m phi_rad theta_rad psi_rad, u_mps v_mps
 w_mps p_rps q_rps r_rps, and optionally X_N Y_N Z_N K_Nm M_Nm N_Nm, the generalised force about
 CO. The first row is the initial state. Between rows the force is what `Signal` makes of its
-column; a `#` line with "zero-order hold" (or "zoh") says instead that it is held. A `#` line
-with "no surface" compares the hull as submerged at any depth.
+column; a `#` line with "zero-order hold" (or "zoh") says instead that it is held. A current may
+stand beside it, in n: vc_N_mps vc_E_mps vc_D_mps, held from row to row. A `#` line with "no
+surface" compares the hull as submerged at any depth.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ Array = NDArray[np.float64]
 ETA = ("N_m", "E_m", "D_m", "phi_rad", "theta_rad", "psi_rad")
 NU = ("u_mps", "v_mps", "w_mps", "p_rps", "q_rps", "r_rps")
 TAU = ("X_N", "Y_N", "Z_N", "K_Nm", "M_Nm", "N_Nm")
+CURRENT = ("vc_N_mps", "vc_E_mps", "vc_D_mps")
 ANGLES = ("phi_rad", "theta_rad", "psi_rad")
 
 
@@ -41,12 +43,13 @@ class Deviation:
 
 @dataclass(frozen=True)
 class Reference:
-    """A trajectory from elsewhere: times (n,), eta and nu (n, 6), tau (n, 6)."""
+    """A trajectory from elsewhere: times (n,), eta, nu and tau (n, 6), current v_c (n, 3)."""
 
     t: Array
     eta: Array
     nu: Array
     tau: Array
+    v_c: Array
     held: bool
     surface: bool
 
@@ -56,11 +59,14 @@ def check(model_id: str, reference_csv: str | Path, h: float = 1e-3) -> list[Dev
     reference = read_reference(Path(reference_csv))
     options = {} if reference.surface else {"surface": False}
     signals = [Signal(reference.t, reference.tau[:, i], reference.held) for i in range(6)]
+    current = [Signal(reference.t, reference.v_c[:, i], True) for i in range(3)]
+    flows = {"v_c": lambda t: [signal(t) for signal in current]} if reference.v_c.any() else None
     result = simulate(
         declare(model_id, **options),
         at=[float(t) for t in reference.t],
         h=h,
         tau=lambda t: [signal(t) for signal in signals],
+        inputs=flows,
         parameters={"eta_0": reference.eta[0], "nu_0": reference.nu[0]},
     )
     deviations = []
@@ -92,11 +98,11 @@ def read_reference(path: Path) -> Reference:
     names = [name.strip() for name in header.split(",")]
     wanted = ("t_s", *ETA, *NU)
     lacking = [name for name in wanted if name not in names]
-    unknown = [name for name in names if name not in (*wanted, *TAU)]
+    unknown = [name for name in names if name not in (*wanted, *TAU, *CURRENT)]
     if lacking or unknown or len(set(names)) != len(names):
         raise InputInvalid(
             f"{path}:{at}: columns {', '.join(names)}; expected {', '.join(wanted)}"
-            f" and optionally {', '.join(TAU)}, each once"
+            f" and optionally {', '.join((*TAU, *CURRENT))}, each once"
         )
     table = np.array([_numbers(path, n, text, names) for n, text in body[1:]])
     if len(table) < 2 or not np.all(np.diff(table[:, names.index("t_s")]) > 0):
@@ -111,6 +117,7 @@ def read_reference(path: Path) -> Reference:
         columns(ETA),
         columns(NU),
         columns(TAU),
+        columns(CURRENT),
         held="zero-order hold" in notes or "zoh" in notes,
         surface="no surface" not in notes,
     )

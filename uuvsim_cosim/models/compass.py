@@ -50,4 +50,5 @@ def compass(id: str = "fluxgate", period: str = "0.1") -> Model:
     held_output(m, sample, "psi", reading, unit="rad", description="magnetic heading")
     held_output(m, sample, "valid", 1.0, unit="1", type="Boolean", description="a reading is there")
     sample_time(m, sample)
+    p.complete()
     return m

@@ -24,7 +24,7 @@ from uuvsim_cosim.models.safe_math import abs_, saturate
 from uuvsim_cosim.models.sampled import held_output
 from uuvsim_cosim.models.vectors import ETA, INERTIA, NU, NU_DOT, TAU, per
 
-__all__ = ["controller", "nominal"]
+__all__ = ["attitude_error", "controller", "nominal"]
 
 
 def controller(
@@ -64,7 +64,7 @@ def controller(
 
     R = R_zyx(eta[3], eta[4], eta[5])
     R_d = R_zyx(eta_d[3], eta_d[4], eta_d[5])
-    error = ca.vertcat(ca.mtimes(R.T, eta_d[:3] - eta[:3]), _attitude_error(eta, eta_d))
+    error = ca.vertcat(ca.mtimes(R.T, eta_d[:3] - eta[:3]), attitude_error(eta, eta_d))
     nu_b = ca.vertcat(
         ca.mtimes(R.T, ca.mtimes(R_d, nu_d[:3])), ca.mtimes(R.T, ca.mtimes(R_d, nu_d[3:]))
     )
@@ -105,7 +105,7 @@ def controller(
     return m
 
 
-def _attitude_error(eta: Any, eta_d: Any) -> Any:
+def attitude_error(eta: Any, eta_d: Any) -> Any:
     """Give the attitude error in body axes: T(Theta)^-1 (Theta_d - Theta), shortest way."""
     d = wrap(eta_d[3:] - eta[3:])
     phi, theta = eta[3], eta[4]

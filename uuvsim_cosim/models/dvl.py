@@ -7,6 +7,13 @@ measures the velocity of the sensor along itself, positive towards the bottom,
 
 and is lost beyond its range, at flat incidence, or by chance. Velocity solves
 min sum_i valid_i (d_i · v - v_i)², given three beams or more.
+
+Water track sees v - R_bs^T R^T v_c instead, where its layer below the sensor ends above 80 % of
+the height. An aperiodic DVL pings again when the last echo has come back,
+
+    t_next = t + min(max(2 range / c, T_min), T_max),   T_max without an echo,
+
+at the first tick of the clock from then on.
 """
 
 from __future__ import annotations
@@ -15,13 +22,14 @@ from typing import Any
 
 import casadi as ca
 
+from uuvsim_cosim.errors import ParameterInvalid
 from uuvsim_cosim.models.kinematics import R
 from uuvsim_cosim.models.model import Clock, Model
 from uuvsim_cosim.models.mounting import Pose, mounting
 from uuvsim_cosim.models.preset import Preset, preset
 from uuvsim_cosim.models.rigid_body import inverse
-from uuvsim_cosim.models.safe_math import abs_
-from uuvsim_cosim.models.sampled import held_output, sample_time
+from uuvsim_cosim.models.safe_math import abs_, clip
+from uuvsim_cosim.models.sampled import held_output, only_when, sample_time
 from uuvsim_cosim.models.sensor_error import uniform
 from uuvsim_cosim.models.vectors import ETA, NU
 
@@ -40,8 +48,19 @@ def beam_directions(tilt: Any, azimuth: Any) -> Any:
     )
 
 
-def dvl(id: str = "a50_class", period: str = "0.2") -> Model:
-    """Declare the DVL of a preset, which pings every `period` seconds."""
+def dvl(
+    id: str = "a50_class",
+    period: str = "0.2",
+    track: str = "bottom",
+    aperiodic: bool | str = False,
+) -> Model:
+    """Declare the DVL of a preset, which pings every `period` seconds.
+
+    With `track` "both" it has water track as well, and an input `v_c`. With `aperiodic` its pings
+    follow the range, and `period` is what their instants are rounded up to: "0.01", say.
+    """
+    if track not in ("bottom", "both"):
+        raise ParameterInvalid(f"dvl: track = {track!r}; expected bottom or both")
     p = preset("sensors", id, "dvl")
     m = Model("dvl", "Doppler velocity log: four beams, bottom track over a flat bottom")
     eta = m.input("eta", 6, unit=ETA, description="of the hull: N E D [m], phi theta psi [rad]")
@@ -86,7 +105,67 @@ def dvl(id: str = "a50_class", period: str = "0.2") -> Model:
         m, ping, "valid", enough, unit="1", type="Boolean", description="three beams or more"
     )
     sample_time(m, ping)
+    if track == "both":
+        _water_track(m, ping, p, D, R_bs, ca.mtimes(Rnb, R_bs), v_s, height)
+    if aperiodic not in (False, "false", "False", "0"):
+        _ping_again(m, ping, p, distance, enough)
+    p.complete(optional=("sigma_water", "layer", "period_min", "period_max"))
     return m
+
+
+def _water_track(
+    m: Model, ping: Clock, p: Preset, D: Any, R_bs: Any, R_ns: Any, v: Any, height: Any
+) -> None:
+    """Declare the velocity through the water in a layer below the sensor."""
+    v_c = m.input("v_c", 3, unit="m/s", description="current in n, taken as that of the layer")
+    sigma = m.parameter(
+        "sigma_water",
+        p.number("sigma_water", "m/s"),
+        unit="m/s",
+        min=0,
+        description="noise of a beam in water track",
+    )
+    layer = m.parameter(
+        "layer", p.vector("layer", "m", 2), unit="m", min=0, description="begin and end, below"
+    )
+    beams = ca.mtimes(D.T, v - ca.mtimes(R_ns.T, v_c)) + sigma * m.normal(ping, 4)
+    there = ca.logic_and(height > 0.0, layer[1] <= 0.8 * height)
+    through = ca.mtimes(R_bs, _least_squares(D, beams, ca.SX.ones(4)))
+    last = m.discrete("velocity_water_held", (0, 0, 0), unit="m/s")
+    m.update(ping, last, ca.if_else(there, through, last))
+    m.output(
+        "velocity_water", last, unit="m/s", description="through the water, body axes",
+        discrete=True,
+    )  # fmt: skip
+    held_output(
+        m, ping, "valid_water", there, unit="1", type="Boolean", description="the layer is clear"
+    )
+
+
+def _ping_again(m: Model, ping: Clock, p: Preset, distance: Any, heard: Any) -> None:
+    """Let pings happen only when the last one's echo has come back."""
+    low = m.parameter(
+        "period_min",
+        p.number("period_min", "s"),
+        unit="s",
+        min=1e-3,
+        description="from ping to ping, near the bottom",
+    )
+    high = m.parameter(
+        "period_max",
+        p.number("period_max", "s"),
+        unit="s",
+        min=1e-3,
+        description="from ping to ping at the longest range, and without an echo",
+    )
+    c = m.parameter("c", 1500.0, unit="m/s", min=1.0, description="speed of sound")
+    following = m.discrete("t_next", unit="s", description="earliest instant of the next ping")
+    farthest = distance[0]
+    for i in range(1, 4):
+        farthest = ca.if_else(distance[i] > farthest, distance[i], farthest)
+    wait = ca.if_else(heard, clip(2.0 * farthest / c, low, high), high)
+    m.update(ping, following, m.t + wait)
+    only_when(ping, m.t >= following - 1e-9)
 
 
 def _beams(

@@ -10,6 +10,9 @@ delta = 0 turned; the flow there is  v = v_r + omega x r,  of which  A = v·c,  
 so lift does no work, vanishes broadside (A = 0), changes sign with the side that is met and is as
 large astern as ahead; beyond the stall it stops growing. Drag only brakes. Where a hull's own
 coefficients hold what its fins do at delta = 0, that is taken off, and only steering remains.
+
+Options, off by default: `limits` holds the rate of each servo, `faults` gives each fin `stuck` (1:
+it stays where it is) and `health` (factor of what turning it adds: 0 lost), tunable at run time.
 """
 
 from __future__ import annotations
@@ -23,7 +26,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import ParameterInvalid
+from uuvsim_cosim.models.control_derivatives import control_force
 from uuvsim_cosim.models.model import Model
+from uuvsim_cosim.models.options import is_on
 from uuvsim_cosim.models.parameters import in_unit, line_of, read_yaml, vehicle_folder
 from uuvsim_cosim.models.safe_math import clip, norm, saturate
 from uuvsim_cosim.models.vectors import NU, TAU
@@ -55,12 +60,21 @@ class FinGeometry:
     in_hull: bool
 
 
-def fins(vehicle: str = "remus100", contact: bool | str = False) -> Model:
+def fins(
+    vehicle: str = "remus100",
+    contact: bool | str = False,
+    limits: bool | str = False,
+    faults: bool | str = False,
+    form: str = "lift",
+) -> Model:
     """Declare the fins of a vehicle, folder/fins.yaml: commands in rad, generalised force out.
 
     With `contact` there is an input of that name, a generalised force in b that is added: that of
-    a propeller or a wrench, so that one connection leads on to the hull.
+    a propeller or a wrench, so that one connection leads on to the hull. form="derivatives" takes
+    the sums that are printed, of folder/control.yaml, in place of lift and drag.
     """
+    if form not in ("lift", "derivatives"):
+        raise ParameterInvalid(f"form={form!r}; expected lift or derivatives")
     g = fin_geometry(vehicle)
     n = len(g.names)
     m = Model("fins", f"Fins of {vehicle}: servos, lift and drag at any angle", h_max=0.01)
@@ -77,21 +91,38 @@ def fins(vehicle: str = "remus100", contact: bool | str = False) -> Model:
     }
     delta = m.state("deflection", np.zeros(n), unit="rad", description="of each fin")
     rates = [(saturate(u[i], p["delta_max"][i]) - delta[i]) / p["T_delta"][i] for i in range(n)]
+    health = None
+    if is_on("limits", limits):
+        fastest = m.parameter(
+            "delta_rate", 1.0, unit="rad/s", min=0, description="fastest turning (assumption)"
+        )
+        rates = [saturate(rate, fastest) for rate in rates]
+    if is_on("faults", faults):
+        stuck = m.parameter("stuck", np.zeros(n), unit="1", min=0, max=1, description="1: it stays")
+        health = m.parameter("health", np.ones(n), unit="1", min=0, max=1, description="0: lost")
+        rates = [(1.0 - stuck[i]) * rate for i, rate in enumerate(rates)]
     m.der(delta, ca.vertcat(*rates))
     tau = ca.SX.zeros(6)
     forces = []
-    for i in range(n):
+    if form == "derivatives":
+        turned = delta if health is None else health * delta
+        tau += control_force(m, vehicle, g.names, nu_r, turned)
+    for i in range(n if form == "lift" else 0):
         at, hinge = r[i, :].T, a[i, :].T
         figures = {name: value[i] for name, value in p.items()}
         force = fin_force(nu_r, at, hinge, delta[i], figures)
         if g.in_hull:
             force -= fin_force(nu_r, at, hinge, 0.0, figures)
+        if health is not None:
+            force = health[i] * force
         forces.append(force)
         tau += ca.vertcat(force, ca.cross(at, force))
-    if contact not in (False, "false", "False", "0"):
+    if is_on("contact", contact):
         tau += m.input("contact", 6, unit=TAU, description="of the propeller, about CO in b")
     m.output("tau", tau, unit=TAU, description="X Y Z [N], K M N [N.m] in b")
-    m.output("force", ca.vertcat(*forces), unit="N", description="X Y Z of each fin, one by one")
+    if forces:
+        each = ca.vertcat(*forces)
+        m.output("force", each, unit="N", description="X Y Z of each fin, one by one")
     m.output("delta", delta, unit="rad", description="deflection of each fin")
     return m
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -19,6 +20,7 @@ from uuvsim_cosim.models.parameters import (
     read_yaml,
     split_address,
     vehicle_folder,
+    vehicle_size,
 )
 
 __all__ = ["Geometry", "configuration_matrix", "thruster_geometry"]
@@ -57,19 +59,58 @@ def thruster_geometry(vehicle: str) -> Geometry:
         )
     data = read_yaml(path, "thrusters.schema.json")
     items = data["thrusters"]
-    r = [_vector(path, data, i, "r", "m") for i in range(len(items))]
-    e = [_vector(path, data, i, "e", "1") for i in range(len(items))]
-    for i, direction in enumerate(e):
-        if abs(np.linalg.norm(direction) - 1.0) > 1e-6:
-            line = line_of(data, ["thrusters", i, "e"])
-            raise ParameterInvalid(f"{path}:{line}: e = {direction}; expected length 1")
+    problems: list[str] = []
+    r = [_vector(path, data, i, "r", "m", problems) for i in range(len(items))]
+    e = [_vector(path, data, i, "e", "1", problems) for i in range(len(items))]
+    if not problems:
+        problems += _misplaced(path, data, r, e)
+    if problems:
+        raise ParameterInvalid("\n  ".join(problems))
     return Geometry(tuple(str(t["name"]) for t in items), np.array(r), np.array(e))
 
 
-def _vector(path: Path, data: Any, i: int, key: str, unit: str) -> list[float]:
+def _vector(path: Path, data: Any, i: int, key: str, unit: str, problems: list[str]) -> list[float]:
     entry = data["thrusters"][i][key]
+    line = line_of(data, ["thrusters", i, key])
     try:
-        return [in_unit(float(v), str(entry["unit"]), unit) for v in entry["value"]]
+        vector = [in_unit(float(v), str(entry["unit"]), unit) for v in entry["value"]]
     except ValueError as error:
-        line = line_of(data, ["thrusters", i, key])
-        raise ParameterInvalid(f"{path}:{line}: {key}: {error}") from None
+        problems.append(f"{path}:{line}: {key}: {error}")
+        return [0.0] * 3
+    if not np.all(np.isfinite(vector)):
+        problems.append(f"{path}:{line}: {key} = {vector}; expected three numbers")
+    return vector
+
+
+def _misplaced(path: Path, data: Any, r: list[list[float]], e: list[list[float]]) -> Iterator[str]:
+    """Give a sentence for each thruster that cannot stand there or push that way."""
+    reach = _reach(path)
+    seen: dict[tuple[float, ...], str] = {}
+    for i, (place, direction) in enumerate(zip(r, e, strict=True)):
+        name = str(data["thrusters"][i]["name"])
+        line = line_of(data, ["thrusters", i, "e"])
+        if abs(np.linalg.norm(direction) - 1.0) > 1e-6:
+            yield f"{path}:{line}: e = {direction}; expected length 1"
+        line = line_of(data, ["thrusters", i, "r"])
+        distance = float(np.linalg.norm(place))
+        if reach is not None and distance > reach:
+            yield (
+                f"{path}:{line}: {name}: r = {place} m is {distance:.3g} m from CO; expected at "
+                f"most {reach:.3g} m, the hull's size"
+            )
+        key = (*np.round(place, 6).tolist(), *np.abs(np.round(direction, 6)).tolist())
+        if key in seen:
+            yield f"{path}:{line}: {name}: stands where {seen[key]} does; expected another place"
+        seen.setdefault(key, name)
+
+
+def _reach(path: Path) -> float | None:
+    """Give the largest distance from CO that a part of the vehicle may have, None if unknown."""
+    folder = path.parent
+    if not (folder / "parameters.yaml").is_file():
+        return None
+    size = vehicle_size(str(folder / "parameters.yaml"))
+    if size is None:
+        return None
+    half = 0.5 * np.array([size.length, size.breadth, size.height])
+    return float(1.25 * np.linalg.norm(half + np.abs(size.at)))

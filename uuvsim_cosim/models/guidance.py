@@ -26,7 +26,14 @@ from uuvsim_cosim.models.safe_math import abs_, atan2_or, clip, norm, safe_sqrt,
 from uuvsim_cosim.models.sampled import held_output
 from uuvsim_cosim.models.vectors import ETA, NU
 
-__all__ = ["MAX_WAYPOINTS", "guidance", "lawn_mower"]
+__all__ = [
+    "MAX_WAYPOINTS",
+    "guidance",
+    "lawn_mower",
+    "row_of",
+    "turn_rate",
+    "waypoint_parameters",
+]
 
 MAX_WAYPOINTS = 32
 FIGURES = {
@@ -60,27 +67,10 @@ def guidance(
 ) -> Model:
     """Declare the guidance of a preset; without waypoints, a lawn-mower pattern of four legs."""
     p = preset("controllers", id, "guidance")
-    points = [list(map(float, w)) for w in waypoints or lawn_mower(20.0, 5.0, 4, 5.0)]
-    if not 1 <= len(points) <= MAX_WAYPOINTS or any(len(w) != 3 for w in points):
-        raise ParameterInvalid(
-            f"guidance: {len(points)} waypoints; expected 1 to {MAX_WAYPOINTS} of N, E, D"
-        )
-    rows = points + [points[-1]] * (MAX_WAYPOINTS - len(points))
     m = Model("guidance", "Line-of-sight guidance along waypoints")
     eta = m.input("eta", 6, unit=ETA, description="estimate: N E D [m], phi theta psi [rad]")
     m.input("nu", 6, unit=NU, description="unused: estimate [m/s, rad/s]")
-    table = m.parameter(
-        "waypoints", np.array(rows), unit="m", description="N E D, `count` rows are used"
-    )
-    count = m.parameter(
-        "count",
-        len(points),
-        unit="1",
-        type="Int32",
-        min=1,
-        max=MAX_WAYPOINTS,
-        description="rows of waypoints in use",
-    )
+    table, count = waypoint_parameters(m, waypoints)
     figure = {
         name: m.parameter(name, p.number(name, unit), unit=unit, min=1e-6, description=words)
         for name, (unit, words) in FIGURES.items()
@@ -98,7 +88,7 @@ def guidance(
     position, running = eta[:3], started > 0.5
     A = ca.if_else(running, A_k, position)
     psi_d = ca.if_else(running, psi_k, eta[5])
-    B = _row_of(table, index).T
+    B = row_of(table, index).T
     last = index >= count - 1
     leg = B - A
     L = norm(leg)
@@ -112,7 +102,7 @@ def guidance(
     moving = clip(U_k / figure["speed"], 0.0, 1.0)
     wanted = chi - moving * ca.atan(e / figure["lookahead"])
     turn = ca.if_else(level, wrap(wanted - psi_d), 0.0)  # a leg straight down has no course
-    r = r_k + saturate(_turn_rate(turn, figure) - r_k, T * figure["r_dot_max"])
+    r = r_k + saturate(turn_rate(turn, figure) - r_k, T * figure["r_dot_max"])
     psi = wrap(psi_d + T * r)
 
     # Way along the leg.
@@ -153,17 +143,40 @@ def guidance(
     return m
 
 
-def _row_of(table: Any, index: Any, first: int = 0) -> Any:
+def waypoint_parameters(m: Model, waypoints: Sequence[Sequence[float]] | None) -> tuple[Any, Any]:
+    """Declare the table of waypoints and the count in use; by default a lawn-mower's."""
+    points = [list(map(float, w)) for w in waypoints or lawn_mower(20.0, 5.0, 4, 5.0)]
+    if not 1 <= len(points) <= MAX_WAYPOINTS or any(len(w) != 3 for w in points):
+        raise ParameterInvalid(
+            f"{m.name}: {len(points)} waypoints; expected 1 to {MAX_WAYPOINTS} of N, E, D"
+        )
+    rows = points + [points[-1]] * (MAX_WAYPOINTS - len(points))
+    table = m.parameter(
+        "waypoints", np.array(rows), unit="m", description="N E D, `count` rows are used"
+    )
+    count = m.parameter(
+        "count",
+        len(points),
+        unit="1",
+        type="Int32",
+        min=1,
+        max=MAX_WAYPOINTS,
+        description="rows of waypoints in use",
+    )
+    return table, count
+
+
+def row_of(table: Any, index: Any, first: int = 0) -> Any:
     """Give the row of a whole number `index`, by halves: one selection a row, not three."""
     n = table.size1()
     if n == 1:
         return table
     low, high = table[: n // 2, :], table[n // 2 :, :]
     middle = first + n // 2
-    return ca.if_else(index < middle, _row_of(low, index, first), _row_of(high, index, middle))
+    return ca.if_else(index < middle, row_of(low, index, first), row_of(high, index, middle))
 
 
-def _turn_rate(turn: Any, figure: dict[str, Any]) -> Any:
+def turn_rate(turn: Any, figure: dict[str, Any]) -> Any:
     """Give the yaw rate that can still be braked within `turn`, at most r_max."""
     size = abs_(turn)
     braking = safe_sqrt(figure["r_dot_max"] * size)

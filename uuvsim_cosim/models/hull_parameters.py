@@ -27,11 +27,13 @@ __all__ = [
     "Meaning",
     "declare_parameters",
     "elements",
+    "mass_of_water",
     "meaning_of",
     "missing",
     "near_names",
     "not_positive",
     "structure",
+    "symmetric",
 ]
 
 
@@ -61,6 +63,8 @@ _SCALARS = {
     "h_y": Meaning("m", "mean height of the hull seen from the side", 0.0),
     "b_z": Meaning("m", "mean breadth of the hull seen from above", 0.0),
     "U_f": Meaning("m/s", "speed over which the damping D_f fades", 1e-6),
+    "beta_rho": Meaning("1/m", "relative rise of the water's density with depth"),
+    "beta_nabla": Meaning("1/m", "relative loss of the hull's volume with depth"),
 }
 _ELEMENT = re.compile(r"(I_b|I_g|M_A|D_l|D_q|D_u|D_f)_([1-6])([1-6])$")
 _STRIPS = {"C_D_y", "h_y", "C_D_z", "b_z", "x_bow", "x_stern"}
@@ -202,7 +206,7 @@ def not_positive(numbers: Mapping[str, float]) -> Iterator[str]:
     import numpy as np
 
     M = ca.evalf(ca.densify(ca.SX(structure(numbers)[0])))
-    M_A = ca.evalf(ca.densify(_symmetric(numbers, "M_A")))
+    M_A = ca.evalf(ca.densify(symmetric(numbers, "M_A")))
     rigid, added = np.array(M) - np.array(M_A), np.array(M_A)
     for name, matrix, least in (("M_RB", rigid, 1e-9), ("M_A", added, -1e-9)):
         size = np.sqrt(np.maximum(np.abs(np.diag(rigid + added)), 1e-12))
@@ -218,10 +222,10 @@ def not_positive(numbers: Mapping[str, float]) -> Iterator[str]:
 def structure(p: Mapping[str, Any]) -> tuple[Any, ...]:
     """Give (M, W, B, r_g, r_b, D_l, D_q) of a hull's parameters, zeros structural."""
     r_g, r_b = _vector(p, "g"), _vector(p, "b")
-    inertia = _symmetric(p, "I_b")
+    inertia = symmetric(p, "I_b")
     if not inertia.nnz():
-        inertia = inertia_about_CO(p["m"], _symmetric(p, "I_g"), r_g)
-    M = M_RB(p["m"], inertia, r_g) + _symmetric(p, "M_A")
+        inertia = inertia_about_CO(p["m"], symmetric(p, "I_g"), r_g)
+    M = M_RB(p["m"], inertia, r_g) + symmetric(p, "M_A")
     if "W" in p:
         W, B = p["W"], p["B"]
     else:
@@ -244,7 +248,16 @@ def elements(p: Mapping[str, Any], kind: str, size: int) -> Any:
     return sparse(size, size, found)
 
 
-def _symmetric(p: Mapping[str, Any], kind: str) -> Any:
+def mass_of_water(p: Mapping[str, Any]) -> Any:
+    """Give the mass [kg] of the water that a submerged hull displaces: B / g, with g = W / m."""
+    if "W" not in p:
+        return p["rho"] * p["nabla"]
+    weighs = p["W"] > 0.0
+    return ca.if_else(weighs, p["m"] * p["B"] / ca.if_else(weighs, p["W"], 1.0), p["m"])
+
+
+def symmetric(p: Mapping[str, Any], kind: str) -> Any:
+    """Give the symmetric matrix of the parameters `kind`_ij, sparse where there is none."""
     out = elements(p, kind, 3 if kind.startswith("I") else 6)
     rows, columns = out.sparsity().get_triplet()
     for i, j in list(zip(rows, columns, strict=True)):

@@ -5,43 +5,65 @@ A vehicle needs no line: each folder in models/vehicles is one, addressed as ``i
 
 from __future__ import annotations
 
+from difflib import get_close_matches
 from importlib import import_module
 from typing import Any
 
-from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.errors import InputInvalid, UuvsimError
 from uuvsim_cosim.models.model import Model
 
-__all__ = ["LIBRARY", "available", "declare"]
+__all__ = ["ALIASES", "IN_PROCESS", "LIBRARY", "available", "declare"]
 
 LIBRARY: dict[str, str] = {
     "allocation": "uuvsim_cosim.models.allocation:allocation",
+    "allocation_qp": "uuvsim_cosim.models.allocation_qp:allocation_qp",
     "allocation_quadratic": "uuvsim_cosim.models.allocation_quadratic:allocation_quadratic",
+    "altimeter": "uuvsim_cosim.models.altimeter:altimeter",
+    "backstepping": "uuvsim_cosim.models.backstepping:backstepping",
+    "ballast": "uuvsim_cosim.models.ballast:ballast",
     "battery": "uuvsim_cosim.models.battery:battery",
     "compass": "uuvsim_cosim.models.compass:compass",
     "controller": "uuvsim_cosim.models.controller:controller",
     "current_gauss_markov": "uuvsim_cosim.models.current:current_gauss_markov",
     "current_ramps": "uuvsim_cosim.models.disturbance:current_ramps",
     "dvl": "uuvsim_cosim.models.dvl:dvl",
+    "feedback_linearisation": "uuvsim_cosim.models.feedback_linearisation:feedback_linearisation",
     "fins": "uuvsim_cosim.models.fins:fins",
+    "gps": "uuvsim_cosim.models.gps:gps",
     "guidance": "uuvsim_cosim.models.guidance:guidance",
     "helm": "uuvsim_cosim.models.helm:helm",
     "imu": "uuvsim_cosim.models.imu:imu",
+    "lbl": "uuvsim_cosim.models.lbl:lbl",
+    "leak": "uuvsim_cosim.models.leak:leak",
     "link": "uuvsim_cosim.models.link:link",
+    "lqr": "uuvsim_cosim.models.lqr:lqr",
+    "magnetometer": "uuvsim_cosim.models.magnetometer:magnetometer",
+    "modem": "uuvsim_cosim.models.modem:modem",
     "navigation": "uuvsim_cosim.models.navigation:navigation",
+    "path_following": "uuvsim_cosim.models.path_following:path_following",
     "pilot": "uuvsim_cosim.models.pilot:pilot",
     "pool": "uuvsim_cosim.models.pool:pool",
     "pressure": "uuvsim_cosim.models.pressure:pressure",
     "propeller": "uuvsim_cosim.models.propeller:propeller",
     "reference": "uuvsim_cosim.models.reference:reference",
+    "sliding_mode": "uuvsim_cosim.models.sliding_mode:sliding_mode",
     "target": "uuvsim_cosim.models.target:target",
+    "tether": "uuvsim_cosim.models.tether:tether",
     "thruster": "uuvsim_cosim.models.thruster:thruster",
     "thruster_faults": "uuvsim_cosim.models.disturbance:thruster_faults",
     "thruster_jet": "uuvsim_cosim.models.thruster_jet:thruster_jet",
     "thruster_t200": "uuvsim_cosim.models.thruster:thruster_t200",
+    "trajectory": "uuvsim_cosim.models.trajectory:trajectory",
     "usbl": "uuvsim_cosim.models.usbl:usbl",
     "vehicle": "uuvsim_cosim.models.vehicle:vehicle",
+    "waves": "uuvsim_cosim.models.waves:waves",
     "wrench": "uuvsim_cosim.models.wrench:wrench",
 }
+
+# Other words for the same: they are found, but not listed.
+ALIASES: dict[str, str] = {"dp": "controller", "pid": "controller"}
+# Components that are no declarations, and run in this process only.
+IN_PROCESS: dict[str, str] = {"mpc": "uuvsim_cosim.models.mpc:MPC"}
 
 
 def available() -> list[str]:
@@ -57,6 +79,8 @@ def available() -> list[str]:
 def declare(name: str, **options: Any) -> Model:
     """Declare a component by name; options go to its function, e.g. ``set`` of a vehicle.
 
+    ``imu@stim300`` is short for the component ``imu`` with the option ``id="stim300"``.
+
     Raises InputInvalid for a name or an option that does not exist.
     """
     from uuvsim_cosim.models.parameters import is_vehicle, split_address
@@ -65,8 +89,20 @@ def declare(name: str, **options: Any) -> Model:
     if id not in LIBRARY and is_vehicle(id):
         options = {"id": id, **({"set": published} if published else {}), **options}
         name = "vehicle"
+    elif published and ALIASES.get(id, id) in LIBRARY:  # an instrument: imu@stim300
+        options, name = {"id": published, **options}, id
+    name = ALIASES.get(name, name)
+    if name in IN_PROCESS:
+        raise InputInvalid(
+            f"{name} is no declaration but a Python component ({IN_PROCESS[name]}): it runs in a "
+            "system, in process, and is not exported or fused; expected a model such as lqr"
+        )
     if name not in LIBRARY:
-        raise InputInvalid(f"there is no model {name!r}; expected one of {', '.join(available())}")
+        close = get_close_matches(name, [*available(), *ALIASES, *IN_PROCESS], n=3, cutoff=0.5)
+        hint = f" (did you mean {', '.join(close)}?)" if close else ""
+        raise InputInvalid(
+            f"there is no model {name!r}{hint}; expected one of {', '.join(available())}"
+        )
     module, function = LIBRARY[name].split(":")
     declaration = getattr(import_module(module), function)
     try:
@@ -75,5 +111,10 @@ def declare(name: str, **options: Any) -> Model:
         if "argument" not in str(error):
             raise
         raise InputInvalid(f"model {name!r}: {error}") from None
+    except (ValueError, ZeroDivisionError) as error:  # an option's text that is no number
+        if isinstance(error, UuvsimError) or not any(isinstance(v, str) for v in options.values()):
+            raise
+        given = ", ".join(f"{option}={value}" for option, value in options.items())
+        raise InputInvalid(f"model {name!r} with {given}: {error}; expected a number") from None
     assert isinstance(model, Model)
     return model

@@ -9,6 +9,7 @@ the sender had stood there for long.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
@@ -16,6 +17,7 @@ import casadi as ca
 
 from uuvsim_cosim.errors import ParameterInvalid
 from uuvsim_cosim.models.model import Model
+from uuvsim_cosim.models.preset import preset
 from uuvsim_cosim.models.safe_math import norm
 from uuvsim_cosim.models.sampled import BEFORE_FIRST
 from uuvsim_cosim.models.sensor_error import uniform
@@ -25,16 +27,27 @@ __all__ = ["link"]
 LARGEST = 256  # samples under way
 
 
+@dataclass(frozen=True)
+class Figures:
+    """What a preset says of a link."""
+
+    sigma: tuple[float, ...]  # of each number, in its unit
+    delay: float = 0.0  # s
+    loss: float = 0.0  # 1
+
+
 def link(
     size: int | str = 3,
     unit: str = "m",
     period: str = "0.02",
     delay_max: str = "0.4",
     ranged: bool | str = False,
+    id: str = "",
 ) -> Model:
     """Declare a link for `size` numbers; `delay` can be set up to `delay_max` [s].
 
-    `unit` is one for all, or one for each, with commas between.
+    `unit` is one for all, or one for each, with commas between. A preset `id` gives the delay, the
+    loss and the noise, the same of all numbers.
 
     With `ranged` what is carried is a position, and an input `receiver` (3) says from where:
     beyond `range_max` everything is lost.
@@ -47,15 +60,23 @@ def link(
             f"link: {n} numbers, delay_max {delay_max} s at a period of {period} s; expected at "
             f"least 1, and at most {LARGEST - 1} samples under way"
         )
+    given = _figures(id, n, units)
     m = Model("link", "Link: delay, noise and loss")
     x = m.input("x", n, unit=units, description="what is sent")
     delay = m.parameter(
-        "delay", 0.0, unit="s", min=0, max=float(Fraction(delay_max)), description="until it shows"
+        "delay",
+        given.delay,
+        unit="s",
+        min=0,
+        max=float(Fraction(delay_max)),
+        description="until it shows",
     )
     sigma = m.parameter(
-        "sigma", (0.0,) * n, unit=units, min=0, description="deviation of the noise of each number"
+        "sigma", given.sigma, unit=units, min=0, description="deviation of the noise of each number"
     )
-    loss = m.parameter("loss", 0.0, unit="1", min=0, max=1, description="probability of a sample")
+    loss = m.parameter(
+        "loss", given.loss, unit="1", min=0, max=1, description="probability of a sample"
+    )
     sample = m.clock("sample", period)
     T = float(sample.period)
     age = m.derived("age", -ca.floor(1e-9 - delay / T))
@@ -98,3 +119,14 @@ def link(
         "t_sample", t_held, unit="s", discrete=True, description="when it was sent; -1: not yet"
     )
     return m
+
+
+def _figures(id: str, n: int, units: tuple[str, ...]) -> Figures:
+    """Read a preset; without one, a link that changes nothing."""
+    if not id:
+        return Figures((0.0,) * n)
+    p = preset("sensors", id, "link")
+    sigma = tuple(p.number("sigma", unit) for unit in units)
+    figures = Figures(sigma, p.number("delay", "s"), p.number("loss", "1"))
+    p.complete()
+    return figures

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import lru_cache
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ __all__ = [
     "parameter_set",
     "read_yaml",
     "split_address",
+    "vehicle_file",
     "vehicle_folder",
     "vehicle_ids",
     "vehicle_sets",
@@ -103,7 +105,10 @@ def vehicle_folder(id: str) -> Path:
 
 def vehicle_size(id: str) -> Size | None:
     """Give the size of a vehicle, None if its file does not state it."""
-    data = _vehicle_file(id)
+    return _size(vehicle_file(id)[1])
+
+
+def _size(data: Any) -> Size | None:
     if "size" not in data:
         return None
     size = data["size"]
@@ -116,13 +121,13 @@ def vehicle_size(id: str) -> Size | None:
 
 def vehicle_sets(id: str) -> list[str]:
     """List the names of a vehicle's parameter sets, the default one first."""
-    data = _vehicle_file(id)
+    data = vehicle_file(id)[1]
     return sorted(data["sets"], key=lambda name: name != data["default"])
 
 
 def parameter_set(id: str, set: str | None = None) -> ParameterSet:
     """Read one set of a vehicle, the default one unless named, each number in the model's unit."""
-    data = _vehicle_file(id)
+    data = vehicle_file(id)[1]
     name = set or str(data["default"])
     if name not in data["sets"]:
         raise ParameterInvalid(
@@ -148,8 +153,14 @@ def in_unit(value: float, read: str, wanted: str) -> float:
     return factor * value + offset
 
 
-def read_yaml(path: Path, schema: str | Path) -> Any:
-    """Read a YAML file that keeps to a schema (a name: of models/schema); mistakes by line."""
+Mistakes = Callable[[Any], Iterator[tuple[int, str]]]
+
+
+def read_yaml(path: Path, schema: str | Path, further: Mistakes | None = None) -> Any:
+    """Read a YAML file that keeps to a schema (a name: of models/schema); mistakes by line.
+
+    `further` gives mistakes that a schema cannot see; all are refused together.
+    """
     from jsonschema import Draft202012Validator
     from ruamel.yaml import YAML
     from ruamel.yaml.error import MarkedYAMLError, YAMLError
@@ -165,7 +176,14 @@ def read_yaml(path: Path, schema: str | Path) -> Any:
     file = schema if isinstance(schema, Path) else content("models", "schema", schema)
     rules = json.loads(file.read_text(encoding="utf-8"))
     errors = Draft202012Validator(rules).iter_errors(data)
-    _refuse(path, [(line_of(data, list(e.absolute_path)), _sentence(e)) for e in errors])
+    found = [(line_of(data, list(e.absolute_path)), _sentence(e)) for e in errors]
+    wrong_shape = bool(found)
+    try:
+        found += further(data) if further is not None else ()
+    except (AttributeError, KeyError, TypeError, ValueError):
+        if not wrong_shape:  # else it could look no further
+            raise
+    _refuse(path, found)
     return data
 
 
@@ -197,19 +215,18 @@ def _is_path(id: str) -> bool:
     return bool(id) and (Path(id).name != id or Path(id).is_dir())
 
 
-def _vehicle_file(id: str) -> Any:
+def vehicle_file(id: str) -> tuple[Path, Any]:
+    """Give a vehicle's parameter file and what stands in it, checked."""
     if id.endswith((".yaml", ".yml")):
         path = Path(id).expanduser()
     else:
         path = vehicle_folder(id) / "parameters.yaml"
-    return _read_vehicle(path, path.stat().st_mtime_ns if path.is_file() else 0)
+    return path, _read_vehicle(path, path.stat().st_mtime_ns if path.is_file() else 0)
 
 
 @lru_cache
 def _read_vehicle(path: Path, changed: int) -> Any:  # `changed`: a file that is edited is reread
-    data = read_yaml(path, "vehicle.schema.json")
-    _refuse(path, list(_mistakes(data)))
-    return data
+    return read_yaml(path, "vehicle.schema.json", _mistakes)
 
 
 def _mistakes(data: Any) -> Iterator[tuple[int, str]]:
@@ -236,10 +253,32 @@ def _mistakes(data: Any) -> Iterator[tuple[int, str]]:
             except ValueError as error:
                 yield line, f"{key}: {error}"
                 continue
+            if not isfinite(value):
+                yield line, f"{key}: {value}; expected a finite number"
+                continue
             if meaning.min is not None and not value >= meaning.min:
                 yield line, f"{key}: {value:g} {meaning.unit}; expected at least {meaning.min:g}"
                 continue
             numbers[str(key)] = value
+        yield from _outside(data, name, numbers)
         if not gaps and len(numbers) == len(chosen["parameters"]):
             for text in not_positive(numbers):
                 yield line_of(data, ["sets", name]), f"sets.{name}: {text}"
+
+
+def _outside(data: Any, name: str, numbers: Mapping[str, float]) -> Iterator[tuple[int, str]]:
+    """Give each coordinate of CG that lies outside the hull's size (a published CB may)."""
+    try:
+        size = _size(data)
+    except ValueError:
+        return
+    if size is None:
+        return
+    extents = (size.length, size.breadth, size.height)
+    for axis, at, extent in zip("xyz", size.at, extents, strict=True):
+        key = f"{axis}_g"
+        low, high = at - 0.5 * extent, at + 0.5 * extent
+        if key in numbers and not low <= numbers[key] <= high:
+            line = line_of(data, ["sets", name, "parameters", key])
+            text = f"{key}: {numbers[key]:g} m, the centre of gravity outside the hull; expected "
+            yield line, text + f"{low:g} to {high:g} m, of its size"

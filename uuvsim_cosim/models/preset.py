@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from difflib import get_close_matches
 from functools import lru_cache
 from pathlib import Path
 
@@ -12,7 +13,9 @@ from uuvsim_cosim.errors import ParameterInvalid
 from uuvsim_cosim.models.model import Units
 from uuvsim_cosim.models.parameters import in_unit, line_of, read_yaml
 
-__all__ = ["Preset", "preset"]
+__all__ = ["Preset", "preset", "presets_of"]
+
+FOLDERS = ("sensors", "controllers")
 
 
 @dataclass(frozen=True)
@@ -21,12 +24,14 @@ class Preset:
 
     path: Path
     values: Mapping[str, tuple[list[float], list[str], int]]  # name: (elements, units, line)
+    asked: set[str] = field(default_factory=set)  # the names that a declaration looked for
 
     def vector(self, name: str, unit: Units, size: int | None = None) -> list[float]:
         """Give a parameter's elements in `unit`, one for all or one each.
 
         A single element is repeated `size` times.
         """
+        self.asked.add(name)
         if name not in self.values:
             raise ParameterInvalid(f"{self.path}: no parameter {name!r}; expected one in {unit}")
         elements, read, line = self.values[name]
@@ -49,6 +54,35 @@ class Preset:
     def number(self, name: str, unit: str) -> float:
         """Give a parameter that is a single number."""
         return self.vector(name, unit, 1)[0]
+
+    def has(self, name: str) -> bool:
+        """Say whether a parameter that a declaration can do without is there."""
+        self.asked.add(name)
+        return name in self.values
+
+    def complete(self, optional: Collection[str] = ()) -> None:
+        """Refuse parameters that the declaration does not know, each with its line.
+
+        `optional` are those that only other options of the declaration ask for.
+        """
+        self.asked.update(optional)
+        unknown = [
+            f"{self.path}:{line}: {name}: not a parameter of this kind; expected "
+            + ", ".join(get_close_matches(name, self.asked, 3, 0.5) or sorted(self.asked))
+            for name, (_, _, line) in self.values.items()
+            if name not in self.asked
+        ]
+        if unknown:
+            raise ParameterInvalid("\n  ".join(unknown))
+
+
+def presets_of(kind: str) -> dict[str, str]:
+    """Give the shipped presets of a component, id: what it is."""
+    files = sorted(content("models").glob(f"*/*/{kind}.yaml"))
+    read = (
+        (f.parent.name, read_yaml(f, "preset.schema.json")) for f in files if f.parts[-3] in FOLDERS
+    )
+    return {id: str(data["description"]) for id, data in read}
 
 
 @lru_cache

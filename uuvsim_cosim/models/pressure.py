@@ -1,4 +1,10 @@
-"""Pressure sensor: absolute pressure of real sea water at the depth where the sensor sits."""
+"""Pressure sensor: absolute pressure of real sea water at the depth where the sensor sits.
+
+    p = p_atm + p_gauge(depth; salinity, temperature, latitude) + error
+
+with the density of EOS-80, which grows with depth; a pool or a lake has salinity 0. Where the
+preset states a largest pressure, the reading saturates there and is not valid.
+"""
 
 from __future__ import annotations
 
@@ -48,9 +54,22 @@ def pressure(id: str = "bar_100m", period: str = "0.1") -> Model:
     depth = eta[2] + ca.dot(R(q)[2, :].T, r)
     gauge = pressure_at_depth(clip(depth, 0.0, 12000.0), S, T, g)
     reading = p_atm + gauge + sensor_error(m, sample, "", error, 1, "Pa")
+    valid: Any = 1.0
+    if p.has("pressure_max"):
+        limit = m.parameter(
+            "pressure_max",
+            p.number("pressure_max", "Pa"),
+            unit="Pa",
+            min=0,
+            description="absolute, at which it saturates",
+        )
+        valid, reading = reading <= limit, clip(reading, 0.0, limit)
     held_output(
         m, sample, "pressure", reading, unit="Pa", start=101325.0, description="absolute pressure"
     )
-    held_output(m, sample, "valid", 1.0, unit="1", type="Boolean", description="a reading is there")
+    held_output(
+        m, sample, "valid", valid, unit="1", type="Boolean", description="a reading is there"
+    )
     sample_time(m, sample)
+    p.complete()
     return m

@@ -8,19 +8,31 @@ With T_nV = 0 it is bollard pull. w is the wake fraction, t the thrust deduction
 lowers the pressure at the stern. The torque that the hull takes is -torque about e, for a propeller
 that turns right-handed about e when it pushes ahead; `Q_nn` is negative for the other hand, and
 zero for a pair that turns against each other.
+
+Options, off by default: `limits` and `faults` (faults.py), and `ventilation`: of thrust and torque
+is left, with the propeller's middle at the depth h and its radius R,
+
+    0 below h/R = -0.48,   1 - 0.675 (1 - 0.769 h/R)^1.258,   1 above h/R = 1.3
+
+(Minsaas, Faltinsen and Persson 1983, as Smogeli 2006, Control of Marine Propellers, section 2.2).
 """
 
 from __future__ import annotations
 
+from typing import Any
+
 import casadi as ca
 
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.faults import servo, thruster_faults_of
 from uuvsim_cosim.models.geometry import thruster_geometry
+from uuvsim_cosim.models.kinematics import R, q_of_euler
 from uuvsim_cosim.models.model import Model
+from uuvsim_cosim.models.options import is_on
 from uuvsim_cosim.models.parameters import vehicle_folder
 from uuvsim_cosim.models.preset import preset
-from uuvsim_cosim.models.safe_math import abs_, saturate
-from uuvsim_cosim.models.vectors import NU, TAU
+from uuvsim_cosim.models.safe_math import abs_, clip, saturate
+from uuvsim_cosim.models.vectors import ETA, NU, TAU
 
 __all__ = ["propeller"]
 
@@ -37,7 +49,13 @@ _FIGURES = {
 }
 
 
-def propeller(vehicle: str = "remus100", number: int | str = 1) -> Model:
+def propeller(
+    vehicle: str = "remus100",
+    number: int | str = 1,
+    limits: bool | str = False,
+    faults: bool | str = False,
+    ventilation: bool | str = False,
+) -> Model:
     """Declare propeller `number` of a vehicle: folder/propeller.yaml, place in thrusters.yaml."""
     geometry = thruster_geometry(vehicle)
     i, n_all = int(number), len(geometry.names)
@@ -54,11 +72,20 @@ def propeller(vehicle: str = "remus100", number: int | str = 1) -> Model:
         name: m.parameter(name, file.number(name, unit), unit=unit, min=low, description=words)
         for name, (unit, low, words) in _FIGURES.items()
     }
+    f = thruster_faults_of(m, faults)
+    n_d = p["n_max"] * servo(m, saturate(u, 1.0), limits, f)
+    if not isinstance(f.entangled, float):
+        n_d = (1.0 - f.entangled) * n_d
     n = m.state("shaft", unit="rad/s", description="shaft speed")
-    m.der(n, (p["n_max"] * saturate(u, 1.0) - n) / p["T_n"])
+    m.der(n, (n_d - n) / p["T_n"])
     V_a = (1.0 - p["w"]) * ca.dot(nu_r[:3] + ca.cross(nu_r[3:], r), e)
     thrust = (1.0 - p["t"]) * (p["T_nn"] * abs_(n) * n - p["T_nV"] * abs_(n) * V_a)
     torque = p["Q_nn"] * abs_(n) * n - p["Q_nV"] * abs_(n) * V_a
+    if not isinstance(f.health, float):
+        thrust, torque = f.health * thrust, abs_(f.health) * torque
+    if is_on("ventilation", ventilation):
+        left = _share_left(m, r)
+        thrust, torque = left * thrust, left * torque
     force = thrust * e
     m.output("thrust", thrust, unit="N", description="along the direction e")
     m.output("n", n, unit="rad/s", description="shaft speed")
@@ -76,3 +103,19 @@ def propeller(vehicle: str = "remus100", number: int | str = 1) -> Model:
         description="X Y Z [N], K M N [N.m] in b",
     )
     return m
+
+
+def _share_left(m: Model, r: Any) -> Any:
+    """Declare what ventilation needs; give the share of thrust that it leaves."""
+    eta = m.input("eta", 6, start=(0, 0, 5, 0, 0, 0), unit=ETA, description="of the hull")
+    R_p = m.parameter(
+        "R_p",
+        0.07,
+        unit="m",
+        min=1e-3,
+        description="radius of the propeller (REMUS: 0.14 m across)",
+    )
+    down = R(q_of_euler(eta[3], eta[4], eta[5]))[2, :].T
+    h = (eta[2] + ca.dot(r, down)) / R_p
+    lost = 0.675 * ca.exp(1.258 * ca.log(1.0 - 0.769 * clip(h, -0.48, 1.3)))
+    return ca.if_else(h >= 1.3, 1.0, clip(1.0 - lost, 0.0, 1.0))

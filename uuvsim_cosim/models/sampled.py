@@ -8,7 +8,7 @@ import casadi as ca
 
 from uuvsim_cosim.models.model import Clock, Model, Type, Units, Value
 
-__all__ = ["BEFORE_FIRST", "held_output", "sample_time"]
+__all__ = ["BEFORE_FIRST", "held_output", "only_when", "sample_time"]
 
 BEFORE_FIRST = -1.0  # the sample time of a reading that has not been taken yet [s]
 
@@ -44,3 +44,11 @@ def sample_time(m: Model, clock: Clock) -> Any:
         start=BEFORE_FIRST,
         description="when the reading was taken; -1 before the first",
     )
+
+
+def only_when(clock: Clock, condition: Any) -> None:
+    """Make all updates of a clock so far happen only at the ticks at which a condition holds."""
+    clock.updates[:] = [
+        (declared, ca.if_else(condition, value, declared.symbol))
+        for declared, value in clock.updates
+    ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from uuvsim_cosim.models.faults import servo, thruster_faults_of
 from uuvsim_cosim.models.model import Model
 from uuvsim_cosim.models.preset import preset
 from uuvsim_cosim.models.safe_math import abs_, saturate
@@ -13,11 +14,13 @@ from uuvsim_cosim.models.vectors import NU
 __all__ = ["largest_thrust", "thruster_jet"]
 
 
-def thruster_jet(id: str = "pool8_jet") -> Model:
+def thruster_jet(
+    id: str = "pool8_jet", limits: bool | str = False, faults: bool | str = False
+) -> Model:
     """Declare  dQ/dt = (Q_max u - Q) / T_Q,  thrust = rho |Q| Q / A,  A = pi d_jet² / 4.
 
     Momentum theory for a jet far behind the propeller, at bollard pull. Its power is
-    rho |Q|³ / (2 A²); eta_P of the electric power becomes that.
+    rho |Q|³ / (2 A²); eta_P of the electric power becomes that. `limits` and `faults`: faults.py.
     """
     p = preset("thrusters", id, "thruster")
     m = Model("thruster_jet", "Thruster: first-order volume flow, thrust of its jet", h_max=0.02)
@@ -37,8 +40,14 @@ def thruster_jet(id: str = "pool8_jet") -> Model:
     k_P = m.derived("k_P", 8.0 * rho / (math.pi**2 * d_jet**4 * eta_P))
 
     Q = m.state("Q", unit="m3/s", description="volume flow; its sign is the thrust's")
-    m.der(Q, (Q_max * saturate(u, 1.0) - Q) / T_Q)
+    f = thruster_faults_of(m, faults)
+    wanted = Q_max * servo(m, saturate(u, 1.0), limits, f)
+    if not isinstance(f.entangled, float):
+        wanted = (1.0 - f.entangled) * wanted
+    m.der(Q, (wanted - Q) / T_Q)
     thrust = k * abs_(Q) * Q
+    if not isinstance(f.health, float):
+        thrust = f.health * thrust
     m.output("thrust", thrust, unit="N", description="along the thruster's direction e")
     m.output("flow", Q, unit="m3/s", description="volume flow")
     power = k_P * abs_(Q) * Q * Q

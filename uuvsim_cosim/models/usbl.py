@@ -102,4 +102,5 @@ def usbl(id: str = "usbl_class", period: str = "1", publish_period: str = "0.01"
         m.update(publish, held, ca.if_else(arrived, value, held))
         kind = "Boolean" if name == "valid" else "Float64"
         m.output(name, held, unit=unit, type=kind, description=words, discrete=True)  # type: ignore[arg-type]
+    p.complete()
     return m

@@ -10,14 +10,16 @@ water; Fossen 2021, 2nd ed., section 10.3). With M = M_RB + M_A and C from M, wh
 
 so that added mass is implicit, through M, and stable at any mass ratio. D(nu_r) nu_r has, where a
 vehicle lists them, also lift (lift.py), cross-flow drag by strips (cross_flow.py) and SNAME's
-products (products.py).
+products (products.py). In waves the water accelerates, and  M_A (a_c, 0)  and the pressure that
+accelerates it, rho nabla a_c at r_b (Froude and Krylov), stand on the right; where density and
+volume change with the depth D of the centre of buoyancy, it is  B (1 + (beta_rho - beta_nabla) D).
 Everything is about CO, in `b` (FRD); p = (N, E, D) and the current v_c are in `n` (NED).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import casadi as ca
@@ -26,17 +28,30 @@ import numpy as np
 from uuvsim_cosim.models.cross_flow import cross_flow_of
 from uuvsim_cosim.models.current import nu_c, nu_c_dot
 from uuvsim_cosim.models.damping import damping
-from uuvsim_cosim.models.hull_parameters import declare_parameters, elements, structure
+from uuvsim_cosim.models.floating import floating
+from uuvsim_cosim.models.hull_parameters import (
+    declare_parameters,
+    elements,
+    mass_of_water,
+    structure,
+    symmetric,
+)
 from uuvsim_cosim.models.kinematics import R, T_q, euler_of_q, q_of_euler
 from uuvsim_cosim.models.lift import fading, lift
 from uuvsim_cosim.models.model import Model
+from uuvsim_cosim.models.options import is_on
 from uuvsim_cosim.models.parameters import parameter_set
 from uuvsim_cosim.models.products import products
 from uuvsim_cosim.models.restoring import g, submerged_fraction
 from uuvsim_cosim.models.rigid_body import coriolis, inverse
 from uuvsim_cosim.models.vectors import ETA, NU, NU_DOT, TAU
+from uuvsim_cosim.models.volumes import Volume, vehicle_volumes
 
 __all__ = ["hull", "vehicle"]
+
+# Sea water of 35, 10 degC: rho g / K of EOS-80 (seawater.py), without stratification. A hull's own
+# loss of volume is not published for any shipped vehicle: 0 until it is set.
+COMPRESSIBLE = {"beta_rho": 4.36e-6, "beta_nabla": 0.0}
 
 
 def vehicle(
@@ -44,20 +59,29 @@ def vehicle(
     set: str | None = None,
     surface: bool | str = True,
     values: Mapping[str, float] | None = None,
+    compressible: bool | str = False,
+    waves: bool | str = False,
 ) -> Model:
     """Declare the hull of the vehicle in the folder `id`, by one of its published sets.
 
     `values` replaces parameters, or adds one that the set leaves out as structurally zero.
+    `surface`: true loses buoyancy evenly over the hull's height, false never, "volumes" by the
+    volumes that the file lists (volumes.py). `compressible` adds beta_rho and beta_nabla, `waves`
+    the inputs a_c and, where there is a surface, zeta.
     """
     published = parameter_set(id, set)
     name = published.vehicle + ("" if published.is_default else f"_{published.name}")
     numbers = {k: q.value for k, q in published.quantities.items()} | dict(values or {})
     sources = {k: q.source for k, q in published.quantities.items()}
-    above = surface not in (False, "false", "False", "0")
+    if is_on("compressible", compressible):
+        numbers = COMPRESSIBLE | numbers
+    by_volumes = surface == "volumes"
     return hull(
         name,
         numbers,
-        surface=above,
+        surface=by_volumes or is_on("surface", surface, "volumes"),
+        volumes=vehicle_volumes(id) if by_volumes else None,
+        waves=is_on("waves", waves),
         sources=sources,
         description=f"Hull of {published.vehicle}, parameter set {published.name}",
     )
@@ -68,15 +92,18 @@ def hull(
     numbers: Mapping[str, float],
     *,
     surface: bool = True,
+    volumes: Sequence[Volume] | None = None,
+    waves: bool = False,
     sources: Mapping[str, str] | None = None,
     description: str = "",
 ) -> Model:
     """Declare a hull of the parameters named in `hull_parameters`; those left out are zero.
 
-    Without `surface` the hull counts as submerged at any depth.
+    Without `surface` the hull counts as submerged at any depth; with `volumes` what of them is
+    under water displaces (floating.py), in place of a part of the hull's height.
     """
     m = Model(name, description, h_max=0.01)
-    p = declare_parameters(m, numbers, surface, sources or {})
+    p = declare_parameters(m, numbers, surface and not volumes, sources or {})
     M_expression, W, B, r_g, r_b, D_l, D_q = structure(p)
     m.h_max = _longest_step(m, M_expression, D_l)
     M = m.derived("M", M_expression)
@@ -97,10 +124,20 @@ def hull(
     v_c_b = nu_c(Rnb, v_c)
     nu_r = nu - v_c_b
     omega = nu[3:]
-    afloat = submerged_fraction(position[2], r_b, down, p["height"]) if surface else 1.0
-
-    restoring = g(W, B * afloat, r_g, r_b, down)
+    depth = position[2]
+    if waves and surface:
+        depth = depth + m.input("zeta", unit="m", description="water's rise at the hull's N and E")
+    B = _at_depth(p, B, r_b, depth, down)
+    if surface and volumes:
+        afloat, turning = floating(m, volumes, r_b, depth, down)
+        buoyancy = ca.vertcat(B * afloat * down, B * ca.cross(turning, down))
+        restoring = g(W, 0.0, r_g, ca.SX(3, 1), down) + buoyancy
+    else:
+        afloat = submerged_fraction(depth, r_b, down, p["height"]) if surface else 1.0
+        restoring = g(W, B * afloat, r_g, r_b, down)
     load = tau - coriolis(M, nu_r) - damping(D_l, D_q, nu_r) - restoring
+    if waves:
+        load += _of_waves(m, p, Rnb, afloat, r_b)
     for force in _further(p, nu_r):
         load += force
     nu_dot = ca.mtimes(M_inv, load) + nu_c_dot(omega, v_c_b[:3])
@@ -119,6 +156,23 @@ def hull(
     m.output("nu_dot", nu_dot, unit=NU_DOT, description="its time derivative in b [m/s2, rad/s2]")
     m.output("nu_r", nu_r, unit=NU, description="nu relative to the water [m/s, rad/s]")
     return m
+
+
+def _at_depth(p: Mapping[str, Any], B: Any, r_b: Any, depth: Any, down: Any) -> Any:
+    """Give the buoyancy [N] at a depth [m] of CO; B itself where nothing is compressible."""
+    if "beta_rho" not in p and "beta_nabla" not in p:
+        return B
+    beta = p.get("beta_rho", 0.0) - p.get("beta_nabla", 0.0)
+    return B * (1.0 + beta * (depth + ca.dot(ca.densify(ca.SX(r_b)), down)))
+
+
+def _of_waves(m: Model, p: Mapping[str, Any], Rnb: Any, afloat: Any, r_b: Any) -> Any:
+    """Give the generalised force of water that accelerates: on M_A, and on what is displaced."""
+    a_c = m.input("a_c", 3, unit="m/s2", description="acceleration of the water in n, of waves")
+    a = ca.mtimes(Rnb.T, a_c)
+    push = mass_of_water(p) * afloat * a
+    krylov = ca.vertcat(push, ca.cross(ca.densify(ca.SX(r_b)), push))
+    return krylov + ca.mtimes(symmetric(p, "M_A"), ca.vertcat(a, ca.SX.zeros(3)))
 
 
 def _longest_step(m: Model, M: Any, D_l: Any, h: float = 0.01) -> float:

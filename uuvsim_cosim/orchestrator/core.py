@@ -15,6 +15,7 @@ import numpy as np
 from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import UuvsimError
 from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.orchestrator.room import columns_of
 
 __all__ = ["Access", "Action", "Core", "Failure", "Outcome", "Type", "by_type", "library"]
 
@@ -121,8 +122,9 @@ class Core:
         self.n_members = n_members
         self.slots = _array(self._c.uuv_core_slots(self._core), n_slots)
         self.fresh = _array(self._c.uuv_core_fresh(self._core), n_slots)
-        self._rows = np.zeros((0, 0), np.uint64)
+        self._rows = np.zeros((0, 0), np.uint64)  # (columns, stride)
         self._ticks = np.zeros(0, np.int64)
+        self._room: tuple[int | None, int | None, int, int] = (None, None, 0, 0)
         self._image: Any = None  # the buffer that images are copied through
 
     # ---- building -------------------------------------------------------------------------
@@ -214,8 +216,10 @@ class Core:
                 self._core, len(slots), (ctypes.c_uint32 * len(slots))(*slots), every
             )
         )
-        self._rows = np.zeros((n_rows, len(slots)), np.uint64)
-        self._ticks = np.zeros(n_rows, np.int64)
+        self._rows = columns_of(len(slots), n_rows)
+        self._ticks = np.full(n_rows, 0, np.int64)
+        addresses = self._rows.ctypes.data, self._ticks.ctypes.data
+        self._room = (*addresses, n_rows, self._rows.shape[1])
         self.clear_rows()
 
     def instance(self, member: int, instance: int) -> None:
@@ -248,15 +252,16 @@ class Core:
         return self._failure(self._c.uuv_core_run(self._core, n_ticks, seconds))
 
     def rows(self) -> tuple[np.ndarray, np.ndarray, list[bytes]]:
-        """Give (ticks, rows, texts) written since the last `clear_rows`; views, not copies."""
+        """Give (ticks, rows, texts) written since the last `clear_rows`; views, not copies.
+
+        `rows` (n, columns) lies column by column.
+        """
         n = self._c.uuv_core_rows_used(self._core)
-        return self._ticks[:n], self._rows[:n], self._texts()
+        return self._ticks[:n], self._rows[:, :n].T, self._texts()
 
     def clear_rows(self) -> None:
         """Make the rows free for the next steps."""
-        self._c.uuv_core_rows(
-            self._core, self._rows.ctypes.data, self._ticks.ctypes.data, len(self._ticks)
-        )
+        self._c.uuv_core_rows(self._core, *self._room)
 
     @property
     def next_row(self) -> int:
@@ -372,7 +377,7 @@ def _signatures() -> dict[str, tuple[Any, list[Any]]]:
         "uuv_exchange_close": (None, [pointer]),
         "uuv_exchange_free": (None, [pointer]),
         "uuv_core_record": (i, [pointer, u32, pointer, u64]),
-        "uuv_core_rows": (None, [pointer, pointer, pointer, u32]),
+        "uuv_core_rows": (None, [pointer, pointer, pointer, u32, size]),
         "uuv_core_next_row": (u64, [pointer]),
         "uuv_core_set_next_row": (None, [pointer, u64]),
         "uuv_core_rows_used": (u32, [pointer]),

@@ -23,8 +23,8 @@ __all__ = ["meant"]
 def meant(event: Manipulation, master: Master) -> Sequence[Change | SignalFault]:
     """Give the events that it comes to.
 
-    An output: its fault. A parameter or an unconnected input: a change, and at `until` the value
-    that it has now. A connected input: a fault of the output that feeds it, if nobody else is
+    An output: its fault. A parameter or an unconnected input: a change, from the value that it has
+    now if it is a bias, and at `until` that value. A connected input: a fault of the output that feeds it, if nobody else is
     fed. Raises InputInvalid for everything else.
     """
     plan = master.plan
@@ -83,16 +83,16 @@ def _feeding(
 
 
 def _changes(event: Manipulation, master: Master, point: Endpoint) -> Sequence[Change]:
-    kind = "a parameter" if point.variable.causality == "parameter" else "an unconnected input"
-    if event.kind == "bias":
-        raise InputInvalid(
-            f"{event.variable}: a bias of {kind}; expected an override, or a bias of an output"
-        )
     name = f"{point.element}.{point.variable.name}"
     begin = np.array(master.get(point.element, point.variable.name))
+    if event.kind == "bias" and begin.dtype.kind not in "fiu":
+        raise InputInvalid(
+            f"{event.variable}: a bias of a {point.variable.type}; expected an override, or numbers"
+        )
     value = begin.astype(object)
     for element in point.elements:
-        value.flat[element] = _of_type(begin.dtype.kind, event.value)
+        base = begin.flat[element].item() if event.kind == "bias" else 0
+        value.flat[element] = _of_type(begin.dtype.kind, base + event.value)
     changes = [Change(event.at, name, value.tolist())]
     if not math.isinf(event.until):
         changes.append(Change(event.until, name, begin.tolist()))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any, Protocol
 
 import numpy as np
@@ -12,7 +13,7 @@ from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.core import Type
 from uuvsim_cosim.orchestrator.plan import Plan
 
-__all__ = ["Chunk", "Column", "Observer"]
+__all__ = ["Chunk", "Column", "Observer", "seconds"]
 
 
 @dataclass(frozen=True)
@@ -46,15 +47,20 @@ class Column:
 class Chunk:
     """Rows at consecutive communication points; valid only while `observe` runs.
 
-    `time` (n,) [s]; `ticks` (n,); `rows` (n, columns) holds slots of 8 bytes, which `values`
-    reads; a text is an index into `texts`.
+    `ticks` (n,) of `tick` [s] each; `rows` (n, columns) holds slots of 8 bytes, column by column,
+    which `values` reads; a text is an index into `texts`.
     """
 
     columns: Sequence[Column]
-    time: np.ndarray
+    tick: Fraction
     ticks: np.ndarray
     rows: np.ndarray
     texts: Sequence[bytes]
+
+    @property
+    def time(self) -> np.ndarray:
+        """Give the times of the rows, (n,) [s]."""
+        return seconds(self.ticks, self.tick)
 
     def values(self, i: int) -> np.ndarray:
         """Give column i: float64, int64, uint64, bool, or objects (str, bytes)."""
@@ -68,6 +74,11 @@ class Chunk:
             values[:] = kept
             return values
         return raw.astype(bool) if type_ == Type.Boolean else raw.view(type_.dtype)
+
+
+def seconds(ticks: np.ndarray, tick: Fraction) -> np.ndarray:
+    """Give times from integers, rounded once."""
+    return (ticks * tick.numerator).astype(float) / float(tick.denominator)
 
 
 class Observer(Protocol):

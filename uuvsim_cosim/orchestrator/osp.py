@@ -7,7 +7,7 @@ from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
-from urllib.parse import parse_qs, unquote, urlsplit
+from urllib.parse import unquote
 from xml.etree.ElementTree import Element as Xml
 
 from uuvsim_cosim.errors import InputInvalid, SystemInvalid, UuvsimError
@@ -21,6 +21,7 @@ from uuvsim_cosim.orchestrator.osp_groups import (
     read_variable_groups,
 )
 from uuvsim_cosim.orchestrator.osp_xml import Reading, children, local, opened
+from uuvsim_cosim.orchestrator.proxyfmu import REMARK, proxied
 from uuvsim_cosim.orchestrator.sources import FmuSource, resolve
 from uuvsim_cosim.orchestrator.system import System
 from uuvsim_cosim.orchestrator.validation import as_step, problem_of
@@ -42,7 +43,7 @@ def read_osp(path: Path, tick: str | None = None) -> System:
     reading = Reading(path.name)
     _check_sections(root, reading)
     base = _base_step(root, reading, tick)
-    _note_times(root, reading)
+    stop_time = _stop_time(root, reading)
     elements = _simulators(root, reading, base)
     described = _described(elements, path.parent, reading)
     groups = _groups(elements, described, path.parent, reading)
@@ -61,6 +62,7 @@ def read_osp(path: Path, tick: str | None = None) -> System:
             tuple(joined.step_groups()),
             base=path.parent,
             remarks=tuple(dict.fromkeys(reading.remarks)),
+            stop_time=stop_time,
         )
     except SystemInvalid as error:
         raise SystemInvalid(
@@ -131,7 +133,8 @@ def _rate(text: str | None, base: Fraction, place: str, reading: Reading) -> Fra
     return None if rounded == base else rounded
 
 
-def _note_times(root: Xml, reading: Reading) -> None:
+def _stop_time(root: Xml, reading: Reading) -> float | None:
+    """Give the end, if there is one, and note a start that is not 0."""
     start = reading.number(_only(root, "StartTime"), "<StartTime>", "time", 0.0)
     end_text = _only(root, "EndTime")
     end = reading.number(end_text, "<EndTime>", "time", start)
@@ -139,8 +142,7 @@ def _note_times(root: Xml, reading: Reading) -> None:
         reading.wrong("<EndTime>", f"{end:g} s", f"a time after StartTime, {start:g} s")
     if start:
         reading.remark(f"StartTime {start:g} s: a run starts at 0 s unless told otherwise")
-    if end_text is not None:
-        reading.remark(f"EndTime {end:g} s: a run ends where it is told to")
+    return end if end_text is not None and end > 0.0 else None
 
 
 def _note_algorithm(
@@ -179,16 +181,16 @@ def _simulators(root: Xml, reading: Reading, base: Fraction) -> tuple[Element, .
 
 def _source(text: str, place: str, reading: Reading) -> str:
     """Give the file of a source; proxyfmu, which is a process of its own, gives its file."""
-    parts = urlsplit(text)
-    if parts.scheme != "proxyfmu":
+    try:
+        file = proxied(text)
+    except InputInvalid as error:
+        read, _, expected = str(error).partition("; expected ")
+        reading.wrong(place, read, expected)
+        return text
+    if file is None:
         return unquote(text.replace("file:///", "/"))
-    files = parse_qs(parts.query).get("file", [""])
-    if (parts.hostname or "localhost") not in ("localhost", "127.0.0.1") or not files[0]:
-        expected = "an FMU, or proxyfmu://localhost?file=…: nothing is run on other machines"
-        reading.wrong(place, f"source {text!r}", expected)
-    else:
-        reading.remark(f"{place}: proxyfmu is read as its file; --isolate gives it a process")
-    return unquote(files[0].replace("file:///", "/"))
+    reading.remark(f"{place}: {REMARK}")
+    return file
 
 
 def _initial_values(xml: Xml, place: str, reading: Reading) -> dict[str, Any]:

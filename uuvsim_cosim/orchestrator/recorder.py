@@ -16,19 +16,18 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, final
 
-import numpy as np
-
 from uuvsim_cosim._version import __version__
 from uuvsim_cosim.errors import RecordingError
-from uuvsim_cosim.orchestrator.observer import Chunk, Column
+from uuvsim_cosim.orchestrator.observer import Chunk, Column, seconds
 from uuvsim_cosim.orchestrator.plan import Plan
 from uuvsim_cosim.orchestrator.recording_files import METADATA, PARQUET, STREAM, to_parquet
+from uuvsim_cosim.orchestrator.room import columns_of
 from uuvsim_cosim.orchestrator.snapshot import plan_hash
 
 __all__ = ["SCHEMA_VERSION", "Recorder"]
 
 SCHEMA_VERSION = 1
-_ROWS = 16384  # of a batch, at most
+_ROWS, _BYTES = 16384, 1 << 22  # of a batch, at most; of many columns at least 512 rows
 
 
 @final
@@ -58,7 +57,6 @@ class Recorder:
         """Open the stream; raises RecordingError if the folder cannot be written."""
         import pyarrow as pa
 
-        self._columns = columns
         self._schema = pa.schema(
             [
                 pa.field("time", pa.float64(), metadata={"unit": "s", "causality": "independent"}),
@@ -67,9 +65,11 @@ class Recorder:
             ],
             metadata={METADATA: json.dumps(self._metadata(plan))},
         )
-        self._rows = np.zeros((_ROWS, len(columns)), np.uint64)
-        self._time, self._ticks = np.zeros(_ROWS), np.zeros(_ROWS, np.int64)
+        self._tick = plan.tick
+        self._room = max(512, min(_ROWS, _BYTES // (8 * (len(columns) + 1)) - 16))
+        self._kept = columns_of(len(columns) + 1, self._room)  # ticks come last
         self._texts: dict[int, list[Any]] = {i: [] for i, c in enumerate(columns) if c.type.is_blob}
+        self._types = self._schema.types[2:]
         self._used = 0
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -90,15 +90,15 @@ class Recorder:
             return
         done, n = 0, len(chunk.ticks)
         while done < n:
-            take = min(n - done, _ROWS - self._used)
+            take = min(n - done, self._room - self._used)
             mine, theirs = slice(self._used, self._used + take), slice(done, done + take)
-            self._rows[mine] = chunk.rows[theirs]
-            self._time[mine], self._ticks[mine] = chunk.time[theirs], chunk.ticks[theirs]
+            self._kept[:-1, mine] = chunk.rows[theirs].T
+            self._kept[-1, mine] = chunk.ticks[theirs]
             for i, kept in self._texts.items():
                 kept.extend(chunk.values(i)[theirs])
             self._used += take
             done += take
-            if self._used == _ROWS:
+            if self._used == self._room:
                 self._write()
         if time.monotonic() - self._flushed >= self._flush_seconds:
             self._write()
@@ -125,19 +125,8 @@ class Recorder:
         messages = self._messages.take()
         if self._file is None or not (self._used or messages):
             return
-        n = self._used
-        turned = np.ascontiguousarray(self._rows[:n].T)
-        arrays = [pa.array(self._time[:n]), pa.array(self._ticks[:n])]
-        for i, c in enumerate(self._columns):
-            if c.type.is_blob:
-                arrays.append(pa.array(self._texts[i], self._schema.field(i + 2).type))
-                self._texts[i].clear()
-            elif c.type.name == "Boolean":
-                arrays.append(pa.array(turned[i].astype(bool)))
-            else:
-                arrays.append(pa.array(turned[i].view(c.type.dtype)))
-        self._used = 0
-        batch = pa.RecordBatch.from_arrays(arrays, schema=self._schema)
+        self._used, n = 0, self._used
+        batch = pa.RecordBatch.from_arrays(self._arrays(n), schema=self._schema)
         told = {"messages": json.dumps(messages)} if messages else None
         try:
             self._writer.write_batch(batch, custom_metadata=told)
@@ -146,6 +135,24 @@ class Recorder:
             self._close()
             raise self._failed(error, "room on the disk") from error
         self._flushed = time.monotonic()
+
+    def _arrays(self, n: int) -> list[Any]:
+        """Give the columns of n rows; numbers are not copied."""
+        import pyarrow as pa
+
+        memory, apart = pa.py_buffer(self._kept), self._kept.strides[0]
+        ticks = self._kept[-1, :n].view("i8")
+        arrays = [pa.array(seconds(ticks, self._tick)), pa.array(ticks)]
+        for i, type_ in enumerate(self._types):
+            if i in self._texts:
+                arrays.append(pa.array(self._texts[i], type_))
+                self._texts[i].clear()
+            elif type_ == pa.bool_():
+                arrays.append(pa.array(self._kept[i, :n].astype(bool)))
+            else:
+                column = memory.slice(i * apart, 8 * n)
+                arrays.append(pa.Array.from_buffers(type_, n, [None, column]))
+        return arrays
 
     def _close(self) -> None:
         self._messages.close()

@@ -20,8 +20,9 @@ __all__ = ["Signals", "export", "read_signals"]
 class Signals(Mapping[str, np.ndarray]):
     """Signals by ``path.variable``: (n,) for a scalar, (n, size) for an array.
 
-    `time` (n,) [s]; `ticks` (n,); `units` and `descriptions` by the same names; `metadata` says
-    where the recording came from, and holds what components said (``messages``).
+    `time` (n,) [s]; `ticks` (n,); `units` and `descriptions` by the same names, `element_units`
+    with one unit for each element; `metadata` says where the recording came from, and holds what
+    components said (``messages``).
     """
 
     time: np.ndarray
@@ -30,6 +31,7 @@ class Signals(Mapping[str, np.ndarray]):
     units: Mapping[str, str]
     descriptions: Mapping[str, str] = field(default_factory=dict)
     metadata: Mapping[str, Any] = field(default_factory=dict)
+    element_units: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> np.ndarray:
         """Give a signal; raises InputInvalid with names that come near."""
@@ -53,10 +55,15 @@ class Signals(Mapping[str, np.ndarray]):
 
 
 def read_signals(run: Path | str) -> Signals:
-    """Read a recording: its folder, ``signals.parquet``, or the stream of a run that was killed."""
+    """Read a recording: its folder, ``.parquet``, ``.mcap``, or the stream of a killed run."""
     import pyarrow as pa
 
-    read = list(read_batches(file_of(Path(run))))
+    file = file_of(Path(run))
+    if file.suffix.lower() == ".mcap":
+        from uuvsim_cosim.orchestrator.recording_mcap import read_mcap
+
+        return read_mcap(file)
+    read = list(read_batches(file))
     schema = read[0][0]
     messages = [m for _, _, told in read for m in told]
     if schema.names[:2] != ["time", "tick"]:
@@ -66,17 +73,17 @@ def read_signals(run: Path | str) -> Signals:
     values: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
     descriptions: dict[str, str] = {}
+    element_units: dict[str, tuple[str, ...]] = {}
     for name, columns in _grouped(schema).items():
         arrays = [_array(table.column(i)) for i in columns]
         about = _about(schema.field(columns[0]))
         values[name] = np.stack(arrays, axis=1) if about.get("index") else arrays[0]
-        units[name] = ", ".join(
-            dict.fromkeys(_about(schema.field(i)).get("unit", "") for i in columns)
-        )
+        element_units[name] = tuple(_about(schema.field(i)).get("unit", "") for i in columns)
+        units[name] = ", ".join(dict.fromkeys(element_units[name]))
         descriptions[name] = about.get("description", "")
     time, ticks = _array(table.column(0)), _array(table.column(1))
     metadata = metadata_of(schema) | {"messages": messages}
-    return Signals(time, ticks, values, units, descriptions, metadata)
+    return Signals(time, ticks, values, units, descriptions, metadata, element_units)
 
 
 def _grouped(schema: Any) -> dict[str, list[int]]:
@@ -100,13 +107,13 @@ def _array(column: Any) -> np.ndarray:
 
 def export(run: Path | str, target: Path | str) -> Path:
     """Write a recording as ``.csv``, ``.mat`` or ``.mcap``, at once or not at all."""
-    from uuvsim_cosim.orchestrator import recording_export
+    from uuvsim_cosim.orchestrator import recording_export, recording_mcap
 
     target = Path(target)
     writers = {
         ".csv": recording_export.write_csv,
         ".mat": recording_export.write_mat,
-        ".mcap": recording_export.write_mcap,
+        ".mcap": recording_mcap.write_mcap,
     }
     write = writers.get(target.suffix.lower())
     if write is None:

@@ -1,4 +1,4 @@
-"""A recording becomes a CSV, MATLAB or MCAP file."""
+"""A recording becomes a CSV or MATLAB file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from uuvsim_cosim.orchestrator.recording import Signals
 
-__all__ = ["write_csv", "write_mat", "write_mcap"]
+__all__ = ["write_csv", "write_mat"]
 
 
 def write_csv(signals: Signals, file: Path) -> None:
@@ -50,45 +50,6 @@ def write_mat(signals: Signals, file: Path) -> None:
         "metadata": json.dumps(dict(signals.metadata)),
     }
     savemat(str(file), content, appendmat=False, long_field_names=True, do_compression=True)
-
-
-def write_mcap(signals: Signals, file: Path) -> None:
-    """Write one channel for each component, with a JSON schema; time 0 is the log's epoch."""
-    from mcap.writer import Writer
-
-    groups: dict[str, list[str]] = {}
-    for name in signals:
-        groups.setdefault(name.rpartition(".")[0], []).append(name)
-    nanoseconds = np.rint(signals.time * 1e9).astype(np.int64)
-    with file.open("wb") as out:
-        writer = Writer(out)
-        writer.start(profile="", library="uuvsim-cosim")
-        writer.add_metadata("uuvsim", {"recording": json.dumps(dict(signals.metadata))})
-        channels = {}
-        for path, names in groups.items():
-            schema = json.dumps(_json_schema(path, names, signals)).encode()
-            id_ = writer.register_schema(name=path, encoding="jsonschema", data=schema)
-            channels[path] = writer.register_channel(
-                topic=f"/{path.replace('.', '/')}", message_encoding="json", schema_id=id_
-            )
-        lists = {name: values.tolist() for name, values in signals.items()}
-        for k, at in enumerate(nanoseconds.tolist()):
-            for path, names in groups.items():
-                message = {n.rpartition(".")[2]: lists[n][k] for n in names}
-                data = json.dumps(message, default=str).encode()
-                writer.add_message(channels[path], log_time=at, publish_time=at, data=data)
-        writer.finish()
-
-
-def _json_schema(path: str, names: list[str], signals: Signals) -> dict[str, Any]:
-    properties: dict[str, Any] = {}
-    for name in names:
-        kind = {"b": "boolean", "i": "integer", "u": "integer", "O": "string"}
-        scalar: dict[str, Any] = {"type": kind.get(signals[name].dtype.kind, "number")}
-        told = f"{signals.descriptions.get(name, '')} [{signals.units.get(name, '')}]".strip()
-        shaped = {"type": "array", "items": scalar} if signals[name].ndim == 2 else scalar
-        properties[name.rpartition(".")[2]] = {**shaped, "description": told}
-    return {"title": path, "type": "object", "properties": properties}
 
 
 def _scalars(name: str, values: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:

@@ -108,11 +108,11 @@ def run(
 ) -> Run:
     """Simulate a system from 0 to `until` [s] and record every output into a fresh folder.
 
-    Without `until`, a run ends where its scenario says, else a mission runs as long as its path
-    takes (see `mission.duration`). The folder is `out`, by default ``runs/<system>-<seed>``; if
-    it holds something already, the first free of NAME-2, NAME-3, …. ``progress(stage, done,
-    total)`` is called while "building" (components) and "simulating" (seconds). `about` goes
-    into run.json. `real_time`
+    Without `until`, a run ends where its scenario says, else where the system does, else a mission
+    runs as long as its path takes (see `mission.duration`). The folder is `out`, by default
+    ``runs/<system>-<seed>``; if it holds something already, the first free of NAME-2, NAME-3, ….
+    ``progress(stage, done, total)`` is called while "building" (components) and "simulating"
+    (seconds). `about` goes into run.json. `real_time`
     is a factor of real time to be kept, or a `Pace`; without it the run is as fast as it can be.
     `scenario`, or a file of one, is what happens meanwhile. `isolate` names components that get a
     process of their own ("*": all), so that a crash is an error and no more; one that does not
@@ -120,7 +120,8 @@ def run(
     the run is slow then, with the same result.
 
     Raises SystemInvalid and InputInvalid before anything runs, ComponentFailed while it runs
-    (its attribute `recording` is the folder), Interrupted on Ctrl-C while stepping.
+    (its attribute `recording` is the folder), Interrupted on Ctrl-C while stepping. A component
+    that asks to end the simulation ends it in good order, with a warning.
     """
     if until is not None and not (math.isfinite(until) and until > 0):
         raise InputInvalid(f"until: {until:g} s was read; expected more than 0")
@@ -138,7 +139,7 @@ def run(
     pace = real_time if isinstance(real_time, Pace | None) else Pace(real_time)
     plan = flatten(system, seed)
     asked = played.end if until is None and played is not None else until
-    end = duration(plan) if asked is None else asked
+    end = _end(system, plan) if asked is None else asked
     _check_end(end, plan)
     trace = None if trace_fmi is None else _trace(Path(trace_fmi))
     folder = claim(out if out is not None else Path("runs") / f"{system.name}-{seed}")
@@ -172,6 +173,13 @@ def _read_scenario(path: str | Path) -> Scenario:
     from uuvsim_cosim.orchestrator.scenario_file import read_scenario
 
     return read_scenario(path)
+
+
+def _end(system: System, plan: Plan) -> float:
+    """Give where a run ends that nobody ends, at the first step that reaches the system's end."""
+    if system.stop_time is None:
+        return duration(plan)
+    return float(math.ceil(Fraction(str(system.stop_time)) / plan.tick) * plan.tick)
 
 
 def _check_end(end: float, plan: Plan) -> None:
@@ -230,7 +238,11 @@ def _stepped(
             interrupted = True
             stopped = f"interrupted at t = {master.time:.6g} s"
         except UuvsimError as failure:
-            error, stopped = failure, str(failure)
+            if isinstance(failure, ComponentFailed) and failure.asks_to_end:
+                said = f"{failure.path} asks to end the simulation at t = {master.time:.6g} s"
+                provenance["warnings"].append(said)
+            else:
+                error, stopped = failure, str(failure)
         done, reached = master.tick, master.time
         if error is not None:
             master.free()  # not terminate(): what has failed may not answer

@@ -4,6 +4,7 @@
 ``hull.fmu``                   an FMU
 ``my.py:MyController``         a Python class in a file, or ``package.module:Class``
 ``model:vehicle?id=…&set=…``   a declaration of this package, with its options
+``lqr``, ``remus100@…``        the same by its bare name, options allowed; ``mpc`` runs in Python
 ``vehicle.ssd``, ``.ssp``      a nested system
 ``<scheme>:…``                 what an entry point of group ``uuvsim_cosim.sources`` names
 =============================  ====================================================
@@ -92,6 +93,8 @@ def resolve(source: str, base: Path | None = None) -> Source:
             return PythonSource(f"{_file(target, base, 'a Python file')}:{name}")
         if re.fullmatch(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*", target):
             return PythonSource(source)
+    if (bare := _BARE.fullmatch(source)) is not None:
+        return _named(source, bare[1])
     raise InputInvalid(
         f"source {source!r} is of no known kind; expected a .fmu, .ssd or .ssp file, "
         f"FILE.py:Class, package.module:Class, model:NAME?option=value"
@@ -103,7 +106,10 @@ def anchored(source: str, base: Path | None) -> str:
     """Give a source whose file is found from the current folder by its absolute path.
 
     So that what a user names is looked for where the user is, not beside a system that ships.
+    The bare name of a model becomes what it stands for.
     """
+    if (bare := _BARE.fullmatch(source)) is not None and _is_known(bare[1], source):
+        return _named(source, bare[1]).text
     file, colon, name = source, "", ""
     if Path(source.partition("#")[0]).suffix.lower() not in (".fmu", ".ssd", ".ssp"):
         file, colon, name = source.rpartition(":")
@@ -246,6 +252,38 @@ def _archive(fmu: Path) -> FmuArchive:
 
 
 # ---- inside ---------------------------------------------------------------------------------
+
+_BARE = re.compile(r"([A-Za-z_][\w-]*(?:@\w+)?)(?:\?.*)?")
+
+
+def _is_known(name: str, source: str) -> bool:
+    from uuvsim_cosim.models.library import ALIASES, IN_PROCESS, LIBRARY
+    from uuvsim_cosim.models.parameters import is_vehicle
+
+    id = name.partition("@")[0]
+    return source in IN_PROCESS or id in LIBRARY or id in ALIASES or is_vehicle(id)
+
+
+def _named(source: str, name: str) -> Source:
+    """Find a model by its bare name; near names for one that does not exist."""
+    from uuvsim_cosim.models.library import ALIASES, IN_PROCESS, available
+
+    if source in IN_PROCESS:
+        return PythonSource(IN_PROCESS[source])
+    if name in IN_PROCESS:
+        raise InputInvalid(
+            f"{name} is a Python component and takes no options; expected {name!r} alone, its "
+            f"parameters set by name, or a class of your own derived from {IN_PROCESS[name]}"
+        )
+    if _is_known(name, source):
+        return ModelSource(f"model:{source}")
+    known = [*available(), *ALIASES, *IN_PROCESS]
+    close = get_close_matches(name, known, n=3, cutoff=0.5)
+    hint = f" (did you mean {', '.join(close)}?)" if close else ""
+    raise InputInvalid(
+        f"there is no model {name!r}{hint}; expected one that `uuvsim models` lists, a .fmu, "
+        ".ssd or .ssp file, FILE.py:Class or package.module:Class"
+    )
 
 
 def _file(name: str, base: Path, what: str) -> Path:

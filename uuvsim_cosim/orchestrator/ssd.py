@@ -68,7 +68,7 @@ def format_ssd(system: System, version: SspVersion = "2.0", folder: Path | None 
     )
     root.append(writer.system(system, system.name))
     add_units(root, writer.unit_names, writer.units, "ssd:Units")
-    add_default_experiment(root, system.base_step)
+    add_default_experiment(root, system.base_step, system.stop_time)
     return document(root, "oms", "osp", "ssc", "ssd", "ssv", "uuvsim")
 
 

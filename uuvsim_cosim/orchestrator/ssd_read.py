@@ -13,6 +13,7 @@ from uuvsim_cosim.errors import InputInvalid, Problem, SystemInvalid, UuvsimErro
 from uuvsim_cosim.fmus.archive import shown
 from uuvsim_cosim.orchestrator.elements import Element, StepGroup
 from uuvsim_cosim.orchestrator.endpoints import find_variable
+from uuvsim_cosim.orchestrator.proxyfmu import REMARK, proxied
 from uuvsim_cosim.orchestrator.signal_dictionary import (
     read_dictionaries,
     read_references,
@@ -61,7 +62,8 @@ def read_ssd(path: Path, tick: str | None = None, confined: bool = False) -> Sys
     system = reader.system(top, tick, remarks=remarks)
     if reader.problems or system is None:
         raise SystemInvalid([replace(p, place=f"{path.name}: {p.place}") for p in reader.problems])
-    return system
+    stop = 0.0 if experiment is None else float_of(experiment, "stopTime", place, 0.0)
+    return replace(system, stop_time=stop) if 0.0 < stop < math.inf else system
 
 
 class _Reader:
@@ -143,6 +145,8 @@ class _Reader:
                 found.append(self._reference(child, source[1:], tick, place, broken, remarks))
             elif child.tag == q("ssd:Component"):
                 found.append(self._component(child, tick, place, remarks))
+                if found[-1].source == _BROKEN:
+                    broken.add(name)
             elif child.tag != q("ssd:SignalDictionaryReference"):
                 tag = child.tag.rpartition("}")[2] if isinstance(child.tag, str) else "comment"
                 self.problems.append(Problem(place, f"a {tag}", "a Component or a System"))
@@ -184,6 +188,14 @@ class _Reader:
             read = "no source" if xml.get("source") is None else "an empty source"
             self.problems.append(Problem(place, read, "an FMU, an .ssd or an .ssp"))
             return Element(name, _BROKEN)
+        try:
+            file = proxied(source)
+        except InputInvalid as error:
+            self.wrong(InputInvalid(f"{place}: {error}"))
+            return Element(name, _BROKEN)
+        if file is not None:
+            source = file
+            remarks.append(f"{place}: {REMARK}")
         self._confine(source, place)
         wanted = xml.get("implementation", "any")
         if wanted not in ("any", "CoSimulation", "ModelExchange"):

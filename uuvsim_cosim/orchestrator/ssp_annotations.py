@@ -42,9 +42,11 @@ OMS = "org.openmodelica"
 _SAME = 1e-9  # relative; other tools round a step of 1/60 s
 
 
-def add_default_experiment(root: Xml, step: Fraction) -> None:
+def add_default_experiment(root: Xml, step: Fraction, stop_time: float | None) -> None:
     """Add the default experiment, with the step as the Open Simulation Platform writes it."""
     experiment = SubElement(root, "ssd:DefaultExperiment", startTime="0.0")
+    if stop_time is not None:
+        experiment.set("stopTime", repr(float(stop_time)))
     algorithm = SubElement(_annotation(experiment, OSP), "osp:Algorithm")
     SubElement(algorithm, "osp:FixedStepAlgorithm", baseStepSize=_decimal(step))
 

@@ -154,10 +154,12 @@ def read_enumerations(parent: Element, tag: str, place: str) -> Enumerations:
     }
 
 
-def _item(typed: Element, text: str, enumerations: Enumerations, place: str) -> int:
-    """Give the number of an enumeration's item."""
+def _item(typed: Element, text: str, enumerations: Enumerations, place: str) -> int | str:
+    """Give the number of an enumeration's item; its name where only the variable may know it."""
     if text.strip().lstrip("-").isdecimal():
         return int(text)
+    if not enumerations:
+        return text
     name = typed.get("name")
     if name is not None and name not in enumerations:
         raise InputInvalid(

@@ -41,7 +41,8 @@ __all__ = ["System"]
 class System:
     """Components, their connections and start values; every edit gives a new system.
 
-    `tick` is the base step in s, exact. Relative files of sources lie in `base`. Raises
+    `tick` is the base step in s, exact; `stop_time` [s] is where a run ends unless it is told
+    otherwise. Relative files of sources lie in `base`. Raises
     SystemInvalid, with every problem, if the parts do not make a system.
     """
 
@@ -54,6 +55,7 @@ class System:
     exposed: tuple[Exposed, ...] = ()
     base: Path | None = field(default=None, compare=False)
     remarks: tuple[str, ...] = field(default=(), compare=False)
+    stop_time: float | None = None
     checked: Checked = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:

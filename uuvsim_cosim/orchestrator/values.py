@@ -90,6 +90,8 @@ def fit(
         units = {**(units or {}), **given.definitions}
         scale = (given.factor, given.offset)
         given, unit = given.value, given.unit
+    if variable.type == "Enumeration":
+        given = _items(variable, given)
     if isinstance(given, str) and variable.type != "String":
         given, own = _parsed(variable, given)
         unit = own or unit
@@ -106,6 +108,21 @@ def fit(
     for e in elements:
         _check_range(variable, e)
     return _shaped(elements, variable.shape)
+
+
+def _items(variable: Variable, given: Any) -> Any:
+    """Put numbers in the place of an enumeration's names."""
+    if isinstance(given, list | tuple):
+        return [_items(variable, part) for part in given]
+    if not isinstance(given, str):
+        return given
+    numbers = dict(variable.items)
+    if given in numbers:
+        return numbers[given]
+    if variable.items and _NUMBERS.match(given) is None:
+        names = ", ".join(repr(name) for name in numbers)
+        raise Misfit(repr(given), f"an item of its enumeration, {names}, or a number")
+    return given
 
 
 def as_array(variable: Variable, value: Any) -> Any:

@@ -12,7 +12,7 @@ from uuvsim_cosim.orchestrator.uninterrupted import uninterrupted
 
 __all__ = ["Watch", "rows_of"]
 
-_ROW_BYTES = 4_000_000
+_ROW_BYTES = 1 << 19  # stay in the cache of one core
 
 
 def rows_of(columns: int) -> int:
@@ -46,9 +46,7 @@ class Watch:
     def _emit(self, core: Core) -> None:
         ticks, rows, texts = core.rows()
         if len(ticks):
-            tick = self._plan.tick
-            time = (ticks * tick.numerator).astype(float) / float(tick.denominator)
-            chunk = Chunk(self._columns, time, ticks, rows, texts)
+            chunk = Chunk(self._columns, self._plan.tick, ticks, rows, texts)
             for observer in self._open:
                 observer.observe(chunk)
         core.clear_rows()

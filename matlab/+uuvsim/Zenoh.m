@@ -1,0 +1,259 @@
+classdef Zenoh < handle
+  % A running co-simulation straight over Zenoh:  z = uuvsim.Zenoh();  z.step(10);  z.close();
+  %
+  % An option for those who want states as a stream beside their calls, or other keys on the same
+  % network; uuvsim.connect() needs nothing compiled and does the rest. This needs uuvsim_zenoh,
+  % which matlab/mex/build_zenoh.m compiles. Options, as name and value: 'host', 'port' (7470),
+  % 'system' where there are several, 'name', 'lockstep', 'lag' and 'timeout' [s].
+  properties (SetAccess = private)
+    system = '';        % its name
+    name = '';          % of this client
+    tick = 0;           % of the present communication point
+    time = 0;           % of the present communication point [s]
+  end
+  properties (Access = private)
+    door = [];
+    id = '';
+    timeout = 10;
+    layouts = [];       % what the blocks of each component hold
+    watched = [];       % struct array: stream, component
+  end
+
+  methods
+    function self = Zenoh(varargin)
+      options = struct('host', '127.0.0.1', 'port', 7470, 'system', '', 'name', 'matlab', ...
+                       'lockstep', false, 'lag', 5, 'timeout', 10);
+      for k = 1:2:numel(varargin)
+        if ~ischar(varargin{k}) || ~isfield(options, varargin{k}) || k == numel(varargin)
+          error('uuvsim:option', 'uuvsim: options are pairs of %s and a value.', ...
+                strjoin(fieldnames(options).', ', '));
+        end
+        options.(varargin{k}) = varargin{k + 1};
+      end
+      if exist('uuvsim_zenoh') ~= 3
+        error('uuvsim:zenoh', ['uuvsim: uuvsim_zenoh is not compiled, or not on the path; see ' ...
+              'docs/connect_matlab.md, or use uuvsim.connect(), which needs nothing compiled.']);
+      end
+      self.timeout = options.timeout;
+      self.door = uuvsim_zenoh('open', sprintf('tcp/%s:%d', options.host, options.port));
+      self.system = self.found(options);
+      [~, unique] = fileparts(tempname());  % rand would give each new MATLAB the same
+      self.id = [sprintf('%x', floor(864e5 * now())), regexprep(unique, '\W', '')];
+      uuvsim_zenoh('token', self.door, ['uuvsim/' self.system '/live/client/' self.id]);
+      told = self.call('join', {'name', options.name, 'lockstep', logical(options.lockstep), ...
+                                'lag', options.lag, 'protocol', 1});
+      self.name = told.name;
+    end
+
+    function varargout = get(self, varargin)
+      % The value of a signal; of several, as many values.
+      names = varargin;
+      [~, values] = self.call('get', {'names', listed(names)});
+      varargout = values(1:max(1, min(nargout, numel(names))));
+    end
+
+    function set(self, varargin)
+      % z.set('name', value, ...): unconnected inputs and tunable parameters, all or none.
+      [held, block] = packed(varargin);
+      self.asked('set', ['"values":' held], block);
+    end
+
+    function varargout = step(self, n, inputs, outputs)
+      % Set inputs {'name', value, ...}, make n communication steps, and give outputs {'name', ...}.
+      if nargin < 2
+        n = 1;
+      end
+      if nargin < 3
+        inputs = {};
+      end
+      if nargin < 4
+        outputs = {};
+      end
+      [held, block] = packed(inputs);
+      fields = sprintf('"n":%.17g,"inputs":%s,"outputs":%s', n, held, ...
+                       jsonencode(listed(cellstr(outputs))));
+      [~, values] = self.asked('step', fields, block);
+      varargout = values(1:min(max(nargout, ~isempty(values)), numel(values)));
+    end
+
+    function watch(self, component, keep)
+      % Let the states of a component come; the newest `keep` (1000) blocks wait to be taken.
+      if nargin < 3
+        keep = 1000;
+      end
+      self.layouts = self.call('schema', {});
+      if ~isfield(self.layouts.blocks, matlab.lang.makeValidName(component))
+        error('uuvsim:InputInvalid', 'uuvsim: no component ''%s''; expected one of %s.', ...
+              component, strjoin(fieldnames(self.layouts.blocks).', ', '));
+      end
+      key = ['uuvsim/' self.system '/state/' component];
+      stream = uuvsim_zenoh('watch', self.door, key, keep);
+      self.watched = [self.watched, struct('stream', stream, 'component', component)];
+    end
+
+    function block = take(self, component)
+      % The oldest block of a watched component that waits: tick, time, and its variables; or [].
+      chosen = [];
+      if ~isempty(self.watched)
+        chosen = find(strcmp({self.watched.component}, component), 1);
+      end
+      if isempty(chosen)
+        error('uuvsim:InputInvalid', ...
+              'uuvsim: ''%s'' is not watched; call z.watch(''%s'') first.', component, component);
+      end
+      bytes = uuvsim_zenoh('take', self.door, self.watched(chosen).stream);
+      block = [];
+      if ~isempty(bytes)
+        block = self.unblocked(component, bytes);
+      end
+    end
+
+    function [told, values] = call(self, what, fields)
+      % Any call by name and fields, {'name', value, ...}; the answer, and its values in order.
+      texts = cell(1, numel(fields) / 2);
+      for k = 1:numel(texts)
+        texts{k} = [jsonencode(fields{2 * k - 1}) ':' jsonencode(fields{2 * k})];
+      end
+      [told, values] = self.asked(what, strjoin(texts, ','), uint8([]));
+    end
+
+    function close(self)
+      % Let the co-simulation go; it runs on without this client.
+      if ~isempty(self.door)
+        door = self.door;
+        if ~isempty(self.name)
+          try
+            self.call('leave', {});
+          catch
+          end
+        end
+        self.door = [];
+        uuvsim_zenoh('close', door);
+      end
+    end
+
+    function delete(self)
+      self.close();
+    end
+  end
+
+  methods (Access = private)
+    function [told, values] = asked(self, what, fields, block)
+      if isempty(self.door)
+        error('uuvsim:closed', ...
+              'uuvsim: this connection is closed; z = uuvsim.Zenoh() opens another.');
+      end
+      if ~isempty(fields)
+        fields = [',' fields];
+      end
+      sent = unicode2native(['{"client":"' self.id '","binary":true' fields '}'], 'UTF-8');
+      key = ['uuvsim/' self.system '/call/' what];
+      [answer, attached, ok] = uuvsim_zenoh('get', self.door, key, uint8(sent), block, ...
+                                            self.timeout);
+      told = jsondecode(native2unicode(answer, 'UTF-8'));
+      if ~ok
+        error(['uuvsim:' told.error], 'uuvsim: %s', told.message);
+      end
+      if isfield(told, 'moment')
+        self.tick = told.moment.tick;
+        self.time = told.moment.time;
+      end
+      values = {};
+      if isfield(told, 'values')
+        values = struct2cell(told.values);
+        for k = 1:numel(values)
+          if isstruct(values{k})
+            values{k} = unpacked(values{k}, attached);
+          end
+        end
+      end
+    end
+
+    function name = found(self, options)
+      keys = uuvsim_zenoh('alive', self.door, 'uuvsim/*/live/master', self.timeout);
+      parts = cellfun(@(key) strsplit(key, '/'), keys, 'UniformOutput', false);
+      there = sort(cellfun(@(part) part{2}, parts, 'UniformOutput', false));
+      name = options.system;
+      if isempty(name) && numel(there) == 1
+        name = there{1};
+      elseif isempty(name) || ~any(strcmp(name, there))
+        self.close();
+        error('uuvsim:InputInvalid', ['uuvsim: %d co-simulations at %s, port %d (%s); name one ' ...
+              'of them: ''system''.'], numel(there), options.host, options.port, ...
+              strjoin(there, ', '));
+      end
+    end
+
+    function block = unblocked(self, component, bytes)
+      if double(typecast(bytes(17:24), 'int64')) ~= self.layouts.layout
+        self.layouts = self.call('schema', {});  % a component was replaced
+      end
+      numbers = typecast(bytes(25:end), 'double');
+      block = struct('tick', double(typecast(bytes(1:8), 'int64')), ...
+                     'time', typecast(bytes(9:16), 'double'));
+      names = cellstr(self.layouts.blocks.(matlab.lang.makeValidName(component)));
+      all_names = {self.layouts.signals.name};
+      at = 0;
+      for k = 1:numel(names)
+        shape = reshape(self.layouts.signals(strcmp(names{k}, all_names)).shape, 1, []);
+        count = prod(shape);
+        field = matlab.lang.makeValidName(names{k}(numel(component) + 2:end));
+        block.(field) = arranged(numbers(at + 1:at + count), shape);
+        at = at + count;
+      end
+    end
+  end
+end
+
+function list = listed(names)
+  list = reshape(names, 1, []);  % a cell, also of one: jsonencode makes an array of it
+end
+
+function [held, block] = packed(pairs)
+  % Values as JSON says where they lie, and their bytes.
+  block = uint8([]);
+  if mod(numel(pairs), 2) ~= 0
+    error('uuvsim:InputInvalid', 'uuvsim: values come in pairs, as in ''hull.v_c'', [0.3 0 0].');
+  end
+  texts = cell(1, numel(pairs) / 2);
+  for k = 1:2:numel(pairs)
+    value = double(pairs{k + 1});
+    shape = size(value);
+    if numel(value) == 1
+      shape = [];
+    elseif isvector(value)
+      shape = numel(value);
+    else
+      value = permute(value, ndims(value):-1:1);
+    end
+    texts{(k + 1) / 2} = sprintf('%s:{"at":%d,"type":"f8","shape":[%s]}', jsonencode(pairs{k}), ...
+                                 numel(block), commas('%d,', shape));
+    block = [block, typecast(reshape(value, 1, []), 'uint8')];
+  end
+  held = ['{' commas('%s,', texts{:}) '}'];
+end
+
+function text = commas(form, varargin)
+  text = sprintf(form, varargin{:});
+  text = text(1:end - 1);
+end
+
+function value = unpacked(held, block)
+  classes = struct('f8', 'double', 'i8', 'int64', 'u8', 'uint64');
+  shape = reshape(held.shape, 1, []);
+  count = prod(shape);
+  if strcmp(held.type, '?')
+    value = logical(block(held.at + 1:held.at + count));
+  else
+    value = double(typecast(block(held.at + 1:held.at + 8 * count), classes.(held.type)));
+  end
+  value = arranged(value, shape);
+end
+
+function value = arranged(numbers, shape)
+  if numel(shape) < 2
+    value = reshape(numbers, [], 1);
+  else
+    value = permute(reshape(numbers, fliplr(shape)), numel(shape):-1:1);
+  end
+end

@@ -1,0 +1,4 @@
+function load_system(name)
+  % Simulink's, as a double.
+  assert(ischar(name));
+end

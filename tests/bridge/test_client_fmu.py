@@ -1,0 +1,444 @@
+"""The client FMU is the running co-simulation: its bits, its refusals, and its end, in words."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import uuvsim_cosim as uuv
+from uuvsim_cosim.bridge.client_fmu import build_client_fmu
+from uuvsim_cosim.bridge.conductor import Conductor
+from uuvsim_cosim.bridge.desk import Client
+from uuvsim_cosim.bridge.tcp_door import TcpDoor
+from uuvsim_cosim.cache import cache_dir
+from uuvsim_cosim.cli import status_of
+from uuvsim_cosim.errors import ComponentFailed, FmuError, InputInvalid, UuvsimError
+from uuvsim_cosim.fmus.check_fmu import examine
+from uuvsim_cosim.fmus.component import Component
+from uuvsim_cosim.fmus.export import fmi_headers
+from uuvsim_cosim.fmus.instantiate import instantiate_fmu
+from uuvsim_cosim.fmus.read_description import read_fmu
+
+PARTS = Path(__file__).parent / "parts.py"
+WINE = shutil.which("wine64") or shutil.which("/usr/lib/wine/wine64")
+TICK = 0.01
+ME = Client("me", "local")
+
+
+def system(part: str = "Sum") -> uuv.System:
+    """Give a sum with two free inputs and a tunable parameter, and a noisy component."""
+    return (
+        uuv.System("sums", "0.01")
+        .add("sum", f"{PARTS}:{part}")
+        .add("current", "model:current_gauss_markov")
+    )
+
+
+@pytest.fixture
+def served() -> Iterator[tuple[Conductor, TcpDoor]]:
+    with Conductor(system()) as desk, TcpDoor(desk, 0) as door:
+        yield desk, door
+
+
+@pytest.fixture(scope="module")
+def built() -> Callable[[int], Path]:
+    return lambda fmi: build_client_fmu(system(), fmi=fmi)  # type: ignore[arg-type]
+
+
+class Run:
+    """An instance, by names."""
+
+    def __init__(self, path: Path, **settings: Any) -> None:
+        fmu = read_fmu(path)
+        self.variables = fmu.description.variables
+        self.x: Component = instantiate_fmu(fmu, "it")
+        self.set(**settings)
+
+    def set(self, **values: Any) -> None:
+        for name, value in values.items():
+            self.x.set(self.variables[name], value)
+
+    def get(self, name: str) -> Any:
+        return self.x.get(self.variables[name])
+
+    def start(self, **values: Any) -> Run:
+        self.set(**values)
+        self.x.enter_initialization_mode(0.0, None)
+        self.x.exit_initialization_mode()
+        return self
+
+    def step(self, k: int, n: int = 1) -> None:
+        self.x.do_step(k * TICK, n * TICK)
+
+
+@pytest.fixture(params=[2, 3])
+def run(
+    built: Callable[[int], Path],
+    served: tuple[Conductor, TcpDoor],
+    request: pytest.FixtureRequest,
+) -> Iterator[Run]:
+    made = Run(built(request.param), port=served[1].port)
+    yield made
+    made.x.free()
+
+
+def values(desk: Conductor, *names: str) -> Mapping[str, Any]:
+    return desk.get(ME, names)
+
+
+def test_its_steps_are_those_of_the_co_simulation(
+    run: Run, served: tuple[Conductor, TcpDoor]
+) -> None:
+    desk, _ = served
+    run.start(sum_a=1.0, seed=3)
+    assert run.get("sum_s") == 0.0
+    for k in range(10):
+        run.set(sum_b=0.5 * k)
+        run.step(k)
+        there = values(desk, "sum.s", "sum.both", "current.v_c")
+        assert run.get("sum_s") == there["sum.s"]
+        assert run.get("sum_both").tolist() == there["sum.both"].tolist() == [1.0, 0.5 * k]
+        assert run.get("current_v_c").tobytes() == there["current.v_c"].tobytes()
+    run.set(sum_k=0.0, current_speed=0.9)  # tunable
+    before = run.get("sum_s")
+    run.step(10, 5)
+    assert run.get("sum_s") == before
+    assert values(desk, "current.speed")["current.speed"] == 0.9
+    assert desk.moment().tick == 15
+
+
+def test_a_second_run_begins_anew_with_the_same_bits(run: Run) -> None:
+    rows = []
+    for _ in range(2):
+        run.start(seed=5, sum_a=2.0)
+        for k in range(20):
+            run.step(k)
+        rows.append((run.get("sum_s"), run.get("current_v_c").tobytes()))
+        run.x.terminate()
+        assert run.get("sum_s") == rows[0][0]
+        port = run.get("port")
+        run.x.reset()
+        assert run.get("port") == 7448
+        run.set(port=port)
+    assert rows[0] == rows[1]
+
+
+def test_without_restart_it_goes_on_from_where_the_co_simulation_is(
+    run: Run, served: tuple[Conductor, TcpDoor]
+) -> None:
+    desk, _ = served
+    desk.set(ME, {"sum.k": 3.0})
+    desk.step(ME, 7, {"sum.a": 1.0})
+    run.start(restart=False, sum_a=1.0)
+    assert run.get("sum_s") == pytest.approx(0.21)
+    run.step(0)
+    assert run.get("sum_s") == pytest.approx(0.24)
+    assert desk.moment().tick == 8
+
+
+def test_one_that_streams_is_paused_and_held(run: Run, served: tuple[Conductor, TcpDoor]) -> None:
+    desk, _ = served
+    desk.run(ME)
+    while not desk.moment().running:
+        pass
+    run.start()
+    assert (desk.moment().tick, desk.moment().running) == (0, False)
+    with pytest.raises(InputInvalid, match="time is held in lockstep by fmu"):
+        desk.step(ME)
+    run.x.terminate()
+    while desk.describe()["clients"]:
+        pass
+    desk.step(ME)
+
+
+def test_initial_outputs_are_read_in_initialization_mode(run: Run) -> None:
+    run.x.enter_initialization_mode(0.0, None)
+    first = run.get("current_v_c").tolist()
+    run.set(current_speed=0.7)
+    assert run.get("current_v_c").tolist() != first
+
+
+def test_settings_that_change_in_initialization_mode_lead_elsewhere(run: Run) -> None:
+    run.x.enter_initialization_mode(0.0, None)
+    assert run.get("sum_s") == 0.0
+    with Conductor(system()) as other, TcpDoor(other, 0) as door:
+        other.step(ME, 3, {"sum.a": 1.0})
+        run.set(port=door.port, restart=False)
+        assert run.get("sum_s") == pytest.approx(0.03)
+        run.set(host="localhost", restart=True)
+        run.x.exit_initialization_mode()
+        assert run.get("sum_s") == 0.0
+        run.step(0)
+        assert other.moment().tick == 1
+
+
+def test_a_step_that_is_no_whole_multiple_is_refused_with_both_numbers(run: Run) -> None:
+    run.start()
+    with pytest.raises(ComponentFailed, match=r"0\.025 s.*whole multiple.*0\.01 s"):
+        run.x.do_step(0.0, 0.025)
+    run.step(0)
+
+
+def test_nobody_there_is_said_in_words_and_a_reset_helps(
+    run: Run, served: tuple[Conductor, TcpDoor]
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        free = taken.getsockname()[1]
+    with pytest.raises(FmuError, match=f"nobody serves a co-simulation at 127.0.0.1, port {free}"):
+        run.start(port=free)
+    run.x.reset()
+    run.start(port=served[1].port).step(0)
+
+
+def test_what_is_no_co_simulation_is_said_to_be_none(run: Run) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other:
+
+        def answer() -> None:
+            with other.accept()[0] as client:
+                client.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+
+        thread = threading.Thread(target=answer)
+        thread.start()
+        with pytest.raises(FmuError, match="no co-simulation's TCP door"):
+            run.start(port=other.getsockname()[1])
+        thread.join()
+
+
+def test_a_server_that_hangs_is_left_after_the_timeout(run: Run) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        greeting = json.dumps({"ok": True, "protocol": 1}).encode()
+
+        def answer() -> None:
+            with other.accept()[0] as client:
+                client.sendall(len(greeting).to_bytes(4, "little") + bytes(4) + greeting)
+                while client.recv(1000):
+                    pass
+
+        thread = threading.Thread(target=answer)
+        thread.start()
+        with pytest.raises(FmuError, match=r"did not answer within 0\.05 s"):
+            run.start(port=other.getsockname()[1], timeout=0.05)
+        thread.join()
+
+
+def test_a_server_that_dies_fails_the_step_and_the_last_values_stay(
+    built: Callable[[int], Path],
+) -> None:
+    with Conductor(system()) as desk, TcpDoor(desk, 0) as door:
+        run = Run(built(2), port=door.port).start(sum_a=1.0)
+        run.step(0)
+    with pytest.raises(ComponentFailed, match="has gone; expected `uuvsim serve` to go on"):
+        run.step(1)
+    assert run.get("sum_s") == 0.01
+    run.x.free()
+
+
+@pytest.mark.parametrize(
+    ("other", "words"),
+    [
+        (uuv.System("others", "0.02").add("sum", f"{PARTS}:Sum"), r"0\.02 s; expected 0\.01 s"),
+        (uuv.System("others", "0.01").add("sum", f"{PARTS}:Sum"), "current.*does not exist"),
+        (
+            uuv.System("others", "0.01")
+            .add("sum", f"{PARTS}:Sum")
+            .add("current", f"{PARTS}:Current"),
+            r"current\.\w+ has another type or shape",
+        ),
+    ],
+)
+def test_another_system_is_refused(
+    built: Callable[[int], Path], other: uuv.System, words: str
+) -> None:
+    with Conductor(other) as desk, TcpDoor(desk, 0) as door:
+        run = Run(built(3), port=door.port)
+        with pytest.raises(FmuError, match=words):
+            run.start()
+        run.x.free()
+
+
+def test_other_units_are_found_by_the_hash(built: Callable[[int], Path]) -> None:
+    with Conductor(system("Feet")) as desk, TcpDoor(desk, 0) as door:
+        run = Run(built(2), port=door.port)
+        with pytest.raises(FmuError, match="units of signals differ"):
+            run.start()
+        run.x.free()
+
+
+def test_a_login_is_asked_for_and_given(built: Callable[[int], Path]) -> None:
+    def admit(user: str | None, password: str | None, *_: object) -> frozenset[str]:
+        if (user, password) != ("ann", 'say "\\please"'):
+            raise InputInvalid(f"user {user!r} may not enter; expected user and password")
+        return frozenset({"read", "set", "step"})
+
+    with Conductor(system()) as desk, TcpDoor(desk, 0, admit=admit) as door:
+        run = Run(built(3), port=door.port)
+        with pytest.raises(FmuError, match="user None may not enter"):
+            run.start()
+        run.x.reset()
+        run.start(port=door.port, user="ann", password='say "\\please"').step(0)
+        run.x.free()
+
+
+def test_what_fails_there_is_said_here(built: Callable[[int], Path]) -> None:
+    with Conductor(system("Fails")) as desk, TcpDoor(desk, 0) as door:
+        run = Run(built(2), port=door.port).start()
+        run.step(0, 40)
+        with pytest.raises(ComponentFailed, match="the well is dry"):
+            run.step(40, 20)
+        run.x.reset()
+        run.start(port=door.port).step(0)
+        run.x.free()
+
+
+def test_time_moved_by_somebody_else_is_noticed(
+    run: Run, served: tuple[Conductor, TcpDoor]
+) -> None:
+    run.start()
+    run.step(0)
+    served[0].reset(ME)
+    with pytest.raises(ComponentFailed, match=r"another client has moved.*point 1; expected 2"):
+        run.step(1)
+
+
+def test_two_of_them_step_together(
+    served: tuple[Conductor, TcpDoor],
+) -> None:
+    port = served[1].port
+    one = Run(build_client_fmu(system(), inputs=["sum.a"], port=port)).start(sum_a=2.0)
+    two = Run(build_client_fmu(system(), inputs=["sum.b"], port=port)).start(restart=False, sum_b=1)
+    thread = threading.Thread(target=lambda: [one.step(k) for k in range(5)])
+    thread.start()
+    two.step(0, 5)
+    thread.join()
+    assert one.get("sum_s") == two.get("sum_s") == pytest.approx(0.15)
+    assert served[0].moment().tick == 5
+    for each in (one, two):
+        each.x.free()
+
+
+def test_wrong_values_are_refused_here(run: Run) -> None:
+    for settings, words in (
+        ({"port": 0}, r"\[1, 65535\]"),
+        ({"sum_a": np.nan}, "expected a finite number"),
+        ({"host": "x" * 300}, "too long"),
+    ):
+        with pytest.raises(UuvsimError, match=words):
+            run.set(**settings)
+    with pytest.raises(FmuError, match=r"host \"no\.such\.host\.invalid\" is unknown"):
+        run.start(host="no.such.host.invalid")
+
+
+def test_the_command_builds_it_and_refuses_in_one_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["fmu", "client", "bluerov2_hold", "--platform", "host", "-o", str(tmp_path)]
+    assert status_of([*command, "--signals", "hull.eta", "--inputs", "", "--host", "pool"]) == 0
+    there = read_fmu(tmp_path / "bluerov2_hold_client.fmu").description
+    assert [v.name for v in there.of("input", "output")] == ["hull_eta"]
+    assert there.variables["host"].start == "pool"
+    assert status_of([*command, "--inputs", "hull.tau"]) == 2  # it is connected
+    assert "inputs 'hull.tau': no free input; expected one of hull.v_c" in capsys.readouterr().err
+    assert status_of([*command, "--port", "0"]) == 2
+    assert "port 0; expected 1 to 65535" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_nothing_is_wrong_with_it(served: tuple[Conductor, TcpDoor], fmi: Any) -> None:
+    path = build_client_fmu(system(), fmi=fmi, port=served[1].port)
+    looks = {look.check: look for look in examine(path)}
+    assert {look.result for look in looks.values()} <= {"ok", "not applicable"}, looks
+    assert {"rules", "run", "determinism", "reset"} <= {
+        name for name, look in looks.items() if look.result == "ok"
+    }
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_fmpy_runs_it(
+    built: Callable[[int], Path], served: tuple[Conductor, TcpDoor], fmi: int
+) -> None:
+    from fmpy import simulate_fmu
+
+    found = simulate_fmu(
+        str(built(fmi)),
+        stop_time=0.1,
+        output_interval=0.01,
+        start_values={"port": served[1].port, "sum_a": 2.0, "host": "localhost"},
+        output=["sum_s"],
+    )
+    assert found["sum_s"][-1] == served[0].get(ME, ["sum.s"])["sum.s"] == pytest.approx(0.2)
+
+
+LIBCOSIM = """
+import json, sys
+from libcosimpy.CosimExecution import CosimExecution
+from libcosimpy.CosimObserver import CosimObserver
+from libcosimpy.CosimSlave import CosimLocalSlave
+
+execution = CosimExecution.from_step_size(10_000_000)  # ns
+slave = execution.add_local_slave(CosimLocalSlave(fmu_path=sys.argv[1], instance_name="it"))
+observer = CosimObserver.create_last_value()
+execution.add_observer(observer)
+variables = {v.name.decode(): v.reference for v in execution.slave_variables(slave)}
+execution.integer_initial_value(slave, variables["port"], int(sys.argv[2]))
+execution.real_initial_value(slave, variables["sum_a"], 2.0)
+execution.simulate_until(100_000_000)
+sys.stderr.write("found " + json.dumps(observer.last_real_values(slave, [variables["sum_s"]])))
+"""
+
+
+def test_libcosim_runs_it(built: Callable[[int], Path], served: tuple[Conductor, TcpDoor]) -> None:
+    command = [sys.executable, "-c", LIBCOSIM, str(built(2)), str(served[1].port)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[-2000:]
+    found = float(json.loads(done.stderr.rpartition("found ")[2])[0])
+    assert found == served[0].get(ME, ["sum.s"])["sum.s"] == pytest.approx(0.2)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(WINE is None, reason="wine64 is not installed; the DLL was not run")
+def test_the_windows_binary_steps_it(tmp_path: Path, served: tuple[Conductor, TcpDoor]) -> None:
+    import zipfile
+
+    desk, door = served
+    path = build_client_fmu(system(), fmi=3, platforms=("win64",), port=door.port)
+    zipfile.ZipFile(path).extract("binaries/x86_64-windows/sums_client.dll", tmp_path)
+    fmu = read_fmu(path)
+    a, s = (fmu.description.variables[n].value_references[0] for n in ("sum_a", "sum_s"))
+    program = tmp_path / "step_by_dll.exe"
+    source = Path(__file__).parents[1] / "fmus" / "step_by_dll.c"
+    zig = {k: str(cache_dir("zig")) for k in ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR")}
+    command = [sys.executable, "-m", "ziglang", "cc", "-target", "x86_64-windows-gnu", "-O2"]
+    subprocess.run(
+        [*command, f"-I{fmi_headers()}", str(source), "-o", str(program)],
+        env={**os.environ, **zig},
+        check=True,
+        capture_output=True,
+    )
+    dll = tmp_path / "binaries/x86_64-windows/sums_client.dll"
+    arguments = [f"Z:{dll}", fmu.description.token, a, 1, s, 1, 20]
+    done = subprocess.run(
+        [str(WINE), str(program), *map(str, arguments)],
+        env={**os.environ, "WINEPREFIX": str(tmp_path / "wine"), "WINEDEBUG": "-all"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, (done.returncode, done.stderr)
+    total, expected = 0.0, []
+    for k in range(20):
+        for _ in range(3):
+            total += 1.0 * (0.01 * k + 0.0) * TICK
+        expected.append(f"{np.float64(total).view(np.uint64):016x}")
+    assert done.stdout.split() == expected
+    assert desk.moment().tick == 60

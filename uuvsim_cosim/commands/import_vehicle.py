@@ -1,0 +1,108 @@
+"""`uuvsim models import`: a surface and a mass, or a robot's description, become a vehicle."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from uuvsim_cosim.commands.terminal import line, table, tilde
+from uuvsim_cosim.errors import InputInvalid
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.models.vehicle_draft import Draft
+
+__all__ = ["import_command"]
+
+_DESCRIPTIONS = (".urdf", ".sdf", ".xacro", ".xml", ".world")
+
+
+def import_command(
+    file: Annotated[
+        Path, typer.Argument(help="A closed surface (.stl), or a .urdf, .sdf or .xacro.")
+    ],
+    mass: Annotated[float | None, typer.Option("--mass", help="Mass in kg; for a surface.")] = None,
+    scale: Annotated[float, typer.Option("--scale", help="m per unit of the file; mm: 0.001.")] = 1.0,
+    axes: Annotated[
+        str, typer.Option("--axes", help="What x, y, z of the surface are: FLU, FRD, RFU or LBU.")
+    ] = "FLU",
+    volume: Annotated[
+        float | None, typer.Option("--volume", help="m3 that displace water, where the hull floods.")
+    ] = None,
+    z_g: Annotated[
+        float | None, typer.Option("--z-g", help="m of the centre of gravity below that of buoyancy.")
+    ] = None,
+    rho: Annotated[float, typer.Option("--rho", help="Density of the water in kg/m3.")] = 1025.0,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Folder to write; its name is the id.")
+    ] = None,
+) -> None:
+    """Estimate a vehicle from its surface and mass, or read it from a robot's description.
+
+    Writes the folder of a vehicle: each number with its unit and source, estimates marked so.
+    """
+    from uuvsim_cosim.models.vehicle_draft import check_id, write_draft
+
+    if not file.is_file():
+        raise InputInvalid(f"{file}: no such file; expected a surface (.stl), .urdf, .sdf or .xacro")
+    folder = out if out is not None else Path(_id_of(file))
+    check_id(folder.name)
+    if file.suffix.lower() in _DESCRIPTIONS:
+        for name, given in (("--mass", mass), ("--volume", volume), ("--z-g", z_g)):
+            if given is not None:
+                raise InputInvalid(f"{name}: is for a surface; {file.name} says its own")
+        draft, notes = _described(file)
+    else:
+        if mass is None:
+            raise InputInvalid(f"{file}: a surface has no mass; expected --mass and kg")
+        draft, notes = _surface(file, mass, scale, axes, volume, z_g, rho)
+    written = write_draft(draft, folder)
+    table(
+        ("number", "value", "unit", "source"),
+        [(n, f"{q.value:.5g}", q.unit, q.source) for n, q in draft.quantities.items()],
+    )
+    for note in notes:
+        line(f"note: {note}")
+    line()
+    for path in sorted(written.iterdir()):
+        line(tilde(path))
+    line()
+    line(f"check it with  uuvsim models check {tilde(written)}")
+    line(f"use it as      model:{tilde(written)}")
+
+
+def _id_of(file: Path) -> str:
+    name = re.sub(r"[^a-z0-9_]+", "_", file.name.split(".")[0].lower()).strip("_")
+    return name if name[:1].isalpha() else f"vehicle_{name}"
+
+
+def _described(file: Path) -> tuple[Draft, tuple[str, ...]]:
+    from uuvsim_cosim.models.import_description import import_description
+
+    found = import_description(file)
+    return found.draft, found.notes
+
+
+def _surface(
+    file: Path, mass: float, scale: float, axes: str, volume: float | None, z_g: float | None,
+    rho: float,
+) -> tuple[Draft, tuple[str, ...]]:  # fmt: skip
+    from uuvsim_cosim.models.import_mesh import import_mesh
+
+    found = import_mesh(file, mass, scale=scale, axes=axes, rho=rho, volume=volume, z_g=z_g)
+    solid = found.solid
+    line(f"{file.name}: a closed surface of {solid.surface:.4g} m2")
+    names = ("length", "breadth", "height")
+    table(
+        ("axis", "extent [m]", "area seen [m2]", "C_D"),
+        [
+            (f"{a} ({n})", f"{solid.extent[i]:.4g}", f"{solid.areas[i]:.4g}", f"{found.C_D[i]:.3g}")
+            for i, (a, n) in enumerate(zip("xyz", names, strict=True))
+        ],
+    )
+    where = ", ".join(f"{v:.4g}" for v in found.origin)
+    line(f"volume {solid.volume:.5g} m3; CO is its centre, the file's origin is at ({where}) m (FRD)")
+    line()
+    return found.draft, found.notes

@@ -1,0 +1,123 @@
+"""Waves of linear theory on deep water: one regular wave, or a JONSWAP sea of many.
+
+A component of amplitude a, frequency omega and phase epsilon, run along (cos beta, sin beta), has
+
+    omega² = g k,    theta = k (N cos beta + E sin beta) - omega t + epsilon,    e = exp(-k depth)
+    zeta = a cos(theta),  v_h = a omega e cos(theta),  v_D = -a omega e sin(theta),  a_c = dv/dt
+
+(Faltinsen 1990, Sea Loads on Ships and Offshore Structures, table 2.1, with z = -depth; above the
+mean level e stays 1). Long crests, no drift, no bottom: for depths of the sea of at least half a
+wavelength, and hulls that are short against it. The hull's options `waves` and `surface` make
+forces of a_c and zeta.
+"""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+from typing import Any
+
+import casadi as ca
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.model import Model
+from uuvsim_cosim.models.safe_math import clip
+from uuvsim_cosim.models.vectors import ETA
+
+__all__ = ["waves"]
+
+GOLDEN = 0.5 * (sqrt(5.0) - 1.0)
+LOWEST, HIGHEST = 0.6, 3.0  # of the peak frequency
+
+
+def waves(components: int | str = 16) -> Model:
+    """Declare waves at the hull; with components=1 a regular one of height H_s and period T_p.
+
+    Of more, each stands in its own band of the spectrum, at a place that no other shares, so that
+    the sea does not repeat; amplitudes are such that its variance is H_s² / 16; phases are drawn
+    at the first sample, and before it the water is at rest.
+    """
+    n = int(components) if str(components).isdigit() else 0
+    if n < 1:
+        raise InputInvalid(f"waves: components={components!r}; expected a whole number from 1")
+    m = Model("waves", "Waves on deep water, linear theory: at the hull, in NED", h_max=1.0)
+    eta = m.input("eta", 6, unit=ETA, description="of the hull")
+    v = m.input("v", 3, unit="m/s", description="current without waves, in n")
+    H_s = m.parameter("H_s", 0.5, unit="m", min=0, description="significant height; n=1: height")
+    T_p = m.parameter("T_p", 5.0, unit="s", min=0.1, description="period of the peak")
+    beta = m.parameter("direction", 0.0, unit="rad", description="waves run to, from N to E")
+    gamma = m.parameter(
+        "gamma",
+        3.3,
+        unit="1",
+        min=1,
+        max=7,
+        description="peakedness (JONSWAP; 1: Pierson-Moskowitz)",
+    )
+    g = m.parameter("g", 9.80665, unit="m/s2", min=0.1, description="acceleration of gravity")
+    phase_0 = m.parameter("phase", 0.0, unit="rad", description="of a regular wave")
+    ratio, width = _bands(n)
+    omega_p = 2.0 * pi / T_p
+    omega = m.derived("omega", omega_p * ca.DM(ratio))
+    a = m.derived("a", _amplitudes(H_s, gamma, ratio, width))
+    k = m.derived("k", omega_p * omega_p / g * ca.DM([x * x for x in ratio]))
+    along = m.derived("along", ca.vertcat(ca.cos(beta), ca.sin(beta)))
+    phase, there = _phases(m, n, phase_0)
+
+    distance = ca.dot(along, eta[:2])
+    below = clip(eta[2], 0.0, 1e6)
+    zeta, v_h, v_D, a_h, a_D = (ca.SX(0.0) for _ in range(5))
+    for i in range(n):
+        theta = k[i] * distance - omega[i] * m.t + phase[i]
+        c, s = ca.cos(theta), ca.sin(theta)
+        zeta += a[i] * c
+        orbit = a[i] * omega[i] * ca.exp(-k[i] * below)
+        v_h += orbit * c
+        v_D -= orbit * s
+        a_h += omega[i] * orbit * s
+        a_D += omega[i] * orbit * c
+    orbital = there * ca.vertcat(v_h * along, v_D)
+    m.output("v_c", v + orbital, unit="m/s", description="current and waves, at CO in n")
+    acceleration = there * ca.vertcat(a_h * along, a_D)
+    m.output("a_c", acceleration, unit="m/s2", description="of the water, at CO in n")
+    m.output("zeta", there * zeta, unit="m", description="rise of the surface above CO")
+    return m
+
+
+def _bands(n: int) -> tuple[list[float], list[float]]:
+    """Give each component's frequency and width of band, over the peak frequency."""
+    if n == 1:
+        return [1.0], [1.0]
+    width = (HIGHEST - LOWEST) / n
+    places = [(i * GOLDEN) % 1.0 for i in range(1, n + 1)]
+    return [LOWEST + (i + x) * width for i, x in enumerate(places)], [width] * n
+
+
+def _amplitudes(H_s: Any, gamma: Any, ratio: list[float], width: list[float]) -> Any:
+    """Give a_i = sqrt(2 S(omega_i) d_omega) of JONSWAP, scaled so that sum a_i²/2 = H_s²/16.
+
+    S ~ x^-5 exp(-5/4 x^-4) gamma^exp(-(x-1)²/(2 s²)), s = 0.07 below the peak, 0.09 above
+    (Hasselmann et al. 1973, Deutsche Hydrographische Zeitschrift A8(12)).
+    """
+    if len(ratio) == 1:
+        return 0.5 * H_s
+    shape = []
+    for x, w in zip(ratio, width, strict=True):
+        s = 0.07 if x <= 1.0 else 0.09
+        peak = ca.exp(-((x - 1.0) ** 2) / (2.0 * s * s))
+        shape.append(x**-5 * ca.exp(-1.25 * x**-4) * ca.exp(ca.log(gamma) * peak) * w)
+    spectrum = ca.vertcat(*shape)
+    return ca.sqrt(spectrum / ca.sum1(spectrum)) * H_s / sqrt(8.0)
+
+
+def _phases(m: Model, n: int, phase_0: Any) -> tuple[Any, Any]:
+    """Give the phases, and 1 once they are drawn: each the angle of two normal draws."""
+    if n == 1:
+        return phase_0, 1.0
+    sample = m.clock("sample", "1")
+    w = m.normal(sample, 2 * n)
+    started = m.discrete("started", unit="1", description="0 before the first sample")
+    phase = m.discrete("phases", (0.0,) * n, unit="rad", description="of each component")
+    drawn = ca.vertcat(*(ca.atan2(w[2 * i], w[2 * i + 1]) for i in range(n)))
+    m.update(sample, phase, ca.if_else(started > 0.5, phase, drawn))
+    m.update(sample, started, 1.0)
+    return phase, started

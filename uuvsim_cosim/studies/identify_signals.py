@@ -1,0 +1,293 @@
+"""A recording laid on the grid of a fit: what is fed in, step by step, and what was measured.
+
+A feed is held from its sample to the next; on the grid it is its mean over each step, so that no
+impulse is lost. A measurement is the mean of the samples within half a step of a grid point; where
+there is none, it does not count. What is missing is refused by name, with names that come near.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.orchestrator.plan import Plan
+from uuvsim_cosim.orchestrator.recording import Signals
+from uuvsim_cosim.orchestrator.sources import ModelSource, resolve
+from uuvsim_cosim.studies.identify_model import Feed, GreyBox
+
+__all__ = ["ANGLES", "MEASURED", "Grid", "Lookup", "grid_of"]
+
+Array = NDArray[np.float64]
+MEASURED = (
+    "N", "E", "D", "phi", "theta", "psi", "u", "v", "w", "p", "q", "r",
+)  # fmt: skip
+ANGLES = (3, 4, 5)
+_FINE, _MOST_STEPS = 0.05, 8000
+
+
+@dataclass(frozen=True)
+class Grid:
+    """K + 1 points [s] a step h apart: feeds w (n_w, K), measured y (12, K + 1), NaN for none."""
+
+    t: Array
+    h: float
+    w: Array
+    y: Array
+    computed: tuple[str, ...]  # what was computed from recorded signals beforehand
+    measured: tuple[str, ...]  # the signals that eta and nu were read from
+
+
+class Lookup:
+    """Signals by the system's names: as mapped, else as they are, else by their last part alone."""
+
+    def __init__(self, signals: Signals, mapped: Mapping[str, str]) -> None:
+        self.signals, self.mapped = signals, dict(mapped)
+        unknown = [n for n in self.mapped.values() if n not in signals]
+        if unknown:
+            near = ", ".join(get_close_matches(unknown[0], list(signals), n=4, cutoff=0.3))
+            raise InputInvalid(
+                f"--map: there is no signal {unknown[0]!r} in the recording; expected one such as "
+                f"{near or ', '.join(sorted(signals)[:10])}"
+            )
+
+    def find(self, name: str) -> str | None:
+        """Give the recording's name of a signal, None if there is none."""
+        for candidate in (self.mapped.get(name), name, name.rpartition(".")[2]):
+            if candidate is not None and candidate in self.signals:
+                return candidate
+        return None
+
+    def values(self, name: str) -> Array:
+        """Give the values of a signal as (n, size)."""
+        values = np.asarray(self.signals[name], dtype=float)
+        return values[:, None] if values.ndim == 1 else values
+
+    def near(self, name: str) -> str:
+        """Give names that were recorded and come near."""
+        every = list(self.signals)
+        close = get_close_matches(name, every, n=3, cutoff=0.5)
+        last = name.rpartition(".")[2]
+        same = [n for n in every if n.rpartition(".")[2] == last]
+        return ", ".join(dict.fromkeys([*same[:3], *close])) or "nothing like it"
+
+
+def grid_of(
+    box: GreyBox, lookup: Lookup, *, h: float | None, first: float, last: float | None
+) -> Grid:
+    """Lay the signals that `box` needs on a grid from `first` to `last` [s]."""
+    t, place = _times(lookup.signals, first, last)
+    step = _step(t, h)
+    K = int(np.floor((t[-1] - t[0]) / step + 1e-6))
+    if not 20 <= K <= _MOST_STEPS:
+        raise InputInvalid(
+            f"the recording from {t[0]:g} to {t[-1]:g} s has {K} steps of {step:g} s; expected 20 to "
+            f"{_MOST_STEPS}: choose --from, --to or --step"
+        )
+    grid = t[0] + step * np.arange(K + 1)
+    hull = box.plan.components[box.hull].path
+    eta, nu = lookup.find(f"{hull}.eta"), lookup.find(f"{hull}.nu")
+    wrong = []
+    if eta is None and nu is None:
+        wrong.append(f"{hull}.eta or {hull}.nu (recorded: {lookup.near(f'{hull}.nu')})")
+    supply = _Supply(box.plan, lookup, t, place)
+    columns = []
+    for feed in box.feeds:
+        column = supply.of(feed)
+        if column is None:
+            label = box.label(feed)
+            wrong.append(f"{label} (recorded: {lookup.near(label)})")
+        else:
+            columns.append(column)
+    if wrong:
+        raise InputInvalid(
+            f"the recording lacks {', '.join(dict.fromkeys(wrong))}; expected what drives "
+            f"{', '.join(p.path for p in box.parts.values())}, and what was measured of {hull} "
+            "(--map component.variable=signal says what stands for it)"
+        )
+    y = np.full((12, K + 1), np.nan)
+    for k, name in ((0, eta), (6, nu)):
+        if name is not None:
+            values = lookup.values(name)[place]
+            if values.shape[1] != 6:
+                raise InputInvalid(f"signal {name} has {values.shape[1]} elements; expected 6")
+            for j in range(6):
+                y[k + j] = _measured(t, values[:, j], grid, step, k + j in ANGLES)
+    if not np.isfinite(y).any():
+        raise InputInvalid(f"{eta or nu}: no number from {t[0]:g} to {t[-1]:g} s; expected some")
+    w = np.array(
+        [_means(t, c, grid, f.delay) for f, c in zip(box.feeds, columns, strict=True)]
+    ).reshape(len(box.feeds), K)
+    return Grid(grid - grid[0], step, w, y, tuple(supply.computed), tuple(n for n in (eta, nu) if n))
+
+
+def _times(signals: Signals, first: float, last: float | None) -> tuple[Array, Any]:
+    time = np.asarray(signals.time, dtype=float)
+    keep = np.isfinite(time) & (time >= first) & (time <= (np.inf if last is None else last))
+    # A communication point may have been recorded twice (a restart): the first counts.
+    rising = np.zeros(len(time), bool)
+    if keep.any():
+        held = np.maximum.accumulate(np.where(keep, time, -np.inf))
+        rising = keep & np.concatenate([[True], held[1:] > held[:-1]])
+    if rising.sum() < 2:
+        span = f"{np.nanmin(time):g} to {np.nanmax(time):g} s" if len(time) else "nothing"
+        raise InputInvalid(f"no samples from {first:g} s on; the recording holds {span}")
+    place = np.flatnonzero(rising)
+    return time[place], place
+
+
+def _step(t: Array, h: float | None) -> float:
+    if h is not None:
+        if not (np.isfinite(h) and h > 0):
+            raise InputInvalid(f"--step {h:g}: expected seconds above 0")
+        return h
+    usual = float(np.median(np.diff(t)))
+    if usual >= _FINE:
+        return usual
+    return usual * max(1.0, np.floor(_FINE / usual + 1e-9))
+
+
+def _means(t: Array, values: Array, grid: Array, delay: float) -> Array:
+    """Give the mean over each step of values held from sample to sample, `delay` s later."""
+    held = np.where(np.isfinite(values), values, np.nan)
+    good = np.flatnonzero(np.isfinite(held))
+    if not len(good):
+        raise InputInvalid("a signal that drives the vehicle holds no number; expected some")
+    at, v = t[good], held[good]
+    integral = np.concatenate([[0.0], np.cumsum(v[:-1] * np.diff(at))])
+
+    def upto(s: Array) -> Array:
+        i = np.clip(np.searchsorted(at, s, side="right") - 1, 0, len(at) - 1)
+        return np.asarray(integral[i] + v[i] * (s - at[i]), dtype=float)
+
+    edges = grid - delay
+    return np.asarray(np.diff(upto(edges)) / np.diff(edges), dtype=float)
+
+
+def _measured(t: Array, values: Array, grid: Array, h: float, angle: bool) -> Array:
+    good = np.isfinite(values)
+    found = np.full(len(grid), np.nan)
+    if not good.any():
+        return found
+    at, v = t[good], values[good]
+    if angle:
+        v = np.unwrap(v)
+    # A mean about a grid point is taken over an odd number of samples, so that it is not late.
+    cell = np.rint((at - grid[0]) / h).astype(int)
+    near = np.abs(at - grid[0] - cell * h) < 0.499 * h
+    cell, v, at = cell[near], v[near], at[near]
+    inside = (cell >= 0) & (cell < len(grid))
+    cell, v, at = cell[inside], v[inside], at[inside]
+    count = np.bincount(cell, minlength=len(grid))
+    some = count > 0
+    total = np.bincount(cell, v, len(grid))
+    late = np.bincount(cell, at, len(grid))
+    middle = late[some] / count[some] - grid[some]
+    mean = total[some] / count[some]
+    # Where samples are uneven about the grid point, take the slope between neighbours out.
+    if some.sum() > 2:
+        slope = np.gradient(mean, grid[some] + middle)
+        mean = mean - slope * middle
+    found[some] = mean
+    return found
+
+
+class _Supply:
+    """Columns of feeds over the recording's own times: recorded, computed, or a start value."""
+
+    def __init__(self, plan: Plan, lookup: Lookup, t: Array, place: Any) -> None:
+        self.plan, self.lookup, self.t, self.place = plan, lookup, t, place
+        self.computed: list[str] = []
+        self._done: dict[int, Mapping[str, Array] | None] = {}
+
+    def of(self, feed: Feed) -> Array | None:
+        """Give a feed's values (n,), None if they can neither be read nor computed."""
+        component = self.plan.components[feed.component]
+        name = self.lookup.find(f"{component.path}.{feed.variable}")
+        if name is not None:
+            values = self.lookup.values(name)[self.place]
+            if feed.element >= values.shape[1]:
+                raise InputInvalid(
+                    f"signal {name} has {values.shape[1]} elements; expected {feed.element + 1} or "
+                    f"more, as {component.path}.{feed.variable}"
+                )
+            return feed.factor * values[:, feed.element] + feed.offset
+        if feed.free:
+            return self._start(feed)
+        made = self._simulated(feed.component)
+        if made is None:
+            return None
+        values = made[feed.variable]
+        column = values if values.ndim == 1 else values[:, feed.element]
+        return feed.factor * column + feed.offset
+
+    def _start(self, feed: Feed) -> Array | None:
+        """Give the start value of an input that nothing feeds; commands and forces have none."""
+        if feed.variable in ("u", "tau", "thrust", "force"):
+            return None
+        component = self.plan.components[feed.component]
+        variable = component.description.variables[feed.variable]
+        value = component.start.get(feed.variable, variable.start)
+        flat = np.asarray(0.0 if value is None else value, dtype=float).ravel()
+        return np.full(len(self.t), flat[min(feed.element, len(flat) - 1)])
+
+    def _simulated(self, i: int) -> Mapping[str, Array] | None:
+        """Compute a declaration's outputs from recorded signals alone, once."""
+        if i not in self._done:
+            self._done[i] = None  # a loop finds nothing
+            self._done[i] = self._run(i)
+        return self._done[i]
+
+    def _run(self, i: int) -> Mapping[str, Array] | None:
+        from uuvsim_cosim.models.signal import Signal
+        from uuvsim_cosim.models.simulate import simulate
+
+        component = self.plan.components[i]
+        source = resolve(component.source)
+        if not isinstance(source, ModelSource):
+            return None
+        model = source.declare()
+        if model.clocks or not _acts_at_once(model):
+            return None
+        signals: dict[str, Array] = {}
+        for v in model.of_kind("input"):
+            columns = []
+            for e in range(v.size):
+                column = self._into(i, v.name, e)
+                if column is None:
+                    return None
+                columns.append(column)
+            signals[v.name] = np.stack(columns, axis=1)
+        known = {v.name for v in model.of_kind("parameter")}
+        given = {k: np.asarray(v, dtype=float) for k, v in component.start.items() if k in known}
+        held = {
+            n: [Signal(self.t, np.nan_to_num(c), True) for c in columns.T]
+            for n, columns in signals.items()
+        }
+        made = simulate(
+            model,
+            at=[float(s) for s in self.t],
+            h=model.h_max,
+            inputs={n: (lambda s, f=f: [g(s) for g in f]) for n, f in held.items()},
+            parameters=given,
+        )
+        self.computed.append(component.path)
+        return {v.name: made[v.name] for v in model.of_kind("output")}
+
+    def _into(self, i: int, name: str, element: int) -> Array | None:
+        for t in self.plan.transfers:
+            if t.target == i and t.target_variable.name == name and element in t.target_elements:
+                e = t.source_elements[t.target_elements.index(element)]
+                return self.of(Feed(t.source, t.source_variable.name, e, t.factor, t.offset))
+        return self.of(Feed(i, name, element, free=True))
+
+
+def _acts_at_once(model: Any) -> bool:
+    """Say whether a model is one of those that make a force of a command: thruster, wrench, fin."""
+    outputs = {v.name for v in model.of_kind("output")}
+    return bool(outputs & {"thrust", "tau", "force", "voltage"}) and "tau_d" not in outputs
