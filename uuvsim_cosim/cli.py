@@ -13,17 +13,23 @@ from uuvsim_cosim._version import __version__
 from uuvsim_cosim.commands import (
     access,
     doctor,
+    evaluate,
     export,
+    export_policy,
     fmu,
+    identify,
     matlab,
     models,
     new,
     pack,
+    play,
     report,
+    reproduce,
     run,
     serve,
     study,
     systems,
+    train,
 )
 from uuvsim_cosim.errors import UuvsimError
 
@@ -61,6 +67,12 @@ app.command("matlab")(matlab.matlab_command)
 app.command("export")(export.export_command)
 app.command("report")(report.report_command)
 app.command("study")(study.study_command)
+app.command("identify")(identify.identify_command)
+app.command("train")(train.train_command)
+app.command("reproduce")(reproduce.reproduce_command)
+app.command("evaluate")(evaluate.evaluate_command)
+app.command("play")(play.play_command)
+app.command("export-policy")(export_policy.export_policy_command)
 app.add_typer(systems.app, name="systems")
 app.add_typer(models.app, name="models")
 app.add_typer(fmu.app, name="fmu")

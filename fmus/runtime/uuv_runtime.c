@@ -2,21 +2,24 @@
  * RK4 in sub-steps, cut at the sample instants of the component's clocks. */
 #include "uuv_component.h"
 
+#if !defined(UUV_NO_HEAP) /* without: uuv_static.h */
 #include <stdlib.h>
+#endif
 #include <string.h>
 
 #include "uuv_random.h"
 
+static V broadcast(double value) { return uuv_const(value); }
+
 UUV_EXPORT const uuv_component *uuv_get_component(void) { return &uuv_the_component; }
 
+#if !defined(UUV_NO_HEAP)
 static uint32_t max_draws(const uuv_component *c) {
     uint32_t n = 0;
     for (uint32_t i = 0; i < c->n_clocks; i++)
         if (c->clocks[i].n_draws > n) n = c->clocks[i].n_draws;
     return n;
 }
-
-static V broadcast(double value) { return uuv_const(value); }
 
 UUV_EXPORT uuv_instance *uuv_instantiate(const uuv_component *c) {
     uuv_instance *s = calloc(1, sizeof *s);
@@ -41,6 +44,7 @@ UUV_EXPORT void uuv_free(uuv_instance *s) {
     free(s->scratch);
     free(s);
 }
+#endif
 
 UUV_EXPORT void uuv_reset(uuv_instance *s) {
     for (uint32_t i = 0; i < s->component->n_block; i++)

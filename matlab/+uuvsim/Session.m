@@ -53,6 +53,10 @@ classdef Session < handle
         list = list(~cellfun(@isempty, regexp({list.name}, pattern, 'once')));
       end
       if nargout == 0
+        if isempty(list)
+          fprintf('no signal has ''%s'' in its name; s.signals lists all %d\n', ...
+                  pattern, numel(self.known));
+        end
         for k = 1:numel(list)
           shape = sprintf('%d ', list(k).shape);
           fprintf('%-40s %-8s %-6s %-12s %s\n', list(k).name, list(k).type, shape, ...
@@ -135,6 +139,10 @@ classdef Session < handle
     function results = run(self, duration, names, patience)
       % Run for so many seconds of simulated time, as fast as can be; give time and signals (all
       % outputs if none are named), one row a communication point. `patience`: seconds to wait.
+      if nargin < 2 || ~isnumeric(duration) || ~isscalar(duration)
+        error('uuvsim:InputInvalid', ...
+              'uuvsim: run needs a number of seconds, as in r = s.run(20, {''hull.eta''}).');
+      end
       if nargin < 3 || isempty(names)
         names = self.all_outputs();
       end
@@ -186,11 +194,19 @@ classdef Session < handle
 
     function restore(self, id)
       % Go back to a snapshot.
+      if nargin < 2
+        error('uuvsim:InputInvalid', ...
+              'uuvsim: restore needs what s.snapshot gave, as in s.restore(id).');
+      end
       self.now(self.transport.request(struct('call', 'restore', 'snapshot', id), []));
     end
 
     function replace(self, component, source)
       % Put another source in a component's place; the run begins anew.
+      if nargin < 3
+        error('uuvsim:InputInvalid', ['uuvsim: replace needs a component and a source, as in ' ...
+              's.replace(''controller'', ''my.fmu'').']);
+      end
       self.now(self.transport.request(struct('call', 'replace', 'component', component, ...
                                              'source', source), [], 600));
       self.known = [];
@@ -334,7 +350,7 @@ function [names, values] = pairs_of(given)
     names = keys(given);
     values = given.values();
   elseif iscell(given) && mod(numel(given), 2) == 0
-    names = reshape(cellfun(@char, given(1:2:end), 'UniformOutput', false), 1, []);
+    names = cellstr_of(reshape(given(1:2:end), 1, []));
     values = reshape(given(2:2:end), 1, []);
   else
     error('uuvsim:InputInvalid', ...
@@ -368,11 +384,12 @@ function [header, numbers] = with_values(header, names, values)
   for k = 1:numel(names)
     if ischar(values{k}) || isa(values{k}, 'string')
       texts(names{k}) = char(values{k});
-    elseif isnumeric(values{k}) || islogical(values{k})
+    elseif (isnumeric(values{k}) || islogical(values{k})) && isreal(values{k})
       columns{end + 1} = struct('name', names{k}, 'shape', {{numel(values{k})}});
       numbers = [numbers, row_major(values{k})];
     else
-      error('uuvsim:InputInvalid', 'uuvsim: %s: a %s was given; expected numbers or a text.', ...
+      error('uuvsim:InputInvalid', ...
+            'uuvsim: %s: a %s was given; expected real numbers or a text.', ...
             names{k}, class(values{k}));
     end
   end

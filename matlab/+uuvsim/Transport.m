@@ -9,6 +9,7 @@ classdef Transport < handle
   properties (Access = private)
     socket = [];
     timeout = 10;
+    pending = false;  % a request has been sent whose answer has not been read
     direct = false;  % Octave's package has functions under its slow read and write
   end
 
@@ -25,6 +26,7 @@ classdef Transport < handle
 
     function [header, numbers] = request(self, header, numbers, patience)
       % Send a header (a struct) and numbers, and wait for the answer, `patience` seconds if given.
+      self.check_in_step();
       self.send(unicode2native(jsonencode(header), 'UTF-8'), numbers);
       if nargin > 3
         set_timeout(self.socket, patience);
@@ -38,6 +40,8 @@ classdef Transport < handle
       if isempty(self.socket)
         self.gone();
       end
+      self.check_in_step();
+      self.pending = true;
       data = [typecast(uint32([0, 8 * numel(numbers)]), 'uint8'), typecast(numbers(:).', 'uint8')];
       try
         if self.direct  % 0.4 ms less than read and write; by feval, for MATLAB has no such names
@@ -55,6 +59,7 @@ classdef Transport < handle
             body = uint8(read(self.socket, sizes(2)));
           end
           numbers = typecast(body, 'double');
+          self.pending = false;
           if numel(numbers) == sizes(2) / 8
             return
           end
@@ -85,6 +90,7 @@ classdef Transport < handle
       end
       body = typecast(reshape(double(numbers), 1, []), 'uint8');
       sizes = typecast(uint32([numel(head), numel(body)]), 'uint8');
+      self.pending = true;
       try
         write(self.socket, [sizes, reshape(uint8(head), 1, []), body]);
       catch reason
@@ -103,6 +109,7 @@ classdef Transport < handle
         header = jsondecode(native2unicode(self.take(sizes(1)), 'UTF-8'));
       end
       numbers = typecast(self.take(sizes(2)), 'double');
+      self.pending = false;
       if isfield(header, 'ok') && ~header.ok
         error(['uuvsim:' header.kind], '%s', ['uuvsim: ' header.error]);
       end
@@ -120,6 +127,16 @@ classdef Transport < handle
       end
       if numel(data) < count
         self.lost();
+      end
+    end
+
+    function check_in_step(self)
+      % After Ctrl-C the answer of the call before would be taken for that of this one.
+      if self.pending && ~isempty(self.socket)
+        self.socket = [];
+        error('uuvsim:interrupted', ...
+              ['uuvsim: a call before this one was interrupted, and its answer never read; ' ...
+               'call s = uuvsim.connect() for another connection.']);
       end
     end
 

@@ -28,5 +28,9 @@ function session = connect(varargin)
     end
     options.(varargin{k}) = varargin{k + 1};
   end
+  flag = options.lockstep;
+  if ~isscalar(flag) || ~(islogical(flag) || (isnumeric(flag) && any(flag == [0 1])))
+    error('uuvsim:option', 'uuvsim: lockstep is true or false.');
+  end
   session = uuvsim.Session(options);
 end

@@ -67,6 +67,11 @@ end
 function sets_and_gets(s, port)
   s.set('hull.v_c', [0.1, -0.2, 0]);
   assert(isequal(s.get('hull.v_c'), [0.1; -0.2; 0]));
+  s.set('hull.v_c', '[3.6, 0, 0] km/h');
+  assert(isequal(s.get('hull.v_c'), [1; 0; 0]));
+  refused(@() s.set('hull.v_c', [1i, 0, 0]), 'real numbers');
+  refused(@() s.set(5, [1, 0, 0]), 'signal''s name');
+  assert(~isempty(strfind(evalc('s.signals(''no_such'')'), 'no signal has')));
 end
 
 function gets_several(s, port)
@@ -202,6 +207,7 @@ end
 
 function refuses_snapshots(s, port)
   refused(@() s.restore('no_such'), 'no_such');
+  refused(@() s.restore(), 's.snapshot gave');
 end
 
 function lives_on(s, port)
@@ -225,6 +231,10 @@ end
 function refuses_options(s, port)
   refused(@() uuvsim.connect('prt', 1), 'port');
   refused(@() uuvsim.connect('port'), 'pairs');
+  refused(@() uuvsim.connect('port', port, 'lockstep', 'yes'), 'true or false');
+  refused(@() s.run(), 'number of seconds');
+  refused(@() s.run('long'), 'number of seconds');
+  refused(@() s.replace('hull'), 'a component and a source');
 end
 
 function linearizes(s, port)

@@ -60,6 +60,7 @@ UUV_CORE_API void uuv_core_free(uuv_core *core) {
     for (uint32_t i = 0; core->members && i < core->n_members; i++) {
         free_accesses(core->members[i].sets, core->members[i].n_sets);
         free_accesses(core->members[i].gets, core->members[i].n_gets);
+        for (uint32_t k = 0; k < core->members[i].n_transfers; k++) free(core->members[i].transfers[k].pairs);
         free(core->members[i].transfers);
         free_faults(&core->members[i]);
     }
@@ -130,7 +131,7 @@ UUV_CORE_API int uuv_core_access(uuv_core *core, uint32_t i, int action, int typ
 
 /* A transfer that continues the one before it becomes part of that. */
 static int continues(const transfer *last, const transfer *next) {
-    return last->from == next->from && last->early == next->early && last->factor == next->factor &&
+    return !last->pairs && !next->pairs && last->from == next->from && last->early == next->early && last->factor == next->factor &&
            last->offset == next->offset && last->source_class == next->source_class &&
            last->target_class == next->target_class &&
            last->source + last->count == next->source && last->target + last->count == next->target;
@@ -138,19 +139,29 @@ static int continues(const transfer *last, const transfer *next) {
 
 UUV_CORE_API int uuv_core_transfer(uuv_core *core, uint32_t target, uint32_t source,
                                    uint32_t target_slot, uint32_t source_slot, int early,
-                                   double factor, double offset) {
+                                   double factor, double offset, uint32_t n_pairs,
+                                   const int64_t *pairs) {
     member *m = &core->members[target];
     transfer t = {.from = source, .source = source_slot, .target = target_slot, .count = 1,
                   .early = (uint8_t)early, .factor = factor, .offset = offset};
     t.source_class = core->classes[source_slot];
     t.target_class = core->classes[target_slot];
-    t.copy = t.source_class == t.target_class && factor == 1.0 && offset == 0.0;
+    t.copy = t.source_class == t.target_class && factor == 1.0 && offset == 0.0 && !n_pairs;
+    if (n_pairs) {
+        t.n_pairs = n_pairs;
+        t.pairs = malloc(2 * n_pairs * sizeof *pairs);
+        if (!t.pairs) return 0;
+        memcpy(t.pairs, pairs, 2 * n_pairs * sizeof *pairs);
+    }
     if (m->n_transfers && continues(&m->transfers[m->n_transfers - 1], &t)) {
         m->transfers[m->n_transfers - 1].count++;
         return 1;
     }
     transfer *place = append((void **)&m->transfers, &m->n_transfers, sizeof *place);
-    if (place) *place = t;
+    if (place)
+        *place = t;
+    else
+        free(t.pairs);
     return place != NULL;
 }
 

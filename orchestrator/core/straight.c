@@ -11,6 +11,14 @@ static int is_straight(const member *m) {
     return 1;
 }
 
+static int in_lockstep(const uuv_core *core) {
+    for (const member *m = core->members; m < core->members + core->n_members; m++)
+        if (!m->straight.version || m->straight.version != core->members->straight.version ||
+            m->step_ticks != 1)
+            return 0;
+    return 1;
+}
+
 void find_straight(uuv_core *core) {
     for (member *m = core->members; m < core->members + core->n_members; m++) {
         straight *s = &m->straight;
@@ -34,4 +42,19 @@ void find_straight(uuv_core *core) {
             s->get_slot = m->gets->slot;
         }
     }
+    core->lockstep = in_lockstep(core);
+}
+
+static inline member *tick_of(uuv_core *core, double t, const uint32_t version) {
+    member *const end = core->members + core->n_members;
+    for (member *m = core->members; m < end; m++)
+        if (!straight_do(core, m, t, version)) return m;
+    core->tick++;
+    for (member *m = core->members; m < end; m++)
+        if (!straight_read(core, m, version)) return m;
+    return NULL;
+}
+
+member *lockstep(uuv_core *core, double t) {
+    return core->members->straight.version == 2 ? tick_of(core, t, 2) : tick_of(core, t, 3);
 }

@@ -10,13 +10,17 @@
 /* Looks at every member once the tables are complete. */
 void find_straight(uuv_core *core);
 
+/* Steps all members, which are straight, of one version, and due at each tick, and shows what they
+ * give; gives the one that failed. Meanwhile their `due` is left as it was: see `settle`. */
+member *lockstep(uuv_core *core, double t);
+
 static inline int straight_status(int status, int action, uint32_t slot, uuv_failure *why) {
-    if (status == 0 || status == 1) return 1; /* OK and Warning, in FMI 2.0 and 3.0 */
+    if ((unsigned)status <= 1) return 1; /* OK and Warning, in FMI 2.0 and 3.0 */
     why->slot = slot;
     return failed(why, UUV_CORE_BAD_STATUS, status, action);
 }
 
-static inline int straight_step(uuv_core *core, member *m, double t) {
+static inline int straight_do(uuv_core *core, member *m, double t, const uint32_t version) {
     const straight *s = &m->straight;
     uuv_slot *const slots = core->slots;
     if (s->alone) { /* one value comes in: in a chain, all there is to do */
@@ -28,16 +32,16 @@ static inline int straight_step(uuv_core *core, member *m, double t) {
         }
     }
     int status = 0;
-    if (m->n_sets) {
+    if (s->n_set) {
         const double *values = &slots[s->set_slot].f;
-        if (s->version == 2)
+        if (version == 2)
             status = ((fmi2SetRealTYPE *)s->set)(m->instance, s->set_references, s->n_set_references, values);
         else
             status = ((fmi3SetFloat64TYPE *)s->set)(m->instance, s->set_references, s->n_set_references,
                                                     values, s->n_set);
         if (!straight_status(status, UUV_CORE_SET, s->set_slot, &core->why)) return 0;
     }
-    if (s->version == 2) {
+    if (version == 2) {
         status = ((fmi2DoStepTYPE *)m->do_step)(m->instance, t, m->h, fmi2True);
     } else {
         fmi3Boolean event = fmi3False, end = fmi3False, early = fmi3False;
@@ -46,17 +50,22 @@ static inline int straight_step(uuv_core *core, member *m, double t) {
         if (status <= 1 && end) return failed(&core->why, UUV_CORE_ENDED, status, UUV_CORE_DO_STEP);
         if (status <= 1 && early) return failed(&core->why, UUV_CORE_EARLY_RETURN, status, UUV_CORE_DO_STEP);
     }
-    if (status > 1 || status < 0) return failed(&core->why, UUV_CORE_BAD_STATUS, status, UUV_CORE_DO_STEP);
+    if ((unsigned)status > 1) return failed(&core->why, UUV_CORE_BAD_STATUS, status, UUV_CORE_DO_STEP);
+    return 1;
+}
+
+static inline int straight_step(uuv_core *core, member *m, double t) {
+    if (!straight_do(core, m, t, m->straight.version)) return 0;
     m->due += m->step_ticks;
     return 1;
 }
 
-static inline int straight_show(uuv_core *core, member *m) {
+static inline int straight_read(uuv_core *core, member *m, const uint32_t version) {
     const straight *s = &m->straight;
-    if (!m->n_gets) return 1;
+    if (!s->n_get) return 1;
     uuv_slot *const to = core->slots + s->get_slot;
     int status;
-    if (s->version == 2)
+    if (version == 2)
         status = ((fmi2GetRealTYPE *)s->get)(m->instance, s->get_references, s->n_get_references, &to->f);
     else
         status = ((fmi3GetFloat64TYPE *)s->get)(m->instance, s->get_references, s->n_get_references, &to->f, s->n_get);
@@ -70,6 +79,11 @@ static inline int straight_show(uuv_core *core, member *m) {
         core->why.slot = s->get_slot + which;
         return failed(&core->why, UUV_CORE_NOT_FINITE, 0, UUV_CORE_GET);
     }
+    return 1;
+}
+
+static inline int straight_show(uuv_core *core, member *m) {
+    if (!straight_read(core, m, m->straight.version)) return 0;
     if (m->n_faults) apply_faults(core, m, core->slots);
     return 1;
 }

@@ -24,6 +24,8 @@ typedef struct {
     uint32_t from, source, target, count;
     uint8_t early, copy, source_class, target_class;
     double factor, offset;
+    int64_t *pairs; /* a table instead: the source's value, the target's, and so on */
+    uint32_t n_pairs;
 } transfer;
 
 typedef struct member member;
@@ -100,6 +102,7 @@ struct uuv_core {
     struct iteration *groups; /* the iterated ones */
     uint32_t n_groups;
     uint32_t n_stepping; /* members whose steps have been posted */
+    int lockstep; /* every member is straight, of one version, and steps at each tick */
     int iterating; /* inputs inside an iterated group come from the trial's outputs */
     recording record;
     uuv_failure why;

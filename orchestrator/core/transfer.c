@@ -24,7 +24,17 @@ static int from_double(double x, int class, uuv_slot *to) {
     return 1;
 }
 
+static int look_up(const transfer *t, uuv_slot from, uuv_slot *to) {
+    for (const int64_t *pair = t->pairs; pair < t->pairs + 2 * (size_t)t->n_pairs; pair += 2)
+        if (pair[0] == from.i) {
+            to->i = pair[1];
+            return 1;
+        }
+    return 0;
+}
+
 static int convert(const transfer *t, uuv_slot from, uuv_slot *to) {
+    if (t->pairs) return look_up(t, from, to);
     const int integers = t->source_class != CLASS_FLOAT && t->target_class != CLASS_FLOAT;
     if (t->factor != 1.0 || t->offset != 0.0)
         return from_double(t->factor * as_double(from, t->source_class) + t->offset, t->target_class, to);

@@ -109,29 +109,57 @@ static int32_t stop(uuv_core *core, const member *m) {
     return core->why.outcome;
 }
 
+/* Steps all that are due, and shows what they give at the next communication point; gives the one
+ * that failed. */
+static member *step_due(uuv_core *core, double t) {
+    member *const end = core->members + core->n_members;
+    const uint64_t now = core->tick, next = now + 1;
+    for (member *m = core->members; m < end; m++)
+        if (m->due == now && !(m->straight.version ? straight_step(core, m, t) : step(core, &m, t)))
+            return m;
+    member *failed_one = core->n_stepping ? collect_steps(core) : NULL;
+    if (failed_one) return failed_one;
+    core->tick = next;
+    for (member *m = core->members; m < end; m++)
+        if (m->due == next && !(m->straight.version ? straight_show(core, m) : show_outputs(core, m)))
+            return m;
+    return NULL;
+}
+
+/* Says whether nothing can happen but one plain step of each member at each tick. */
+static int is_lockstep(const uuv_core *core) {
+    if (!core->lockstep) return 0;
+    for (const member *m = core->members; m < core->members + core->n_members; m++)
+        if (m->n_faults || m->due != core->tick) return 0;
+    return 1;
+}
+
+/* After a lockstep, says of each member where it stands: those before `culprit` are a step ahead
+ * of it, unless it failed at showing its outputs. */
+static void settle(uuv_core *core, const member *culprit, uint64_t before) {
+    for (member *m = core->members; m < core->members + core->n_members; m++)
+        m->due = core->tick + (culprit && core->tick == before && m < culprit);
+}
+
 /* Makes communication steps; the members stand in stepping order. Outputs are read only at the
  * point where their step ends, so that within a tick everybody sees the values valid at its
  * start (Jacobi). The exceptions are transfers marked `early` (Gauss-Seidel), and iterated groups,
  * which step when their first member is due. */
 UUV_CORE_API int32_t uuv_core_run(uuv_core *core, uint64_t n_ticks, double seconds) {
-    member *const end = core->members + core->n_members;
     const uint64_t last = core->tick + n_ticks;
+    const int plain = is_lockstep(core);
+    uint64_t now = core->tick;
+    member *culprit = NULL;
     budget wall = budget_of(seconds);
-    while (core->tick < last && !record_is_full(core) && !budget_is_spent(&wall)) {
-        const uint64_t now = core->tick, next = now + 1;
+    while (now < last && !record_is_full(core) && !budget_is_spent(&wall)) {
         const double t = seconds_at(core, now);
-        for (member *m = core->members; m < end; m++)
-            if (m->due == now && !(m->straight.version ? straight_step(core, m, t) : step(core, &m, t)))
-                return stop(core, m);
-        const member *failed_one = core->n_stepping ? collect_steps(core) : NULL;
-        if (failed_one) return stop(core, failed_one);
-        core->tick = next;
-        for (member *m = core->members; m < end; m++)
-            if (m->due == next && !(m->straight.version ? straight_show(core, m) : show_outputs(core, m)))
-                return stop(core, m);
-        if (!record_row(core)) return stop(core, core->members);
+        culprit = plain ? lockstep(core, t) : step_due(core, t);
+        if (!culprit && !record_row(core)) culprit = core->members;
+        if (culprit) break;
+        now = core->tick;
     }
-    return UUV_CORE_GOOD;
+    if (plain) settle(core, culprit, now);
+    return culprit ? stop(core, culprit) : UUV_CORE_GOOD;
 }
 
 UUV_CORE_API int32_t uuv_core_begin(uuv_core *core, uint64_t tick) {

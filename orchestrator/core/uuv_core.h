@@ -86,10 +86,12 @@ UUV_CORE_API int uuv_core_access(uuv_core *core, uint32_t member, int action, in
                                  uint32_t slot, uint32_t n_values, uint32_t n_references,
                                  const uint32_t *references, void *function);
 /* `early` 1: the source's new value is seen if it stepped in the same tick (Gauss-Seidel);
- * 2: both are in one iterated group. */
+ * 2: both are in one iterated group. With `pairs`, the source's value and the target's, each of
+ * `n_pairs` times, a value becomes what they say, and no other value may come. */
 UUV_CORE_API int uuv_core_transfer(uuv_core *core, uint32_t target, uint32_t source,
                                    uint32_t target_slot, uint32_t source_slot, int early,
-                                   double factor, double offset);
+                                   double factor, double offset, uint32_t n_pairs,
+                                   const int64_t *pairs);
 /* How the state of a member is copied, if it is native or of an iterated group: FMI's functions,
  * or `uuv_get_state` and `uuv_set_state` with the size, or callbacks `int32_t (*)(void *user)`. */
 UUV_CORE_API int uuv_core_state(uuv_core *core, uint32_t member, void *get, void *set, void *free,

@@ -107,6 +107,7 @@ def test_every_mistake_is_told_with_its_line(tmp_path: Path) -> None:
         ("[]", "a list; expected a mapping"),
         ("listen: 127.0.0.1", "nobody may enter"),
         ("users: 3", "expected a mapping, such as ann"),
+        ("users: {5: 7}", "users.5: 7; expected a mapping"),
         ("users: {ann: {role: owner, role: owner}}", "expected YAML"),
         ("anyone: observer\nlisten: 0.0.0.0", "0.0.0.0 without tls"),
         ("anyone: observer\ntls: {roles: {a: owner}}", "has no certificate"),

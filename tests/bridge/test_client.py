@@ -13,6 +13,7 @@ import pytest
 
 import uuvsim_cosim as uuv
 from uuvsim_cosim.bridge.client import Connection
+from uuvsim_cosim.bridge.client_async import AsyncConnection, connect_async
 from uuvsim_cosim.bridge.conductor import Conductor
 from uuvsim_cosim.bridge.wrapped_session import Disconnected, listening
 from uuvsim_cosim.bridge.zenoh_bridge import Bridge, free_port
@@ -223,3 +224,47 @@ def test_a_closed_connection_says_so(bridge: Bridge) -> None:
     client.close()
     with pytest.raises(Disconnected, match="closed"):
         client.step()
+
+
+def test_one_name_is_as_good_as_a_list_of_one(client: Connection) -> None:
+    assert list(client.step(1, outputs="sum.s")) == ["sum.s"]
+    assert list(client.run(until=0.3, record="sum.s")) == ["time", "sum.s"]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        (lambda c: c.get(5), "5 was read; expected names"),
+        (lambda c: c.step(1, ["sum.a"]), "expected values by name"),
+        (lambda c: c.step(1, {}, {"sum.s": 1}), "expected names"),
+        (lambda c: c.set("sum.a", object()), "cannot be sent"),
+        (lambda c: c.set("sum.a", 1j), "cannot be sent"),
+        (lambda c: c.restore(object()), "cannot be sent"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused_in_words(
+    client: Connection, wrong: Any, words: str
+) -> None:
+    with pytest.raises(InputInvalid, match=words):
+        wrong(client)
+    assert client.step(1) == {}
+
+
+@pytest.mark.parametrize("port", ["7470", 0, 70000, True])
+def test_a_port_that_is_none_is_refused(port: Any) -> None:
+    with pytest.raises(InputInvalid, match="expected a whole number"):
+        uuv.connect(port=port)
+
+
+def test_the_awaited_client_has_the_names_of_the_other(bridge: Bridge) -> None:
+    public = {name for name in dir(Connection) if not name.startswith("_")}
+    assert public <= set(dir(AsyncConnection))
+
+    async def used() -> tuple[Any, ...]:
+        async with await connect_async(port=bridge.port, name="awaited") as s:
+            await s.reset()
+            await s.set("sum.a", 2.0)
+            await s.step(3)
+            return s.tick, s.time, s.system, s.name, "sum.s" in await s.signals()
+
+    assert asyncio.run(used()) == (3, pytest.approx(0.3), "sums", "awaited", True)

@@ -438,3 +438,20 @@ class Watching:
 
     def end(self) -> None:
         pass
+
+
+def test_a_source_that_a_client_names_lies_where_the_server_stands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "mine.py").write_text(PARTS.read_text(), encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    with Conductor(system()) as desk:
+        assert desk.replace(ME, "sum", "mine.py:NotANumber").tick == 0
+        with pytest.raises(UuvsimError, match="no such file"):
+            desk.replace(ME, "sum", "yours.py:Sum")
+
+
+@pytest.mark.parametrize("wrong", [5, None])
+def test_what_is_no_system_is_refused_by_its_kind(wrong: Any) -> None:
+    with pytest.raises(InputInvalid, match="expected a system, its plan, a recording or a path"):
+        Conductor(wrong)

@@ -13,6 +13,8 @@ from typing import Any
 
 import pytest
 
+import uuvsim_cosim as uuv
+from uuvsim_cosim.bridge.conductor import Conductor
 from uuvsim_cosim.bridge.http_door import HttpDoor
 from uuvsim_cosim.bridge.wire import Limits
 from uuvsim_cosim.errors import InputInvalid
@@ -32,6 +34,13 @@ def desk() -> FakeDesk:
 @pytest.fixture
 def door(desk: FakeDesk) -> Iterator[HttpDoor]:
     with HttpDoor(desk, 0, limits=BRIEF) as opened:
+        yield opened
+
+
+@pytest.fixture
+def conducted() -> Iterator[HttpDoor]:
+    sums = uuv.System("sums", "0.1").add("sum", f"{Path(__file__).parent / 'parts.py'}:Sum")
+    with Conductor(sums) as conductor, HttpDoor(conductor, 0) as opened:
         yield opened
 
 
@@ -105,6 +114,16 @@ def test_a_run_is_recorded_and_a_snapshot_restored(door: HttpDoor) -> None:
         ("POST", "/restore", {"snapshot": "x"}, 400, "does not exist"),
         ("GET", "/live?names=plant.y&rate=1e9", None, 400, "rate"),
         ("GET", "/../../etc/passwd", None, 404, "does not exist"),
+        (
+            "GET",
+            "/signals?name=plant.y",
+            None,
+            400,
+            "near names: names",
+        ),
+        ("GET", "/signals", None, 400, "no names; expected such as"),
+        ("GET", "/describe?x=1", None, 400, "expected none"),
+        ("DELETE", "/set", None, 405, "expected GET or POST"),
     ],
 )
 def test_a_wrong_request_is_answered_in_words(
@@ -224,3 +243,22 @@ def test_more_connections_than_may_be_are_told(door: HttpDoor) -> None:
 def test_a_port_in_use_is_refused_in_words(desk: FakeDesk, door: HttpDoor) -> None:
     with pytest.raises(InputInvalid, match=rf"HTTP port {door.port} .*in use"):
         HttpDoor(desk, door.port)
+
+
+def test_bytes_that_are_no_request_are_answered_in_json(door: HttpDoor) -> None:
+    with socket.create_connection(("127.0.0.1", door.port), timeout=10.0) as raw:
+        raw.sendall(b"nothing of HTTP/9.9 here at all\r\n\r\n")
+        assert answers(raw, b'"ok": false')
+
+
+def test_a_number_is_given_with_its_unit(conducted: HttpDoor) -> None:
+    assert ask(conducted, "POST", "/set", {"sum.a": "7.2 km/h"})[0] == 200
+    assert ask(conducted, "GET", "/signals?names=sum.a")[1]["values"] == {"sum.a": 2.0}
+    status, read = ask(conducted, "POST", "/set", {"sum.a": "3 kg"})
+    assert (status, "m/s" in read["error"]) == (400, True)
+
+
+def test_a_role_that_may_not_set_does_not_pilot(desk: FakeDesk) -> None:
+    with HttpDoor(desk, 0, admit=lambda *_: frozenset({"read"})) as door:
+        status, read = ask(door, "POST", "/pilot", {"page": "mine", "axes": {}})
+    assert (status, "needs 'set'" in read["error"]) == (403, True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -77,3 +78,25 @@ def test_the_packages_functions_all_have_a_first_help_line() -> None:
     for file in sorted([*(MATLAB / "+uuvsim").glob("*.m"), *(MATLAB / "examples").glob("*.m")]):
         lines = file.read_text(encoding="utf-8").splitlines()
         assert lines[1].lstrip().startswith("% "), file.name
+
+
+def test_the_answer_of_an_interrupted_call_is_not_taken_for_the_next_ones(port: int) -> None:
+    assert OCTAVE is not None
+    with subprocess.Popen(
+        [OCTAVE, "--norc", "--quiet", "--no-window-system", "--no-line-editing", "--interactive"],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+    ) as process:  # fmt: skip
+        assert process.stdin is not None
+        process.stdin.write(
+            f"addpath('{MATLAB}'); s = uuvsim.connect('port', {port}); s.run(1e9, {{'hull.nu'}});\n"
+        )
+        process.stdin.flush()
+        with Peer(port) as peer:
+            while not peer.ask({"call": "describe"})[0]["running"]:
+                assert process.poll() is None
+            process.send_signal(signal.SIGINT)
+            words, _ = process.communicate("s.get('hull.nu')\nclear s\nexit\n", timeout=60)
+            while peer.ask({"call": "describe"})[0]["running"]:
+                pass  # what nobody waits for ends
+            peer.ask({"call": "reset"})
+    assert "was interrupted, and its answer never read" in words, words

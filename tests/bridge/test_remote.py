@@ -191,3 +191,12 @@ def test_a_source_that_is_none_is_refused(text: str) -> None:
 )
 def test_the_text_of_a_source_is_the_source(text: str) -> None:
     assert source(text, Path()).text == text
+
+
+def test_one_whose_server_has_ended_is_told_what_is_to_run() -> None:
+    server = serve_component(f"{PARTS}:Sum", "sum", port=0)
+    with Conductor(system(server.source)) as desk:
+        desk.step(ME)
+        server.close()
+        with pytest.raises(ComponentFailed, match=r"expected serve_component\(…, 'sum'\) to run"):
+            desk.step(ME)

@@ -115,3 +115,24 @@ def test_where_the_pilots_page_is_is_said(
     options = ["--replace", "helm=keyboard", "--until", "0.1", "--no-record", *ANY]
     assert status_of(["serve", "alone.ssd", *options]) == 0
     assert re.search(r"Pilot  http://127\.0\.0\.1:\d+/pilot", capsys.readouterr().out)
+
+
+@pytest.mark.parametrize("option", ["--port", "--tcp-port", "--http-port"])
+def test_a_port_that_cannot_be_had_leaves_nothing_behind(
+    sums: str, option: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        for port, words in ((taken.getsockname()[1], "is in use"), (80000, "1 to 65535")):
+            at = ANY.index(option)
+            options = [*ANY[:at], option, str(port), *ANY[at + 2 :]]
+            assert status_of(["serve", sums, *options]) == 2
+            said = capsys.readouterr()
+            assert words in said.err
+            assert said.out == ""
+    assert not Path("runs").exists()
+
+
+def test_two_doors_do_not_share_a_port(sums: str, capsys: pytest.CaptureFixture[str]) -> None:
+    options = ["--port", "0", "--tcp-port", "7448", "--http-port", "7448"]
+    assert status_of(["serve", sums, "--no-record", *options]) == 2
+    assert "expected another" in capsys.readouterr().err

@@ -170,7 +170,7 @@ def test_partial_derivatives_of_the_states_derivatives(exchange: Make, fmi: Any)
 
 # Inputs, end [s], tolerance of the outputs. The ends lie between samples: one that is due at the
 # end is visible in Event Mode, while Co-Simulation takes it with the step that begins there.
-COMPARED = {
+COMPARED: dict[str, tuple[dict[str, Any], float, float]] = {
     "thruster": ({"u": 0.6}, 1.503, 2e-4),
     "bluerov2_heavy": ({"tau": [20.0, 5.0, 10.0, 0.2, 0.3, 1.0]}, 4.003, 2e-4),
     "pressure": ({"eta": [0.0, 0.0, 2.5, 0.0, 0.0, 0.0]}, 1.003, 1e-12),
@@ -234,3 +234,53 @@ def test_our_master_integrates_our_hull(files: Callable[[str, Any], Path], fmi: 
         finally:
             component.free()
     assert reached[1] == pytest.approx(reached[0], abs=1e-5)
+
+
+def test_derivatives_of_a_hull_are_finite_differences(files: Callable[[str, Any], Path]) -> None:
+    """Of the states' derivatives, with respect to states and inputs, forward and in reverse."""
+    archive = read_fmu(files("bluerov2_heavy", 3))
+    x = Exchange(archive.folder).start()
+    try:
+        x.new_discrete_states()
+        x.x.enterContinuousTimeMode()
+        c, ref = x.x, x.reference
+        states = archive.description.variables
+        sizes = {n: states[n].size for n in ("tau", "nu_b", "der(nu_b)")}
+        n_x = sum(v.size for v in states.values() if v.name.startswith("der("))
+        first = next(
+            i for i, (n, _) in enumerate(elements(archive.description.variables)) if n == "nu_b"
+        )
+        at = np.array(x.states(n_x))
+        at[first : first + 6] = [0.4, -0.2, 0.1, 0.05, -0.1, 0.2]
+        seed = np.random.default_rng(1).standard_normal(12)
+
+        def rate(e: float) -> np.ndarray:
+            c.setFloat64([ref["tau"]], (np.arange(6.0) + e * seed[:6]).tolist())
+            moved = at.copy()
+            moved[first : first + 6] += e * seed[6:]
+            c.setContinuousStates((ctypes.c_double * n_x)(*moved), n_x)
+            return np.array(c.getFloat64([ref["der(nu_b)"]], nValues=sizes["der(nu_b)"]))
+
+        difference = (rate(1e-5) - rate(-1e-5)) / 2e-5
+        rate(0.0)
+        unknown = (ctypes.c_uint32 * 1)(ref["der(nu_b)"])
+        known = (ctypes.c_uint32 * 2)(ref["tau"], ref["nu_b"])
+        forward, back = (ctypes.c_double * 6)(), (ctypes.c_double * 12)()
+        c.fmi3GetDirectionalDerivative(
+            c.component, unknown, 1, known, 2, (ctypes.c_double * 12)(*seed), 12, forward, 6
+        )
+        weights = np.arange(1.0, 7.0)
+        c.fmi3GetAdjointDerivative(
+            c.component, unknown, 1, known, 2, (ctypes.c_double * 6)(*weights), 6, back, 12
+        )
+        assert list(forward) == pytest.approx(difference, rel=1e-7, abs=1e-8)
+        assert np.dot(back, seed) == pytest.approx(np.dot(forward, weights), rel=1e-12)
+    finally:
+        x.x.freeInstance()
+
+
+def elements(variables: Any) -> Iterator[tuple[str, int]]:
+    """Give the continuous states in FMI's order, element by element."""
+    for v in variables.values():
+        if v.name.startswith("der("):
+            yield from ((v.name[4:-1], i) for i in range(v.size))

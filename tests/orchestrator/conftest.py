@@ -114,6 +114,28 @@ FAKES: dict[str, Description] = {
         description("other_unit", *control(unit="kN"), kind="FMI 3.0"),
         description("half", var("eta", "input", (6,)), var("tau", "output", (3,), unit="N")),
         description("controller2", *control(), kind="FMI 2.0"),
+        description(
+            "gearbox",
+            var("mode", "input", type="Enumeration", unit=None, items=(("slow", 1), ("fast", 2))),
+            var(
+                "state",
+                "output",
+                type="Enumeration",
+                unit=None,
+                items=(("off", 0), ("on", 5)),
+                dependencies=(),
+            ),
+            var(
+                "gear",
+                "parameter",
+                type="Enumeration",
+                unit=None,
+                start=1,
+                items=(("slow", 1), ("fast", 2)),
+            ),
+            var("on", "parameter", type="Boolean", unit=None, start=False),
+            var("teeth", "parameter", type="Int32", unit=None, start=9),
+        ),  # fmt: skip
     ]
 }
 

@@ -97,23 +97,9 @@ def test_every_controller_guidance_and_allocation_fits_the_shipped_systems(name:
     system = uuv.load(name)
     for slot, sources in {
         "controller": ("pid", "lqr", "feedback_linearisation", "backstepping", "sliding_mode",
-                       "mpc"),
+                       "mpc", "mpc_ipopt"),
         "guidance": ("path_following", "path_following?method=ilos", "trajectory"),
         "allocation": ("allocation_qp",),
     }.items():  # fmt: skip
         for source in sources:
             flatten(system.replace(slot, source))
-
-
-def test_mpc_flies_in_process_and_bears_a_current() -> None:
-    """A short stretch; the whole mission stands in docs/controllers.md."""
-    system = uuv.load("bluerov2_hold").replace("controller", "mpc").set("hull.v_c", (0.2, 0, 0))
-    plan = flatten(system)
-    with Master(plan, prepare(plan, "native")) as master:
-        master.initialize()
-        for _ in range(250):
-            master.step()
-        off = master.get("hull", "eta") - master.get("guidance", "eta_d")
-        assert np.linalg.norm(off[:3]) < 0.1
-    with pytest.raises(InputInvalid, match="mpc is no declaration but a Python component"):
-        uuv.declare("mpc")

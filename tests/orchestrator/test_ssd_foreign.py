@@ -270,7 +270,7 @@ def test_a_transformation_at_a_systems_own_connector_acts_on_what_is_outside(
     ("wires", "said"),
     [
         (wire("u", "y"), "both are connectors of the system"),
-        (wire("a.y", "b.u", "<ssc:BooleanMappingTransformation/>"), "expected none, or a Linear"),
+        (wire("a.y", "b.u", "<ssc:CubicTransformation/>"), "expected none, or one of Linear"),
         (wire("a.y", "b.u", '<ssc:LinearTransformation factor="x"/>'), "factor 'x'; expected"),
         (wire("a.y", "b.u", startIndices="one"), "startIndices 'one'; expected whole numbers"),
         ('<ssd:Connection startElement="a" endConnector="u"/>', "no startConnector"),

@@ -44,7 +44,7 @@ class Opening:
         """Say who may enter, in a line."""
         if self.keeper is None:
             far = any(not is_loopback(host) for host in self.hosts)
-            return "anybody who can reach it may do everything" if far else "on this machine"
+            return "anybody who can reach it, who may do everything" if far else "on this machine"
         access = self.keeper.access
         roles = {} if access.tls is None else access.tls.roles
         named = [f"{user.name} ({user.role})" for user in access.users.values()]

@@ -149,7 +149,9 @@ class _Text:
         """Note a mistake at a place."""
         from uuvsim_cosim.models.parameters import line_of
 
-        name = ".".join(str(p + 1) if isinstance(p, int) else str(p) for p in place)
+        name = ".".join(
+            str(p + 1) if isinstance(p, int) and place[0] == "listen" else str(p) for p in place
+        )
         self.mistakes.append((line_of(self.data, place), f"{name or 'the file'}: {sentence}"))
 
     def mapping(

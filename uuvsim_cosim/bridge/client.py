@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import secrets
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, final, overload
@@ -45,6 +45,8 @@ def connect(
     (then TLS is spoken), `certificate` and `key` where who serves asks for them. Raises
     Disconnected if nobody is there, InputInvalid in words if it may not enter.
     """
+    if isinstance(port, bool) or not isinstance(port, int) or not 0 < port < 1 << 16:
+        raise InputInvalid(f"connect: port {port!r}; expected a whole number, 1 to 65535")
     credentials = Credentials(user, password, ca, certificate, key)
     session = credentials.opened(host, port)
     try:
@@ -140,7 +142,7 @@ class Connection:
     def get(self, names: Sequence[str]) -> dict[str, Any]: ...
     def get(self, names: str | Sequence[str]) -> Any:
         """Read a variable, or several by name."""
-        wanted = [names] if isinstance(names, str) else list(names)
+        wanted = _names("get", names)
         _, values = self._ask("get", names=wanted)
         return values[names] if isinstance(names, str) else values
 
@@ -151,7 +153,7 @@ class Connection:
     def set(self, name: str | Mapping[str, Any], value: Any = None, /) -> Moment:
         """Set unconnected inputs and tunable parameters, all or none."""
         values = {name: value} if isinstance(name, str) else name
-        self._ask("set", {"values": values})
+        self._ask("set", {"values": _values("set", values)})
         return self._moment
 
     # ---- time -----------------------------------------------------------------------------
@@ -160,22 +162,23 @@ class Connection:
         self,
         n: int = 1,
         inputs: Mapping[str, Any] | None = None,
-        outputs: Sequence[str] = (),
+        outputs: str | Sequence[str] = (),
     ) -> dict[str, Any]:
         """Set inputs, make n communication steps, and give outputs; `time` is where it is then."""
-        return self._ask("step", {"inputs": inputs or {}}, n=n, outputs=list(outputs))[1]
+        given, wanted = _values("step", inputs or {}), _names("step", outputs)
+        return self._ask("step", {"inputs": given}, n=n, outputs=wanted)[1]
 
     def run(
         self,
         until: float | None = None,
         factor: float | None = None,
-        record: Sequence[str] = (),
+        record: str | Sequence[str] = (),
     ) -> dict[str, np.ndarray]:
         """Run to a time [s], as fast as can be or at a factor of real time; gives what is recorded.
 
         Without `until` it streams on, in real time, until `pause`, and gives nothing.
         """
-        return self._ask("run", until=until, factor=factor, record=list(record))[1]
+        return self._ask("run", until=until, factor=factor, record=_names("run", record))[1]
 
     def pause(self) -> Moment:
         """Stop streaming at a communication point."""
@@ -184,7 +187,7 @@ class Connection:
 
     def reset(self, seed: int | None = None, start: Mapping[str, Any] | None = None) -> Moment:
         """Go back to the start, with another seed or other start values."""
-        self._ask("reset", {"start": start or {}}, seed=seed)
+        self._ask("reset", {"start": _values("reset", start or {})}, seed=seed)
         return self._moment
 
     def snapshot(self) -> str:
@@ -263,7 +266,13 @@ class Connection:
             if not self._session.is_open:
                 raise Disconnected(f"{call}: this connection is closed; expected an open one")
             self._askers[key] = self._session.asker(f"{self._base}/{key}")
-        reply = self._answer(key, json.dumps(message), block)
+        try:
+            text = json.dumps(message)
+        except (TypeError, ValueError) as error:
+            raise InputInvalid(
+                f"{call}: cannot be sent ({error}); expected numbers, texts and lists of them"
+            ) from None
+        reply = self._answer(key, text, block)
         if reply.ok is None:
             raise error_of(read_message(reply.err.payload.to_bytes()))
         told = read_message(reply.ok.payload.to_bytes())
@@ -314,3 +323,18 @@ def _found(session: WrappedSession, system: str | None, host: str, port: int) ->
             f"{len(there)} co-simulations at {host}, port {port}; expected {nearest('', there)}"
         )
     return there[0] if system is None else system
+
+
+def _names(call: str, names: object) -> list[str]:
+    given = [names] if isinstance(names, str) else names
+    if not isinstance(given, Iterable) or isinstance(given, Mapping):
+        raise InputInvalid(f"{call}: {names!r} was read; expected names, such as 'hull.eta'")
+    return list(given)
+
+
+def _values(call: str, values: object) -> Mapping[str, Any]:
+    if not isinstance(values, Mapping):
+        raise InputInvalid(
+            f"{call}: {values!r} was read; expected values by name, such as {{'hull.tau': [0.0]}}"
+        )
+    return values

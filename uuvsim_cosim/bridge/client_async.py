@@ -13,7 +13,7 @@ import numpy as np
 
 from uuvsim_cosim.bridge.client import Connection, connect
 from uuvsim_cosim.bridge.client_subscription import Block
-from uuvsim_cosim.bridge.desk import Moment
+from uuvsim_cosim.bridge.desk import Moment, SignalInfo
 
 __all__ = ["AsyncConnection", "connect_async"]
 
@@ -45,6 +45,34 @@ class AsyncConnection:
         """Say where the co-simulation was at the last answer."""
         return self.connection.moment
 
+    @property
+    def system(self) -> str:
+        """Give the name of the system."""
+        return self.connection.system
+
+    @property
+    def name(self) -> str:
+        """Give the name that others see of this client."""
+        return self.connection.name
+
+    @property
+    def time(self) -> float:
+        """Time at the last answer [s]."""
+        return self.connection.time
+
+    @property
+    def tick(self) -> int:
+        """Communication point at the last answer."""
+        return self.connection.tick
+
+    async def schema(self) -> tuple[SignalInfo, ...]:
+        """List all variables."""
+        return await self._made(lambda: self.connection.schema)
+
+    async def signals(self) -> tuple[str, ...]:
+        """List the names of all variables."""
+        return await self._made(lambda: self.connection.signals)
+
     async def describe(self) -> dict[str, Any]:
         """Give system, version, tick, components, clients and mode."""
         return await self._made(self.connection.describe)
@@ -53,15 +81,16 @@ class AsyncConnection:
         """Read a variable, or several by name."""
         return await self._made(partial(self.connection.get, names))
 
-    async def set(self, values: Mapping[str, Any]) -> Moment:
+    async def set(self, name: str | Mapping[str, Any], value: Any = None, /) -> Moment:
         """Set unconnected inputs and tunable parameters, all or none."""
+        values = {name: value} if isinstance(name, str) else name
         return await self._made(partial(self.connection.set, values))
 
     async def step(
         self,
         n: int = 1,
         inputs: Mapping[str, Any] | None = None,
-        outputs: Sequence[str] = (),
+        outputs: str | Sequence[str] = (),
     ) -> dict[str, Any]:
         """Set inputs, make n communication steps, and give outputs."""
         return await self._made(partial(self.connection.step, n, inputs, outputs))
@@ -70,7 +99,7 @@ class AsyncConnection:
         self,
         until: float | None = None,
         factor: float | None = None,
-        record: Sequence[str] = (),
+        record: str | Sequence[str] = (),
     ) -> dict[str, np.ndarray]:
         """Run to a time [s], or stream on until `pause`."""
         return await self._made(partial(self.connection.run, until, factor, record))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, final
@@ -19,7 +20,7 @@ from uuvsim_cosim.bridge.conductor_stage import Stage
 from uuvsim_cosim.bridge.desk import Client, Moment, SignalInfo
 from uuvsim_cosim.bridge.replay import Replay
 from uuvsim_cosim.bridge.roles import check
-from uuvsim_cosim.errors import UuvsimError
+from uuvsim_cosim.errors import InputInvalid, UuvsimError
 from uuvsim_cosim.orchestrator.observer import Observer
 from uuvsim_cosim.orchestrator.plan import Plan
 from uuvsim_cosim.orchestrator.sources import Backend
@@ -49,6 +50,12 @@ class Conductor:
         record: str | Path | None = None,
         fail_safe: FailSafe = "drop",
     ) -> None:
+        if not isinstance(system, System | Plan | Replay | str | Path):
+            kind = type(system).__name__
+            raise InputInvalid(
+                f"a {kind} was given; expected a system, its plan, a recording or a path: the "
+                "master that is conducted is made from it"
+            )
         self._calls = Calls()
         self._ended = False
         self._ending = threading.Lock()
@@ -175,6 +182,16 @@ class Conductor:
             self._acts.carry_out(call, client, answer, *arguments)
 
         return self._calls.put(work)
+
+    def abandon(self, answer: Answer) -> None:
+        """Who waited for an answer is gone: a run that was to give it ends where it is."""
+
+        def work(done: Answer) -> None:
+            self._on.abandon(answer)
+            done.set_result(None)
+
+        with suppress(InputInvalid):  # it has ended itself
+            self._calls.put(work)
 
     def watch(self, observer: Observer) -> None:
         """Hand the rows of every communication point to an observer, in the conductor's thread."""

@@ -174,6 +174,11 @@ class Stage:
             except UuvsimError as error:
                 running.answer.set_exception(error)
 
+    def abandon(self, answer: Answer) -> None:
+        """End the run whose answer nobody waits for any more, at its communication point."""
+        if self.running is not None and self.running.answer is answer:
+            self.pause()
+
     @property
     def wait(self) -> float | None:
         """Give the time until the run's next step is due [s]; None if nothing runs."""
@@ -243,7 +248,7 @@ class Stage:
                                "system")  # fmt: skip
         if self._system is None:
             raise InputInvalid("replace: this was begun from a plan; expected one from a system")
-        system = self._system.replace(component, source, map=mapping)
+        system = self._system.replace(component, _from_here(source), map=mapping)
         plan = flatten(system, self._seed)
         instantiate = prepare(plan, self._backend)
         self.pause()
@@ -288,3 +293,12 @@ class Stage:
             self.tap.close()
             raise
         return master
+
+
+def _from_here(source: str) -> str:
+    """Give the file that a client names where the server stands, if there is one; else as it is."""
+    name, colon, _ = source.rpartition(":")
+    file = name if colon and name.endswith(".py") else source
+    path = Path(file)
+    here = path.suffix.lower() in (".fmu", ".ssd", ".ssp", ".py") and path.is_file()
+    return f"{path.absolute()}{source[len(file) :]}" if here else source

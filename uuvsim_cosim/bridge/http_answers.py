@@ -9,6 +9,7 @@ import socket
 import threading
 import time
 from collections.abc import Mapping
+from functools import partial
 from http.server import BaseHTTPRequestHandler
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
@@ -21,7 +22,8 @@ from uuvsim_cosim.bridge.http_pilot import pilot_page, pilots, steered
 from uuvsim_cosim.bridge.http_sessions import HEADER, Sessions
 from uuvsim_cosim.bridge.page import page
 from uuvsim_cosim.bridge.roles import NEEDS
-from uuvsim_cosim.bridge.wire import Limits
+from uuvsim_cosim.bridge.tcp_door import hung_up
+from uuvsim_cosim.bridge.wire import Disconnected, Limits
 from uuvsim_cosim.bridge.wire_calls import Calls, failure
 from uuvsim_cosim.bridge.wire_values import json_of, near, taken
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
@@ -35,6 +37,7 @@ POST = (
 )  # fmt: skip
 STREAMS = 8
 RATE_MAX = 50.0  # Hz, of live values
+_QUERY = {"signals": ("names",), "live": ("names", "rate")}
 _VALUES = {"step": "inputs", "reset": "start"}  # the field that holds values, by call
 
 
@@ -75,6 +78,12 @@ class Handler(BaseHTTPRequestHandler):
 
     def log_message(self, format: str, *args: Any) -> None:
         """Say nothing: observers exist."""
+
+    def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
+        """Refuse what is no request of this door in JSON, as all else."""
+        self.close_connection = True
+        kinds = "; expected GET or POST" if code == 501 else "; expected a request of HTTP/1.1"
+        self._send(405 if code == 501 else code, b"application/json", _words(f"{message}{kinds}"))
 
     def do_GET(self) -> None:
         """Answer a GET: the page, or what changes nothing."""
@@ -123,6 +132,8 @@ class Handler(BaseHTTPRequestHandler):
                 self._send(200, *found)
         except _Refused as refused:
             self._send(refused.status, b"application/json", _words(str(refused)))
+        except Disconnected as error:
+            raise ConnectionAbortedError(str(error)) from None
         except UuvsimError as error:
             self._send(400, b"application/json", json.dumps(failure(error)).encode())
         except (OSError, TimeoutError):
@@ -165,26 +176,40 @@ class Handler(BaseHTTPRequestHandler):
 
     def _client(self, call: str) -> Calls:
         user, allowed = self._allowed()
-        needed = NEEDS.get(call)
+        self._needs(call, NEEDS.get(call), allowed)
+        token = self.headers.get(HEADER)
+        if token is not None:
+            calls = self.door.sessions.calls(token, allowed)
+            calls.attended(partial(hung_up, self.connection))
+            return calls
+        if self._calls is None or self._calls.client.allowed != allowed:
+            self._calls = Calls(self.door.desk, Client(user or "http", "http", allowed))
+            self._calls.attended(partial(hung_up, self.connection))
+        return self._calls
+
+    def _needs(self, call: str, needed: str | None, allowed: frozenset[str]) -> None:
         if needed is not None and needed not in allowed:
             may = ", ".join(sorted(allowed)) or "nothing"
             raise _Refused(403, f"{call}: this needs {needed!r}; your role may {may}")
-        token = self.headers.get(HEADER)
-        if token is not None:
-            return self.door.sessions.calls(token, allowed)
-        if self._calls is None or self._calls.client.allowed != allowed:
-            self._calls = Calls(self.door.desk, Client(user or "http", "http", allowed))
-        return self._calls
 
     def _read(self, path: str, query: dict[str, list[str]]) -> tuple[bytes, bytes] | None:
         if path not in GET:
             raise _Refused(405 if path in POST else 404, _no_path(path, "GET"))
+        known = _QUERY.get(path, ())
+        for field in query:
+            if field not in known:
+                raise InputInvalid(
+                    f"/{path}: query {field!r} does not exist{near(field, known)}; "
+                    f"expected {' and '.join(known) or 'none'}"
+                )
         names = [n for value in query.get("names", []) for n in value.split(",") if n]
         calls = self._client("get" if path in ("signals", "live") else path)
         if path == "live":
             self._live(calls, names, query)
             return None
         if path == "signals":
+            if not names:
+                raise InputInvalid("/signals: no names; expected such as /signals?names=hull.eta")
             return _json(calls, {"call": "get", "names": names}, {})
         if path == "pilots":
             return b"application/json", json.dumps({"ok": True, **pilots(calls.desk)}).encode()
@@ -215,6 +240,7 @@ class Handler(BaseHTTPRequestHandler):
 
     def _taken(self, path: str, calls: Calls, said: dict[str, Any]) -> dict[str, Any]:
         if path == "pilot":
+            self._needs("pilot", "set", calls.client.allowed)
             return json_of(steered(calls.desk, calls.client, said))  # type: ignore[no-any-return]
         if path == "join":
             return self.door.sessions.join(calls.client, said)

@@ -274,9 +274,14 @@ class _Far:
         source = self._source
         keys = [] if not self._session.is_open else self._session.alive("uuvsim-component/*/live")
         there = sorted(key.split("/")[1] for key in keys)
+        missing = (
+            nearest(source.name, there)
+            if there
+            else f"serve_component(…, {source.name!r}) to run there"
+        )
         return (
             f"{source.text}: no component {source.name!r} is served at {source.host}, port "
-            f"{source.port}; expected {nearest(source.name, there)}"
+            f"{source.port}; expected {missing}"
         )
 
 

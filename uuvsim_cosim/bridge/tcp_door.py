@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import select
 import socket
 import ssl
 import threading
 import time
 from collections.abc import Sequence
+from functools import partial
 
 from uuvsim_cosim.bridge.access import LOOPBACK
 from uuvsim_cosim.bridge.access_tls import common_name, secured
@@ -18,7 +20,7 @@ from uuvsim_cosim.bridge.wire import TCP_PORT, Disconnected, Limits, frame
 from uuvsim_cosim.bridge.wire_calls import failure
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
 
-__all__ = ["LOOPBACK", "TcpDoor", "listening"]
+__all__ = ["LOOPBACK", "TcpDoor", "hung_up", "listening"]
 
 _PIECE = 1 << 20
 
@@ -177,7 +179,8 @@ class TcpDoor:
                 self._strangers.pop(client, None)
 
         name = common_name(client)
-        serve(self._desk, self._admit, self._limits, receive, send, admitted, name)
+        gone = partial(hung_up, client)
+        serve(self._desk, self._admit, self._limits, receive, send, admitted, name, gone)
 
 
 def _keep_alive(client: socket.socket) -> None:
@@ -186,6 +189,21 @@ def _keep_alive(client: socket.socket) -> None:
     for option, value in (("TCP_KEEPIDLE", 20), ("TCP_KEEPINTVL", 10), ("TCP_KEEPCNT", 4)):
         if hasattr(socket, option):
             client.setsockopt(socket.IPPROTO_TCP, getattr(socket, option), value)
+
+
+def hung_up(client: socket.socket) -> bool:
+    """Say whether the other end has closed its connection; nothing that it sent is taken."""
+    try:
+        looking = select.poll() if hasattr(select, "poll") else None
+        if looking is not None:
+            looking.register(client, select.POLLIN)
+            if not looking.poll(0):
+                return False
+        elif not select.select([client], [], [], 0.0)[0]:
+            return False
+        return not socket.socket.recv(client, 1, socket.MSG_PEEK)  # below TLS, which cannot peek
+    except (OSError, ValueError):
+        return True
 
 
 def listening(hosts: Sequence[str], port: int, what: str) -> list[socket.socket]:

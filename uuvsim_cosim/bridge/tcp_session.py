@@ -54,6 +54,7 @@ def serve(
     send: Callable[[bytes], None],
     admitted: Callable[[], None],
     certificate: str | None = None,
+    gone: Callable[[], bool] = lambda: False,
 ) -> None:
     """Answer one client until it goes; raises Disconnected then, InputInvalid for no frame."""
     moment = desk.moment()
@@ -64,6 +65,7 @@ def serve(
     admitted()
     try:
         calls = Calls(desk, client)
+        calls.attended(gone)
         allowed = sorted(client.allowed)
         header = {"client": client.name, "allowed": allowed, "step_size": float(calls.tick)}
         send(frame({"ok": True, **header, "system": json_of(desk.describe())}))
@@ -129,6 +131,8 @@ def _answer_all(
                 if header.get("call") == "replace":
                     layout = None
                 data = _called(calls, header, payload, limits)
+        except Disconnected:
+            raise
         except UuvsimError as error:
             data = frame(failure(error))
         except Exception as error:  # a mistake of ours must not take the others down
@@ -176,7 +180,7 @@ def _compact(calls: Calls, layout: _Layout | None, payload: bytes) -> bytes:
         info.name: typed(info, numbers[begin:end])
         for info, begin, end in zip(layout.inputs, layout.ends, layout.ends[1:], strict=False)
     }
-    moment, found = calls.desk.step(calls.client, n, inputs, layout.names)
+    moment, found = calls.waited("step", n, inputs, layout.names)
     parts = [np.array([moment.tick, moment.time])]
     parts += [np.asarray(found[name], dtype=np.float64).ravel() for name in layout.names]
     return frame(None, np.concatenate(parts).astype("<f8", copy=False).tobytes())

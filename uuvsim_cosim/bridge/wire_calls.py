@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from fractions import Fraction
 from typing import Any, TypeVar
 
 from uuvsim_cosim.bridge.desk import Client, Desk, Moment, SignalInfo
+from uuvsim_cosim.bridge.wire import Disconnected
 from uuvsim_cosim.bridge.wire_values import find, json_of, near
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
 
 __all__ = ["CALLS", "Answer", "Calls", "failure", "steps_of", "whole"]
 
 STEPS_MAX = 1e12
+_LOOK = 0.2  # [s] between two looks whether who waits for steps is there still
 
 _T = TypeVar("_T")
 
@@ -34,7 +37,28 @@ class Calls:
         self.client = client
         self.schema: dict[str, SignalInfo] = {}
         self.tick = Fraction(0)
+        self._asking = threading.local()
         self.refresh()
+
+    def attended(self, gone: Callable[[], bool]) -> None:
+        """Have the calls of this thread end once `gone` says that nobody waits for them."""
+        self._asking.gone = gone
+
+    def waited(self, call: str, *arguments: Any) -> Any:
+        """Carry out a call that may take long; raises Disconnected if nobody waits any more."""
+        gone, ask = getattr(self._asking, "gone", None), getattr(self.desk, "ask", None)
+        if gone is None or ask is None:
+            return getattr(self.desk, call)(self.client, *arguments)
+        answer = ask(call, self.client, *arguments)
+        while True:
+            try:
+                return answer.result(_LOOK)
+            except TimeoutError:
+                if answer.done():
+                    raise
+            if gone():
+                self.desk.abandon(answer)  # type: ignore[attr-defined]
+                raise Disconnected(f"{call}: who asked is gone")
 
     def refresh(self) -> None:
         """Read schema and tick anew."""
@@ -154,7 +178,7 @@ def _step(calls: Calls, request: Mapping[str, Any], values: Mapping[str, Any]) -
         raise InputInvalid("step: both n and dt were given; expected one of them")
     count = steps_of(dt, calls.tick) if dt is not None else 1 if n is None else whole(n)
     outputs = _names(request, "outputs")
-    moment, found = calls.desk.step(calls.client, count, values, outputs)
+    moment, found = calls.waited("step", count, values, outputs)
     return Answer(_at(moment), found)
 
 
@@ -168,7 +192,7 @@ def _run(calls: Calls, request: Mapping[str, Any], values: Mapping[str, Any]) ->
     record = _names(request, "record")
     for name in record:
         find(calls.schema, name)
-    found = calls.desk.run(calls.client, until, _number(request, "factor"), record)
+    found = calls.waited("run", until, _number(request, "factor"), record)
     return Answer(_at(calls.desk.moment()), found)
 
 

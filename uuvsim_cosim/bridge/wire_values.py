@@ -90,13 +90,13 @@ def _size(entry: Mapping[str, Any], info: SignalInfo) -> int:
 
 
 def taken(values: object, schema: Mapping[str, SignalInfo]) -> dict[str, Any]:
-    """Give the values of a JSON object, each in the variable's shape and type."""
+    """Give the values of a JSON object, in the variables' shapes and types; texts as they are."""
     if not isinstance(values, dict):
         raise InputInvalid(f"values: {values!r} was read; expected an object of name: value")
     out: dict[str, Any] = {}
     for name, value in values.items():
         info = find(schema, name)
-        if info.type in _TEXT:
+        if info.type in _TEXT or isinstance(value, str):  # a number with its unit: "0.4 km/h"
             if not isinstance(value, str):
                 raise InputInvalid(f"{name}: {value!r} was read; expected a text")
             out[name] = value

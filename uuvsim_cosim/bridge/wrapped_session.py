@@ -152,8 +152,8 @@ def listening(
     except zenoh.ZError as error:
         if "in use" in str(error):
             raise InputInvalid(
-                f"port {port} on {', '.join(hosts)} is in use; expected a free one, such as by "
-                f"--port {port + 1}, or 0 for any"
+                f"port {port} on {', '.join(hosts)} is in use; expected a free one, such as port "
+                f"{port + 100}, or 0 for any"
             ) from None
         raise InputInvalid(f"cannot listen on {', '.join(endpoints)}: {_words(error)}") from None
 

@@ -69,6 +69,7 @@ class Bridge:
         said = None if access is None else access.access
         self.tls = said is not None and said.tls is not None
         self._shared = shared_memory
+        self._waiting: dict[str, Answer] = {}  # the last run or steps that each client asked for
         with guarded(said, self._gate.reader) as settings:
             settings = {"transport/shared_memory/enabled": shared_memory, **settings}
             self._session = listening(self.port, self.hosts, settings, tls=self.tls)
@@ -129,7 +130,10 @@ class Bridge:
     def _lives(self, key: str, lives: bool) -> None:
         if lives:
             return
-        client = self._gate.leave(key.rpartition("/")[2])
+        token = key.rpartition("/")[2]
+        if (waiting := self._waiting.pop(token, None)) is not None:
+            self.conductor.abandon(waiting)
+        client = self._gate.leave(token)
         if client is not None:
             try:
                 self.conductor.ask("lost", client)
@@ -176,7 +180,10 @@ class Bridge:
         client = self._gate.client(call, message)
         if call == "leave":
             self._gate.leave(str(message.get("client", "")))
-        return self.conductor.ask(call, client, *_arguments(call, message, block))
+        answer = self.conductor.ask(call, client, *_arguments(call, message, block))
+        if call in ("run", "step"):
+            self._waiting[str(message.get("client", ""))] = answer
+        return answer
 
     def _join(self, query: Any, message: dict[str, Any], certificate: str | None) -> None:
         """Enter a client; in a thread of its own, for passwords take a while."""

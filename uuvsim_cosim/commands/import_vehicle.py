@@ -24,17 +24,23 @@ def import_command(
         Path, typer.Argument(help="A closed surface (.stl), or a .urdf, .sdf or .xacro.")
     ],
     mass: Annotated[float | None, typer.Option("--mass", help="Mass in kg; for a surface.")] = None,
-    scale: Annotated[float, typer.Option("--scale", help="m per unit of the file; mm: 0.001.")] = 1.0,
+    scale: Annotated[
+        float | None, typer.Option("--scale", help="m per unit of the file; mm: 0.001.")
+    ] = None,
     axes: Annotated[
-        str, typer.Option("--axes", help="What x, y, z of the surface are: FLU, FRD, RFU or LBU.")
-    ] = "FLU",
+        str | None, typer.Option("--axes", help="What x, y, z are: FLU (default), FRD, RFU or LBU.")
+    ] = None,
     volume: Annotated[
-        float | None, typer.Option("--volume", help="m3 that displace water, where the hull floods.")
+        float | None,
+        typer.Option("--volume", help="m3 that displace water, where the hull floods."),
     ] = None,
     z_g: Annotated[
-        float | None, typer.Option("--z-g", help="m of the centre of gravity below that of buoyancy.")
+        float | None,
+        typer.Option("--z-g", help="m of the centre of gravity below that of buoyancy."),
     ] = None,
-    rho: Annotated[float, typer.Option("--rho", help="Density of the water in kg/m3.")] = 1025.0,
+    rho: Annotated[
+        float | None, typer.Option("--rho", help="Density of the water in kg/m3; 1025.")
+    ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Folder to write; its name is the id.")
     ] = None,
@@ -46,18 +52,25 @@ def import_command(
     from uuvsim_cosim.models.vehicle_draft import check_id, write_draft
 
     if not file.is_file():
-        raise InputInvalid(f"{file}: no such file; expected a surface (.stl), .urdf, .sdf or .xacro")
+        raise InputInvalid(
+            f"{file}: no such file; expected a surface (.stl), .urdf, .sdf or .xacro"
+        )
     folder = out if out is not None else Path(_id_of(file))
     check_id(folder.name)
     if file.suffix.lower() in _DESCRIPTIONS:
-        for name, given in (("--mass", mass), ("--volume", volume), ("--z-g", z_g)):
+        options = {"--mass": mass, "--volume": volume, "--z-g": z_g, "--scale": scale,
+                   "--axes": axes, "--rho": rho}  # fmt: skip
+        for name, given in options.items():
             if given is not None:
                 raise InputInvalid(f"{name}: is for a surface; {file.name} says its own")
         draft, notes = _described(file)
     else:
         if mass is None:
             raise InputInvalid(f"{file}: a surface has no mass; expected --mass and kg")
-        draft, notes = _surface(file, mass, scale, axes, volume, z_g, rho)
+        draft, notes = _surface(
+            file, mass, 1.0 if scale is None else scale, axes or "FLU", volume, z_g,
+            1025.0 if rho is None else rho,
+        )  # fmt: skip
     written = write_draft(draft, folder)
     table(
         ("number", "value", "unit", "source"),
@@ -103,6 +116,8 @@ def _surface(
         ],
     )
     where = ", ".join(f"{v:.4g}" for v in found.origin)
-    line(f"volume {solid.volume:.5g} m3; CO is its centre, the file's origin is at ({where}) m (FRD)")
+    line(
+        f"volume {solid.volume:.5g} m3; CO is its centre, the file's origin is at ({where}) m (FRD)"
+    )
     line()
     return found.draft, found.notes

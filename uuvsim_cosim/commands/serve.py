@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import signal
 import sys
 import time
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import FrameType
@@ -83,6 +85,7 @@ def serve_command(
     if not 0.0 < real_time < float("inf"):
         raise InputInvalid(f"--real-time {real_time:g}: expected a factor of more than 0")
     doors = opening(access, host or (), anyone=anyone)
+    _check_ports(doors.hosts, port, tcp_port, http_port)
     changes = {
         "replace": assignments("--replace", replace or [], "component=source", dotted=False),
         "map": assignments("--map", map_ or [], MAP, dotted=False),
@@ -121,7 +124,7 @@ def _open_doors(
     tcp: int | None,
     http: int | None,
 ) -> None:
-    """Open the doors, and say where they are."""
+    """Open the doors, and say where they are once all are open."""
     from uuvsim_cosim.bridge.http_door import HttpDoor
     from uuvsim_cosim.bridge.tcp_door import TcpDoor
     from uuvsim_cosim.bridge.wire import HTTP_PORT, TCP_PORT
@@ -134,24 +137,61 @@ def _open_doors(
     )
     local = doors.words == "on this machine"
     served = "on this machine" if local else f"to {doors.words}"
-    line(f"{conductor.describe()['system']} is served {served}:")
+    lines = [f"{conductor.describe()['system']} is served {served}:"]
     kind = "tls" if bridge.tls else "tcp"
     said = [f"port={bridge.port}"] if bridge.port != PORT else []
     said += ['ca="ca.pem"'] if bridge.tls else []
     where = ", ".join(f"{kind}/{host}:{bridge.port}" for host in bridge.hosts)
-    line(f"  Zenoh  {where}  Python: uuvsim_cosim.connect({', '.join(said)})")
+    lines.append(f"  Zenoh  {where}  Python: uuvsim_cosim.connect({', '.join(said)})")
     guard = {"admit": doors.admit, "tls": doors.tls}
     if tcp != -1:
         number = TCP_PORT if tcp is None else tcp
         door = stack.enter_context(TcpDoor(conductor, number, doors.hosts, **guard))
         whom = "TLS" if bridge.tls else "MATLAB, Octave: uuvsim.connect()"
-        line(f"  TCP    {', '.join(door.addresses)}  {whom}")
+        lines.append(f"  TCP    {', '.join(door.addresses)}  {whom}")
     if http != -1:
         page = HttpDoor(conductor, HTTP_PORT if http is None else http, doors.hosts, **guard)
         stack.callback(page.close)
-        line(f"  HTTP   {page.addresses[0]}  curl, webread, and a page for browsers")
+        lines.append(f"  HTTP   {page.addresses[0]}  curl, webread, and a page for browsers")
         if any(c["kind"] == "keyboard" for c in conductor.describe()["components"]):
-            line(f"  Pilot  {page.addresses[0]}pilot  keyboard and gamepad")
+            lines.append(f"  Pilot  {page.addresses[0]}pilot  keyboard and gamepad")
+    for one in lines:
+        line(one)
+
+
+def _check_ports(hosts: Sequence[str], port: int | None, tcp: int | None, http: int | None) -> None:
+    """Refuse ports that cannot be had before anything is built or recorded."""
+    import socket
+
+    from uuvsim_cosim.bridge.wire import HTTP_PORT, TCP_PORT
+    from uuvsim_cosim.bridge.wrapped_session import PORT
+
+    wanted = {
+        "--port": (port, PORT),
+        "--tcp-port": (tcp, TCP_PORT),
+        "--http-port": (http, HTTP_PORT),
+    }
+    taken: dict[int, str] = {}
+    for option, (given, usual) in wanted.items():
+        number = usual if given is None else given
+        if number == 0 or (number == -1 and option != "--port"):
+            continue
+        if not 0 < number < 1 << 16:
+            raise InputInvalid(f"{option} {number}: expected a port, 1 to 65535, or 0 for any")
+        if number in taken:
+            raise InputInvalid(f"{option} {number}: is {taken[number]} as well; expected another")
+        taken[number] = option
+        for host in hosts:
+            with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as trial:
+                trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                try:
+                    trial.bind((host, number))
+                except OSError as error:
+                    if error.errno == errno.EADDRINUSE:
+                        raise InputInvalid(
+                            f"port {number} on {host} is in use; expected a free one, such as "
+                            f"by {option} {number % 65435 + 100}, or 0 for any"
+                        ) from None
 
 
 def _wait(conductor: Any, factor: float, paused: bool, until: float | None) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from shutil import get_terminal_size
 
 from rich.console import Console
 from rich.markup import escape
@@ -18,7 +19,12 @@ __all__ = ["console", "line", "range_of", "size_of", "table", "tilde", "written"
 def console(*, stderr: bool = False) -> Console:
     """Give a console; wide when its output goes into a file or a pipe, so that nothing wraps."""
     found = Console(stderr=stderr, highlight=False)
-    return found if found.is_terminal else Console(stderr=stderr, highlight=False, width=160)
+    if not found.is_terminal:
+        return Console(stderr=stderr, highlight=False, width=160)
+    if found.is_dumb_terminal:  # rich takes any of these to have 80 columns
+        width, height = get_terminal_size()
+        return Console(stderr=stderr, highlight=False, width=width, height=height)
+    return found
 
 
 def range_of(low: float | None, high: float | None) -> str:

@@ -32,6 +32,9 @@ def train_command(
     config: Annotated[
         Path | None, typer.Option("--config", help="YAML; options here come after it.")
     ] = None,
+    curriculum: Annotated[
+        str | None, typer.Option("--curriculum", help="stt, or a YAML file: task after task.")
+    ] = None,
     set_: Annotated[
         list[str] | None, typer.Option("--set", help="The algorithm's NAME=VALUE, as lr=1e-3.")
     ] = None,
@@ -68,6 +71,12 @@ def train_command(
     changes: dict[str, Any] = {k: v for k, v in given.items() if v is not None}
     changes["settings"] = nested("--set", set_ or [], "NAME=VALUE, as lr=1e-3")
     changes["task_options"] = nested("--task-set", task_set or [], "NAME=VALUE, as n_trackers=3")
+    if curriculum is not None:
+        from uuvsim_cosim.commands.curriculum import train_through
+
+        unused = {"--config": config, "--restart": restart, "--open": open_}
+        train_through(curriculum, task, changes, out, [k for k, v in unused.items() if v])
+        return
     asked = _config(task, config, changes)
     with TrainingProgress() as progress:
         try:
@@ -75,11 +84,9 @@ def train_command(
             report = None if no_report else _report(done, progress)
         except KeyboardInterrupt as interrupted:
             progress.stop()
-            said, status = (*interrupted.args, "interrupted", 130)[:2] if len(
-                interrupted.args
-            ) == 2 else ("interrupted before a step; nothing was lost", 130)
+            said = str(interrupted) or "interrupted; the same command goes on"
             sys.stderr.write(f"uuvsim: {said}\n")
-            raise typer.Exit(int(status)) from None
+            raise typer.Exit(getattr(interrupted, "status", 130)) from None
     _show(done, report)
     if open_ and report is not None:
         typer.launch(str(report))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from types import TracebackType
 from typing import TYPE_CHECKING, Self, final
@@ -95,7 +96,7 @@ class TrainingProgress:
 
 def curve(values: list[float], width: int = WIDTH) -> str:
     """Draw values as blocks of eight heights, at most `width` of them: means of neighbours."""
-    finite = [v for v in values if v == v and abs(v) != float("inf")]
+    finite = [v for v in values if math.isfinite(v)]
     if not finite:
         return ""
     size = max(1, -(-len(finite) // width))

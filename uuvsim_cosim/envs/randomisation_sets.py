@@ -27,31 +27,49 @@ def published(
 ) -> Randomisation:
     """Draw each number of a hull from the interval of all its published values.
 
+    A set that was identified (`uuvsim identify --save-as`) has intervals of its own, and draws from
+    those alone.
+
     `prefix` is the hull's path in the system; `vehicle` and `set` are those that it is declared
     with, since what a set leaves out is structurally zero and cannot be drawn. Values and sources:
     models/vehicles/<vehicle>/published.yaml.
     """
-    from uuvsim_cosim.models.parameters import in_unit, parameter_set, read_yaml
+    from uuvsim_cosim.models.parameters import (
+        in_unit,
+        is_vehicle,
+        parameter_set,
+        read_yaml,
+        split_address,
+        vehicle_folder,
+    )
 
-    vehicle, _, own = vehicle.partition("@")
+    vehicle, own = split_address(vehicle)
     there = sorted(p.parent.name for p in content("models", "vehicles").glob("*/published.yaml"))
-    if vehicle not in there:
-        raise InputInvalid(f"no published intervals of {vehicle!r}; expected {', '.join(there)}")
-    data = read_yaml(content("models", "vehicles", vehicle, "published.yaml"),
-                     "published.schema.json")  # fmt: skip
+    if not is_vehicle(vehicle) or not (vehicle_folder(vehicle) / "published.yaml").is_file():
+        raise InputInvalid(
+            f"no published intervals of {vehicle!r}; expected {', '.join(there)}, "
+            "or a folder with a "
+            "published.yaml"
+        )
+    data = read_yaml(vehicle_folder(vehicle) / "published.yaml", "published.schema.json")
     known = parameter_set(vehicle, set or own or None).quantities
     found: list[Vary] = []
     for name, values in data["parameters"].items():
         if name not in known:
             continue
         unit = known[name].unit
+        chosen = set or own
+        values = [v for v in values if v.get("set", chosen) == chosen]
+        values = [v for v in values if "set" in v] or values
+        if len(values) < 2:
+            continue
         numbers = [in_unit(float(v["value"]), str(v["unit"]), unit) for v in values]
         found.append(Vary(f"{prefix}.{name}", distribution(min(numbers), max(numbers))))
     pairs = {
         (f"{prefix}.{a}", f"{prefix}.{b}"): float(entry["value"])
         for entry in data.get("correlation", ())
         for a, b in [entry["between"]]
-        if a in known and b in known
+        if {f"{prefix}.{a}", f"{prefix}.{b}"} <= {vary.name for vary in found}
     }
     return Randomisation(found, pairs)
 

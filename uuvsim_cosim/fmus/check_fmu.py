@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Literal
 
 from uuvsim_cosim.errors import FmuError
+from uuvsim_cosim.fmus.fmu_library import library_of
 from uuvsim_cosim.fmus.read_description import FmuArchive, read_fmu
 from uuvsim_cosim.fmus.reliance import reliance
 from uuvsim_cosim.fmus.toolchain import host
@@ -66,12 +67,26 @@ def examine(path: Path, *, time_limit: float = TIME_LIMIT) -> list[Look]:
     platform = host()
     here = sorted({platform.fmi2, platform.fmi3} & set(fmu.binaries))
     there = ", ".join(fmu.binaries) or "none"
+    if not here and fmu.sources is not None:
+        looks.append(_compiled(fmu))
+        if looks[-1].result == "finding":
+            return looks + _skipped(list(LOOKS), "no binary for this machine")
+        return looks + _trial(path, time_limit)
     if not here:
         text = f"none for {platform.fmi2}, so it was not run; there: {there}"
         looks.append(Look("binary", "finding", text))
         return looks + _skipped(list(LOOKS), "no binary for this machine")
     looks.append(Look("binary", "ok", there))
     return looks + _trial(path, time_limit)
+
+
+def _compiled(fmu: FmuArchive) -> Look:
+    try:
+        library_of(fmu)
+    except FmuError as error:
+        return Look("binary", "finding", str(error))
+    there = f"; there: {', '.join(fmu.binaries)}" if fmu.binaries else ""
+    return Look("binary", "ok", f"none for {host().fmi2}: its sources were compiled{there}")
 
 
 def relied_on(path: Path, looks: Sequence[Look]) -> dict[str, str]:

@@ -45,6 +45,7 @@ def describe(model: Model, eq: Equations | None = None) -> Description:
         can_get_and_set_state=True,
         can_serialize_state=True,
         provides_directional_derivatives=True,
+        peers=model.peers,
     )
 
 

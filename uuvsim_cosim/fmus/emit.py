@@ -12,8 +12,10 @@ import casadi as ca
 from uuvsim_cosim.errors import UuvsimError
 from uuvsim_cosim.fmus.branches import Block, Node, flat, nodes_of, scheduled
 from uuvsim_cosim.fmus.network_data import HEADER, network_call, network_data
+from uuvsim_cosim.fmus.optimiser_code import optimiser_call
 from uuvsim_cosim.fmus.table_data import table_call, table_data
 from uuvsim_cosim.models.network import NETWORKS
+from uuvsim_cosim.models.optimiser import OPTIMISERS
 from uuvsim_cosim.models.table import TABLES
 
 __all__ = ["emit_function", "emit_networks", "emit_tables", "emit_update", "literal"]
@@ -37,16 +39,19 @@ def literal(value: float) -> str:
     return repr(float(value))
 
 
-def emit_function(f: Any, signature: str, targets: tuple[str, ...]) -> str:
+def emit_function(
+    f: Any, signature: str, targets: tuple[str, ...], *, branches: bool = True
+) -> str:
     """Give the C text of `f`: its inputs are the C arrays in `targets` before the last one.
 
     ``targets`` names the arrays of f's inputs, then the one that its output is written to.
     Branches that no lane takes are skipped (see `branches`); a right-hand side stays flat,
-    because kernels move what it computes from held values out of it.
+    because kernels move what it computes from held values out of it. So does what is emitted
+    without `branches`: to find them takes long in a large function.
     """
     *sources, result = targets
     nodes = nodes_of(f)
-    items = flat(nodes) if f.name() == "rhs" else scheduled(nodes)
+    items = scheduled(nodes) if branches and f.name() != "rhs" else flat(nodes)
     text = _Text(f, nodes, sources, result)
     lines = [*(f"(void){s};" for s in targets), *text.lines(items), *text.stores]
     body = "\n    ".join(lines)
@@ -138,9 +143,12 @@ class _Text:
             self.calls = f.instructions_sx() if self.calls is None else self.calls
             called = self.calls[k].which_function()
             name = called.name().removeprefix("fwd1_wrap_")
-            if name in NETWORKS:
-                forward = name != called.name()
-                line, *texts = network_call(k, name, self._arguments(k), forward)
+            if name in NETWORKS or called.name() in OPTIMISERS:
+                if name in NETWORKS:
+                    forward = name != called.name()
+                    line, *texts = network_call(k, name, self._arguments(k), forward)
+                else:
+                    line, *texts = optimiser_call(k, name, self._arguments(k))
                 yield line
                 self.value.update({(k, place): text for place, text in enumerate(texts)})
                 return
@@ -185,13 +193,18 @@ Lowering = Callable[[list[str]], str]
 
 
 def _call(f: Any, a: list[str]) -> list[str]:
-    """Lower a call of a table, of its partial derivative, or of its forward derivative."""
+    """Lower a call of a table, of its partial derivative, or of its forward or adjoint one."""
     name = f.name()
     if name in TABLES:
         return [table_call(name, "", a)]
     for suffix in ("_dx", "_dy", "_d"):
         if name.endswith(suffix) and name[: -len(suffix)] in TABLES:
             return [table_call(name[: -len(suffix)], suffix, a)]
+    wrapped = name.removeprefix("adj1_wrap_")
+    if wrapped != name and wrapped in TABLES:
+        x, seed = a[: TABLES[wrapped].n_in], a[-1]
+        suffixes = ("_d",) if len(x) == 1 else ("_dx", "_dy")
+        return [f"{table_call(wrapped, s, x)} * {seed}" for s in suffixes]
     wrapped = name.removeprefix("fwd1_wrap_")
     if wrapped in TABLES:
         n = TABLES[wrapped].n_in

@@ -23,6 +23,7 @@ from uuvsim_cosim.fmus.model_description import (
     xml_text,
 )
 from uuvsim_cosim.fmus.native import generated_source
+from uuvsim_cosim.fmus.peers import PEERS, peers_text
 from uuvsim_cosim.fmus.toolchain import compile_shared, platform_named
 from uuvsim_cosim.models.model import Model
 
@@ -152,6 +153,8 @@ def _texts(lowered: Lowered, fmi: FmiVersion) -> dict[str, str]:
         texts[f"sources/{file.name}"] = file.read_text()
     if fmi == 3:
         texts["sources/buildDescription.xml"] = _build_description(identifier, compiled)
+    if lowered.model.peers:
+        texts[PEERS] = peers_text(lowered.model.peers)
     licence = content("LICENSE")
     if licence.is_file():
         texts["documentation/licenses/license.txt"] = licence.read_text()

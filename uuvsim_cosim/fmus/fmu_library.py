@@ -14,9 +14,10 @@ from typing import Any
 
 from uuvsim_cosim.errors import FmuError
 from uuvsim_cosim.fmus.read_description import FmuArchive
+from uuvsim_cosim.fmus.source_code import compiled
 from uuvsim_cosim.fmus.toolchain import host
 
-__all__ = ["FmuLibrary"]
+__all__ = ["FmuLibrary", "library_of"]
 
 Signatures = Mapping[str, tuple[Any, Sequence[Any]]]
 
@@ -28,7 +29,7 @@ class FmuLibrary:
 
     def __init__(self, archive: FmuArchive, prefix: str, signatures: Signatures) -> None:
         self.archive = archive
-        self.file = _library(archive)
+        self.file = library_of(archive)
         self._prefix = prefix
         self._signatures = signatures
         self._bound: dict[str, Any] = {}
@@ -45,15 +46,24 @@ class FmuLibrary:
         """Bind a function at its first use; raises FmuError if the FMU does not export it."""
         bound = self._bound.get(name)
         if bound is None:
-            try:
-                bound = self._c[self._prefix + name]
-            except AttributeError:
+            bound = self._found(name)
+            if bound is None:
                 raise FmuError(
                     f"{self.archive.path}: does not export {self._prefix}{name}, which is needed"
                 ) from None
             bound.restype, bound.argtypes = self._signatures[name]
             self._bound[name] = bound
         return bound
+
+    def _found(self, name: str) -> Any:
+        """Find a function; one of old sources has the model's name in front of its own."""
+        for prefix in ("", f"{self.archive.model_identifier}_"):
+            try:
+                return self._c[f"{prefix}{self._prefix}{name}"]
+            except AttributeError:
+                if self.archive.sources is None:
+                    break
+        return None
 
     def has(self, name: str) -> bool:
         """Say whether the FMU exports a function."""
@@ -84,7 +94,8 @@ def _loaded(file: Path, inode: int) -> ctypes.CDLL:
         return ctypes.CDLL(str(file))
 
 
-def _library(archive: FmuArchive) -> Path:
+def library_of(archive: FmuArchive) -> Path:
+    """Find the binary for this platform, or compile the sources; raises FmuError."""
     machine = host()
     folders = [machine.fmi3]
     if archive.description.kind == "FMI 2.0":
@@ -95,7 +106,9 @@ def _library(archive: FmuArchive) -> Path:
         file = archive.folder / "binaries" / folder / (archive.model_identifier + machine.suffix)
         if file.is_file():
             return file
-    there = ", ".join(archive.binaries) or "none (only sources, or nothing)"
+    if archive.sources is not None:
+        return compiled(archive.path, archive.folder, archive.model_identifier, archive.sources)
+    there = ", ".join(archive.binaries) or "none, and no sources that are listed"
     raise FmuError(f"{archive.path}: no binary for this platform, {folders[0]}; there are: {there}")
 
 

@@ -9,6 +9,7 @@ from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.fmu2 import Fmu2
 from uuvsim_cosim.fmus.fmu3 import Fmu3
 from uuvsim_cosim.fmus.fmu_binary import lives_here
+from uuvsim_cosim.fmus.fmu_library import library_of
 from uuvsim_cosim.fmus.isolated import Isolated
 from uuvsim_cosim.fmus.model_exchange import ModelExchange
 from uuvsim_cosim.fmus.read_description import FmuArchive, read_fmu
@@ -30,6 +31,7 @@ def instantiate_fmu(
     `needs_own_process`). An isolated one that does not answer within `watchdog` seconds fails.
     """
     archive = fmu if isinstance(fmu, FmuArchive) else read_fmu(fmu)
+    library_of(archive)  # the watchdog of another process does not wait for a compiler
     if isolate or needs_own_process(archive):
         return Isolated(
             path,

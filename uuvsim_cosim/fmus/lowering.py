@@ -11,6 +11,7 @@ from uuvsim_cosim.content import content
 from uuvsim_cosim.fmus.emit import emit_function, emit_networks, emit_tables, literal
 from uuvsim_cosim.fmus.equations import Equations, equations
 from uuvsim_cosim.fmus.layout import Layout, Placed
+from uuvsim_cosim.fmus.optimiser_code import emit_optimisers
 from uuvsim_cosim.models.model import Model
 
 __all__ = ["Lowered", "lower", "runtime"]
@@ -52,6 +53,7 @@ def lower(model: Model) -> Lowered:
         '#include "uuv_component.h"\n#include "uuv_table.h"\n\n',
         emit_tables(functions),
         emit_networks(functions),
+        emit_optimisers(functions),
         _writing(eq.derived, "derived", at["derived"]),
         _writing(eq.initial, "initial", at["state"]),
         emit_function(eq.rhs, "rhs(const V *b, V *dx)", ("b", "dx")),

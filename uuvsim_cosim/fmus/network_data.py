@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import numpy as np
-from numpy.typing import NDArray
-
-from uuvsim_cosim.models.network import NETWORKS, Layer, Network
+from uuvsim_cosim.fmus.layer_data import layer_text
+from uuvsim_cosim.fmus.transformer_data import transformer_text
+from uuvsim_cosim.models.network import NETWORKS, Network
+from uuvsim_cosim.models.transformer import Transformer
 
 __all__ = ["HEADER", "network_call", "network_data"]
 
 HEADER = '#include "uuv_network.h"\n'
-WIDE = 16  # outputs of a block: UUV_WIDE
 
 
 def network_call(k: int, name: str, a: list[str], forward: bool) -> Iterator[str]:
@@ -30,40 +29,22 @@ def network_call(k: int, name: str, a: list[str], forward: bool) -> Iterator[str
 
 def network_data(name: str) -> str:
     """Give the weights of a network, and its functions of arrays."""
-    return "".join(_text(NETWORKS[name]))
+    n = NETWORKS[name]
+    return "".join(transformer_text(n) if isinstance(n, Transformer) else _text(n))
 
 
 def _text(n: Network) -> Iterator[str]:
     rows = []
     for i, layer in enumerate(n.layers):
-        for what, numbers in (("weight", _blocks(layer)), ("bias", _filled(layer.bias))):
-            yield f"static const float {n.name}_{what}_{i}[] = {{{_numbers(numbers)}}};\n"
-        outs, ins = layer.weight.shape
-        kind = f"UUV_{layer.activation.upper()}"
-        rows.append(f"{{{ins}, {outs}, {kind}, {n.name}_weight_{i}, {n.name}_bias_{i}}}")
+        arrays, row = layer_text(f"{n.name}_{i}", layer)
+        yield arrays
+        rows.append(row)
     yield f"static const uuv_layer {n.name}_layers[] = {{{', '.join(rows)}}};\n"
     yield f"typedef struct {{ V y[{n.n_out}]; }} {n.name}_values;\n"
     at = f"{n.name}_layers, {len(n.layers)}"
-    for suffix, vectors, arrays in (("", 2, ("x",)), ("_forward", 4, ("x", "seed"))):
+    for suffix, vectors, given in (("", 2, ["x"]), ("_forward", 4, ["x", "seed"])):
         yield f"static inline {n.name}_values {n.name}{suffix}("
-        yield f"{', '.join(f'const V *{a}' for a in arrays)}) {{\n"
+        yield f"{', '.join(f'const V *{a}' for a in given)}) {{\n"
         yield f"    uuv_neuron room[{vectors * n.widest}];\n    {n.name}_values r;\n"
-        yield f"    uuv_network{suffix}({at}, {', '.join(arrays)}, r.y, room, {n.widest});\n"
+        yield f"    uuv_network{suffix}({at}, {', '.join(given)}, r.y, room, {n.widest});\n"
         yield "    return r;\n}\n"
-
-
-def _filled(rows: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Add rows of zeros up to whole blocks."""
-    missing = -len(rows) % WIDE
-    return np.concatenate([rows, np.zeros((missing, *rows.shape[1:]), np.float32)])
-
-
-def _blocks(layer: Layer) -> NDArray[np.float32]:
-    """Give [block][input][output of the block], flat."""
-    w = _filled(layer.weight)
-    return w.reshape(-1, WIDE, w.shape[1]).transpose(0, 2, 1).ravel()
-
-
-def _numbers(values: NDArray[np.float32]) -> str:
-    texts = (f"{v:.9g}" for v in values.tolist())
-    return ", ".join(f"{t}f" if "." in t or "e" in t else f"{t}.0f" for t in texts)

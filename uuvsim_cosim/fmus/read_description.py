@@ -12,7 +12,9 @@ from uuvsim_cosim.errors import FmuError
 from uuvsim_cosim.fmus.archive import shown, unpack
 from uuvsim_cosim.fmus.description import Description
 from uuvsim_cosim.fmus.description_xml import Source, flag, read_units
+from uuvsim_cosim.fmus.peers import read_peers
 from uuvsim_cosim.fmus.safe_xml import read_xml
+from uuvsim_cosim.fmus.source_code import Sources, read_sources
 from uuvsim_cosim.fmus.variables_fmi2 import read_variables_fmi2
 from uuvsim_cosim.fmus.variables_fmi3 import read_variables_fmi3
 
@@ -38,6 +40,7 @@ class FmuArchive:
     n_states: int = 0  # of an FMI 2.0 Model Exchange FMU; FMI 3.0 has functions for them
     n_event_indicators: int = 0
     tolerance: float = 1e-6  # relative, of the integrator of a Model Exchange FMU
+    sources: Sources | None = None  # to compile where there is no binary
 
 
 def read_description(path: Path) -> Description:
@@ -85,6 +88,7 @@ def read_fmu(path: Path) -> FmuArchive:
             element, "providesDirectionalDerivative", "providesDirectionalDerivatives"
         ),
         needs_execution_tool=flag(element, "needsExecutionTool"),
+        peers=read_peers(folder),
     )
     identifier = source.required(element, "modelIdentifier", interface)
     return FmuArchive(
@@ -107,6 +111,7 @@ def read_fmu(path: Path) -> FmuArchive:
             None if experiment is None else source.optional_number(experiment, "tolerance", where)
         )
         or 1e-6,
+        sources=read_sources(folder, element, identifier, shown(path)),
     )
 
 

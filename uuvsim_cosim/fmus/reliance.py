@@ -16,7 +16,9 @@ def reliance(fmu: FmuArchive) -> dict[str, str]:
     here = {machine.fmi2, machine.fmi3} & set(fmu.binaries)
     undeclared = [v.name for v in d.of("output") if v.dependencies is None]
     return {
-        "run": "yes" if here else f"no: it has no binary for {machine.fmi2}",
+        "run": "yes" if here
+        else "yes, its sources are compiled at first use" if fmu.sources
+        else f"no: it has no binary for {machine.fmi2}",
         "reset": "restores its state of Initialization Mode" if state
         else "frees the instance, then makes another; nothing is unpacked or loaded again" if once
         else "takes a fresh instance from a pool; nothing is unpacked or loaded again",

@@ -12,6 +12,7 @@ from math import ceil
 from uuvsim_cosim.errors import Problem, SystemInvalid
 from uuvsim_cosim.fmus.equations import Equations, equations
 from uuvsim_cosim.fmus.layout import Layout
+from uuvsim_cosim.fmus.optimiser_code import optimisers_of
 from uuvsim_cosim.orchestrator.plan import Plan, Transfer
 from uuvsim_cosim.orchestrator.sources import ModelSource, resolve
 
@@ -142,7 +143,12 @@ def fused_of(plan: Plan, cells_a_word: int = 1) -> Fused:
     if problems:
         raise SystemInvalid(problems)
     found = {c.source: equations(_source(c.source).declare()) for c in plan.components}
-    problems = [*_clocks(plan, found), *_loops(plan), *_conversions(plan)]
+    problems = [
+        *_optimisers(plan, found),
+        *_clocks(plan, found),
+        *_loops(plan),
+        *_conversions(plan),
+    ]
     if problems:
         raise SystemInvalid(problems)
     clocks = {int(k.period / plan.tick) for e in found.values() for k in e.layout.model.clocks}
@@ -202,6 +208,16 @@ def _foreign(plan: Plan) -> Iterator[Problem]:
             )
 
 
+def _optimisers(plan: Plan, found: Mapping[str, Equations]) -> Iterator[Problem]:
+    for c in plan.components:
+        if optimisers_of(list(found[c.source].updates)):
+            yield Problem(
+                c.path,
+                f"an optimiser, {c.source}, in a kernel",
+                "a law in closed form such as lqr; the master and FMUs run optimisers",
+            )
+
+
 def _clocks(plan: Plan, found: Mapping[str, Equations]) -> Iterator[Problem]:
     for c in plan.components:
         step = c.step_ticks * plan.tick
@@ -236,6 +252,12 @@ def _loops(plan: Plan) -> Iterator[Problem]:
 def _conversions(plan: Plan) -> Iterator[Problem]:
     for t in plan.transfers:
         kinds = {t.source_variable.type, t.target_variable.type}
+        if t.table:
+            yield Problem(
+                f"{plan.components[t.target].path}.{t.target_variable.name}",
+                "a table of values at its connection, in a kernel",
+                "none; the master looks values up",
+            )
         changed = (t.factor, t.offset) != (1.0, 0.0)
         if changed and kinds != {"Float64"}:
             yield Problem(

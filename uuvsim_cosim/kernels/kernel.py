@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import os
 import platform
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -27,6 +27,8 @@ from uuvsim_cosim.orchestrator.system import System
 
 if TYPE_CHECKING:
     from uuvsim_cosim.kernels.batch import Batch, Seeds
+    from uuvsim_cosim.kernels.derivative_text import Mode
+    from uuvsim_cosim.kernels.rollout import Derivative, Values
 
 __all__ = ["Kernel", "fuse"]
 
@@ -63,8 +65,10 @@ class Kernel:
         self.fused = fused
         self.lanes = lanes
         self.dtype = dtype
+        self.baseline = baseline
+        self._derivatives: dict[Mode, Derivative] = {}
         single = dtype == np.float32
-        flags = (f"-DUUV_W={lanes}", "-Wno-psabi", *(() if baseline else _processor_flags()))
+        flags = (f"-DUUV_W={lanes}", "-Wno-psabi", *processor_flags(baseline))
         draws_flags = ("-DUUV_W=8", "-Wno-psabi", *flags[2:])
         if single:
             flags = (*flags, "-DUUV_FLOAT32", "-ffp-contract=fast")
@@ -118,6 +122,42 @@ class Kernel:
 
         return Batch(self, n_envs, seeds=seeds, start=start, threads=threads)
 
+    def jvp(
+        self,
+        start: Mapping[str, Any],
+        tangents: Mapping[str, Any],
+        outputs: Sequence[str],
+        *,
+        steps: int,
+        **more: Any,
+    ) -> tuple[Values, Values]:
+        """Give outputs at the end of every step, and their derivative along `tangents`.
+
+        `start` and `more` are what `Rollout` takes: n_envs, inputs, seeds, threads.
+        """
+        from uuvsim_cosim.kernels.rollout import Rollout, jvp
+
+        return jvp(Rollout(self, start, outputs, steps=steps, **more), tangents)
+
+    def vjp(
+        self, start: Mapping[str, Any], outputs: Sequence[str], *, steps: int, **more: Any
+    ) -> tuple[Values, Callable[[Mapping[str, Any]], Values]]:
+        """Give outputs at the end of every step, and a function that pulls gradients back.
+
+        `start` and `more` are what `Rollout` takes: n_envs, inputs, seeds, threads.
+        """
+        from uuvsim_cosim.kernels.rollout import Rollout, vjp
+
+        return vjp(Rollout(self, start, outputs, steps=steps, **more))
+
+    def derivative(self, mode: Mode) -> Derivative:
+        """Compile the tangents, or adjoints, of a step; once, when first asked for."""
+        from uuvsim_cosim.kernels.rollout import Derivative
+
+        if mode not in self._derivatives:
+            self._derivatives[mode] = Derivative(self, mode)
+        return self._derivatives[mode]
+
 
 def _compiled(name: str, text: str, flags: tuple[str, ...]) -> Path:
     folder = cache_dir("generated", content_hash([text]))
@@ -145,7 +185,10 @@ def _processor() -> str:
     return content_hash([line for line in lines if line.startswith(wanted)])[:16]
 
 
-def _processor_flags() -> tuple[str, ...]:
+def processor_flags(baseline: bool) -> tuple[str, ...]:
+    """Give the compiler's options for this machine's processor, or none for every one."""
+    if baseline:
+        return ()
     zig = "ziglang" in compiler()[0]
     arm = platform.machine().lower() in ("aarch64", "arm64")
     option = "-mcpu=native" if zig or arm else "-march=native"

@@ -161,7 +161,7 @@ def _makers(name: str) -> _Makers:
 _LIMITS = {  # of numbers that cannot be anything: (least, greatest); else positive, or 0 as well
     "gamma": (0.0, 1.0), "tau": (0.0, 1.0), "epsilon": (0.0, 1.0), "epsilon_end": (0.0, 1.0),
     "gae_lambda": (0.0, 1.0), "log_std": (-10.0, 2.0), "entropy": (0.0, 1e3),
-    "value": (0.0, 1e3), "updates": (1e-3, 1e3), "alpha": (1e-9, 1e3),
+    "value": (0.0, 1e3), "updates": (1e-3, 1e3), "centre": (0.0, 1.0), "alpha": (1e-9, 1e3),
 }  # fmt: skip
 _MAY_BE_0 = ("warm_up", "critic_only", "epsilon_steps")
 
@@ -175,7 +175,7 @@ def _checked(algorithm: str, name: str, value: Any, kind: type) -> Any:
         return value
     number = isinstance(value, int | float) and not isinstance(value, bool)
     if kind is int:
-        least = 0 if name in _MAY_BE_0 else 1
+        least = 0 if name in _MAY_BE_0 else 2 if name in ("batch", "samples") else 1
         if not number or value != int(value) or not least <= value <= 10**9:
             raise InputInvalid(f"{place}; expected a whole number from {least}")
         return int(value)

@@ -14,7 +14,7 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.algorithms import ALGORITHMS
 from uuvsim_cosim.learn.task_ids import TASKS, short_name
 
-__all__ = ["TrainingConfig", "read_config"]
+__all__ = ["TrainingConfig", "merged", "read_config"]
 
 MOST_ENVS = 65_536
 
@@ -54,7 +54,7 @@ class TrainingConfig:
         """Give the same with changes; options and settings are added to those that are there."""
         for name in ("task_options", "settings"):
             if name in changes:
-                changes[name] = _merged(getattr(self, name), changes[name])
+                changes[name] = merged(getattr(self, name), changes[name])
         return replace(self, **changes)
 
     def plain(self) -> dict[str, Any]:
@@ -70,7 +70,9 @@ def problems_of(config: TrainingConfig) -> list[tuple[str, Any, str]]:
     if not isinstance(config.task, str) or (config.task not in TASKS and ":" not in config.task):
         found.append(("task", config.task, f"expected {near(config.task, TASKS)}"))
     if config.algorithm is not None and config.algorithm not in ALGORITHMS:
-        found.append(("algorithm", config.algorithm, f"expected {near(config.algorithm, ALGORITHMS)}"))
+        found.append(
+            ("algorithm", config.algorithm, f"expected {near(config.algorithm, ALGORITHMS)}")
+        )
     if config.profile not in PROFILES:
         found.append(("profile", config.profile, f"expected {near(config.profile, PROFILES)}"))
     limits = {
@@ -119,8 +121,8 @@ def read_config(path: str | Path, **changes: Any) -> TrainingConfig:
             text.wrong([name], f"{shown(value)}; {problem}")
     _check_settings(text, given, changes)
     text.refuse()
-    merged = {k: changes.pop(k, {}) for k in ("task_options", "settings")}
-    return TrainingConfig(**{**given, **changes}).changed(**merged)
+    added = {k: changes.pop(k, {}) for k in ("task_options", "settings")}
+    return TrainingConfig(**{**given, **changes}).changed(**added)
 
 
 def _check_settings(text: YamlText, given: Mapping[str, Any], changes: Mapping[str, Any]) -> None:
@@ -138,13 +140,13 @@ def _check_settings(text: YamlText, given: Mapping[str, Any], changes: Mapping[s
             text.wrong(["settings", key], str(error))
 
 
-def _merged(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
+def merged(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
     """Give both, mappings inside them as well."""
     both = dict(old)
     for key, value in new.items():
         inner = both.get(key)
         if isinstance(inner, Mapping) and isinstance(value, Mapping):
-            both[key] = _merged(inner, value)
+            both[key] = merged(inner, value)
         else:
             both[key] = value
     return both

@@ -99,7 +99,7 @@ class DqnLearner:
             any_ = self._random.integers(0, len(self.grid), chosen.shape)
             chosen = np.where(self._random.random(chosen.shape) < self.epsilon, any_, chosen)
             self._chosen = chosen
-        return self.grid[chosen]
+        return np.asarray(self.grid[chosen])
 
     def learn(self, lived: Transitions, over: NDArray[np.bool_]) -> Mapping[str, float]:
         """Keep what was lived, and make the updates that are due."""
@@ -138,9 +138,7 @@ class DqnLearner:
         check_gradients(self.name, "Q", self.network.parameters())
         self._optimizer.step()
         with torch.no_grad():
-            for slow, fast in zip(
-                self.target.parameters(), self.network.parameters(), strict=True
-            ):
+            for slow, fast in zip(self.target.parameters(), self.network.parameters(), strict=True):
                 slow.lerp_(fast, self.given.tau)
         return {"q_loss": value, "q": float(q.detach().mean())}
 

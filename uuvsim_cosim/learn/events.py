@@ -53,7 +53,7 @@ class Events:
         if self._writer is None:
             from torch.utils.tensorboard import SummaryWriter
 
-            self._writer = SummaryWriter(str(self._folder), purge_step=progress.step)  # type: ignore[no-untyped-call]
+            self._writer = SummaryWriter(str(self._folder), purge_step=progress.step)
         if progress.what == "step":
             share = progress.step * POINTS // max(progress.steps, 1)
             if share == self._last or not progress.row:

@@ -7,7 +7,15 @@ import threading
 from types import FrameType, TracebackType
 from typing import Any, Self, final
 
-__all__ = ["Interruption"]
+__all__ = ["Interruption", "TrainingInterrupted"]
+
+
+class TrainingInterrupted(KeyboardInterrupt):
+    """A training that was kept, and says how it goes on; `status` is for a command to exit with."""
+
+    def __init__(self, sentence: str, status: int) -> None:
+        super().__init__(sentence)
+        self.status = status
 
 
 @final

@@ -48,6 +48,7 @@ class MasacSettings:
     central: bool = True  # critics see all agents; without: independent SAC
     shared: bool = False  # one actor and one critic for all agents, each seen as the first
     h0: float = 1.0  # the entropy wanted is -h0 dim a
+    centre: float = 0.0  # share of the error that a mean of rewards, taken off them, follows
 
 
 @final
@@ -67,6 +68,7 @@ class Masac:
         self.target = StackedMLP(2 * self.nets, [seen, *hidden, 1], self.random)
         self.target.load_state_dict(self.critic.state_dict())
         self.target.requires_grad_(False)
+        self.centre = torch.zeros(agents)  # taken off the rewards
         self.log_alpha = torch.full((agents,), math.log(settings.alpha), requires_grad=True)
         self.optimizers = {
             name: torch.optim.Adam(parameters, lr=settings.lr)
@@ -120,7 +122,11 @@ class Masac:
             next_a, next_log = self._drawn(after)
             q_next = self._q(self.target, self._seen(after, next_a)).amin(1)
             y = r + self.settings.gamma * (1.0 - ended) * (q_next - alpha * next_log)
+            y = y - self._offset(ended)
         q = self._q(self.critic, self._seen(o, a))
+        if self.settings.centre:
+            error = (y - q.detach().mean(1)).mean(1)
+            self.centre += self.settings.centre * (error.mean() if self.settings.shared else error)
         critic_loss = 0.5 * ((q - y[:, None]) ** 2).mean(-1).sum()
         told = {"critic_loss": self._descend("critic", critic_loss)}
         if not critic_only:
@@ -129,6 +135,15 @@ class Masac:
             for slow, fast in zip(self.target.parameters(), self.critic.parameters(), strict=True):
                 slow.lerp_(fast, self.settings.tau)
         return {**told, "alpha": float(alpha.mean()), "q": float(q.detach().mean())}
+
+    def _offset(self, ended: Tensor) -> Tensor:
+        """Give what a mean reward c, taken off, takes off y (N, n): Q is then Q - c / (1 - gamma).
+
+        Naik et al., "Reward Centering", 2024. What is best stays the best, also where episodes
+        end; what is learned no longer begins with climbing to c / (1 - gamma).
+        """
+        left = 1.0 - self.settings.gamma * (1.0 - ended)
+        return self.centre[:, None] * left / max(1.0 - self.settings.gamma, 1e-9)
 
     def _improve(self, o: Tensor, a: Tensor, alpha: Tensor) -> dict[str, float]:
         drawn, log_pi = self._drawn(o)
@@ -189,6 +204,7 @@ class Masac:
             "critic": self.critic.state_dict(),
             "target": self.target.state_dict(),
             "log_alpha": self.log_alpha.detach().clone(),
+            "centre": self.centre.clone(),
             "random": self.random.get_state(),
             **{f"adam_{k}": o.state_dict() for k, o in self.optimizers.items()},
         }
@@ -200,6 +216,7 @@ class Masac:
         self.target.load_state_dict(state["target"])
         with torch.no_grad():
             self.log_alpha.copy_(state["log_alpha"])
+            self.centre.copy_(state["centre"])
         self.random.set_state(state["random"])
         for name, optimizer in self.optimizers.items():
             optimizer.load_state_dict(state[f"adam_{name}"])

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.masac import Masac, MasacSettings
+from uuvsim_cosim.learn.n_step import NStep
 from uuvsim_cosim.learn.replay import Replay, Transitions
 from uuvsim_cosim.learn.transfer import transfer
 
@@ -29,6 +30,7 @@ class OffPolicySettings:
     critic_only: int = 0  # updates of the critics alone, after a transfer
     updates: float = 1.0  # for each step of all environments together
     actor_every: int = 1  # updates of the critics for one of actors and temperatures
+    n_step: int = 1  # rewards that a transition adds up
 
 
 @final
@@ -53,6 +55,7 @@ class MasacLearner:
         m = self.masac
         self._replay = Replay(self.schedule.buffer, m.agents, m.observed, m.acted)
         self._random = np.random.Generator(np.random.Philox(key=seed % 2**64))
+        self._several = NStep(self.schedule.n_step, m.settings.gamma)
         self._lived, self._due, self._updates = 0, 0.0, 0
 
     @property
@@ -76,9 +79,11 @@ class MasacLearner:
 
     def learn(self, lived: Transitions, over: NDArray[np.bool_]) -> Mapping[str, float]:
         """Keep what was lived, and make the updates that are due."""
-        self._replay.add(lived)
+        summed = self._several(lived, over)
+        if summed is not None:
+            self._replay.add(summed)
         self._lived += len(lived.reward)
-        if self._lived < max(self.schedule.warm_up, self.schedule.batch):
+        if summed is None or self._lived < max(self.schedule.warm_up, self.schedule.batch):
             return {}
         self._due += self.schedule.updates
         told: Mapping[str, float] = {}
@@ -118,6 +123,7 @@ class MasacLearner:
         return {
             "masac": self.masac.state(),
             "replay": self._replay.state(),
+            "several": self._several.state(),
             "random": _philox(self._random),
             "counters": (self._lived, self._due, self._updates),
         }
@@ -127,6 +133,7 @@ class MasacLearner:
         try:
             self.masac.set_state(state["masac"])
             self._replay.set_state(state["replay"])
+            self._several.set_state(state["several"])
             self._lived, self._due, self._updates = state["counters"]
             _set_philox(self._random, state["random"])
         except (KeyError, RuntimeError, ValueError, TypeError) as error:

@@ -142,7 +142,7 @@ class Policy:
         if not path.is_file():
             raise InputInvalid(f"{path}: no such file; expected a policy (.npz)")
         try:
-            with np.load(path, allow_pickle=False) as read:
+            with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as read:
                 tensors = {name: read[name] for name in read.files}
             head = json.loads(bytes(tensors.pop("head")))
             version = head.pop("uuvsim_policy")

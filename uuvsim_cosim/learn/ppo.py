@@ -148,7 +148,7 @@ class PpoLearner:
         told: dict[str, float] = {}
         for _ in range(s.epochs):
             order = torch.randperm(count, generator=self._random)
-            for at in order.split(s.batch):
+            for at in torch.split(order, s.batch):
                 if len(at) > 1:
                     told = self._descend({k: x[at] for k, x in flat.items()})
         return told
@@ -184,15 +184,12 @@ class PpoLearner:
     def _log_density(self, o: Tensor, a: Tensor) -> Tensor:
         """Give log pi (N, m) of actions (N, m, a), before they are cut."""
         z = (a - self.actor(o)) / self.log_std.exp()
-        each = -0.5 * z.square() - self.log_std - 0.5 * math.log(2.0 * math.pi)
+        each: Tensor = -0.5 * z.square() - self.log_std - 0.5 * math.log(2.0 * math.pi)
         return each.sum(-1)
 
     def _values(self, o: Tensor) -> Tensor:
         """Give each agent's value (m, N) of what all observe (m, N, d)."""
-        if self.central:
-            seen = o.flatten(1).expand(self.agents, -1, -1)
-        else:
-            seen = o.transpose(0, 1)
+        seen = o.flatten(1).expand(self.agents, -1, -1) if self.central else o.transpose(0, 1)
         values: Tensor = self.critic(seen)
         return values.squeeze(-1).T
 

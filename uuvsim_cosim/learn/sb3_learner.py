@@ -82,7 +82,7 @@ class Sb3Ppo:
             action, value, log_pi = self._policy(seen, deterministic=not explore)
         if explore:
             self._drawn = action.numpy(), value, log_pi
-        return np.clip(np.asarray(action.numpy()), -1.0, 1.0)[:, None]
+        return np.asarray(np.clip(action.numpy(), -1.0, 1.0)[:, None])
 
     def learn(self, lived: Transitions, over: NDArray[np.bool_]) -> Mapping[str, float]:
         """Keep what was lived; every so often learn from it, and forget it."""
@@ -101,8 +101,11 @@ class Sb3Ppo:
         if not buffer.full:
             return {}
         buffer.compute_returns_and_advantage(last_values=worth, dones=over)
-        with self._randomness:
-            self.model.train()
+        try:
+            with self._randomness:
+                self.model.train()
+        except ValueError as error:  # a distribution's mean that is no number
+            raise LearningDiverged(self.name, "the mean of an action", float("nan")) from error
         buffer.reset()
         return _told(self.model, self.name)
 
@@ -183,7 +186,7 @@ class Sb3Dqn:
                 any_ = np.random.randint(0, len(self.grid), len(chosen))  # noqa: NPY002
                 at_random = np.random.rand(len(chosen)) < self.epsilon  # noqa: NPY002
             self._chosen = chosen = np.where(at_random, any_, chosen)
-        return self.grid[chosen][:, None]
+        return np.asarray(self.grid[chosen][:, None])
 
     def learn(self, lived: Transitions, over: NDArray[np.bool_]) -> Mapping[str, float]:
         """Keep what was lived, and make the updates that are due."""

@@ -2,32 +2,25 @@
 
 from __future__ import annotations
 
-import json
-import shutil
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from uuvsim_cosim._version import __version__
-from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.envs.task import Task, TeamTask
-from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.algorithms import algorithm_for, learner_of
+from uuvsim_cosim.learn.claim import claim, held, refuse_other
 from uuvsim_cosim.learn.config import TrainingConfig, read_config
 from uuvsim_cosim.learn.events import Events
-from uuvsim_cosim.learn.interruption import Interruption
+from uuvsim_cosim.learn.interruption import Interruption, TrainingInterrupted
 from uuvsim_cosim.learn.policy import Policy
 from uuvsim_cosim.learn.task_ids import make_task
 
 if TYPE_CHECKING:
     from uuvsim_cosim.learn.training import Training, TrainingObserver
 
-__all__ = ["Trained", "agents_of", "train", "training_folder", "training_of"]
-
-ABOUT = "training.json"
-OURS = (ABOUT, "checkpoint.pt", "episodes.csv", "evaluations.csv", "report.html")
+__all__ = ["Trained", "agents_of", "train", "training_folder", "training_of", "widths"]
 
 
 @dataclass(frozen=True)
@@ -57,7 +50,7 @@ def train(
     """Train, or go on with a training, in `folder` (runs/train/TASK-ALGORITHM-SEED).
 
     `given` is a configuration, a YAML file of one, or a task's name; `changes` are fields of
-    TrainingConfig. Ctrl-C keeps the step that it came in and raises KeyboardInterrupt; the same
+    TrainingConfig. Ctrl-C keeps the step that it came in and raises TrainingInterrupted; the same
     call goes on from there, to the same bits. Torch computes on one thread meanwhile.
     """
     config = _config(given, changes)
@@ -65,24 +58,24 @@ def train(
     config = config.changed(algorithm=algorithm_for(config.algorithm, len(agents_of(task))).name)
     place = training_folder(config) if folder is None else Path(folder)
     with ExitStack() as stack:
+        refuse_other(place, config, restart)
         stack.enter_context(_one_thread())
         if tensorboard and Events.possible():
             observers = (*observers, stack.enter_context(Events(place)))
         interruption = Interruption()
-        training = training_of(
-            config, task, place, observers=observers, restart=restart, interrupted=interruption
-        )
+        training = training_of(config, task, place, observers=observers, interrupted=interruption)
         stack.callback(training.close)
+        stack.enter_context(held(place))
+        claim(place, config, restart)
         with interruption:
             try:
                 rows = training.run()
-            except KeyboardInterrupt as interrupted:
-                interrupted.args = (
+            except KeyboardInterrupt:
+                raise TrainingInterrupted(
                     f"interrupted after step {training.step} of {config.steps}; the same command "
                     f"goes on from {training.checkpoint}",
                     interruption.status,
-                )
-                raise
+                ) from None
         return Trained(place, config, rows, training.cpu)
 
 
@@ -92,20 +85,18 @@ def training_of(
     folder: Path,
     *,
     observers: tuple[TrainingObserver, ...] = (),
-    restart: bool = False,
     interrupted: Callable[[], bool] | None = None,
 ) -> Training:
-    """Make a training, ready to `run`; raises InputInvalid if the folder is another's."""
+    """Make a training, ready to `run`; raises InputInvalid if it cannot be."""
     agents = agents_of(task)
     algorithm = algorithm_for(config.algorithm, len(agents))
-    observed, acted = _widths(task)
+    observed, acted = widths(task)
     learner = learner_of(
         algorithm, config.settings, agents=len(agents), observed=observed, acted=acted,
         n=config.envs, seed=config.seed,
     )  # fmt: skip
     from uuvsim_cosim.learn.training import Training
 
-    _claim(folder, config.changed(algorithm=algorithm.name), restart)
     return Training(
         task, learner, name=config.task, options=_options(config), n=config.envs, seed=config.seed,
         steps=config.steps, folder=folder, evaluate_every=config.evaluate_every,
@@ -141,7 +132,7 @@ def _options(config: TrainingConfig) -> dict[str, Any]:
     return given if config.profile == "default" else {**given, "profile": config.profile}
 
 
-def _widths(task: Task | TeamTask) -> tuple[int, int]:
+def widths(task: Task | TeamTask) -> tuple[int, int]:
     """Give the widths of an agent's observation and action."""
     from uuvsim_cosim.envs.boxes import ActionBox
     from uuvsim_cosim.orchestrator.flatten import flatten
@@ -150,51 +141,12 @@ def _widths(task: Task | TeamTask) -> tuple[int, int]:
     if isinstance(task, TeamTask):
         first = task.agents[0]
         return len(task.limits(first)[0]), ActionBox(plan, task.actions[first]).width
-    from uuvsim_cosim.learn.rollout import Rollout
+    from uuvsim_cosim.envs.boxes import ObservationBox
+    from uuvsim_cosim.envs.signals import Signals
 
-    rollout = Rollout(task, 1, 0)
-    try:
-        return rollout.observed, rollout.acted
-    finally:
-        rollout.close()
-
-
-def _claim(folder: Path, config: TrainingConfig, restart: bool) -> None:
-    """Make the folder this training's, or refuse it; steps may be more than before."""
-    about = folder / ABOUT
-    if restart and about.is_file():
-        _forget(folder)
-    if about.is_file():
-        try:
-            before = json.loads(about.read_text(encoding="utf-8"))["config"]
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            raise InputInvalid(
-                f"{about}: cannot be read ({error}); expected a training's, or restart"
-            ) from None
-        now = config.plain()
-        other = [k for k in now if k != "steps" and now[k] != before.get(k)]
-        if other:
-            k = other[0]
-            raise InputInvalid(
-                f"{folder}: holds a training with {k} {before.get(k)!r}; expected {now[k]!r}, "
-                "another folder (-o), or to begin anew (--restart)"
-            )
-    elif folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise InputInvalid(f"{folder}: holds other things; expected an empty or a new folder")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        content = {"config": config.plain(), "version": __version__}
-        write_whole(about, (json.dumps(content, indent=1) + "\n").encode())
-    except OSError as error:
-        raise InputInvalid(f"{folder}: cannot be written ({error.strerror})") from None
-
-
-def _forget(folder: Path) -> None:
-    """Delete what trainings write, and nothing else."""
-    for pattern in (*OURS, "best*.npz", "policy*.npz", "events.out.tfevents.*"):
-        for path in folder.glob(pattern):
-            path.unlink()
-    shutil.rmtree(folder / "pictures", ignore_errors=True)
+    signals = Signals(plan, [*(c.name for c in task.observations), *task.signals])
+    seen = ObservationBox(plan, signals, list(task.observations), task.extra_limits)
+    return len(seen.low), ActionBox(plan, task.actions).width
 
 
 def _one_thread() -> ExitStack:

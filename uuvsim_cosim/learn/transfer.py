@@ -48,6 +48,7 @@ def transfer(
         raise InputInvalid(f"awake of shape {awake.shape}; expected ({last.observed},)")
     given = Masac(agents, width, last.acted, last.settings, seed)
     given.log_alpha.copy_(torch.stack([last.log_alpha[i % last.agents] for i in range(agents)]))
+    given.centre.copy_(torch.stack([last.centre[i % last.agents] for i in range(agents)]))
     old = [i % last.nets for i in range(given.nets)]
     kept = torch.from_numpy(awake.astype(np.float32))
     for network in ("actor", "critic", "target"):

@@ -7,9 +7,9 @@ With V = s'Ms/2 + e'K_p e/2 + (error of b)'Gamma^-1(error of b)/2,
 
     dV/dt = -s'(D + K_d)s - e'K_p Lambda e <= 0
 
-(Fossen 2021, 2nd ed., section 16.3: integrator backstepping with a constant unknown force b).
-for a K_p that is the same for all three forces (else a turn works on e). b is kept in n, its
-moment in b; a current's push is such a force.
+for a K_p that is the same for all three forces (else a turn works on e). b is a constant unknown
+force, kept in n, its moment in b; a current's push is such a force (Fossen 2021, 2nd ed.,
+chapter 16: integrator backstepping; section not checked).
 """
 
 from __future__ import annotations

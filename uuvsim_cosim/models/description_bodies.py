@@ -132,7 +132,9 @@ def bodies_of(path: Path, model: Any) -> Bodies:
 
 
 def _placed_links(path: Path, model: Any) -> Iterator[tuple[Any, tuple[Array, Array]]]:
-    links = [e for e in model.iter() if local(e) == "link" and child(e, "hydrodynamic_model") is None]
+    links = [
+        e for e in model.iter() if local(e) == "link" and child(e, "hydrodynamic_model") is None
+    ]
     links = [e for e in links if local(e.getparent()) != "plugin"]
     if local(model) == "model":
         for link in links:

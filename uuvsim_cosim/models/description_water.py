@@ -63,7 +63,8 @@ def _uuv_simulator(path: Path, model: Any, root: Any) -> Water:
     kind = child(model, "type")
     if kind is not None and (kind.text or "").strip() != "fossen":
         raise InputInvalid(
-            f"{path}:{kind.sourceline}: <type>: {(kind.text or '').strip()!r}; expected fossen, whose "
+            f"{path}:{kind.sourceline}: <type>: {(kind.text or '').strip()!r}; "
+            "expected fossen, whose "
             "matrices are in the file"
         )
     for tag, name, sign in (
@@ -79,12 +80,15 @@ def _uuv_simulator(path: Path, model: Any, root: Any) -> Water:
         driving = [i + 1 for i in range(6) if matrix[i, i] < 0]
         if driving:
             water.notes.append(
-                f"{path}:{element.sourceline}: <{tag}>: the diagonal elements {driving} have the sign "
+                f"{path}:{element.sourceline}: <{tag}>: the diagonal elements {driving} "
+                "have the sign "
                 "that drives the vehicle; they are kept as they are"
             )
         water.matrices[name] = matrix
     link = model.getparent()
-    place = {n: child(link, n) for n in ("volume", "box", "center_of_buoyancy", "neutrally_buoyant")}
+    place = {
+        n: child(link, n) for n in ("volume", "box", "center_of_buoyancy", "neutrally_buoyant")
+    }
     if place["volume"] is not None:
         water.volume = float(numbers(path, place["volume"], place["volume"].text, 1)[0])
     if place["center_of_buoyancy"] is not None:

@@ -3,7 +3,7 @@
 The reference moves on the leg from A to B by its arc length s with a trapezoidal speed, slows
 to `corner_speed` before each waypoint, waits where the vehicle lags by `lag_max`, and while the
 bow turns. It goes on to the next leg when it has reached B and the vehicle is within `radius`
-of it. Heading is proportional line of sight (Fossen 2021, 2nd ed., section 12.4),
+of it. Heading is proportional line of sight (Fossen 2021, 2nd ed., chapter 12),
 
     psi_t = chi - atan(e / lookahead),   e = -sin(chi) (N - N_A) + cos(chi) (E - E_A),
 

@@ -39,7 +39,8 @@ def added_mass_of(solid: Solid, rho: float) -> tuple[Array, Array]:
         values, axes = values[back], axes[:, back]
     semi = np.sqrt(5.0 * values / solid.volume)
     semi *= (solid.volume / (4.0 / 3.0 * pi * semi.prod())) ** (1.0 / 3.0)
-    diagonal = np.array(added_mass(*(float(a) for a in semi), rho))
+    a, b, c = (float(s) for s in semi)
+    diagonal: Array = np.array(added_mass(a, b, c, rho), dtype=float)
     M_A = np.zeros((6, 6))
     for k in (0, 3):
         block = axes @ np.diag(diagonal[k : k + 3]) @ axes.T
@@ -64,9 +65,7 @@ def drag_coefficients(mesh: Mesh, solid: Solid) -> Array:
     for i in range(3):
         j, k = (a for a in range(3) if a != i)
         seen = float(solid.areas[i])
-        flat = 0.5 * sum(
-            float(areas[s * normals[:, i] > 0.999].sum()) for s in (1.0, -1.0)
-        )
+        flat = 0.5 * sum(float(areas[s * normals[:, i] > 0.999].sum()) for s in (1.0, -1.0))
         blunt = min(1.0, flat / seen)
         e = float(solid.extent[i]) / (2.0 * sqrt(seen / pi))
         if e >= 1.0:
@@ -81,7 +80,7 @@ def drag_coefficients(mesh: Mesh, solid: Solid) -> Array:
 
 def quadratic_drag(mesh: Mesh, solid: Solid, rho: float, C_D: Array) -> Array:
     """Give the diagonal of D_q (6,) [N.s2/m2, N.m.s2/rad2] about the centre of volume."""
-    normals, areas, middles = _surface(mesh)
+    normals, areas, _ = _surface(mesh)
     D_q = np.zeros(6)
     D_q[:3] = 0.5 * rho * C_D * solid.areas
     impact = np.array(
@@ -134,4 +133,3 @@ _POINTS = np.array(
     ]
 )
 _WEIGHTS = np.array([0.225, *[(155 - sqrt(15)) / 1200] * 3, *[(155 + sqrt(15)) / 1200] * 3])
-

@@ -15,11 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.closed_forms import closed_forms
 from uuvsim_cosim.models.description_bodies import Bodies, bodies_of
 from uuvsim_cosim.models.description_water import FLU_TO_FRD, Water, water_of
 from uuvsim_cosim.models.ellipsoid import added_mass
 from uuvsim_cosim.models.hull_parameters import meaning_of
 from uuvsim_cosim.models.parameters import Quantity
+from uuvsim_cosim.models.vehicle import hull
 from uuvsim_cosim.models.vehicle_draft import Draft, PlacedThruster
 from uuvsim_cosim.models.xacro_text import local, read_description
 
@@ -47,7 +49,8 @@ def import_description(path: str | Path) -> DescriptionImport:
     notes = list(water.notes) if water is not None else []
     if len(bodies.links) > 1:
         notes.append(
-            f"{len(bodies.links)} links were added up to one body of {bodies.m:.6g} kg, joints at zero"
+            f"{len(bodies.links)} links were added up to one body of {bodies.m:.6g} "
+            "kg, joints at zero"
         )
     if water is None:
         notes.append(
@@ -57,10 +60,9 @@ def import_description(path: str | Path) -> DescriptionImport:
     given = water or Water("")
     size, at, size_source = _size(path, bodies, given, notes)
     found: dict[str, Quantity] = {}
-    known: dict[str, str] = {}
     for name, value, source in (
         *_rigid(path, bodies),
-        *_buoyancy(path, bodies, given, notes, known),
+        *_buoyancy(path, bodies, given, notes),
         *_hydrodynamics(path, given, size),
     ):
         meaning = meaning_of(name)
@@ -68,6 +70,8 @@ def import_description(path: str | Path) -> DescriptionImport:
         found[name] = Quantity(value, meaning.unit, source)
     found["height"] = Quantity(float(size[2]), "m", size_source)
     thrusters, thrusters_source = _thrusters(path, notes)
+    known = _known(found)
+    notes += [f"{check} does not hold: {because}" for check, because in known.items()]
     what = water.source if water is not None else "no hydrodynamics"
     draft = Draft(
         "imported",
@@ -94,7 +98,8 @@ def _model(path: Path, root: Any) -> Any:
     models = [e for e in root.iter() if local(e) == "model"]
     if not models:
         raise InputInvalid(
-            f"{path}:{root.sourceline}: <{local(root)}>; expected <robot> (URDF, xacro) or <sdf> with "
+            f"{path}:{root.sourceline}: <{local(root)}>; expected <robot> (URDF, "
+            "xacro) or <sdf> with "
             "a <model>"
         )
     with_water = [m for m in models if water_of(path, m) is not None]
@@ -121,7 +126,7 @@ def _rigid(path: Path, bodies: Bodies) -> Iterator[tuple[str, float, str]]:
 
 
 def _buoyancy(
-    path: Path, bodies: Bodies, water: Water, notes: list[str], known: dict[str, str]
+    path: Path, bodies: Bodies, water: Water, notes: list[str]
 ) -> Iterator[tuple[str, float, str]]:
     rho = water.rho if water.rho is not None else RHO
     source = f"{path.name}: {water.source}"
@@ -145,26 +150,33 @@ def _buoyancy(
     for axis, value in zip("xyz", r_b, strict=True):
         if value:
             yield f"{axis}_b", float(value), how
-    W, B = bodies.m * G, rho * volume * G
-    lever = W * r_g - B * r_b
-    if abs(B - W) / W > 0.03:
-        known["weight is near buoyancy"] = f"the file displaces {B / G:.4g} kg with {bodies.m:.4g} kg"
-    if float(np.hypot(lever[0], lever[1])) / W > 1e-3:
-        known["level is neutral"] = "the file's centres of gravity and buoyancy are not in one line"
-    if lever[2] < 0:
-        known["upright is stable"] = "the file's centre of gravity is above that of buoyancy"
-    notes += [f"{check} does not hold: {because}" for check, because in known.items()]
 
 
-def _hydrodynamics(
-    path: Path, water: Water, size: Array
-) -> Iterator[tuple[str, float, str]]:
+# What may be wrong in a file, in words; the numbers are kept as they stand there.
+_CAUSES = {
+    "M is symmetric": "the file's added mass is not symmetric",
+    "M is positive definite": "the file's inertia and added mass are not positive definite",
+    "water takes energy only": "the file's damping drives the vehicle in some direction",
+    "level is neutral": "the file's centres of gravity and buoyancy are not in one line",
+    "upright is stable": "the file's centre of gravity is above that of buoyancy",
+    "weight is near buoyancy": "the file's volume displaces another weight than its mass",
+}
+
+
+def _known(found: dict[str, Quantity]) -> dict[str, str]:
+    """Give the closed forms that the numbers of the file do not keep, with the cause."""
+    model = hull("imported", {k: q.value for k, q in found.items()}, surface=False)
+    return {c.name: _CAUSES[c.name] for c in closed_forms(model) if not c.off <= c.tolerance}
+
+
+def _hydrodynamics(path: Path, water: Water, size: Array) -> Iterator[tuple[str, float, str]]:
     source = f"{path.name}: {water.source}"
     rho = water.rho if water.rho is not None else RHO
     matrices = dict(water.matrices)
     if "M_A" not in matrices:
         source_M = "estimated: Lamb's ellipsoid within the size"
-        matrices["M_A"] = np.diag(added_mass(*(float(s) / 2 for s in size), rho))
+        a, b, c = (float(s) / 2 for s in size)
+        matrices["M_A"] = np.diag(np.array(added_mass(a, b, c, rho), dtype=float))
     else:
         source_M = source
     damping = {k: (v, source) for k, v in matrices.items() if k != "M_A"}
@@ -197,12 +209,13 @@ def _box_drag(size: Array, rho: float) -> Array:
     return 0.5 * rho * 1.05 * np.array(faces + turns)
 
 
-def _size(
-    path: Path, bodies: Bodies, water: Water, notes: list[str]
-) -> tuple[Array, Array, str]:
+def _size(path: Path, bodies: Bodies, water: Water, notes: list[str]) -> tuple[Array, Array, str]:
     """Give extents, their middle from CO in FRD, and where they are from."""
     if water.size is not None:
         at = water.r_b if water.r_b is not None else np.zeros(3)
+        r_g = FLU_TO_FRD @ bodies.r_g
+        if np.any(np.abs(r_g - at) > 0.5 * water.size):  # the file says no place of its box
+            at = 0.5 * (at + r_g)
         return water.size, at, f"{path.name}: box of {water.source}"
     if bodies.volume > 0:
         at = FLU_TO_FRD @ (0.5 * (bodies.low + bodies.high))
@@ -235,7 +248,9 @@ def _thrusters(path: Path, notes: list[str]) -> tuple[tuple[PlacedThruster, ...]
                 data = data["thruster_manager"]
             tam = data.get("tam") if isinstance(data, dict) else None
             if tam is not None:
-                notes.append(f"thrusters by the lines of force of {file.name}, in FLU turned to FRD")
+                notes.append(
+                    f"thrusters by the lines of force of {file.name}, in FLU turned to FRD"
+                )
                 return _placed(file, tam), f"{file.name}: thruster allocation matrix"
     return (), ""
 
@@ -246,7 +261,9 @@ def _placed(file: Path, tam: Any) -> tuple[PlacedThruster, ...]:
     except (TypeError, ValueError):
         T = np.zeros(0)
     if T.ndim != 2 or T.shape[0] != 6 or not np.isfinite(T).all():
-        raise InputInvalid(f"{file}: tam of shape {T.shape}; expected 6 rows of numbers, a column each thruster")
+        raise InputInvalid(
+            f"{file}: tam of shape {T.shape}; expected 6 rows of numbers, a column each thruster"
+        )
     found = []
     for k in range(T.shape[1]):
         strength = float(np.linalg.norm(T[:3, k]))
@@ -254,7 +271,9 @@ def _placed(file: Path, tam: Any) -> tuple[PlacedThruster, ...]:
             raise InputInvalid(f"{file}: tam: column {k + 1} pushes nowhere; expected a direction")
         e, moment = T[:3, k] / strength, T[3:, k] / strength
         r = np.cross(e, moment)  # the point of its line that is nearest to CO
-        found.append(PlacedThruster(f"thruster {k}", FLU_TO_FRD @ r, FLU_TO_FRD @ e))
+        found.append(
+            PlacedThruster(f"thruster {k}", (FLU_TO_FRD @ r).tolist(), (FLU_TO_FRD @ e).tolist())
+        )
     return tuple(found)
 
 

@@ -102,7 +102,7 @@ def _estimated(
         else f"estimated: volume within the surface of {path.name}")  # fmt: skip
     put("g", G, "standard gravity, three digits")
     put("z_g", low, "given to uuvsim models import" if z_g is not None
-        else "estimated: assumption, ballast 5 % of the height below the centre of buoyancy")  # fmt: skip
+        else "estimated: assumption, ballast 5 % of the height below CB")  # fmt: skip
     inertia = solid.inertia(m)
     for i in range(3):
         for j in range(i, 3):
@@ -141,9 +141,11 @@ def _estimated(
             f"with {abs(net) * m * G:.3g} N"
         )
         known["weight is near buoyancy"] = cause
-        hint = "" if given is not None else "; where the hull floods, give what displaces by --volume"
+        hint = (
+            "" if given is not None else "; where the hull floods, give what displaces by --volume"
+        )
         notes.append(cause + hint)
-    at = tuple(float(v) for v in 0.5 * (solid.low + solid.high))
+    middle = tuple(float(v) for v in 0.5 * (solid.low + solid.high))
     where = ", ".join(f"{v:.4g}" for v in origin)
     draft = Draft(
         "estimated",
@@ -153,7 +155,7 @@ def _estimated(
         f"is at ({where}) m from CO",
         found,
         (length, breadth, height),
-        (at[0], at[1], at[2]),
+        (middle[0], middle[1], middle[2]),
         _shape(solid),
         f"estimated: extent of {path.name}",
         _readme(path, solid, C_D, semi, where),

@@ -39,9 +39,11 @@ LIBRARY: dict[str, str] = {
     "lqr": "uuvsim_cosim.models.lqr:lqr",
     "magnetometer": "uuvsim_cosim.models.magnetometer:magnetometer",
     "modem": "uuvsim_cosim.models.modem:modem",
+    "mpc": "uuvsim_cosim.models.mpc:mpc",
     "navigation": "uuvsim_cosim.models.navigation:navigation",
     "path_following": "uuvsim_cosim.models.path_following:path_following",
     "pilot": "uuvsim_cosim.models.pilot:pilot",
+    "policy": "uuvsim_cosim.models.policy:policy",
     "pool": "uuvsim_cosim.models.pool:pool",
     "pressure": "uuvsim_cosim.models.pressure:pressure",
     "propeller": "uuvsim_cosim.models.propeller:propeller",
@@ -63,7 +65,7 @@ LIBRARY: dict[str, str] = {
 # Other words for the same: they are found, but not listed.
 ALIASES: dict[str, str] = {"dp": "controller", "pid": "controller"}
 # Components that are no declarations, and run in this process only.
-IN_PROCESS: dict[str, str] = {"mpc": "uuvsim_cosim.models.mpc:MPC"}
+IN_PROCESS: dict[str, str] = {"mpc_ipopt": "uuvsim_cosim.models.mpc_in_process:IpoptMPC"}
 
 
 def available() -> list[str]:

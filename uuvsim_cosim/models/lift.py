@@ -10,7 +10,7 @@ is no lift: it is in C_A, with the sign of u.
 
     (fading)_i  =  exp(-|v_r| / U_f) sum_j  D_f_ij nu_r_j
 
-is linear damping at low speed (Fossen 2021, 2nd ed., section 6.4), which drag takes over from.
+is linear damping at low speed (Fossen 2021, 2nd ed., chapter 6), which drag takes over from.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
     tau = K_i z + K_p e + K_d (nu_b - nu) + M dnu_b/dt + C(nu_b) nu_b + D(nu_b) nu_b + g(eta_d)
 
 (K_i K_p K_d), 6 x 18, is the solution of the Riccati equation for the hull at rest, with
-dz/dt = e (Fossen 2021, 2nd ed., section 16.1; integral action by augmentation). `lqr_design.py`
+dz/dt = e (Fossen 2021, 2nd ed., chapter 16; integral action by augmentation). `lqr_design.py`
 computes it; that of the shipped preset lies in its file.
 """
 

@@ -38,10 +38,7 @@ def read_mesh(path: str | Path, scale: float = 1.0) -> Mesh:
         data = path.read_bytes()
     except OSError as error:
         raise InputInvalid(f"{path}: cannot be read: {error.strerror}") from None
-    if path.suffix.lower() == ".stl":
-        triangles = _stl(path, data)
-    else:
-        triangles = _by_trimesh(path)
+    triangles = _stl(path, data) if path.suffix.lower() == ".stl" else _by_trimesh(path)
     return repaired(triangles * scale, str(path))
 
 
@@ -54,7 +51,9 @@ def repaired(triangles: Array, place: str) -> Mesh:
     _plausible(float(size.max()), place)
     corners, faces = _welded(triangles, float(size.max()))
     notes = []
-    flat = (faces[:, 0] == faces[:, 1]) | (faces[:, 1] == faces[:, 2]) | (faces[:, 2] == faces[:, 0])
+    flat = (
+        (faces[:, 0] == faces[:, 1]) | (faces[:, 1] == faces[:, 2]) | (faces[:, 2] == faces[:, 0])
+    )
     if flat.any():
         notes.append(f"{int(flat.sum())} triangles without area were left out")
         faces = faces[~flat]
@@ -100,7 +99,9 @@ def _ascii_stl(path: Path, data: bytes) -> Array:
             except ValueError:
                 point = []
             if len(point) != 3:
-                raise InputInvalid(f"{path}:{at}: {line.strip()!r}; expected vertex and three numbers")
+                raise InputInvalid(
+                    f"{path}:{at}: {line.strip()!r}; expected vertex and three numbers"
+                )
             numbers.append(point)
         ended = words[:1] == ["endsolid"] or (ended and not words)
     if not ended or len(numbers) % 3:
@@ -123,9 +124,9 @@ def _by_trimesh(path: Path) -> Array:
         loaded = trimesh.load(str(path), force="mesh")
         triangles: Array = np.array(loaded.triangles, dtype=float)
     except Exception as error:
+        said = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputInvalid(
-            f"{path}: is no mesh that trimesh reads ({str(error).splitlines()[0] if str(error) else type(error).__name__}); "
-            "expected .stl, .obj, .ply or .glb"
+            f"{path}: is no mesh that trimesh reads ({said}); expected .stl, .obj, .ply or .glb"
         ) from None
     return triangles
 
@@ -174,7 +175,8 @@ def _closed(corners: Array, faces: NDArray[np.int64], place: str) -> None:
         middle = corners[lone[0]].mean(axis=0)
         at = ", ".join(f"{x:.4g}" for x in middle)
         raise InputInvalid(
-            f"{place}: the surface is open: {len(lone)} edges have a triangle on one side only, the "
+            f"{place}: the surface is open: {len(lone)} edges have a triangle on "
+            "one side only, the "
             f"first at ({at}) m; expected a closed hull (fill the hole where the mesh was made)"
         )
 

@@ -76,6 +76,7 @@ class Model:
         self.variables: dict[str, Declared] = {}
         self.clocks: list[Clock] = []
         self.derivatives: dict[str, Any] = {}
+        self.peers: dict[str, str] = {}  # what an input is for, see `orchestrator/peers.py`
 
     # ---- declarations ---------------------------------------------------------------------
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import ParameterInvalid
 
-__all__ = ["CHUNK", "NETWORKS", "Activation", "Layer", "Network", "network"]
+__all__ = ["CHUNK", "NETWORKS", "Activation", "Layer", "Network", "callback", "called", "network"]
 
 Array = NDArray[np.float32]
 Activation = Literal["linear", "relu", "tanh"]
@@ -90,14 +90,19 @@ def sums(weight: Array, x: Array, bias: Array) -> Array:
     return total
 
 
-NETWORKS: dict[str, Network] = {}
+NETWORKS: dict[str, Any] = {}  # by name: a Network, or a Transformer (transformer.py)
 _CALLBACKS: dict[str, Any] = {}  # CasADi does not keep a Callback alive
 
 
 def network(layers: Sequence[Layer]) -> Callable[[Any], Any]:
     """Give a multilayer perceptron as a function of an SX (n_in,) with values (n_out,)."""
     made = _register(layers)
-    return lambda x: _CALLBACKS[made.name].call([x], False, True)[0]
+    return called(made.name)
+
+
+def called(name: str) -> Callable[[Any], Any]:
+    """Give the intrinsic of this name as a function of an SX."""
+    return lambda x: _CALLBACKS[name].call([x], False, True)[0]
 
 
 def _register(layers: Sequence[Layer]) -> Network:
@@ -127,14 +132,16 @@ def _register(layers: Sequence[Layer]) -> Network:
     if made.name not in NETWORKS:
         NETWORKS[made.name] = made
         shapes = (made.n_out, made.n_in)
-        gradient = _callback(f"{made.name}_jacobian", made.jacobian, made.n_in, shapes, None)
-        _callback(made.name, made, made.n_in, (made.n_out, 1), gradient)
+        gradient = callback(f"{made.name}_jacobian", made.jacobian, made.n_in, shapes, None)
+        callback(made.name, made, made.n_in, (made.n_out, 1), gradient)
     return made
 
 
-def _callback(
+def callback(
     name: str, function: Callable[..., Array], n_in: int, out: tuple[int, int], gradient: Any
 ) -> Any:
+    """Make a CasADi function of one column (n_in,), with its gradient, or none."""
+
     class NetworkCallback(ca.Callback):
         """A function of one column, with its Jacobian by another callback."""
 

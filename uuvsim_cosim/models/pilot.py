@@ -15,18 +15,22 @@ z are limited integrals. A policy so drives a vehicle with its lags and limits, 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
 
 from uuvsim_cosim.models.controller import nominal
-from uuvsim_cosim.models.model import Model
+from uuvsim_cosim.models.model import Clock, Model
 from uuvsim_cosim.models.preset import preset
 from uuvsim_cosim.models.safe_math import abs_, saturate
 from uuvsim_cosim.models.sampled import held_output
 from uuvsim_cosim.models.vectors import ETA, INERTIA, NU, TAU, per
 
-__all__ = ["pilot"]
+__all__ = ["Wanted", "declare_hands", "pilot"]
+
+# Of the clock, the parameters by name and u_d: the surge acceleration and yaw rate wanted.
+Wanted = Callable[[Clock, dict[str, Any], Any], tuple[Any, Any]]
 
 NUMBERS = (
     ("u_max", "m/s", "limit of the wanted surge speed, either way"),
@@ -45,13 +49,21 @@ INTEGRALS = ("m/s2", "m/s2", "rad/s2")
 
 def pilot(id: str = "tracking_pilot", vehicle: str = "pool8", period: str = "0.02") -> Model:
     """Declare the pilot of a preset, with the nominal figures of a vehicle."""
-    preset_ = preset("controllers", id, "pilot")
-    mass, linear, quadratic = nominal(vehicle)
     m = Model("pilot", "Surge acceleration and yaw rate become a generalised force")
     a = m.input("a", unit="m/s2", description="wanted surge acceleration; beyond a_max: a_max")
     omega = m.input("omega", unit="rad/s", description="wanted yaw rate; beyond: omega_max")
     eta = m.input("eta", 6, unit=ETA, description="estimate of N E D phi theta psi")
     nu = m.input("nu", 6, unit=NU, description="estimate, in b")
+    declare_hands(m, id, vehicle, period, eta, nu, lambda *_: (a, omega))
+    return m
+
+
+def declare_hands(
+    m: Model, id: str, vehicle: str, period: str, eta: Any, nu: Any, wanted: Wanted
+) -> None:
+    """Declare all of a pilot but its inputs: at each sample it follows what `wanted` gives."""
+    preset_ = preset("controllers", id, "pilot")
+    mass, linear, quadratic = nominal(vehicle)
     p = {
         name: m.parameter(name, preset_.number(name, unit), unit=unit, min=0, description=words)
         for name, unit, words in NUMBERS
@@ -83,6 +95,7 @@ def pilot(id: str = "tracking_pilot", vehicle: str = "pool8", period: str = "0.0
     before = m.discrete("u_d", unit="m/s", description="wanted surge speed")
     turning = m.discrete("r_d", unit="rad/s", description="wanted yaw rate, smoothed")
     z = m.discrete("z", (0,) * 3, unit=INTEGRALS, description="integrals")
+    a, omega = wanted(sample, p, before)
     u_d = saturate(before + T * saturate(a, p["a_max"]), p["u_max"])
     r_d_dot = p["k_r"] * (saturate(omega, p["omega_max"]) - turning)
     r_d = turning + T * r_d_dot
@@ -105,4 +118,3 @@ def pilot(id: str = "tracking_pilot", vehicle: str = "pool8", period: str = "0.0
     )
     nu_d = ca.vertcat(before, ca.SX.zeros(4), turning)
     m.output("nu_d", nu_d, unit=NU, discrete=True, description="what is followed, in b")
-    return m

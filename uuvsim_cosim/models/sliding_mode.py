@@ -4,7 +4,7 @@
     tau  = M dnu_v/dt + C(nu) nu_v + D(nu) nu_v + g(eta) + K_d s + K_s tanh(s / phi),  nu_v = nu + s
 
 On s = 0 the error dies with the bandwidth lambda whatever the hull; s'Ms/2 falls as long as what
-the nominal hull does not know stays below K_s (Fossen 2021, 2nd ed., section 16.4). tanh with
+the nominal hull does not know stays below K_s (Fossen 2021, 2nd ed., chapter 16). tanh with
 the boundary layer phi takes the place of the sign, and with it chattering away.
 """
 

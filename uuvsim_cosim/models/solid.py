@@ -33,7 +33,8 @@ class Solid:
     @property
     def extent(self) -> Array:
         """Give length, breadth and height [m]."""
-        return self.high - self.low
+        extent: Array = self.high - self.low
+        return extent
 
     def inertia(self, m: float) -> Array:
         """Give the inertia (3, 3) [kg.m2] about the centre of mass m [kg], spread evenly."""

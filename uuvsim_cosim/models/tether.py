@@ -6,8 +6,9 @@ the water, split along (t) and across (n) the cable, the drag of each metre is
 
     f = -1/2 rho d (C_n |U_n| U_n + pi C_t |U_t| U_t)
 
-(the cross-flow principle: Hoerner 1965, Fluid-Dynamic Drag, ch. 3; C_n = 1.2 and C_t = 0.02 are
-usual for a smooth cable, Berteaux 1976, Buoy Engineering, ch. 4). The eye bears the moment-balanced
+(the cross-flow principle: Hoerner 1965, Fluid-Dynamic Drag; the chapter was not checked). C_n = 1.2
+is that of a smooth cylinder; of a tether, Blue Robotics names measurements near 2.0 (Kojima et al.,
+in discuss.bluerobotics.com/t/9092). C_t = 0.02 is an assumption. The eye bears the moment-balanced
 share, the integral of s f l ds, half of the weight in water, and, once l is longer than what was
 paid out, the tension  E_A (l - l_0) / l_0. No sag, no inertia, no vibration: tension before it is
 taut, and the extra length of a slack cable, are left out.
@@ -43,6 +44,7 @@ def tether(contact: bool | str = False) -> Model:
     d = m.parameter(
         "d", 0.0076, unit="m", min=0, description="diameter (Blue Robotics Fathom ROV tether)"
     )
+    # A smooth cylinder; measured on tethers: up to 2. C_t: assumption.
     C_n = m.parameter("C_n", 1.2, unit="1", min=0, description="drag coefficient across the cable")
     C_t = m.parameter("C_t", 0.02, unit="1", min=0, description="friction coefficient along it")
     rho = m.parameter("rho", 1025.0, unit="kg/m3", min=0, description="density of the water")

@@ -4,7 +4,7 @@
 
 In a uniform current that does not rotate, M_RB nu_dot + C_RB(nu) nu is equally
 M_RB nu_r_dot + C_RB(nu_r) nu_r (the rigid body's equation in a frame that drifts with the
-water; Fossen 2021, 2nd ed., section 10.3). With M = M_RB + M_A and C from M, what is solved is
+water; Fossen 2021, 2nd ed., chapter 10). With M = M_RB + M_A and C from M, what is solved is
 
     M nu_r_dot = tau - C(nu_r) nu_r - D(nu_r) nu_r - g(eta),   nu_dot = nu_r_dot + nu_c_dot
 

@@ -74,7 +74,9 @@ def _parsed(path: Path) -> Any:
         raise InputInvalid(f"{path}: cannot be read: {error.strerror}") from None
     except etree.XMLSyntaxError as error:
         line = error.lineno or 1
-        raise InputInvalid(f"{path}:{line}: {error.msg}; expected XML (.urdf, .sdf, .xacro)") from None
+        raise InputInvalid(
+            f"{path}:{line}: {error.msg}; expected XML (.urdf, .sdf, .xacro)"
+        ) from None
 
 
 def _is_xacro(element: Any, name: str) -> bool:
@@ -138,7 +140,9 @@ def _number(node: ast.AST, properties: dict[str, str], depth: int) -> float:
     if isinstance(node, ast.UnaryOp):
         return _OPERATIONS[type(node.op)](_number(node.operand, properties, depth))
     if isinstance(node, ast.Call):
-        name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+        name = (
+            node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+        )
         return _FUNCTIONS[name](*(_number(a, properties, depth) for a in node.args))
     if isinstance(node, ast.Attribute) and node.attr == "pi":
         return math.pi

@@ -125,6 +125,7 @@ class Core:
         self._rows = np.zeros((0, 0), np.uint64)  # (columns, stride)
         self._ticks = np.zeros(0, np.int64)
         self._room: tuple[int | None, int | None, int, int] = (None, None, 0, 0)
+        self._told: list[bytes] = []  # the texts of the rows
         self._image: Any = None  # the buffer that images are copied through
 
     # ---- building -------------------------------------------------------------------------
@@ -161,11 +162,16 @@ class Core:
         slots: tuple[int, int],
         early: int,
         conversion: tuple[float, float],
+        table: Sequence[tuple[int, int]] = (),
     ) -> None:
         """Add a value's way from slot to slot; `slots` are (target's, source's)."""
+        pairs = [v for pair in table for v in pair]
         self._made(
-            self._c.uuv_core_transfer(self._core, target, source, *slots, early, *conversion)
-        )
+            self._c.uuv_core_transfer(
+                self._core, target, source, *slots, early, *conversion, len(table),
+                (ctypes.c_int64 * len(pairs))(*pairs) if table else None,
+            )
+        )  # fmt: skip
 
     def state(self, member: int, get: int, set_: int, free: int, size: int) -> None:
         """Say how a native member, or one of an iterated group, copies its state."""
@@ -259,9 +265,15 @@ class Core:
         n = self._c.uuv_core_rows_used(self._core)
         return self._ticks[:n], self._rows[:, :n].T, self._texts()
 
+    @property
+    def is_full(self) -> bool:
+        """Say whether stepping waits for `clear_rows`."""
+        return bool(self._c.uuv_core_rows_used(self._core) == len(self._ticks))
+
     def clear_rows(self) -> None:
         """Make the rows free for the next steps."""
         self._c.uuv_core_rows(self._core, *self._room)
+        self._told = []
 
     @property
     def next_row(self) -> int:
@@ -305,11 +317,10 @@ class Core:
     def _texts(self) -> list[bytes]:
         size = ctypes.c_size_t()
         count = self._c.uuv_core_texts(self._core)
-        texts = []
-        for i in range(count):
+        for i in range(len(self._told), count):
             data = self._c.uuv_core_text(self._core, i, ctypes.byref(size))
-            texts.append(ctypes.string_at(data, size.value))
-        return texts
+            self._told.append(ctypes.string_at(data, size.value))
+        return self._told
 
     def _made(self, done: int) -> None:
         if not done:
@@ -357,7 +368,7 @@ def _signatures() -> dict[str, tuple[Any, list[Any]]]:
         "uuv_core_free": (None, [pointer]),
         "uuv_core_member": (i, [pointer, u32, i, pointer, pointer, pointer, u64, i]),
         "uuv_core_access": (i, [pointer, u32, i, i, u32, u32, u32, pointer, pointer]),
-        "uuv_core_transfer": (i, [pointer, u32, u32, u32, u32, i, double, double]),
+        "uuv_core_transfer": (i, [pointer, u32, u32, u32, u32, i, double, double, u32, pointer]),
         "uuv_core_state": (i, [pointer, u32, pointer, pointer, pointer, size]),
         "uuv_core_iterate": (i, [pointer, u32, u32, i, double, u32]),
         "uuv_core_fault": (i, [pointer, u32, u32, u32, i, double, u32, u64]),

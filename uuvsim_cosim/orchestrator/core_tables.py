@@ -218,7 +218,7 @@ def _add_transfers(plan: Plan, tables: Tables) -> None:
         for a, b in zip(t.source_elements, t.target_elements, strict=True):
             slots = (target.slot + b, source.slot + a)
             core = tables.core
-            core.transfer(target.member, source.member, slots, early, (t.factor, t.offset))
+            core.transfer(target.member, source.member, slots, early, (t.factor, t.offset), t.table)
 
 
 def _add_iterated(plan: Plan, tables: Tables, components: Sequence[Component]) -> None:

@@ -8,6 +8,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 from uuvsim_cosim.orchestrator.plan import Algorithm, Solver
+from uuvsim_cosim.orchestrator.value_table import Table
 
 if TYPE_CHECKING:
     from uuvsim_cosim.orchestrator.system import System
@@ -36,7 +37,8 @@ class Element:
 class Connection:
     """Value flow between two connectors, written ``element.connector`` or ``…[index]``, from 1.
 
-    The target gets factor · value + offset, after conversion into its unit if `convert`.
+    The target gets factor · value + offset, after conversion into its unit if `convert`; or, of
+    Booleans, integers and enumerations' items, what `table` says.
     """
 
     source: str
@@ -44,6 +46,7 @@ class Connection:
     factor: float = 1.0
     offset: float = 0.0
     convert: bool = True
+    table: Table = ()
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from uuvsim_cosim.orchestrator.callback import CallbackBinding
 from uuvsim_cosim.orchestrator.core import Action, Failure, Outcome, Type
 from uuvsim_cosim.orchestrator.core_tables import Tables, fmi_name
 from uuvsim_cosim.orchestrator.shared import SharedBinding
+from uuvsim_cosim.orchestrator.value_table import listed
 
 __all__ = ["error_of", "last_words"]
 
@@ -87,6 +88,10 @@ def _reason(failure: Failure, tables: Tables, component: Component) -> str:
     if outcome == Outcome.OUT_OF_RANGE:
         placed, element = tables.placed_at(failure.slot)
         name = _element_name(placed.variable, element)
+        if table := _table_at(tables, placed.member, placed.variable, element):
+            return (
+                f"the value connected to input {name} has no entry in its table; expected {table}"
+            )
         return f"the value connected to input {name} does not fit {placed.variable.type}"
     if outcome == Outcome.ENDED:
         return "it asks to end the simulation"
@@ -95,6 +100,15 @@ def _reason(failure: Failure, tables: Tables, component: Component) -> str:
     status = failure.status
     word = _STATUS[status] if 0 <= status < len(_STATUS) else "a status that FMI does not know"
     return f"{Action(failure.action).name.lower()} returned {word} ({status})"
+
+
+def _table_at(tables: Tables, member: int, variable: Variable, element: int) -> str:
+    i = tables.order[member]
+    for t in tables.plan.transfers:
+        fed = (t.target, t.target_variable.name) == (i, variable.name)
+        if fed and t.table and element in t.target_elements:
+            return listed(t.table)
+    return ""
 
 
 def last_words(component: Component) -> str:

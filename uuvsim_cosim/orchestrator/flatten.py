@@ -17,6 +17,7 @@ from uuvsim_cosim.orchestrator.plan import Group, Plan, PlannedComponent, Transf
 from uuvsim_cosim.orchestrator.seeds import component_seed
 from uuvsim_cosim.orchestrator.sources import resolve
 from uuvsim_cosim.orchestrator.system import System
+from uuvsim_cosim.orchestrator.value_table import Numbers
 from uuvsim_cosim.orchestrator.values import as_array, flat
 
 __all__ = ["flatten"]
@@ -29,6 +30,9 @@ class _Leaf:
     component: int
     variable: Variable
     element: int
+
+
+_Link = tuple[_Leaf, _Leaf, float, float, Numbers]
 
 
 def flatten(system: System, seed: int = 0) -> Plan:
@@ -98,8 +102,8 @@ class _Flat:
     def transfers(self) -> tuple[Transfer, ...]:
         """Give the value flow, one transfer a pair of variables, grouped by pair of components."""
         found: dict[tuple[Any, ...], tuple[list[_Leaf], list[_Leaf]]] = {}
-        for a, b, factor, offset in self._links(self.system, ""):
-            key = (a.component, b.component, a.variable.name, b.variable.name, factor, offset)
+        for a, b, *change in self._links(self.system, ""):
+            key = (a.component, b.component, a.variable.name, b.variable.name, *change)
             sources, targets = found.setdefault(key, ([], []))
             sources.append(a)
             targets.append(b)
@@ -114,17 +118,18 @@ class _Flat:
                 target_elements=tuple(leaf.element for leaf in targets),
                 factor=key[4],
                 offset=key[5],
+                table=key[6],
             )
             for key, (sources, targets) in sorted(found.items(), key=lambda kv: order[kv[0][:2]])
         )
 
-    def _links(self, system: System, prefix: str) -> Iterator[tuple[_Leaf, _Leaf, float, float]]:
+    def _links(self, system: System, prefix: str) -> Iterator[_Link]:
         for wire in system.checked.wires:
             pairs = zip(wire.source.elements, wire.target.elements, wire.changes, strict=True)
             for i, j, (factor, offset) in pairs:
                 for a in self._leaves(system, prefix, wire.source, i):
                     for b in self._leaves(system, prefix, wire.target, j):
-                        yield a, b, factor, offset
+                        yield a, b, factor, offset, wire.table
         for element in system.elements:
             nested = system.nested_or_none(element.name)
             if nested is not None:

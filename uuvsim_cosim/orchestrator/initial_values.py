@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.algebraic_loop import solve_loop
 from uuvsim_cosim.orchestrator.plan import Plan, Transfer
+from uuvsim_cosim.orchestrator.value_table import listed
 
 __all__ = ["converted", "propagate", "set_inputs"]
 
@@ -50,8 +52,23 @@ def set_inputs(components: Sequence[Component], transfers: Iterable[Transfer]) -
 
 
 def converted(t: Transfer, values: np.ndarray) -> Any:
-    """Apply a transfer's factor and offset, exactly if they are 1 and 0."""
+    """Apply a transfer's table, or factor and offset, exactly if they are 1 and 0."""
+    if t.table:
+        return _looked_up(t, values)
     return values if (t.factor, t.offset) == (1.0, 0.0) else t.factor * values + t.offset
+
+
+def _looked_up(t: Transfer, values: np.ndarray) -> np.ndarray:
+    found = dict(t.table)
+    for v in values:
+        if int(v) not in found:
+            raise InputInvalid(
+                f"the connection from {t.source_variable.name} to {t.target_variable.name}: "
+                f"{v} has no entry in its table; expected {listed(t.table)}"
+            )
+    return np.array([found[int(v)] for v in values]).astype(
+        bool if t.target_variable.type == "Boolean" else np.int64
+    )
 
 
 def _flat(component: Component, name: str) -> np.ndarray:

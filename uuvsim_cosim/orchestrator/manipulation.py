@@ -24,8 +24,8 @@ def meant(event: Manipulation, master: Master) -> Sequence[Change | SignalFault]
     """Give the events that it comes to.
 
     An output: its fault. A parameter or an unconnected input: a change, from the value that it has
-    now if it is a bias, and at `until` that value. A connected input: a fault of the output that feeds it, if nobody else is
-    fed. Raises InputInvalid for everything else.
+    now if it is a bias, and at `until` that value. A connected input: a fault of the output that
+    feeds it, if nobody else is fed. Raises InputInvalid for everything else.
     """
     plan = master.plan
     try:
@@ -71,6 +71,12 @@ def _feeding(
             and (components[t.target].path, t.target_variable.name, i) != target
         ]
         index = index_text(transfer.source_variable, s)
+        if transfer.table:
+            raise InputInvalid(
+                f"{event.variable}: is connected through a table of values; expected the output "
+                f"that feeds it, {components[transfer.source].path}."
+                f"{transfer.source_variable.name}{index}"
+            )
         signal = f"{components[transfer.source].path}.{transfer.source_variable.name}{index}"
         if others:
             raise InputInvalid(

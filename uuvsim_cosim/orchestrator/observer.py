@@ -13,7 +13,7 @@ from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.core import Type
 from uuvsim_cosim.orchestrator.plan import Plan
 
-__all__ = ["Chunk", "Column", "Observer", "seconds"]
+__all__ = ["Chunk", "Column", "Observer", "Rows", "seconds"]
 
 
 @dataclass(frozen=True)
@@ -44,11 +44,24 @@ class Column:
 
 
 @dataclass(frozen=True)
+class Rows:
+    """All rows since there was free room; they stay as they are until `reused` says so.
+
+    `ticks` (n,) and `slots` (n, columns), of which a chunk's are the end. Where `reused`, the
+    memory is written over once `observe` has returned.
+    """
+
+    ticks: np.ndarray
+    slots: np.ndarray
+    reused: bool
+
+
+@dataclass(frozen=True)
 class Chunk:
     """Rows at consecutive communication points; valid only while `observe` runs.
 
     `ticks` (n,) of `tick` [s] each; `rows` (n, columns) holds slots of 8 bytes, column by column,
-    which `values` reads; a text is an index into `texts`.
+    which `values` reads; a text is an index into `texts`. `held` lasts longer.
     """
 
     columns: Sequence[Column]
@@ -56,6 +69,7 @@ class Chunk:
     ticks: np.ndarray
     rows: np.ndarray
     texts: Sequence[bytes]
+    held: Rows | None = None
 
     @property
     def time(self) -> np.ndarray:

@@ -16,6 +16,7 @@ from uuvsim_cosim.orchestrator.ssd import format_ssd
 from uuvsim_cosim.orchestrator.ssp import write_archive
 from uuvsim_cosim.orchestrator.ssp_xml import SspVersion
 from uuvsim_cosim.orchestrator.system import System
+from uuvsim_cosim.orchestrator.table_source import TableSource
 
 __all__ = ["pack"]
 
@@ -72,9 +73,9 @@ class _Packing:
             file = self._file(source, path)
             if file is None:
                 return element
-            name = f"{file.stem}.fmu"
+            name = file.name
             if (self.resources / name).exists():
-                name = f"{file.stem}_{path.replace('.', '_')}.fmu"
+                name = f"{file.stem}_{path.replace('.', '_')}{file.suffix}"
             (self.resources / name).write_bytes(file.read_bytes())
             self.files[source.text] = name
         start = dict(element.start)
@@ -87,6 +88,8 @@ class _Packing:
             from uuvsim_cosim.fmus.export import build_fmu
 
             return build_fmu(source.declare(), fmi=self.fmi, platforms=self.platforms)
+        if isinstance(source, TableSource):
+            return source.path
         if not isinstance(source, FmuSource):
             expected = "an FMU or a model, which other tools can run"
             self.problems.append(Problem(path, f"a {source.kind} component", expected))

@@ -8,6 +8,7 @@ from fractions import Fraction
 from typing import Any, Literal
 
 from uuvsim_cosim.fmus.description import Description, Variable
+from uuvsim_cosim.orchestrator.value_table import Numbers
 
 __all__ = ["Algorithm", "Group", "Plan", "PlannedComponent", "Solver", "Transfer"]
 
@@ -29,7 +30,10 @@ class PlannedComponent:
 
 @dataclass(frozen=True)
 class Transfer:
-    """Value flow: target element j gets factor · (source element i) + offset, pair by pair."""
+    """Value flow: target element j gets factor · (source element i) + offset, pair by pair.
+
+    Where there is a `table` of numbers, it says what becomes of a value instead.
+    """
 
     source: int  # index into Plan.components
     source_variable: Variable
@@ -39,6 +43,7 @@ class Transfer:
     target_elements: tuple[int, ...]
     factor: float = 1.0
     offset: float = 0.0
+    table: Numbers = ()
 
 
 @dataclass(frozen=True)

@@ -45,6 +45,8 @@ def _row(plan: Plan, t: Transfer) -> tuple[str, ...]:
     source, target = plan.components[t.source].path, plan.components[t.target].path
     a, b = t.source_variable.unit_text or "-", t.target_variable.unit_text or "-"
     change = "" if (t.factor, t.offset) == (1.0, 0.0) else f"{t.factor:g} x + {t.offset:g}"
+    if t.table:
+        change = ", ".join(f"{a} to {b}" for a, b in t.table)
     return (
         f"{source}.{_part(t.source_variable, t.source_elements)}",
         f"{target}.{_part(t.target_variable, t.target_elements)}",

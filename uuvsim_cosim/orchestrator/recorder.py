@@ -12,22 +12,23 @@ import logging
 import math
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, final
 
+import numpy as np
+
 from uuvsim_cosim._version import __version__
 from uuvsim_cosim.errors import RecordingError
-from uuvsim_cosim.orchestrator.observer import Chunk, Column, seconds
+from uuvsim_cosim.orchestrator.observer import Chunk, Column
 from uuvsim_cosim.orchestrator.plan import Plan
 from uuvsim_cosim.orchestrator.recording_files import METADATA, PARQUET, STREAM, to_parquet
-from uuvsim_cosim.orchestrator.room import columns_of
 from uuvsim_cosim.orchestrator.snapshot import plan_hash
 
 __all__ = ["SCHEMA_VERSION", "Recorder"]
 
 SCHEMA_VERSION = 1
-_ROWS, _BYTES = 16384, 1 << 22  # of a batch, at most; of many columns at least 512 rows
 
 
 @final
@@ -65,12 +66,10 @@ class Recorder:
             ],
             metadata={METADATA: json.dumps(self._metadata(plan))},
         )
-        self._tick = plan.tick
-        self._room = max(512, min(_ROWS, _BYTES // (8 * (len(columns) + 1)) - 16))
-        self._kept = columns_of(len(columns) + 1, self._room)  # ticks come last
-        self._texts: dict[int, list[Any]] = {i: [] for i, c in enumerate(columns) if c.type.is_blob}
         self._types = self._schema.types[2:]
-        self._used = 0
+        self._waiting: Chunk | None = None
+        self._memory: Any = None  # that holds the rows
+        self._written = 0  # of the rows held there
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             self._file = (self.folder / STREAM).open("wb")
@@ -85,22 +84,16 @@ class Recorder:
         self._messages.listen(c.path for c in plan.components)
 
     def observe(self, chunk: Chunk) -> None:
-        """Keep the rows; writes at first, then when 0.2 s have passed or the batch is full."""
+        """Note the rows; writes at first, then when 0.2 s have passed or their memory is full."""
         if self._file is None:  # writing has failed, which has been said
             return
-        done, n = 0, len(chunk.ticks)
-        while done < n:
-            take = min(n - done, self._room - self._used)
-            mine, theirs = slice(self._used, self._used + take), slice(done, done + take)
-            self._kept[:-1, mine] = chunk.rows[theirs].T
-            self._kept[-1, mine] = chunk.ticks[theirs]
-            for i, kept in self._texts.items():
-                kept.extend(chunk.values(i)[theirs])
-            self._used += take
-            done += take
-            if self._used == self._room:
-                self._write()
-        if time.monotonic() - self._flushed >= self._flush_seconds:
+        memory = None if chunk.held is None else chunk.held.slots.base
+        if memory is not self._memory:  # the loop was built anew, or this began in its midst
+            self._write()
+            self._written = 0 if chunk.held is None else len(chunk.held.ticks) - len(chunk.ticks)
+        self._waiting, self._memory = chunk, memory
+        reused = chunk.held is None or chunk.held.reused
+        if reused or time.monotonic() - self._flushed >= self._flush_seconds:
             self._write()
 
     def end(self) -> None:
@@ -123,10 +116,11 @@ class Recorder:
         import pyarrow as pa
 
         messages = self._messages.take()
-        if self._file is None or not (self._used or messages):
+        chunk = self._take()
+        if self._file is None or (chunk is None and not messages):
             return
-        self._used, n = 0, self._used
-        batch = pa.RecordBatch.from_arrays(self._arrays(n), schema=self._schema)
+        arrays = self._none() if chunk is None else self._arrays(chunk)
+        batch = pa.RecordBatch.from_arrays(arrays, schema=self._schema)
         told = {"messages": json.dumps(messages)} if messages else None
         try:
             self._writer.write_batch(batch, custom_metadata=told)
@@ -136,23 +130,33 @@ class Recorder:
             raise self._failed(error, "room on the disk") from error
         self._flushed = time.monotonic()
 
-    def _arrays(self, n: int) -> list[Any]:
-        """Give the columns of n rows; numbers are not copied."""
+    def _take(self) -> Chunk | None:
+        """Give what has been seen and not been written."""
+        chunk, self._waiting = self._waiting, None
+        if chunk is None or chunk.held is None:
+            return chunk
+        held, begin = chunk.held, self._written
+        self._written = 0 if held.reused else len(held.ticks)
+        return replace(chunk, ticks=held.ticks[begin:], rows=held.slots[begin:])
+
+    def _arrays(self, chunk: Chunk) -> list[Any]:
+        """Give the columns; numbers are not copied."""
         import pyarrow as pa
 
-        memory, apart = pa.py_buffer(self._kept), self._kept.strides[0]
-        ticks = self._kept[-1, :n].view("i8")
-        arrays = [pa.array(seconds(ticks, self._tick)), pa.array(ticks)]
+        n = len(chunk.ticks)
+        arrays = [pa.array(chunk.time), pa.array(chunk.ticks)]
         for i, type_ in enumerate(self._types):
-            if i in self._texts:
-                arrays.append(pa.array(self._texts[i], type_))
-                self._texts[i].clear()
-            elif type_ == pa.bool_():
-                arrays.append(pa.array(self._kept[i, :n].astype(bool)))
-            else:
-                column = memory.slice(i * apart, 8 * n)
+            if pa.types.is_floating(type_) or pa.types.is_integer(type_):
+                column = pa.py_buffer(np.ascontiguousarray(chunk.rows[:, i]))
                 arrays.append(pa.Array.from_buffers(type_, n, [None, column]))
+            else:
+                arrays.append(pa.array(chunk.values(i), type_))
         return arrays
+
+    def _none(self) -> list[Any]:
+        import pyarrow as pa
+
+        return [pa.array([], field.type) for field in self._schema]
 
     def _close(self) -> None:
         self._messages.close()

@@ -49,6 +49,7 @@ def plan_hash(plan: Plan) -> str:
     for t in plan.transfers:
         ends = (t.source, t.source_variable.name, t.target, t.target_variable.name)
         parts.append(f"{ends} {t.source_elements} {t.target_elements} {t.factor!r} {t.offset!r}")
+        parts += [repr(t.table)] if t.table else []
     return content_hash(parts)
 
 

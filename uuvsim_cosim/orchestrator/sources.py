@@ -4,8 +4,9 @@
 ``hull.fmu``                   an FMU
 ``my.py:MyController``         a Python class in a file, or ``package.module:Class``
 ``model:vehicle?id=…&set=…``   a declaration of this package, with its options
-``lqr``, ``remus100@…``        the same by its bare name, options allowed; ``mpc`` runs in Python
+``lqr``, ``remus100@…``        the same by its bare name, options allowed; ``mpc_ipopt`` is Python
 ``vehicle.ssd``, ``.ssp``      a nested system
+``current.csv``                a table whose columns over time are outputs
 ``<scheme>:…``                 what an entry point of group ``uuvsim_cosim.sources`` names
 =============================  ====================================================
 """
@@ -84,6 +85,10 @@ def resolve(source: str, base: Path | None = None) -> Source:
     suffix = Path(source.partition("#")[0]).suffix.lower()
     if suffix == ".fmu":
         return FmuSource(_file(source, base, "an FMU"))
+    if suffix == ".csv":
+        from uuvsim_cosim.orchestrator.table_source import TableSource
+
+        return TableSource(_file(source, base, "a table"))
     if suffix in (".ssd", ".ssp"):
         file, _, variant = source.partition("#")
         return SystemSource(_file(file, base, "a system"), variant)
@@ -96,7 +101,7 @@ def resolve(source: str, base: Path | None = None) -> Source:
     if (bare := _BARE.fullmatch(source)) is not None:
         return _named(source, bare[1])
     raise InputInvalid(
-        f"source {source!r} is of no known kind; expected a .fmu, .ssd or .ssp file, "
+        f"source {source!r} is of no known kind; expected a .fmu, .ssd, .ssp or .csv file, "
         f"FILE.py:Class, package.module:Class, model:NAME?option=value"
         + "".join(f", {s}:…" for s in _schemes())
     )
@@ -111,7 +116,7 @@ def anchored(source: str, base: Path | None) -> str:
     if (bare := _BARE.fullmatch(source)) is not None and _is_known(bare[1], source):
         return _named(source, bare[1]).text
     file, colon, name = source, "", ""
-    if Path(source.partition("#")[0]).suffix.lower() not in (".fmu", ".ssd", ".ssp"):
+    if Path(source.partition("#")[0]).suffix.lower() not in _SUFFIXES:
         file, colon, name = source.rpartition(":")
     elif "#" in source:
         file, colon, name = source.partition("#")
@@ -253,6 +258,7 @@ def _archive(fmu: Path) -> FmuArchive:
 
 # ---- inside ---------------------------------------------------------------------------------
 
+_SUFFIXES = (".fmu", ".ssd", ".ssp", ".csv")
 _BARE = re.compile(r"([A-Za-z_][\w-]*(?:@\w+)?)(?:\?.*)?")
 
 

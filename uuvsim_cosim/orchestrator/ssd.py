@@ -38,6 +38,7 @@ from uuvsim_cosim.orchestrator.ssp_xml import (
 )
 from uuvsim_cosim.orchestrator.ssv import parameter_set
 from uuvsim_cosim.orchestrator.system import System
+from uuvsim_cosim.orchestrator.value_table import add_table
 from uuvsim_cosim.orchestrator.values import is_float
 from uuvsim_cosim.orchestrator.wiring import Wire
 
@@ -224,7 +225,9 @@ class _Writer:
             xml = self._connection(section, [(source, i, a), (target, j, b)])
             if not c.convert:
                 xml.set("suppressUnitConversion", "true")
-            if (c.factor, c.offset) != (1.0, 0.0):
+            if c.table:
+                add_table(xml, c.table)
+            elif (c.factor, c.offset) != (1.0, 0.0):
                 SubElement(
                     xml,
                     "ssc:LinearTransformation",

@@ -19,6 +19,7 @@ from uuvsim_cosim.orchestrator.ssv import (
     read_parameter_set,
     read_ssv,
 )
+from uuvsim_cosim.orchestrator.value_table import looked_up
 from uuvsim_cosim.orchestrator.values import Quantity
 
 __all__ = ["Bindings"]
@@ -122,7 +123,10 @@ def _unit(name: str, definitions: Mapping[str, Unit]) -> str:
 def _changed(value: ParameterValue, entry: MappingEntry, place: str) -> ParameterValue:
     """Rename a value, and give what its target makes of it."""
     given = value.value
-    if (entry.factor, entry.offset) != (1.0, 0.0) or not entry.convert:
+    if entry.table:
+        bare = given.value if isinstance(given, Quantity) else given
+        given = looked_up(entry.table, bare, f"{place}: {entry.source}")
+    elif (entry.factor, entry.offset) != (1.0, 0.0) or not entry.convert:
         quantity = given if isinstance(given, Quantity) else Quantity(given, None)
         bare = quantity.value if isinstance(quantity.value, list) else [quantity.value]
         if (entry.factor, entry.offset) != (1.0, 0.0) and not all(

@@ -74,7 +74,8 @@ class Links:
     def listed(self) -> Iterator[Connection]:
         """List the connections."""
         for a, b, change in self.connections:
-            yield Connection(a.text, b.text, change.factor, change.offset, change.convert)
+            yield Connection(a.text, b.text, change.factor, change.offset, change.convert,
+                             change.table)  # fmt: skip
 
     def wrap(
         self, borders: Mapping[str, Border], unit_of: UnitOf, units: Mapping[str, Unit]

@@ -11,19 +11,24 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.archive import shown
 from uuvsim_cosim.orchestrator.ssp_xml import SspVersion, document, q, read_document
 from uuvsim_cosim.orchestrator.transformation import read_transformation
+from uuvsim_cosim.orchestrator.value_table import Table
 
 __all__ = ["MappingEntry", "read_mapping", "read_names", "read_ssm", "write_ssm"]
 
 
 @dataclass(frozen=True)
 class MappingEntry:
-    """The target gets factor · source + offset, after conversion into its unit if `convert`."""
+    """The target gets factor · source + offset, after conversion into its unit if `convert`.
+
+    Or, of Booleans, integers and items, what `table` says.
+    """
 
     source: str
     target: str
     factor: float = 1.0
     offset: float = 0.0
     convert: bool = True
+    table: Table = ()
 
 
 def read_ssm(path: Path) -> list[MappingEntry]:
@@ -35,6 +40,10 @@ def read_names(path: Path) -> dict[str, str]:
     """Read a mapping file that only renames; raises InputInvalid if it transforms values."""
     entries = read_ssm(path)
     for entry in entries:
+        if entry.table:
+            raise InputInvalid(
+                f"{path}: {entry.source} is mapped by a table of values; expected names only"
+            )
         if (entry.factor, entry.offset) != (1.0, 0.0):
             raise InputInvalid(
                 f"{path}: {entry.source} is transformed by {entry.factor:g} x + {entry.offset:g}; "
@@ -53,7 +62,9 @@ def read_mapping(root: Element, place: str) -> list[MappingEntry]:
         if source is None or not target:
             raise InputInvalid(f"{place}: an entry without source or target; expected both")
         change = read_transformation(item, f"{place}: <ssm:MappingEntry source={source!r}>")
-        found.append(MappingEntry(source, target, change.factor, change.offset, change.convert))
+        found.append(
+            MappingEntry(source, target, change.factor, change.offset, change.convert, change.table)
+        )
     targets = [e.target for e in found]
     twice = next((t for t in targets if targets.count(t) > 1), None)
     if twice is not None:

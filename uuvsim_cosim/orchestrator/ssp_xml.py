@@ -62,6 +62,7 @@ MIME = {
     "FMU": "application/x-fmu-sharedlibrary",
     "model": "application/vnd.uuvsim.model",
     "Python": "application/vnd.uuvsim.python",
+    "table": "text/csv",
     "ssd": "application/x-ssp-definition",
     "ssp": "application/x-ssp-package",
     "ssv": "application/x-ssp-parameter-set",

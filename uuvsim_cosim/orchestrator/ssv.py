@@ -28,8 +28,8 @@ from uuvsim_cosim.orchestrator.ssp_xml import (
 )
 from uuvsim_cosim.orchestrator.values import flat, is_float
 
-__all__ = ["Enumerations", "ParameterValue", "parameter_set", "read_enumerations",
-           "read_parameter_set", "read_ssv", "write_ssv"]  # fmt: skip
+__all__ = ["EnumerationItem", "Enumerations", "ParameterValue", "parameter_set",
+           "read_enumerations", "read_parameter_set", "read_ssv", "write_ssv"]  # fmt: skip
 
 Enumerations = Mapping[str, Mapping[str, int]]
 
@@ -154,6 +154,12 @@ def read_enumerations(parent: Element, tag: str, place: str) -> Enumerations:
     }
 
 
+class EnumerationItem(int):
+    """The number of an item of an enumeration, which knows its name (for mappings of names)."""
+
+    item: str = ""
+
+
 def _item(typed: Element, text: str, enumerations: Enumerations, place: str) -> int | str:
     """Give the number of an enumeration's item; its name where only the variable may know it."""
     if text.strip().lstrip("-").isdecimal():
@@ -174,7 +180,9 @@ def _item(typed: Element, text: str, enumerations: Enumerations, place: str) -> 
             f"{place}: {text!r} is the item of {len(numbers)} enumerations of the file; "
             f"expected {close_names(text, names, 'an item')}, or a whole number"
         )
-    return numbers.pop()
+    found = EnumerationItem(numbers.pop())
+    found.item = text
+    return found
 
 
 def _value(typed: Element, text: str, enumerations: Enumerations, place: str) -> Any:

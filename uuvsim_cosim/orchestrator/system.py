@@ -29,6 +29,7 @@ from uuvsim_cosim.orchestrator.endpoints import (
 from uuvsim_cosim.orchestrator.plan import Algorithm, Solver
 from uuvsim_cosim.orchestrator.sources import anchored
 from uuvsim_cosim.orchestrator.validation import Checked, as_step, check, problem_of
+from uuvsim_cosim.orchestrator.value_table import table_of
 from uuvsim_cosim.orchestrator.values import Misfit, flat
 
 if TYPE_CHECKING:
@@ -107,9 +108,14 @@ class System:
         factor: float = 1.0,
         offset: float = 0.0,
         convert: bool = True,
+        table: Mapping[bool, bool] | Mapping[int, int] | Mapping[str, str] | None = None,
     ) -> System:
-        """Connect an output to an input: ``a.y``, one element ``a.y[3]``, a slice ``a.y[1:3]``."""
-        connection = Connection(source, target, float(factor), float(offset), convert)
+        """Connect an output to an input: ``a.y``, one element ``a.y[3]``, a slice ``a.y[1:3]``.
+
+        `table` says what becomes of a Boolean, an integer, or an enumeration's item.
+        """
+        pairs = () if table is None else table_of(table, f"{source} to {target}")
+        connection = Connection(source, target, float(factor), float(offset), convert, pairs)
         return replace(self, connections=(*self.connections, connection))
 
     def disconnect(self, target: str) -> System:
@@ -185,14 +191,27 @@ class System:
 
         `map` gives names of the replacement for names of the slot (``{"tau_d": "Out1"}``,
         ``{"tau_d[3]": "Out3"}``), or is an .ssm file. The slot's step holds unless `rate` is
-        given; of the start values, those hold that the replacement has too.
+        given; of the start values, those hold that the replacement has too. What it says of its
+        peers (see `orchestrator/peers.py`) is connected as well.
         """
+        from uuvsim_cosim.orchestrator.peers import with_peers
+
+        return with_peers(self._fitted(path, source, map, rate, start), path)
+
+    def _fitted(
+        self,
+        path: str,
+        source: str | System,
+        map: Mapping[str, str] | str | Path | None,
+        rate: Fraction | str | float | None,
+        start: Mapping[str, Any] | None,
+    ) -> System:
         from uuvsim_cosim.orchestrator.slot import fitted
 
         inner = self._inside(path)
         if inner is not None:
             name, rest = inner
-            return self._edited(name, self.nested(name).replace(rest, source, map, rate, start))
+            return self._edited(name, self.nested(name)._fitted(rest, source, map, rate, start))
         self._split(f"{path}.")
         if isinstance(source, str):
             source = anchored(source, self.base)

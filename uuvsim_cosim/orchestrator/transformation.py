@@ -1,4 +1,4 @@
-"""What a connection or a mapping does to a value: convert its unit, then factor and offset."""
+"""What a connection or a mapping does to a value: its unit, factor and offset, or a table."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from xml.etree.ElementTree import Element as Xml
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.units import Unit
 from uuvsim_cosim.orchestrator.ssp_xml import boolean, float_of
+from uuvsim_cosim.orchestrator.value_table import Table, chained_tables, read_table
 from uuvsim_cosim.orchestrator.values import Misfit, conversion
 
 __all__ = ["PLAIN", "Transformation", "chained", "read_transformation"]
@@ -21,6 +22,7 @@ class Transformation:
     factor: float = 1.0
     offset: float = 0.0
     convert: bool = True
+    table: Table = ()
 
     @property
     def scales(self) -> bool:
@@ -29,6 +31,7 @@ class Transformation:
 
 
 PLAIN = Transformation()
+_TABLES = [f"{kind}MappingTransformation" for kind in ("Boolean", "Integer", "Enumeration")]
 
 
 def read_transformation(xml: Xml, place: str) -> Transformation:
@@ -39,10 +42,12 @@ def read_transformation(xml: Xml, place: str) -> Transformation:
         if kind == "LinearTransformation":
             factor = float_of(child, "factor", place, 1.0)
             return Transformation(factor, float_of(child, "offset", place, 0.0), convert)
+        if kind in _TABLES:
+            return Transformation(convert=convert, table=read_table(child, kind, place))
         if kind.endswith("Transformation"):
             raise InputInvalid(
-                f"{place}: a {kind}; expected none, or a LinearTransformation: values of other "
-                "kinds are not mapped"
+                f"{place}: a {kind}; expected none, or one of "
+                f"{', '.join(['LinearTransformation', *_TABLES])}"
             )
     return Transformation(convert=convert)
 
@@ -57,6 +62,8 @@ def chained(
 
     Raises Misfit for units that are not commensurable.
     """
+    if first.table or second.table:
+        return _tables(first, second)
     start, middle, end = units
     if middle is None:  # the value between has the unit that it came with
         middle = start
@@ -73,3 +80,11 @@ def chained(
             factor, offset = factor * pair[0], offset * pair[0] + pair[1]
         factor, offset = factor * step.factor, offset * step.factor + step.offset
     return Transformation(factor, offset, convert=False)
+
+
+def _tables(first: Transformation, second: Transformation) -> Transformation:
+    if first.table and second.table:
+        return Transformation(table=chained_tables(first.table, second.table))
+    if first.scales or second.scales:
+        raise Misfit("a table, and a factor or offset, on one way", "one of the two")
+    return first if first.table else second

@@ -6,18 +6,18 @@ from collections.abc import Sequence
 
 from uuvsim_cosim.errors import UuvsimError
 from uuvsim_cosim.orchestrator.core import Core
-from uuvsim_cosim.orchestrator.observer import Chunk, Column, Observer
+from uuvsim_cosim.orchestrator.observer import Chunk, Column, Observer, Rows
 from uuvsim_cosim.orchestrator.plan import Plan
 from uuvsim_cosim.orchestrator.uninterrupted import uninterrupted
 
 __all__ = ["Watch", "rows_of"]
 
-_ROW_BYTES = 1 << 19  # stay in the cache of one core
+_ROWS, _BYTES = 32768, 1 << 22  # of a batch of the recording, at most; at least 512 rows
 
 
 def rows_of(columns: int) -> int:
     """Give the number of rows to make room for."""
-    return max(64, min(65536, _ROW_BYTES // (8 * max(1, columns))))
+    return 1 if columns == 0 else max(512, min(_ROWS, _BYTES // (8 * (columns + 1))))
 
 
 class Watch:
@@ -28,6 +28,7 @@ class Watch:
         self.observers = list(observers)
         self._columns: Sequence[Column] = ()
         self._open: list[Observer] = []
+        self._shown: tuple[Core | None, int] = (None, 0)  # rows since that core had free room
 
     def begin(self, columns: Sequence[Column]) -> None:
         """Tell all of the columns."""
@@ -37,19 +38,27 @@ class Watch:
             observer.begin(self._plan, columns)
 
     def emit(self, core: Core) -> None:
-        """Give all the rows that the core has written, and make room for the next."""
+        """Give all the rows that the core has written, and make room when there is none left."""
         if not self._columns:
             return
         with uninterrupted():  # no row is lost or seen twice
             self._emit(core)
 
     def _emit(self, core: Core) -> None:
+        shown = self._shown[1] if self._shown[0] is core else 0
         ticks, rows, texts = core.rows()
-        if len(ticks):
-            chunk = Chunk(self._columns, self._plan.tick, ticks, rows, texts)
-            for observer in self._open:
-                observer.observe(chunk)
-        core.clear_rows()
+        full = core.is_full
+        self._shown = (core, 0 if full else len(ticks))
+        try:
+            if len(ticks) > shown:
+                held = Rows(ticks, rows, full)
+                ticks, rows = ticks[shown:], rows[shown:]
+                chunk = Chunk(self._columns, self._plan.tick, ticks, rows, texts, held)
+                for observer in self._open:
+                    observer.observe(chunk)
+        finally:
+            if full:
+                core.clear_rows()
 
     def end(self) -> None:
         """Close all; raises the first error after that."""

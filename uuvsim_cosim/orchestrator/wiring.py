@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from uuvsim_cosim.errors import Problem
 from uuvsim_cosim.fmus.description import Description, Variable
@@ -15,6 +15,7 @@ from uuvsim_cosim.orchestrator.endpoints import (
     index_text,
     resolve_endpoint,
 )
+from uuvsim_cosim.orchestrator.value_table import Numbers, numbers_of
 from uuvsim_cosim.orchestrator.values import Misfit, conversion, is_float, unit_named
 
 __all__ = ["Wire", "joined", "single_source", "wire"]
@@ -28,6 +29,7 @@ class Wire:
     source: Endpoint
     target: Endpoint
     changes: tuple[tuple[float, float], ...]  # (factor, offset) of each pair of elements
+    table: Numbers = ()  # instead of them
 
 
 def wire(
@@ -45,6 +47,7 @@ def wire(
     _check_causality(source, target)
     _check_shapes(source, target)
     _check_types(source.variable, target.variable)
+    table = _table(connection, source.variable, target.variable)
     units = {**descriptions[source.element].units, **descriptions[target.element].units}
     changes: list[tuple[float, float]] = [(1.0, 0.0)] * len(source.elements)
     if connection.convert and is_float(source.variable) and is_float(target.variable):
@@ -52,13 +55,14 @@ def wire(
     c = connection
     changes = [(c.factor * factor, c.factor * offset + c.offset) for factor, offset in changes]
     if source.whole and target.whole:
-        return [Wire(connection, source, target, tuple(changes))]
+        return [Wire(connection, source, target, tuple(changes), table)]
     return [
         Wire(
-            Connection(a, b, connection.factor, connection.offset, connection.convert),
+            replace(connection, source=a, target=b),
             Endpoint(source.element, source.variable, (i,), source.variable.shape == ()),
             Endpoint(target.element, target.variable, (j,), target.variable.shape == ()),
             (change,),
+            table,
         )
         for a, b, i, j, change in zip(
             source.texts(), target.texts(), source.elements, target.elements, changes, strict=True
@@ -85,7 +89,7 @@ def joined(wires: Iterable[Wire]) -> tuple[Wire, ...]:
             c = w.connection
             whole = Connection(
                 f"{w.source.element}.{source.name}", f"{w.target.element}.{target.name}",
-                c.factor, c.offset, c.convert,
+                c.factor, c.offset, c.convert, c.table,
             )  # fmt: skip
             every = tuple(range(source.size))
             w = Wire(
@@ -93,6 +97,7 @@ def joined(wires: Iterable[Wire]) -> tuple[Wire, ...]:
                 Endpoint(w.source.element, source, every, whole=True),
                 Endpoint(w.target.element, target, every, whole=True),
                 tuple(changes[_pair(w)][i] for i in every),
+                w.table,
             )
         result.setdefault(w.connection, w)
     return tuple(result.values())
@@ -125,6 +130,7 @@ def _pair(w: Wire) -> tuple[object, ...]:
     return (
         w.source.element, w.source.variable.name, w.target.element, w.target.variable.name,
         w.connection.factor, w.connection.offset, w.connection.convert,
+        w.connection.table,
     )  # fmt: skip
 
 
@@ -150,6 +156,12 @@ def _check_shapes(source: Endpoint, target: Endpoint) -> None:
         a, b = source.variable.shape, target.variable.shape
         if a != b:
             raise Misfit(f"shape {a} to shape {b}", "equal shapes")
+
+
+def _table(c: Connection, source: Variable, target: Variable) -> Numbers:
+    if c.table and (c.factor, c.offset) != (1.0, 0.0):
+        raise Misfit("a table, and a factor or offset", "one of the two")
+    return numbers_of(c.table, source, target) if c.table else ()
 
 
 def _size(point: Endpoint) -> str:

@@ -51,7 +51,8 @@ class Part:
         source = resolve(planned.source)
         if not isinstance(source, ModelSource):
             raise InputInvalid(
-                f"{planned.path} is {planned.description.kind} ({planned.source}), whose equations are "
+                f"{planned.path} is {planned.description.kind} ({planned.source}), "
+                "whose equations are "
                 "not known; expected a declaration (model:…) in what is identified"
             )
         self.index, self.path = index, planned.path
@@ -70,6 +71,15 @@ class Part:
     def is_hull(self) -> bool:
         """Say whether it has the states that every hull has."""
         return {v.name for v in self.model.of_kind("state")} >= set(HULL_STATES)
+
+    @property
+    def has_tables(self) -> bool:
+        """Say whether its equations call tables: they are slow, and of the first order only."""
+        return any(
+            f.instruction_id(k) == ca.OP_CALL
+            for f in (self.f.rhs, self.f.outputs)
+            for k in range(f.n_instructions())
+        )
 
     def place(self, parameter: str) -> int:
         """Give where a parameter begins in `p`."""
@@ -101,7 +111,9 @@ def wanted_parameters(plan: Plan, hull: int, texts: Sequence[str]) -> list[Fitte
         hits = [n for n in names if n == full or ("*" in full and fnmatchcase(n, full))]
         if not hits:
             near = get_close_matches(full, names, n=4, cutoff=0.5)
-            wrong.append(f"there is no parameter {text!r}; expected {', '.join(near) or 'component.name'}")
+            wrong.append(
+                f"there is no parameter {text!r}; expected {', '.join(near) or 'component.name'}"
+            )
             continue
         wide = [n for n in hits if sizes[n] != 1]
         if wide or taken & set(hits):
@@ -118,16 +130,29 @@ def wanted_parameters(plan: Plan, hull: int, texts: Sequence[str]) -> list[Fitte
         part = parts[places[0][0]]
         declared = part.model.variables[places[0][1]]
         starts = [float(parts[i].p[parts[i].place(n)]) for i, n in places]
-        low = -np.inf if declared.min is None else declared.min
-        if declared.name[:3] in ("M_A", "D_l", "D_q", "D_u") and declared.name[4:5] == declared.name[5:]:
-            low = max(low, 0.0)
-        high = np.inf if declared.max is None else declared.max
+        low, high = _bounds(declared, float(np.mean(starts)))
         found.append(Fitted(full, places, float(np.mean(starts)), declared.unit, low, high))
     if not found and not wrong:
         wrong = ["no parameters; expected names such as D_q_11,M_A_11,thruster_*.K_n"]
     if wrong:
         raise InputInvalid("--parameters: " + "; ".join(wrong))
     return found
+
+
+def _bounds(declared: Any, start: float) -> tuple[float, float]:
+    """Give what is declared, and for what cannot be negative a fiftieth to thirty times the start.
+
+    Without an end, what the data say nothing of could grow until no step is short enough.
+    """
+    low = -np.inf if declared.min is None else float(declared.min)
+    high = np.inf if declared.max is None else float(declared.max)
+    kind, _, indices = declared.name.rpartition("_")
+    brakes = kind in ("M_A", "D_l", "D_q", "D_u", "I_g", "I_b") and len(set(indices)) == 1
+    if brakes:
+        low = max(low, 0.0)
+    if start > 0 and (brakes or low >= 0.0):
+        return max(low, 0.02 * start), min(high, 30.0 * start)
+    return low, high
 
 
 @dataclass(frozen=True)
@@ -156,6 +181,11 @@ class GreyBox:
                 raise InputInvalid(
                     f"{part.path} is sampled (it has clocks); expected parameters of components in "
                     "continuous time, as a hull or a thruster"
+                )
+            if part.has_tables:
+                raise InputInvalid(
+                    f"{part.path} ({part.source}) holds tables, which are not fitted; expected "
+                    f"equations alone, as with --replace {part.path}=model:thruster"
                 )
         self.theta = ca.SX.sym("theta", len(self.fitted))
         self.feeds: list[Feed] = []
@@ -265,7 +295,8 @@ class GreyBox:
             label = f"{self.parts[i].path}.{name}"
             if label in self._open:
                 raise InputInvalid(
-                    f"{' -> '.join([*self._open, label])} is an algebraic loop; expected parameters "
+                    f"{' -> '.join([*self._open, label])} is an algebraic loop; expected "
+                    "parameters "
                     "of components that do not read each other at once"
                 )
             self._open.append(label)

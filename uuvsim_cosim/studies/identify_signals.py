@@ -7,7 +7,7 @@ there is none, it does not count. What is missing is refused by name, with names
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any
@@ -16,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.model import Model
+from uuvsim_cosim.models.signal import Signal
 from uuvsim_cosim.orchestrator.plan import Plan
 from uuvsim_cosim.orchestrator.recording import Signals
 from uuvsim_cosim.orchestrator.sources import ModelSource, resolve
@@ -28,6 +30,7 @@ MEASURED = (
     "N", "E", "D", "phi", "theta", "psi", "u", "v", "w", "p", "q", "r",
 )  # fmt: skip
 ANGLES = (3, 4, 5)
+_FORCES = {"thrust", "tau", "force"}
 _FINE, _MOST_STEPS = 0.05, 8000
 
 
@@ -86,7 +89,8 @@ def grid_of(
     K = int(np.floor((t[-1] - t[0]) / step + 1e-6))
     if not 20 <= K <= _MOST_STEPS:
         raise InputInvalid(
-            f"the recording from {t[0]:g} to {t[-1]:g} s has {K} steps of {step:g} s; expected 20 to "
+            f"the recording from {t[0]:g} to {t[-1]:g} s has {K} steps of {step:g} "
+            "s; expected 20 to "
             f"{_MOST_STEPS}: choose --from, --to or --step"
         )
     grid = t[0] + step * np.arange(K + 1)
@@ -123,7 +127,9 @@ def grid_of(
     w = np.array(
         [_means(t, c, grid, f.delay) for f, c in zip(box.feeds, columns, strict=True)]
     ).reshape(len(box.feeds), K)
-    return Grid(grid - grid[0], step, w, y, tuple(supply.computed), tuple(n for n in (eta, nu) if n))
+    return Grid(
+        grid - grid[0], step, w, y, tuple(supply.computed), tuple(n for n in (eta, nu) if n)
+    )
 
 
 def _times(signals: Signals, first: float, last: float | None) -> tuple[Array, Any]:
@@ -149,7 +155,7 @@ def _step(t: Array, h: float | None) -> float:
     usual = float(np.median(np.diff(t)))
     if usual >= _FINE:
         return usual
-    return usual * max(1.0, np.floor(_FINE / usual + 1e-9))
+    return usual * max(1.0, float(np.floor(_FINE / usual + 1e-9)))
 
 
 def _means(t: Array, values: Array, grid: Array, delay: float) -> Array:
@@ -216,7 +222,7 @@ class _Supply:
                     f"signal {name} has {values.shape[1]} elements; expected {feed.element + 1} or "
                     f"more, as {component.path}.{feed.variable}"
                 )
-            return feed.factor * values[:, feed.element] + feed.offset
+            return np.asarray(feed.factor * values[:, feed.element] + feed.offset, dtype=float)
         if feed.free:
             return self._start(feed)
         made = self._simulated(feed.component)
@@ -244,7 +250,6 @@ class _Supply:
         return self._done[i]
 
     def _run(self, i: int) -> Mapping[str, Array] | None:
-        from uuvsim_cosim.models.signal import Signal
         from uuvsim_cosim.models.simulate import simulate
 
         component = self.plan.components[i]
@@ -255,7 +260,10 @@ class _Supply:
         if model.clocks or not _acts_at_once(model):
             return None
         signals: dict[str, Array] = {}
+        used = _used_inputs(model)
         for v in model.of_kind("input"):
+            if v.name not in used:
+                continue
             columns = []
             for e in range(v.size):
                 column = self._into(i, v.name, e)
@@ -273,7 +281,7 @@ class _Supply:
             model,
             at=[float(s) for s in self.t],
             h=model.h_max,
-            inputs={n: (lambda s, f=f: [g(s) for g in f]) for n, f in held.items()},
+            inputs={n: _together(f) for n, f in held.items()},
             parameters=given,
         )
         self.computed.append(component.path)
@@ -287,7 +295,25 @@ class _Supply:
         return self.of(Feed(i, name, element, free=True))
 
 
-def _acts_at_once(model: Any) -> bool:
+def _together(signals: list[Signal]) -> Callable[[float], list[float]]:
+    return lambda s: [signal(s) for signal in signals]
+
+
+def _used_inputs(model: Model) -> set[str]:
+    """Give the inputs that a model's equations of force read; a shaft may declare more."""
+    import casadi as ca
+
+    outputs = [v.symbol for v in model.of_kind("output") if v.name in _FORCES]
+    every = ca.vertcat(*(ca.vec(e) for e in (*outputs, *model.derivatives.values())))
+    used = {s.element_hash() for s in ca.symvar(every)}
+    return {
+        v.name
+        for v in model.of_kind("input")
+        if used & {s.element_hash() for s in v.symbol.nonzeros()}
+    }
+
+
+def _acts_at_once(model: Model) -> bool:
     """Say whether a model is one of those that make a force of a command: thruster, wrench, fin."""
     outputs = {v.name for v in model.of_kind("output")}
-    return bool(outputs & {"thrust", "tau", "force", "voltage"}) and "tau_d" not in outputs
+    return bool(outputs & _FORCES) and "tau_d" not in outputs

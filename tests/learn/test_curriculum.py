@@ -1,0 +1,163 @@
+"""A curriculum goes from task to task, unchanged at each switch, and on to the same bits."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.checkpoint import load_checkpoint
+from uuvsim_cosim.learn.curricula import CURRICULA, curriculum_of, read_curriculum
+from uuvsim_cosim.learn.curriculum import Curriculum, Promotion, Stage, train_curriculum
+from uuvsim_cosim.learn.curriculum_stage import learner_for
+from uuvsim_cosim.learn.masac_learner import MasacLearner
+from uuvsim_cosim.learn.task_ids import make_task
+
+SMALL = {"hidden": 16, "batch": 16, "buffer": 1000, "shared": True, "updates": 1.0}
+EASY = Promotion(share=None, least=-1e6, evaluations=2)
+
+
+def small(**changes: object) -> Curriculum:
+    stages = (
+        Stage("source", 160, settings={"warm_up": 32}),
+        Stage("transition_2", 240, promotion=EASY, settings={"critic_only": 4}),
+        Stage("target", 160, settings={"critic_only": 4}),
+    )
+    given = {"settings": SMALL, "options": {"horizon": 4}, "envs": 8, "evaluate_every": 80,
+             "evaluation_episodes": 4}  # fmt: skip
+    return Curriculum("small", stages, **{**given, **changes})  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("curriculum")
+    train_curriculum(small(), folder, seed=3)
+    return folder
+
+
+def policies(folder: Path) -> list[bytes]:
+    return [p.read_bytes() for p in sorted(folder.glob("*/policy*.npz"))]
+
+
+def after(calls: int) -> Callable[[], bool]:
+    left = iter(range(calls))
+    return lambda: next(left, None) is None
+
+
+@pytest.mark.parametrize("steps", [7, 31])  # in the first stage, in the second
+def test_an_interrupted_curriculum_goes_on_to_the_same_bits(
+    whole: Path, tmp_path: Path, steps: int
+) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        train_curriculum(small(), tmp_path, seed=3, interrupted=after(steps))
+    train_curriculum(small(), tmp_path, seed=3)
+    assert len(policies(tmp_path)) == 5
+    assert policies(tmp_path) == policies(whole)
+
+
+def test_a_curriculum_that_is_done_is_not_done_again(whole: Path) -> None:
+    before = policies(whole)
+    done = train_curriculum(small(), whole, seed=3, interrupted=lambda: True)
+    assert [s.task for s in done] == ["source", "transition_2", "target"]
+    assert policies(whole) == before
+
+
+def test_a_rule_of_promotion_ends_a_stage(whole: Path) -> None:
+    done = train_curriculum(small(), whole, seed=3)
+    assert [s.promoted for s in done] == [False, True, False]
+    assert [s.evaluations[-1]["step"] for s in done] == [160, 80, 160]
+
+
+def learner(whole: Path, stage: int, file: str) -> MasacLearner:
+    names = ("1-source", "2-transition_2", "3-target")
+    task = make_task(small().stages[stage].task, {"horizon": 4})
+    given = learner_for(small(), stage, task, 3)
+    given.set_state(load_checkpoint(whole / names[stage] / file)["learner"])
+    return given
+
+
+def test_at_a_switch_each_acts_exactly_as_one_did_that_cannot_see_what_wakes_up(
+    whole: Path,
+) -> None:
+    last, began = learner(whole, 0, "checkpoint.pt"), learner(whole, 1, "switch.pt")
+    awake = last.awake()
+    assert 6 < awake.sum() < 14  # itself, and a target at rest
+    seen = np.random.default_rng(0).normal(size=(20, 2, 31)).astype(np.float32)
+    asleep = np.where(awake, seen, 0).astype(np.float32)
+    for i in range(2):
+        expected = last.act(asleep[:, i : i + 1], explore=False)
+        assert np.array_equal(began.act(seen[:, i : i + 1], explore=False), expected)
+
+
+def test_a_folder_of_another_curriculum_or_seed_is_refused(whole: Path) -> None:
+    with pytest.raises(InputInvalid, match="seed 3; expected 4"):
+        train_curriculum(small(), whole, seed=4)
+    with pytest.raises(InputInvalid, match="envs 8; expected 4"):
+        train_curriculum(small(envs=4), whole, seed=3)
+
+
+def test_what_a_stage_has_lost_is_named(whole: Path, tmp_path: Path) -> None:
+    folder = shutil.copytree(whole, tmp_path / "copy")
+    (folder / "1-source" / "evaluations.csv").unlink()
+    with pytest.raises(InputInvalid, match=r"evaluations\.csv: cannot be read"):
+        train_curriculum(small(), folder, seed=3)
+    (folder / "curriculum.json").write_text("{")
+    with pytest.raises(InputInvalid, match=r"curriculum\.json: cannot be read"):
+        train_curriculum(small(), folder, seed=3)
+
+
+def test_a_lost_switch_is_made_again_to_the_same_bits(whole: Path, tmp_path: Path) -> None:
+    folder = shutil.copytree(whole, tmp_path / "copy")
+    shutil.rmtree(folder / "3-target")
+    train_curriculum(small(), folder, seed=3)
+    assert policies(folder) == policies(whole)
+
+
+def test_the_file_of_a_curriculum_says_what_python_says(tmp_path: Path) -> None:
+    path = tmp_path / "small.yaml"
+    path.write_text(
+        "name: small\nenvs: 8\nevaluate_every: 80\nevaluation_episodes: 4\n"
+        "settings: {hidden: 16, batch: 16, buffer: 1000, shared: true, updates: 1.0}\n"
+        "options: {horizon: 4}\nstages:\n"
+        "  - {task: source, steps: 160, settings: {warm_up: 32}}\n"
+        "  - task: transition_2\n    steps: 240\n    settings: {critic_only: 4}\n"
+        "    promotion: {least: -1.0e6, evaluations: 2}\n"
+        "  - {task: target, steps: 160, settings: {critic_only: 4}}\n"
+    )
+    assert read_curriculum(path) == small()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("stages: 3", "expected a list of stages"),
+        ("stages: [{task: source}]", "steps missing"),
+        ("stages: [{task: source, steps: 8, promotion: {shar: 1}}]", "shar: unknown.*share"),
+        ("stages: [{task: source, steps: 0}]", "steps 0; expected a whole number"),
+        ("stages: [{task: source, steps: 8}]\nalgorithm: ppo", "transfers nothing; expected masac"),
+        ("stages: [{task: source, steps: 8}]\nsettings: 3", "settings: 3; expected values by name"),
+    ],
+)
+def test_a_wrong_file_is_refused_with_its_line(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "wrong.yaml"
+    path.write_text(text)
+    with pytest.raises(InputInvalid, match=message):
+        read_curriculum(path)
+
+
+def test_stages_that_observe_other_numbers_are_refused(tmp_path: Path) -> None:
+    three = Stage("target", 80, options={"n_trackers": 3})
+    with pytest.raises(InputInvalid, match=r"stage 2: observes 38 .* slots"):
+        train_curriculum(Curriculum("x", (Stage("source", 80), three)), tmp_path / "x")
+
+
+def test_unknown_names_are_refused_before_anything_runs(tmp_path: Path) -> None:
+    with pytest.raises(InputInvalid, match="expected stt"):
+        curriculum_of("sst")
+    wrong = Curriculum("x", (Stage("source", 8), Stage("transition_3", 8)))
+    with pytest.raises(InputInvalid, match="transition_2"):
+        train_curriculum(wrong, tmp_path / "x")
+    assert not (tmp_path / "x").exists()
+    assert CURRICULA["stt"].stages[-1].task == "target"

@@ -1,0 +1,94 @@
+"""`uuvsim evaluate`: how good policies are, with intervals, beside the hand-written controller."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from uuvsim_cosim.commands.nested_options import nested
+from uuvsim_cosim.commands.policies import acting_of
+from uuvsim_cosim.commands.study_progress import StudyProgress
+from uuvsim_cosim.commands.terminal import line, table, tilde
+from uuvsim_cosim.errors import InputInvalid
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.learn.statistics import Interval
+
+__all__ = ["evaluate_command", "shown"]
+
+SEED = 2_000_000
+
+
+def evaluate_command(
+    policies: Annotated[
+        list[str],
+        typer.Argument(help="Trainings' folders, policies (.npz), scripted, random."),
+    ],
+    task: Annotated[
+        str | None, typer.Option("--task", help="Another than the policies were trained in.")
+    ] = None,
+    task_set: Annotated[
+        list[str] | None, typer.Option("--task-set", help="The task's NAME=VALUE: n_trackers=3.")
+    ] = None,
+    episodes: Annotated[int, typer.Option("--episodes", help="Of each policy.")] = 100,
+    seed: Annotated[int, typer.Option("--seed", help="The first of the episodes' seeds.")] = SEED,
+    last: Annotated[
+        bool, typer.Option("--last", help="Of a training: the last policy, not the best.")
+    ] = False,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Write a table as CSV.")] = None,
+) -> None:
+    """Evaluate policies on seeds never trained on: means with 95 % bootstrap intervals."""
+    if not 1 <= episodes <= 100_000:
+        raise InputInvalid(f"--episodes {episodes}: expected 1 … 100000")
+    if seed < 0:
+        raise InputInvalid(f"--seed {seed}: expected 0 or more")
+    options = nested("--task-set", task_set or [], "NAME=VALUE, as n_trackers=3")
+    with StudyProgress() as progress:
+        progress.say("building, once")
+        found = acting_of(list(dict.fromkeys(policies)), task, options, last=last)
+        from uuvsim_cosim.envs.tasks.evaluation import evaluate
+        from uuvsim_cosim.learn.judging import judge_scripted, judged
+
+        given = {}
+        for number, (name, policy) in enumerate(found.policies.items()):
+            progress("evaluating", number, len(found.policies))
+            given[name] = evaluate(found.task, policy, episodes, seed=seed)
+        rows = {_label(name): judged([e]) for name, e in given.items()}
+        learned = [e for name, e in given.items() if name not in ("scripted", "random")]
+        if len(learned) > 1:
+            rows["together"] = judged(learned)
+        if "scripted" not in rows and (yardstick := judge_scripted(found.task, episodes, seed)):
+            rows["scripted"] = yardstick
+    line()
+    line(f"{found.name}: {episodes} episodes from seed {seed}, 95 % bootstrap intervals")
+    figures = list(next(iter(rows.values())))
+    table(("figure", *rows), [(f, *(shown(r[f]) for r in rows.values())) for f in figures])
+    if out is not None:
+        _write(out, rows)
+        line()
+        line(f"written: {tilde(out)}")
+
+
+def shown(i: Interval) -> str:
+    """Write a figure with its interval."""
+    return f"{i.value:.4g} [{i.low:.4g}, {i.high:.4g}]"
+
+
+def _label(given: str) -> str:
+    return given if "/" not in given.rstrip("/") else tilde(given)
+
+
+def _write(path: Path, rows: Mapping[str, Mapping[str, Interval]]) -> None:
+    try:
+        with path.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(("policy", "figure", "value", "low", "high"))
+            for policy, figures in rows.items():
+                for name, i in figures.items():
+                    writer.writerow((policy, name, i.value, i.low, i.high))
+    except OSError as error:
+        raise InputInvalid(f"{path}: cannot be written ({error.strerror})") from None

@@ -1,0 +1,101 @@
+"""`uuvsim play`: one episode of a policy, as an animated picture, a page, pictures or a window."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from uuvsim_cosim.commands.nested_options import nested
+from uuvsim_cosim.commands.policies import Acting, acting_of
+from uuvsim_cosim.commands.study_progress import StudyProgress
+from uuvsim_cosim.commands.terminal import line, size_of, table, tilde
+from uuvsim_cosim.errors import InputInvalid
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = ["play_command"]
+
+SEED = 2_000_000
+
+
+def play_command(
+    task: Annotated[
+        str | None, typer.Argument(help="By default the task that the policy was trained in.")
+    ] = None,
+    policy: Annotated[
+        str, typer.Option("--policy", "-p", help="scripted, random, a folder or a file (.npz).")
+    ] = "scripted",
+    task_set: Annotated[
+        list[str] | None, typer.Option("--task-set", help="The task's NAME=VALUE: n_trackers=3.")
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", help="Of the episode.")] = SEED,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", help=".html, .png (animated), else a folder of pictures."),
+    ] = None,
+    window: Annotated[bool, typer.Option("--window", help="Show it in a window instead.")] = False,
+    open_: Annotated[bool, typer.Option("--open", help="Open what was written.")] = False,
+) -> None:
+    """Play one episode: what the policy does, drawn, and the metrics of it."""
+    if seed < 0:
+        raise InputInvalid(f"--seed {seed}: expected 0 or more")
+    if window and out is not None:
+        raise InputInvalid(f"--window and --out {out}: expected one of them")
+    options = nested("--task-set", task_set or [], "NAME=VALUE, as n_trackers=3")
+    with StudyProgress() as progress:
+        progress.say("building, once")
+        from uuvsim_cosim.envs.tasks.evaluation import evaluate
+        from uuvsim_cosim.learn.playing import frames_of
+
+        found = acting_of([policy], task, options)
+        (acts,) = found.policies.values()
+        progress.say("playing")
+        frames = list(frames_of(found.task, acts, seed, "human" if window else "rgb_array"))
+        if policy == "random":  # which draws anew
+            (acts,) = acting_of([policy], task, options).policies.values()
+        figures = evaluate(found.task, acts, 1, seed=seed)
+    rows = {"return": f"{float(figures.returns[0]):.4g}", "seconds": f"{figures.seconds[0]:g}"}
+    rows |= {k: f"{float(v[0]):.4g}" for k, v in figures.metrics.items()}
+    line()
+    line(f"{found.name}, {policy}, seed {seed}; metrics are means over the second half")
+    table(("figure", "value"), list(rows.items()))
+    if not window:
+        written = _written(found, policy, seed, frames, rows, out)
+        line()
+        table(("written", "size"), [(tilde(written), size_of(written))])
+        if open_:
+            typer.launch(str(written))
+
+
+def _written(
+    found: Acting, policy: str, seed: int, frames: Sequence[NDArray[np.uint8]],
+    rows: dict[str, str], out: Path | None,
+) -> Path:  # fmt: skip
+    from uuvsim_cosim.learn.task_ids import short_name
+    from uuvsim_cosim.view.player import player_html
+    from uuvsim_cosim.view.png import animated_png, png
+
+    task: Any = found.task
+    seconds = float(task.action_step)
+    name = policy if policy in ("scripted", "random") else "policy"
+    path = out or Path(f"{short_name(found.name)}-{name}-{seed}.html")
+    try:
+        if path.suffix.lower() not in (".html", ".png"):
+            path.mkdir(parents=True, exist_ok=True)
+            for k, frame in enumerate(frames):
+                (path / f"{k:05d}.png").write_bytes(png(frame))
+            return path
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.suffix.lower() == ".png":
+            path.write_bytes(animated_png(frames, seconds))
+        else:
+            page = player_html(found.name, f"{policy}, seed {seed}", frames, seconds, rows)
+            path.write_text(page, encoding="utf-8")
+    except OSError as error:
+        raise InputInvalid(f"{path}: cannot be written ({error.strerror})") from None
+    return path

@@ -1,0 +1,74 @@
+"""`uuvsim reproduce fig7`: runs what a figure of the UUVSim paper lacks, then draws and judges."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from uuvsim_cosim.commands.terminal import line, table, tilde
+from uuvsim_cosim.commands.training_progress import TrainingProgress
+from uuvsim_cosim.errors import InputInvalid
+
+__all__ = ["reproduce_command"]
+
+RESULTS = Path("docs") / "results" / "target_tracking"
+
+
+def reproduce_command(
+    figure: Annotated[str, typer.Argument(help="fig7, fig8, fig9, fig11 or all.")],
+    budget: Annotated[
+        str, typer.Option("--budget", help="batched: 64 environments; paper: 200 episodes of one.")
+    ] = "batched",
+    seeds: Annotated[int, typer.Option("--seeds", help="How many; a verdict needs five.")] = 5,
+    out: Annotated[
+        Path, typer.Option("--out", "-o", help="Where results are kept, and added to.")
+    ] = RESULTS,
+    work: Annotated[Path, typer.Option("--work", help="Checkpoints, to go on from.")] = Path("runs")
+    / "reproduce",
+    no_run: Annotated[
+        bool, typer.Option("--no-run", help="Train nothing: draw and judge what is there.")
+    ] = False,
+) -> None:
+    """Run what is missing, seed by seed; then tables, figures, and what holds of each claim.
+
+    What was interrupted goes on with the same command.
+    """
+    from uuvsim_cosim.learn.reproduce import BUDGETS, chains_of
+
+    if budget not in BUDGETS:
+        raise InputInvalid(f"--budget {budget}: expected {' or '.join(BUDGETS)}")
+    if seeds < 1:
+        raise InputInvalid(f"--seeds {seeds}: expected 1 or more")
+    chains_of(figure)
+    if not no_run:
+        _run(figure, BUDGETS[budget], seeds, out, work)
+    from uuvsim_cosim.commands.reproduce_report import write_report
+
+    rows, files = write_report(out)
+    shown = [r for r in rows[budget] if figure == "all" or r.figure in (figure[3:], "all")]
+    line()
+    table(("figure", "claim", "measured", "verdict"),
+          [(r.figure, r.claim, r.measured, r.text) for r in shown])  # fmt: skip
+    line()
+    line(f"written: {', '.join(tilde(f) for f in files)}")
+
+
+def _run(figure: str, budget: Any, seeds: int, out: Path, work: Path) -> None:
+    from uuvsim_cosim.learn.interruption import Interruption
+    from uuvsim_cosim.learn.reproduce import reproduce
+
+    interruption = Interruption()
+    with TrainingProgress() as progress:
+        try:
+            with interruption:
+                reproduce(
+                    figure, budget, seeds, out, work, observers=(progress,),
+                    interrupted=interruption, begins=progress.say,
+                )  # fmt: skip
+        except KeyboardInterrupt:
+            progress.stop()
+            sys.stderr.write("uuvsim: interrupted; the same command goes on from there\n")
+            raise typer.Exit(interruption.status) from None

@@ -1,0 +1,256 @@
+"""A curriculum: tasks one after the other, each begun with what was learned in the last.
+
+Scenario transfer training (STT) of the UUVSim paper is one; at each switch the actions are exactly
+unchanged (see `transfer`).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from uuvsim_cosim.cache import write_whole
+from uuvsim_cosim.envs.task import Task, TeamTask
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.algorithms import ALGORITHMS, check_settings
+from uuvsim_cosim.learn.curriculum_stage import (
+    keep_switch,
+    settings_of,
+    switch_of,
+    train_stage,
+)
+from uuvsim_cosim.learn.task_ids import make_task, short_name
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.learn.training import TrainingObserver
+
+__all__ = [
+    "Curriculum",
+    "Promotion",
+    "Stage",
+    "StageTrained",
+    "train_curriculum",
+]
+
+ABOUT = "curriculum.json"
+
+
+@dataclass(frozen=True)
+class Promotion:
+    """When a stage is done before its steps are: so good in so many evaluations running."""
+
+    share: float | None = 0.9  # of the scripted return
+    least: float | None = None  # a return; instead of a share, where nothing is scripted
+    evaluations: int = 2  # running
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One task of a curriculum, for at most `steps` environment steps."""
+
+    task: str  # a name of TASKS, or "package.module:Name"
+    steps: int  # environment steps, of all environments together
+    options: Mapping[str, Any] = field(default_factory=dict)  # the task's own
+    settings: Mapping[str, Any] = field(default_factory=dict)  # how experience becomes updates
+    promotion: Promotion | None = None
+    evaluate_every: int | None = None  # environment steps, instead of the curriculum's
+
+
+@dataclass(frozen=True)
+class Curriculum:
+    """Stages in their order, and what they share; the same one gives the same bits."""
+
+    name: str
+    stages: tuple[Stage, ...]
+    algorithm: str = "masac"  # or isac; with one agent it is sac
+    settings: Mapping[str, Any] = field(default_factory=dict)  # of the algorithm
+    options: Mapping[str, Any] = field(default_factory=dict)  # of every task
+    envs: int = 64
+    evaluate_every: int = 6_400  # environment steps
+    evaluation_episodes: int = 100
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be."""
+        if not self.stages:
+            raise InputInvalid(f"curriculum {self.name}: no stages; expected at least one")
+        if self.algorithm not in ("masac", "isac"):
+            kind = "transfers nothing" if self.algorithm in ALGORITHMS else "no such algorithm"
+            raise InputInvalid(f"algorithm {self.algorithm!r}: {kind}; expected masac or isac")
+        for name in ("envs", "evaluate_every", "evaluation_episodes"):
+            _whole(f"curriculum {self.name}, {name}", getattr(self, name))
+        for k, stage in enumerate(self.stages):
+            place = f"curriculum {self.name}, stage {k + 1}"
+            _whole(f"{place}, steps", stage.steps)
+            if stage.evaluate_every is not None:
+                _whole(f"{place}, evaluate_every", stage.evaluate_every)
+            if stage.promotion is not None:
+                _check(place, stage.promotion)
+
+    def changed(self, **changes: Any) -> Curriculum:
+        """Give the same with changes; options and settings are added to those that are there."""
+        for name in ("options", "settings"):
+            changes[name] = {**getattr(self, name), **changes.get(name, {})}
+        return replace(self, **changes)
+
+    def plain(self) -> dict[str, Any]:
+        """Give it as JSON knows it."""
+        return dict(json.loads(json.dumps(asdict(self))))
+
+
+@dataclass(frozen=True)
+class StageTrained:
+    """What a stage left in its folder."""
+
+    folder: Path
+    task: str
+    evaluations: Sequence[Mapping[str, float]]  # one row each, the first before learning
+    scripted: float | None  # return of the hand-written controller, on the same episodes
+    promoted: bool
+    cpu: float  # s, evaluations included, all calls together
+
+
+def train_curriculum(
+    curriculum: Curriculum,
+    folder: str | Path,
+    *,
+    seed: int = 0,
+    observers: tuple[TrainingObserver, ...] = (),
+    interrupted: Callable[[], bool] | None = None,
+    stage_begins: Callable[[int, Stage], None] | None = None,
+    stage_ends: Callable[[int, StageTrained], None] | None = None,
+) -> list[StageTrained]:
+    """Train through a curriculum, or go on with it, in `folder`; to the same bits.
+
+    Each stage is a Training in a folder of its own, "2-transition_1"; switch.pt there is what it
+    began with. A stage that is done is not done again. Torch computes on one thread meanwhile.
+    """
+    try:
+        import torch
+    except ModuleNotFoundError as error:
+        raise InputInvalid(
+            f"{error}; learning expects torch: pip install 'uuvsim-cosim[rl]'"
+        ) from None
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        return _through(
+            curriculum, Path(folder), seed, observers, interrupted, stage_begins, stage_ends
+        )
+    finally:
+        torch.set_num_threads(threads)
+
+
+def _through(
+    curriculum: Curriculum, folder: Path, seed: int, observers: tuple[TrainingObserver, ...],
+    interrupted: Callable[[], bool] | None, stage_begins: Callable[[int, Stage], None] | None,
+    stage_ends: Callable[[int, StageTrained], None] | None,
+) -> list[StageTrained]:  # fmt: skip
+    tasks = [_task(curriculum, stage) for stage in curriculum.stages]  # all mistakes first
+    for k in range(len(tasks)):
+        check_settings(ALGORITHMS[curriculum.algorithm], settings_of(curriculum, k))
+    _check_widths(curriculum, tasks)
+    done = _claim(folder, curriculum, seed)
+    results: list[StageTrained] = []
+    for k, (stage, task) in enumerate(zip(curriculum.stages, tasks, strict=True)):
+        place = folder / f"{k + 1}-{short_name(stage.task)}"
+        last_one = k + 1 == len(tasks)
+        if k < len(done) and (last_one or switch_of(folder, curriculum, k + 1).is_file()):
+            results.append(_result(place, stage, done[k]))
+            continue
+        if stage_begins is not None:
+            stage_begins(k, stage)
+        row, learner = train_stage(curriculum, k, task, place, seed, observers, interrupted)
+        done = [*done[:k], row]
+        results.append(_result(place, stage, row))
+        if not last_one:
+            keep_switch(curriculum, k + 1, tasks[k + 1], learner, folder, seed)
+        _write(folder, curriculum, seed, done)
+        if stage_ends is not None:
+            stage_ends(k, results[-1])
+    return results
+
+
+# ---- the folder ---------------------------------------------------------------------------
+
+
+def _claim(folder: Path, curriculum: Curriculum, seed: int) -> list[dict[str, Any]]:
+    """Give what stages have left; raises InputInvalid if the folder is another's."""
+    about = folder / ABOUT
+    if not about.is_file():
+        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            raise InputInvalid(f"{folder}: holds other things; expected an empty or a new folder")
+        _write(folder, curriculum, seed, [])
+        return []
+    try:
+        read = json.loads(about.read_text(encoding="utf-8"))
+        before, done = {**read["curriculum"], "seed": read["seed"]}, list(read["done"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputInvalid(f"{about}: cannot be read ({error}); expected a curriculum's") from None
+    now = {**curriculum.plain(), "seed": seed}
+    for name, wanted in now.items():
+        if wanted != before.get(name):
+            raise InputInvalid(
+                f"{folder}: holds a curriculum with {name} {before.get(name)!r}; expected "
+                f"{wanted!r}, or another folder"
+            )
+    return done
+
+
+def _write(folder: Path, curriculum: Curriculum, seed: int, done: list[dict[str, Any]]) -> None:
+    content = {"curriculum": curriculum.plain(), "seed": seed, "done": done}
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_whole(folder / ABOUT, (json.dumps(content, indent=1) + "\n").encode())
+    except OSError as error:
+        raise InputInvalid(f"{folder}: cannot be written ({error.strerror})") from None
+
+
+def _result(place: Path, stage: Stage, row: Mapping[str, Any]) -> StageTrained:
+    import csv
+
+    path = place / "evaluations.csv"
+    try:
+        with path.open(newline="") as file:
+            rows = [{k: float(v) for k, v in r.items() if v} for r in csv.DictReader(file)]
+    except (OSError, ValueError, TypeError, AttributeError) as error:
+        raise InputInvalid(
+            f"{path}: cannot be read ({error}); expected what a stage that is done has left"
+        ) from None
+    return StageTrained(
+        place, stage.task, rows, row["scripted"], bool(row["promoted"]), float(row["cpu"])
+    )
+
+
+def _task(curriculum: Curriculum, stage: Stage) -> Task | TeamTask:
+    return make_task(stage.task, {**curriculum.options, **stage.options})
+
+
+def _check_widths(curriculum: Curriculum, tasks: Sequence[Task | TeamTask]) -> None:
+    from uuvsim_cosim.learn.train import widths
+
+    seen = [widths(task) for task in tasks]
+    for k, (width, acted) in enumerate(seen):
+        if (width, acted) != seen[0]:
+            raise InputInvalid(
+                f"curriculum {curriculum.name}, stage {k + 1}: observes {width} numbers and acts "
+                f"on {acted}; expected {seen[0][0]} and {seen[0][1]}, as the first stage (target "
+                "tracking has an option slots)"
+            )
+
+
+def _whole(name: str, value: Any) -> None:
+    if not isinstance(value, int) or isinstance(value, bool) or value < 1:
+        raise InputInvalid(f"{name} {value!r}; expected a whole number from 1")
+
+
+def _check(place: str, rule: Promotion) -> None:
+    _whole(f"{place}, promotion, evaluations", rule.evaluations)
+    given = [f.name for f in fields(rule)[:2] if getattr(rule, f.name) is not None]
+    if len(given) != 1:
+        raise InputInvalid(f"{place}, promotion: {given or 'nothing'}; expected share or least")
+    value = getattr(rule, given[0])
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputInvalid(f"{place}, promotion, {given[0]} {value!r}; expected a number")

@@ -1,0 +1,144 @@
+"""One stage of a curriculum: its learner, its training, and what the next one begins with."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from uuvsim_cosim.cache import write_whole
+from uuvsim_cosim.envs.task import Task, TeamTask
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.algorithms import algorithm_for
+from uuvsim_cosim.learn.task_ids import short_name
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.envs.tasks.evaluation import Evaluation
+    from uuvsim_cosim.learn.curriculum import Curriculum, Promotion, Stage
+    from uuvsim_cosim.learn.masac_learner import MasacLearner
+    from uuvsim_cosim.learn.training import Training, TrainingObserver
+
+__all__ = ["keep_switch", "learner_for", "settings_of", "switch_of", "train_stage"]
+
+AFTER_A_SWITCH = {"warm_up": 0, "critic_only": 500}  # docs/tasks.md: no random actions
+
+
+def train_stage(
+    curriculum: Curriculum, k: int, task: Task | TeamTask, place: Path, seed: int,
+    observers: tuple[TrainingObserver, ...], interrupted: Callable[[], bool] | None,
+) -> tuple[dict[str, Any], MasacLearner]:  # fmt: skip
+    """Train stage k, or go on with it; gives what is kept of it, and the learner as it ended."""
+    from uuvsim_cosim.learn.checkpoint import load_checkpoint
+    from uuvsim_cosim.learn.training import Training
+
+    stage = curriculum.stages[k]
+    learner = learner_for(curriculum, k, task, seed)
+    if k:
+        learner.set_state(load_checkpoint(switch_of(place.parent, curriculum, k))["learner"])
+    scripted = _scripted(task, curriculum, stage)
+    about = place / "stage.json"
+    before = _spent(about)
+    training: Training | None = None
+
+    def good(judged: Evaluation) -> bool:
+        assert training is not None
+        past = [row["return"] for row in training.evaluations]
+        return _promoted(stage.promotion, scripted, [*past, float(judged.returns.mean())])
+
+    training = Training(
+        task, learner, name=stage.task, options={**curriculum.options, **stage.options},
+        n=curriculum.envs, seed=seed, steps=stage.steps, folder=place,
+        evaluate_every=stage.evaluate_every or curriculum.evaluate_every, stop=good,
+        interrupted=interrupted,
+        evaluation_episodes=curriculum.evaluation_episodes, observers=observers,
+    )  # fmt: skip
+    try:
+        rows = training.run()
+    finally:
+        training.close()
+        place.mkdir(parents=True, exist_ok=True)
+        write_whole(about, json.dumps({"cpu": before + training.cpu}).encode())
+    promoted = bool(rows[-1]["stopped"])
+    return {"scripted": scripted, "promoted": promoted, "cpu": before + training.cpu}, learner
+
+
+def learner_for(curriculum: Curriculum, k: int, task: Task | TeamTask, seed: int) -> MasacLearner:
+    """Make a stage's learner, as if nothing had been learned before."""
+    from uuvsim_cosim.learn.algorithms import learner_of
+    from uuvsim_cosim.learn.train import agents_of, widths
+
+    agents = len(agents_of(task))
+    observed, acted = widths(task)
+    name = "sac" if agents == 1 and curriculum.algorithm == "masac" else curriculum.algorithm
+    made: Any = learner_of(
+        algorithm_for(name, agents), settings_of(curriculum, k), agents=agents, observed=observed,
+        acted=acted, n=curriculum.envs, seed=seed,
+    )  # fmt: skip
+    return cast("MasacLearner", made)
+
+
+def _spent(about: Path) -> float:
+    """Give the CPU seconds of earlier calls; none, if that cannot be read."""
+    try:
+        return float(json.loads(about.read_text(encoding="utf-8"))["cpu"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return 0.0
+
+
+def settings_of(curriculum: Curriculum, k: int) -> dict[str, Any]:
+    """Give the settings of stage k, those that follow a switch with them."""
+    after = AFTER_A_SWITCH if k else {}
+    return {**curriculum.settings, **after, **curriculum.stages[k].settings}
+
+
+def keep_switch(
+    curriculum: Curriculum,
+    k: int,
+    task: Task | TeamTask,
+    last: MasacLearner,
+    folder: Path,
+    seed: int,
+) -> None:
+    """Write what stage k begins with."""
+    from uuvsim_cosim.learn.checkpoint import save_checkpoint
+
+    fresh = learner_for(curriculum, k, task, seed)
+    began = last.transferred(
+        fresh.masac.agents, fresh.schedule, seed, observed=fresh.masac.observed
+    )
+    path = switch_of(folder, curriculum, k)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    save_checkpoint(path, {"learner": began.state()})
+
+
+def switch_of(folder: Path, curriculum: Curriculum, k: int) -> Path:
+    """Name the file that stage k begins with."""
+    return folder / f"{k + 1}-{short_name(curriculum.stages[k].task)}" / "switch.pt"
+
+
+def _scripted(task: Task | TeamTask, curriculum: Curriculum, stage: Stage) -> float | None:
+    from uuvsim_cosim.envs.tasks.evaluation import evaluate
+    from uuvsim_cosim.envs.tasks.scripted import scripted_policy
+    from uuvsim_cosim.learn.training_seeds import EVALUATION_SEED
+
+    try:
+        policy = scripted_policy(task)
+    except InputInvalid as error:
+        if stage.promotion is not None and stage.promotion.share is not None:
+            raise InputInvalid(f"{error}; or a promotion by `least`, a return") from None
+        return None
+    judged = evaluate(task, policy, curriculum.evaluation_episodes, seed=EVALUATION_SEED)
+    return float(judged.returns.mean())
+
+
+def _promoted(rule: Promotion | None, scripted: float | None, returns: list[float]) -> bool:
+    if rule is None or len(returns) < rule.evaluations:
+        return False
+    if rule.least is not None:
+        wanted = rule.least
+    else:
+        assert scripted is not None
+        assert rule.share is not None
+        wanted = scripted - (1.0 - rule.share) * abs(scripted)
+    return all(r >= wanted for r in returns[-rule.evaluations :])

@@ -1,0 +1,195 @@
+"""A policy leaves: as an FMU, as ONNX, as torch's tensors, or as a runner of numpy alone."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from uuvsim_cosim.cache import cache_dir, content_hash, write_whole
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.loading import load_policies
+from uuvsim_cosim.learn.policy import Array, Named, Policy
+
+__all__ = ["ENDINGS", "export_policy", "policy_model", "sequential", "tracking_settings"]
+
+ENDINGS = (".fmu", ".onnx", ".pth", ".py")
+
+
+def export_policy(
+    source: str | Path,
+    out: str | Path,
+    *,
+    fmi: int = 3,
+    platforms: Sequence[str] = ("host",),
+    plain: bool = False,
+) -> list[Path]:
+    """Write the policy in a file, or in a training's folder, as the ending of `out` says.
+
+    Gives what was written: for .py the runner and its weights. With `plain`, an FMU of target
+    tracking has an observation and an action instead of a pilot's connectors. Raises InputInvalid.
+    """
+    out = Path(out).expanduser()
+    ending = out.suffix.lower()
+    if ending not in ENDINGS:
+        raise InputInvalid(f"{out}: ending {ending!r} was read; expected {', '.join(ENDINGS)}")
+    policy = _one(source)
+    if ending == ".fmu":
+        from uuvsim_cosim.fmus.export import build_fmu
+
+        model = policy_model(policy, plain=plain)
+        return [build_fmu(model, fmi=fmi, platforms=platforms, target=out)]  # type: ignore[arg-type]
+    write: Callable[[Policy, Path], list[Path]]
+    if ending == ".onnx":
+        from uuvsim_cosim.learn.policy_onnx import write_onnx as write
+    elif ending == ".pth":
+        write = _write_torch
+    else:
+        write = _write_runner
+    return write(policy, out)
+
+
+def policy_model(policy: Policy, *, plain: bool = False) -> Any:
+    """Declare a policy as a component; its actions are in the units of the task's inputs."""
+    from uuvsim_cosim.models.library import declare
+
+    kept = policy if plain else _in_units(policy)
+    file = cache_dir("policies", _digest(kept)) / "policy.npz"
+    kept.save(file)
+    return declare("policy", file=str(file), plain=int(plain))
+
+
+def sequential(policy: Policy) -> dict[str, Array]:
+    """Give tensors by the names in a torch.nn.Sequential of Linear, activation, …, Linear.
+
+    Shift and scale of the observation become part of the first layer; "grid" stays as it is. Of a
+    policy of kind "sequence" all stay as they are.
+    """
+    if policy.kind == "sequence":
+        return dict(policy.tensors)
+    given: dict[str, Array] = {}
+    for i in range(policy.depth):
+        weight, bias = policy.tensors[f"{i}.weight"], policy.tensors[f"{i}.bias"]
+        if i == 0 and "shift" in policy.tensors:
+            shift, scale = (policy.tensors[k].astype(np.float64) for k in ("shift", "scale"))
+            bias = (bias - weight @ (shift * scale)).astype(np.float32)
+            weight = (weight * scale).astype(np.float32)
+        given |= {f"{2 * i}.weight": weight, f"{2 * i}.bias": bias}
+    return given | {k: v for k, v in policy.tensors.items() if k == "grid"}
+
+
+def tracking_settings(policy: Policy) -> Mapping[str, Any] | None:
+    """Give what target tracking's observation is made with; None for another task."""
+    task = _task(policy)
+    if task is None or not hasattr(task, "slots"):
+        return None
+    from uuvsim_cosim.envs.tasks.target_tracking import A_MAX, OMEGA_MAX, V_MAX
+
+    return {
+        "slots": list(task.slots),
+        "arena": list(task.arena.size[:2]),
+        "u_max": V_MAX,
+        "action_step": float(task.action_step),
+        "action_scale": [A_MAX, OMEGA_MAX],
+        "knowledge_range": task.knowledge_range,
+    }
+
+
+# ---- inside ---------------------------------------------------------------------------------
+
+
+def _one(source: str | Path) -> Policy:
+    path = Path(source).expanduser()
+    if path.is_file():
+        return Policy.load(path)
+    if not path.is_dir():
+        raise InputInvalid(f"{path}: no such file or folder; expected a policy (.npz)")
+    found = load_policies(path)
+    if len(found) != 1:
+        agents = ", ".join(p.agent for p in found)
+        raise InputInvalid(f"{path}: policies of {agents}; expected the file of one")
+    return found[0]
+
+
+def _digest(policy: Policy) -> str:
+    tensors = sorted(policy.tensors.items())
+    texts = [str(replace(policy, tensors={}, kind="sequence")), policy.kind]
+    return content_hash([*texts, *(p for k, v in tensors for p in (k, v.tobytes()))])
+
+
+def _task(policy: Policy) -> Any:
+    """Make the task that a policy was trained on; None if it is not here."""
+    from uuvsim_cosim.learn.task_ids import make_task
+
+    try:
+        return make_task(policy.task, policy.options)
+    except InputInvalid:
+        return None
+
+
+def _in_units(policy: Policy) -> Policy:
+    """Give the policy with its actions' limits in the units of what is acted on."""
+    from uuvsim_cosim.envs.boxes import ActionBox
+    from uuvsim_cosim.envs.task import TeamTask
+    from uuvsim_cosim.orchestrator.flatten import flatten
+
+    task = _task(policy)
+    if task is None or hasattr(task, "slots"):
+        return policy
+    plan = flatten(task.system)
+    channels = task.actions[policy.agent] if isinstance(task, TeamTask) else task.actions
+    box = ActionBox(plan, channels)
+    if box.width != len(policy.action):
+        return policy
+    low, high = (box.scaled(np.full((1, box.width), s))[:, 0] for s in (-1.0, 1.0))
+    variables = {
+        f"{c.path}.{n}": v for c in plan.components for n, v in c.description.variables.items()
+    }
+    named = tuple(
+        Named(box.name(i), float(low[i]), float(high[i]), variables[key].unit_of_element(e) or "1")
+        for i, (key, e) in enumerate(box.targets)
+    )
+    settings = {**policy.settings, "action_step": str(task.action_step)}
+    return replace(policy, action=named, settings=settings)
+
+
+def _write_torch(policy: Policy, out: Path) -> list[Path]:
+    tensors = sequential(policy)
+    try:
+        import torch
+    except ModuleNotFoundError:
+        raise InputInvalid(f"{out}: torch is missing; expected the extra rl, `pip install "
+                           "'uuvsim-cosim[rl]'`") from None  # fmt: skip
+    import io
+
+    buffer = io.BytesIO()
+    torch.save({k: torch.from_numpy(v.copy()) for k, v in tensors.items()}, buffer)
+    return [_written(out, buffer.getvalue())]
+
+
+def _write_runner(policy: Policy, out: Path) -> list[Path]:
+    from uuvsim_cosim.learn import runner
+
+    if policy.kind == "sequence":
+        raise InputInvalid("a policy of kind 'sequence' as a runner; expected .fmu or .pth")
+    tracking = tracking_settings(policy)
+    if tracking is not None:
+        policy = replace(policy, settings={**policy.settings, "tracking": tracking})
+    text = inspect.getsource(runner)
+    made = _written(out, text.encode())
+    return [made, policy.save(out.with_suffix(".npz"))]
+
+
+def _written(out: Path, data: bytes) -> Path:
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(out, data)
+    except OSError as error:
+        raise InputInvalid(
+            f"{out}: cannot be written ({error.strerror}); expected a folder that can be written"
+        ) from error
+    return out

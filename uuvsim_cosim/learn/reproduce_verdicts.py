@@ -1,0 +1,274 @@
+"""What the results say of each claim: it holds, it does not, or it has not been run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.learn.reproduce_results import Result
+from uuvsim_cosim.learn.statistics import Interval, interval, probability_of_improvement
+
+__all__ = ["SEEDS", "Verdict", "numbers_of", "verdicts"]
+
+SEEDS = 5  # that a verdict needs
+Results = Mapping[tuple[str, str], Sequence[Result]]
+STAGES = ("source", "transition_1", "transition_2", "target")
+STT = "stt-masac"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One row of the table; `said` is "holds", "does not hold", "reported" or "not yet run"."""
+
+    figure: str
+    claim: str
+    wanted: str
+    measured: str
+    said: str
+    seeds: int  # that it is of
+
+    @property
+    def text(self) -> str:
+        """Give the verdict in words; of fewer than five seeds it is one so far."""
+        if not self.seeds:
+            return "not yet run"
+        so_far = "" if self.seeds >= SEEDS else f" so far ({self.seeds} of {SEEDS} seeds)"
+        return f"{self.said}{so_far}"
+
+
+def verdicts(results: Results) -> list[Verdict]:
+    """Judge every claim; what was learned from data is looked for as "offline-dt" and the like."""
+    rows = [_source(results), *_continuity(results)]
+    for scenario in STAGES[1:]:
+        rows += [_helps(results, scenario), _half(results, scenario)]
+    rows += [_figure_8(results), *(_beats(results, a) for a in ("ippo", "idqn", "isac", "mappo"))]
+    return [*rows, *_teams(results), *_offline(results), _cost(results)]
+
+
+# ---- one claim each -----------------------------------------------------------------------
+
+
+def _source(results: Results) -> Verdict:
+    wanted = "track ≥ 0.95, return ≥ 0.9 scripted; 90 % of its last value by 30 % of the episodes"
+    runs = results.get(("source", STT), [])
+    if not runs:
+        return _missing("7", "source converges", wanted)
+    track, share = _metric(runs, "track"), _share(runs)
+    early = interval(np.array([[_reaches_last(r)] for r in runs]))
+    holds = track.value >= 0.95 and share.value >= 0.9 and early.value <= 0.3
+    said = f"track {track}, return {share} of scripted, after {early} of the episodes"
+    return Verdict("7", "source converges", wanted, said, _said(holds), len(runs))
+
+
+def _continuity(results: Results) -> list[Verdict]:
+    rows = []
+    for before, after in pairwise(STAGES):
+        claim, wanted = f"first of {after} is last of {before}", "ratio ≥ 0.9 on common terms"
+        pairs = _by_seed(results.get((before, STT), []), results.get((after, STT), []))
+        if not pairs:
+            rows.append(_missing("7", claim, wanted))
+            continue
+        ratios = np.array([[_common(b, 0) / _common(a, -1)] for a, b in pairs])
+        found = interval(ratios)
+        rows.append(Verdict("7", claim, wanted, str(found), _said(found.value >= 0.9), len(pairs)))
+    return rows
+
+
+def _helps(results: Results, scenario: str) -> Verdict:
+    claim, wanted = f"STT helps in {scenario}", "area under the curve: P(improvement) ≥ 0.75"
+    stt, scratch = _two(results, scenario, STT, "scratch-masac")
+    if not stt or not scratch:
+        return _missing("7", claim, wanted)
+    p = probability_of_improvement(_areas(stt), _areas(scratch))
+    means = f"areas {_areas(stt).mean():.4g} and {_areas(scratch).mean():.4g}, P {p}"
+    seeds = min(len(stt), len(scratch))
+    return Verdict("7", claim, wanted, means, _said(p.value >= 0.75), seeds)
+
+
+def _half(results: Results, scenario: str) -> Verdict:
+    claim = f"STT is quicker in {scenario}"
+    wanted = "half the episodes to 0.9 of the scripted return"
+    stt, scratch = _two(results, scenario, STT, "scratch-masac")
+    if not stt or not scratch:
+        return _missing("7", claim, wanted)
+    a, b = (float(np.median([_steps_to(r, 0.9) for r in runs])) for runs in (stt, scratch))
+    said = f"{_steps(a)} against {_steps(b)} (medians)"
+    holds = np.isfinite(a) and a <= 0.5 * b
+    return Verdict("7", claim, wanted, said, _said(bool(holds)), min(len(stt), len(scratch)))
+
+
+def _figure_8(results: Results) -> Verdict:
+    wanted = "track ≥ 0.95, dist in [0.38, 0.9] m, viol ≤ 1 %, clean ≥ 0.9"
+    runs = results.get(("target", STT), [])
+    if not runs:
+        return _missing("8", "two trackers track among obstacles", wanted)
+    track, dist, viol = (_metric(runs, k) for k in ("track", "dist", "viol"))
+    clean = _clean(runs)
+    holds = (
+        track.value >= 0.95 and 0.38 <= dist.value <= 0.9 and viol.value <= 0.01
+        and clean.value >= 0.9
+    )  # fmt: skip
+    said = f"track {track}, dist {dist}, viol {viol}, clean {clean}, return {_share(runs)} scripted"
+    return Verdict("8", "two trackers track among obstacles", wanted, said, _said(holds), len(runs))
+
+
+def _beats(results: Results, algorithm: str) -> Verdict:
+    judged = algorithm in ("ippo", "idqn")
+    claim = f"MASAC beats {algorithm.upper()} in target"
+    wanted = "P(improvement) ≥ 0.9, intervals apart" if judged else "reported"
+    ours = results.get(("target", STT), [])
+    theirs = results.get(("target", f"scratch-{algorithm}-all_steps"), [])
+    if not ours or not theirs:
+        return _missing("9", claim, wanted)
+    a, b = (np.array([r.returns.mean() for r in runs]) for runs in (ours, theirs))
+    p, x, y = probability_of_improvement(a, b), _returns(ours), _returns(theirs)
+    said = f"P {p}; returns {x} and {y}"
+    holds = _said(p.value >= 0.9 and x.apart(y)) if judged else "reported"
+    return Verdict("9", claim, wanted, said, holds, min(len(ours), len(theirs)))
+
+
+def _teams(results: Results) -> list[Verdict]:
+    two = results.get(("target", STT), [])
+    rows = []
+    for label, words, wanted in (
+        ("one", "two trackers succeed more often than one", "P(improvement) ≥ 0.9"),
+        ("three", "three trackers", "reported"),
+    ):
+        other = results.get(("target", f"stt-masac-{label}"), [])
+        if not two or not other:
+            rows.append(_missing("success", words, wanted))
+            continue
+        a, b = (np.array([(r.metrics["track"] >= 0.9).mean() for r in x]) for x in (two, other))
+        p = probability_of_improvement(a, b)
+        said = f"success {a.mean():.3g} and {b.mean():.3g}, P {p}"
+        holds = "reported" if wanted == "reported" else _said(p.value >= 0.9)
+        rows.append(Verdict("success", words, wanted, said, holds, min(len(two), len(other))))
+    return rows
+
+
+def _offline(results: Results) -> list[Verdict]:
+    """Judge a decision transformer, way "offline-dt", in transition_1 and as it is made harder."""
+    dt = results.get(("transition_1", "offline-dt"), [])
+    rows = []
+    for other, words, wanted, least in (
+        ("offline-teacher", "a decision transformer is as good as its teacher",
+         "return ≥ 0.95 of the teacher's, track ≥ 0.95", 0.95),
+        ("offline-bc", "and as behaviour cloning", "return ≥ behaviour cloning's", 1.0),
+        ("offline-dt-noise", "with ±7 mm of noise", "loses ≤ 10 %", 0.9),
+        ("offline-dt-delay", "with 0.4 s of delay", "loses ≤ 10 %", 0.9),
+        ("offline-dt-weak", "with thrust x 0.8", "loses ≤ 10 %", 0.9),
+        ("offline-dt-full", "in the full vehicle, with positioning noise and radio latency",
+         "track ≥ 0.9", 0.9),
+    ):  # fmt: skip
+        runs = results.get(("transition_1", other), [])
+        if not dt or not runs:
+            rows.append(_missing("11", words, wanted))
+            continue
+        a, b = (np.mean([r.returns.mean() for r in x]) for x in (dt, runs))
+        harder = other.startswith("offline-dt")
+        share, track = (b / a if harder else a / b), _metric(runs if harder else dt, "track")
+        holds = track.value >= least if other.endswith("full") else share >= least
+        if other == "offline-teacher":
+            holds = holds and track.value >= 0.95
+        said = f"share of the return {share:.3g}, track {track}"
+        rows.append(Verdict("11", words, wanted, said, _said(bool(holds)), len(runs)))
+    return rows
+
+
+def _cost(results: Results) -> Verdict:
+    wanted = "at most 10 CPU minutes a seed and scenario"
+    every = [r for runs in results.values() for r in runs]
+    if not every:
+        return _missing("all", "the cost", wanted)
+    worst = max(every, key=lambda r: float(r.about["cpu"]))
+    seconds = float(worst.about["cpu"])
+    said = f"at most {seconds:.0f} CPU s ({worst.key.scenario}, {worst.key.way})"
+    seeds = max(len(runs) for runs in results.values())
+    return Verdict("all", "the cost", wanted, said, _said(seconds <= 600), seeds)
+
+
+def numbers_of(runs: Sequence[Result]) -> dict[str, Interval]:
+    """Give return, return over the scripted one, track, dist [m], viol and clean of seeds."""
+    metrics = {k: _metric(runs, k) for k in ("track", "dist", "viol")}
+    return {"return": _returns(runs), "share": _share(runs), **metrics, "clean": _clean(runs)}
+
+
+# ---- numbers of runs ----------------------------------------------------------------------
+
+
+def _metric(runs: Sequence[Result], name: str) -> Interval:
+    """Give the mean: an interquartile mean would leave out the episodes that go wrong."""
+    return interval(np.stack([r.metrics[name] for r in runs]), _mean, draws=1000)
+
+
+def _clean(runs: Sequence[Result]) -> Interval:
+    values = np.stack([(r.metrics["clean"] == 1.0).astype(float) for r in runs])
+    return interval(values, _mean, draws=1000)
+
+
+def _returns(runs: Sequence[Result]) -> Interval:
+    return interval(np.stack([r.returns for r in runs]), draws=1000)
+
+
+def _share(runs: Sequence[Result]) -> Interval:
+    """Give the return over that of the hand-written controller."""
+    scripted = float(runs[0].scripted.mean())
+    return interval(np.stack([r.returns / scripted for r in runs]), _mean, draws=1000)
+
+
+def _mean(values: NDArray[np.float64]) -> float:
+    return float(values.mean())
+
+
+def _common(run: Result, row: int) -> float:
+    """Give w_t r_t + w_a r_a + w_p p_2 of an evaluation, a step."""
+    return float(sum(run.curve[k][row] for k in ("r_t", "r_a", "p_2")))
+
+
+def _areas(runs: Sequence[Result]) -> NDArray[np.float64]:
+    """Give each run's mean return over its steps."""
+    return np.array([
+        np.trapezoid(r.curve["return"], r.curve["step"]) / (r.curve["step"][-1] or 1.0)
+        for r in runs
+    ])  # fmt: skip
+
+
+def _reaches_last(run: Result) -> float:
+    """Give the share of the episodes after which 90 % of the rise to the last value is made."""
+    curve = run.curve["return"]
+    wanted = curve[0] + 0.9 * (curve[-1] - curve[0])
+    at = int(np.argmax(curve >= wanted))
+    return float(run.curve["step"][at] / run.curve["step"][-1])
+
+
+def _steps_to(run: Result, share: float) -> float:
+    """Give the steps after which the scripted return's share is reached; inf if it never is."""
+    wanted = share * float(run.scripted.mean())
+    reached = run.curve["return"] >= wanted
+    return float(run.curve["step"][int(np.argmax(reached))]) if reached.any() else float("inf")
+
+
+def _steps(number: float) -> str:
+    return f"{number:,.0f} steps" if np.isfinite(number) else "never"
+
+
+def _by_seed(a: Sequence[Result], b: Sequence[Result]) -> list[tuple[Result, Result]]:
+    by = {r.key.seed: r for r in b}
+    return [(r, by[r.key.seed]) for r in a if r.key.seed in by]
+
+
+def _two(results: Results, scenario: str, *ways: str) -> tuple[Sequence[Result], Sequence[Result]]:
+    a, b = (results.get((scenario, way), []) for way in ways)
+    return a, b
+
+
+def _said(holds: bool) -> str:
+    return "holds" if holds else "does not hold"
+
+
+def _missing(figure: str, claim: str, wanted: str) -> Verdict:
+    return Verdict(figure, claim, wanted, "", "not yet run", 0)

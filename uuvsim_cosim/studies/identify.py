@@ -1,0 +1,185 @@
+"""Identification: parameters of a system's declarations, fitted to a recording of the vehicle."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.orchestrator.flatten import flatten
+from uuvsim_cosim.orchestrator.plan import Plan
+from uuvsim_cosim.orchestrator.recording import Signals
+from uuvsim_cosim.orchestrator.system import System
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.studies.identify_experiment import Proposal
+
+__all__ = ["Identified", "Number", "identify"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Number:
+    """A parameter that was fitted: value, 95 % interval, where it began, and its places."""
+
+    name: str
+    value: float
+    low: float
+    high: float
+    start: float
+    unit: str
+    places: tuple[str, ...]
+    at_bound: bool
+
+    @property
+    def half_width(self) -> float:
+        """Give half of the 95 % interval."""
+        return 0.5 * (self.high - self.low)
+
+
+@dataclass(frozen=True)
+class Identified:
+    """What a fit found, how well it follows the recording, and what it leaves open."""
+
+    numbers: tuple[Number, ...]
+    correlation: Array  # of the numbers' errors (n, n)
+    residuals: Mapping[str, float]  # root mean square of what was measured, by element
+    open: tuple[str, ...]  # sentences: what the data cannot tell
+    proposals: tuple[Proposal, ...]  # manoeuvres, the most telling first
+    hull: str  # its path
+    source: str  # its source, model:…
+    held: Mapping[str, float]  # the hull's numbers as the system set them
+    recording: str
+    samples: int
+    seconds: float
+    step: float
+    iterations: int
+    converged: bool
+    status: str
+    notes: tuple[str, ...]
+
+    def __getitem__(self, name: str) -> Number:
+        """Give a number by its name; the hull's without its path too."""
+        for n in self.numbers:
+            if name in (n.name, n.name.rpartition(".")[2]):
+                return n
+        raise InputInvalid(
+            f"no number {name!r}; expected {', '.join(n.name for n in self.numbers)}"
+        )
+
+
+def identify(
+    recording: Signals | str | Path,
+    system: System | str | Path,
+    parameters: Sequence[str],
+    *,
+    mapped: Mapping[str, str] | None = None,
+    hull: str | None = None,
+    step: float | None = None,
+    first: float = 0.0,
+    last: float | None = None,
+    proposals: bool = True,
+) -> Identified:
+    """Fit parameters of a system to a recording, by multiple shooting on its own equations.
+
+    `recording` is a folder, .parquet, .mcap, .csv, ArduSub's .BIN or .tlog, or `Signals`; `system`
+    a name, a file, a `System`, or a hull alone (``model:bluerov2``). `parameters` are names such as
+    ``D_q_11`` (of the hull), ``hull.m``, ``thruster_*.K_n`` (one number for all). `mapped` says
+    which signal of the recording stands for which of the system. `step` [s] is that of the grid.
+
+    Raises InputInvalid that names the signals that lack, or the parameters that are not there.
+    """
+    from uuvsim_cosim.studies.identify_ambiguity import ambiguities, scaled_information
+    from uuvsim_cosim.studies.identify_experiment import propose
+    from uuvsim_cosim.studies.identify_fit import fit
+    from uuvsim_cosim.studies.identify_logs import read_log
+    from uuvsim_cosim.studies.identify_model import GreyBox, wanted_parameters
+    from uuvsim_cosim.studies.identify_signals import MEASURED, Lookup, grid_of
+
+    signals = recording if isinstance(recording, Signals) else read_log(recording)
+    plan = flatten(_system(system))
+    at = _hull(plan, hull)
+    fitted = wanted_parameters(plan, at, parameters)
+    box = GreyBox(plan, at, fitted, exact="tick" in signals.metadata)
+    grid = grid_of(box, Lookup(signals, mapped or {}), h=step, first=first, last=last)
+    found = fit(box, grid)
+    names = [f.name for f in fitted]
+    start = np.array([f.start for f in fitted])
+    error = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
+    scaled = scaled_information(found.information, found.theta, start)
+    numbers = tuple(
+        Number(
+            f.name, float(v), float(v - 1.96 * s), float(v + 1.96 * s), f.start, f.unit,
+            tuple(f"{plan.components[i].path}.{n}" for i, n in f.places),
+            bool(min(abs(v - f.low), abs(v - f.high)) < 1e-4 * max(abs(f.start), 1e-9)),
+        )
+        for f, v, s in zip(fitted, found.theta, error, strict=True)
+    )  # fmt: skip
+    unseen = [not seen for seen in np.isfinite(grid.y).any(axis=1).tolist()]
+    notes = [f"{n} is at its bound: its interval says little" for n in names
+             if next(x for x in numbers if x.name == n).at_bound]  # fmt: skip
+    if grid.computed:
+        notes.append(f"computed from recorded signals: {', '.join(grid.computed)}")
+    if any(unseen):
+        missed = ", ".join(n for n, u in zip(MEASURED, unseen, strict=True) if u)
+        notes.append(f"not measured: {missed}")
+    recorded = str(signals.metadata.get("file", recording if isinstance(recording, (str, Path))
+                   else signals.metadata.get("system", "signals")))  # fmt: skip
+    return Identified(
+        numbers,
+        found.covariance / np.outer(error, error),
+        {n: float(s) for n, s, u in zip(MEASURED, found.sigma, unseen, strict=True) if not u},
+        tuple(ambiguities(names, scaled)),
+        tuple(propose(box, found)) if proposals else (),
+        plan.components[at].path,
+        box.parts[at].source,
+        {
+            v.name: float(box.parts[at].p[box.parts[at].place(v.name)])
+            for v in box.parts[at].model.of_kind("parameter")
+            if v.size == 1
+        },
+        Path(recorded).name,
+        found.samples,
+        float(grid.t[-1]),
+        grid.h,
+        found.iterations,
+        found.converged,
+        found.status,
+        tuple(notes),
+    )
+
+
+def _system(system: System | str | Path) -> System:
+    if isinstance(system, System):
+        return system
+    if str(system).startswith("model:"):
+        return System("identified").add("hull", str(system))
+    from uuvsim_cosim.orchestrator.library import load
+
+    return load(system)
+
+
+def _hull(plan: Plan, wanted: str | None) -> int:
+    """Find the hull: the component with the connectors of one, by its path if there are more."""
+    found = {
+        c.path: i
+        for i, c in enumerate(plan.components)
+        if {"tau", "eta", "nu", "nu_r"} <= c.description.variables.keys()
+        and c.description.variables["eta"].causality == "output"
+    }
+    if wanted is not None:
+        if wanted not in found:
+            raise InputInvalid(
+                f"--hull {wanted}: expected {' or '.join(found) or 'a system with one'}"
+            )
+        return found[wanted]
+    if len(found) != 1:
+        which = f"{len(found)} hulls ({', '.join(found)})" if found else "no hull"
+        raise InputInvalid(f"the system has {which}; expected one, or --hull with its path")
+    return next(iter(found.values()))

@@ -1,0 +1,230 @@
+"""What was identified as a named set of the vehicle, with its interval for domain randomisation.
+
+The set is the one that the hull was declared with, the fitted numbers in the place of its own. Each
+says where it is from and its 95 % interval; both ends of the interval go into `published.yaml`,
+which `published(...)` draws from.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+from urllib.parse import parse_qsl
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.hull_parameters import meaning_of
+from uuvsim_cosim.models.parameters import (
+    Quantity,
+    parameter_set,
+    read_yaml,
+    split_address,
+    vehicle_file,
+    vehicle_folder,
+)
+from uuvsim_cosim.models.vehicle_draft import quoted, row_of
+from uuvsim_cosim.studies.identify import Identified, Number
+from uuvsim_cosim.studies.identify_ambiguity import WEAK
+
+__all__ = ["address_of", "save_as"]
+
+_COPIED = ("parameters.yaml", "thrusters.yaml", "fins.yaml", "propeller.yaml", "control.yaml",
+           "published.yaml", "README.md")  # fmt: skip
+
+
+def address_of(source: str) -> tuple[str, str | None]:
+    """Give (vehicle, set) of a hull's source, such as ``model:bluerov2_heavy@wu_2018``."""
+    name, _, query = source.removeprefix("model:").partition("?")
+    options = dict(parse_qsl(query))
+    id, chosen = split_address(options.get("id", name))
+    return id, options.get("set", chosen)
+
+
+def save_as(found: Identified, name: str) -> Path:
+    """Write the set `name` into the vehicle's folder; ``folder@name`` into a copy of it at folder.
+
+    Gives the parameter file. Raises InputInvalid if there is such a set, or nothing to save.
+    """
+    place, set_name = split_address(name) if "@" in name else ("", name)
+    set_name = set_name or ""
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", set_name):
+        raise InputInvalid(
+            f"--save-as {name}: expected lower case letters, digits and _, as "
+            "my_fit or my_rov@my_fit"
+        )
+    id, base = address_of(found.source)
+    prefix = f"{found.hull}."
+    fitted: dict[str, Number] = {}
+    for number in found.numbers:
+        own = [p.removeprefix(prefix) for p in number.places if p.startswith(prefix)]
+        fitted |= dict.fromkeys(own, number)
+    known = {k: n for k, n in fitted.items() if _is_known(n)}
+    if not known:
+        why = "the data say too little of each" if fitted else "none of the numbers is the hull's"
+        raise InputInvalid(f"--save-as {name}: {why}; nothing to save")
+    folder = vehicle_folder(id) if not place else _copied(id, Path(place))
+    _, data = vehicle_file(str(folder / "parameters.yaml"))
+    if set_name in data["sets"]:
+        raise InputInvalid(
+            f"--save-as {name}: {folder} has a set of this name; expected a name other than "
+            f"{', '.join(data['sets'])}"
+        )
+    origin = parameter_set(id, base)
+    day = datetime.now(UTC).date().isoformat()
+    quantities = dict(origin.quantities)
+    for key, quantity in origin.quantities.items():
+        held = found.held.get(key, quantity.value)
+        if abs(held - quantity.value) > 1e-9 * abs(quantity.value):
+            quantities[key] = Quantity(held, quantity.unit, "set for the fit, not identified")
+    for key, number in known.items():
+        words = _words(found, number, day)
+        quantities[key] = Quantity(number.value, number.unit, words)
+    text = _set(found, set_name, origin.name, quantities, set(known), day)
+    file = folder / "parameters.yaml"
+    _replaced(file, _inserted(file.read_text(encoding="utf-8"), data, text))
+    _published(folder, str(data["id"]), known, found, day, set_name)
+    return file
+
+
+def _is_known(number: Number) -> bool:
+    """Say whether a number's 95 % interval is within half of it."""
+    return bool(number.half_width < 2.0 * WEAK * abs(number.value))
+
+
+def _words(found: Identified, number: Number, day: str) -> str:
+    return (
+        f"identified from {found.recording} on {day}, 95 % interval {number.low:.6g} to "
+        f"{number.high:.6g}"
+    )
+
+
+def _set(
+    found: Identified,
+    name: str,
+    base: str,
+    quantities: dict[str, Quantity],
+    fitted: set[str],
+    day: str,
+) -> str:
+    worst = ", ".join(f"{n} {s:.2g}" for n, s in found.residuals.items())
+    rows = [
+        row_of(key, q if key in fitted else Quantity(q.value, q.unit, f"{q.source} (set {base})"))
+        for key, q in quantities.items()
+    ]
+    said = f"{found.samples} samples of {found.seconds:.4g} s; residuals (rms): {worst}"
+    cited = f"identified from {found.recording} on {day} by uuvsim identify"
+    return (
+        f"  {name}:\n"
+        f"    citation: {quoted(cited)}\n"
+        f"    obtained: {quoted(f'{said}; what was not fitted is of the set {base}')}\n"
+        "    parameters:\n" + "".join(rows)
+    )
+
+
+def _inserted(text: str, data: Any, block: str) -> str:
+    """Put a set behind the last one: before the next key of the file, or at its end."""
+    lines = text.splitlines(keepends=True)
+    if lines and not lines[-1].endswith("\n"):
+        lines[-1] += "\n"
+    keys = sorted(data.lc.key(k)[0] for k in data)
+    sets_at = data.lc.key("sets")[0]
+    end = next((k for k in keys if k > sets_at), len(lines))
+    indent = data["sets"].lc.key(next(iter(data["sets"])))[1]
+    if indent != 2:
+        block = "".join(" " * (indent - 2) + row for row in block.splitlines(keepends=True))
+    return "".join([*lines[:end], block, *lines[end:]])
+
+
+def _replaced(file: Path, text: str) -> None:
+    """Write a parameter file if it is one; else leave what was there."""
+    scratch = file.with_name("identified.part.yaml")
+    try:
+        scratch.write_text(text, encoding="utf-8")
+        vehicle_file(str(scratch))
+        scratch.replace(file)
+    except OSError as error:
+        raise InputInvalid(
+            f"{file}: cannot be written ({error.strerror}); expected a folder of your own, as "
+            "--save-as my_rov@my_fit"
+        ) from None
+    finally:
+        scratch.unlink(missing_ok=True)
+
+
+def _published(
+    folder: Path, id: str, fitted: dict[str, Number], found: Identified, day: str, set_name: str
+) -> None:
+    """Add both ends of each interval to published.yaml."""
+    file = folder / "published.yaml"
+    data = read_yaml(file, "published.schema.json") if file.is_file() else None
+    have = dict(data["parameters"]) if data is not None else {}
+    head = (
+        "# Every published value of each number, for `published(...)` in "
+        "uuvsim_cosim/envs/randomisation_sets.py.\n"
+    )
+    text = (
+        file.read_text(encoding="utf-8") if data is not None else f"{head}id: {id}\nparameters:\n"
+    )
+    lines = text.splitlines(keepends=True)
+    for key, n in fitted.items():
+        meaning = meaning_of(key)
+        least = meaning.min if meaning is not None and meaning.min is not None else None
+        if re.match(r"(M_A|D_l|D_q|D_u)_(\d)\2$", key):
+            least = 0.0
+        low = n.low if least is None else max(n.low, least)
+        end = f"identified from {found.recording} on {day}"
+        rows = "".join(
+            f"    - {{value: {v:.9g}, unit: {quoted(n.unit)}, source: "
+            f"{quoted(f'{end}: {which} end of the 95 % interval')}, set: {set_name}}}\n"
+            for v, which in ((low, "lower"), (n.high, "upper"))
+        )
+        row = next((k for k, line in enumerate(lines) if line.rstrip() == f"  {key}:"), None)
+        if key in have and row is not None:
+            lines.insert(row + 1, rows)
+        elif key not in have:
+            lines.insert(_end_of_parameters(lines), f"  {key}:\n{rows}")
+    made = "".join(lines)
+    scratch = folder / "published.part.yaml"
+    try:
+        scratch.write_text(made, encoding="utf-8")
+        read_yaml(scratch, "published.schema.json")
+        scratch.replace(file)
+    finally:
+        scratch.unlink(missing_ok=True)
+
+
+def _end_of_parameters(lines: list[str]) -> int:
+    """Give the line before the key that follows `parameters`, in the lines as they are now."""
+    begun = False
+    for k, line in enumerate(lines):
+        if line.startswith("parameters:"):
+            begun = True
+        elif begun and line[:1].isalpha():
+            return k
+    return len(lines)
+
+
+def _copied(id: str, folder: Path) -> Path:
+    """Copy a vehicle's folder to a place of one's own, unless one is there."""
+    if (folder / "parameters.yaml").is_file():
+        return folder
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", folder.name):
+        raise InputInvalid(f"--save-as: folder {folder.name!r}; expected lower case, digits and _")
+    if folder.exists():
+        raise InputInvalid(f"{folder} is there, and is no vehicle; expected a name that is free")
+    source = vehicle_folder(id)
+    try:
+        folder.mkdir(parents=True)
+        for name in _COPIED:
+            if (source / name).is_file():
+                shutil.copyfile(source / name, folder / name)
+        for name in ("parameters.yaml", "published.yaml"):
+            if (folder / name).is_file():
+                text = (folder / name).read_text(encoding="utf-8")
+                text = re.sub(r"^id: .*$", f"id: {folder.name}", text, count=1, flags=re.M)
+                (folder / name).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputInvalid(f"{folder}: cannot be written ({error.strerror})") from None
+    return folder
