@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from tests.conftest import forget
 from uuvsim_cosim.errors import FmuError
 from uuvsim_cosim.fmus.check_fmu import check, examine, relied_on
 from uuvsim_cosim.fmus.export import build_fmu, write_archive
@@ -47,10 +48,25 @@ def test_a_missing_binary_is_found(declared: Declared, tmp_path: Path) -> None:
     def change(members: dict[str, bytes]) -> None:
         for name in [n for n in members if n.startswith("binaries/")]:
             members["binaries/aarch64-darwin/lag.dylib"] = members.pop(name)
+        for name in [n for n in members if n.startswith("sources/")]:
+            del members[name]
 
     found = check(altered(build_fmu(declared["lag"]()), tmp_path / "x.fmu", change))
     assert [f.check for f in found] == ["binary"]
     assert "aarch64-darwin" in found[0].text
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_what_this_package_exports_passes_from_its_sources_alone(
+    declared: Declared, tmp_path: Path, fmi: Any
+) -> None:
+    def change(members: dict[str, bytes]) -> None:
+        for name in [n for n in members if n.startswith("binaries/")]:
+            del members[name]
+
+    path = altered(build_fmu(declared["lag"](), fmi=fmi), tmp_path / "x.fmu", change)
+    assert check(path) == []  # its own reference result among the rest
+    forget(path)
 
 
 def test_another_reference_result_is_found_with_name_and_time(

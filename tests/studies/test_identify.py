@@ -90,10 +90,6 @@ def test_the_manoeuvre_proposed_excites_what_the_data_left_out(found: Identified
 
 
 def test_two_that_act_alike_are_told_to_be_inseparable() -> None:
-    data = recorded(until=12.0)
-    both = identify(data, "model:bluerov2", ["m", "M_A_11"], proposals=False)
-    # m is seen in heave and sway as well, so a system in which it is not stands for that here.
-    assert both["m"].half_width < 1.0
     scaled = np.array([[100.0, -99.99, 0.0], [-99.99, 100.0, 0.0], [0.0, 0.0, 400.0]])
     said = ambiguities(["a", "b", "c"], scaled)
     assert any(text.startswith("the data cannot tell a and b apart") for text in said)
@@ -116,7 +112,7 @@ def test_thrusters_are_fitted_through_their_wrench_with_the_delays_of_communicat
         )
         system = system.connect(f"thruster_{i}.thrust", f"wrench.thrust[{i}]")
     system = system.connect("wrench.tau", "hull.tau").set("hull.eta_0", [0, 0, 20, 0, 0, 0])
-    signals = run(system, until=6.0, out=tmp_path / "run", backend="native").signals()
+    signals = run(system, until=2.4, out=tmp_path / "run", backend="native").signals()
     u = np.tile([0.3, 0.3, 0.5, 0.5, 0.3, 0.3], (len(signals.time), 1))
     values = {n: signals[n] for n in ("hull.eta", "hull.nu")}
     values |= {f"thruster_{i + 1}.u": u[:, i] for i in range(6)}

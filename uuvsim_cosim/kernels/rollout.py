@@ -17,7 +17,7 @@ from uuvsim_cosim.kernels.derivative_driver_text import derivative_driver_text, 
 from uuvsim_cosim.kernels.derivative_text import Mode, derivative_text
 from uuvsim_cosim.kernels.memory import Lanes, aligned
 from uuvsim_cosim.kernels.signal import Signal, signal_of
-from uuvsim_cosim.models.network import NETWORKS
+from uuvsim_cosim.models.table import TABLES
 
 if TYPE_CHECKING:
     from uuvsim_cosim.kernels.kernel import Kernel
@@ -64,8 +64,12 @@ def _undifferentiable(kernel: Kernel) -> Iterator[Problem]:
     for m in kernel.fused.members:
         e = kernel.fused.equations[m.source]
         called = {g.name() for f in (e.rhs, e.outputs, *e.updates) for g in f.find_functions()}
-        if not called.isdisjoint(NETWORKS):
-            yield Problem(m.path, "a network, in a derivative", "the network in torch, outside")
+        if not called <= TABLES.keys():
+            yield Problem(
+                m.path,
+                "a network or an optimiser, in a derivative",
+                "equations and tables; a network in torch, outside",
+            )
         if m.rate >= 0:
             yield Problem(
                 m.path,

@@ -131,7 +131,7 @@ def _makers(name: str) -> _Makers:
         from uuvsim_cosim.learn.ppo import PpoLearner, PpoSettings
 
         if name == "ppo":
-            from uuvsim_cosim.learn.sb3_learner import Sb3Ppo
+            from uuvsim_cosim.learn.sb3_ppo import Sb3Ppo
 
             return _Makers(
                 (PpoSettings,), {},
@@ -146,7 +146,7 @@ def _makers(name: str) -> _Makers:
     from uuvsim_cosim.learn.dqn import DqnLearner, DqnSettings
 
     if name == "dqn":
-        from uuvsim_cosim.learn.sb3_learner import Sb3Dqn
+        from uuvsim_cosim.learn.sb3_dqn import Sb3Dqn
 
         return _Makers(
             (DqnSettings,), {},

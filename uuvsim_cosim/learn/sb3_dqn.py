@@ -16,7 +16,12 @@ from uuvsim_cosim.learn.dqn import DqnSettings
 from uuvsim_cosim.learn.grid import action_grid
 from uuvsim_cosim.learn.replay import Transitions
 from uuvsim_cosim.learn.sb3_parts import (
-    Randomness, layers, networks, set_networks, set_up, told_of,
+    Randomness,
+    layers,
+    networks,
+    set_networks,
+    set_up,
+    told_of,
 )
 
 try:
@@ -129,7 +134,7 @@ class Sb3Dqn:
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Go on from there."""
         try:
-            setnetworks(self.model, state)
+            set_networks(self.model, state)
             buffer: Any = self.model.replay_buffer
             for k in _ROWS:
                 getattr(buffer, k)[: len(state["kept"][k])] = state["kept"][k]

@@ -52,10 +52,12 @@ class Randomness:
         random.setstate(self._outer[2])
 
     def state(self) -> dict[str, Any]:
+        """Give them as plain numbers."""
         words = np.asarray(self._numpy[1], np.int64)
         return {"torch": self._torch, "words": words, "rest": list(self._numpy[2:])}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
+        """Go on from there."""
         self._torch = state["torch"]
         place, has, cached = state["rest"]
         self._numpy = ("MT19937", state["words"].astype(np.uint32), place, has, cached)
@@ -65,6 +67,8 @@ def set_up(model: Any, observed: int, actions: gymnasium.Space[Any], n: int) -> 
     """Make a model's networks and buffers for spaces, as its own `load` does."""
     model.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (observed,), np.float32)
     model.action_space, model.n_envs = actions, n
+    from stable_baselines3.common.logger import Logger
+
     model._setup_model()
     model.set_logger(Logger(None, []))
     return model
@@ -89,6 +93,7 @@ def told_of(model: Any, name: str) -> dict[str, float]:
 
 
 def layers(parts: list[nn.Module]) -> dict[str, Array]:
+    """Give the linear layers of modules, in their order, as a `Policy` has them."""
     linear = [m for part in parts for m in part.modules() if isinstance(m, nn.Linear)]
     return {
         f"{i}.{what}": np.array(getattr(m, what).detach().numpy())
@@ -98,10 +103,12 @@ def layers(parts: list[nn.Module]) -> dict[str, Array]:
 
 
 def networks(model: Any) -> dict[str, Any]:
+    """Give networks and optimiser."""
     policy = model.policy
     return {"policy": policy.state_dict(), "adam": policy.optimizer.state_dict()}
 
 
-def setnetworks(model: Any, state: Mapping[str, Any]) -> None:
+def set_networks(model: Any, state: Mapping[str, Any]) -> None:
+    """Go on with them."""
     model.policy.load_state_dict(state["policy"])
     model.policy.optimizer.load_state_dict(state["adam"])

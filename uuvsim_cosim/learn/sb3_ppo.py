@@ -17,7 +17,12 @@ from uuvsim_cosim.learn.errors import LearningDiverged
 from uuvsim_cosim.learn.ppo import PpoSettings
 from uuvsim_cosim.learn.replay import Transitions
 from uuvsim_cosim.learn.sb3_parts import (
-    Randomness, layers, networks, set_networks, set_up, told_of,
+    Randomness,
+    layers,
+    networks,
+    set_networks,
+    set_up,
+    told_of,
 )
 
 try:
@@ -119,7 +124,7 @@ class Sb3Ppo:
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Go on from there."""
         try:
-            setnetworks(self.model, state)
+            set_networks(self.model, state)
             buffer, kept = self.model.rollout_buffer, state["kept"]
             buffer.reset()
             buffer.pos = len(kept["rewards"])

@@ -33,13 +33,13 @@ class Solid:
     @property
     def extent(self) -> Array:
         """Give length, breadth and height [m]."""
-        extent: Array = self.high - self.low
-        return extent
+        return self.high - self.low
 
     def inertia(self, m: float) -> Array:
         """Give the inertia (3, 3) [kg.m2] about the centre of mass m [kg], spread evenly."""
         spread = self.second * (m / self.volume)
-        return np.trace(spread) * np.eye(3) - spread
+        inertia: Array = np.trace(spread) * np.eye(3) - spread
+        return inertia
 
 
 def solid_of(mesh: Mesh) -> Solid:

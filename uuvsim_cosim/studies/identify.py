@@ -121,7 +121,7 @@ def identify(
         )
         for f, v, s in zip(fitted, found.theta, error, strict=True)
     )  # fmt: skip
-    unseen = [not seen for seen in np.isfinite(grid.y).any(axis=1).tolist()]
+    unseen = [not bool(np.isfinite(row).any()) for row in grid.y]
     notes = [f"{n} is at its bound: its interval says little" for n in names
              if next(x for x in numbers if x.name == n).at_bound]  # fmt: skip
     if grid.computed:
