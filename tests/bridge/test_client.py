@@ -18,6 +18,9 @@ from uuvsim_cosim.bridge.conductor import Conductor
 from uuvsim_cosim.bridge.wrapped_session import Disconnected, listening
 from uuvsim_cosim.bridge.zenoh_bridge import Bridge, free_port
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid
+from uuvsim_cosim.orchestrator.flatten import flatten
+from uuvsim_cosim.orchestrator.master import Master
+from uuvsim_cosim.orchestrator.prepared import prepare
 
 PARTS = Path(__file__).parent / "parts.py"
 
@@ -268,3 +271,22 @@ def test_the_awaited_client_has_the_names_of_the_other(bridge: Bridge) -> None:
             return s.tick, s.time, s.system, s.name, "sum.s" in await s.signals()
 
     assert asyncio.run(used()) == (3, pytest.approx(0.3), "sums", "awaited", True)
+
+
+def test_a_bridge_serves_a_master_that_has_not_begun() -> None:
+    plan = flatten(system(), 0)
+    master = Master(plan, prepare(plan, "native"))
+    with uuv.Bridge(master, port=0) as own, uuv.connect(port=own.port) as client:
+        assert client.step(3, {"sum.a": 2.0}, ["sum.s"])["sum.s"] == pytest.approx(0.6)
+        assert client.time == pytest.approx(0.3)
+
+
+def test_a_master_that_has_begun_is_refused_in_words() -> None:
+    plan = flatten(system(), 0)
+    master = Master(plan, prepare(plan, "native"))
+    try:
+        master.initialize()
+        with pytest.raises(InputInvalid, match="expected before initialize"):
+            uuv.Bridge(master, port=0)
+    finally:
+        master.free()

@@ -453,5 +453,5 @@ def test_a_source_that_a_client_names_lies_where_the_server_stands(
 
 @pytest.mark.parametrize("wrong", [5, None])
 def test_what_is_no_system_is_refused_by_its_kind(wrong: Any) -> None:
-    with pytest.raises(InputInvalid, match="expected a system, its plan, a recording or a path"):
+    with pytest.raises(InputInvalid, match="expected a system, its plan, a master"):
         Conductor(wrong)

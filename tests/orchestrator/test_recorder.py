@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from uuvsim_cosim.errors import InputInvalid, RecordingError
+from uuvsim_cosim.errors import ComponentFailed, InputInvalid, RecordingError
 from uuvsim_cosim.orchestrator.master import Master
 from uuvsim_cosim.orchestrator.recorder import Recorder
 from uuvsim_cosim.orchestrator.recording import export, read_signals
+from uuvsim_cosim.orchestrator.watch import rows_of
 
 Run = Callable[..., Path]
 
@@ -74,6 +75,58 @@ def test_many_small_batches_become_even_row_groups(run: Run) -> None:
     assert sum(rows) == 40_001
     assert max(rows) == 16384
     assert len(rows) <= 5
+
+
+@pytest.mark.parametrize("flush_seconds", [0.0, 1e9])
+def test_rows_are_whole_however_they_are_emitted_and_flushed(
+    flush_seconds: float, wired: Any, fmi3: Any, tmp_path: Path
+) -> None:
+    w = wired({"a": fmi3}, start={"a": {"u": 1.0}})
+    recorder = Recorder(tmp_path / "run", flush_seconds=flush_seconds)
+    with Master(*w, observers=[recorder]) as master:
+        master.initialize()
+        for _ in range(30):
+            master.step()
+        room = rows_of(master.recorded)
+        master.set("a", "string_in", np.array(["hot", "cold"], object))
+        master.step(2 * room + 7)
+        for _ in range(30):
+            master.step()
+    signals = read_signals(tmp_path / "run")
+    assert signals.ticks.tolist() == list(range(2 * room + 68))
+    assert signals["a.string_out"][30].tolist() == ["", ""]
+    assert set(signals["a.string_out"][31:, 1]) == {"cold"}
+    expected = np.zeros(len(signals.ticks))
+    for k in range(1, len(expected)):
+        expected[k] = expected[k - 1] + 0.01 * (1.0 - expected[k - 1]) / 0.5
+    assert (signals["a.y"] == expected).all()
+
+
+@pytest.mark.parametrize("fault", [1, 2])
+def test_a_chain_that_fails_and_goes_on_is_recorded_once(
+    fault: int, wired: Any, fmi3: Any, tmp_path: Path
+) -> None:
+    def ready(folder: str) -> Master:
+        chain = ["a.y -> b.u", "b.y -> c.u"]
+        w = wired(dict.fromkeys("abc", fmi3), chain, start={"a": {"u": 1.0}})
+        return Master(*w, observers=[Recorder(tmp_path / folder)])
+
+    with ready("plain") as master:
+        master.initialize()
+        master.step(100)
+    with ready("failed") as master:
+        master.initialize()
+        master.step(30)
+        kept = master.snapshot()
+        master.set("b", "fault", fault)
+        master.set("b", "fault_time", 0.5)
+        with pytest.raises(ComponentFailed):
+            master.step(100)
+        master.restart("b", kept)
+        master.step(70)
+    plain, failed = (read_signals(tmp_path / f) for f in ("plain", "failed"))
+    assert failed.ticks.tolist() == plain.ticks.tolist()
+    assert all((failed[f"{p}.y"] == plain[f"{p}.y"]).all() for p in "abc")
 
 
 def test_messages_of_fmus_are_in_the_recording(wired: Any, fmi3: Any, tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ from uuvsim_cosim.bridge.desk import Client, Moment, SignalInfo
 from uuvsim_cosim.bridge.replay import Replay
 from uuvsim_cosim.bridge.roles import check
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
+from uuvsim_cosim.orchestrator.master import Master
 from uuvsim_cosim.orchestrator.observer import Observer
 from uuvsim_cosim.orchestrator.plan import Plan
 from uuvsim_cosim.orchestrator.sources import Backend
@@ -36,6 +37,7 @@ _CALLS = 16  # that are carried out at most before steps that are due, however m
 class Conductor:
     """The `Desk` of one running co-simulation, or of a recording; every door hands calls to it.
 
+    A master that is given has not been initialized; from now on it is the conductor's.
     `record` is a folder for recordings: each run from a start to the next reset, restore or
     replacement gets its own. `fail_safe` says what is done about a client in lockstep that is
     late or gone (see `Barrier`).
@@ -43,18 +45,17 @@ class Conductor:
 
     def __init__(
         self,
-        system: System | Plan | Replay | str | Path,
+        system: System | Plan | Master | Replay | str | Path,
         seed: int = 0,
         backend: Backend = "native",
         *,
         record: str | Path | None = None,
         fail_safe: FailSafe = "drop",
     ) -> None:
-        if not isinstance(system, System | Plan | Replay | str | Path):
+        if not isinstance(system, System | Plan | Master | Replay | str | Path):
             kind = type(system).__name__
             raise InputInvalid(
-                f"a {kind} was given; expected a system, its plan, a recording or a path: the "
-                "master that is conducted is made from it"
+                f"a {kind} was given; expected a system, its plan, a master, a recording or a path"
             )
         self._calls = Calls()
         self._ended = False

@@ -35,7 +35,7 @@ class Stage:
 
     def __init__(
         self,
-        system: System | Plan | Replay | str | Path,
+        system: System | Plan | Master | Replay | str | Path,
         seed: int,
         backend: Backend,
         record: Path | None,
@@ -49,7 +49,7 @@ class Stage:
         self._system = system if isinstance(system, System) else None
         self._seed, self._backend = seed, backend
         self._replay = system if isinstance(system, Replay) else None
-        self.name = "plan" if isinstance(system, Plan) else system.name
+        self.name = "plan" if isinstance(system, Plan | Master) else system.name
         record = None if self._replay else record  # there is a recording already
         self.tap = Tap(record, {"system": self.name, "seed": seed})
         self.running: Running | None = None
@@ -63,8 +63,9 @@ class Stage:
             system.initialize([self.tap])
             self.master = system
         else:
-            plan = system if isinstance(system, Plan) else flatten(system, seed)
-            self.master = self._begun(plan)
+            if isinstance(system, System):
+                system = flatten(system, seed)
+            self.master = self._begun(system)
         self.names = Names(self.master)
 
     def moment(self) -> Moment:
@@ -247,7 +248,9 @@ class Stage:
             raise InputInvalid(f"replace {component}: this replays a recording; expected a running "
                                "system")  # fmt: skip
         if self._system is None:
-            raise InputInvalid("replace: this was begun from a plan; expected one from a system")
+            raise InputInvalid(
+                "replace: this was begun without a system; expected one from a system"
+            )
         system = self._system.replace(component, _from_here(source), map=mapping)
         plan = flatten(system, self._seed)
         instantiate = prepare(plan, self._backend)
@@ -284,8 +287,16 @@ class Stage:
         if self._replay is not None:
             self._replay.check_ahead(tick, call)
 
-    def _begun(self, plan: Plan) -> Master:
-        master = Master(plan, prepare(plan, self._backend), observers=[self.tap])
+    def _begun(self, given: Plan | Master) -> Master:
+        try:
+            if isinstance(given, Master):
+                master = given
+                master.attach(self.tap)
+            else:
+                master = Master(given, prepare(given, self._backend), observers=[self.tap])
+        except BaseException:
+            self.tap.close()
+            raise
         try:
             master.initialize()
         except BaseException:

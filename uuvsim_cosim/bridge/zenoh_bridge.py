@@ -35,6 +35,7 @@ from uuvsim_cosim.bridge.zenoh_codec import (
 )
 from uuvsim_cosim.bridge.zenoh_gate import MOST_BYTES, Gate, Lane
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.orchestrator.master import Master
 from uuvsim_cosim.orchestrator.plan import Plan
 from uuvsim_cosim.orchestrator.system import System
 
@@ -54,7 +55,7 @@ class Bridge:
 
     def __init__(
         self,
-        system: Conductor | System | Plan | str | Path,
+        system: Conductor | System | Plan | Master | str | Path,
         *,
         port: int = PORT,
         host: str | Sequence[str] = "127.0.0.1",

@@ -3,26 +3,21 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from itertools import product
-from typing import Any, Literal
+from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 
 from uuvsim_cosim._version import __version__
 from uuvsim_cosim.errors import ParameterInvalid
-from uuvsim_cosim.fmus.dependencies import (
-    KINDS,
-    derivative_knowns,
-    direct_kinds,
-    initial_knowns,
-)
 from uuvsim_cosim.fmus.describe import describe
 from uuvsim_cosim.fmus.description import UNITS_ANNOTATION, Description, Variable
 from uuvsim_cosim.fmus.equations import Equations
 from uuvsim_cosim.fmus.experiment import experiment_of
+from uuvsim_cosim.fmus.model_structure import FmiVersion, Places, model_structure
 from uuvsim_cosim.fmus.state_derivatives import rate_units, state_derivatives
 from uuvsim_cosim.models.units import BASE, parse_unit
 
@@ -34,7 +29,6 @@ __all__ = [
     "xml_text",
 ]
 
-FmiVersion = Literal[2, 3]
 _NAME = re.compile(r"[A-Za-z_][A-Za-z_0-9]*(\.[A-Za-z_][A-Za-z_0-9]*)*$")
 _FMI2_TYPES = {"Float64": "Real", "Int32": "Integer", "Boolean": "Boolean"}
 
@@ -93,7 +87,7 @@ def model_description(
         tolerance="1e-06",
     )
     variables = _fmi2_variables if fmi == 2 else _fmi3_variables
-    _model_structure(root, fmi, eq, variables(root, description, derivatives))
+    model_structure(root, fmi, eq, variables(root, description, derivatives))
     return xml_text(root)
 
 
@@ -102,16 +96,6 @@ def xml_text(root: Element) -> str:
     indent(root)
     text: str = tostring(root, encoding="unicode")
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'
-
-
-@dataclass(frozen=True)
-class _Places:
-    """How XML refers to a place of the block: by index (FMI 2) or value reference (FMI 3)."""
-
-    reference: Callable[[int], str | None]  # None: the place is not exposed
-    outputs: list[tuple[str, range]]  # reference and elements of each output
-    states: list[tuple[str, range]]  # and of each continuous state
-    derivatives: list[tuple[str, range]]  # the same elements, as references to derivatives
 
 
 def _refuse_names(description: Description) -> None:
@@ -191,7 +175,7 @@ def _number(value: float) -> str:
 
 def _fmi2_variables(
     root: Element, description: Description, derivatives: Mapping[str, Variable]
-) -> _Places:
+) -> Places:
     parent = SubElement(root, "ModelVariables")
     index: dict[int, str] = {}
     outputs: list[tuple[str, range]] = []
@@ -214,7 +198,7 @@ def _fmi2_variables(
         for i in range(x.size)
     ]
     numbers = [range(k, k + 1) for k in range(len(pairs))]
-    return _Places(
+    return Places(
         index.get,
         outputs,
         [(x, n) for (x, _), n in zip(pairs, numbers, strict=True)],
@@ -224,7 +208,7 @@ def _fmi2_variables(
 
 def _fmi3_variables(
     root: Element, description: Description, derivatives: Mapping[str, Variable]
-) -> _Places:
+) -> Places:
     parent = SubElement(root, "ModelVariables")
     reference: dict[int, str] = {0: "0"}
     outputs: list[tuple[str, range]] = []
@@ -262,60 +246,4 @@ def _fmi3_variables(
         reference.update(dict.fromkeys(range(first, first + v.size), str(first)))
         if v.causality == "output":
             outputs.append((str(first), range(first, first + v.size)))
-    return _Places(reference.get, outputs, states, rates)
-
-
-def _model_structure(root: Element, fmi: FmiVersion, eq: Equations, places: _Places) -> None:
-    structure = SubElement(root, "ModelStructure")
-    direct = direct_kinds(eq)
-    first = eq.layout.offset["output"]
-    of_rates: list[dict[int, str]] = [dict.fromkeys(k, "dependent") for k in derivative_knowns(eq)]
-    by_row = [
-        ("Output", [(name, [direct[r - first] for r in rows]) for name, rows in places.outputs]),
-        (
-            "ContinuousStateDerivative",
-            [(name, [of_rates[r] for r in rows]) for name, rows in places.derivatives],
-        ),
-    ]
-    for tag, unknowns in by_row:
-        parent = structure
-        if fmi == 2 and unknowns:
-            parent = SubElement(structure, "Outputs" if tag == "Output" else "Derivatives")
-        for name, found in unknowns:
-            kinds: dict[str, str] = {}
-            for place, kind in (item for row in found for item in row.items()):
-                known = places.reference(place)
-                if known is not None:
-                    kinds[known] = max(kinds.get(known, kind), kind, key=KINDS.index)
-            attributes = {
-                "index" if fmi == 2 else "valueReference": name,
-                "dependencies": " ".join(kinds),
-                "dependenciesKind": " ".join(kinds.values()),
-            }
-            SubElement(parent, "Unknown" if fmi == 2 else tag, attributes)
-    _initial_unknowns(structure, fmi, eq, places)
-
-
-def _initial_unknowns(structure: Element, fmi: FmiVersion, eq: Equations, places: _Places) -> None:
-    unknowns: list[tuple[str, list[str]]] = []
-    for listed, rows in (
-        (places.outputs, dict(enumerate(initial_knowns(eq), eq.layout.offset["output"]))),
-        (places.states, dict(enumerate(initial_knowns(eq, "initial")))),
-        (places.derivatives, dict(enumerate(initial_knowns(eq, "rhs")))),
-    ):
-        for name, elements in listed:
-            found = {places.reference(place) for row in elements for place in rows[row]}
-            unknowns.append((name, sorted((k for k in found if k is not None), key=int)))
-    parent = structure
-    if fmi == 2:
-        unknowns.sort(key=lambda u: int(u[0]))  # in this order, says FMI 2.0
-        parent = SubElement(structure, "InitialUnknowns") if unknowns else structure
-    for name, knowns in unknowns:
-        SubElement(
-            parent,
-            "Unknown" if fmi == 2 else "InitialUnknown",
-            {
-                "index" if fmi == 2 else "valueReference": name,
-                "dependencies": " ".join(knowns),
-            },
-        )
+    return Places(reference.get, outputs, states, rates)

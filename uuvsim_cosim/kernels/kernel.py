@@ -27,8 +27,9 @@ from uuvsim_cosim.orchestrator.system import System
 
 if TYPE_CHECKING:
     from uuvsim_cosim.kernels.batch import Batch, Seeds
+    from uuvsim_cosim.kernels.derivative import Derivative
     from uuvsim_cosim.kernels.derivative_text import Mode
-    from uuvsim_cosim.kernels.rollout import Derivative, Values
+    from uuvsim_cosim.kernels.rollout import Values
 
 __all__ = ["Kernel", "fuse"]
 
@@ -152,7 +153,7 @@ class Kernel:
 
     def derivative(self, mode: Mode) -> Derivative:
         """Compile the tangents, or adjoints, of a step; once, when first asked for."""
-        from uuvsim_cosim.kernels.rollout import Derivative
+        from uuvsim_cosim.kernels.derivative import Derivative
 
         if mode not in self._derivatives:
             self._derivatives[mode] = Derivative(self, mode)
