@@ -12,6 +12,7 @@ import typer
 from uuvsim_cosim._version import __version__
 from uuvsim_cosim.commands import (
     access,
+    collect,
     doctor,
     evaluate,
     export,
@@ -30,6 +31,7 @@ from uuvsim_cosim.commands import (
     study,
     systems,
     train,
+    train_offline,
 )
 from uuvsim_cosim.errors import UuvsimError
 
@@ -69,6 +71,8 @@ app.command("report")(report.report_command)
 app.command("study")(study.study_command)
 app.command("identify")(identify.identify_command)
 app.command("train")(train.train_command)
+app.command("collect")(collect.collect_command)
+app.command("train-offline")(train_offline.train_offline_command)
 app.command("reproduce")(reproduce.reproduce_command)
 app.command("evaluate")(evaluate.evaluate_command)
 app.command("play")(play.play_command)

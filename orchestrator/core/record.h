@@ -11,22 +11,11 @@ static inline int record_is_full(const uuv_core *core) {
     return r->n_columns != 0 && r->rows && r->used == r->n_rows;
 }
 
-/* Every column has its own line of the cache, which a store would wait for: they are asked for in
- * time, once for the rows that a line holds. */
-static inline void fetch_lines(const recording *r) {
-    enum { LINE = 64 / sizeof(uint64_t), AHEAD = 2 * LINE };
-    if (r->used % LINE) return;
-    const uint64_t *const at = r->rows + r->used + AHEAD;
-    for (uint32_t c = 0; c < r->n_columns; c++) __builtin_prefetch(at + c * r->stride, 1);
-    __builtin_prefetch(r->ticks + r->used + AHEAD, 1);
-}
-
 /* Writes a row if this communication point is one that is recorded. */
 static inline int record_row(uuv_core *core) {
     recording *r = &core->record;
     if (r->n_columns == 0 || !r->rows || core->tick < r->next) return 1;
     r->next = core->tick + (r->every == 1 ? 1 : r->every - core->tick % r->every);
-    fetch_lines(r);
     uint64_t *const at = r->rows + r->used;
     const size_t stride = r->stride;
     for (const run *part = r->runs; part < r->runs + r->n_runs; part++) {

@@ -32,7 +32,7 @@ def test_a_page_is_made_where_nothing_has_been_run(
     ("arguments", "message"),
     [
         (["reproduce", "fig10"], "expected one of fig"),
-        (["reproduce", "fig7", "--budget", "big"], "expected paper or batched"),
+        (["reproduce", "fig7", "--budget", "big"], "expected batched or paper"),
         (["reproduce", "fig7", "--seeds", "0"], "expected 1 or more"),
         (["train", "--curriculum", "st"], "expected stt"),
         (["train", "--curriculum", "none.yaml"], "no such file; expected a curriculum"),

@@ -135,7 +135,7 @@ FAKES: dict[str, Description] = {
             ),
             var("on", "parameter", type="Boolean", unit=None, start=False),
             var("teeth", "parameter", type="Int32", unit=None, start=9),
-        ),  # fmt: skip
+        ),
     ]
 }
 

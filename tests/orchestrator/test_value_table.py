@@ -175,9 +175,7 @@ def test_a_value_without_an_entry_ends_the_run_by_name(first_order_fmi3: Path) -
     with running(pair(first_order_fmi3)) as master:
         master.initialize()
         master.set("a", "int32_in", [5, 0])
-        with pytest.raises(
-            ComponentFailed, match=r"int32_in\[2\] has no entry in its table"
-        ):
+        with pytest.raises(ComponentFailed, match=r"int32_in\[2\] has no entry in its table"):
             master.step(3)
     system = System("s", "0.1").add("a", str(first_order_fmi3)).add("b", str(first_order_fmi3))
     system = system.connect("a.int32_out[1]", "b.int32_in[2]", table={4: -7})

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from uuvsim_cosim.envs.task import Task, TeamTask
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.policy import Policy
+from uuvsim_cosim.learn.sequence_runner import SequenceRunner
 
 __all__ = ["acting_in", "load_policies", "random_policy"]
 
@@ -77,9 +78,4 @@ def random_policy(task: Task | TeamTask, seed: int = 0) -> Mapping[str, Act] | A
 
 
 def _act(policy: Policy) -> Act:
-    if policy.kind == "sequence":
-        raise InputInvalid(
-            f"policy of {policy.task}: a transformer acts on a history; expected a policy of one "
-            "observation"
-        )
-    return policy
+    return SequenceRunner(policy) if policy.kind == "sequence" else policy

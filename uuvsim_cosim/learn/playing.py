@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.task import Task, TeamTask
+from uuvsim_cosim.learn.sequence_runner import begin
 
 __all__ = ["frames_of"]
 
@@ -23,6 +24,8 @@ def frames_of(
     `policy` is as `evaluate` takes it, and the episode the same. In mode "human" a window shows
     it, and nothing is given.
     """
+    for one in policy.values() if isinstance(policy, Mapping) else (policy,):
+        begin(one)
     if isinstance(task, TeamTask):
         from uuvsim_cosim.envs.team import CosimParallelEnv
 

@@ -14,6 +14,7 @@ from typing import Any
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.check import check
 from uuvsim_cosim.models.closed_forms import closed_forms
+from uuvsim_cosim.models.folder import read_folder
 from uuvsim_cosim.models.library import declare
 from uuvsim_cosim.models.parameters import (
     line_of,
@@ -47,8 +48,12 @@ class Checked:
 
 
 def checks_of(address: str, h: float = 1e-2) -> Iterator[Checked]:
-    """Run every check of a vehicle, or of one of its sets (``id@set``)."""
+    """Run every check of a vehicle, or of one of its sets (``id@set``).
+
+    First every file of its folder is read: raises ParameterInvalid with all mistakes of all.
+    """
     id, chosen = split_address(address)
+    read_folder(id)
     sets = vehicle_sets(id)
     if chosen is not None and chosen not in sets:
         raise InputInvalid(

@@ -3,6 +3,7 @@
 A hull is asked as a whole, through the equations that it is simulated with:
 
 * M is symmetric and positive definite (its symmetric part; else added mass would drive);
+* no principal moment of inertia about CG exceeds the sum of the other two;
 * weightless and without tau, nu' M nu_dot <= 0: damping takes energy and Coriolis does no work;
 * level, weight and buoyancy make no moment; tilted, they turn it back;
 * it weighs about what it displaces.
@@ -18,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.models.evaluation import Evaluation
+from uuvsim_cosim.models.hull_parameters import rigid_mass
 from uuvsim_cosim.models.model import Model
 
 __all__ = ["ClosedForm", "closed_forms", "total_mass"]
@@ -44,6 +46,7 @@ def closed_forms(model: Model) -> Iterator[ClosedForm]:
     yield ClosedForm("M is symmetric", float(np.max(np.abs(M - M.T) / scale)), 1e-9)
     values = np.linalg.eigvalsh(0.5 * (M + M.T) / scale)
     yield ClosedForm("M is positive definite", max(0.0, 1e-6 - float(values[0])), 0.0)
+    yield ClosedForm("inertia is of a body", _beyond_a_body(model), 1e-9)
     yield ClosedForm("water takes energy only", _energy_gained(model, M), 1e-9)
     W, B, lever = _hydrostatics(model)
     yield ClosedForm("level is neutral", float(np.hypot(*lever[:2])) / max(W, 1e-9), 1e-3)
@@ -57,6 +60,15 @@ def total_mass(model: Model) -> Array:
     p = ca.vertcat(*(v.symbol for v in model.of_kind("parameter")))
     M = ca.Function("M", [p], [ca.densify(model.variables["M"].start)])
     return np.array(M(f.values_of("parameter", {})))
+
+
+def _beyond_a_body(model: Model) -> float:
+    """Give by how much the largest principal moment exceeds the other two, over their sum."""
+    numbers = {v.name: float(v.start[0]) for v in model.of_kind("parameter") if len(v.start) == 1}
+    M = np.array(ca.evalf(ca.densify(ca.SX(rigid_mass(numbers)))))
+    about_CG = M[3:, 3:] - M[3:, :3] @ M[:3, 3:] / M[0, 0]
+    moments = np.linalg.eigvalsh(0.5 * (about_CG + about_CG.T))
+    return float(max(0.0, moments[2] / max(moments[0] + moments[1], 1e-12) - 1.0))
 
 
 def _energy_gained(model: Model, M: Array) -> float:

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -152,6 +153,11 @@ def fin_geometry(vehicle: str) -> FinGeometry:
     path = vehicle_folder(vehicle) / "fins.yaml"
     if not path.is_file():
         raise ParameterInvalid(f"there are no fins of {vehicle!r}; expected a file {path}")
+    return read_fins(path)
+
+
+def read_fins(path: Path) -> FinGeometry:
+    """Read a file of fins; raises ParameterInvalid with the line of every mistake."""
     data = read_yaml(path, "fins.schema.json")
     items, common = data["fins"], data["figures"]
     problems: list[str] = []

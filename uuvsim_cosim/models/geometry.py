@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from difflib import get_close_matches
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -18,12 +19,12 @@ from uuvsim_cosim.models.parameters import (
     is_vehicle,
     line_of,
     read_yaml,
+    size_alone,
     split_address,
     vehicle_folder,
-    vehicle_size,
 )
 
-__all__ = ["Geometry", "configuration_matrix", "thruster_geometry"]
+__all__ = ["Geometry", "configuration_matrix", "read_thrusters", "thruster_geometry"]
 
 
 @dataclass(frozen=True)
@@ -57,59 +58,79 @@ def thruster_geometry(vehicle: str) -> Geometry:
             f"there is no thruster geometry of {vehicle!r}; expected {', '.join(known)}, "
             "or the path of a folder or a file (.yaml)"
         )
-    data = read_yaml(path, "thrusters.schema.json")
+    return read_thrusters(path)
+
+
+def read_thrusters(path: Path) -> Geometry:
+    """Read a file of thrusters; raises ParameterInvalid with the line of every mistake."""
+    data = read_yaml(path, "thrusters.schema.json", lambda data: _mistakes(path, data))
     items = data["thrusters"]
-    problems: list[str] = []
-    r = [_vector(path, data, i, "r", "m", problems) for i in range(len(items))]
-    e = [_vector(path, data, i, "e", "1", problems) for i in range(len(items))]
-    if not problems:
-        problems += _misplaced(path, data, r, e)
-    if problems:
-        raise ParameterInvalid("\n  ".join(problems))
-    return Geometry(tuple(str(t["name"]) for t in items), np.array(r), np.array(e))
+    r = np.array([_vector(t["r"], "m") for t in items])
+    e = np.array([_vector(t["e"], "1") for t in items])
+    return Geometry(tuple(str(t["name"]) for t in items), r, e)
 
 
-def _vector(path: Path, data: Any, i: int, key: str, unit: str, problems: list[str]) -> list[float]:
-    entry = data["thrusters"][i][key]
-    line = line_of(data, ["thrusters", i, key])
-    try:
-        vector = [in_unit(float(v), str(entry["unit"]), unit) for v in entry["value"]]
-    except ValueError as error:
-        problems.append(f"{path}:{line}: {key}: {error}")
-        return [0.0] * 3
+def _vector(entry: Any, unit: str) -> list[float]:
+    vector = [in_unit(float(v), str(entry["unit"]), unit) for v in entry["value"]]
     if not np.all(np.isfinite(vector)):
-        problems.append(f"{path}:{line}: {key} = {vector}; expected three numbers")
+        raise ValueError(f"{vector}; expected three finite numbers")
     return vector
 
 
-def _misplaced(path: Path, data: Any, r: list[list[float]], e: list[list[float]]) -> Iterator[str]:
-    """Give a sentence for each thruster that cannot stand there or push that way."""
+def _mistakes(path: Path, data: Any) -> Iterator[tuple[int, str]]:
+    """Give (line, sentence) of each thruster that cannot stand there or push that way."""
+    if "model" in data:
+        yield from _unknown_model(data)
     reach = _reach(path)
     seen: dict[tuple[float, ...], str] = {}
-    for i, (place, direction) in enumerate(zip(r, e, strict=True)):
-        name = str(data["thrusters"][i]["name"])
-        line = line_of(data, ["thrusters", i, "e"])
-        if abs(np.linalg.norm(direction) - 1.0) > 1e-6:
-            yield f"{path}:{line}: e = {direction}; expected length 1"
+    for i, item in enumerate(data["thrusters"]):
+        name, vectors = str(item.get("name", i + 1)), {}
+        for key, unit in (("r", "m"), ("e", "1")):
+            try:
+                if len(item[key]["value"]) == 3:  # else the schema says so, as below
+                    vectors[key] = _vector(item[key], unit)
+            except (KeyError, TypeError):
+                continue
+            except ValueError as error:
+                yield line_of(data, ["thrusters", i, key]), f"{name}: {key}: {error}"
         line = line_of(data, ["thrusters", i, "r"])
-        distance = float(np.linalg.norm(place))
-        if reach is not None and distance > reach:
+        if "e" in vectors and abs(np.linalg.norm(vectors["e"]) - 1.0) > 1e-6:
+            at = line_of(data, ["thrusters", i, "e"])
+            yield at, f"{name}: e = {vectors['e']}; expected length 1"
+        if "r" in vectors and reach is not None and np.linalg.norm(vectors["r"]) > reach:
             yield (
-                f"{path}:{line}: {name}: r = {place} m is {distance:.3g} m from CO; expected at "
-                f"most {reach:.3g} m, the hull's size"
+                line,
+                (
+                    f"{name}: r = {vectors['r']} m is {np.linalg.norm(vectors['r']):.3g} m from CO; "
+                    f"expected at most {reach:.3g} m, the hull's size"
+                ),
             )
-        key = (*np.round(place, 6).tolist(), *np.abs(np.round(direction, 6)).tolist())
-        if key in seen:
-            yield f"{path}:{line}: {name}: stands where {seen[key]} does; expected another place"
-        seen.setdefault(key, name)
+        if len(vectors) == 2:
+            place, push = np.round(vectors["r"], 6), np.abs(np.round(vectors["e"], 6))
+            key_ = (*place.tolist(), *push.tolist())
+            if key_ in seen:
+                yield line, f"{name}: stands where {seen[key_]} does; expected another place"
+            seen.setdefault(key_, name)
+
+
+def _unknown_model(data: Any) -> Iterator[tuple[int, str]]:
+    from uuvsim_cosim.models.library import LIBRARY
+
+    model, known = str(data["model"]), [n for n in LIBRARY if n.startswith(("thruster", "prop"))]
+    if model not in known:
+        near = get_close_matches(model, known, 2) or known
+        yield line_of(data, ["model"]), f"model: {model!r}; expected {' or '.join(near)}"
 
 
 def _reach(path: Path) -> float | None:
-    """Give the largest distance from CO that a part of the vehicle may have, None if unknown."""
-    folder = path.parent
-    if not (folder / "parameters.yaml").is_file():
+    """Give the largest distance from CO that a part of the vehicle may have, None if unknown.
+
+    The size alone is read: what else is wrong with the hull's file is said where the hull is read.
+    """
+    try:
+        size = size_alone(path.parent / "parameters.yaml")
+    except ParameterInvalid:
         return None
-    size = vehicle_size(str(folder / "parameters.yaml"))
     if size is None:
         return None
     half = 0.5 * np.array([size.length, size.breadth, size.height])

@@ -32,6 +32,7 @@ __all__ = [
     "missing",
     "near_names",
     "not_positive",
+    "rigid_mass",
     "structure",
     "symmetric",
 ]
@@ -201,36 +202,79 @@ def declare_parameters(
     return symbols
 
 
-def not_positive(numbers: Mapping[str, float]) -> Iterator[str]:
-    """Give a sentence for each mass of a whole set that is not positive definite."""
+_OF_MASS = re.compile(r"(m|[xyz]_g|(I_b|I_g)_[1-3][1-3]|M_A_[1-6][1-6])$")
+
+
+def not_positive(names: Collection[str], numbers: Mapping[str, float]) -> Iterator[tuple[str, str]]:
+    """Give (parameter, sentence) for each mass of a set that is not positive definite.
+
+    `numbers` are those of `names` that could be read. M_A is asked if all of it could, M_RB if
+    mass, inertia and CG could, else the inertia alone, whatever else is wrong.
+    """
     import numpy as np
 
-    M = ca.evalf(ca.densify(ca.SX(structure(numbers)[0])))
-    M_A = ca.evalf(ca.densify(symmetric(numbers, "M_A")))
-    rigid, added = np.array(M) - np.array(M_A), np.array(M_A)
-    for name, matrix, least in (("M_RB", rigid, 1e-9), ("M_A", added, -1e-9)):
-        size = np.sqrt(np.maximum(np.abs(np.diag(rigid + added)), 1e-12))
-        values = np.linalg.eigvalsh(0.5 * (matrix + matrix.T) / np.outer(size, size))
-        if values[0] < least:
-            what = "mass and inertia about CG" if name == "M_RB" else "added mass"
-            yield (
-                f"{what} ({name}) has the eigenvalue {values[0]:.3g} (relative); expected a "
-                "positive definite matrix: no negative diagonal, and off-diagonals that it bears"
-            )
+    asked = {n for n in names if _OF_MASS.match(n)}
+    unread = {n[:3] for n in asked - numbers.keys()}
+    added = np.array(ca.evalf(ca.densify(symmetric(numbers, "M_A"))))
+    if "M_A" not in unread:
+        yield from _indefinite("added mass", "M_A", added, -1e-9, asked)
+    if any(n.startswith("I") for n in unread) or not any(
+        n.endswith("_11") for n in asked - {"M_A_11"}
+    ):
+        return
+    what, body = "mass and inertia about CG", numbers
+    if "m" not in numbers or unread - {"M_A"}:  # without mass or CG the inertia alone
+        what = "inertia"
+        body = {"m": 1.0} | {n: x for n, x in numbers.items() if n.startswith("I_")}
+    rigid = np.array(ca.evalf(ca.densify(ca.SX(rigid_mass(body)))))
+    yield from _indefinite(what, "M_RB", rigid, 1e-9, asked)
+
+
+def _indefinite(
+    what: str, name: str, matrix: Any, least: float, names: Collection[str]
+) -> Iterator[tuple[str, str]]:
+    import numpy as np
+
+    size = np.sqrt(np.maximum(np.abs(np.diag(matrix)), 1e-12))
+    values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T) / np.outer(size, size))
+    if values[0] >= least:
+        return
+    i, j = sorted((np.argsort(-np.abs(vectors[:, 0]))[:2] + 1).tolist())
+    k = int(np.argmax(np.abs(vectors[:, 0]))) + 1
+    if name == "M_A":
+        near = [f"M_A_{i}{j}", f"M_A_{j}{i}", f"M_A_{k}{k}"]
+    else:
+        of = [
+            f"{kind}_{a - 3}{b - 3}" for a, b in ((i, j), (j, i), (k, k)) for kind in ("I_g", "I_b")
+        ]
+        near = of if k > 3 else ["m"]
+    if matrix[k - 1, k - 1] < 0:
+        near.reverse()
+    place = next((n for n in near if n in names), "")
+    yield (
+        place,
+        f"{what} ({name}) has the eigenvalue {values[0]:.3g} (relative); expected a "
+        "positive definite matrix: no negative diagonal, and off-diagonals that it bears",
+    )
 
 
 def structure(p: Mapping[str, Any]) -> tuple[Any, ...]:
     """Give (M, W, B, r_g, r_b, D_l, D_q) of a hull's parameters, zeros structural."""
     r_g, r_b = _vector(p, "g"), _vector(p, "b")
-    inertia = symmetric(p, "I_b")
-    if not inertia.nnz():
-        inertia = inertia_about_CO(p["m"], symmetric(p, "I_g"), r_g)
-    M = M_RB(p["m"], inertia, r_g) + symmetric(p, "M_A")
+    M = rigid_mass(p) + symmetric(p, "M_A")
     if "W" in p:
         W, B = p["W"], p["B"]
     else:
         W, B = p["m"] * p["g"], p["rho"] * p["g"] * p["nabla"]
     return M, W, B, r_g, r_b, elements(p, "D_l", 6), elements(p, "D_q", 6)
+
+
+def rigid_mass(p: Mapping[str, Any]) -> Any:
+    """Give M_RB (6, 6) about CO."""
+    r_g, inertia = _vector(p, "g"), symmetric(p, "I_b")
+    if not inertia.nnz():
+        inertia = inertia_about_CO(p["m"], symmetric(p, "I_g"), r_g)
+    return M_RB(p["m"], inertia, r_g)
 
 
 def _vector(p: Mapping[str, Any], point: str) -> Any:

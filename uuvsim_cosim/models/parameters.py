@@ -25,6 +25,7 @@ __all__ = [
     "line_of",
     "parameter_set",
     "read_yaml",
+    "size_alone",
     "split_address",
     "vehicle_file",
     "vehicle_folder",
@@ -108,6 +109,19 @@ def vehicle_size(id: str) -> Size | None:
     return _size(vehicle_file(id)[1])
 
 
+def size_alone(path: Path) -> Size | None:
+    """Give the size that a hull's file states, whatever else is wrong there; None if it has none.
+
+    Raises ParameterInvalid if it is no YAML.
+    """
+    if not path.is_file():
+        return None
+    try:
+        return _size(_load(path))
+    except (AttributeError, KeyError, TypeError, ValueError):
+        return None
+
+
 def _size(data: Any) -> Size | None:
     if "size" not in data:
         return None
@@ -162,17 +176,8 @@ def read_yaml(path: Path, schema: str | Path, further: Mistakes | None = None) -
     `further` gives mistakes that a schema cannot see; all are refused together.
     """
     from jsonschema import Draft202012Validator
-    from ruamel.yaml import YAML
-    from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
-    try:
-        data = YAML(typ="rt", pure=True).load(path.read_text(encoding="utf-8"))
-    except MarkedYAMLError as error:
-        line = error.problem_mark.line + 1 if error.problem_mark else 1
-        problem = str(error.problem or error.context).splitlines()[0]
-        raise ParameterInvalid(f"{path}:{line}: {problem}; expected YAML") from None
-    except (OSError, UnicodeDecodeError, YAMLError) as error:
-        raise ParameterInvalid(f"{path}: cannot be read as YAML: {error}") from None
+    data = _load(path)
     file = schema if isinstance(schema, Path) else content("models", "schema", schema)
     rules = json.loads(file.read_text(encoding="utf-8"))
     errors = Draft202012Validator(rules).iter_errors(data)
@@ -185,6 +190,20 @@ def read_yaml(path: Path, schema: str | Path, further: Mistakes | None = None) -
             raise
     _refuse(path, found)
     return data
+
+
+def _load(path: Path) -> Any:
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import MarkedYAMLError, YAMLError
+
+    try:
+        return YAML(typ="rt", pure=True).load(path.read_text(encoding="utf-8"))
+    except MarkedYAMLError as error:
+        line = error.problem_mark.line + 1 if error.problem_mark else 1
+        problem = str(error.problem or error.context).splitlines()[0]
+        raise ParameterInvalid(f"{path}:{line}: {problem}; expected YAML") from None
+    except (OSError, UnicodeDecodeError, YAMLError) as error:
+        raise ParameterInvalid(f"{path}: cannot be read as YAML: {error}") from None
 
 
 def line_of(data: Any, path: list[Any]) -> int:
@@ -248,6 +267,8 @@ def _mistakes(data: Any) -> Iterator[tuple[int, str]]:
             if meaning is None:
                 yield line, f"{key}: not a parameter of a hull; expected {near_names(str(key))}"
                 continue
+            if not isinstance(entry.get("value"), int | float) or "unit" not in entry:
+                continue  # the schema says so
             try:
                 value = in_unit(float(entry["value"]), str(entry["unit"]), meaning.unit)
             except ValueError as error:
@@ -261,9 +282,9 @@ def _mistakes(data: Any) -> Iterator[tuple[int, str]]:
                 continue
             numbers[str(key)] = value
         yield from _outside(data, name, numbers)
-        if not gaps and len(numbers) == len(chosen["parameters"]):
-            for text in not_positive(numbers):
-                yield line_of(data, ["sets", name]), f"sets.{name}: {text}"
+        for key, text in not_positive([str(k) for k in chosen["parameters"]], numbers):
+            place = ["parameters", key] if key else []
+            yield line_of(data, ["sets", name, *place]), f"sets.{name}: {key or 'M'}: {text}"
 
 
 def _outside(data: Any, name: str, numbers: Mapping[str, float]) -> Iterator[tuple[int, str]]:

@@ -55,6 +55,18 @@ class Preset:
         """Give a parameter that is a single number."""
         return self.vector(name, unit, 1)[0]
 
+    def numbers(self, units: Mapping[str, str]) -> dict[str, float]:
+        """Give several single numbers; all mistakes are refused together."""
+        found, problems = {}, []
+        for name, unit in units.items():
+            try:
+                found[name] = self.number(name, unit)
+            except ParameterInvalid as error:
+                problems.append(str(error))
+        if problems:
+            raise ParameterInvalid("\n  ".join(problems))
+        return found
+
     def has(self, name: str) -> bool:
         """Say whether a parameter that a declaration can do without is there."""
         self.asked.add(name)

@@ -21,6 +21,7 @@ The four figures were not checked against either; what speaks for them is that t
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -63,7 +64,7 @@ def propeller(
     i, n_all = int(number), len(geometry.names)
     if not 1 <= i <= n_all:
         raise InputInvalid(f"propeller {i} of {vehicle}; expected 1 to {n_all}")
-    file = preset("vehicles", str(vehicle_folder(vehicle) / "propeller.yaml"), "propeller")
+    figures = read_propeller(vehicle_folder(vehicle) / "propeller.yaml")
     m = Model("propeller", f"Propeller {geometry.names[i - 1]!r} of {vehicle}", h_max=0.01)
     u = m.input("u", unit="1", min=-1, max=1, description="command: shaft speed over n_max")
     voltage = m.input("voltage", unit="V", start=24.0, description="of the supply, for its current")
@@ -71,7 +72,7 @@ def propeller(
     r = m.parameter("r", geometry.r[i - 1], unit="m", description="position from CO in b")
     e = m.parameter("e", geometry.e[i - 1], unit="1", description="direction of thrust in b")
     p = {
-        name: m.parameter(name, file.number(name, unit), unit=unit, min=low, description=words)
+        name: m.parameter(name, figures[name], unit=unit, min=low, description=words)
         for name, (unit, low, words) in _FIGURES.items()
     }
     f = thruster_faults_of(m, faults)
@@ -105,6 +106,14 @@ def propeller(
         description="X Y Z [N], K M N [N.m] in b",
     )
     return m
+
+
+def read_propeller(path: Path) -> dict[str, float]:
+    """Read a propeller's figures, in SI; raises ParameterInvalid with the line of every mistake."""
+    file = preset("vehicles", str(path), "propeller")
+    figures = file.numbers({name: unit for name, (unit, _, _) in _FIGURES.items()})
+    file.complete()
+    return figures
 
 
 def _share_left(m: Model, r: Any) -> Any:

@@ -100,7 +100,7 @@ def episode_svg(
 
 def _panel(panel: Panel, at: float, ways: Sequence[str], y_label: str) -> str:
     given = [c for c in panel.curves if c.y.size]
-    values = [v for c in given for v in (c.y.min(), c.y.max())]
+    values = [0.0, *(v for c in given for v in (c.y.min(), c.y.max()))]
     values += [] if panel.yardstick is None else [panel.yardstick]
     if not given:
         return text(at + LEFT, TOP - 12, f"{panel.title}: not yet run", "title")

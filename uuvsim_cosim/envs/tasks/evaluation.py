@@ -67,6 +67,9 @@ def evaluate(
         if isinstance(policy, Mapping):
             raise InputInvalid("policies by agent for a task of one; expected one policy")
         stage = _Single(Stage(task, episodes, backend=backend, threads=threads), policy)
+    for one in policy.values() if isinstance(policy, Mapping) else (policy,):
+        if (begin := getattr(one, "begin", None)) is not None:
+            begin()  # a policy with a memory
     try:
         return _run(task, stage, [seed + i for i in range(episodes)])
     finally:

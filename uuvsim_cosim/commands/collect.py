@@ -1,0 +1,76 @@
+"""`uuvsim collect`: a dataset from a policy that acts, or from recorded runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from uuvsim_cosim.commands.nested_options import nested
+from uuvsim_cosim.commands.options import assignments
+from uuvsim_cosim.commands.study_progress import StudyProgress
+from uuvsim_cosim.commands.terminal import line, size_of, table, tilde
+from uuvsim_cosim.errors import InputInvalid
+
+__all__ = ["collect_command"]
+
+
+def collect_command(
+    task: Annotated[str, typer.Argument(help="transition_1, uuvsim/StationKeeping-v0, …")],
+    out: Annotated[
+        Path,
+        typer.Option("--out", "-o", help="A new folder of Minari's, or .npz (half precision)."),
+    ],
+    policy: Annotated[
+        str | None,
+        typer.Option("--policy", "-p", help="scripted, random, mixed, a folder or a file (.npz)."),
+    ] = None,
+    recorded: Annotated[
+        list[Path] | None,
+        typer.Option("--recorded", help="A run's folder, .parquet or .mcap, instead of a policy."),
+    ] = None,
+    signal: Annotated[
+        list[str] | None,
+        typer.Option("--signal", help="The task's NAME=RECORDED, where recorded by another name."),
+    ] = None,
+    episodes: Annotated[int, typer.Option("--episodes", "-n", help="Of a policy.")] = 100,
+    seed: Annotated[
+        int | None, typer.Option("--seed", help="The first of the episodes' seeds.")
+    ] = None,
+    task_set: Annotated[
+        list[str] | None, typer.Option("--task-set", help="The task's NAME=VALUE: n_trackers=3.")
+    ] = None,
+) -> None:
+    """Collect episodes for `uuvsim train-offline`."""
+    if recorded and policy is not None:
+        raise InputInvalid(f"--policy {policy} and --recorded: expected one of them")
+    if signal and not recorded:
+        raise InputInvalid("--signal: names signals of --recorded runs; expected them")
+    if seed is not None and seed < 0:
+        raise InputInvalid(f"--seed {seed}: expected 0 or more")
+    options = nested("--task-set", task_set or [], "NAME=VALUE, as n_trackers=3")
+    with StudyProgress() as progress:
+        progress.say("building, once")
+        from uuvsim_cosim.learn.dataset import refuse_taken, write_dataset
+
+        refuse_taken(out)
+        if recorded:
+            from uuvsim_cosim.learn.recorded import from_recordings
+
+            expected = "NAME=RECORDED, as tracker_1.pilot.a=joystick.a"
+            renamed = assignments("--signal", signal or [], expected, dotted=False)
+            data = from_recordings(task, recorded, options=options, renamed=renamed)
+        else:
+            from uuvsim_cosim.learn.collect import COLLECTING_SEED, collect
+
+            first = COLLECTING_SEED if seed is None else seed
+            data = collect(task, policy or "scripted", episodes, options=options, seed=first)
+        written = write_dataset(data, out)
+    returns = data.returns
+    line()
+    line(f"{task}: {len(data.episodes)} episodes, {data.steps} actions")
+    figures = {"return": returns.mean(), "least": returns.min(), "most": returns.max()}
+    table(("figure", "value"), [(k, f"{v:.4g}") for k, v in figures.items()])
+    line()
+    table(("written", "size"), [(tilde(written), size_of(written))])

@@ -1,0 +1,177 @@
+"""Recorded runs become episodes: what a task would have seen, and what was done.
+
+Signals are read every action step; an action is what held until the next one. It stands in the
+recording by its channel's name, or as a policy's output `action` of the same component.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.envs.boxes import ActionBox, ObservationBox
+from uuvsim_cosim.envs.instant import Instant
+from uuvsim_cosim.envs.signals import Signals
+from uuvsim_cosim.envs.task import Task, TeamTask
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.dataset import Dataset, Episode
+from uuvsim_cosim.learn.policy import Named
+from uuvsim_cosim.learn.task_ids import make_task
+from uuvsim_cosim.orchestrator.flatten import flatten
+from uuvsim_cosim.orchestrator.recording import read_signals
+
+__all__ = ["from_recordings"]
+
+Array = NDArray[np.float64]
+
+
+def from_recordings(
+    name: str,
+    runs: Sequence[str | Path],
+    *,
+    options: Mapping[str, Any] | None = None,
+    renamed: Mapping[str, str] | None = None,
+) -> Dataset:
+    """Give a task's observations, actions and rewards in recorded runs, cut at its horizon.
+
+    A run is its folder, a .parquet or a .mcap. `renamed` says where a signal of the task is found
+    in the recording. Raises InputInvalid that names what was not recorded.
+    """
+    task = make_task(name, options)
+    reader = _Reader(task, name, dict(renamed or {}))
+    kept = [episode for run in runs for episode in reader.episodes(Path(run))]
+    told = {"recordings": [Path(run).name for run in runs]}
+    return Dataset(kept, reader.seen, reader.acts, name, dict(options or {}), told)
+
+
+class _Start(Mapping[str, Any]):
+    """Start values, which a recording does not hold."""
+
+    def __getitem__(self, name: str) -> Any:
+        raise InputInvalid(f"{name}: the task reads what its episodes drew, which no recording "
+                           "holds; expected a task without it")  # fmt: skip
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(())
+
+    def __len__(self) -> int:
+        return 0
+
+
+class _Reader:
+    def __init__(self, task: Task | TeamTask, name: str, renamed: dict[str, str]) -> None:
+        self.task, self.name, self.renamed = task, name, renamed
+        plan = flatten(task.system)
+        team = isinstance(task, TeamTask)
+        self.channels = (
+            dict(task.actions) if isinstance(task, TeamTask) else {"agent": task.actions}
+        )
+        names = list(task.signals)
+        if isinstance(task, Task):
+            names += [c.name for c in task.observations]
+        self.signals = Signals(plan, names)
+        self.boxes = {a: ActionBox(plan, c) for a, c in self.channels.items()}
+        self.box = None
+        if isinstance(task, TeamTask):
+            low, high = task.limits(task.agents[0])
+        else:
+            self.box = ObservationBox(plan, self.signals, task.observations, task.extra_limits)
+            low, high = self.box.low, self.box.high
+        self.low, self.high = np.asarray(low, np.float32), np.asarray(high, np.float32)
+        self.seen = tuple(
+            Named(f"o[{i + 1}]", float(a), float(b))
+            for i, (a, b) in enumerate(zip(self.low, self.high, strict=True))
+        )
+        agent, first = next(iter(self.boxes.items()))
+        short = [
+            first.name(i).removeprefix(f"{agent}." if team else "") for i in range(first.width)
+        ]
+        self.acts = tuple(Named(n, -1.0, 1.0) for n in short)
+
+    def episodes(self, run: Path) -> list[Episode]:
+        read = read_signals(run)
+        at = self._instants(run, np.asarray(read.time, float))
+        names = [self.renamed.get(n, n) for n in self.signals.names]
+        missing = [n for n in names if n not in read]
+        if missing:
+            raise InputInvalid(
+                f"{run}: {', '.join(missing)} not recorded; expected what {self.name} reads (a "
+                "signal of another name is given by --signal NAME=RECORDED)"
+            )
+        rows = [np.asarray(read[n], float).reshape(len(read.time), -1) for n in names]
+        values = np.concatenate(rows, axis=1)
+        # The action of step k: recorded last before step k + 1 begins.
+        acted = {a: self._action(run, read, a)[at[1:] - 1] for a in self.channels}
+        length, found = int(self.task.horizon / self.task.action_step), []
+        for first in range(0, len(at) - 1, length):
+            piece = at[first : first + length + 1]
+            mine = {a: x[first : first + length] for a, x in acted.items()}
+            if len(piece) > 1:
+                found += self._cut(values[piece].T, mine)
+        return found
+
+    def _cut(self, values: Array, acted: Mapping[str, Array]) -> list[Episode]:
+        n = values.shape[1]
+        step, before = np.arange(n), np.maximum(np.arange(n) - 1, 0)
+        action = {a: x[before] * (step > 0)[:, None] for a, x in acted.items()}
+        earlier = {a: x[before] for a, x in action.items()}
+        s = self.task.action_step
+        about = self.signals, (s.numerator, s.denominator)
+        m = Instant(
+            about[0], values.copy(), step, about[1], action, _Start(),
+            before=Instant(about[0], values[:, before], before, about[1], earlier, _Start()),
+        )  # fmt: skip
+        if isinstance(self.task, TeamTask):
+            seen, reward, ended = self.task.observe(m), self.task.reward(m), self.task.terminated(m)
+        else:
+            assert self.box is not None
+            extra = self.task.extra(m) if self.box.n_extra else None
+            seen = {"agent": self.box.of(m.values, extra, None)}
+            reward, ended = {"agent": self.task.reward(m)}, {"agent": self.task.terminated(m)}
+        made = []
+        for agent, a in acted.items():
+            over = np.flatnonzero(np.asarray(ended[agent])[1:])
+            k = int(over[0]) + 1 if len(over) else n - 1
+            o = np.clip(np.asarray(seen[agent], np.float32), self.low, self.high)
+            r = np.asarray(reward[agent], np.float32)
+            made.append(
+                Episode(o[: k + 1], a[:k].astype(np.float32), r[1 : k + 1], bool(len(over)))
+            )
+        return made
+
+    def _instants(self, run: Path, time: Array) -> NDArray[np.intp]:
+        """Give the rows where actions begin."""
+        step = float(self.task.action_step)
+        count = int((time[-1] - time[0]) / step + 1e-6) if len(time) else 0
+        wanted = time[0] + step * np.arange(count + 1) if count else np.zeros(0)
+        at = np.clip(np.searchsorted(time, wanted - 1e-6), 0, max(len(time) - 1, 0))
+        if not count or np.abs(time[at] - wanted).max() > 1e-6 or np.any(np.diff(at) < 2):
+            raise InputInvalid(
+                f"{run}: {len(time)} instants; expected one at each action step of {step:g} s, "
+                "and others between"
+            )
+        return np.asarray(at)
+
+    def _action(self, run: Path, read: Any, agent: str) -> Array:
+        """Give actions in [-1, 1], of shape (instants, width)."""
+        box = self.boxes[agent]
+        low, high = (box.scaled(np.full((1, box.width), s))[:, 0] for s in (-1.0, 1.0))
+        columns: list[Array] = []
+        for i, (key, element) in enumerate(box.targets):
+            place = self.renamed.get(key, key)
+            output = f"{key.rpartition('.')[0]}.action"
+            if place in read:
+                own = np.asarray(read[place], float).reshape(len(read.time), -1)
+                columns.append((2.0 * own[:, element] - low[i] - high[i]) / (high[i] - low[i]))
+            elif output in read and np.shape(read[output])[1:] == (box.width,):
+                columns.append(np.asarray(read[output], float)[:, i])
+            else:
+                raise InputInvalid(
+                    f"{run}: neither {place} nor {output} recorded; expected the action of "
+                    f"{self.name} (a signal of another name is given by --signal NAME=RECORDED)"
+                )
+        return np.clip(np.stack(columns, axis=1), -1.0, 1.0)

@@ -1,0 +1,115 @@
+"""A vehicle's folder as a whole: every file of it is read, and all mistakes are said at once.
+
+A component reads only the files that it needs; who checks a vehicle wants to know of all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+from uuvsim_cosim.errors import ParameterInvalid
+from uuvsim_cosim.models.hull_parameters import meaning_of, near_names
+from uuvsim_cosim.models.parameters import (
+    in_unit,
+    line_of,
+    read_yaml,
+    vehicle_file,
+    vehicle_folder,
+)
+
+__all__ = ["read_folder"]
+
+
+def read_folder(vehicle: str) -> None:
+    """Read every file of a vehicle's folder; raises ParameterInvalid with all mistakes of all."""
+    if vehicle.endswith((".yaml", ".yml")):  # a file by itself has no folder
+        vehicle_file(vehicle)
+        return
+    folder = vehicle_folder(vehicle)
+    problems = list(_strangers(folder))
+    for name, read in _READERS.items():
+        if (folder / name).is_file():
+            try:
+                read(folder)
+            except ParameterInvalid as error:
+                problems += str(error).split("\n  ")
+    if problems:
+        raise ParameterInvalid("\n  ".join(dict.fromkeys(problems)))
+
+
+def _strangers(folder: Path) -> Iterator[str]:
+    """Give a sentence for each YAML file that nothing would read."""
+    for path in sorted(p for p in folder.iterdir() if p.suffix in (".yaml", ".yml")):
+        if path.name not in _READERS:
+            near = get_close_matches(path.name, _READERS, 1) or _READERS
+            yield f"{path}: not a file of a vehicle, nothing reads it; expected {', '.join(near)}"
+
+
+def _hull(folder: Path) -> None:
+    from uuvsim_cosim.models.volumes import vehicle_volumes
+
+    _, data = vehicle_file(str(folder / "parameters.yaml"))
+    if "volumes" in data:
+        vehicle_volumes(str(folder / "parameters.yaml"))
+
+
+def _thrusters(folder: Path) -> None:
+    from uuvsim_cosim.models.geometry import read_thrusters
+
+    read_thrusters(folder / "thrusters.yaml")
+
+
+def _propeller(folder: Path) -> None:
+    from uuvsim_cosim.models.propeller import read_propeller
+
+    read_propeller(folder / "propeller.yaml")
+
+
+def _fins(folder: Path) -> None:
+    from uuvsim_cosim.models.fins import read_fins
+
+    read_fins(folder / "fins.yaml")
+
+
+def _control(folder: Path) -> None:
+    from uuvsim_cosim.models.fins import fins
+
+    read_yaml(folder / "control.yaml", "control.schema.json")
+    if (folder / "fins.yaml").is_file():
+        fins(str(folder), form="derivatives")
+
+
+def _published(folder: Path) -> None:
+    read_yaml(folder / "published.yaml", "published.schema.json", _intervals)
+
+
+def _intervals(data: Any) -> Iterator[tuple[int, str]]:
+    for name, entries in data["parameters"].items():
+        meaning = meaning_of(str(name))
+        if meaning is None:
+            line = line_of(data, ["parameters", name])
+            yield line, f"{name}: not a parameter of a hull; expected {near_names(str(name))}"
+            continue
+        for i, entry in enumerate(entries):
+            try:
+                in_unit(float(entry["value"]), str(entry["unit"]), meaning.unit)
+            except ValueError as error:
+                yield line_of(data, ["parameters", name, i]), f"{name}: {error}"
+
+
+def _checks(folder: Path) -> None:
+    read_yaml(folder / "checks.yaml", "checks.schema.json")
+
+
+_READERS: dict[str, Callable[[Path], None]] = {
+    "parameters.yaml": _hull,
+    "thrusters.yaml": _thrusters,
+    "propeller.yaml": _propeller,
+    "fins.yaml": _fins,
+    "control.yaml": _control,
+    "published.yaml": _published,
+    "checks.yaml": _checks,
+}
