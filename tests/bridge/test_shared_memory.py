@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import zlib
+from queue import Queue
+from threading import Thread
 from typing import Any
 
 import numpy as np
 import pytest
+import zenoh
 
 from uuvsim_cosim.bridge import shared_memory
 from uuvsim_cosim.bridge.shared_memory import LARGE, SharedMemory
@@ -21,8 +25,13 @@ settings = {"transport/shared_memory/enabled": sys.argv[2] == "True"}
 with connecting("127.0.0.1", int(sys.argv[1]), settings) as session:
     frames = session.subscribe("frames", 64)
     print("ready", flush=True)
-    for _ in range(6):
+    count = 0
+    while count < 6:
         payload = frames.recv().payload
+        if payload.to_bytes() == b"hello":
+            print("met", flush=True)
+            continue
+        count += 1
         print(payload.as_shm() is not None, zlib.crc32(payload.to_bytes()), flush=True)
 """
 
@@ -31,23 +40,35 @@ def frames() -> list[np.ndarray]:
     return [np.random.default_rng(k).random(n) for k, n in enumerate((10, 20_000, 300_000) * 2)]
 
 
+def _read(stream: Any, lines: Queue[str]) -> None:
+    for line in stream:
+        lines.put(line.strip())
+
+
 @pytest.mark.parametrize("shared", [True, False])
 def test_frames_arrive_whole_with_and_without_shared_memory(shared: bool) -> None:
-    import zlib
-
     memory, port = SharedMemory(), free_port("127.0.0.1")
     with listening(port) as session:
-        publisher = session.raw.declare_publisher("frames")
+        publisher = session.raw.declare_publisher(
+            "frames", congestion_control=zenoh.CongestionControl.BLOCK
+        )
         with subprocess.Popen(
             [sys.executable, "-c", TAKES, str(port), str(shared)], stdout=subprocess.PIPE, text=True
         ) as taker:
-            assert taker.stdout is not None
-            assert taker.stdout.readline() == "ready\n"
-            while not publisher.matching_status:
-                pass
-            for frame in frames():
-                publisher.put(memory.payload(b"head", frame))
-            got = [line.split() for line in taker.stdout]
+            lines: Queue[str] = Queue()
+            Thread(target=_read, args=(taker.stdout, lines), daemon=True).start()
+            try:
+                assert lines.get(timeout=120) == "ready"
+                while lines.empty():  # the first ones after a subscription may be dropped
+                    publisher.put(b"hello")
+                for frame in frames():
+                    publisher.put(memory.payload(b"head", frame))
+                got: list[list[str]] = []
+                while len(got) < len(frames()):
+                    if (line := lines.get(timeout=120)) != "met":
+                        got.append(line.split())
+            finally:
+                taker.kill()
     assert memory.used == 4
     assert [int(crc) for _, crc in got] == [zlib.crc32(b"head" + f.tobytes()) for f in frames()]
     assert [place == "True" for place, _ in got] == [shared and f.nbytes >= LARGE for f in frames()]
