@@ -118,7 +118,7 @@ def test_nothing_run_is_not_yet_run() -> None:
 
 def test_figure_8_holds_only_if_every_limit_is_kept() -> None:
     def said(**changes: float) -> str:
-        runs = {("target", "stt-masac"): judged("stt-masac", 1.0, **changes)}
+        runs = {("target", "stt-masac"): judged("stt-masac", 1.0, 5, **changes)}
         return row(verdicts(runs), "two trackers track").text
 
     assert said() == "holds"
@@ -153,7 +153,7 @@ def test_figure_9_wants_intervals_apart() -> None:
 def test_transfer_helps_where_its_curve_lies_above() -> None:
     fast, slow = judged("stt-masac", 1.0), judged("scratch-masac", 0.5)
     for r in slow:
-        r.curve["return"][:] = np.linspace(0, 95, 11)  # type: ignore[index]
+        r.curve["return"][:] = np.linspace(0, 95, 11)
     rows = verdicts({("target", "stt-masac"): fast, ("target", "scratch-masac"): slow})
     assert row(rows, "STT helps in target").text == "holds"
     quick = row(rows, "STT is quicker in target")
@@ -165,7 +165,7 @@ def test_continuity_compares_the_terms_that_both_have() -> None:
     before = [replace(r, key=replace(r.key, scenario="transition_2")) for r in judged("x", 1.0)]
     after = judged("x", 1.0)
     for r in after:
-        r.curve["r_t"][0] = 1.7  # type: ignore[index]
+        r.curve["r_t"][0] = 1.7
     rows = verdicts({("transition_2", "stt-masac"): before, ("target", "stt-masac"): after})
     said = row(rows, "first of target")
     assert said.measured.startswith("0.85")

@@ -16,8 +16,8 @@ SHARED = MasacSettings(hidden=32, shared=True)
 
 def transitions(random: np.random.Generator, n: int, N: int, d: int = 7) -> Transitions:
     shapes = ((n, N, d), (n, N, 2), (n, N), (n, N, d))
-    drawn = (random.normal(size=s).astype(np.float32) for s in shapes)
-    return Transitions(*drawn, np.zeros((n, N), np.float32))
+    o, a, r, after = (random.normal(size=s).astype(np.float32) for s in shapes)
+    return Transitions(o, a, r, after, np.zeros((n, N), np.float32))
 
 
 @pytest.mark.parametrize("central", [True, False])

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.models.library import available, declare
+from uuvsim_cosim.models.library import LIBRARY, available, declare
+from uuvsim_cosim.models.preset import presets_of
 
 
 @pytest.mark.parametrize("name", available())
@@ -36,3 +37,14 @@ def test_a_preset_is_addressed_as_a_vehicles_set_is() -> None:
 def test_an_option_that_is_no_number_is_named_with_its_value() -> None:
     with pytest.raises(InputInvalid, match=r"'lbl' with beacons=many: .* expected a number"):
         declare("lbl", beacons="many")
+
+
+@pytest.mark.parametrize("name", [n for n in LIBRARY if presets_of(n)])
+def test_every_preset_that_is_listed_can_be_declared(name: str) -> None:
+    for preset in presets_of(name):
+        assert declare(f"{name}@{preset}").of_kind("output")
+
+
+def test_an_option_that_a_preset_has_no_figure_for_names_presets_that_do() -> None:
+    with pytest.raises(InputInvalid, match="'sigma_water'; expected one in m/s, as the preset a50"):
+        declare("dvl", track="both")

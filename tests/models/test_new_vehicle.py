@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -41,7 +42,7 @@ def test_the_command_writes_it_and_says_how_to_go_on(
     said = capsys.readouterr().out
     assert "model:my_auv" in said
     assert not status_of(["models", "check", "my_auv"])
-    assert "6 of 6 checks hold" in capsys.readouterr().out
+    assert "7 of 7 checks hold" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -179,3 +180,55 @@ def test_a_check_that_fails_is_said_with_both_numbers(
     said = capsys.readouterr()
     assert "NO" in said.out
     assert "standing still is 1 off; expected at most 0.1 (nobody)" in said.err
+
+
+def test_a_check_reads_every_file_and_says_all_mistakes_at_once(tmp_path: Path) -> None:
+    folder = write_vehicle("mine", tmp_path, "torpedo")
+    for file, old, new in (
+        ("parameters.yaml", "unit: kg, source", "unit: pounds, source"),
+        ("parameters.yaml", "I_g_22: {value: ", "I_g_22: {value: -"),
+        ("parameters.yaml", "M_A_22: {value: ", "M_A_22: {value: -"),
+        ("parameters.yaml", "D_q_11:", "Dq_11:"),
+        ("thrusters.yaml", "model: propeller", "model: propellor"),
+        ("thrusters.yaml", "r: {value: [-0.8", "r: {value: [-9.8"),
+        ("propeller.yaml", "T_nn:", "T_nnn:"),
+        ("fins.yaml", "a: {value: [0, 1, 0]", "a: {value: [0, 3, 0]"),
+    ):
+        text = (folder / file).read_text()
+        assert old in text
+        (folder / file).write_text(text.replace(old, new, 1))
+    (folder / "fin.yaml").write_text("fins: []\n")
+    with pytest.raises(ParameterInvalid) as refused:
+        list(checks_of(str(folder)))
+    said = str(refused.value).splitlines()
+    for words in (
+        r"parameters.yaml:\d+: m: unknown unit 'pounds'",
+        r"parameters.yaml:\d+: sets.estimated: I_g_22: inertia",
+        r"parameters.yaml:\d+: sets.estimated: M_A_22: added mass",
+        r"parameters.yaml:\d+: Dq_11: not a parameter",
+        r"thrusters.yaml:\d+: model: 'propellor'; expected propeller",
+        r"thrusters.yaml:\d+: .* m from CO; expected at most",
+        r"propeller.yaml: no parameter 'T_nn'",
+        r"propeller.yaml:\d+: T_nnn: not a parameter of this kind; expected T_nn",
+        r"fins.yaml:\d+: a = .*; expected length 1",
+        r"fin.yaml: not a file of a vehicle, nothing reads it; expected fins.yaml",
+    ):
+        assert sum(bool(re.search(words, line)) for line in said) == 1, (words, said)
+
+
+def test_the_off_diagonal_that_a_mass_cannot_bear_is_named_by_its_line(tmp_path: Path) -> None:
+    path = write_vehicle("mine", tmp_path) / "parameters.yaml"
+    text = path.read_text().replace(
+        "      M_A_66:", "      M_A_26: {value: 90, unit: kg.m, source: nobody}\n      M_A_66:"
+    )
+    path.write_text(text)
+    line = text[: text.index("M_A_26")].count("\n") + 1
+    with pytest.raises(ParameterInvalid, match=rf":{line}: sets.estimated: M_A_26: added mass"):
+        declare(str(path.parent))
+
+
+def test_an_inertia_that_no_body_has_fails_a_check(tmp_path: Path) -> None:
+    path = write_vehicle("mine", tmp_path) / "parameters.yaml"
+    path.write_text(path.read_text().replace("I_g_22: {value: 0.27", "I_g_22: {value: 2.27"))
+    failed = {c.what: c.off for c in checks_of(str(path.parent)) if not c.holds}
+    assert failed == {"inertia is of a body": pytest.approx(2.279441 / (0.195081 + 0.34271) - 1)}

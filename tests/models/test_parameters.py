@@ -137,7 +137,7 @@ def test_a_direction_that_is_not_of_length_one_is_refused_with_its_line(tmp_path
     path = tmp_path / "thrusters.yaml"
     path.write_text(text.replace("[0, 0, -1]", "[0, 0, -2]", 1))
     line = text[: text.index("[0, 0, -1]")].count("\n") + 1
-    with pytest.raises(ParameterInvalid, match=f":{line}: e = .*expected length 1"):
+    with pytest.raises(ParameterInvalid, match=f":{line}: front right, .*e = .*expected length 1"):
         thruster_geometry(str(path))
 
 

@@ -14,6 +14,7 @@ from uuvsim_cosim.envs.tasks.scripted import scripted_policy
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.dataset import Dataset, Episode
 from uuvsim_cosim.learn.loading import acting_in, load_policies, random_policy
+from uuvsim_cosim.learn.policy import Named
 from uuvsim_cosim.learn.rollout import Rollout
 from uuvsim_cosim.learn.sequence_runner import begin
 from uuvsim_cosim.learn.task_ids import make_task
@@ -47,7 +48,7 @@ def collect(
     task = make_task(name, options)
     acts, parts = _acts(task, name, policy, seed)
     kept: list[Episode] = []
-    named: Any = None
+    named: tuple[tuple[Named, ...], tuple[Named, ...]] = (), ()
     for first in range(0, episodes, AT_ONCE):
         rows = np.arange(first, min(first + AT_ONCE, episodes))
         for part in parts:
@@ -59,7 +60,7 @@ def collect(
         finally:
             rollout.close()
     told = {"policy": Path(policy).name if str(policy) not in WORDS else str(policy), "seed": seed}
-    return Dataset(kept, *named, task=name, options=dict(options or {}), told=told)
+    return Dataset(kept, named[0], named[1], name, dict(options or {}), told)
 
 
 def _lived(rollout: Rollout, acts: Act, numbers: NDArray[np.intp]) -> list[Episode]:
@@ -93,13 +94,14 @@ def _lived(rollout: Rollout, acts: Act, numbers: NDArray[np.intp]) -> list[Episo
 def _acts(task: Task | TeamTask, name: str, policy: str | Path, seed: int) -> tuple[Act, list[Any]]:
     """Give how all agents act, and the policies that it is made of."""
     random = np.random.default_rng(seed)
+    given: Any
     if policy in ("scripted", "mixed"):
         given = scripted_policy(task)
     elif policy == "random":
         given = random_policy(task, seed)
     else:
         given = acting_in(task, load_policies(policy), name)
-    parts = [given[a] for a in task.agents] if isinstance(task, TeamTask) else [given]  # type: ignore[index]
+    parts = [given[a] for a in task.agents] if isinstance(task, TeamTask) else [given]
 
     def act(observation: Array, numbers: NDArray[np.intp]) -> Array:
         columns = [p(observation[:, j]) for j, p in enumerate(parts)]

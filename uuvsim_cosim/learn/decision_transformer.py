@@ -85,7 +85,7 @@ class Transformer(nn.Module):
 
     def forward(self, to_go: Tensor, o: Tensor, a: Tensor, step: Tensor, there: Tensor) -> Tensor:
         """Take (n, K, 1), (n, K, d), (n, K, a), steps (n, K), and which places there are (n, K)."""
-        n, K = step.shape
+        K = step.shape[1]
         time = self.embed_time(step)
         tokens = [self.embed_return(to_go), self.embed_observation(o), self.embed_action(a)]
         x = self.embed_norm(torch.stack([t + time for t in tokens], 2).flatten(1, 2))

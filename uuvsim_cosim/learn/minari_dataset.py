@@ -28,8 +28,8 @@ def write_minari(given: Dataset, path: Path) -> Path:
     from minari.dataset.minari_storage import MinariStorage
 
     seen, acts = (
-        Box(*(np.array([getattr(c, side) for c in named], np.float32) for side in ("low", "high")))
-        for named in (given.observation, given.action)
+        Box(np.array([c.low for c in n], np.float32), np.array([c.high for c in n], np.float32))
+        for n in (given.observation, given.action)
     )
     about = {
         "dataset_id": path.name,
@@ -44,8 +44,8 @@ def write_minari(given: Dataset, path: Path) -> Path:
     buffers = [
         EpisodeBuffer(
             id=i,
-            observations=e.observation,  # type: ignore[arg-type]
-            actions=e.action,  # type: ignore[arg-type]
+            observations=e.observation,
+            actions=e.action,
             rewards=list(e.reward),
             terminations=[False] * (len(e.action) - 1) + [e.terminated],
             truncations=[False] * (len(e.action) - 1) + [not e.terminated],

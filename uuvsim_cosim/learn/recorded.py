@@ -77,11 +77,11 @@ class _Reader:
         self.boxes = {a: ActionBox(plan, c) for a, c in self.channels.items()}
         self.box = None
         if isinstance(task, TeamTask):
-            low, high = task.limits(task.agents[0])
+            sides: tuple[NDArray[Any], NDArray[Any]] = task.limits(task.agents[0])
         else:
             self.box = ObservationBox(plan, self.signals, task.observations, task.extra_limits)
-            low, high = self.box.low, self.box.high
-        self.low, self.high = np.asarray(low, np.float32), np.asarray(high, np.float32)
+            sides = self.box.low, self.box.high
+        self.low, self.high = (np.asarray(s, np.float32) for s in sides)
         self.seen = tuple(
             Named(f"o[{i + 1}]", float(a), float(b))
             for i, (a, b) in enumerate(zip(self.low, self.high, strict=True))
@@ -125,6 +125,7 @@ class _Reader:
             about[0], values.copy(), step, about[1], action, _Start(),
             before=Instant(about[0], values[:, before], before, about[1], earlier, _Start()),
         )  # fmt: skip
+        seen: Mapping[str, NDArray[Any]]
         if isinstance(self.task, TeamTask):
             seen, reward, ended = self.task.observe(m), self.task.reward(m), self.task.terminated(m)
         else:

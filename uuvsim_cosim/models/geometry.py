@@ -73,7 +73,7 @@ def read_thrusters(path: Path) -> Geometry:
 def _vector(entry: Any, unit: str) -> list[float]:
     vector = [in_unit(float(v), str(entry["unit"]), unit) for v in entry["value"]]
     if not np.all(np.isfinite(vector)):
-        raise ValueError(f"{vector}; expected three finite numbers")
+        raise ValueError(f"{vector}; expected three numbers")
     return vector
 
 
@@ -97,14 +97,10 @@ def _mistakes(path: Path, data: Any) -> Iterator[tuple[int, str]]:
         if "e" in vectors and abs(np.linalg.norm(vectors["e"]) - 1.0) > 1e-6:
             at = line_of(data, ["thrusters", i, "e"])
             yield at, f"{name}: e = {vectors['e']}; expected length 1"
-        if "r" in vectors and reach is not None and np.linalg.norm(vectors["r"]) > reach:
-            yield (
-                line,
-                (
-                    f"{name}: r = {vectors['r']} m is {np.linalg.norm(vectors['r']):.3g} m from CO; "
-                    f"expected at most {reach:.3g} m, the hull's size"
-                ),
-            )
+        distance = float(np.linalg.norm(vectors.get("r", [0.0])))
+        if reach is not None and distance > reach:
+            text = f"{name}: r = {vectors['r']} m is {distance:.3g} m from CO; expected at most "
+            yield line, text + f"{reach:.3g} m, the hull's size"
         if len(vectors) == 2:
             place, push = np.round(vectors["r"], 6), np.abs(np.round(vectors["e"], 6))
             key_ = (*place.tolist(), *push.tolist())

@@ -156,6 +156,7 @@ def _buoyancy(
 _CAUSES = {
     "M is symmetric": "the file's added mass is not symmetric",
     "M is positive definite": "the file's inertia and added mass are not positive definite",
+    "inertia is of a body": "the file's largest moment of inertia exceeds the other two together",
     "water takes energy only": "the file's damping drives the vehicle in some direction",
     "level is neutral": "the file's centres of gravity and buoyancy are not in one line",
     "upright is stable": "the file's centre of gravity is above that of buoyancy",

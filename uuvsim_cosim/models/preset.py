@@ -6,6 +6,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import lru_cache
+from importlib import import_module
+from inspect import signature
 from pathlib import Path
 
 from uuvsim_cosim.content import content
@@ -33,7 +35,12 @@ class Preset:
         """
         self.asked.add(name)
         if name not in self.values:
-            raise ParameterInvalid(f"{self.path}: no parameter {name!r}; expected one in {unit}")
+            units = unit if isinstance(unit, str) else ", ".join(dict.fromkeys(unit))
+            others = self._others_with(name)
+            raise ParameterInvalid(
+                f"{self.path}: no parameter {name!r}; expected one in {units}"
+                + (f", as the preset {' or '.join(others)} has" if others else "")
+            )
         elements, read, line = self.values[name]
         try:
             given = read * len(elements) if len(read) == 1 else read
@@ -51,18 +58,33 @@ class Preset:
             )
         return converted
 
+    def _others_with(self, name: str) -> list[str]:
+        """List the shipped presets of the same kind that have the parameter."""
+        found: list[str] = []
+        if not {*self.path.parts[-3:-2]} & {*FOLDERS}:
+            return found
+        for path in sorted(self.path.parent.parent.glob(f"*/{self.path.name}")):
+            text = path.read_text(encoding="utf-8") if path != self.path else ""
+            if f"\n  {name}:" in text:
+                found.append(path.parent.name)
+        return found
+
     def number(self, name: str, unit: str) -> float:
         """Give a parameter that is a single number."""
         return self.vector(name, unit, 1)[0]
 
     def numbers(self, units: Mapping[str, str]) -> dict[str, float]:
-        """Give several single numbers; all mistakes are refused together."""
+        """Give the numbers of a file that holds these and no more; mistakes are said together."""
         found, problems = {}, []
         for name, unit in units.items():
             try:
                 found[name] = self.number(name, unit)
             except ParameterInvalid as error:
                 problems.append(str(error))
+        try:
+            self.complete()
+        except ParameterInvalid as error:
+            problems.append(str(error))
         if problems:
             raise ParameterInvalid("\n  ".join(problems))
         return found
@@ -88,13 +110,35 @@ class Preset:
             raise ParameterInvalid("\n  ".join(unknown))
 
 
-def presets_of(kind: str) -> dict[str, str]:
-    """Give the shipped presets of a component, id: what it is."""
+def presets_of(component: str) -> dict[str, str]:
+    """Give the shipped presets of a component, id: what it is.
+
+    Controllers share one kind of file; to each belong the presets that have its default's figures.
+    """
+    kind, own = component, _default_of(component)
+    if own is not None:
+        kind = next((f.stem for f in content("models", "controllers", own).glob("*.yaml")), kind)
     files = sorted(content("models").glob(f"*/*/{kind}.yaml"))
-    read = (
-        (f.parent.name, read_yaml(f, "preset.schema.json")) for f in files if f.parts[-3] in FOLDERS
-    )
-    return {id: str(data["description"]) for id, data in read}
+    read = {
+        f.parent.name: read_yaml(f, "preset.schema.json") for f in files if f.parts[-3] in FOLDERS
+    }
+    like = set(read[own]["parameters"]) if own in read else None
+    return {
+        id: str(data["description"])
+        for id, data in read.items()
+        if like is None or kind != "controller" or set(data["parameters"]) == like
+    }
+
+
+def _default_of(component: str) -> str | None:
+    """Give the preset that a component takes unless told, None if it has no such option."""
+    from uuvsim_cosim.models.library import LIBRARY
+
+    if component not in LIBRARY:
+        return None
+    module, function = LIBRARY[component].split(":")
+    id = signature(getattr(import_module(module), function)).parameters.get("id")
+    return id.default if id is not None and isinstance(id.default, str) else None
 
 
 @lru_cache

@@ -111,9 +111,7 @@ def propeller(
 def read_propeller(path: Path) -> dict[str, float]:
     """Read a propeller's figures, in SI; raises ParameterInvalid with the line of every mistake."""
     file = preset("vehicles", str(path), "propeller")
-    figures = file.numbers({name: unit for name, (unit, _, _) in _FIGURES.items()})
-    file.complete()
-    return figures
+    return file.numbers({name: unit for name, (unit, _, _) in _FIGURES.items()})
 
 
 def _share_left(m: Model, r: Any) -> Any:
