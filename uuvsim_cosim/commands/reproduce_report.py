@@ -92,9 +92,11 @@ def _row(scenario: str, way: str, runs: Sequence[Result]) -> str:
 
 
 def _scripted_row(scenario: str, run: Result) -> str:
+    from uuvsim_cosim.learn.statistics import interquartile_mean
+
     m = run.scripted_metrics
     means = [m["track"].mean(), m["dist"].mean(), m["viol"].mean(), (m["clean"] == 1.0).mean()]
-    cells = [scenario, "scripted", "", f"{run.scripted.mean():.4g}", "1",
+    cells = [scenario, "scripted", "", f"{interquartile_mean(run.scripted):.4g}", "1",
              *(f"{v:.3g}" for v in means), ""]  # fmt: skip
     return f"| {' | '.join(cells)} |"
 
