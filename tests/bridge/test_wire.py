@@ -101,7 +101,7 @@ def test_columns_are_read_as_they_were_written() -> None:
     [
         ({"a.y": 1}, "near names: a.x"),
         ({"a.x": [1, 2]}, "2 numbers were read; expected 6 numbers of type Float64 in m"),
-        ({"a.x": "word"}, "expected 6 numbers"),
+        ({"a.x": ["word"]}, "expected 6 numbers"),
         ({"a.n": 1.5}, "expected 1 number of type Int32"),
         ({"a.n": 1e12}, "expected -2147483648 to 2147483647"),
         ({"a.n": math.nan}, "Int32"),
@@ -113,6 +113,10 @@ def test_columns_are_read_as_they_were_written() -> None:
 def test_values_that_do_not_fit_are_refused_in_words(values: object, words: str) -> None:
     with pytest.raises(InputInvalid, match=words):
         taken(values, SCHEMA)
+
+
+def test_a_text_passes_as_it_is_for_it_may_carry_a_unit() -> None:
+    assert taken({"a.x": "0.4 km/h"}, SCHEMA) == {"a.x": "0.4 km/h"}
 
 
 @pytest.mark.parametrize(
