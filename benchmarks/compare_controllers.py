@@ -136,6 +136,7 @@ def draw(folder, flown):
         for i, (name, s) in enumerate(runs.items()):
             eta = s["hull.eta"]
             off = np.linalg.norm((eta - s["guidance.eta_d"])[:, :3], axis=1)
+            off[s.time < 0.05] = np.nan  # guidance has said nothing yet
             track.plot(eta[:, 1], eta[:, 0], lw=1, color=f"C{i}", label=name)
             error.semilogy(s.time[::10], 100 * off[::10] + 1e-3, lw=1, color=f"C{i}")
         track.set(xlabel="E [m]", ylabel="N [m]", aspect="equal")

@@ -148,8 +148,8 @@ class Policy:
             version = head.pop("uuvsim_policy")
         except (ValueError, KeyError, TypeError, OSError, EOFError, zipfile.BadZipFile) as error:
             raise InputInvalid(
-                f"{path}: {type(error).__name__}: {error}; expected a whole policy as "
-                "`uuvsim train` writes it"
+                f"{path}: no policy, or not all of one ({type(error).__name__}); expected a whole "
+                "policy as `uuvsim train` writes it"
             ) from None
         if version != FORMAT:
             raise InputInvalid(f"{path}: format {version}; expected {FORMAT}")

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from uuvsim_cosim.envs.options import near
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.curriculum import Curriculum, Stage, StageTrained, train_curriculum
 from uuvsim_cosim.learn.reproduce_results import Key, is_kept, keep
@@ -105,10 +104,10 @@ NEEDS: dict[Figure, tuple[Chain, ...]] = {
 
 
 def chains_of(figure: str) -> tuple[Chain, ...]:
-    """Give what a figure needs, or all of them do; raises InputInvalid with near names."""
+    """Give what a figure needs, or all of them do; raises InputInvalid with those there are."""
     names = [*FIGURES, "all"]
     if figure not in names:
-        raise InputInvalid(f"figure {figure!r}: no such figure; expected {near(figure, names)}")
+        raise InputInvalid(f"figure {figure!r}: no such figure; expected one of {', '.join(names)}")
     chosen = FIGURES if figure == "all" else (figure,)
     return tuple({c.way + c.scenarios[-1]: c for f in chosen for c in NEEDS[f]}.values())  # type: ignore[index]
 
