@@ -58,7 +58,10 @@ def training_html(
     """Give the report as one HTML page; `pictures` are PNG files by seed."""
     c = about["config"]
     title = f"{c['task']}, {c['algorithm']}"
-    steps = int(evaluations["step"][-1]) if len(evaluations.get("step", ())) else 0
+    last = [
+        columns["step"][-1] for columns in (evaluations, episodes) if len(columns.get("step", ()))
+    ]
+    steps = int(max(last, default=0))
     told = f"seed {c['seed']} · {c['envs']} environments · {steps:,} of {c['steps']:,} steps"
     count = len(episodes.get("return", ()))
     body = [
