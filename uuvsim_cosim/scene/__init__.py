@@ -1,0 +1,1 @@
+"""Charts to terrain, and what is seen, heard and touched of it."""
