@@ -19,6 +19,8 @@ class Box:
 
 @dataclass(frozen=True)
 class Sphere:
+    """A ball."""
+
     centre: Vector3  # m, N E D
     radius: float  # m
     name: str = ""
