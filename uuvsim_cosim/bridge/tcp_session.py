@@ -77,6 +77,7 @@ def serve(
         desk.leave(client)
         raise
     desk.leave(client)
+    send(frame({"ok": True}))  # after it: who has said bye, and was answered, holds nobody up
 
 
 def _hello(desk: Desk, admit: Admission, reader: Reader, certificate: str | None) -> Client:
@@ -125,7 +126,6 @@ def _answer_all(
                 layout = calls.knowing(partial(_Layout, calls, header))
                 data = frame({"ok": True, **layout.header()})
             elif header.get("call") == "bye":
-                send(frame({"ok": True}))
                 return
             else:
                 if header.get("call") == "replace":
