@@ -40,35 +40,6 @@ def tau(vehicle: str, u: list[float], nu_r: list[float]) -> np.ndarray:
     return np.asarray(r["tau"][-1])
 
 
-def test_the_fins_of_remus_are_presteros_control_derivatives() -> None:
-    delta, u = 1e-4, 1.5
-    rudder, stern = (
-        tau("remus100", [delta, delta, 0, 0], [u, 0, 0, 0, 0, 0]),
-        tau("remus100", [0, 0, delta, delta], [u, 0, 0, 0, 0, 0]),
-    )
-    scale = delta * u * u
-    np.testing.assert_allclose(rudder[[1, 5]] / scale, [9.64, -6.15], rtol=1e-6)
-    np.testing.assert_allclose(stern[[2, 4]] / scale, [-9.64, -6.15], rtol=1e-6)
-
-
-def test_the_fins_of_npsauv_are_the_published_derivatives() -> None:
-    """Y_dr = 0.027, N_dr = -0.013, Z_ds = -0.073, M_ds = -0.041, M_db / 2 = 0.0035; MSS B_delta."""
-    delta, u, q2 = 1e-4, 1.5, 0.5 * 1025 * 5.3**2
-    moments = [[0, -0.041, 0.0035, 0.0035], [-0.013, 0, 0, 0]]
-    for i in range(4):
-        one = [delta * (i == k) for k in range(4)]
-        found = tau("npsauv", one, [u, 0, 0, 0, 0, 0])[[4, 5]] / (delta * u * u * q2 * 5.3)
-        np.testing.assert_allclose(found, [moments[0][i], moments[1][i]], rtol=1e-6, atol=1e-9)
-
-
-def test_the_fins_of_lauv_lift_and_brake_as_their_constants_say() -> None:
-    """k_l = 9.8688, k_d = 6.513408 (N.s2/m2, by delta and by delta squared), for two rudders."""
-    u, delta = 1.2, 0.01
-    found = tau("lauv", [delta, 0, delta, 0], [u, 0, 0, 0, 0, 0])
-    assert found[1] == pytest.approx(2 * 9.8688 * u * u * delta, rel=1e-3)
-    assert found[0] == pytest.approx(-2 * 6.513408 * u * u * delta**2, rel=1e-3)
-
-
 @pytest.mark.parametrize("vehicle", WITH_FINS)
 def test_fins_that_are_not_turned_add_what_the_hull_lacks_and_no_more(vehicle: str) -> None:
     n = len(fin_geometry(vehicle).names)

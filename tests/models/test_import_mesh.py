@@ -224,6 +224,18 @@ def test_a_hull_that_is_lighter_than_its_water_says_so_and_why(tmp_path: Path) -
     assert any("--volume" in note for note in found.notes)
 
 
+def test_several_bodies_are_said_and_that_they_overlap(tmp_path: Path) -> None:
+    hull = box(1.0, 0.6, 0.4)
+    for move, said in (([0.0, 2.0, 0.0], False), ([0.3, 0.0, 0.0], True)):
+        two = np.concatenate([hull, hull + np.array(move)])
+        notes = import_mesh(binary(tmp_path / "a.stl", two), 400.0).notes
+        assert notes[0].startswith("2 bodies that do not touch are added up")
+        assert ("bodies 1 and 2 overlap" in notes[0]) == said
+    assert not any(
+        "bodies" in n for n in import_mesh(binary(tmp_path / "a.stl", hull), 200.0).notes
+    )
+
+
 def test_other_formats_are_read_by_trimesh(tmp_path: Path) -> None:
     (tmp_path / "a.obj").write_text(
         "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"

@@ -1,6 +1,5 @@
-"""Rotations against the MSS toolbox, and against each other."""
+"""Rotations against each other (`models check --source mss` compares them with MSS)."""
 
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -8,38 +7,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from ruamel.yaml import YAML
 
 from uuvsim_cosim.models import kinematics as k
 from uuvsim_cosim.models.library import declare
 from uuvsim_cosim.models.simulate import simulate
 
-MSS = YAML(typ="safe").load(Path(__file__).parent / "reference" / "mss_values.yaml")
 ANGLES = (0.1, -0.2, 0.5)
 angle = st.floats(-3.1, 3.1)
 
 
 def number(expression: Any) -> np.ndarray:
     return np.array(ca.evalf(ca.SX(expression)))
-
-
-@pytest.mark.parametrize(
-    ("ours", "name"),
-    [
-        (k.R_zyx(*ANGLES), "Rzyx_0p1_m0p2_0p5"),
-        (k.T_zyx(*ANGLES[:2]), "Tzyx_0p1_m0p2"),
-        (k.R(k.q_of_euler(*ANGLES)), "Rzyx_0p1_m0p2_0p5"),
-        (k.T_q(k.q_of_euler(*ANGLES)), "Tquat_of_that_q"),
-        (k.H(ca.SX([0.1, 0.2, 0.3])), "Hmtrx_r_0p1_0p2_0p3"),
-    ],
-)
-def test_matrices_agree_with_mss(ours: Any, name: str) -> None:
-    np.testing.assert_allclose(number(ours), MSS[name], rtol=0, atol=1e-9)
-
-
-def test_the_quaternion_of_euler_angles_agrees_with_mss() -> None:
-    q = number(k.q_of_euler(*ANGLES)).ravel()
-    np.testing.assert_allclose(q, MSS["euler2q_0p1_m0p2_0p5"][0], rtol=0, atol=1e-9)
 
 
 @given(angle, st.floats(-1.5, 1.5), angle)

@@ -42,7 +42,7 @@ def test_the_command_writes_it_and_says_how_to_go_on(
     said = capsys.readouterr().out
     assert "model:my_auv" in said
     assert not status_of(["models", "check", "my_auv"])
-    assert "7 of 7 checks hold" in capsys.readouterr().out
+    assert "7 of 7 comparisons hold" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -178,7 +178,7 @@ def test_a_check_that_fails_is_said_with_both_numbers(
     )
     assert status_of(["models", "check", str(folder)]) == 2
     said = capsys.readouterr()
-    assert "NO" in said.out
+    assert "FAILS" in said.out
     assert "standing still is 1 off; expected at most 0.1 (nobody)" in said.err
 
 

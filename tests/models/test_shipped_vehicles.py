@@ -1,4 +1,4 @@
-"""Each shipped vehicle: a whole folder, checks that hold, published geometry, its picture."""
+"""Each shipped vehicle: a whole folder, published geometry, its picture."""
 
 from __future__ import annotations
 
@@ -6,10 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ruamel.yaml import YAML
 
 from uuvsim_cosim.content import content
-from uuvsim_cosim.models.checks import checks_of
 from uuvsim_cosim.models.closed_forms import closed_forms, total_mass
 from uuvsim_cosim.models.ellipsoid import added_mass
 from uuvsim_cosim.models.geometry import configuration_matrix, thruster_geometry
@@ -40,18 +38,10 @@ EXPECTED = {
     "tethys_lrauv",
 }
 FLU = np.diag([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
-RECORDED = YAML(typ="safe").load(Path(__file__).parent / "reference" / "uuv_simulator_tam.yaml")
 
 
 def test_the_vehicles_that_were_promised_are_there() -> None:
     assert set(vehicle_ids()) >= EXPECTED
-
-
-@pytest.mark.parametrize("id", vehicle_ids())
-def test_every_check_of_a_vehicle_holds_or_its_cause_is_known(id: str) -> None:
-    done = list(checks_of(id))
-    assert len(done) >= 6 * len(vehicle_sets(id))
-    assert [(c.address, c.what, c.off) for c in done if not c.holds and not c.known] == []
 
 
 @pytest.mark.parametrize("id", vehicle_ids())
@@ -91,13 +81,6 @@ def test_the_interval_of_each_number_holds_every_set_that_lists_it(path: Path) -
         assert len({float(v["value"]) for v in values}) >= 2, name
 
 
-@pytest.mark.parametrize("id", ["rexrov", "rexrov2"])
-def test_the_configuration_of_thrusters_is_the_recorded_one(id: str) -> None:
-    """uuv_simulator's TAM.yaml, FLU; its degrees are cut after eight digits."""
-    ours = FLU @ configuration_matrix(thruster_geometry(id))
-    np.testing.assert_allclose(ours, RECORDED[id], atol=1e-6)
-
-
 def test_the_recorded_moments_of_saga_have_the_wrong_sign_in_pitch() -> None:
     """Forces and yaw agree with its TAM.yaml (astern is positive there); row M is its negative."""
     ours = FLU @ configuration_matrix(thruster_geometry("desistek_saga"))
@@ -117,12 +100,6 @@ def test_the_sphere_is_what_its_rules_say(set: str, r: float, rho: float) -> Non
     assert q["M_A_22"] == pytest.approx(added_mass(r, r, r, rho)[1], rel=1e-9)
     assert q["D_q_33"] == pytest.approx(0.25 * rho * np.pi * r * r, rel=1e-11)
     assert q["I_g_11"] == pytest.approx(0.4 * q["m"] * r * r, rel=1e-11)
-
-
-def test_the_spheres_numbers_of_uuv_simulators_own_test_come_out() -> None:
-    q = parameter_set("sphere", "uuv_simulator_test").quantities
-    assert q["M_A_11"].value == pytest.approx(2.15304, abs=1e-5)
-    assert q["D_q_11"].value == pytest.approx(8.0739, abs=1e-4)
 
 
 def test_added_mass_of_a_spheroid_is_fossens_lamb() -> None:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from uuvsim_cosim.errors import ParameterInvalid
-from uuvsim_cosim.models.table import TABLES, table1, table2
+from uuvsim_cosim.models.table import TABLES, interpolants, table1, table2
 
 X, Y = [0.0, 1.0, 3.0], [10.0, 20.0]
 V1 = [0.1, 0.7, -0.3]
@@ -83,3 +83,21 @@ def test_nan_is_passed_on() -> None:
 def test_a_grid_that_does_not_rise_is_refused(grid: list[float]) -> None:
     with pytest.raises(ParameterInvalid, match="expected two or more, rising"):
         table1(grid, grid)
+
+
+@pytest.mark.parametrize("at", [(-1.0, 12.0), (0.4, 9.0), (2.0, 13.0), (3.5, 25.0)])
+def test_casadis_interpolant_is_the_same_function_with_the_same_gradient(
+    at: tuple[float, float],
+) -> None:
+    def of(x: float, y: float) -> tuple[float, list[float]]:
+        a = ca.SX.sym("a", 2)
+        f = ca.Function("f", [a], [table2(X, Y, V2)(a[0], a[1])])
+        b = ca.MX.sym("b", 2)
+        J = ca.Function("J", [b], [ca.jacobian(f(b), b)])
+        return float(f([x, y])), [float(v) for v in J([x, y]).full().ravel()]
+
+    usual = of(*at)
+    with interpolants():
+        quick = of(*at)
+    assert quick[0] == pytest.approx(usual[0], abs=1e-14)
+    assert quick[1] == pytest.approx(usual[1], abs=1e-12)

@@ -2,16 +2,13 @@
 
 import numpy as np
 import pytest
-from ruamel.yaml import YAML
 
-from uuvsim_cosim.content import content
 from uuvsim_cosim.models.bench import read_bench
 from uuvsim_cosim.models.evaluation import Evaluation
 from uuvsim_cosim.models.geometry import configuration_matrix, thruster_geometry
 from uuvsim_cosim.models.library import declare
 from uuvsim_cosim.models.simulate import simulate
 
-BENCH = YAML(typ="safe").load(content("models", "thrusters", "t200", "bench.yaml"))["bench"]
 T200 = Evaluation(declare("thruster_t200"))
 
 
@@ -24,15 +21,6 @@ def steady(u: float, voltage: float) -> tuple[float, float, float]:
     assert float(T200.rhs(0, inputs, p, d, n, [])) == pytest.approx(0, abs=1e-9)
     thrust, speed, current = np.array(T200.outputs(0, inputs, p, d, n, [])).ravel()
     return thrust, speed, current
-
-
-@pytest.mark.parametrize("bench", BENCH, ids=lambda b: f"{b['voltage']['value']}V")
-def test_each_bench_row_comes_back_in_steady_state(bench: dict[str, dict[str, float]]) -> None:
-    for pwm, rpm, current, kgf in bench["rows"]:
-        ours = steady((pwm - 1500) / 400, bench["voltage"]["value"])
-        sign = np.sign(kgf)
-        expected = (kgf * 9.80665, sign * rpm * np.pi / 30, current)
-        np.testing.assert_allclose(ours, expected, rtol=1e-10, atol=1e-10)
 
 
 @pytest.mark.parametrize(("u", "thrust"), [(1, 51.485), (-1, -39.913)])

@@ -63,20 +63,6 @@ def test_bessas_motor_sags_with_its_voltage() -> None:
     assert n < 0.85 * N_MAX
 
 
-def test_the_curve_with_a_dead_zone_is_that_of_uuv_simulators_test() -> None:
-    """c_l = 0.001, c_r = 0.002, d_l = -50, d_r = 25: -2.45 N at -50 rad/s, 4.95 N at 50."""
-    model = declare("thruster", curve="bessa")
-    given = {"c_l": 0.001, "c_r": 0.002, "d_l": -50.0, "d_r": 25.0, "n_max": 50.0}
-    for u, thrust in ((1.0, 4.95), (-1.0, -2.45), (0.09, 0.0)):
-        r = step(model, 2.0, 5e-3, inputs={"u": u}, **given)
-        assert r["thrust"][-1] == pytest.approx(thrust, abs=1e-9)
-
-
-def test_the_quadratic_curve_is_that_of_uuv_simulators_test() -> None:
-    r = step(declare("thruster"), 2.0, 5e-3, n_max=50.0, K_n=0.0049)
-    assert r["thrust"][-1] == pytest.approx(12.25, abs=1e-9)
-
-
 def test_inside_its_dead_band_a_command_turns_nothing_and_full_stays_full() -> None:
     model = declare("thruster", dead_band=True)
     assert step(model, inputs={"u": 0.069})["n"][-1] == 0.0

@@ -1,4 +1,4 @@
-"""The hull in motion: published trajectories, closed forms, invariants, convergence order."""
+"""The hull in motion: invariants, convergence order, files (`models check` has the rest)."""
 
 from collections.abc import Callable
 from itertools import pairwise
@@ -8,7 +8,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from ruamel.yaml import YAML
 
 from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import ParameterInvalid
@@ -21,8 +20,6 @@ from uuvsim_cosim.models.rigid_body import C_RB
 from uuvsim_cosim.models.simulate import simulate
 from uuvsim_cosim.models.vehicle import hull
 
-CHECKS = YAML(typ="safe").load(Path(__file__).parent / "reference" / "published_checks.yaml")
-FORMS = CHECKS["closed_form_dynamics"]
 REFERENCE = content("models", "vehicles", "bluerov2_heavy", "reference")
 INERT = {"W": 0.0, "B": 0.0, "I_b_11": 1.0, "I_b_22": 1.0, "I_b_33": 1.0}
 FULL_M_A = {
@@ -61,88 +58,6 @@ DAMPED = {
     "D_l_35": 0.7,
 }
 MOVING = (0.6, -0.3, 0.2, 0.4, -0.5, 0.3)
-
-
-# ---- closed forms -------------------------------------------------------------------------------
-
-
-def surge(numbers: dict[str, float], u_0: float, X: float, until: float) -> float:
-    model = hull("point", INERT | numbers, surface=False)
-    start = {"nu_0": [u_0, 0, 0, 0, 0, 0]}
-    result = simulate(model, until=until, tau=[X, 0, 0, 0, 0, 0], parameters=start)
-    return float(result["nu"][-1, 0])
-
-
-def test_quadratic_drag_slows_as_its_closed_form() -> None:
-    c = FORMS[0]
-    exact = c["u0"] / (1 + c["k"] * c["u0"] * 10 / c["m"])
-    assert surge({"m": c["m"], "D_q_11": c["k"]}, c["u0"], 0.0, 10) == pytest.approx(
-        exact, abs=1e-9
-    )
-    assert exact == pytest.approx(c["u_t10"], abs=1e-8)
-
-
-def test_thrust_against_quadratic_drag_follows_its_closed_form() -> None:
-    c = FORMS[1]
-    exact = np.sqrt(c["F"] / c["k"]) * np.tanh(5 * np.sqrt(c["F"] * c["k"]) / c["m"])
-    assert surge({"m": c["m"], "D_q_11": c["k"]}, 0.0, c["F"], 5) == pytest.approx(exact, abs=1e-9)
-    assert exact == pytest.approx(c["u_t5"], abs=1e-9)
-
-
-def test_linear_drag_slows_exponentially() -> None:
-    c = FORMS[3]
-    assert surge({"m": 10.0, "D_l_11": 1.0}, c["v0"], 0.0, 10) == pytest.approx(
-        np.exp(-1.0), abs=1e-9
-    )
-
-
-def test_a_tilted_hull_swings_as_a_pendulum_of_small_amplitude() -> None:
-    c = FORMS[2]
-    body = {"m": 1.0, "W": c["W"], "B": c["W"], "I_b_11": c["I"], "I_b_22": c["I"]}
-    model = hull("p", {**body, "I_b_33": c["I"], "z_b": -c["h"]}, surface=False)
-    start = {"eta_0": [0, 0, 9, 1e-4, 0, 0]}
-    period = 2 * np.pi * np.sqrt(c["I"] / (c["W"] * c["h"]))
-    phi = simulate(model, at=[0, period / 4, period], parameters=start, h=0.01)["eta"][:, 3]
-    np.testing.assert_allclose(phi, [1e-4, 0.0, 1e-4], atol=1e-9)
-    assert period == pytest.approx(c["period_small_angle"], abs=1e-4)
-
-
-def test_the_sphere_of_the_analytic_form_reaches_its_terminal_speed() -> None:
-    """Net buoyancy of 1 N, radius 0.2 m:  w = sqrt(1 / (rho Cd pi r² / 2))."""
-    r, rho = 0.2, 1000.0
-    m, added, drag = (
-        4 / 3 * np.pi * r**3 * rho,
-        2 / 3 * np.pi * rho * r**3,
-        0.25 * rho * np.pi * r**2,
-    )
-    body = INERT | {"m": m, "W": 300.0, "B": 301.0, "D_q_33": drag}
-    body |= {f"M_A_{i}{i}": added for i in (1, 2, 3)}
-    w = simulate(hull("sphere", body, surface=False), until=60, h=0.02)["nu"][:, 2]
-    assert w[-1] == pytest.approx(-np.sqrt(1 / drag), abs=1e-5)
-    a = 1.0 / (m + added)  # from rest: w = -w_end tanh(a t / w_end)
-    exact = -np.sqrt(1 / drag) * np.tanh(a * 10 / np.sqrt(1 / drag))
-    assert w[500] == pytest.approx(exact, abs=1e-9)
-
-
-def test_rexrov_reaches_its_published_speeds() -> None:
-    known = CHECKS["rexrov_closed_form"]
-    body = INERT | {"m": 1862.87, "D_l_11": 74.82, "D_q_11": 748.22}
-    body |= {"D_l_33": 728.4, "D_q_33": 1821.01, "B": known["net_buoyancy_N"]}
-    model = hull("rexrov", body, surface=False)
-    nu = simulate(model, until=60, h=0.02, tau=[1000, 0, 0, 0, 0, 0])["nu"][-1]
-    assert nu[0] == pytest.approx(known["surge_1000N_mps"], abs=1e-6)
-    assert -nu[2] == pytest.approx(known["ascent_terminal_mps"], abs=1e-6)
-
-
-# ---- published trajectories ---------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("case", ["const_surge", "release_tilt"])
-@pytest.mark.parametrize("set", ["wu_2018", "von_benzon_2022"])
-def test_the_published_trajectory_is_reproduced(set: str, case: str) -> None:
-    deviations = check(f"bluerov2_heavy@{set}", REFERENCE / f"{set}_{case}.csv", h=5e-3)
-    assert len(deviations) == 12
-    assert max(d.max for d in deviations) < 1e-6
 
 
 def test_a_set_does_not_reproduce_the_other_ones_trajectory() -> None:

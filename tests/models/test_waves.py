@@ -116,3 +116,72 @@ def test_a_floating_hull_rides_a_long_wave() -> None:
 def test_a_number_of_components_that_is_none_is_refused(components: object) -> None:
     with pytest.raises(InputInvalid, match="whole number from 1"):
         waves(components)  # type: ignore[arg-type]
+
+
+# ---- shoal water and directional seas ----------------------------------------------------------
+
+
+def orbit(h: float, d: float, t: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Give v and a of the regular wave along N over a bottom."""
+    inputs, given = {"eta": [0, 0, d, 0, 0, 0]}, REGULAR | {"direction": 0.0, "phase": 0.0, "h": h}
+    r = simulate(waves(1, bottom=True), at=[t], inputs=inputs, parameters=given)
+    return r["v_c"][0], r["a_c"][0]
+
+
+def number(h: float) -> float:
+    """Solve omega² = g k tanh(k h) anew, by bisection."""
+    low, high = 1e-6, 50.0
+    for _ in range(200):
+        k = 0.5 * (low + high)
+        low, high = (k, high) if G * k * np.tanh(k * h) < OMEGA**2 else (low, k)
+    return k
+
+
+@pytest.mark.parametrize("h", [0.3, 1.0, 5.0, 12.0, 200.0])
+def test_waves_over_a_bottom_obey_its_dispersion_and_profile(h: float) -> None:
+    k = number(h)
+    for d in (0.0, 0.4 * h):
+        v, _ = orbit(h, d)
+        assert v[0] == pytest.approx(0.3 * OMEGA * np.cosh(k * (h - d)) / np.sinh(k * h), rel=1e-9)
+        v, a = orbit(h, d, t=1.0)  # a quarter of the period later, at sin theta = -1
+        rising = 0.3 * OMEGA * np.sinh(k * (h - d)) / np.sinh(k * h)
+        assert v[2] == pytest.approx(rising, rel=1e-9)
+        assert a[0] == pytest.approx(-OMEGA * orbit(h, d)[0][0], rel=1e-9)
+
+
+def test_at_the_bottom_the_water_moves_along_it_and_in_shoal_water_alike_at_all_depths() -> None:
+    assert orbit(5.0, 5.0, 1.0)[0][2] == pytest.approx(0.0, abs=1e-15)
+    top, bed = (orbit(0.05, d)[0][0] for d in (0.0, 0.05))
+    assert top == pytest.approx(bed, rel=0.02)
+    assert top == pytest.approx(0.3 * np.sqrt(G / 0.05), rel=0.01)
+
+
+def test_over_deep_water_a_bottom_changes_nothing() -> None:
+    inputs, given = {"eta": [3.0, -2.0, 1.5, 0, 0, 0]}, dict(REGULAR)
+    deep = simulate(waves(1), until=4.0, h=0.5, inputs=inputs, parameters=given)
+    given |= {"h": 100.0}
+    far = simulate(waves(1, bottom="true"), until=4.0, h=0.5, inputs=inputs, parameters=given)
+    for name in ("v_c", "a_c", "zeta"):
+        np.testing.assert_allclose(far[name], deep[name], atol=1e-12)
+
+
+def test_a_directional_sea_keeps_its_energy_and_has_the_spread_that_was_asked() -> None:
+    """Var zeta = H_s²/16, mean 0; v_h across over along is tan² of cos^2s's deviation."""
+    r = simulate(
+        waves(48, spreading=2), until=1500.0, h=1.0,
+        parameters={"H_s": 2.0, "T_p": 6.0, "direction": 0.0, "seed": [3, 0]},
+    )  # fmt: skip
+    zeta, v, a = (r[name][2:] for name in ("zeta", "v_c", "a_c"))
+    assert np.var(zeta) == pytest.approx(2.0**2 / 16.0, rel=0.06)
+    for x in (zeta, v, a):
+        assert np.abs(x.mean(axis=0)).max() < 0.02
+    s = 2.0  # E[cos 2 theta] of cos^2s(theta/2) is s (s - 1) / ((s + 1) (s + 2))
+    second = s * (s - 1) / ((s + 1) * (s + 2))
+    across, along = np.var(v[:, 1]), np.var(v[:, 0])
+    assert (along - across) / (along + across) == pytest.approx(second, abs=0.12)
+
+
+@pytest.mark.parametrize("s", [0.0, -1, 1e5])
+def test_a_spreading_that_is_none_is_refused(s: float) -> None:
+    with pytest.raises(InputInvalid, match=r"spreading=.*; expected more than 0"):
+        waves(4, spreading=s)

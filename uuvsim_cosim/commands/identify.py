@@ -91,10 +91,9 @@ def identify_command(
         written(manoeuvre, _csv(found.proposals[0]))
         line(f"written: {tilde(manoeuvre)}")
     if save_as is not None:
-        file = save(found, save_as)
-        name = save_as.rpartition("@")[2]
-        place = save_as.rpartition("@")[0] or file.parent.name
-        line(f"written: set {name} in {tilde(file)}; use it as model:{place}@{name}")
+        for saved in save(found, save_as):
+            name = save_as.rpartition("@")[2]
+            line(f"written: set {name} in {tilde(saved.file)}; use it as {saved.source}")
     if not found.converged:
         line(f"note: ipopt ended with {found.status} after {found.iterations} iterations")
 

@@ -83,64 +83,107 @@ def _start(value: Any) -> str:
 @app.command("check")
 def check(
     name: Annotated[
-        str | None, typer.Argument(help="A vehicle, as id, id@set or its folder; all, if left out.")
+        str | None,
+        typer.Argument(
+            help="A vehicle, as id, id@set or its folder, or a component such as thruster_t200; "
+            "everything, if left out."
+        ),
     ] = None,
-    reference: Annotated[Path | None, typer.Option(help="CSV of one reference trajectory.")] = None,
-    tolerance: Annotated[float, typer.Option(help="Largest deviation that passes.")] = 1e-5,
+    source: Annotated[
+        list[str] | None,
+        typer.Option(help="Whose numbers: mss, fossen, prestero, gz_sim, ...; may be repeated."),
+    ] = None,
+    against: Annotated[
+        Path | None,
+        typer.Option("--against", "--reference", help="CSV of one trajectory to compare with."),
+    ] = None,
+    tolerance: Annotated[float, typer.Option(help="With --against: what passes.")] = 1e-5,
+    relative: Annotated[
+        bool, typer.Option("--relative", help="With --against: of each column's greatest value.")
+    ] = False,
 ) -> None:
-    """Compare vehicles with trajectories, published values and closed forms; say how far off."""
-    if reference is None:
-        _check_all([name] if name else None)
-        return
-    if name is None:
-        raise InputInvalid("--reference needs a vehicle before it, such as bluerov2_heavy@wu_2018")
-    if not reference.is_file():
-        raise InputInvalid(f"{reference}: no such file; expected a CSV of a trajectory")
-    from uuvsim_cosim.models.check import check as compare
+    """Compare with trajectories, published values and closed forms; say how far off each is."""
+    from uuvsim_cosim.models.checked import known_groups
 
-    deviations = compare(name, reference)
+    groups = known_groups(source or ())
+    if against is None:
+        _check_all(name, groups)
+        return
+    if groups:
+        raise InputInvalid("--source and --against: expected one of them")
+    if name is None:
+        raise InputInvalid("--against needs a vehicle before it, such as bluerov2_heavy@wu_2018")
+    if not tolerance >= 0:
+        raise InputInvalid(f"--tolerance {tolerance:g}; expected a number from 0")
+    if not against.is_file():
+        raise InputInvalid(f"{against}: no such file; expected a CSV of a trajectory")
+    _check_against(name, against, tolerance, relative)
+
+
+def _check_against(name: str, path: Path, tolerance: float, relative: bool) -> None:
+    from uuvsim_cosim.models.check import deviations, read_reference
+
+    reference = read_reference(path)
+    found = deviations(name, reference)
+    for note in reference.notes:
+        line(note)
     table(
-        ("column", "largest deviation", "at t [s]"),
-        [(d.column, f"{d.max:.3g}", f"{d.t:g}") for d in deviations],
+        ("column", "largest deviation", "of its greatest value", "at t [s]"),
+        [(d.column, f"{d.max:.3g}", _share(d.relative), f"{d.t:g}") for d in found],
     )
-    worst = max(deviations, key=lambda d: d.max)
-    if not worst.max <= tolerance:
+
+    def off(d: Any) -> float:
+        return float(min(d.max, d.relative) if relative else d.max)
+
+    worst = max(found, key=off)
+    kind = "relative to its greatest value" if relative else "off"
+    if not off(worst) <= tolerance:
         raise InputInvalid(
-            f"{name} against {reference}: {worst.column} is {worst.max:.3g} off at "
+            f"{name} against {path}: {worst.column} is {off(worst):.3g} {kind} at "
             f"t = {worst.t:g} s; expected at most {tolerance:g}"
         )
-    line(f"{name} agrees with {reference.name} within {tolerance:g}")
+    line(f"{name} agrees with {path.name} within {tolerance:g}{' relative' if relative else ''}")
 
 
-def _check_all(names: list[str] | None) -> None:
-    from uuvsim_cosim.models.checks import checks_of
-    from uuvsim_cosim.models.parameters import vehicle_ids
+def _share(relative: float) -> str:
+    return f"{relative:.3g}" if relative < 1e3 else "-"
 
-    done = [c for name in names or vehicle_ids() for c in checks_of(name)]
-    words = {True: "yes", False: "NO"}
+
+def _check_all(name: str | None, groups: set[str]) -> None:
+    from uuvsim_cosim.models.checked import GROUPS
+    from uuvsim_cosim.models.checks import checks_of, every_check, groups_of
+
+    done = list(every_check(groups) if name is None else checks_of(name, groups))
+    if not done:
+        there = ", ".join(groups_of(name or ""))
+        raise InputInvalid(
+            f"{name}: nothing of {', '.join(sorted(groups))} is compared with it; expected {there}"
+        )
     table(
-        ("vehicle", "check", "off", "at most", "holds"),
+        ("source", "vehicle", "quantity", "difference", "tolerance", "verdict"),
         [
-            (c.address, c.what, f"{c.off:.2g}", f"{c.tolerance:g}",
-             "known" if c.known else words[c.holds])
+            (c.group, c.address or "-", c.what, f"{c.off:.2g}", f"{c.tolerance:g}", c.verdict)
             for c in done
         ],
-    )  # fmt: skip
+    )
     for c in done:
-        if c.known:
-            line(f"known: {c.address}: {c.what}: {c.known}")
-    failed = [c for c in done if not c.holds and not c.known]
+        if c.verdict == "known":
+            where = f"{c.address}: " if c.address else ""
+            line(f"known: {where}{c.what}: {c.known}")
+    for group in sorted({c.group for c in done} & set(GROUPS)):
+        line(f"{group}: {GROUPS[group]}")
+    failed = [c for c in done if c.verdict == "FAILS"]
     if failed:
         raise InputInvalid(
             "; ".join(
-                f"{c.address}: {c.what} is {c.off:.3g} off; expected at most {c.tolerance:g}"
-                f" ({c.source})"
+                f"{c.address or c.group}: {c.what} is {c.off:.3g} off; expected at most "
+                f"{c.tolerance:g} ({c.source})"
                 for c in failed
             )
         )
     kept = sum(c.holds for c in done)
     rest = ", the cause of the rest is known" if kept < len(done) else ""
-    line(f"{kept} of {len(done)} checks hold{rest}")
+    line(f"{kept} of {len(done)} comparisons hold{rest}")
 
 
 @app.command("new")

@@ -18,11 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.check_held import rows_of
 from uuvsim_cosim.models.library import declare
+from uuvsim_cosim.models.parameters import vehicle_folder
 from uuvsim_cosim.models.signal import Signal
-from uuvsim_cosim.models.simulate import simulate
 
-__all__ = ["Deviation", "Reference", "check", "read_reference"]
+__all__ = ["Deviation", "Reference", "check", "deviations", "group_of", "read_reference"]
 
 Array = NDArray[np.float64]
 ETA = ("N_m", "E_m", "D_m", "phi_rad", "theta_rad", "psi_rad")
@@ -34,11 +35,17 @@ ANGLES = ("phi_rad", "theta_rad", "psi_rad")
 
 @dataclass(frozen=True)
 class Deviation:
-    """The greatest deviation of one column, and the time [s] at which it is."""
+    """The greatest deviation of one column, the time [s] at which it is, and the column's size."""
 
     column: str
     max: float
     t: float
+    size: float = 0.0
+
+    @property
+    def relative(self) -> float:
+        """Give the deviation over the greatest value of its column, 0 where that is 0 as well."""
+        return self.max / self.size if self.size else 0.0 if self.max == 0 else float("inf")
 
 
 @dataclass(frozen=True)
@@ -52,36 +59,53 @@ class Reference:
     v_c: Array
     held: bool
     surface: bool
+    notes: tuple[str, ...] = ()
 
 
 def check(model_id: str, reference_csv: str | Path, h: float = 1e-3) -> list[Deviation]:
     """Give the deviations of a model, such as ``bluerov2_heavy@wu_2018``, from a file."""
     reference = read_reference(Path(reference_csv))
-    options = {} if reference.surface else {"surface": False}
-    signals = [Signal(reference.t, reference.tau[:, i], reference.held) for i in range(6)]
-    current = [Signal(reference.t, reference.v_c[:, i], True) for i in range(3)]
-    flows = {"v_c": lambda t: [signal(t) for signal in current]} if reference.v_c.any() else None
-    result = simulate(
-        declare(model_id, **options),
-        at=[float(t) for t in reference.t],
-        h=h,
-        tau=lambda t: [signal(t) for signal in signals],
-        inputs=flows,
-        parameters={"eta_0": reference.eta[0], "nu_0": reference.nu[0]},
+    return deviations(model_id, reference, h)
+
+
+def deviations(model_id: str, reference: Reference, h: float = 1e-3) -> list[Deviation]:
+    """Give the deviations of a hull from a trajectory that is read, by steps of at most h [s].
+
+    Raises ParameterInvalid for a model that is no vehicle.
+    """
+    vehicle_folder(model_id)  # raises with near names
+    model = declare(model_id, **({} if reference.surface else {"surface": False}))
+    signals = [Signal(reference.t, column, reference.held) for column in reference.tau.T]
+    signals += [Signal(reference.t, column, True) for column in reference.v_c.T]
+    result = rows_of(
+        model,
+        reference.t,
+        h,
+        lambda t: np.column_stack([signal.at(t) for signal in signals]),
+        {"eta_0": reference.eta[0], "nu_0": reference.nu[0]},
     )
-    deviations = []
-    for names, ours, theirs in (
+    found = []
+    for columns, ours, theirs in (
         (ETA, result["eta"], reference.eta),
         (NU, result["nu"], reference.nu),
     ):
         difference = ours - theirs
-        for i, name in enumerate(names):
+        for i, name in enumerate(columns):
             column = difference[:, i]
             if name in ANGLES:
                 column = np.remainder(column + np.pi, 2 * np.pi) - np.pi
             worst = int(np.argmax(np.abs(column)))
-            deviations.append(Deviation(name, float(abs(column[worst])), float(reference.t[worst])))
-    return deviations
+            size = float(np.max(np.abs(theirs[:, i])))
+            at = float(reference.t[worst])
+            found.append(Deviation(name, float(abs(column[worst])), at, size))
+    return found
+
+
+def group_of(path: Path) -> str:
+    """Give whose numbers a file says it holds (`group:` in its `#` lines), else published."""
+    notes = " ".join(read_reference(path).notes)
+    word = notes.partition("group:")[2].split()
+    return word[0].strip(";,.") if word else "published"
 
 
 def read_reference(path: Path) -> Reference:
@@ -120,6 +144,7 @@ def read_reference(path: Path) -> Reference:
         columns(CURRENT),
         held="zero-order hold" in notes or "zoh" in notes,
         surface="no surface" not in notes,
+        notes=tuple(line.lstrip("# ").rstrip() for line in lines if line.startswith("#")),
     )
 
 

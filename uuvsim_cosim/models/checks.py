@@ -1,79 +1,140 @@
-"""Every check of a vehicle: reference trajectories, published values, closed forms, in one list.
+"""Every comparison of a vehicle, a component or a function, in one list of rows.
 
-`reference/<set>_*.csv` are trajectories (check.py), `checks.yaml` holds single published values
-and the closed forms that a published set is known to break, with the cause.
+In a vehicle's folder `reference/<set>_*.csv` are trajectories (check.py), `checks.yaml` holds
+single published values and the closed forms that a published set is known to break, with the cause.
+What needs more than one number stands in check_*.py; the figures lie in models/reference.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping
+from difflib import get_close_matches
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.models.check import check
+from uuvsim_cosim.errors import ComponentFailed, InputInvalid
+from uuvsim_cosim.models.check import check, group_of
+from uuvsim_cosim.models.check_held import end_of
+from uuvsim_cosim.models.checked import GROUPS, Checked, compared
 from uuvsim_cosim.models.closed_forms import closed_forms
 from uuvsim_cosim.models.folder import read_folder
 from uuvsim_cosim.models.library import declare
 from uuvsim_cosim.models.parameters import (
+    is_vehicle,
     line_of,
     read_yaml,
     split_address,
     vehicle_folder,
+    vehicle_ids,
     vehicle_sets,
 )
-from uuvsim_cosim.models.simulate import simulate
 
-__all__ = ["Checked", "checks_of"]
+__all__ = ["Checked", "checks_of", "every_check", "groups_of"]
 
-TRAJECTORY_TOLERANCE = 1e-5
+TRAJECTORY_TOLERANCE = {"prestero": 1e-6, "typed_again": 1e-6}  # of others 1e-5
+EXPECTED = ("eta", "nu", "nu_dot", "nu_r")
+# (group, vehicle or component, empty for functions; where the rows come from)
+COMPARISONS = (
+    ("closed_form", "", "check_solutions:solutions"),
+    ("mss", "", "check_mss:functions"),
+    ("gz_sim", "", "check_gz_sim:functions"),
+    ("uuv_simulator", "thruster", "check_uuv_simulator:thrusters"),
+    ("blue_robotics", "thruster_t200", "check_actuators:t200"),
+    ("mss", "npsauv", "check_npsauv:npsauv"),
+    ("healey_lienard", "npsauv", "check_actuators:fins_of_npsauv"),
+    ("lauv_gazebo", "lauv", "check_actuators:fins_of_lauv"),
+    ("fossen", "remus100", "check_fossen:trajectories"),
+    ("prestero", "remus100", "check_prestero:coefficients"),
+    ("uuv_simulator", "rexrov", "check_uuv_simulator:rexrov"),
+    ("uuv_simulator", "rexrov2", "check_uuv_simulator:allocation_of_rexrov2"),
+    ("uuv_simulator", "sphere", "check_uuv_simulator:sphere"),
+    ("lrauv", "tethys_lrauv", "check_lrauv:tethys"),
+)
 
 
-@dataclass(frozen=True)
-class Checked:
-    """One comparison; `known` is the cause of a difference that is known, else empty."""
-
-    address: str
-    what: str
-    off: float
-    tolerance: float
-    source: str
-    known: str = ""
-
-    @property
-    def holds(self) -> bool:
-        """Say whether it is within its tolerance."""
-        return self.off <= self.tolerance
+def every_check(groups: Collection[str] = ()) -> Iterator[Checked]:
+    """Run everything, or what is of these groups: functions, components, then the vehicles."""
+    ids = vehicle_ids()
+    for owner in dict.fromkeys(owner for _, owner, _ in COMPARISONS if owner not in ids):
+        yield from _of(owner, None, groups)
+    for id in ids:
+        yield from checks_of(id, groups)
 
 
-def checks_of(address: str, h: float = 1e-2) -> Iterator[Checked]:
-    """Run every check of a vehicle, or of one of its sets (``id@set``).
+def checks_of(address: str, groups: Collection[str] = ()) -> Iterator[Checked]:
+    """Run every check of a vehicle, of one of its sets (``id@set``), or of a component.
 
     First every file of its folder is read: raises ParameterInvalid with all mistakes of all.
     """
+    if address and address in {owner for _, owner, _ in COMPARISONS} - set(vehicle_ids()):
+        yield from _of(address, None, groups)
+        return
     id, chosen = split_address(address)
+    if not is_vehicle(id):
+        raise InputInvalid(_no_such(id))
     read_folder(id)
     sets = vehicle_sets(id)
     if chosen is not None and chosen not in sets:
         raise InputInvalid(
             f"{id}: there is no parameter set {chosen!r}; expected {', '.join(sets)}"
         )
-    folder = vehicle_folder(id)
-    data = _read(folder, sets)
+    data = _read(vehicle_folder(id), sets)
     wanted = sets if chosen is None else [chosen]
-    for file in sorted((folder / "reference").glob("*.csv")):
+    for file, owner in _trajectories(id, sets):
+        group = group_of(file)
+        if owner in wanted and (not groups or group in groups):
+            worst = max(check(f"{id}@{owner}", file, 5e-3), key=lambda d: d.max)
+            what = f"trajectory {file.stem.removeprefix(owner).strip('_')}: {worst.column}"
+            source = f"{GROUPS.get(group, group)}: {file.name}"
+            at_most = TRAJECTORY_TOLERANCE.get(group, 1e-5)
+            yield Checked(f"{id}@{owner}", what, worst.max, at_most, source, group=group)
+    for i, entry in enumerate(data.get("checks", ())):
+        group = str(entry.get("group", "published"))
+        if entry["set"] in wanted and (not groups or group in groups):
+            try:
+                yield _published(id, entry, group)
+            except (InputInvalid, ComponentFailed) as error:
+                at = line_of(data, ["checks", i])
+                place = vehicle_folder(id) / "checks.yaml"
+                raise InputInvalid(f"{place}:{at}: {entry['what']}: {error}") from None
+    yield from _of(id, chosen, groups)
+    if not groups or "closed_form" in groups:
+        yield from _closed_forms(id, wanted, data)
+
+
+def groups_of(address: str) -> list[str]:
+    """List the groups that there are comparisons of, for a vehicle, a component, or all ("")."""
+    id, _ = split_address(address)
+    found = {group for group, owner, _ in COMPARISONS if not id or owner == id}
+    for one in [id] if id else vehicle_ids():
+        if is_vehicle(one):
+            sets = vehicle_sets(one)
+            found |= {group_of(file) for file, _ in _trajectories(one, sets)} | {"closed_form"}
+            data = _read(vehicle_folder(one), sets)
+            found |= {str(e.get("group", "published")) for e in data.get("checks", ())}
+    return sorted(found)
+
+
+def _of(owner: str, chosen: str | None, groups: Collection[str]) -> Iterator[Checked]:
+    """Give the rows of modules for a vehicle or a component."""
+    for group, of, place in COMPARISONS:
+        if of == owner and (not groups or group in groups):
+            module, function = place.split(":")
+            for row in getattr(import_module(f"uuvsim_cosim.models.{module}"), function)():
+                if chosen is None or row.address in (owner, f"{owner}@{chosen}"):
+                    yield row
+
+
+def _trajectories(id: str, sets: list[str]) -> Iterator[tuple[Path, str]]:
+    for file in sorted((vehicle_folder(id) / "reference").glob("*.csv")):
         owners = [s for s in sets if file.stem == s or file.stem.startswith(f"{s}_")]
         if not owners:
             raise InputInvalid(f"{file}: expected a name that begins with {', '.join(sets)}")
-        owner = max(owners, key=len)
-        if owner in wanted:
-            worst = max(check(f"{id}@{owner}", file, h), key=lambda d: d.max)
-            what = f"trajectory {file.stem.removeprefix(owner).strip('_')}: {worst.column}"
-            yield Checked(f"{id}@{owner}", what, worst.max, TRAJECTORY_TOLERANCE, file.name)
-    for entry in data.get("checks", ()):
-        if entry["set"] in wanted:
-            yield _published(id, entry, 2.0 * h)
+        yield file, max(owners, key=len)
+
+
+def _closed_forms(id: str, wanted: list[str], data: Any) -> Iterator[Checked]:
     for name in wanted:
         for form in closed_forms(declare(f"{id}@{name}", surface=False)):
             known = [
@@ -81,31 +142,40 @@ def checks_of(address: str, h: float = 1e-2) -> Iterator[Checked]:
                 for k in data.get("known", ())
                 if k["check"] == form.name and k["set"] in (name, "*")
             ]
-            cause = known[0] if known and form.off > form.tolerance else ""
-            yield Checked(f"{id}@{name}", form.name, form.off, form.tolerance, "closed form", cause)
+            yield Checked(
+                f"{id}@{name}",
+                form.name,
+                form.off,
+                form.tolerance,
+                "closed form",
+                known[0] if known and form.off > form.tolerance else "",
+                "closed_form",
+            )
 
 
-def _published(id: str, entry: Mapping[str, Any], h: float) -> Checked:
+def _published(id: str, entry: Mapping[str, Any], group: str) -> Checked:
     address = f"{id}@{entry['set']}"
-    until = float(entry["until"])
-    inputs = {"v_c": entry["v_c"]} if "v_c" in entry else None
-    result = simulate(
-        declare(address, surface=False),
-        at=[0.0, until] if until > 0 else [0.0],
-        h=h,
-        tau=entry.get("tau"),
-        inputs=inputs,
-        parameters=entry.get("parameters"),
-    )
-    off = 0.0
+    inputs = {name: entry[name] for name in ("tau", "v_c") if name in entry}
+    model = declare(address, surface=False)
+    result = end_of(model, float(entry["until"]), 2e-2, inputs, entry.get("parameters"))
+    ours, theirs = [], []
     for output, values in entry["expect"].items():
-        if output not in ("eta", "nu", "nu_dot", "nu_r"):
-            raise InputInvalid(f"{address}: expect: {output!r}; expected eta, nu, nu_dot or nu_r")
-        for ours, theirs in zip(result[output][-1], values, strict=True):
-            if theirs is not None:
-                off = max(off, float(abs(ours - theirs)))
-    return Checked(
-        address, str(entry["what"]), off, float(entry["tolerance"]), str(entry["source"])
+        for one, other in zip(result[output], values, strict=True):
+            if other is not None:
+                ours.append(one)
+                theirs.append(float(other))
+    what, source, most = str(entry["what"]), str(entry["source"]), float(entry["tolerance"])
+    return compared(group, address, what, ours, theirs, most, source=source)
+
+
+def _no_such(name: str) -> str:
+    if Path(name).expanduser().is_dir():
+        return f"{name}: a folder without a parameters.yaml; expected a vehicle's folder"
+    known = sorted({*vehicle_ids(), *(owner for _, owner, _ in COMPARISONS if owner)})
+    near = get_close_matches(name, known, n=3)
+    return (
+        f"there is nothing to compare {name!r} with; expected {', '.join(near or known)}, the path "
+        "of a folder with a parameters.yaml, or of such a file"
     )
 
 
@@ -121,7 +191,11 @@ def _read(folder: Path, sets: list[str]) -> Any:
                 raise InputInvalid(
                     f"{path}:{line}: set: {entry['set']!r}; expected {', '.join(sets)}"
                 )
-            for values in entry.get("expect", {}).values():
+            for output, values in entry.get("expect", {}).items():
+                if output not in EXPECTED:
+                    line = line_of(data, [kind, i, "expect"])
+                    known = f"{', '.join(EXPECTED[:-1])} or {EXPECTED[-1]}"
+                    raise InputInvalid(f"{path}:{line}: expect: {output!r}; expected {known}")
                 if all(v is None for v in values):
                     line = line_of(data, [kind, i, "expect"])
                     raise InputInvalid(f"{path}:{line}: expect: nothing; expected a number")

@@ -5,6 +5,7 @@ A component reads only the files that it needs; who checks a vehicle wants to kn
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from difflib import get_close_matches
 from pathlib import Path
@@ -36,6 +37,8 @@ def read_folder(vehicle: str) -> None:
                 read(folder)
             except ParameterInvalid as error:
                 problems += str(error).split("\n  ")
+            else:
+                problems += _owner(folder / name)
     if problems:
         raise ParameterInvalid("\n  ".join(dict.fromkeys(problems)))
 
@@ -46,6 +49,16 @@ def _strangers(folder: Path) -> Iterator[str]:
         if path.name not in _READERS:
             near = get_close_matches(path.name, _READERS, 1) or _READERS
             yield f"{path}: not a file of a vehicle, nothing reads it; expected {', '.join(near)}"
+
+
+def _owner(path: Path) -> Iterator[str]:
+    """Give a sentence where a file says that it is of another vehicle than its folder."""
+    name = path.resolve().parent.name
+    for n, text in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+        found = re.match(r"(id|vehicle):\s*([^#]*)", text)
+        said = found[2].strip().strip("'\"") if found else name
+        if found and said != name:
+            yield f"{path}:{n}: {found[1]}: {said!r}; expected {name!r}, the folder's name"
 
 
 def _hull(folder: Path) -> None:

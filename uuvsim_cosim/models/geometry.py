@@ -24,7 +24,13 @@ from uuvsim_cosim.models.parameters import (
     vehicle_folder,
 )
 
-__all__ = ["Geometry", "configuration_matrix", "read_thrusters", "thruster_geometry"]
+__all__ = [
+    "Geometry",
+    "configuration_matrix",
+    "read_thrusters",
+    "thruster_geometry",
+    "thrusters_file",
+]
 
 
 @dataclass(frozen=True)
@@ -63,11 +69,16 @@ def thruster_geometry(vehicle: str) -> Geometry:
 
 def read_thrusters(path: Path) -> Geometry:
     """Read a file of thrusters; raises ParameterInvalid with the line of every mistake."""
-    data = read_yaml(path, "thrusters.schema.json", lambda data: _mistakes(path, data))
+    data = thrusters_file(path)
     items = data["thrusters"]
     r = np.array([_vector(t["r"], "m") for t in items])
     e = np.array([_vector(t["e"], "1") for t in items])
     return Geometry(tuple(str(t["name"]) for t in items), r, e)
+
+
+def thrusters_file(path: Path) -> Any:
+    """Read a file of thrusters as it stands; raises ParameterInvalid with every mistake."""
+    return read_yaml(path, "thrusters.schema.json", lambda data: _mistakes(path, data))
 
 
 def _vector(entry: Any, unit: str) -> list[float]:
@@ -81,6 +92,10 @@ def _mistakes(path: Path, data: Any) -> Iterator[tuple[int, str]]:
     """Give (line, sentence) of each thruster that cannot stand there or push that way."""
     if "model" in data:
         yield from _unknown_model(data)
+    if "sets" in data:
+        from uuvsim_cosim.models.thruster_set import set_mistakes
+
+        yield from set_mistakes(data)
     reach = _reach(path)
     seen: dict[tuple[float, ...], str] = {}
     for i, item in enumerate(data["thrusters"]):

@@ -160,7 +160,11 @@ def parameter_set(id: str, set: str | None = None) -> ParameterSet:
 
 def in_unit(value: float, read: str, wanted: str) -> float:
     """Convert a value; raises ValueError if the units are not commensurable."""
-    one, other = parse_unit(read), parse_unit(wanted)
+    try:
+        one = parse_unit(read)
+    except ValueError as error:
+        raise ValueError(f"{error}; expected {wanted!r} or one commensurable with it") from None
+    other = parse_unit(wanted)
     if not one.commensurable(other):
         raise ValueError(f"unit {read!r}; expected {wanted!r} or one commensurable with it")
     factor, offset = one.conversion_to(other)
@@ -201,7 +205,9 @@ def _load(path: Path) -> Any:
     except MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
         problem = str(error.problem or error.context).splitlines()[0]
-        raise ParameterInvalid(f"{path}:{line}: {problem}; expected YAML") from None
+        problem, twice, _ = problem.partition(" with value ")
+        wanted = "each name once" if twice else "YAML"
+        raise ParameterInvalid(f"{path}:{line}: {problem}; expected {wanted}") from None
     except (OSError, UnicodeDecodeError, YAMLError) as error:
         raise ParameterInvalid(f"{path}: cannot be read as YAML: {error}") from None
 
@@ -222,6 +228,10 @@ def line_of(data: Any, path: list[Any]) -> int:
 def _sentence(error: Any) -> str:
     place = ".".join(str(part) for part in error.absolute_path) or "the file"
     expected = error.schema.get("description", f"{error.validator}: {error.validator_value}")
+    if error.validator == "additionalProperties" and any(
+        isinstance(key, int | float) for key in error.instance
+    ):
+        expected += "; a number has a decimal point, no comma"
     return f"{place}: {error.message}; expected {expected}"
 
 

@@ -37,6 +37,17 @@ class Signal:
         piece = int(np.searchsorted(self._starts, t, side="right")) - 1
         return float(self._pieces[max(piece, 0)][1](t))
 
+    def at(self, t: Array) -> Array:
+        """Give the values at many times at once."""
+        if self._held:
+            return self.values[np.maximum(np.searchsorted(self.t, t, side="right") - 1, 0)]
+        values = np.full(len(t), float(self.values[-1]))
+        piece = np.maximum(np.searchsorted(self._starts, t, side="right") - 1, 0)
+        for i, (_, function) in enumerate(self._pieces):
+            here = (piece == i) & (t < self.t[-1])
+            values[here] = function(t[here])
+        return values
+
 
 def _pieces(t: Array, values: Array) -> list[tuple[int, Any]]:
     """Give (index of the first sample, function) of each piece."""

@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import hashlib
 from bisect import bisect_right
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from math import isnan
 from typing import Any
@@ -20,7 +22,7 @@ import numpy as np
 
 from uuvsim_cosim.errors import ParameterInvalid
 
-__all__ = ["TABLES", "Table", "table1", "table2"]
+__all__ = ["TABLES", "Table", "interpolants", "table1", "table2"]
 
 Grid = tuple[float, ...]
 
@@ -62,12 +64,13 @@ class Table:
 
 TABLES: dict[str, Table] = {}
 _CALLBACKS: dict[str, Any] = {}  # CasADi does not keep a Callback alive
+_INTERPOLANTS: ContextVar[bool] = ContextVar("interpolants", default=False)
 
 
 def table1(x: Sequence[float], values: Sequence[float]) -> Callable[[Any], Any]:
     """Give the linear table of `values` over the rising grid `x`, as a function of an SX."""
     table = _register("table1", x, (), values)
-    return lambda at: _CALLBACKS[table.name].call([at], False, True)[0]
+    return lambda at: _callable(table).call([at], False, True)[0]
 
 
 def table2(
@@ -76,7 +79,30 @@ def table2(
     """Give the bilinear table of values[y][x] over two rising grids, as a function of two SX."""
     flat = [float(v) for row in values for v in row]
     table = _register("table2", x, y, flat)
-    return lambda at_x, at_y: _CALLBACKS[table.name].call([at_x, at_y], False, True)[0]
+    return lambda at_x, at_y: _callable(table).call([at_x, at_y], False, True)[0]
+
+
+@contextmanager
+def interpolants() -> Iterator[None]:
+    """Declare tables as CasADi's own linear interpolants: many times as fast there, not emitted."""
+    token = _INTERPOLANTS.set(True)
+    try:
+        yield
+    finally:
+        _INTERPOLANTS.reset(token)
+
+
+def _callable(table: Table) -> Any:
+    return _interpolant(table) if _INTERPOLANTS.get() else _CALLBACKS[table.name]
+
+
+def _interpolant(table: Table) -> Any:
+    """Give the same function by CasADi's interpolant, which would go on beyond its edges."""
+    grids = [list(g) for g in (table.x, table.y) if g]
+    inner = ca.interpolant("table", "linear", grids, list(table.values))
+    at = [ca.MX.sym(f"at{i}") for i in range(table.n_in)]
+    held = [ca.fmin(ca.fmax(a, g[0]), g[-1]) for a, g in zip(at, grids, strict=True)]
+    return ca.Function(table.name, at, [inner(ca.vertcat(*held))])
 
 
 def _linear(grid: Grid, values: Sequence[float], at: float) -> float:

@@ -2,8 +2,8 @@
 
 Both take the command u in [-1, 1] and the supply's voltage, so that either can stand in for the
 other. Flow past the propeller is left out: thrust is bollard pull. Options, all off by default:
-`shaft` (shaft.py), `curve` (below), `dead_band` of the command, `limits` of its rate and `faults`
-(faults.py).
+`shaft` (shaft.py), `curve` (below), `dead_band` of the command, `limits` of its rate, `faults`
+(faults.py), `scale` of a table, and `vehicle` with `number` (thruster_set.py).
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from uuvsim_cosim.models.options import is_on
 from uuvsim_cosim.models.safe_math import abs_, saturate
 from uuvsim_cosim.models.shaft import shaft as shaft_of
 from uuvsim_cosim.models.table import table2
+from uuvsim_cosim.models.thruster_set import of_vehicle
 from uuvsim_cosim.models.vectors import NU
 
 __all__ = ["ThrusterParameters", "thruster", "thruster_t200"]
@@ -40,6 +41,7 @@ class ThrusterParameters:
 T200_AT_16_V = ThrusterParameters(n_max=369.97, T_n=0.0287, K_n=3.7614e-4, K_P=7.529e-6)
 
 
+@of_vehicle
 def thruster(
     p: ThrusterParameters = T200_AT_16_V,
     shaft: str = "first",
@@ -74,17 +76,20 @@ def thruster(
     return _outputs(m, thrust, n, power / voltage, f)
 
 
+@of_vehicle
 def thruster_t200(
     shaft: str = "first",
     dead_band: bool | str = False,
     limits: bool | str = False,
     faults: bool | str = False,
+    scale: bool | str = False,
 ) -> Model:
     """Blue Robotics T200 from its bench rows at 12 and 16 V, linear between rows and voltages.
 
     dn/dt = (n_d(u, voltage) - n) / T_n,  thrust = f(n, voltage),  current = i(u, voltage).
-    In steady state each bench row comes back exactly; the dead band is that of the rows.
-    Voltages outside the bench's range count as its edge.
+    In steady state each bench row comes back exactly; the dead band is that of the rows. With
+    `scale` the thrust is k_T f(n, voltage), as of a propeller in a cage or a worn one. Voltages
+    outside the bench's range count as its edge.
     """
     bench = read_bench("t200")
     m = Model("thruster_t200", "Blue Robotics T200 thruster from bench rows", h_max=0.01)
@@ -99,7 +104,12 @@ def thruster_t200(
     f = thruster_faults_of(m, faults)
     c = _command(m, u, dead_band, limits, f, saturated=True)
     n = shaft_of(m, shaft, _turned(n_d(c, voltage), f), T_n)
-    return _outputs(m, thrust(n, voltage), n, current(c, voltage), f)
+    force = thrust(n, voltage)
+    if is_on("scale", scale):
+        force *= m.parameter(
+            "k_T", 1.0, unit="1", min=0, description="factor of the bench's thrust"
+        )
+    return _outputs(m, force, n, current(c, voltage), f)
 
 
 def _command(

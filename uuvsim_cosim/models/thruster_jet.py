@@ -9,11 +9,13 @@ from uuvsim_cosim.models.faults import servo, thruster_faults_of
 from uuvsim_cosim.models.model import Model
 from uuvsim_cosim.models.preset import preset
 from uuvsim_cosim.models.safe_math import abs_, saturate
+from uuvsim_cosim.models.thruster_set import of_vehicle
 from uuvsim_cosim.models.vectors import NU
 
 __all__ = ["largest_thrust", "thruster_jet"]
 
 
+@of_vehicle
 def thruster_jet(
     id: str = "pool8_jet", limits: bool | str = False, faults: bool | str = False
 ) -> Model:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,8 +18,9 @@ from uuvsim_cosim.orchestrator.system import System
 
 if TYPE_CHECKING:
     from uuvsim_cosim.studies.identify_experiment import Proposal
+    from uuvsim_cosim.studies.identify_model import GreyBox
 
-__all__ = ["Identified", "Number", "identify"]
+__all__ = ["Actuator", "Identified", "Number", "identify", "unanswered"]
 
 Array = NDArray[np.float64]
 
@@ -44,6 +45,17 @@ class Number:
 
 
 @dataclass(frozen=True)
+class Actuator:
+    """A thruster with fitted numbers: where it is in the system, and among the vehicle's."""
+
+    path: str
+    source: str  # model:…
+    number: int  # from 1, as its thrust goes into the wrench
+    of: int  # how many thrusters the wrench takes
+    held: Mapping[str, float]  # its numbers in the system, where they were not fitted
+
+
+@dataclass(frozen=True)
 class Identified:
     """What a fit found, how well it follows the recording, and what it leaves open."""
 
@@ -55,6 +67,7 @@ class Identified:
     hull: str  # its path
     source: str  # its source, model:…
     held: Mapping[str, float]  # the hull's numbers as the system set them
+    actuators: tuple[Actuator, ...]  # the thrusters that have fitted numbers
     recording: str
     samples: int
     seconds: float
@@ -99,7 +112,8 @@ def identify(
     from uuvsim_cosim.studies.identify_experiment import propose
     from uuvsim_cosim.studies.identify_fit import fit
     from uuvsim_cosim.studies.identify_logs import read_log
-    from uuvsim_cosim.studies.identify_model import GreyBox, wanted_parameters
+    from uuvsim_cosim.studies.identify_model import GreyBox
+    from uuvsim_cosim.studies.identify_parameters import wanted_parameters
     from uuvsim_cosim.studies.identify_signals import MEASURED, Lookup, grid_of
 
     signals = recording if isinstance(recording, Signals) else read_log(recording)
@@ -129,6 +143,8 @@ def identify(
     if any(unseen):
         missed = ", ".join(n for n, u in zip(MEASURED, unseen, strict=True) if u)
         notes.append(f"not measured: {missed}")
+    flown = tuple(propose(box, found)) if proposals else ()
+    notes += unanswered(numbers, flown)
     recorded = str(signals.metadata.get("file", recording if isinstance(recording, (str, Path))
                    else signals.metadata.get("system", "signals")))  # fmt: skip
     return Identified(
@@ -136,7 +152,7 @@ def identify(
         found.covariance / np.outer(error, error),
         {n: float(s) for n, s, u in zip(MEASURED, found.sigma, unseen, strict=True) if not u},
         tuple(ambiguities(names, scaled)),
-        tuple(propose(box, found)) if proposals else (),
+        flown,
         plan.components[at].path,
         box.parts[at].source,
         {
@@ -144,6 +160,7 @@ def identify(
             for v in box.parts[at].model.of_kind("parameter")
             if v.size == 1
         },
+        tuple(_actuators(plan, box)),
         Path(recorded).name,
         found.samples,
         float(grid.t[-1]),
@@ -153,6 +170,36 @@ def identify(
         found.status,
         tuple(notes),
     )
+
+
+def unanswered(numbers: Sequence[Number], flown: Sequence[Proposal]) -> list[str]:
+    """Give a sentence on numbers that are open, and that no manoeuvre would tell either."""
+    from uuvsim_cosim.studies.identify_ambiguity import WEAK
+
+    limits = [2.0 * WEAK * abs(n.value) for n in numbers]
+    left = [
+        n.name
+        for k, n in enumerate(numbers)
+        if n.half_width > limits[k] and all(p.half_widths[k] > limits[k] for p in flown)
+    ]
+    if not left or not flown:
+        return []
+    return [
+        f"none of the {len(flown)} manoeuvres tells {', '.join(left)}: take some of them from "
+        "elsewhere (--set), and fit the others"
+    ]
+
+
+def _actuators(plan: Plan, box: GreyBox) -> Iterator[Actuator]:
+    """Give the components with fitted numbers whose thrust a wrench takes."""
+    for i in sorted({i for f in box.fitted for i, _ in f.places} - {box.hull}):
+        part = box.parts[i]
+        fitted = {n for f in box.fitted for k, n in f.places if k == i}
+        held = {n: part.start_of(n) for n in part.usual if n not in fitted}
+        for t in plan.transfers:
+            if t.source == i and t.source_variable.name == t.target_variable.name == "thrust":
+                size = int(np.prod(t.target_variable.shape, dtype=int))
+                yield Actuator(part.path, part.source, t.target_elements[0] + 1, size, held)
 
 
 def _system(system: System | str | Path) -> System:

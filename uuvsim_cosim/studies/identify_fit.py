@@ -71,7 +71,7 @@ class _Problem:
         self.w, self.y = grid.w[:, : self.K], grid.y[:, : self.K + 1]
         self.guess = _guess(box, grid, self.S, self.M)
         self.x_scale = np.maximum(np.abs(self.guess).max(axis=1), 0.1)
-        step = box.step(grid.h)
+        step = box.step(grid.h, sloped=True)
         self.segment = step.mapaccum("segment", self.M)
         z = ca.MX.sym("z", self.n_p + self.S * self.n_x)
         weights = ca.MX.sym("weights", 12, self.K + 1)
@@ -85,7 +85,8 @@ class _Problem:
             for i in range(self.S)
         ]
         x = ca.horzcat(*inner, columns[-1])
-        last = ca.horzcat(w, w[:, -1]) if self.w.size else ca.DM(0, self.K + 1)
+        n_w = box.w.numel()
+        last = ca.horzcat(w[:n_w, :], w[:n_w, -1]) if n_w else ca.DM(0, self.K + 1)
         y = box.h.map(self.K + 1)(x, last, ca.repmat(theta, 1, self.K + 1))
         difference = y - ca.DM(np.nan_to_num(self.y))
         rows = [
@@ -226,7 +227,7 @@ def _guess(box: GreyBox, grid: Grid, S: int, M: int) -> Array:
     n_x = box.x.numel()
     start = box.start()
     y = _filled(grid)
-    step = box.step(grid.h)
+    step = box.step(grid.h, sloped=True)
     theta = np.array([f.start for f in box.fitted])
     euler = ca.SX.sym("e", 3)
     q_of = ca.Function("q", [euler], [q_of_euler(euler[0], euler[1], euler[2])])

@@ -10,8 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
-from fnmatch import fnmatchcase
 from math import ceil
 from typing import Any
 
@@ -20,139 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.models.evaluation import Evaluation
-from uuvsim_cosim.models.model import Model
 from uuvsim_cosim.orchestrator.plan import Plan
-from uuvsim_cosim.orchestrator.sources import ModelSource, resolve
+from uuvsim_cosim.studies.identify_parameters import HULL_STATES, Fitted, Part
 
-__all__ = ["Feed", "Fitted", "GreyBox", "Part", "wanted_parameters"]
+__all__ = ["Feed", "GreyBox"]
 
 Array = NDArray[np.float64]
-HULL_STATES = ("p", "q_nb", "nu_b")
-
-
-@dataclass(frozen=True)
-class Fitted:
-    """One number to fit: the name to show, its places, where it starts, its unit and bounds."""
-
-    name: str
-    places: tuple[tuple[int, str], ...]  # component, parameter: all of them get this number
-    start: float
-    unit: str
-    low: float
-    high: float
-
-
-class Part:
-    """A component of the plan that is a declaration, with the system's own values."""
-
-    def __init__(self, plan: Plan, index: int) -> None:
-        planned = plan.components[index]
-        source = resolve(planned.source)
-        if not isinstance(source, ModelSource):
-            raise InputInvalid(
-                f"{planned.path} is {planned.description.kind} ({planned.source}), "
-                "whose equations are "
-                "not known; expected a declaration (model:…) in what is identified"
-            )
-        self.index, self.path = index, planned.path
-        self.source = source.text
-        self.model: Model = source.declare()
-        self.f = Evaluation(self.model)
-        start = {k: np.asarray(v, dtype=float).ravel() for k, v in planned.start.items()}
-        known = {v.name for v in self.model.of_kind("parameter")}
-        self.p = self.f.values_of("parameter", {k: v for k, v in start.items() if k in known})
-        self.inputs = {
-            v.name: np.asarray(start.get(v.name, v.start), dtype=float).ravel()
-            for v in self.model.of_kind("input")
-        }
-
-    @property
-    def is_hull(self) -> bool:
-        """Say whether it has the states that every hull has."""
-        return {v.name for v in self.model.of_kind("state")} >= set(HULL_STATES)
-
-    @property
-    def has_tables(self) -> bool:
-        """Say whether its equations call tables: they are slow, and of the first order only."""
-        return any(
-            f.instruction_id(k) == ca.OP_CALL
-            for f in (self.f.rhs, self.f.outputs)
-            for k in range(f.n_instructions())
-        )
-
-    def place(self, parameter: str) -> int:
-        """Give where a parameter begins in `p`."""
-        at = 0
-        for v in self.model.of_kind("parameter"):
-            if v.name == parameter:
-                return at
-            at += v.size
-        raise KeyError(parameter)
-
-
-def wanted_parameters(plan: Plan, hull: int, texts: Sequence[str]) -> list[Fitted]:
-    """Find the parameters that texts name: ``D_q_11`` (the hull's), ``hull.m``, ``thruster_*.K_n``.
-
-    A pattern with a * is one number that all of its places share. Raises InputInvalid with all
-    that are unknown, and near names.
-    """
-    names: dict[str, tuple[int, str]] = {}
-    parts: dict[int, Part] = {}
-    sizes: dict[str, int] = {}
-    for i, c in enumerate(plan.components):
-        for v in c.description.of("parameter"):
-            names[f"{c.path}.{v.name}"] = (i, v.name)
-            sizes[f"{c.path}.{v.name}"] = int(np.prod(v.shape, dtype=int))
-    wrong, found = [], []
-    taken: set[str] = set()
-    for text in dict.fromkeys(t.strip() for t in texts if t.strip()):
-        full = text if "." in text else f"{plan.components[hull].path}.{text}"
-        hits = [n for n in names if n == full or ("*" in full and fnmatchcase(n, full))]
-        if not hits:
-            near = get_close_matches(full, names, n=4, cutoff=0.5)
-            wrong.append(
-                f"there is no parameter {text!r}; expected {', '.join(near) or 'component.name'}"
-            )
-            continue
-        wide = [n for n in hits if sizes[n] != 1]
-        if wide or taken & set(hits):
-            wrong.append(
-                f"{wide[0]} has {sizes[wide[0]]} elements; expected a parameter that is one number"
-                if wide
-                else f"{text}: {', '.join(sorted(taken & set(hits)))} is named twice; expected once"
-            )
-            continue
-        taken |= set(hits)
-        for n in hits:
-            parts.setdefault(names[n][0], Part(plan, names[n][0]))
-        places = tuple(names[n] for n in hits)
-        part = parts[places[0][0]]
-        declared = part.model.variables[places[0][1]]
-        starts = [float(parts[i].p[parts[i].place(n)]) for i, n in places]
-        low, high = _bounds(declared, float(np.mean(starts)))
-        found.append(Fitted(full, places, float(np.mean(starts)), declared.unit, low, high))
-    if not found and not wrong:
-        wrong = ["no parameters; expected names such as D_q_11,M_A_11,thruster_*.K_n"]
-    if wrong:
-        raise InputInvalid("--parameters: " + "; ".join(wrong))
-    return found
-
-
-def _bounds(declared: Any, start: float) -> tuple[float, float]:
-    """Give what is declared, and for what cannot be negative a fiftieth to thirty times the start.
-
-    Without an end, what the data say nothing of could grow until no step is short enough.
-    """
-    low = -np.inf if declared.min is None else float(declared.min)
-    high = np.inf if declared.max is None else float(declared.max)
-    kind, _, indices = declared.name.rpartition("_")
-    brakes = kind in ("M_A", "D_l", "D_q", "D_u", "I_g", "I_b") and len(set(indices)) == 1
-    if brakes:
-        low = max(low, 0.0)
-    if start > 0 and (brakes or low >= 0.0):
-        return max(low, 0.02 * start), min(high, 30.0 * start)
-    return low, high
 
 
 @dataclass(frozen=True)
@@ -182,10 +53,10 @@ class GreyBox:
                     f"{part.path} is sampled (it has clocks); expected parameters of components in "
                     "continuous time, as a hull or a thruster"
                 )
-            if part.has_tables:
+            if part.calls:
                 raise InputInvalid(
-                    f"{part.path} ({part.source}) holds tables, which are not fitted; expected "
-                    f"equations alone, as with --replace {part.path}=model:thruster"
+                    f"{part.path} ({part.source}) calls {', '.join(part.calls)}, which is not "
+                    "fitted; expected equations and tables alone"
                 )
         self.theta = ca.SX.sym("theta", len(self.fitted))
         self.feeds: list[Feed] = []
@@ -263,7 +134,7 @@ class GreyBox:
         p = ca.SX(ca.DM(part.p))
         for j, fit in enumerate(self.fitted):
             for component, name in fit.places:
-                if component == i:
+                if component == i and name not in part.inputs:
                     p[part.place(name)] = self.theta[j]
         d = part.f.derived.call([p], True, False)[0]
         model = part.model
@@ -307,6 +178,9 @@ class GreyBox:
     def _fed(self, i: int, name: str, element: int) -> Any:
         """Give the expression of an input's element: another part's output, or a feed."""
         part = self.parts[i]
+        for j, fit in enumerate(self.fitted):
+            if (i, name) in fit.places:
+                return self.theta[j]
         for t in self.plan.transfers:
             if t.target == i and t.target_variable.name == name and element in t.target_elements:
                 e = t.source_elements[t.target_elements.index(element)]
@@ -324,18 +198,25 @@ class GreyBox:
 
     # ---- numbers ------------------------------------------------------------------------------
 
-    def step(self, h: float) -> Any:
-        """Give x after h seconds, inputs held, by RK4 in pieces that the parts can bear."""
+    def step(self, h: float, sloped: bool = False) -> Any:
+        """Give x after h seconds by RK4 in pieces that the parts can bear, inputs held.
+
+        `sloped` inputs are (2 n_w,): each one's mean over the step, then its change along it, so
+        that neither impulse nor first moment of what changes within the step is lost.
+        """
         longest = (5.0 if len(self.x_places) == len(HULL_STATES) else 2.5) * self.h_max
         pieces = max(1, ceil(h / longest - 1e-9))
+        n_w = self.w.numel()
         x = x_0 = ca.SX.sym("x", self.x.numel())
-        w, theta = ca.SX.sym("w", self.w.numel()), ca.SX.sym("theta", len(self.fitted))
+        w, theta = ca.SX.sym("w", (1 + sloped) * n_w), ca.SX.sym("theta", len(self.fitted))
+        mean, change = w[:n_w], w[n_w:] if sloped else ca.SX(n_w, 1)
         d = h / pieces
-        for _ in range(pieces):
-            k1 = self.f(x, w, theta)
-            k2 = self.f(x + d / 2 * k1, w, theta)
-            k3 = self.f(x + d / 2 * k2, w, theta)
-            k4 = self.f(x + d * k3, w, theta)
+        for i in range(pieces):
+            begin, middle, end = (mean + ((i + s) / pieces - 0.5) * change for s in (0.0, 0.5, 1.0))
+            k1 = self.f(x, begin, theta)
+            k2 = self.f(x + d / 2 * k1, middle, theta)
+            k3 = self.f(x + d / 2 * k2, middle, theta)
+            k4 = self.f(x + d * k3, end, theta)
             x = x + d / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
         return ca.Function("step", [x_0, w, theta], [x])
 

@@ -1,17 +1,18 @@
 """What was identified as a named set of the vehicle, with its interval for domain randomisation.
 
-The set is the one that the hull was declared with, the fitted numbers in the place of its own. Each
-says where it is from and its 95 % interval; both ends of the interval go into `published.yaml`,
-which `published(...)` draws from.
+Numbers of thrusters become a set of the same name in thrusters.yaml (identify_save_thrusters.py).
+Of the hull, the set is the one that it was declared with, the fitted numbers in the place of its
+own. Each says where it is from and its 95 % interval; both ends of the interval go into
+`published.yaml`, which `published(...)` draws from.
 """
 
 from __future__ import annotations
 
 import re
 import shutil
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 from urllib.parse import parse_qsl
 
 from uuvsim_cosim.errors import InputInvalid
@@ -26,12 +27,21 @@ from uuvsim_cosim.models.parameters import (
 )
 from uuvsim_cosim.models.vehicle_draft import quoted, row_of
 from uuvsim_cosim.studies.identify import Identified, Number
-from uuvsim_cosim.studies.identify_ambiguity import WEAK
+from uuvsim_cosim.studies.identify_save_thrusters import thruster_set
+from uuvsim_cosim.studies.identify_text import inserted, is_known, replaced, words_of
 
-__all__ = ["address_of", "save_as"]
+__all__ = ["Saved", "address_of", "save_as"]
 
 _COPIED = ("parameters.yaml", "thrusters.yaml", "fins.yaml", "propeller.yaml", "control.yaml",
            "published.yaml", "README.md")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Saved:
+    """A file that a set was written to, and the source that the set is used as."""
+
+    file: Path
+    source: str
 
 
 def address_of(source: str) -> tuple[str, str | None]:
@@ -42,10 +52,11 @@ def address_of(source: str) -> tuple[str, str | None]:
     return id, options.get("set", chosen)
 
 
-def save_as(found: Identified, name: str) -> Path:
+def save_as(found: Identified, name: str) -> list[Saved]:
     """Write the set `name` into the vehicle's folder; ``folder@name`` into a copy of it at folder.
 
-    Gives the parameter file. Raises InputInvalid if there is such a set, or nothing to save.
+    Gives the files that were written, and what each is used as. Raises InputInvalid if there is
+    such a set, or nothing to save.
     """
     place, set_name = split_address(name) if "@" in name else ("", name)
     set_name = set_name or ""
@@ -60,17 +71,45 @@ def save_as(found: Identified, name: str) -> Path:
     for number in found.numbers:
         own = [p.removeprefix(prefix) for p in number.places if p.startswith(prefix)]
         fitted |= dict.fromkeys(own, number)
-    known = {k: n for k, n in fitted.items() if _is_known(n)}
-    if not known:
-        why = "the data say too little of each" if fitted else "none of the numbers is the hull's"
+    known = {k: n for k, n in fitted.items() if is_known(n)}
+    turned = thruster_set(found, set_name, datetime.now(UTC).date().isoformat())
+    if not known and turned is None:
+        why = (
+            "the data say too little of each"
+            if fitted or found.actuators
+            else "none of the numbers is the hull's or a thruster's"
+        )
         raise InputInvalid(f"--save-as {name}: {why}; nothing to save")
     folder = vehicle_folder(id) if not place else _copied(id, Path(place))
     _, data = vehicle_file(str(folder / "parameters.yaml"))
-    if set_name in data["sets"]:
+    there = set(data["sets"]) if known else set()
+    if turned is not None:
+        there |= turned.names_in(folder)
+    if set_name in there:
         raise InputInvalid(
             f"--save-as {name}: {folder} has a set of this name; expected a name other than "
-            f"{', '.join(data['sets'])}"
+            f"{', '.join(sorted(there))}"
         )
+    address = f"{place or folder.name}@{set_name}"
+    saved = []
+    if turned is not None:
+        saved.append(Saved(turned.written(folder), f"model:{turned.model}?vehicle={address}"))
+    if known:
+        saved.append(Saved(_hull(found, id, base, known, folder, set_name, turned is not None),
+                           f"model:{address}"))  # fmt: skip
+    return saved
+
+
+def _hull(
+    found: Identified,
+    id: str,
+    base: str | None,
+    known: dict[str, Number],
+    folder: Path,
+    set_name: str,
+    with_thrusters: bool,
+) -> Path:
+    """Write the hull's set and its intervals."""
     origin = parameter_set(id, base)
     day = datetime.now(UTC).date().isoformat()
     quantities = dict(origin.quantities)
@@ -79,25 +118,15 @@ def save_as(found: Identified, name: str) -> Path:
         if abs(held - quantity.value) > 1e-9 * abs(quantity.value):
             quantities[key] = Quantity(held, quantity.unit, "set for the fit, not identified")
     for key, number in known.items():
-        words = _words(found, number, day)
+        words = words_of(found, number, day)
         quantities[key] = Quantity(number.value, number.unit, words)
-    text = _set(found, set_name, origin.name, quantities, set(known), day)
+    also = "; its thrusters: the set of this name in thrusters.yaml" if with_thrusters else ""
+    text = _set(found, set_name, origin.name, quantities, set(known), day, also)
     file = folder / "parameters.yaml"
-    _replaced(file, _inserted(file.read_text(encoding="utf-8"), data, text))
+    _, data = vehicle_file(str(file))
+    replaced(file, inserted(file.read_text(encoding="utf-8"), data, text), vehicle_file)
     _published(folder, str(data["id"]), known, found, day, set_name)
     return file
-
-
-def _is_known(number: Number) -> bool:
-    """Say whether a number's 95 % interval is within half of it."""
-    return bool(number.half_width < 2.0 * WEAK * abs(number.value))
-
-
-def _words(found: Identified, number: Number, day: str) -> str:
-    return (
-        f"identified from {found.recording} on {day}, 95 % interval {number.low:.6g} to "
-        f"{number.high:.6g}"
-    )
 
 
 def _set(
@@ -107,6 +136,7 @@ def _set(
     quantities: dict[str, Quantity],
     fitted: set[str],
     day: str,
+    also: str,
 ) -> str:
     worst = ", ".join(f"{n} {s:.2g}" for n, s in found.residuals.items())
     rows = [
@@ -118,39 +148,9 @@ def _set(
     return (
         f"  {name}:\n"
         f"    citation: {quoted(cited)}\n"
-        f"    obtained: {quoted(f'{said}; what was not fitted is of the set {base}')}\n"
+        f"    obtained: {quoted(f'{said}; what was not fitted is of the set {base}{also}')}\n"
         "    parameters:\n" + "".join(rows)
     )
-
-
-def _inserted(text: str, data: Any, block: str) -> str:
-    """Put a set behind the last one: before the next key of the file, or at its end."""
-    lines = text.splitlines(keepends=True)
-    if lines and not lines[-1].endswith("\n"):
-        lines[-1] += "\n"
-    keys = sorted(data.lc.key(k)[0] for k in data)
-    sets_at = data.lc.key("sets")[0]
-    end = next((k for k in keys if k > sets_at), len(lines))
-    indent = data["sets"].lc.key(next(iter(data["sets"])))[1]
-    if indent != 2:
-        block = "".join(" " * (indent - 2) + row for row in block.splitlines(keepends=True))
-    return "".join([*lines[:end], block, *lines[end:]])
-
-
-def _replaced(file: Path, text: str) -> None:
-    """Write a parameter file if it is one; else leave what was there."""
-    scratch = file.with_name("identified.part.yaml")
-    try:
-        scratch.write_text(text, encoding="utf-8")
-        vehicle_file(str(scratch))
-        scratch.replace(file)
-    except OSError as error:
-        raise InputInvalid(
-            f"{file}: cannot be written ({error.strerror}); expected a folder of your own, as "
-            "--save-as my_rov@my_fit"
-        ) from None
-    finally:
-        scratch.unlink(missing_ok=True)
 
 
 def _published(
@@ -220,10 +220,11 @@ def _copied(id: str, folder: Path) -> Path:
         for name in _COPIED:
             if (source / name).is_file():
                 shutil.copyfile(source / name, folder / name)
-        for name in ("parameters.yaml", "published.yaml"):
-            if (folder / name).is_file():
+        for name in _COPIED:
+            if name.endswith(".yaml") and (folder / name).is_file():
                 text = (folder / name).read_text(encoding="utf-8")
-                text = re.sub(r"^id: .*$", f"id: {folder.name}", text, count=1, flags=re.M)
+                own = rf"\1: {folder.name}"
+                text = re.sub(r"^(id|vehicle): .*$", own, text, count=1, flags=re.M)
                 (folder / name).write_text(text, encoding="utf-8")
     except OSError as error:
         raise InputInvalid(f"{folder}: cannot be written ({error.strerror})") from None

@@ -1,12 +1,14 @@
 """A recording laid on the grid of a fit: what is fed in, step by step, and what was measured.
 
-A feed is held from its sample to the next; on the grid it is its mean over each step, so that no
-impulse is lost. A measurement is the mean of the samples within half a step of a grid point; where
-there is none, it does not count. What is missing is refused by name, with names that come near.
+A feed is held from its sample to the next; on the grid it is a line over each step, so that
+neither impulse nor first moment is lost. A measurement is the mean of the samples within half a
+step of a grid point; where there is none, it does not count. What is missing is refused by name,
+with names that come near.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -31,12 +33,16 @@ MEASURED = (
 )  # fmt: skip
 ANGLES = (3, 4, 5)
 _FORCES = {"thrust", "tau", "force"}
-_FINE, _MOST_STEPS = 0.05, 8000
+_FINE, _FINEST = 0.05, 0.02  # s: the longest and the shortest step that is chosen
+_ENOUGH_STEPS, _MOST_STEPS = 1500, 8000
 
 
 @dataclass(frozen=True)
 class Grid:
-    """K + 1 points [s] a step h apart: feeds w (n_w, K), measured y (12, K + 1), NaN for none."""
+    """K + 1 points [s] a step h apart: feeds w, measured y (12, K + 1), NaN for none.
+
+    w (2 n_w, K) holds each feed's mean over a step, then its change along the step.
+    """
 
     t: Array
     h: float
@@ -47,37 +53,60 @@ class Grid:
 
 
 class Lookup:
-    """Signals by the system's names: as mapped, else as they are, else by their last part alone."""
+    """Signals by the system's names: as mapped, else as they are, else by their last part alone.
+
+    What is mapped may name an element, from 1: ``thruster_3.u=u[3]``.
+    """
 
     def __init__(self, signals: Signals, mapped: Mapping[str, str]) -> None:
         self.signals, self.mapped = signals, dict(mapped)
-        unknown = [n for n in self.mapped.values() if n not in signals]
-        if unknown:
-            near = ", ".join(get_close_matches(unknown[0], list(signals), n=4, cutoff=0.3))
-            raise InputInvalid(
-                f"--map: there is no signal {unknown[0]!r} in the recording; expected one such as "
-                f"{near or ', '.join(sorted(signals)[:10])}"
-            )
+        for name in self.mapped.values():
+            base, k = _indexed(name)
+            if name in signals:
+                continue
+            if base not in signals:
+                near = ", ".join(get_close_matches(name, list(signals), n=4, cutoff=0.3))
+                raise InputInvalid(
+                    f"--map: there is no signal {name!r} in the recording; expected one such as "
+                    f"{near or ', '.join(sorted(signals)[:10])}"
+                )
+            size = self.values(base).shape[1]
+            if not 1 <= k <= size:
+                raise InputInvalid(f"--map: {name}: expected {base}[1] to {base}[{size}]")
 
     def find(self, name: str) -> str | None:
         """Give the recording's name of a signal, None if there is none."""
-        for candidate in (self.mapped.get(name), name, name.rpartition(".")[2]):
-            if candidate is not None and candidate in self.signals:
+        if name in self.mapped:
+            return self.mapped[name]
+        for candidate in (name, name.rpartition(".")[2]):
+            if candidate in self.signals:
                 return candidate
         return None
 
     def values(self, name: str) -> Array:
-        """Give the values of a signal as (n, size)."""
-        values = np.asarray(self.signals[name], dtype=float)
-        return values[:, None] if values.ndim == 1 else values
+        """Give the values of a signal, or of an element of one, as (n, size)."""
+        base, k = (name, 0) if name in self.signals else _indexed(name)
+        values = np.asarray(self.signals[base], dtype=float)
+        values = values[:, None] if values.ndim == 1 else values
+        return values[:, k - 1 : k] if k else values
 
     def near(self, name: str) -> str:
-        """Give names that were recorded and come near."""
+        """Give names that were recorded and come near; all of them if none does."""
         every = list(self.signals)
         close = get_close_matches(name, every, n=3, cutoff=0.5)
         last = name.rpartition(".")[2]
         same = [n for n in every if n.rpartition(".")[2] == last]
-        return ", ".join(dict.fromkeys([*same[:3], *close])) or "nothing like it"
+        found = list(dict.fromkeys([*same[:3], *close]))
+        if found:
+            return ", ".join(found)
+        more = f" and {len(every) - 12} more" if len(every) > 12 else ""
+        return f"nothing like it, but {', '.join(sorted(every)[:12])}{more}"
+
+
+def _indexed(name: str) -> tuple[str, int]:
+    """Give (``u``, 3) of ``u[3]``; (name, 0) of a name without an element."""
+    match = re.fullmatch(r"(.+)\[(\d+)\]", name)
+    return (match[1], int(match[2])) if match else (name, 0)
 
 
 def grid_of(
@@ -85,15 +114,17 @@ def grid_of(
 ) -> Grid:
     """Lay the signals that `box` needs on a grid from `first` to `last` [s]."""
     t, place = _times(lookup.signals, first, last)
+    # What drives the hull at first was fed before the recording began: that is not known.
+    begin = float(t[min(np.searchsorted(t, t[0] + max((f.delay for f in box.feeds), default=0.0)
+                                        - 1e-9), len(t) - 1)])  # fmt: skip
     step = _step(t, h)
-    K = int(np.floor((t[-1] - t[0]) / step + 1e-6))
+    K = int(np.floor((t[-1] - begin) / step + 1e-6))
     if not 20 <= K <= _MOST_STEPS:
         raise InputInvalid(
-            f"the recording from {t[0]:g} to {t[-1]:g} s has {K} steps of {step:g} "
-            "s; expected 20 to "
-            f"{_MOST_STEPS}: choose --from, --to or --step"
+            f"the recording from {begin:g} to {t[-1]:g} s has {K} steps of {step:g} s; expected 20 "
+            f"to {_MOST_STEPS}: choose --from, --to or --step"
         )
-    grid = t[0] + step * np.arange(K + 1)
+    grid: Array = begin + step * np.arange(K + 1, dtype=float)
     hull = box.plan.components[box.hull].path
     eta, nu = lookup.find(f"{hull}.eta"), lookup.find(f"{hull}.nu")
     wrong = []
@@ -124,9 +155,10 @@ def grid_of(
                 y[k + j] = _measured(t, values[:, j], grid, step, k + j in ANGLES)
     if not np.isfinite(y).any():
         raise InputInvalid(f"{eta or nu}: no number from {t[0]:g} to {t[-1]:g} s; expected some")
-    w = np.array(
-        [_means(t, c, grid, f.delay) for f, c in zip(box.feeds, columns, strict=True)]
-    ).reshape(len(box.feeds), K)
+    moments = np.array(
+        [_moments(t, c, grid, f.delay) for f, c in zip(box.feeds, columns, strict=True)]
+    ).reshape(len(box.feeds), 2, K)
+    w = np.concatenate([moments[:, 0], moments[:, 1]])
     return Grid(
         grid - grid[0], step, w, y, tuple(supply.computed), tuple(n for n in (eta, nu) if n)
     )
@@ -155,24 +187,32 @@ def _step(t: Array, h: float | None) -> float:
     usual = float(np.median(np.diff(t)))
     if usual >= _FINE:
         return usual
-    return usual * max(1.0, float(np.floor(_FINE / usual + 1e-9)))
+    # As fine as the samples, where that is not too dear: a step's error is no noise, and an
+    # interval does not know of it.
+    least = max(usual, _FINEST, (t[-1] - t[0]) / _ENOUGH_STEPS)
+    return usual * max(1.0, float(np.floor(min(least, _FINE) / usual + 1e-9)))
 
 
-def _means(t: Array, values: Array, grid: Array, delay: float) -> Array:
-    """Give the mean over each step of values held from sample to sample, `delay` s later."""
-    held = np.where(np.isfinite(values), values, np.nan)
-    good = np.flatnonzero(np.isfinite(held))
+def _moments(t: Array, values: Array, grid: Array, delay: float) -> Array:
+    """Give mean and change (2, K) over each step of values held from sample to sample, late.
+
+    The change is that of the line with the same mean and first moment over the step.
+    """
+    good = np.flatnonzero(np.isfinite(values))
     if not len(good):
         raise InputInvalid("a signal that drives the vehicle holds no number; expected some")
-    at, v = t[good], held[good]
-    integral = np.concatenate([[0.0], np.cumsum(v[:-1] * np.diff(at))])
-
-    def upto(s: Array) -> Array:
-        i = np.clip(np.searchsorted(at, s, side="right") - 1, 0, len(at) - 1)
-        return np.asarray(integral[i] + v[i] * (s - at[i]), dtype=float)
+    at, v = t[good], values[good]
+    impulse = np.concatenate([[0.0], np.cumsum(v[:-1] * np.diff(at))])
+    moment = np.concatenate([[0.0], np.cumsum(v[:-1] * np.diff((at - at[0]) ** 2) / 2.0)])
 
     edges = grid - delay
-    return np.asarray(np.diff(upto(edges)) / np.diff(edges), dtype=float)
+    i = np.clip(np.searchsorted(at, edges, side="right") - 1, 0, len(at) - 1)
+    upto = impulse[i] + v[i] * (edges - at[i])
+    turning = moment[i] + v[i] * ((edges - at[0]) ** 2 - (at[i] - at[0]) ** 2) / 2.0
+    h, middle = np.diff(edges), 0.5 * (edges[:-1] + edges[1:]) - at[0]
+    mean = np.diff(upto) / h
+    change = 12.0 / h**2 * (np.diff(turning) - middle * np.diff(upto))
+    return np.stack([mean, change])
 
 
 def _measured(t: Array, values: Array, grid: Array, h: float, angle: bool) -> Array:
@@ -195,10 +235,16 @@ def _measured(t: Array, values: Array, grid: Array, h: float, angle: bool) -> Ar
     late = np.bincount(cell, at, len(grid))
     middle = late[some] / count[some] - grid[some]
     mean = total[some] / count[some]
-    # Where samples are uneven about the grid point, take the slope between neighbours out.
+    # Where samples are uneven about the grid point, take the slope between neighbours out; and the
+    # bend between them, by which a mean over a curve lies inside it.
     if some.sum() > 2:
-        slope = np.gradient(mean, grid[some] + middle)
-        mean = mean - slope * middle
+        place = grid[some]
+        slope = np.gradient(mean, place + middle)
+        spread = np.bincount(cell, (at - grid[cell]) ** 2, len(grid))[some] / count[some]
+        bend = np.zeros(len(mean))
+        rise = np.diff(mean) / np.diff(place)
+        bend[1:-1] = 2.0 * np.diff(rise) / (place[2:] - place[:-2])
+        mean = mean - slope * middle - 0.5 * spread * bend
     found[some] = mean
     return found
 
@@ -217,12 +263,8 @@ class _Supply:
         name = self.lookup.find(f"{component.path}.{feed.variable}")
         if name is not None:
             values = self.lookup.values(name)[self.place]
-            if feed.element >= values.shape[1]:
-                raise InputInvalid(
-                    f"signal {name} has {values.shape[1]} elements; expected {feed.element + 1} or "
-                    f"more, as {component.path}.{feed.variable}"
-                )
-            return np.asarray(feed.factor * values[:, feed.element] + feed.offset, dtype=float)
+            e = self._column(feed, name, values.shape[1])
+            return np.asarray(feed.factor * values[:, e] + feed.offset, dtype=float)
         if feed.free:
             return self._start(feed)
         made = self._simulated(feed.component)
@@ -231,6 +273,24 @@ class _Supply:
         values = made[feed.variable]
         column = values if values.ndim == 1 else values[:, feed.element]
         return feed.factor * column + feed.offset
+
+    def _column(self, feed: Feed, name: str, width: int) -> int:
+        """Give the column of a signal that a feed is: of many commands, that of the thruster."""
+        component = self.plan.components[feed.component]
+        label = f"{component.path}.{feed.variable}"
+        shape = component.description.variables[feed.variable].shape
+        size = int(np.prod(shape, dtype=int))
+        if width == size:
+            return feed.element
+        if size == 1 and label not in self.lookup.mapped and feed.variable == "u":
+            for t in self.plan.transfers:
+                to = t.target_variable
+                if t.source == feed.component and to.name == "thrust" and to.shape == (width,):
+                    return t.target_elements[0]
+        raise InputInvalid(
+            f"signal {name} has {width} elements, and {label} has {size}; expected as many, or "
+            f"--map {label}={name}[1] for one of them"
+        )
 
     def _start(self, feed: Feed) -> Array | None:
         """Give the start value of an input that nothing feeds; commands and forces have none."""
