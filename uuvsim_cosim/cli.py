@@ -30,8 +30,13 @@ from uuvsim_cosim.commands import (
     serve,
     study,
     systems,
+    terrain,
     train,
     train_offline,
+    view,
+)
+from uuvsim_cosim.commands import (
+    map as map_,
 )
 from uuvsim_cosim.errors import UuvsimError
 
@@ -68,6 +73,8 @@ app.add_typer(access.app, name="access")
 app.command("matlab")(matlab.matlab_command)
 app.command("export")(export.export_command)
 app.command("report")(report.report_command)
+app.command("map")(map_.map_command)
+app.command("view")(view.view_command)
 app.command("study")(study.study_command)
 app.command("identify")(identify.identify_command)
 app.command("train")(train.train_command)
@@ -79,6 +86,7 @@ app.command("play")(play.play_command)
 app.command("export-policy")(export_policy.export_policy_command)
 app.add_typer(systems.app, name="systems")
 app.add_typer(models.app, name="models")
+app.command("terrain")(terrain.terrain_command)
 app.add_typer(fmu.app, name="fmu")
 app.command("pack")(pack.pack_command)
 app.command("new")(new.new_command)

@@ -1,8 +1,10 @@
 """Results of the benchmark are kept one by one, gone on with, and judged plainly."""
 
 import json
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -52,6 +54,36 @@ def test_what_is_there_is_not_run_again(ran: tuple[Path, Path]) -> None:
         lost.unlink()
         assert [k.scenario for k in reproduce("fig8", TINY, 1, *ran, episodes=3)] == ["source"]
     assert lost.read_bytes() == before  # from the work folder, without training
+
+
+class Here:
+    """A cluster's stand-in: what is asked is done in this process."""
+
+    def spread(self, work: Any, pieces: Any, follow: Any) -> Iterator[tuple[int, Any]]:
+        for number, piece in enumerate(pieces):
+            after = piece
+            while after is not None:
+                result = work(after)
+                after = follow(number, result)
+                yield number, result
+
+
+def test_a_chain_in_pieces_leaves_the_same_policies(ran: tuple[Path, Path], tmp_path: Path) -> None:
+    from uuvsim_cosim.learn.ray_reproduce import reproduce_on
+
+    here: Any = Here()
+    told: list[float] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(reproduction.NEEDS, "fig8", (reproduction.STT,))
+        keys = reproduce_on(
+            here, "fig8", TINY, 1, tmp_path / "results", tmp_path / "work", seconds=0.1,
+            episodes=3, progress=lambda _, done, __: told.append(done),
+        )  # fmt: skip
+    assert [k.scenario for k in keys] == ["source", "target", "transition_1", "transition_2"]
+    assert len(told) > 2  # in pieces
+    for policy in ran[0].rglob("*.npz"):
+        other = tmp_path / "results" / policy.relative_to(ran[0])
+        assert other.read_bytes() == policy.read_bytes()
 
 
 def test_the_page_says_what_was_not_run(ran: tuple[Path, Path]) -> None:

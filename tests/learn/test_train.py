@@ -119,14 +119,14 @@ def test_a_task_that_cannot_be_leaves_nothing_behind(tmp_path: Path) -> None:
 def test_more_steps_go_on_and_the_curves_are_written_for_tensorboard(tmp_path: Path) -> None:
     small(tmp_path, steps=80, tensorboard=True)
     done = small(tmp_path, steps=160, tensorboard=True)
-    assert [r["step"] for r in done.evaluations] == [0, 160]
+    assert [r["step"] for r in done.evaluations] == [0, 80, 160]
     from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
     read = EventAccumulator(str(tmp_path)).Reload()
     assert {"evaluation/return", "episodes/track", "loss/critic_loss"} <= set(
         read.Tags()["scalars"]
     )
-    assert [e.step for e in read.Scalars("evaluation/return")] == [0, 160]
+    assert [e.step for e in read.Scalars("evaluation/return")] == [0, 80, 160]
 
 
 @pytest.mark.parametrize(

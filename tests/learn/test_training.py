@@ -1,5 +1,7 @@
 """A training learns, is kept whole, and goes on from there to the same bits."""
 
+import itertools
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,17 +14,24 @@ from uuvsim_cosim.learn.masac import Masac, MasacSettings
 from uuvsim_cosim.learn.masac_learner import MasacLearner, OffPolicySettings
 from uuvsim_cosim.learn.policy import Policy
 from uuvsim_cosim.learn.training import Training
+from uuvsim_cosim.learn.training_seeds import JUDGING_SEED, MOST_ENVS, first_of_training
 
 SMALL = MasacSettings(hidden=16)
 SCHEDULE = OffPolicySettings(batch=16, buffer=600, warm_up=32, updates=1.0)
 
 
-def training(folder: Path, steps: int, scenario: str = "transition_2") -> Training:
+def training(
+    folder: Path,
+    steps: int,
+    scenario: str = "transition_2",
+    interrupted: Callable[[], bool] | None = None,
+) -> Training:
     task = SCENARIOS[scenario](horizon=4)
     learner = MasacLearner(len(task.agents), 31, 2, seed=3, network=SMALL, schedule=SCHEDULE)
     return Training(
         task, learner, name=scenario, options={"horizon": 4}, n=8, seed=3, steps=steps,
         folder=folder, evaluate_every=200, evaluation_episodes=4, checkpoint_every=56,
+        interrupted=interrupted,
     )  # fmt: skip
 
 
@@ -35,12 +44,30 @@ def test_a_training_that_is_interrupted_goes_on_to_the_same_bits(tmp_path: Path)
     torch.set_num_threads(1)
     whole = training(tmp_path / "whole", 400)
     whole.run()
-    first = training(tmp_path / "parts", 168)  # within an episode: ten actions of eight
-    first.run()
+    steps = iter(range(20))  # 168 of the environments: within an episode, ten actions of eight
+    first = training(tmp_path / "parts", 400, interrupted=lambda: next(steps, None) is None)
+    with pytest.raises(KeyboardInterrupt):
+        first.run()
+    assert first.step == 168
     again = training(tmp_path / "parts", 400)
     again.run()
     assert again.step == 400
     assert bits(tmp_path / "whole") == bits(tmp_path / "parts")
+
+
+def test_what_was_learned_after_the_last_evaluation_is_judged_too(tmp_path: Path) -> None:
+    short = training(tmp_path, 120)
+    rows = short.run()
+    assert [row["step"] for row in rows] == [0, 120]
+    again = training(tmp_path, 120)
+    assert again.run() == rows
+
+
+def test_no_two_trainings_nor_evaluations_share_a_seed() -> None:
+    ends = [(first_of_training(s), first_of_training(s) + MOST_ENVS) for s in (0, 1, 2, 999_999)]
+    assert all(a[1] <= b[0] for a, b in itertools.pairwise(ends))
+    assert ends[0][0] > JUDGING_SEED + 100_000_000
+    assert ends[-1][1] < 2**63
 
 
 def test_a_rollout_lives_again_what_episodes_of_different_lengths_were(tmp_path: Path) -> None:

@@ -87,11 +87,11 @@ def test_a_corner_that_touches_turns_the_hull() -> None:
 
 
 def test_another_vehicle_pushes_away_from_its_axis_and_more_if_it_comes_nearer() -> None:
-    native = made(vehicle="sphere", others=1)
+    native = made(vehicle="sphere", others=1, step=H)
     at = {"eta": [0, 0, 10, 0, 0, 0], "other_eta_1": [0.35, 0, 10, 0, 0, np.pi / 2]}
     assert not np.any(felt(native, **at)["tau"])  # of no size
     still = felt(native, **at, other_size=[[0.2, 0.5]])
-    K = declare("contact", vehicle="sphere").variables["K"].start[0]
+    K = declare("contact", vehicle="sphere", step=H).variables["K"].start[0]
     np.testing.assert_allclose(still["tau"], [-0.05 * K, 0, 0, 0, 0, 0], atol=1e-9)
     coming = felt(native, other_nu_1=[0, 0.1, 0, 0, 0, 0])  # its starboard is south
     assert coming["tau"][0] == pytest.approx(-(0.05 + LEAD * H * 0.1) * K)

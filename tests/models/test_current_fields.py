@@ -261,3 +261,62 @@ def test_a_replaced_current_is_told_where_the_hull_is() -> None:
     for source in ("current_grid", "current_profile", "waves"):
         swapped = load("bluerov2_survey").replace("current", source)
         assert ("hull.eta", "current.eta") in {(c.source, c.target) for c in swapped.connections}
+
+
+# ---- netCDF-4, as ocean models write it --------------------------------------------------------
+
+
+def ocean(path: Path, *, two_axes: bool = False, staggered: bool = False) -> str:
+    """Write packed integers with a mask, hours since a date, heights below the surface."""
+    import netCDF4
+
+    with netCDF4.Dataset(str(path), "w") as f:
+        sizes = {"ocean_time": 3, "depth": 2, "lat": 6, "lon": 8, "lon_v": 8}
+        for name, n in sizes.items():
+            f.createDimension(name, n)
+        axes = {
+            "ocean_time": ("hours since 2024-03-01 00:00:00", np.arange(3.0) + 5),
+            "depth": ("m", [-10.0, 0.0]),
+            "lat": ("degrees_north", 60 + 0.01 * np.arange(6)[::-1]),
+            "lon": ("degrees_east", 5 + 0.01 * np.arange(8)),
+            "lon_v": ("degrees_east", 5.005 + 0.01 * np.arange(8)),
+        }
+        for name, (unit, values) in axes.items():
+            two = two_axes and name == "lat"
+            kept = f.createVariable(name, "f8", ("lat", "lon") if two else (name,))
+            kept.units = unit
+            kept[:] = np.tile(np.asarray(values)[:, None], 8) if two else values
+        f["depth"].positive = "up"
+        f["lon_v"].axis = "X"
+        for name, standard in (("a", "eastward"), ("b", "northward")):
+            last = "lon_v" if staggered and name == "b" else "lon"
+            kept = f.createVariable(
+                name, "i2", ("ocean_time", "depth", "lat", last), fill_value=-32767, zlib=True
+            )
+            kept.setncatts({"scale_factor": 0.01, "units": "cm s-1",
+                            "standard_name": f"{standard}_sea_water_velocity"})  # fmt: skip
+            value = np.full((3, 2, 6, 8), 20.0 if name == "a" else -5.0)
+            value[:, 1] *= 2.0  # at the surface
+            value[:, :, 0, 0] = -327.67  # the north-western corner is land
+            kept[:] = np.ma.masked_less(value, -300)
+    return str(path)
+
+
+def test_an_ocean_models_file_is_read_within_an_extent_from_a_date_on(tmp_path: Path) -> None:
+    file = ocean(tmp_path / "ocean.nc")
+    here = {"latitude": 60.02, "longitude": 5.04}
+    m = current_grid(file, **here, extent=1500, start="2024-03-01T06:30")
+    r = simulate(m, at=[0.0], inputs={"eta": [10.0, -20.0, 5.0, 0, 0, 0]})
+    np.testing.assert_allclose(r["v_c"][0], [-0.075, 0.3, 0.0], atol=1e-7)
+    assert m.variables["t_0"].start == 5400.0
+    with pytest.raises(InputInvalid, match=r"ocean\.nc: a has no value at 6 of 288 nodes"):
+        current_grid(file, **here)
+    with pytest.raises(InputInvalid, match="expected 0 to 7200 s"):
+        current_grid(file, **here, extent=1500, start="2024-03-02")
+
+
+def test_curvilinear_and_staggered_grids_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputInvalid, match=r"o\.nc: lat has axes .* a regular grid"):
+        current_grid(ocean(tmp_path / "o.nc", two_axes=True))
+    with pytest.raises(InputInvalid, match=r"s\.nc: a has axes .*expected the same \(a staggered"):
+        current_grid(ocean(tmp_path / "s.nc", staggered=True))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -107,3 +108,22 @@ def test_a_file_that_a_user_names_is_looked_for_where_the_user_is(
     signals = run(system, until=1, out=tmp_path / "out").signals()
     assert signals["controller.tau_d"][-1, 0] == 3.0
     assert signals.units["hull.eta"] == "m, rad"
+
+
+def test_the_way_of_the_survey_that_maps_keeps_its_altitude_above_the_terrain() -> None:
+    """Its depths are those of the chart's terrain; a vehicle on it never comes near the seabed."""
+    from uuvsim_cosim.orchestrator.shipped_mapping import ALTITUDE, WAYPOINTS
+    from uuvsim_cosim.scene.cast import Caster
+
+    way, caster = np.array(WAYPOINTS), Caster("tacoma")
+    above = caster.height(way[:, 0], way[:, 1]) - way[:, 2]
+    np.testing.assert_allclose(above, ALTITUDE, atol=0.02)
+    for a, b in pairwise(way):
+        leg = a + np.linspace(0, 1, 50)[:, None] * (b - a)
+        assert np.ptp(caster.height(leg[:, 0], leg[:, 1]) - leg[:, 2]) < 0.5
+
+
+def test_nothing_on_board_of_the_survey_that_maps_reads_the_truth() -> None:
+    system = uuv.load("seabed_mapping")
+    sources = {w.source.element for w in system.checked.wires if w.target.element in ON_BOARD}
+    assert sources <= ON_BOARD | SENSORS

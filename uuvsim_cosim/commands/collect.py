@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from uuvsim_cosim.commands.clustered import RAY, clustered
 from uuvsim_cosim.commands.nested_options import nested
 from uuvsim_cosim.commands.options import assignments
 from uuvsim_cosim.commands.study_progress import StudyProgress
@@ -38,6 +39,7 @@ def collect_command(
     seed: Annotated[
         int | None, typer.Option("--seed", help="The first of the episodes' seeds.")
     ] = None,
+    ray: Annotated[str | None, typer.Option("--ray", help=RAY)] = None,
     task_set: Annotated[
         list[str] | None, typer.Option("--task-set", help="The task's NAME=VALUE: n_trackers=3.")
     ] = None,
@@ -47,6 +49,8 @@ def collect_command(
         raise InputInvalid(f"--policy {policy} and --recorded: expected one of them")
     if signal and not recorded:
         raise InputInvalid("--signal: names signals of --recorded runs; expected them")
+    if ray is not None and recorded:
+        raise InputInvalid(f"--ray {ray}: spreads what a policy does; expected no --recorded")
     if seed is not None and seed < 0:
         raise InputInvalid(f"--seed {seed}: expected 0 or more")
     options = nested("--task-set", task_set or [], "NAME=VALUE, as n_trackers=3")
@@ -65,7 +69,11 @@ def collect_command(
             from uuvsim_cosim.learn.collect import COLLECTING_SEED, collect
 
             first = COLLECTING_SEED if seed is None else seed
-            data = collect(task, policy or "scripted", episodes, options=options, seed=first)
+            with clustered(ray) as cluster:
+                data = collect(
+                    task, policy or "scripted", episodes, options=options, seed=first,
+                    cluster=cluster,
+                )  # fmt: skip
         written = write_dataset(data, out)
     returns = data.returns
     line()

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from uuvsim_cosim.commands.clustered import RAY, clustered
 from uuvsim_cosim.commands.nested_options import nested
 from uuvsim_cosim.commands.policies import acting_of
 from uuvsim_cosim.commands.study_progress import StudyProgress
@@ -39,6 +40,7 @@ def evaluate_command(
     last: Annotated[
         bool, typer.Option("--last", help="Of a training: the last policy, not the best.")
     ] = False,
+    ray: Annotated[str | None, typer.Option("--ray", help=RAY)] = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Write a table as CSV.")] = None,
 ) -> None:
     """Evaluate policies on seeds never trained on: means with 95 % bootstrap intervals."""
@@ -47,16 +49,17 @@ def evaluate_command(
     if seed < 0:
         raise InputInvalid(f"--seed {seed}: expected 0 or more")
     options = nested("--task-set", task_set or [], "NAME=VALUE, as n_trackers=3")
-    with StudyProgress() as progress:
+    with StudyProgress("parts") as progress:
         progress.say("building, once")
         found = acting_of(list(dict.fromkeys(policies)), task, options, last=last)
-        from uuvsim_cosim.envs.tasks.evaluation import evaluate
+        from uuvsim_cosim.learn.evaluation_parts import evaluate_all
         from uuvsim_cosim.learn.judging import judge_scripted, judged
 
-        given = {}
-        for number, (name, policy) in enumerate(found.policies.items()):
-            progress("evaluating", number, len(found.policies))
-            given[name] = evaluate(found.task, policy, episodes, seed=seed)
+        with clustered(ray) as cluster:
+            given = evaluate_all(
+                found.name, found.options, found.policies, episodes, seed, cluster=cluster,
+                progress=progress,
+            )  # fmt: skip
         rows = {_label(name): judged([e]) for name, e in given.items()}
         learned = [e for name, e in given.items() if name not in ("scripted", "random")]
         if len(learned) > 1:

@@ -1,4 +1,4 @@
-"""`uuvsim export`: a recording as CSV, MATLAB or MCAP."""
+"""`uuvsim export`: a recording as CSV, MATLAB, MCAP (with its scene for Foxglove) or Rerun."""
 
 from __future__ import annotations
 
@@ -12,17 +12,34 @@ from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["export_command"]
 
-KINDS = (".csv", ".mat", ".mcap")
+KINDS = (".csv", ".mat", ".mcap", ".rrd")
 
 
 def export_command(
     run: Annotated[Path, typer.Argument(help="Folder that `uuvsim run` wrote, or a recording.")],
-    out: Annotated[Path, typer.Option("--out", "-o", help="File to write: .csv, .mat or .mcap.")],
+    out: Annotated[
+        Path, typer.Option("--out", "-o", help="File to write: .csv, .mat, .mcap or .rrd (Rerun).")
+    ],
+    scene: Annotated[
+        bool, typer.Option("--scene", help="With .mcap: the 3-D scene as well, for Foxglove.")
+    ] = False,
 ) -> None:
     """Convert a recording for other tools; the ending of the file's name says to what."""
-    if out.suffix.lower() not in KINDS:
+    kind = out.suffix.lower()
+    if kind not in KINDS:
         raise InputInvalid(f"{out}: ending {out.suffix!r} was read; expected {', '.join(KINDS)}")
-    from uuvsim_cosim.orchestrator.recording import export
+    if scene and kind != ".mcap":
+        raise InputInvalid(f"--scene and {out}: expected a file .mcap; .rrd has the scene anyway")
+    if kind == ".rrd":
+        from uuvsim_cosim.view.rerun_file import export_rrd
 
-    export(run, out)
+        export_rrd(run, out)
+    elif scene:
+        from uuvsim_cosim.view.foxglove import export_scene_mcap
+
+        export_scene_mcap(run, out)
+    else:
+        from uuvsim_cosim.orchestrator.recording import export
+
+        export(run, out)
     line(f"{tilde(out)}  {size_of(out)}")

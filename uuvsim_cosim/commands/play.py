@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from uuvsim_cosim.commands.nested_options import nested
+from uuvsim_cosim.commands.play_view import Page
 from uuvsim_cosim.commands.policies import Acting, acting_of
 from uuvsim_cosim.commands.study_progress import StudyProgress
 from uuvsim_cosim.commands.terminal import line, size_of, table, tilde
@@ -40,12 +41,19 @@ def play_command(
     ] = None,
     window: Annotated[bool, typer.Option("--window", help="Show it in a window instead.")] = False,
     open_: Annotated[bool, typer.Option("--open", help="Open what was written.")] = False,
+    view: Annotated[
+        bool, typer.Option("--view", help="Replay it in a browser, in 3-D; Ctrl-C ends it.")
+    ] = False,
+    port: Annotated[int | None, typer.Option(help="Of --view; by default 8080 or near.")] = None,
 ) -> None:
     """Play one episode: what the policy does, drawn, and the metrics of it."""
     if seed < 0:
         raise InputInvalid(f"--seed {seed}: expected 0 or more")
     if window and out is not None:
         raise InputInvalid(f"--window and --out {out}: expected one of them")
+    if window and view:
+        raise InputInvalid("--window and --view: expected one of them")
+    page = Page(port, view)
     options = nested("--task-set", task_set or [], "NAME=VALUE, as n_trackers=3")
     with StudyProgress() as progress:
         progress.say("building, once")
@@ -55,7 +63,11 @@ def play_command(
         found = acting_of([policy], task, options)
         (acts,) = found.policies.values()
         progress.say("playing")
-        frames = list(frames_of(found.task, acts, seed, "human" if window else "rgb_array"))
+        frames: list[NDArray[np.uint8]] = []
+        if view:
+            page.record(found.task, acts, seed, found.name)
+        if not view or out is not None:
+            frames = list(frames_of(found.task, acts, seed, "human" if window else "rgb_array"))
         if policy == "random":  # which draws anew
             (acts,) = acting_of([policy], task, options).policies.values()
         figures = evaluate(found.task, acts, 1, seed=seed)
@@ -64,12 +76,13 @@ def play_command(
     line()
     line(f"{found.name}, {policy}, seed {seed}; metrics are means over the second half")
     table(("figure", "value"), list(rows.items()))
-    if not window:
+    if not window and (out is not None or not view):
         written = _written(found, policy, seed, frames, rows, out)
         line()
         table(("written", "size"), [(tilde(written), size_of(written))])
-        if open_:
+        if open_ and not view:
             typer.launch(str(written))
+    page.serve(f"{found.name}, {policy}", show=open_)
 
 
 def _written(

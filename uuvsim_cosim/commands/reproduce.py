@@ -8,6 +8,9 @@ from typing import Annotated, Any
 
 import typer
 
+from uuvsim_cosim.commands.clustered import RAY, clustered
+from uuvsim_cosim.commands.study_progress import StudyProgress
+from uuvsim_cosim.commands.study_termination import Termination
 from uuvsim_cosim.commands.terminal import line, table, tilde
 from uuvsim_cosim.commands.training_progress import TrainingProgress
 from uuvsim_cosim.errors import InputInvalid
@@ -28,6 +31,7 @@ def reproduce_command(
     ] = RESULTS,
     work: Annotated[Path, typer.Option("--work", help="Checkpoints, to go on from.")] = Path("runs")
     / "reproduce",
+    ray: Annotated[str | None, typer.Option("--ray", help=RAY)] = None,
     no_run: Annotated[
         bool, typer.Option("--no-run", help="Train nothing: draw and judge what is there.")
     ] = False,
@@ -44,7 +48,12 @@ def reproduce_command(
         raise InputInvalid(f"--seeds {seeds}: expected 1 or more")
     chains_of(figure)
     if not no_run:
-        _run(figure, BUDGETS[budget], seeds, out, work)
+        if ray is None:
+            _run(figure, BUDGETS[budget], seeds, out, work)
+        else:
+            _run_on(ray, figure, BUDGETS[budget], seeds, out, work)
+            if figure in ("fig11", "all"):  # its runs are not spread
+                _run("fig11", BUDGETS[budget], seeds, out, work)
     from uuvsim_cosim.commands.reproduce_report import write_report
 
     rows, files = write_report(out)
@@ -68,7 +77,30 @@ def _run(figure: str, budget: Any, seeds: int, out: Path, work: Path) -> None:
                     figure, budget, seeds, out, work, observers=(progress,),
                     interrupted=interruption, begins=progress.say,
                 )  # fmt: skip
+                if figure in ("fig11", "all"):
+                    from uuvsim_cosim.commands.reproduce_transfer import FOLDER
+                    from uuvsim_cosim.learn.transfer_runs import run_transfers
+
+                    run_transfers(
+                        seeds, out / FOLDER, work / FOLDER, observers=(progress,),
+                        interrupted=interruption, begins=progress.say,
+                    )  # fmt: skip
         except KeyboardInterrupt:
             progress.stop()
             sys.stderr.write("uuvsim: interrupted; the same command goes on from there\n")
             raise typer.Exit(interruption.status) from None
+
+
+def _run_on(ray: str, figure: str, budget: Any, seeds: int, out: Path, work: Path) -> None:
+    from uuvsim_cosim.learn.ray_reproduce import reproduce_on
+    from uuvsim_cosim.learn.ray_training import ALIKE
+
+    with Termination() as termination, StudyProgress("ways and seeds") as progress:
+        try:
+            with clustered(ray, alike=ALIKE) as cluster:
+                assert cluster is not None
+                reproduce_on(cluster, figure, budget, seeds, out, work, progress=progress)
+        except KeyboardInterrupt:
+            progress.stop()
+            sys.stderr.write("uuvsim: interrupted; the same command goes on from there\n")
+            raise typer.Exit(termination.status) from None

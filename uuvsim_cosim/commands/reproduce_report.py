@@ -53,6 +53,13 @@ def write_report(results: Path) -> tuple[dict[str, list[Verdict]], list[Path]]:
         pictures = _pictures(results, name, runs)
         files += pictures
         parts.append(_section(name, BUDGETS[name].described, runs, rows[name], pictures))
+    from uuvsim_cosim.commands.reproduce_transfer import transfer_section
+
+    transfers, part, pictures = transfer_section(results)
+    for each in rows.values():  # of one budget, whichever is asked for
+        each += transfers
+    parts.append(part)
+    files += pictures
     page = results / "README.md"
     write_whole(page, ("\n".join(parts).rstrip() + "\n").encode())
     return rows, [page, *files]

@@ -10,7 +10,9 @@ import typer
 
 from uuvsim_cosim.commands.options import assignments, by_component, value_of
 from uuvsim_cosim.commands.run_progress import RunProgress
+from uuvsim_cosim.commands.run_survey import mapped
 from uuvsim_cosim.commands.run_table import show_run
+from uuvsim_cosim.commands.run_view import Watched
 from uuvsim_cosim.commands.terminal import line, size_of, tilde
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid
 from uuvsim_cosim.fmus.watchdog import check_watchdog
@@ -65,6 +67,10 @@ def run_command(
     ] = None,
     no_report: Annotated[bool, typer.Option("--no-report", help="Write no report.html.")] = False,
     open_: Annotated[bool, typer.Option("--open", help="Open the report in a browser.")] = False,
+    view: Annotated[
+        bool, typer.Option("--view", help="Show it live in a browser, then replay it; Ctrl-C ends.")
+    ] = False,
+    port: Annotated[int | None, typer.Option(help="Of --view; by default 8080 or near.")] = None,
     input_: Annotated[
         Path | None, typer.Option("--input", help="For an .fmu: CSV of inputs over time.")
     ] = None,
@@ -86,6 +92,7 @@ def run_command(
         refused = {
             "--waypoints": waypoints, "--replace": replace, "--map": map_, "--rate": rate,
             "--real-time": real_time, "--isolate": isolate, "--scenario": scenario,
+            "--view": view,
         }  # fmt: skip
         for option, given in refused.items():
             if given:
@@ -109,7 +116,7 @@ def run_command(
         edited, changes, name=system, until=until, out=out, seed=seed, native=native,
         record_every=record_every, report=not no_report, show=open_,
         pace=_pace(real_time, overruns), isolate=isolate or [], watchdog=watchdog,
-        scenario=scenario, trace_fmi=trace_fmi,
+        scenario=scenario, trace_fmi=trace_fmi, watched=Watched(edited.name, port, view),
     )  # fmt: skip
 
 
@@ -189,7 +196,7 @@ def _run_system(
     system: Any, changes: dict[str, dict[str, str]], *, name: str, until: float | None,
     out: Path | None, seed: int, native: bool, record_every: int, report: bool, show: bool,
     pace: Any, isolate: list[str], watchdog: float, scenario: Path | None,
-    trace_fmi: Path | None,
+    trace_fmi: Path | None, watched: Watched,
 ) -> None:  # fmt: skip
     from uuvsim_cosim.orchestrator.run import Interrupted, run
 
@@ -198,12 +205,13 @@ def _run_system(
         "changes": {kind: given for kind, given in changes.items() if given},
     }
     report_file: Path | None = None
-    with RunProgress() as progress:
+    with watched, RunProgress() as progress:
         try:
             done = run(
                 system, until=until, out=out, seed=seed, backend="native" if native else "fmu",
                 record_every=record_every, progress=progress, about=about, real_time=pace,
                 isolate=isolate, watchdog=watchdog, scenario=scenario, trace_fmi=trace_fmi,
+                observers=watched.observers,
             )  # fmt: skip
         except Interrupted as interrupted:
             done = interrupted.run
@@ -213,17 +221,20 @@ def _run_system(
             if kept is not None:
                 sys.stderr.write(f"uuvsim: the recording up to then is in {tilde(kept)}\n")
             raise
+        surveyed = None if done.interrupted else mapped(name, done.folder, progress)
         if report:
             from uuvsim_cosim.view.run_report import write_report
 
             progress.say("writing the report")
             report_file = write_report(done.folder)
-    show_run(done, report_file)
+    show_run(done, report_file, surveyed)
     if show and report_file is not None:
         typer.launch(str(report_file))
     if done.interrupted:
         sys.stderr.write(f"uuvsim: {done.interrupted}; the recording is complete up to then\n")
+        watched.close()
         raise typer.Exit(130)
+    watched.replay(done.folder)
 
 
 def _run_fmu(

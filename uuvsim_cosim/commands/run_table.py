@@ -9,14 +9,15 @@ from uuvsim_cosim.commands.terminal import line, size_of, table, tilde
 
 if TYPE_CHECKING:
     from uuvsim_cosim.orchestrator.run import Run
+    from uuvsim_cosim.scene.mapping import SeabedMap
 
 __all__ = ["show_run"]
 
 MOST_NOTES = 12
 
 
-def show_run(run: Run, report: Path | None) -> None:
-    """Print the table of a run."""
+def show_run(run: Run, report: Path | None, surveyed: SeabedMap | None = None) -> None:
+    """Print the table of a run, with the figures of the map that it made."""
     import numpy as np
 
     from uuvsim_cosim.view.metrics import figures
@@ -24,6 +25,10 @@ def show_run(run: Run, report: Path | None) -> None:
 
     path = None if run.waypoints is None else np.asarray(run.waypoints)
     found = figures(traces_of(run.folder), path)
+    if surveyed is not None:
+        from uuvsim_cosim.view.survey_map import map_figures
+
+        found += map_figures(surveyed)
     rows = [(f.label, f"{f.value:{f.form}}", f.unit, f.note) for f in found]
     rows.append(("simulated", f"{run.time:g}", "s", f"{run.steps} steps of {run.tick:g} s"))
     rows.append(("real-time factor", f"{run.real_time_factor:.1f}", "", f"{run.wall_time:.2f} s"))
@@ -48,5 +53,5 @@ def show_run(run: Run, report: Path | None) -> None:
     if run.asked is not None:
         line(f"{tilde(run.asked)} has something in it already, so this run went beside it")
     files = [run.recording, *([report] if report else []), run.folder / "run.json",
-             run.folder / "system.ssd"]  # fmt: skip
+             run.folder / "system.ssd", run.folder / "map.npz"]  # fmt: skip
     table(("written", "size"), [(tilde(f), size_of(f)) for f in files if f.is_file()])

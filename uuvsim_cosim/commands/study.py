@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from uuvsim_cosim.commands.clustered import RAY, clustered
 from uuvsim_cosim.commands.study_progress import StudyProgress
 from uuvsim_cosim.commands.study_termination import Termination
 from uuvsim_cosim.commands.terminal import line, size_of, table, tilde
@@ -37,6 +38,10 @@ def study_command(
     master: Annotated[
         bool, typer.Option("--master", help="Run by masters even where a kernel could.")
     ] = False,
+    ray: Annotated[
+        str | None,
+        typer.Option("--ray", help=RAY),
+    ] = None,
     no_report: Annotated[bool, typer.Option("--no-report", help="Write no report.html.")] = False,
     open_: Annotated[bool, typer.Option("--open", help="Open the report in a browser.")] = False,
 ) -> None:
@@ -50,7 +55,7 @@ def study_command(
         raise InputInvalid(f"--jobs {jobs}: expected 1 or more")
     with Termination() as termination, StudyProgress() as progress:
         try:
-            done, report = _run(file, out, jobs, restart, master, no_report, progress)
+            done, report = _run(file, out, jobs, restart, master, ray, no_report, progress)
         except KeyboardInterrupt as interrupted:
             progress.stop()
             said = str(interrupted) or "interrupted; the same command goes on from there"
@@ -62,15 +67,17 @@ def study_command(
 
 
 def _run(
-    file: Path, out: Path | None, jobs: int | None, restart: bool, master: bool, no_report: bool,
-    progress: StudyProgress,
+    file: Path, out: Path | None, jobs: int | None, restart: bool, master: bool, ray: str | None,
+    no_report: bool, progress: StudyProgress,
 ) -> tuple[StudyResult, Path | None]:  # fmt: skip
     from uuvsim_cosim.studies import Study
 
     study = Study.read(file)
-    done = study.run(
-        out, jobs=jobs, restart=restart, backend="master" if master else "auto", progress=progress
-    )
+    with clustered(ray, jobs) as cluster:
+        done = study.run(
+            out, jobs=jobs, restart=restart, backend="master" if master else "auto",
+            progress=progress, cluster=cluster,
+        )  # fmt: skip
     if no_report:
         return done, None
     from uuvsim_cosim.view.study_report import write_study_report

@@ -15,7 +15,8 @@ __all__ = ["StudyProgress"]
 class StudyProgress:
     """A callable ``(stage, done, total)``; nothing is drawn unless stderr is a terminal."""
 
-    def __init__(self) -> None:
+    def __init__(self, counted: str = "runs") -> None:
+        self._counted = counted
         target = console(stderr=True)
         self._bar = Progress(
             TextColumn("{task.description}"),
@@ -51,7 +52,7 @@ class StudyProgress:
         if stage != self._stage:
             self._stage = stage
             self._bar.reset(self._task)
-        shown = f"{done:.0f} of {total:.0f} runs"
+        shown = f"{done:.0f} of {total:.0f} {self._counted}"
         self._bar.update(self._task, description=stage, completed=done, total=total, shown=shown)
 
     def say(self, words: str) -> None:

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from uuvsim_cosim.commands.clustered import RAY
 from uuvsim_cosim.commands.nested_options import nested
 from uuvsim_cosim.commands.terminal import line, size_of, table, tilde
+from uuvsim_cosim.commands.train_seeds import seeds_of, train_seeds
 from uuvsim_cosim.commands.training_progress import TrainingProgress
 from uuvsim_cosim.errors import InputInvalid
 
@@ -29,6 +31,9 @@ def train_command(
         typer.Option("--algo", help="sac, masac, isac, ppo, ippo, mappo, dqn or idqn."),
     ] = None,
     seed: Annotated[int | None, typer.Option("--seed", help="Of environments and learner.")] = None,
+    seeds: Annotated[
+        str | None, typer.Option("--seeds", help="Several: how many from --seed on, or 3,7,11.")
+    ] = None,
     config: Annotated[
         Path | None, typer.Option("--config", help="YAML; options here come after it.")
     ] = None,
@@ -60,6 +65,7 @@ def train_command(
     restart: Annotated[
         bool, typer.Option("--restart", help="Begin anew where another training is.")
     ] = False,
+    ray: Annotated[str | None, typer.Option("--ray", help=RAY)] = None,
     no_report: Annotated[bool, typer.Option("--no-report", help="Write no report.html.")] = False,
     open_: Annotated[bool, typer.Option("--open", help="Open the report in a browser.")] = False,
 ) -> None:
@@ -74,10 +80,26 @@ def train_command(
     if curriculum is not None:
         from uuvsim_cosim.commands.curriculum import train_through
 
-        unused = {"--config": config, "--restart": restart, "--open": open_}
+        unused = {
+            "--config": config, "--restart": restart, "--open": open_, "--seeds": seeds,
+            "--ray": ray,
+        }  # fmt: skip
         train_through(curriculum, task, changes, out, [k for k, v in unused.items() if v])
         return
     asked = _config(task, config, changes)
+    if seeds is not None or ray is not None:
+        from uuvsim_cosim.learn.train import resolved, training_folder
+
+        several = seeds_of(seeds or "1", asked.seed)
+        configs = [resolved(asked).changed(seed=s) for s in several]
+        parent = () if out is None else (out,)
+        folders = [training_folder(c, *parent) for c in configs]
+        if out is not None and seeds is None:
+            folders = [out]
+        last = train_seeds(configs, folders, restart, not no_report, ray)[-1]
+        if open_ and not no_report:
+            typer.launch(str(last.folder / "report.html"))
+        return
     with TrainingProgress() as progress:
         try:
             done = _trained(asked, out, restart, progress)

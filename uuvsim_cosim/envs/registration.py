@@ -19,6 +19,7 @@ __all__ = ["SHIPPED", "make_env", "make_vector_env", "register", "register_shipp
 _TASKS = {  # names under uuvsim/, and in uuvsim_cosim.envs.tasks
     "StationKeeping-v0": "station_keeping:StationKeeping",
     "TrajectoryFollowing-v0": "trajectory:TrajectoryFollowing",
+    "AltitudeFollowing-v0": "altitude_following:AltitudeFollowing",
     "DisturbanceRejection-v0": "disturbance:DisturbanceRejection",
     "TargetTracking-v0": "target_tracking:TargetTracking",
     "TargetTrackingSource-v0": "tracking_scenarios:source",

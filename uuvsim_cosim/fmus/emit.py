@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
@@ -53,9 +54,36 @@ def emit_function(
     nodes = nodes_of(f)
     items = scheduled(nodes) if branches and f.name() != "rhs" else flat(nodes)
     text = _Text(f, nodes, sources, result)
-    lines = [*(f"(void){s};" for s in targets), *text.lines(items), *text.stores]
+    lines = [*(f"(void){s};" for s in targets), *text.lines(items)]
+    lines += text.stores if f.name() == "rhs" else _looped(text.stores)
     body = "\n    ".join(lines)
     return f"static void {signature} {{\n    {body}\n}}\n"
+
+
+_COPY = re.compile(r"^(\w+)\[(\d+)\] = ([\w.]+)(?:\[(\d+)\])?;$")
+_LONG = 32  # copies in a row that are worth a loop: a compiler takes long over thousands of lines
+
+
+def _looped(stores: Sequence[str]) -> Iterator[str]:
+    """Write stores of consecutive elements, from consecutive ones or one value, as loops."""
+    read = [_COPY.match(store) for store in stores]
+    k = 0
+    while k < len(stores):
+        m, n = read[k], 1
+        while m and k + n < len(stores) and (o := read[k + n]) and _follows(m, o, n):
+            n += 1
+        if m and n >= _LONG:
+            source = m[3] if m[4] is None else f"{m[3]}[{m[4]} + i]"
+            yield f"for (int i = 0; i < {n}; i++) {m[1]}[{m[2]} + i] = {source};"
+        else:
+            yield from stores[k : k + n]
+        k += n
+
+
+def _follows(m: re.Match[str], o: re.Match[str], n: int) -> bool:
+    if (o[1], int(o[2]), o[3]) != (m[1], int(m[2]) + n, m[3]):
+        return False
+    return o[4] is None if m[4] is None else o[4] is not None and int(o[4]) == int(m[4]) + n
 
 
 def emit_update(f: Any, signature: str, first: int) -> str:

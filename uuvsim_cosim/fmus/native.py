@@ -84,6 +84,16 @@ class Native:
             flat = flat.astype(bool if variable.type == "Boolean" else np.int32)
         return flat.reshape(variable.shape).copy() if variable.shape else flat[0].item()
 
+    def view(self, variable: Variable) -> np.ndarray:
+        """Give a Float64 variable's values where they lie: read only, no copy, later steps' too."""
+        self._c.uuv_update_outputs(self._live())
+        if variable.type != "Float64":
+            raise FmuError(f"{self.path}.{variable.name}: is {variable.type}; expected Float64")
+        first = variable.value_references[0]
+        seen = self._block[first : first + variable.size].reshape(variable.shape)
+        seen.flags.writeable = False
+        return seen
+
     def set(self, variable: Variable, value: Any) -> None:
         """Set an input or a parameter; refuses what is not finite or outside [min, max]."""
         self._live()

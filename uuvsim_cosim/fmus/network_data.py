@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from uuvsim_cosim.fmus.field_data import field_text
 from uuvsim_cosim.fmus.layer_data import layer_text
+from uuvsim_cosim.fmus.ray_data import frame_call, ray_text
 from uuvsim_cosim.fmus.transformer_data import transformer_text
+from uuvsim_cosim.models.field import Field
 from uuvsim_cosim.models.network import NETWORKS, Network
+from uuvsim_cosim.models.rays import Frame, Rays, Touch
 from uuvsim_cosim.models.transformer import Transformer
 
 __all__ = ["HEADER", "network_call", "network_data"]
@@ -20,6 +24,10 @@ def network_call(k: int, name: str, a: list[str], forward: bool) -> Iterator[str
     `a` are the inputs; of the forward derivative the inputs, the outputs and the seeds.
     """
     n = NETWORKS[name]
+    if isinstance(n, Frame):
+        yield frame_call(k, n, a)
+        yield from (f"t{k}.y[{j}]" for j in range(n.n_out))
+        return
     groups = [a[: n.n_in], a[-n.n_in :]] if forward else [a]
     arrays = [f"(const V[]){{{', '.join(x or 'uuv_const(0.0)' for x in g)}}}" for g in groups]
     suffix = "_forward" if forward else ""
@@ -30,6 +38,10 @@ def network_call(k: int, name: str, a: list[str], forward: bool) -> Iterator[str
 def network_data(name: str) -> str:
     """Give the weights of a network, and its functions of arrays."""
     n = NETWORKS[name]
+    if isinstance(n, Field):
+        return "".join(field_text(n))
+    if isinstance(n, Rays | Frame | Touch):
+        return "".join(ray_text(n))
     return "".join(transformer_text(n) if isinstance(n, Transformer) else _text(n))
 
 

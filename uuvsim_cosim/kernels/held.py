@@ -7,8 +7,10 @@ from collections.abc import Callable, Iterator
 
 __all__ = ["split"]
 
-# The values of a network (fmus/network_data.py) are no V, and so are not held.
-_LINE = re.compile(r"const (?P<type>V|network_\w+_values) (?P<name>t\w+) = (?P<value>.*);$")
+# The values of a network or field (fmus/network_data.py) are no V, and so are not held.
+_LINE = re.compile(
+    r"const (?P<type>V|(?:network|field)_\w+_values) (?P<name>t\w+) = (?P<value>.*);$"
+)
 _STORE = re.compile(r"dx\[\d+\] = (?P<value>.*);$")
 _VALUE = re.compile(r"\bt\d+(?:_\d+)?\b")
 _QUOTIENT = re.compile(r"const V (?P<name>t\d+) = (?P<dividend>\S+) / (?P<divisor>\S+);$")

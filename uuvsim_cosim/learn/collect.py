@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +15,13 @@ from uuvsim_cosim.envs.tasks.scripted import scripted_policy
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.dataset import Dataset, Episode
 from uuvsim_cosim.learn.loading import acting_in, load_policies, random_policy
-from uuvsim_cosim.learn.policy import Named
+from uuvsim_cosim.learn.policy import Named, Policy
 from uuvsim_cosim.learn.rollout import Rollout
 from uuvsim_cosim.learn.sequence_runner import begin
 from uuvsim_cosim.learn.task_ids import make_task
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.cluster import Cluster
 
 __all__ = ["COLLECTING_SEED", "WORDS", "collect"]
 
@@ -37,30 +41,63 @@ def collect(
     *,
     options: Mapping[str, Any] | None = None,
     seed: int = COLLECTING_SEED,
+    cluster: Cluster | None = None,
 ) -> Dataset:
     """Let a policy act in a task's episodes; what it sees, does and is given is kept.
 
     `policy` is "scripted", "random", a policy's file or a training's folder, or "mixed": episode
-    by episode in turn scripted, scripted with noise, and random. Raises InputInvalid.
+    by episode in turn scripted, scripted with noise, and random. With a `cluster`, its workers
+    collect the same bits. Raises InputInvalid.
     """
     if not 1 <= episodes <= 100_000:
         raise InputInvalid(f"{episodes} episodes; expected 1 … 100000")
-    task = make_task(name, options)
-    acts, parts = _acts(task, name, policy, seed)
-    kept: list[Episode] = []
-    named: tuple[tuple[Named, ...], tuple[Named, ...]] = (), ()
-    for first in range(0, episodes, AT_ONCE):
-        rows = np.arange(first, min(first + AT_ONCE, episodes))
-        for part in parts:
-            begin(part)
-        rollout = Rollout(task, len(rows), seed + first)
-        try:
-            named = rollout.named()
-            kept += _lived(rollout, acts, rows)
-        finally:
-            rollout.close()
-    told = {"policy": Path(policy).name if str(policy) not in WORDS else str(policy), "seed": seed}
+    word = policy if policy in WORDS else None
+    acts = str(word) if word else tuple(load_policies(policy))
+    parts = [
+        _Part(name, dict(options or {}), acts, seed, first, min(AT_ONCE, episodes - first))
+        for first in range(0, episodes, AT_ONCE)
+    ]
+    found: list[_Collected] = []
+    if cluster is None:
+        found = [_collect(part) for part in parts]
+    else:
+        came = dict(cluster.spread(_collect, parts))
+        found = [came[k] for k in range(len(parts))]
+    kept = [episode for episodes_of_part, _ in found for episode in episodes_of_part]
+    named = found[0][1]
+    told = {"policy": word or Path(policy).name, "seed": seed}
     return Dataset(kept, named[0], named[1], name, dict(options or {}), told)
+
+
+# ---- inside -------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Part:
+    """So many episodes side by side; what comes of them follows from this alone."""
+
+    name: str
+    options: Mapping[str, Any]
+    acts: str | tuple[Policy, ...]
+    seed: int
+    first: int
+    count: int
+
+
+_Collected = tuple[list[Episode], tuple[tuple[Named, ...], tuple[Named, ...]]]
+
+
+def _collect(part: _Part) -> _Collected:
+    task = make_task(part.name, part.options)
+    acts, parts = _acts(task, part)
+    for one in parts:
+        begin(one)
+    rollout = Rollout(task, part.count, part.seed + part.first)
+    try:
+        rows = np.arange(part.first, part.first + part.count)
+        return _lived(rollout, acts, rows), rollout.named()
+    finally:
+        rollout.close()
 
 
 def _lived(rollout: Rollout, acts: Act, numbers: NDArray[np.intp]) -> list[Episode]:
@@ -91,16 +128,18 @@ def _lived(rollout: Rollout, acts: Act, numbers: NDArray[np.intp]) -> list[Episo
     ]
 
 
-def _acts(task: Task | TeamTask, name: str, policy: str | Path, seed: int) -> tuple[Act, list[Any]]:
+def _acts(task: Task | TeamTask, part: _Part) -> tuple[Act, list[Any]]:
     """Give how all agents act, and the policies that it is made of."""
-    random = np.random.default_rng(seed)
+    policy = part.acts
+    drawn = part.seed if part.first == 0 else [part.seed, part.first]
+    random = np.random.default_rng(drawn)
     given: Any
     if policy in ("scripted", "mixed"):
         given = scripted_policy(task)
     elif policy == "random":
-        given = random_policy(task, seed)
+        given = random_policy(task, drawn)
     else:
-        given = acting_in(task, load_policies(policy), name)
+        given = acting_in(task, [p for p in policy if isinstance(p, Policy)], part.name)
     parts = [given[a] for a in task.agents] if isinstance(task, TeamTask) else [given]
 
     def act(observation: Array, numbers: NDArray[np.intp]) -> Array:

@@ -13,10 +13,9 @@ from uuvsim_cosim.envs.tasks.tracking_rules import PROFILES
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.algorithms import ALGORITHMS
 from uuvsim_cosim.learn.task_ids import TASKS, short_name
+from uuvsim_cosim.learn.training_seeds import EVALUATION_SEED, MOST_ENVS
 
 __all__ = ["TrainingConfig", "merged", "read_config"]
-
-MOST_ENVS = 65_536
 
 
 @dataclass(frozen=True)
@@ -30,7 +29,7 @@ class TrainingConfig:
 
     task: str
     algorithm: str | None = None  # sac for one agent, masac for several
-    seed: int = 0  # the first of the environments' seeds; below EVALUATION_SEED
+    seed: int = 0  # of the learner, and of the environments; below EVALUATION_SEED
     envs: int = 64  # environments side by side
     steps: int = 96_000  # environment steps, of all of them together
     profile: str = "default"
@@ -64,8 +63,6 @@ class TrainingConfig:
 
 def problems_of(config: TrainingConfig) -> list[tuple[str, Any, str]]:
     """Give (field, value, what was expected) of each that cannot be."""
-    from uuvsim_cosim.learn.training_seeds import EVALUATION_SEED
-
     found: list[tuple[str, Any, str]] = []
     if not isinstance(config.task, str) or (config.task not in TASKS and ":" not in config.task):
         found.append(("task", config.task, f"expected {near(config.task, TASKS)}"))

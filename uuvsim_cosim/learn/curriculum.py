@@ -121,11 +121,13 @@ def train_curriculum(
     interrupted: Callable[[], bool] | None = None,
     stage_begins: Callable[[int, Stage], None] | None = None,
     stage_ends: Callable[[int, StageTrained], None] | None = None,
+    first: int | None = None,
 ) -> list[StageTrained]:
     """Train through a curriculum, or go on with it, in `folder`; to the same bits.
 
     Each stage is a Training in a folder of its own, "2-transition_1"; switch.pt there is what it
     began with. A stage that is done is not done again. Torch computes on one thread meanwhile.
+    `first` is of environments' seeds, as `Training` has it.
     """
     try:
         import torch
@@ -137,7 +139,7 @@ def train_curriculum(
     torch.set_num_threads(1)
     try:
         return _through(
-            curriculum, Path(folder), seed, observers, interrupted, stage_begins, stage_ends
+            curriculum, Path(folder), seed, observers, interrupted, stage_begins, stage_ends, first
         )
     finally:
         torch.set_num_threads(threads)
@@ -146,7 +148,7 @@ def train_curriculum(
 def _through(
     curriculum: Curriculum, folder: Path, seed: int, observers: tuple[TrainingObserver, ...],
     interrupted: Callable[[], bool] | None, stage_begins: Callable[[int, Stage], None] | None,
-    stage_ends: Callable[[int, StageTrained], None] | None,
+    stage_ends: Callable[[int, StageTrained], None] | None, first: int | None,
 ) -> list[StageTrained]:  # fmt: skip
     tasks = [_task(curriculum, stage) for stage in curriculum.stages]  # all mistakes first
     for k in range(len(tasks)):
@@ -162,7 +164,7 @@ def _through(
             continue
         if stage_begins is not None:
             stage_begins(k, stage)
-        row, learner = train_stage(curriculum, k, task, place, seed, observers, interrupted)
+        row, learner = train_stage(curriculum, k, task, place, seed, observers, interrupted, first)
         done = [*done[:k], row]
         results.append(_result(place, stage, row))
         if not last_one:

@@ -19,14 +19,24 @@ if TYPE_CHECKING:
     from uuvsim_cosim.learn.masac_learner import MasacLearner
     from uuvsim_cosim.learn.training import Training, TrainingObserver
 
-__all__ = ["keep_switch", "learner_for", "settings_of", "switch_of", "train_stage"]
+__all__ = [
+    "STAGE",
+    "keep_switch",
+    "learner_for",
+    "settings_of",
+    "spent",
+    "switch_of",
+    "train_stage",
+]
 
+STAGE = "stage.json"  # the CPU seconds of a stage, all calls together
 AFTER_A_SWITCH = {"warm_up": 0, "critic_only": 500}  # docs/tasks.md: no random actions
 
 
 def train_stage(
     curriculum: Curriculum, k: int, task: Task | TeamTask, place: Path, seed: int,
     observers: tuple[TrainingObserver, ...], interrupted: Callable[[], bool] | None,
+    first: int | None,
 ) -> tuple[dict[str, Any], MasacLearner]:  # fmt: skip
     """Train stage k, or go on with it; gives what is kept of it, and the learner as it ended."""
     from uuvsim_cosim.learn.checkpoint import load_checkpoint
@@ -37,8 +47,8 @@ def train_stage(
     if k:
         learner.set_state(load_checkpoint(switch_of(place.parent, curriculum, k))["learner"])
     scripted = _scripted(task, curriculum, stage)
-    about = place / "stage.json"
-    before = _spent(about)
+    about = place / STAGE
+    before = spent(about)
     training: Training | None = None
 
     def good(judged: Evaluation) -> bool:
@@ -51,7 +61,7 @@ def train_stage(
         n=curriculum.envs, seed=seed, steps=stage.steps, folder=place,
         evaluate_every=stage.evaluate_every or curriculum.evaluate_every, stop=good,
         interrupted=interrupted,
-        evaluation_episodes=curriculum.evaluation_episodes, observers=observers,
+        evaluation_episodes=curriculum.evaluation_episodes, observers=observers, first=first,
     )  # fmt: skip
     try:
         rows = training.run()
@@ -78,7 +88,7 @@ def learner_for(curriculum: Curriculum, k: int, task: Task | TeamTask, seed: int
     return cast("MasacLearner", made)
 
 
-def _spent(about: Path) -> float:
+def spent(about: Path) -> float:
     """Give the CPU seconds of earlier calls; none, if that cannot be read."""
     try:
         return float(json.loads(about.read_text(encoding="utf-8"))["cpu"])

@@ -64,7 +64,7 @@ def acting_in(task: Task | TeamTask, policies: Sequence[Policy], name: str) -> A
     }
 
 
-def random_policy(task: Task | TeamTask, seed: int = 0) -> Mapping[str, Act] | Act:
+def random_policy(task: Task | TeamTask, seed: int | Sequence[int] = 0) -> Mapping[str, Act] | Act:
     """Give what acts at random, uniformly."""
     from uuvsim_cosim.learn.train import agents_of, widths
 

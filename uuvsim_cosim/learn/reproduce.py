@@ -6,19 +6,34 @@ A run is a scenario learned in one way with one seed. What it leaves for good ar
 
 from __future__ import annotations
 
+import json
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
+from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.curriculum import Curriculum, Stage, StageTrained, train_curriculum
+from uuvsim_cosim.learn.curriculum_stage import STAGE, spent
 from uuvsim_cosim.learn.reproduce_results import Key, is_kept, keep
 
 if TYPE_CHECKING:
     from uuvsim_cosim.learn.training import TrainingObserver
 
-__all__ = ["BUDGETS", "FIGURES", "Budget", "Chain", "chains_of", "keys_of", "reproduce"]
+__all__ = [
+    "BUDGETS",
+    "FIGURES",
+    "Budget",
+    "Chain",
+    "chains_of",
+    "keys_of",
+    "lacking",
+    "place_of",
+    "reproduce",
+    "reproduce_one",
+]
 
 Figure = Literal["fig7", "fig8", "fig9", "fig11"]
 FIGURES: tuple[Figure, ...] = get_args(Figure)
@@ -99,7 +114,7 @@ NEEDS: dict[Figure, tuple[Chain, ...]] = {
     "fig7": (STT, *FROM_SCRATCH),
     "fig8": (STT, *TEAMS),
     "fig9": (STT, *OTHERS),
-    "fig11": (),  # offline: `reproduce_offline`, where learning from data is installed
+    "fig11": (),  # of other form: `transfer_runs`
 }
 
 
@@ -115,6 +130,21 @@ def chains_of(figure: str) -> tuple[Chain, ...]:
 def keys_of(chain: Chain, budget: Budget, seed: int) -> list[Key]:
     """Give the names of what a chain leaves."""
     return [Key(budget.name, s, chain.way, seed) for s in chain.scenarios]
+
+
+def place_of(work: Path, budget: Budget, chain: Chain, seed: int) -> Path:
+    """Name the folder that a chain's checkpoints are in."""
+    return work / budget.name / f"{chain.way}-{chain.scenarios[-1]}-{seed}"
+
+
+def lacking(results: Path, figure: str, budget: Budget, seeds: int) -> list[tuple[Chain, int]]:
+    """Give the chains and seeds of which results are not all there, way by way."""
+    return [
+        (chain, seed)
+        for chain in chains_of(figure)
+        for seed in range(seeds)
+        if not all(is_kept(results, key) for key in keys_of(chain, budget, seed))
+    ]
 
 
 def reproduce(
@@ -135,25 +165,39 @@ def reproduce(
     are under `work`.
     """
     ran: list[Key] = []
-    for chain in chains_of(figure):
-        for seed in range(seeds):
-            wanted = keys_of(chain, budget, seed)
-            if all(is_kept(results, key) for key in wanted):
-                continue
-            place = work / budget.name / f"{chain.way}-{chain.scenarios[-1]}-{seed}"
+    for chain, seed in lacking(results, figure, budget, seeds):
+        ran += reproduce_one(
+            chain, budget, seed, results, place_of(work, budget, chain, seed),
+            observers=observers, interrupted=interrupted, begins=begins, episodes=episodes,
+        )  # fmt: skip
+    return ran
 
-            def told(k: int, stage: Stage, way: str = chain.way, seed: int = seed) -> None:
-                if begins is not None:
-                    begins(f"{stage.task}, {way}, seed {seed}")
 
-            def kept(
-                k: int, folder: Path, about: Mapping[str, Any], wanted: list[Key] = wanted
-            ) -> None:
-                if not is_kept(results, wanted[k]):
-                    keep(results, wanted[k], folder, about, episodes=episodes)
-                    ran.append(wanted[k])
+def reproduce_one(
+    chain: Chain,
+    budget: Budget,
+    seed: int,
+    results: Path,
+    place: Path,
+    *,
+    observers: tuple[TrainingObserver, ...] = (),
+    interrupted: Callable[[], bool] | None = None,
+    begins: Callable[[str], None] | None = None,
+    episodes: int = 100,
+) -> list[Key]:
+    """Run a chain with one seed, or go on with it in `place`; gives what was run."""
+    wanted, ran = keys_of(chain, budget, seed), []
 
-            _train(chain, budget, seed, place, observers, interrupted, told, kept)
+    def told(k: int, stage: Stage) -> None:
+        if begins is not None:
+            begins(f"{stage.task}, {chain.way}, seed {seed}")
+
+    def kept(k: int, folder: Path, about: Mapping[str, Any]) -> None:
+        if not is_kept(results, wanted[k]):
+            keep(results, wanted[k], folder, about, episodes=episodes)
+            ran.append(wanted[k])
+
+    _train(chain, budget, seed, place, observers, interrupted, told, kept)
     return ran
 
 
@@ -197,10 +241,17 @@ def _train(
 
         (scenario,) = chain.scenarios
         told(0, Stage(scenario, made["steps"]))
-        done = train(
-            scenario, folder=place, observers=observers, tensorboard=False, seed=first, **made
-        )
-        kept(0, place, {**about, "cpu": done.cpu, "steps": made["steps"], "settings": {},
+        before, began = spent(place / STAGE), time.process_time()
+        try:
+            train(
+                scenario, folder=place, observers=observers, tensorboard=False, seed=first,
+                first=first, interrupted=interrupted, **made,
+            )  # fmt: skip
+        finally:
+            cpu = before + time.process_time() - began
+            if place.is_dir():
+                write_whole(place / STAGE, json.dumps({"cpu": cpu}).encode())
+        kept(0, place, {**about, "cpu": cpu, "steps": made["steps"], "settings": {},
                         "task": scenario, "options": made["task_options"]})  # fmt: skip
         return
 
@@ -214,7 +265,7 @@ def _train(
 
     every = train_curriculum(
         made, place, seed=first, observers=observers, interrupted=interrupted, stage_begins=told,
-        stage_ends=ended,
+        stage_ends=ended, first=first,
     )  # fmt: skip
     for k, stage_done in enumerate(every):  # those that an earlier call trained, and did not keep
         ended(k, stage_done)

@@ -41,12 +41,12 @@ class Verdict:
 
 
 def verdicts(results: Results) -> list[Verdict]:
-    """Judge every claim; what was learned from data is looked for as "offline-dt" and the like."""
+    """Judge every claim but those of figure 11, which `transfer_verdicts` has."""
     rows = [_source(results), *_continuity(results)]
     for scenario in STAGES[1:]:
         rows += [_helps(results, scenario), _half(results, scenario)]
     rows += [_figure_8(results), *(_beats(results, a) for a in ("ippo", "idqn", "isac", "mappo"))]
-    return [*rows, *_teams(results), *_offline(results), _cost(results)]
+    return [*rows, *_teams(results), _cost(results)]
 
 
 # ---- one claim each -----------------------------------------------------------------------
@@ -147,35 +147,6 @@ def _teams(results: Results) -> list[Verdict]:
         said = f"success {a.mean():.3g} and {b.mean():.3g}, P {p}"
         holds = "reported" if wanted == "reported" else _said(p.value >= 0.9)
         rows.append(Verdict("success", words, wanted, said, holds, min(len(two), len(other))))
-    return rows
-
-
-def _offline(results: Results) -> list[Verdict]:
-    """Judge a decision transformer, way "offline-dt", in transition_1 and as it is made harder."""
-    dt = results.get(("transition_1", "offline-dt"), [])
-    rows = []
-    for other, words, wanted, least in (
-        ("offline-teacher", "a decision transformer is as good as its teacher",
-         "return ≥ 0.95 of the teacher's, track ≥ 0.95", 0.95),
-        ("offline-bc", "and as behaviour cloning", "return ≥ behaviour cloning's", 1.0),
-        ("offline-dt-noise", "with ±7 mm of noise", "loses ≤ 10 %", 0.9),
-        ("offline-dt-delay", "with 0.4 s of delay", "loses ≤ 10 %", 0.9),
-        ("offline-dt-weak", "with thrust x 0.8", "loses ≤ 10 %", 0.9),
-        ("offline-dt-full", "in the full vehicle, with positioning noise and radio latency",
-         "track ≥ 0.9", 0.9),
-    ):  # fmt: skip
-        runs = results.get(("transition_1", other), [])
-        if not dt or not runs:
-            rows.append(_missing("11", words, wanted))
-            continue
-        a, b = (np.mean([r.returns.mean() for r in x]) for x in (dt, runs))
-        harder = other.startswith("offline-dt")
-        share, track = (b / a if harder else a / b), _metric(runs if harder else dt, "track")
-        holds = track.value >= least if other.endswith("full") else share >= least
-        if other == "offline-teacher":
-            holds = holds and track.value >= 0.95
-        said = f"share of the return {share:.3g}, track {track}"
-        rows.append(Verdict("11", words, wanted, said, _said(bool(holds)), len(runs)))
     return rows
 
 

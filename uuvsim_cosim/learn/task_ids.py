@@ -18,6 +18,8 @@ TASKS: dict[str, str] = {
         name: f"uuvsim_cosim.envs.tasks.tracking_scenarios:{name}"
         for name in ("source", "transition_1", "transition_2", "target")
     },
+    "disturbed": "uuvsim_cosim.envs.tasks.disturbed:Disturbed",
+    "pool_tracking": "uuvsim_cosim.envs.tasks.pool_tracking:PoolTracking",
     **SHIPPED,
 }
 

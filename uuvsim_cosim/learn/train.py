@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from uuvsim_cosim.envs.task import Task, TeamTask
-from uuvsim_cosim.learn.algorithms import algorithm_for, learner_of
+from uuvsim_cosim.learn.algorithms import algorithm_for, check_settings, learner_of
 from uuvsim_cosim.learn.claim import claim, held, refuse_other
 from uuvsim_cosim.learn.config import TrainingConfig, read_config
 from uuvsim_cosim.learn.events import Events
@@ -20,7 +20,16 @@ from uuvsim_cosim.learn.task_ids import make_task
 if TYPE_CHECKING:
     from uuvsim_cosim.learn.training import Training, TrainingObserver
 
-__all__ = ["Trained", "agents_of", "train", "training_folder", "training_of", "widths"]
+__all__ = [
+    "Trained",
+    "agents_of",
+    "one_thread",
+    "resolved",
+    "train",
+    "training_folder",
+    "training_of",
+    "widths",
+]
 
 
 @dataclass(frozen=True)
@@ -45,13 +54,16 @@ def train(
     restart: bool = False,
     observers: tuple[TrainingObserver, ...] = (),
     tensorboard: bool = True,
+    first: int | None = None,
+    interrupted: Callable[[], bool] | None = None,
     **changes: Any,
 ) -> Trained:
     """Train, or go on with a training, in `folder` (runs/train/TASK-ALGORITHM-SEED).
 
     `given` is a configuration, a YAML file of one, or a task's name; `changes` are fields of
     TrainingConfig. Ctrl-C keeps the step that it came in and raises TrainingInterrupted; the same
-    call goes on from there, to the same bits. Torch computes on one thread meanwhile.
+    call goes on from there, to the same bits. Torch computes on one thread meanwhile. `first` is
+    of environments' seeds, as `Training` has it; `interrupted` is asked after each step too.
     """
     config = _config(given, changes)
     task = make_task(config.task, config.task_options, profile=config.profile)
@@ -59,11 +71,17 @@ def train(
     place = training_folder(config) if folder is None else Path(folder)
     with ExitStack() as stack:
         refuse_other(place, config, restart)
-        stack.enter_context(_one_thread())
+        stack.enter_context(one_thread())
         if tensorboard and Events.possible():
             observers = (*observers, stack.enter_context(Events(place)))
         interruption = Interruption()
-        training = training_of(config, task, place, observers=observers, interrupted=interruption)
+
+        def either() -> bool:
+            return interruption() or (interrupted is not None and interrupted())
+
+        training = training_of(
+            config, task, place, observers=observers, interrupted=either, first=first
+        )
         stack.callback(training.close)
         stack.enter_context(held(place))
         claim(place, config, restart)
@@ -86,6 +104,7 @@ def training_of(
     *,
     observers: tuple[TrainingObserver, ...] = (),
     interrupted: Callable[[], bool] | None = None,
+    first: int | None = None,
 ) -> Training:
     """Make a training, ready to `run`; raises InputInvalid if it cannot be."""
     agents = agents_of(task)
@@ -101,13 +120,25 @@ def training_of(
         task, learner, name=config.task, options=_options(config), n=config.envs, seed=config.seed,
         steps=config.steps, folder=folder, evaluate_every=config.evaluate_every,
         evaluation_episodes=config.evaluation_episodes, checkpoint_every=config.checkpoint_every,
-        observers=observers, interrupted=interrupted,
+        observers=observers, interrupted=interrupted, first=first,
     )  # fmt: skip
 
 
-def training_folder(config: TrainingConfig) -> Path:
+def resolved(config: TrainingConfig) -> TrainingConfig:
+    """Give the same with the algorithm named, and its settings as what they are.
+
+    Raises InputInvalid for a task, an algorithm or settings that cannot be.
+    """
+    task = make_task(config.task, config.task_options, profile=config.profile)
+    algorithm = algorithm_for(config.algorithm, len(agents_of(task)))
+    return config.changed(
+        algorithm=algorithm.name, settings=check_settings(algorithm, config.settings)
+    )
+
+
+def training_folder(config: TrainingConfig, parent: Path = Path("runs") / "train") -> Path:
     """Give runs/train/TASK-ALGORITHM-SEED."""
-    return Path("runs") / "train" / config.name
+    return parent / config.name
 
 
 def agents_of(task: Task | TeamTask) -> tuple[str, ...]:
@@ -149,7 +180,7 @@ def widths(task: Task | TeamTask) -> tuple[int, int]:
     return len(seen.low), ActionBox(plan, task.actions).width
 
 
-def _one_thread() -> ExitStack:
+def one_thread() -> ExitStack:
     """Let torch compute on one thread, which is faster for small batches, until the exit."""
     stack = ExitStack()
     try:

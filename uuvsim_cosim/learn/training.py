@@ -19,7 +19,7 @@ from uuvsim_cosim.learn.errors import LearningDiverged
 from uuvsim_cosim.learn.learner import Learner
 from uuvsim_cosim.learn.policy import Policy
 from uuvsim_cosim.learn.rollout import Ended, Rollout
-from uuvsim_cosim.learn.training_seeds import EVALUATION_SEED
+from uuvsim_cosim.learn.training_seeds import EVALUATION_SEED, first_of_training
 
 __all__ = ["EVALUATION_SEED", "Progress", "Training", "TrainingObserver", "acting"]
 
@@ -49,6 +49,7 @@ class Training:
     The folder holds episodes.csv (one row an episode), evaluations.csv, policy.npz (the last),
     best.npz (the best evaluation) and checkpoint.pt. `run` goes on from a checkpoint that is
     there, to the same bits as without the interruption. `name`, `options` say which task it is.
+    Environment i has the seed `first` + i, by default one that no other `seed` has.
     """
 
     def __init__(
@@ -68,6 +69,7 @@ class Training:
         observers: tuple[TrainingObserver, ...] = (),
         stop: Callable[[Evaluation], bool] | None = None,
         interrupted: Callable[[], bool] | None = None,
+        first: int | None = None,
     ) -> None:
         self.task, self.learner, self.folder = task, learner, folder
         self.name, self.options = name, dict(options)
@@ -75,7 +77,7 @@ class Training:
         self._evaluate_every, self._evaluation_episodes = evaluate_every, evaluation_episodes
         self._checkpoint_every = checkpoint_every or evaluate_every
         self._observers, self._stop, self._interrupted = observers, stop, interrupted
-        self.rollout = Rollout(task, n, seed)
+        self.rollout = Rollout(task, n, first_of_training(seed) if first is None else first)
         self.step, self.episodes, self.cpu = 0, 0, 0.0
         self.best = -np.inf
         self.evaluations: list[dict[str, float]] = []
@@ -89,8 +91,9 @@ class Training:
     def run(self) -> list[dict[str, float]]:
         """Train to the end; gives one row an evaluation, the first before anything is learned.
 
-        Where `interrupted` says so after a step, that step is kept and KeyboardInterrupt raised. A
-        loss that is no number raises LearningDiverged, and the last checkpoint stays.
+        The last is of what was learned, whatever `evaluate_every` is. Where `interrupted` says so
+        after a step, that step is kept and KeyboardInterrupt raised. A loss that is no number
+        raises LearningDiverged, and the last checkpoint stays.
         """
         self.folder.mkdir(parents=True, exist_ok=True)
         if self.checkpoint.is_file():
@@ -114,6 +117,8 @@ class Training:
             ) from None
         finally:
             self.cpu += time.process_time() - began
+        if self.evaluations[-1]["step"] != self.step:
+            self._evaluate()
         self.save()
         return self.evaluations
 

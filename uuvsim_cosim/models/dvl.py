@@ -1,11 +1,13 @@
-"""Doppler velocity log: four Janus beams over a flat bottom, and their least-squares velocity.
+"""Doppler velocity log: four Janus beams over a flat bottom or a scene, and their velocity.
 
 Beam i points along d_i = (sin t cos a_i, sin t sin a_i, cos t) in sensor axes, z down. It
 measures the velocity of the sensor along itself, positive towards the bottom,
 
     v_i = d_i · R_bs^T (v + omega x r) + noise,   range_i = height / (R R_bs d_i)_z,
 
-and is lost beyond its range, at flat incidence, or by chance. Velocity solves
+and is lost beyond its range, at flat incidence, or by chance. Over a scene a beam's range and
+incidence are those of a ray along it; the layer of water track ends over the shortest of them.
+Velocity solves
 min sum_i valid_i (d_i · v - v_i)², given three beams or more.
 
 Water track sees v - R_bs^T R^T v_c instead, where its layer below the sensor ends above 80 % of
@@ -26,7 +28,9 @@ from uuvsim_cosim.errors import ParameterInvalid
 from uuvsim_cosim.models.kinematics import R
 from uuvsim_cosim.models.model import Clock, Model
 from uuvsim_cosim.models.mounting import Pose, mounting
+from uuvsim_cosim.models.others import declare_others
 from uuvsim_cosim.models.preset import Preset, preset
+from uuvsim_cosim.models.rays import rays
 from uuvsim_cosim.models.rigid_body import inverse
 from uuvsim_cosim.models.safe_math import abs_, clip
 from uuvsim_cosim.models.sampled import held_output, only_when, sample_time
@@ -53,20 +57,25 @@ def dvl(
     period: str = "0.2",
     track: str = "bottom",
     aperiodic: bool | str = False,
+    scene: str = "",
+    others: int | str = 0,
 ) -> Model:
     """Declare the DVL of a preset, which pings every `period` seconds.
 
     With `track` "both" it has water track as well, and an input `v_c`. With `aperiodic` its pings
-    follow the range, and `period` is what their instants are rounded up to: "0.01", say.
+    follow the range, and `period` is what their instants are rounded up to: "0.01", say. With a
+    `scene` it ranges over that instead of a plane, and sees `others` further vehicles.
     """
     if track not in ("bottom", "both"):
         raise ParameterInvalid(f"dvl: track = {track!r}; expected bottom or both")
     p = preset("sensors", id, "dvl")
-    m = Model("dvl", "Doppler velocity log: four beams, bottom track over a flat bottom")
+    over = "scene" if scene else "flat bottom"
+    m = Model("dvl", f"Doppler velocity log: four beams, bottom track over a {over}")
     eta = m.input("eta", 6, unit=ETA, description="of the hull: N E D [m], phi theta psi [rad]")
     q = m.input("q", 4, unit="1", start=(1, 0, 0, 0), description="attitude of the hull")
     nu = m.input("nu", 6, unit=NU, description="of CO in b [m/s, rad/s]")
-    bottom = m.parameter("bottom_depth", 25.0, unit="m", description="depth of the flat bottom")
+    if not scene:
+        bottom = m.parameter("bottom_depth", 25.0, unit="m", description="depth of the flat bottom")
     tilt = m.parameter("tilt", p.number("tilt", "rad"), unit="rad", description="beam from axis")
     azimuth = m.parameter(
         "azimuth", p.vector("azimuth", "rad", 4), unit="rad", description="of each beam"
@@ -78,8 +87,18 @@ def dvl(
     v_s = ca.mtimes(R_bs.T, nu[:3] + ca.cross(nu[3:], r))
     Rnb = R(q)
     down = ca.mtimes(D.T, ca.mtimes(R_bs.T, Rnb[2, :].T))  # (R R_bs d_i)_z
-    height = bottom - eta[2] - ca.dot(Rnb[2, :].T, r)
-    velocity, distance, ok = _beams(m, ping, p, ca.mtimes(D.T, v_s), down, height)
+    seen: Any = None
+    if scene:
+        moving = declare_others(m, others)
+        d = ca.mtimes(ca.mtimes(Rnb, R_bs), D)
+        head = ca.vertcat(eta[:3] + ca.mtimes(Rnb, r), 1e4, moving, ca.vec(d))
+        seen = rays(scene, 4, moving.numel() // 10)(head)
+        height = down * seen[:4]  # of each beam; negative where it meets nothing
+    else:
+        height = bottom - eta[2] - ca.dot(Rnb[2, :].T, r)
+    velocity, distance, ok = _beams(m, ping, p, ca.mtimes(D.T, v_s), down, height, seen)
+    if scene:
+        height = ca.mmin(height)
 
     held_output(
         m, ping, "beam_velocity", velocity, unit="m/s", start=(0,) * 4, description="along beams"
@@ -169,9 +188,12 @@ def _ping_again(m: Model, ping: Clock, p: Preset, distance: Any, heard: Any) -> 
 
 
 def _beams(
-    m: Model, ping: Clock, p: Preset, v: Any, down: Any, height: Any
+    m: Model, ping: Clock, p: Preset, v: Any, down: Any, height: Any, seen: Any
 ) -> tuple[Any, Any, Any]:
-    """Give each beam's velocity, range, and 1 where it has an echo, all with noise."""
+    """Give each beam's velocity, range, and 1 where it has an echo, all with noise.
+
+    `seen` are the ranges and the cosines of the incidence over a scene, None over a plane.
+    """
     sigma_v = m.parameter(
         "sigma_v", p.number("sigma_v", "m/s"), unit="m/s", min=0, description="noise of a beam"
     )
@@ -203,8 +225,12 @@ def _beams(
         "dropout", p.number("dropout", "1"), unit="1", min=0, max=1, description="by chance"
     )
     w = m.normal(ping, 8)
-    steep = down > ca.cos(incidence)
-    distance = ca.if_else(steep, height / ca.if_else(steep, down, 1.0), 0.0)
+    if seen is None:
+        steep = down > ca.cos(incidence)
+        distance = ca.if_else(steep, height / ca.if_else(steep, down, 1.0), 0.0)
+    else:
+        steep = seen[4:] > ca.cos(incidence)
+        distance = ca.if_else(ca.logic_and(steep, seen[:4] > 0.0), seen[:4], 0.0)
     heard = ca.logic_and(distance >= low, distance <= high)
     ok = ca.logic_and(ca.logic_and(steep, heard), uniform(m, ping, 4) >= lost)
     velocity = v + ca.sqrt(sigma_v**2 + (relative * v) ** 2 + 1e-30) * w[:4]

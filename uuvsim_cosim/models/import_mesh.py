@@ -69,6 +69,7 @@ def import_mesh(
         turned = turned[:, ::-1]
     first = solid_of(Mesh(turned))
     mesh = Mesh(turned - first.centre, mesh.notes)
+    centre = np.where(np.abs(first.centre) > 1e-9 * first.extent.max(), first.centre, 0.0)
     solid = solid_of(mesh)
     density = mass / solid.volume
     if not 20.0 <= density <= 20000.0:
@@ -76,7 +77,7 @@ def import_mesh(
             f"{path}: {mass:g} kg in {solid.volume:.3g} m3 are {density:.3g} kg/m3; expected 20 to "
             "20000: is the file in another unit (--scale), or the mass not in kg?"
         )
-    return _estimated(Path(path), mesh, solid, mass, rho, volume, z_g, -first.centre, axes.upper())
+    return _estimated(Path(path), mesh, solid, mass, rho, volume, z_g, 0.0 - centre, axes.upper())
 
 
 def _estimated(
@@ -131,7 +132,7 @@ def _estimated(
         if D_q[i] > 0:
             put(f"D_q_{i + 1}{i + 1}", float(D_q[i]), how)
     put("height", height, f"estimated: extent of {path.name}")
-    notes = [*mesh.notes]
+    notes = [*mesh.notes, *_several(mesh)]
     known = {}
     net = (rho * volume - m) / m
     if abs(net) > 0.03:
@@ -162,6 +163,38 @@ def _estimated(
         known,
     )  # fmt: skip
     return MeshImport(draft, solid, C_D, origin, tuple(notes))
+
+
+def _several(mesh: Mesh) -> list[str]:
+    """Give a sentence where the surface is of several bodies; another if they may share space."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    points = mesh.triangles.reshape(-1, 3)
+    grid = np.round(points / (1e-7 * float(np.ptp(points, axis=0).max()))).astype(np.int64)
+    _, corner = np.unique(grid, axis=0, return_inverse=True)
+    corner = corner.reshape(-1, 3)
+    n = int(corner.max()) + 1
+    pairs = np.concatenate([corner[:, :2], corner[:, 1:]])
+    joined = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
+    count, label = connected_components(joined, directed=False)
+    if count == 1:
+        return []
+    bodies = [
+        mesh.triangles[label[corner[:, 0]] == k].reshape(-1, 3) for k in range(min(count, 50))
+    ]
+    low = np.array([b.min(axis=0) for b in bodies])
+    high = np.array([b.max(axis=0) for b in bodies])
+    apart = (low[:, None] >= high[None] - 1e-9).any(axis=2)
+    shared = ~(apart | apart.T | np.eye(len(bodies), dtype=bool))
+    said = f"{count} bodies that do not touch are added up to one hull"
+    if shared.any():
+        a, b = (int(i) + 1 for i in np.argwhere(shared)[0])
+        said += (
+            f"; the extents of bodies {a} and {b} overlap: what they share counts twice, so join "
+            "them where the mesh was made, or give --volume"
+        )
+    return [said]
 
 
 def _shape(solid: Solid) -> str:

@@ -90,7 +90,8 @@ def sums(weight: Array, x: Array, bias: Array) -> Array:
     return total
 
 
-NETWORKS: dict[str, Any] = {}  # by name: a Network, or a Transformer (transformer.py)
+# By name: a Network, a Transformer (transformer.py) or a Field (field.py).
+NETWORKS: dict[str, Any] = {}
 _CALLBACKS: dict[str, Any] = {}  # CasADi does not keep a Callback alive
 
 
@@ -138,7 +139,7 @@ def _register(layers: Sequence[Layer]) -> Network:
 
 
 def callback(
-    name: str, function: Callable[..., Array], n_in: int, out: tuple[int, int], gradient: Any
+    name: str, function: Callable[..., NDArray[Any]], n_in: int, out: tuple[int, int], gradient: Any
 ) -> Any:
     """Make a CasADi function of one column (n_in,), with its gradient, or none."""
 

@@ -34,6 +34,8 @@ TEAMS = {
     "transition_1": (1, 0),
     "transition_2": (2, 0),
     "target": (2, 2),
+    "disturbed": (1, 0),
+    "pool_tracking": (1, 0),
     "uuvsim/TargetTracking-v0": (2, 0),
     "uuvsim/TargetTrackingSource-v0": (1, 0),
     "uuvsim/TargetTrackingTransition1-v0": (1, 0),

@@ -101,5 +101,7 @@ def load_terrain(file: Path) -> Terrain:
         raise
     except FileNotFoundError:
         raise InputInvalid(f"{file}: there is no such file; `uuvsim terrain` makes one") from None
-    except Exception as reason:
+    except Exception as error:
+        # numpy would advise to load it unsafely
+        reason = "it is no archive of arrays" if "pickle" in str(error) else error
         raise InputInvalid(f"{file}: not a terrain that `uuvsim terrain` wrote: {reason}") from None

@@ -84,7 +84,11 @@ def _reason(failure: Failure, tables: Tables, component: Component) -> str:
         return f"output {name} is {value}; expected a finite number"
     if outcome == Outcome.STATE_NOT_FINITE:
         name = _at_offset(component, failure.status)
-        return f"{name} is not finite after a step; expected finite numbers"
+        # A component that gives NaN on purpose says there where it does.
+        variable = component.description.variables.get(name.partition("[")[0])
+        said = "" if variable is None else variable.description
+        why = f" ({said})" if "NaN" in said else ""
+        return f"{name} is not finite after a step; expected finite numbers{why}"
     if outcome == Outcome.OUT_OF_RANGE:
         placed, element = tables.placed_at(failure.slot)
         name = _element_name(placed.variable, element)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -18,13 +18,15 @@ from uuvsim_cosim.orchestrator.recording import Signals
 __all__ = ["read_mcap", "write_mcap"]
 
 _LIBRARY = "uuvsim-cosim"
+DRAWN = "foxglove."  # schemas of what is to be drawn, which is no signal
 _DTYPES = {"f8": "number", "i8": "integer", "u8": "integer", "b1": "boolean", "O": "string"}
 
 
-def write_mcap(signals: Signals, file: Path) -> None:
+def write_mcap(signals: Signals, file: Path, further: Callable[[Any], None] | None = None) -> None:
     """Write one channel for each component, with a JSON schema; time 0 is the log's epoch.
 
     A message's sequence is its communication point; what is not a finite number is null.
+    `further` may write channels of its own into the same file.
     """
     from mcap.writer import Writer
 
@@ -52,6 +54,8 @@ def write_mcap(signals: Signals, file: Path) -> None:
                 writer.add_message(
                     channels[path], log_time=at, publish_time=at, sequence=ticks[k], data=data
                 )
+        if further is not None:
+            further(writer)
         writer.finish()
 
 
@@ -110,6 +114,8 @@ def read_mcap(file: Path) -> Signals:
                 if channel_schema is None:
                     raise ValueError("a channel without schema")
                 path = channel_schema.name
+                if path.startswith(DRAWN):
+                    continue
                 if path not in schemas:
                     schemas[path] = json.loads(channel_schema.data)["properties"]
                 data = json.loads(message.data)

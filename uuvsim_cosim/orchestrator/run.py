@@ -11,7 +11,7 @@ import json
 import math
 import platform
 import time
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
@@ -25,6 +25,7 @@ from uuvsim_cosim.fmus.watchdog import check_watchdog
 from uuvsim_cosim.orchestrator.flatten import flatten
 from uuvsim_cosim.orchestrator.loops import loop_delays
 from uuvsim_cosim.orchestrator.mission import duration, path_of
+from uuvsim_cosim.orchestrator.observer import Observer
 from uuvsim_cosim.orchestrator.plan import Plan, PlannedComponent
 from uuvsim_cosim.orchestrator.prepared import Progress, prepare
 from uuvsim_cosim.orchestrator.real_time import Pace, Punctuality, Steps
@@ -105,6 +106,7 @@ def run(
     isolate: Collection[str] = (),
     watchdog: float = 30.0,
     trace_fmi: str | Path | None = None,
+    observers: Sequence[Observer] = (),
 ) -> Run:
     """Simulate a system from 0 to `until` [s] and record every output into a fresh folder.
 
@@ -117,7 +119,7 @@ def run(
     `scenario`, or a file of one, is what happens meanwhile. `isolate` names components that get a
     process of their own ("*": all), so that a crash is an error and no more; one that does not
     answer within `watchdog` seconds fails. `trace_fmi` is a CSV file for every call of every FMU;
-    the run is slow then, with the same result.
+    the run is slow then, with the same result. `observers` watch beside the recorder.
 
     Raises SystemInvalid and InputInvalid before anything runs, ComponentFailed while it runs
     (its attribute `recording` is the folder), Interrupted on Ctrl-C while stepping. A component
@@ -146,7 +148,9 @@ def run(
     try:
         provenance = _provenance(system, plan, seed, backend, record_every, end, about or {})
         instantiate = prepare(plan, backend, progress, isolate, watchdog, trace)
-        master = _started(system, plan, folder, instantiate, record_every, provenance, end)
+        master = _started(
+            system, plan, folder, instantiate, record_every, provenance, end, observers
+        )
         try:
             rows = end / float(plan.tick) / record_every
             steps = master if played is None else Played(master, played)
@@ -195,7 +199,7 @@ def _check_end(end: float, plan: Plan) -> None:
 def _started(
     system: System, plan: Plan, folder: RunFolder,
     instantiate: Callable[[PlannedComponent], Component], record_every: int,
-    provenance: Mapping[str, Any], end: float,
+    provenance: Mapping[str, Any], end: float, observers: Sequence[Observer],
 ) -> Master:  # fmt: skip
     """Write the system, build its components, and go through Initialization Mode."""
     from uuvsim_cosim.orchestrator.master import Master
@@ -204,7 +208,7 @@ def _started(
 
     write_ssd(system, folder.path / "system.ssd")
     recorder = Recorder(folder.path, provenance={k: provenance[k] for k in ("system", "seed")})
-    master = Master(plan, instantiate, observers=[recorder], record_every=record_every)
+    master = Master(plan, instantiate, observers=[recorder, *observers], record_every=record_every)
     try:
         # A component with a longer step may end its last one behind `end`.
         steps = [c.step_ticks * plan.tick for c in plan.components]

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
+from uuvsim_cosim.orchestrator.shipped_mapping import seabed_mapping
+from uuvsim_cosim.orchestrator.shipped_pool import pool_tracking
 from uuvsim_cosim.orchestrator.shipped_tasks import task_system
 from uuvsim_cosim.orchestrator.shipped_tracking import target_tracking
 from uuvsim_cosim.orchestrator.system import System
@@ -107,5 +109,7 @@ BUILDERS: dict[str, Callable[[], System]] = {
     "bluerov2_hold": bluerov2_hold,
     "bluerov2_survey": bluerov2_survey,
     "bluerov2_task": task_system,
+    "pool_tracking": pool_tracking,
+    "seabed_mapping": lambda: seabed_mapping(bluerov2_survey()),
     "target_tracking": partial(target_tracking, 2),
 }

@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, final
+from typing import TYPE_CHECKING, Any, Literal, final
 
 import numpy as np
 
@@ -37,6 +37,9 @@ from uuvsim_cosim.studies.study_folder import StudyFolder
 from uuvsim_cosim.studies.study_result import StudyResult, result_of
 from uuvsim_cosim.studies.study_runs import Runs
 from uuvsim_cosim.studies.study_size import check_runs, check_samples
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.cluster import Cluster
 
 __all__ = ["Study", "StudyInterrupted"]
 
@@ -123,11 +126,13 @@ class Study:
         backend: Backend = "auto",
         batch: int | None = None,
         progress: Progress | None = None,
+        cluster: Cluster | None = None,
     ) -> StudyResult:
         """Run what has not been run yet into a folder, by default `output`.
 
         A fused kernel runs many at once in `jobs` threads; what cannot be fused, masters run in
-        `jobs` processes. Results have the same bits either way, for every `jobs` and `batch`.
+        `jobs` processes; with a `cluster`, its workers do either. Results have the same bits
+        whatever of these it is, for every `jobs` and `batch`.
         Raises StudyInterrupted on Ctrl-C; then the same call goes on from there.
         """
         jobs = (os.cpu_count() or 1) if jobs is None else jobs
@@ -143,10 +148,14 @@ class Study:
         if left:
             if progress is not None:
                 progress("building", 0, 1)
-            simulated, used, why = self._simulated(backend, jobs, len(left), batch)
+            size = self._batch(len(left), batch, PARTS if cluster is None else 4 * cluster.cpus)
+            simulated, used, why = self._simulated(backend, jobs, len(left), size, cluster)
             remarks += [why] if why else []
             try:
-                self._run(simulated, left, folder, used, batch, progress)
+                most = size
+                if used == "master":
+                    most = batch or max(1, min(16, len(left) // (4 * len(simulated))))
+                self._run(simulated, left, folder, most, progress)
             except KeyboardInterrupt:
                 count = len(folder.done())
                 raise StudyInterrupted(
@@ -208,19 +217,33 @@ class Study:
         """Give how many runs fit into memory at once."""
         return max(8, int(MEMORY / (8 * len(self.script.ticks) * max(self._width, 1))) // 8 * 8)
 
+    def _batch(self, n: int, batch: int | None, parts: int) -> int:
+        """Give how many runs a kernel simulates at once."""
+        return batch or min(self._most, max(8, 8 * math.ceil(n / max(PARTS, parts) / 8)), 512)
+
     def _simulated(
-        self, backend: Backend, jobs: int, n: int, batch: int | None
+        self, backend: Backend, jobs: int, n: int, size: int, cluster: Cluster | None
     ) -> tuple[list[Simulated], str, str]:
         """Give what simulates, its name, and why it is not a kernel."""
         why = ""
         if backend != "master":
-            size = batch or min(self._most, max(8, 8 * math.ceil(n / PARTS / 8)), 512)
             try:
-                return [KernelRuns(self.script, min(size, n), jobs)], "kernel", ""
+                kernel = KernelRuns(self.script, min(size, n), jobs)
             except SystemInvalid as error:
                 if backend == "kernel":
                     raise
                 why = f"run by masters, since it cannot be fused: {error.problems[0]}"
+            else:
+                if cluster is None:
+                    return [kernel], "kernel", ""
+                kernel.close()
+                from uuvsim_cosim.studies.ray_runs import ray_runs
+
+                return ray_runs(cluster, self.script, "kernel", min(size, n)), "kernel", ""
+        if cluster is not None:
+            from uuvsim_cosim.studies.ray_runs import ray_runs
+
+            return ray_runs(cluster, self.script, "master", n), "master", why
         if min(jobs, n) == 1:
             return [MasterRuns(self.script)], "master", why
         from uuvsim_cosim.orchestrator.master import Master
@@ -240,14 +263,11 @@ class Study:
         return made, "master", why
 
     def _run(
-        self, simulated: list[Simulated], left: list[int], folder: StudyFolder, used: str,
-        batch: int | None, progress: Progress | None,
+        self, simulated: list[Simulated], left: list[int], folder: StudyFolder, most: int,
+        progress: Progress | None,
     ) -> None:  # fmt: skip
         from uuvsim_cosim.studies.share import share
 
-        most = batch or min(self._most, max(8, 8 * math.ceil(len(left) / PARTS / 8)), 512)
-        if used == "master":
-            most = batch or max(1, min(16, len(left) // (4 * len(simulated))))
         chunks = [left[i : i + most] for i in range(0, len(left), most)]
         count = self.runs.n - len(left)
         start = self.runs.start

@@ -11,13 +11,13 @@ LIGHT = {
     "page": "#f4f6f9", "card": "#ffffff", "line": "#e1e6ed", "ink": "#13202f", "muted": "#5d6b7c",
     "grid": "#e9edf2", "axis": "#aab4c0", "truth": "#1268b3", "estimate": "#e2622a",
     "desired": "#7d8a9a", "third": "#12907f", "fourth": "#8257c5", "band": "#f6d9c8",
-    "extreme": "#cfdcea",
+    "extreme": "#cfdcea", "water": "#dbe8f0",
 }  # fmt: skip
 DARK = {
     "page": "#0c131c", "card": "#131d29", "line": "#233143", "ink": "#e3eaf2", "muted": "#93a3b5",
     "grid": "#1d2937", "axis": "#4a5a6c", "truth": "#58aef0", "estimate": "#ff8d57",
     "desired": "#8d9bad", "third": "#3fcab4", "fourth": "#b394f0", "band": "#47301f",
-    "extreme": "#263a50",
+    "extreme": "#263a50", "water": "#0f1f2e",
 }  # fmt: skip
 
 

@@ -39,6 +39,7 @@
       here.setAttribute("transform", `translate(${track.x[i]} ${track.y[i]}) rotate(${track.turn[i]}) scale(1.5)`);
       here.classList.add("on");
     }
+    if (window.uuvsimScene) window.uuvsimScene.at(time[i]);
     clock.textContent = "t = " + time[i].toFixed(1) + " s"; clock.classList.add("on");
   }
   function hide() {

@@ -10,13 +10,18 @@ from typing import Any
 
 import numpy as np
 
+from uuvsim_cosim.scene.mapping import SeabedMap
 from uuvsim_cosim.view.metrics import Figure, figures
 from uuvsim_cosim.view.palette import page_styles
 from uuvsim_cosim.view.plots import Frame, Line, Panel, TimePanel
 from uuvsim_cosim.view.plots_svg import escape
 from uuvsim_cosim.view.plots_track import VESSEL, Track
 from uuvsim_cosim.view.provenance import provenance_html
+from uuvsim_cosim.view.scene_html import MOMENTS, scene_html
+from uuvsim_cosim.view.stage import Stage
+from uuvsim_cosim.view.stage_motion import motion_of
 from uuvsim_cosim.view.survey import Section, lead_panels, sections, track_of
+from uuvsim_cosim.view.survey_map import map_figures, map_section
 from uuvsim_cosim.view.traces import Array, Traces
 
 __all__ = ["report_html"]
@@ -87,8 +92,13 @@ class _Page:
         return json.dumps(content, separators=(",", ":"))
 
 
-def report_html(traces: Traces, provenance: Mapping[str, Any]) -> str:
-    """Give the report as one HTML page.
+def report_html(
+    traces: Traces, provenance: Mapping[str, Any], stage: Stage | None = None,
+    surveyed: SeabedMap | None = None,
+) -> str:
+    """Give the report as one HTML page; with a `stage` it has a scene in three dimensions.
+
+    With a map that the run made, `surveyed`, it has pictures of it.
 
     `provenance` is what run.json holds; of it the page needs nothing, and shows what is there.
     """
@@ -100,13 +110,21 @@ def report_html(traces: Traces, provenance: Mapping[str, Any]) -> str:
     body = [
         f"<header><h1>{escape(name)}</h1><p>{escape(_subtitle(traces, provenance))}</p>"
         '<button id="theme" type="button">light / dark</button></header>',
-        _figures(figures(traces, path), provenance),
+        _figures(
+            [*(map_figures(surveyed) if surveyed else ()), *figures(traces, path)], provenance
+        ),
     ]
     if track is not None:
         panels = "".join(
             page.panel(p, Frame(width=560, height=188)) for p in lead_panels(traces, path)
         )
         body.append(f'<div class="lead">{_track(track)}<div>{panels}</div></div>')
+    if surveyed is not None:
+        found = {"truth": traces.vector("hull.eta", 2), "estimate": traces.vector("navigation.eta", 2)}
+        body.append(map_section(surveyed, {k: v for k, v in found.items() if v is not None}))
+    if stage is not None:
+        moments = MOMENTS // max(1, len(stage.bodies) // 4)
+        body.append(scene_html(stage, motion_of(stage, traces, moments)))
     body += [page.section(section) for section in sections(traces)]
     body.append(provenance_html(provenance))
     script = files("uuvsim_cosim.view").joinpath("report.js").read_text(encoding="utf-8")

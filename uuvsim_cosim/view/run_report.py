@@ -43,9 +43,13 @@ def provenance_of(folder: str | Path) -> dict[str, Any]:
 
 def write_report(folder: str | Path, out: str | Path | None = None) -> Path:
     """Write the one-file report of a run, by default report.html in its folder."""
+    from uuvsim_cosim.scene.mapping import read_map
     from uuvsim_cosim.view.report import report_html
+    from uuvsim_cosim.view.stage_run import stage_of_run
 
-    page = report_html(_some(traces_of(folder), folder), provenance_of(folder))
+    traces = _some(traces_of(folder), folder)
+    surveyed = read_map(Path(folder))
+    page = report_html(traces, provenance_of(folder), stage_of_run(folder, traces), surveyed)
     return _written(Path(out) if out is not None else Path(folder) / "report.html", page)
 
 

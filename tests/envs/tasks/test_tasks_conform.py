@@ -9,6 +9,7 @@ from uuvsim_cosim.envs.tasks.tracking_scenarios import target, transition_2
 from uuvsim_cosim.envs.team import CosimParallelEnv
 
 IDS = [
+    "AltitudeFollowing",
     "StationKeeping",
     "TrajectoryFollowing",
     "DisturbanceRejection",

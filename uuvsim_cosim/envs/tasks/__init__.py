@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from uuvsim_cosim.envs.tasks.altitude_following import AltitudeFollowing
     from uuvsim_cosim.envs.tasks.disturbance import DisturbanceRejection
     from uuvsim_cosim.envs.tasks.evaluation import evaluate
     from uuvsim_cosim.envs.tasks.scripted import scripted_policy
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from uuvsim_cosim.envs.tasks.trajectory import TrajectoryFollowing
 
 __all__ = [
+    "AltitudeFollowing",
     "DisturbanceRejection",
     "StationKeeping",
     "TargetTracking",
@@ -24,6 +26,7 @@ __all__ = [
 ]
 
 _HOME = {
+    "AltitudeFollowing": "altitude_following",
     "DisturbanceRejection": "disturbance",
     "StationKeeping": "station_keeping",
     "TargetTracking": "target_tracking",

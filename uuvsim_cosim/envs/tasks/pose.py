@@ -78,7 +78,7 @@ class PoseTask(Task, ABC):
         self.current = pair("current [m/s]", current)
         self.privileged = flag("privileged", privileged)
         known = "hull" if observation == "truth" else "navigation"
-        system = task_system(action, observation, reference, disturbances)
+        system = self.made_of(action, observation, reference, disturbances)
         if flag("randomise", randomise) and randomisation is None:
             randomisation = published_vehicle(system)
         if isinstance(randomisation, Randomisation):
@@ -99,9 +99,19 @@ class PoseTask(Task, ABC):
 
     # ---- what a task says -----------------------------------------------------------------
 
+    def made_of(
+        self, action: ActedOn, observation: Observed, reference: bool, disturbances: bool
+    ) -> System:
+        """Give the system of the task; equal arguments give the same one."""
+        return task_system(action, observation, reference, disturbances)
+
     @abstractmethod
     def wanted(self, m: Moment) -> Array:
         """Give the wanted N E D psi [m, rad], of shape (n, 4)."""
+
+    def seen(self, m: Moment) -> Array:
+        """Give the wanted pose as the vehicle knows it; the reward is of the true one."""
+        return self.wanted(m)
 
     def more(self, m: Moment, R: Array) -> list[Array]:
         """Give observations of the task's own, each of shape (n, k), in units of about 1."""
@@ -125,7 +135,7 @@ class PoseTask(Task, ABC):
         """Give the whole observation; each number is held within its limits."""
         eta, nu = m[f"{self.known}.eta"], m[f"{self.known}.nu"]
         R = R_zyx(eta[:, 3:])
-        wanted = self.wanted(m)
+        wanted = self.seen(m)
         e_psi = wrap(wanted[:, 3] - eta[:, 5])[:, None]
         parts = [
             in_body(R, wanted[:, :3] - eta[:, :3]),

@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.task import Task, TeamTask
+from uuvsim_cosim.envs.tasks.altitude_following import FIRST, AltitudeFollowing
 from uuvsim_cosim.envs.tasks.pose import FORCE, SPEED, PoseTask
 from uuvsim_cosim.envs.tasks.target_tracking import A_MAX, OMEGA_MAX, V_MAX, TargetTracking
 from uuvsim_cosim.envs.tasks.tracking_observation import OBSTACLE, OTHER, OWN, TARGET
 from uuvsim_cosim.envs.tasks.trajectory import TrajectoryFollowing
 from uuvsim_cosim.errors import InputInvalid
 
-__all__ = ["Policy", "hold_pose", "hold_velocity", "scripted_policy", "track_target"]
+__all__ = ["Policy", "hold_pose", "hold_velocity", "scripted_policy", "track_target", "with_slope"]
 
 Array = NDArray[np.float64]
 Policy = Callable[[NDArray[Any]], Array]
@@ -29,6 +30,7 @@ KD = np.array([90.0, 90.0, 120.0, 2.8, 2.8, 3.5])  # N.s/m, N.m.s/rad
 D_L = np.array([13.7, 0.0, 33.0])  # N.s/m   (models/vehicles/bluerov2_heavy, von Benzon 2022)
 PULL, MARGIN, OUTWARD, AROUND, WALL, TURN, BRAKE, SPARE = 3.5, 0.5, 0.5, 0.1, 0.8, 3.6, 0.6, 0.02
 SHARE = 0.42
+SINKING = 1.0
 D_Q = np.array([141.0, 217.0, 190.0])  # N.s2/m2
 
 
@@ -45,6 +47,10 @@ def scripted_policy(task: Task | TeamTask) -> Policy | Mapping[str, Policy]:
     if isinstance(task, PoseTask):
         moves = isinstance(task, TrajectoryFollowing)
         name = task.actions[0].name
+        over = task.altitude if isinstance(task, AltitudeFollowing) else 0.0
+        if over and name.startswith(("allocation.", "controller.")):
+            hold = hold_pose if name.startswith("allocation.") else hold_velocity
+            return lambda o: hold(with_slope(o, over), True)
         if name.startswith("allocation."):
             return lambda o: hold_pose(o, moves)
         if name.startswith("controller."):
@@ -77,6 +83,20 @@ def hold_velocity(observation: NDArray[Any], moves: bool = False) -> Array:
     v = 1.2 * o[:, :3] + (o[:, 14:17] if moves else 0.0)
     r = 1.5 * np.arctan2(o[:, 3], o[:, 4]) + (o[:, 17] if moves else 0.0)
     return np.asarray(np.clip(np.column_stack([v, r]) / SPEED, -1.0, 1.0))
+
+
+def with_slope(observation: NDArray[Any], altitude: float) -> Array:
+    """Let the wanted velocity sink as the seabed does ahead, by both echoes of altitude following.
+
+    With d the range down and r that ahead, first heard from the angle a, the seabed falls by
+    r cos a - d within r sin a.
+    """
+    o = np.array(observation, float)
+    d = np.maximum(altitude + o[:, 2], 0.3)
+    r = np.maximum(d / np.cos(FIRST) + o[:, 18], 0.3)
+    slope = np.where(o[:, 20] > 0.5, (r * np.cos(FIRST) - d) / (r * np.sin(FIRST)), 0.0)
+    o[:, 16] += SINKING * np.clip(slope, -0.6, 0.6) * o[:, 14]
+    return o
 
 
 def track_target(

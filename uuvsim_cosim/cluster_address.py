@@ -1,0 +1,153 @@
+"""A Ray cluster is reached by its address, or one sentence says why it is not."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import re
+import signal
+import socket
+import threading
+from collections.abc import Callable
+from typing import Any
+
+from uuvsim_cosim.errors import InputInvalid
+
+__all__ = ["connect"]
+
+EXPECTED = "expected auto, local, HOST:PORT of a Ray head, or ray://HOST:PORT"
+ANSWER = 5.0  # s, that a port is waited for
+HTTP2 = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + b"\0\0\0\x04\0\0\0\0\0"  # RFC 9113, 3.4
+SETTINGS = 4  # type of the frame that every HTTP/2 server answers with
+QUIET = {
+    "RAY_USAGE_STATS_ENABLED": "0",  # nothing is told to anybody
+    "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0",  # what Ray would warn of
+}
+
+
+def connect(address: str, workers: int | None = None) -> tuple[Any, Callable[[], None]]:
+    """Connect to a cluster; gives the module ray, and what ends the connection.
+
+    Where this process is connected already, that is used, and not ended. Raises InputInvalid.
+    """
+    kind = _kind(address)
+    for name, value in QUIET.items():
+        os.environ.setdefault(name, value)
+    try:
+        import ray
+    except ModuleNotFoundError as error:
+        raise InputInvalid(
+            f"{error}; --ray expects it: pip install 'uuvsim-cosim[distributed]'"
+        ) from None
+    if ray.is_initialized():
+        _check_it_is(ray, address)
+        return ray, lambda: None
+    if kind == "port":
+        _answered(address)
+    given: dict[str, Any] = {"address": address, "logging_level": "ERROR"}
+    if kind == "local":
+        count = workers or os.cpu_count() or 1
+        given |= {"num_cpus": count, "include_dashboard": False, "_node_ip_address": "127.0.0.1"}
+    if not address.startswith("ray://"):
+        given["log_to_driver"] = False
+    before = signal.getsignal(signal.SIGTERM)
+    try:
+        ray.init(**given)
+    except ImportError as error:  # Ray Client needs grpc
+        raise InputInvalid(
+            f"{address}: {_line(error)}; expected pip install 'uuvsim-cosim[distributed]'"
+        ) from None
+    except (ConnectionError, ValueError) as error:
+        raise InputInvalid(_nothing(address, error)) from None
+    except Exception as error:  # of RuntimeError, RpcError and others it raises
+        ray.shutdown()
+        raise InputInvalid(_other(address, error)) from None
+    finally:
+        if threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGTERM, before)  # Ray sets its own
+    return ray, _silenced(ray)
+
+
+def _kind(address: str) -> str:
+    """Say what an address is: "auto", "local" or "port"."""
+    if address in ("auto", "local"):
+        return address
+    found = re.fullmatch(r"(ray://)?(\[[0-9a-fA-F:]+\]|[\w.-]+):(\d{1,5})", address)
+    if found is None or not 0 < int(found[3]) < 65536:
+        raise InputInvalid(f"--ray {address}: no address; {EXPECTED}")
+    return "port"
+
+
+def _answered(address: str) -> None:
+    """Raise InputInvalid unless something answers there as a Ray head would: by HTTP/2."""
+    host, _, port = address.removeprefix("ray://").rpartition(":")
+    try:
+        with socket.create_connection((host.strip("[]"), int(port)), ANSWER) as other:
+            if os.environ.get("RAY_USE_TLS", "0") != "0":
+                return
+            other.settimeout(ANSWER)
+            other.sendall(HTTP2)
+            head = other.recv(9)
+    except TimeoutError:
+        head = b""
+    except OSError as error:
+        said = error.strerror or str(error)
+        raise InputInvalid(
+            f"--ray {address}: {said}; expected a Ray head there (ray start --head)"
+        ) from None
+    if len(head) < 4 or head[3] != SETTINGS:
+        raise InputInvalid(
+            f"--ray {address}: what listens there does not speak as a Ray head does; {EXPECTED}"
+        )
+
+
+def _silenced(ray: Any) -> Callable[[], None]:
+    """Have Ray print nothing between our lines; what it says of dead workers, `Cluster` says.
+
+    Gives what ends the connection, and lets it print again.
+    """
+    module: Any = importlib.import_module("ray._private.worker")
+    before = getattr(module, "print_to_stdstream", None)
+    if before is not None:
+        module.print_to_stdstream = lambda *_, **__: None
+
+    def end() -> None:
+        ray.shutdown()
+        if before is not None:
+            module.print_to_stdstream = before
+
+    return end
+
+
+def _check_it_is(ray: Any, address: str) -> None:
+    there = ray.get_runtime_context().gcs_address
+    if address not in ("auto", there):
+        raise InputInvalid(
+            f"--ray {address}: this process is connected to {there} already; expected that or auto"
+        )
+
+
+def _nothing(address: str, error: Exception) -> str:
+    if address == "auto":
+        return "--ray auto: no Ray cluster on this machine; expected `ray start` before, or local"
+    return f"--ray {address}: {_line(error)}; {EXPECTED}"
+
+
+def _other(address: str, error: Exception) -> str:
+    text = str(error)
+    if "ersion mismatch" in text:
+        there, here = (
+            re.search(rf"{who}.*?Ray: (\S+).*?Python: (\S+)", text, re.DOTALL)
+            for who in ("started with", "This process")
+        )
+        if there and here:
+            return (
+                f"--ray {address}: Ray {there[1]} on Python {there[2]} there; expected Ray "
+                f"{here[1]} on Python {here[2]}, as here"
+            )
+    return f"--ray {address}: {_line(error)}"
+
+
+def _line(error: BaseException) -> str:
+    lines = [text.strip() for text in str(error).splitlines() if text.strip()]
+    return lines[0][:200].rstrip(".") if lines else type(error).__name__

@@ -1,0 +1,123 @@
+"""Target tracking with what a real pool adds: late and noisy positions, late commands, weak jets.
+
+Rewards and metrics are of where things are, not of what is known of them. `randomise` draws all of
+it, and the hull, anew for each episode: what training with domain randomisation lives in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.envs.distributions import Uniform
+from uuvsim_cosim.envs.draws import Draws
+from uuvsim_cosim.envs.randomisation import Randomisation, Vary
+from uuvsim_cosim.envs.task import Moment
+from uuvsim_cosim.envs.tasks.ranges import flag, within
+from uuvsim_cosim.envs.tasks.target_tracking import TargetTracking
+from uuvsim_cosim.envs.tasks.tracking_observation import Seen
+from uuvsim_cosim.models.preset import preset
+from uuvsim_cosim.orchestrator.shipped_tracking import LATENCY, target_tracking
+from uuvsim_cosim.orchestrator.system import System
+
+__all__ = ["Disturbed"]
+
+Array = NDArray[np.float64]
+
+# What `randomise` draws, uniformly: factors on the hull's figures, and what a pool does.
+ADDED_MASS, DRAG = (0.7, 1.3), (0.7, 1.3)
+THRUST = (0.7, 1.1)
+NOISE = (0.0, 0.01)  # m
+LATE = (0.0, 0.4)  # s, of positions, and of commands
+
+
+class Disturbed(TargetTracking):
+    """One tracker of the vehicle pool8, unless told otherwise, in disturbed water.
+
+    `seen_late` [s] is how old positions are, its own and the target's; `acted_late` [s] what the
+    radio takes to carry a command; `noise` [m] the deviation of each position; `thrust` the share
+    of the thrust that is left, which nobody on board is told.
+    """
+
+    def __init__(
+        self,
+        n_trackers: int = 1,
+        *,
+        seen_late: float = 0.0,
+        acted_late: float = 0.0,
+        noise: float = 0.0,
+        thrust: float = 1.0,
+        randomise: bool = False,
+        **options: Any,
+    ) -> None:
+        self.seen_late = within("seen_late [s]", seen_late, 0, LATENCY)
+        self.acted_late = within("acted_late [s]", acted_late, 0, LATENCY)
+        self.thrust = within("thrust", thrust, 1e-3, 2)
+        self.randomise = flag("randomise", randomise)
+        deviation = within("noise [m]", noise, 0, np.inf)
+        if self.randomise:
+            options.setdefault("randomisation", _hulls(n_trackers))
+        # A delay, if only to have links: all that is disturbed is one system, and one kernel.
+        super().__init__(n_trackers, delay=LATENCY, **options)
+        self.noise = deviation
+        motion = "random_heading" if self.motion == "rest" else self.motion
+        self.system = _system(self.n_trackers, self.vehicle, motion, self.n_obstacles)
+
+    def start(self, draws: Draws) -> Mapping[str, Array]:
+        """Draw a legal start, and what disturbs."""
+        n = draws.n
+        start = dict(super().start(draws))
+        seen, acted, noise, thrust = (
+            np.full(n, x) for x in (self.seen_late, self.acted_late, self.noise, self.thrust)
+        )
+        if self.randomise:
+            seen, acted = (draws.uniform(f"disturbed/{k}", *LATE) for k in ("seen", "acted"))
+            noise = draws.uniform("disturbed/noise", *NOISE)
+            thrust = draws.uniform("disturbed/thrust", *THRUST)
+        Q_max = preset("thrusters", "pool8_jet", "thruster").number("Q_max", "m3/s")
+        start["positioning.delay"] = seen
+        start["positioning.sigma"] = np.repeat(noise[:, None], 3, axis=1)
+        for agent in self.agents:
+            start[f"{agent}.positioning.delay"] = seen
+            start[f"{agent}.positioning.sigma"] = noise[:, None] * [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]
+            start[f"{agent}.radio.delay"] = acted
+            for i in range(1, 9):  # thrust goes with the square of the flow
+                start[f"{agent}.thruster_{i}.Q_max"] = np.sqrt(thrust) * Q_max
+        return start
+
+    def _seen(self, m: Moment) -> Seen:
+        """Give what is known; before a link's first sample, where things are."""
+        seen = super()._seen(m)
+        eta, target = self._of_all(m, "hull.eta"), m["target.position"][:, None, :2]
+        earlier = m.before["target.position"][:, None, :2]
+        first, second = ((m.step == k)[:, None, None] for k in (0, 1))
+        return replace(
+            seen,
+            eta=np.where(first, eta, seen.eta),
+            target=np.where(first, target, seen.target),
+            target_before=np.where(first | second, earlier, seen.target_before),
+        )
+
+
+@lru_cache(maxsize=8)
+def _system(n: int, vehicle: str, motion: str, obstacles: int) -> System:
+    """Give the task's system with links of every tick: what is not late is seen at once."""
+    return target_tracking(
+        n, vehicle=vehicle, motion=motion, obstacles=obstacles, links=True, link_period="0.02"
+    )
+
+
+def _hulls(n: int) -> Randomisation:
+    axes = ("11", "22", "33", "44", "55", "66")
+    ranges = {"M_A": ADDED_MASS, "D_l": DRAG, "D_q": DRAG}
+    return Randomisation(
+        Vary(f"tracker_{i}.hull.{name}_{axis}", Uniform(*ranges[name]), relative=True)
+        for i in range(1, n + 1)
+        for name in ranges
+        for axis in axes
+    )

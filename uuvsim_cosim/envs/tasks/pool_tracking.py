@@ -1,0 +1,131 @@
+"""Transition 1 in the system `pool_tracking`: a policy sees what the vehicle's own estimates say.
+
+Rewards and metrics are of where tracker and quarry are; a policy has the navigation's pose, a tick
+old, and the predictor's target. What it wants goes straight to the pilot: it is on board.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.envs.channel import Channel
+from uuvsim_cosim.envs.draws import Draws
+from uuvsim_cosim.envs.task import Moment
+from uuvsim_cosim.envs.tasks.ranges import flag, within
+from uuvsim_cosim.envs.tasks.target_tracking import A_MAX, OMEGA_MAX, TargetTracking
+from uuvsim_cosim.envs.tasks.tracking_observation import Seen
+from uuvsim_cosim.envs.tasks.tracking_reward import Scene
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.preset import preset
+from uuvsim_cosim.orchestrator.shipped_pool import PACKET, pool_tracking
+from uuvsim_cosim.orchestrator.shipped_tracking import DEPTH, NOISE
+from uuvsim_cosim.orchestrator.system import System
+
+__all__ = ["PoolTracking"]
+
+Array = NDArray[np.float64]
+FIXED = ("n_trackers", "n_obstacles", "vehicle", "delay", "knowledge_range", "arena")
+ESTIMATE = (0.02, 0.02, 0.01, 0.0, 0.0, 0.03)  # deviations of what it is told of its start, m, rad
+
+
+class PoolTracking(TargetTracking):
+    """One tracker, one quarry, in the pool of figure 11; `thrust` and `loss` as in Disturbed.
+
+    With `predicted` off the target is where the radio's last packet says, as old as that is.
+    """
+
+    def __init__(
+        self,
+        *,
+        noise: float = NOISE,
+        loss: float = PACKET["loss"],
+        thrust: float = 1.0,
+        predicted: bool = True,
+        **options: Any,
+    ) -> None:
+        fixed = [name for name in FIXED if name in options]
+        if fixed:
+            raise InputInvalid(
+                f"PoolTracking: {fixed[0]}: the system's own; expected no such option"
+            )
+        super().__init__(1, **options)
+        self.noise, self.loss = within("noise [m]", noise, 0, np.inf), within("loss", loss, 0, 1)
+        self.thrust = within("thrust", thrust, 1e-3, 2)
+        self.predicted = flag("predicted", predicted)
+        self.system = _system(self.motion)
+        self.actions = {
+            "tracker_1": (
+                Channel("pilot.a", -A_MAX, A_MAX, "m/s2"),
+                Channel("pilot.omega", -OMEGA_MAX, OMEGA_MAX, "rad/s"),
+            )
+        }
+        self.signals = (
+            *("hull.eta", "hull.nu", "navigation.eta", "navigation.nu", "pilot.nu_d"),
+            *("quarry.hull.eta", "predictor.now", "radio.y_2", "radio.valid_2"),
+        )
+
+    def start(self, draws: Draws) -> Mapping[str, Array]:
+        """Draw a legal start; the vehicle is told its own about right."""
+        n, size = draws.n, np.array(self.arena.size)
+        drawn = super().start(draws)
+        pose = drawn["tracker_1.hull.eta_0"]
+        quarry = np.zeros((n, 6))
+        quarry[:, :3] = drawn["target.position_0"]
+        quarry[:, 5] = drawn["target.psi_0"]
+        flow = preset("thrusters", "pool8_jet", "thruster").number("Q_max", "m3/s")
+        return {
+            **{k: v for k, v in drawn.items() if k.startswith("target.")},
+            "hull.eta_0": pose,
+            "navigation.eta_0": pose + draws.normal("task/estimate", (6,)) * ESTIMATE,
+            "quarry.hull.eta_0": quarry,
+            "predictor.position_0": drawn["target.position_0"],
+            "pilot.depth": np.full(n, DEPTH),
+            "pool.size": np.tile(size, (n, 1)),
+            "positioning.sigma": np.full((n, 6), self.noise),
+            "radio.loss": np.full(n, self.loss),
+            **{f"thruster_{i}.Q_max": np.full(n, flow * self.thrust**0.5) for i in range(1, 9)},
+        }
+
+    def state(self, m: Moment) -> Array:
+        """Give (5), as it is."""
+        eta, nu = m["hull.eta"], m["hull.nu"]
+        flat = np.concatenate([eta[:, [0, 1, 5]], nu[:, [0, 1, 5]], m["quarry.hull.eta"][:, :2]], 1)
+        low, high = self.state_limits()
+        return np.asarray(np.clip(flat, low, high))
+
+    # ---- inside ---------------------------------------------------------------------------
+
+    def _scene(self, m: Moment) -> Scene:
+        none = np.zeros((m.n, 0, 3))
+        tracker, quarry = m["hull.eta"][:, None, :2], m["quarry.hull.eta"][:, :2]
+        return Scene(tracker, quarry, none, np.zeros((m.n, 0), bool))
+
+    def _seen(self, m: Moment) -> Seen:
+        return Seen(
+            eta=m["navigation.eta"][:, None],
+            nu=m["navigation.nu"][:, None],
+            u_d=m["pilot.nu_d"][:, None, 0],
+            target=self._where(m)[:, None],
+            target_before=self._where(m.before)[:, None],
+            known=np.ones((m.n, 1), bool),
+            obstacles=np.zeros((m.n, 0, 3)),
+            reaches=np.zeros((m.n, 0), bool),
+        )
+
+    def _where(self, m: Moment) -> Array:
+        if self.predicted:
+            return m["predictor.now"][:, :2]
+        heard = m["radio.valid_2"].astype(bool)[:, None]
+        return np.where(heard, m["radio.y_2"][:, 3:5], m["predictor.now"][:, :2])
+
+
+@lru_cache(maxsize=4)
+def _system(motion: str) -> System:
+    """Give the system with a plain pilot, the same for equal arguments: its kernel is made once."""
+    moves = "random_heading" if motion == "rest" else motion
+    return pool_tracking("model:pilot?vehicle=pool8&period=1/50", moves)

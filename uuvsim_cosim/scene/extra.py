@@ -1,0 +1,22 @@
+"""Libraries of the extra `scene`: imported when wanted, asked for in a sentence if missing."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+from uuvsim_cosim.errors import InputInvalid
+
+__all__ = ["wanted"]
+
+
+def wanted(library: str, what: str) -> Any:
+    """Import a library of the extra `scene`; `what` says what it is needed for."""
+    try:
+        return import_module(library)
+    except ImportError as reason:
+        top = library.partition(".")[0]
+        why = "is not installed" if getattr(reason, "name", "") == top else f"fails: {reason}"
+        raise InputInvalid(
+            f"{what} needs {top}, which {why}; `pip install 'uuvsim-cosim[scene]'` brings it"
+        ) from None

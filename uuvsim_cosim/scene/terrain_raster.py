@@ -1,0 +1,269 @@
+"""A surveyed grid (BAG, GeoTIFF, S-102) becomes a terrain; files larger than memory too.
+
+GDAL's warper reads the file piece by piece, so that only the terrain itself is held.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.scene.extra import wanted
+from uuvsim_cosim.scene.projection import Projection, utm_code
+from uuvsim_cosim.scene.terrain_chart import Made
+from uuvsim_cosim.scene.terrain_grid import grid_over
+from uuvsim_cosim.scene.terrain_piece import Piece, shrunk
+
+__all__ = ["raster_terrain"]
+
+_DEEPEST, _HIGHEST = 11_100.0, 9_000.0  # m; beyond lies nothing on Earth
+_METRES = {
+    "": 1.0, "m": 1.0, "metre": 1.0, "meter": 1.0, "metres": 1.0, "meters": 1.0,
+    "cm": 0.01, "centimetre": 0.01, "centimeter": 0.01, "dm": 0.1,
+    "ft": 0.3048, "foot": 0.3048, "feet": 0.3048, "us survey foot": 1200 / 3937,
+    "us-ft": 1200 / 3937, "ftus": 1200 / 3937, "us_survey_foot": 1200 / 3937,
+    "fathom": 1.8288, "fathoms": 1.8288,
+}  # fmt: skip
+_FILL_GROWTH = 0.05  # m of standard deviation per m of distance in what is filled: assumed
+
+
+@dataclass(frozen=True)
+class _Said:
+    """What a grid says of its values."""
+
+    metre: float  # m in one unit
+    down: bool  # positive downwards
+    datum: str
+    sigma_band: int  # 0: none
+
+
+def raster_terrain(
+    file: Path,
+    resolution: float = 10.0,
+    piece: Piece | None = None,
+    *,
+    unit: str | None = None,
+    positive: str | None = None,
+    fill: float = 0.0,
+) -> Made:
+    """Make a terrain of the first band of a grid that GDAL reads.
+
+    `unit` and `positive` ("up" or "down") speak where the file is silent; `fill` (m) bridges holes
+    up to that far from data. Raises `InputInvalid` in words.
+    """
+    rasterio = wanted("rasterio", "reading a grid")
+    wanted("rasterio.warp", "reading a grid")
+    notes: list[str] = []
+    try:
+        opened = rasterio.open(file)
+    except Exception as reason:
+        raise InputInvalid(
+            f"{file}: neither an S-57 chart nor a grid that GDAL reads (BAG, GeoTIFF, S-102): "
+            f"{reason}"
+        ) from None
+    with opened as source:
+        _check(file, source)
+        said = _said(file, source, unit, positive, notes)
+        code = _code(source)
+        bounds = rasterio.warp.transform_bounds(source.crs, code, *_inner(source), densify_pts=21)
+        if not np.isfinite(bounds).all():
+            raise InputInvalid(f"{file}: its corners cannot be placed in {code}")
+        if piece is not None:
+            pyproj = wanted("pyproj", "placing a grid on Earth")
+            to = pyproj.Transformer.from_crs("EPSG:4326", code, always_xy=True)
+            bounds = piece.within(Projection(code, to), bounds)
+        grid = grid_over(bounds, resolution)
+        own = abs(rasterio.warp.transform_bounds(source.crs, code, *source.bounds)[2] - bounds[0])
+        finer = resolution < own / source.width * 0.99
+        way = rasterio.enums.Resampling.bilinear if finer else rasterio.enums.Resampling.average
+        if finer:
+            notes.append(
+                f"the grid's cells are about {own / source.width:.3g} m: {resolution:g} m "
+                "interpolates, it sees no more"
+            )
+        layers = _layers(file, source, code, grid, way, said)
+    elevation, sigma = layers
+    z = elevation if said.down else -elevation
+    sense = z[np.isfinite(z)]
+    if not len(sense):
+        raise InputInvalid(f"{file}: not one cell has a value in this piece")
+    if sense.max() > _DEEPEST or -sense.min() > _HIGHEST:
+        raise InputInvalid(
+            f"{file}: depths from {sense.min():g} to {sense.max():g} m are not of this Earth; "
+            "a value for missing data that the file does not declare, or another unit (--unit)"
+        )
+    if sense.max() < 0 and positive is None:
+        raise InputInvalid(
+            f"{file}: all values ({-sense.max():g} to {-sense.min():g} m) lie above the datum; "
+            "if they are depths, say --positive down"
+        )
+    z, sigma = _without_holes(z, sigma, grid.spacing, fill, notes)
+    terrain = shrunk(z, sigma, None, (), grid, code, said.datum, f"{file.name}; not for navigation")
+    return Made(terrain, (), _facts(file, terrain, said), tuple(notes))
+
+
+def _check(file: Path, source: Any) -> None:
+    if source.count < 1:
+        subs = ", ".join(source.subdatasets[:3])
+        raise InputInvalid(f"{file}: no band in it" + (f"; it holds {subs}" if subs else ""))
+    if source.crs is None:
+        raise InputInvalid(f"{file}: the grid says no coordinate reference system")
+    if np.dtype(source.dtypes[0]).kind not in "iuf":
+        raise InputInvalid(f"{file}: band 1 is {source.dtypes[0]}; expected numbers")
+
+
+def _inner(source: Any) -> tuple[float, float, float, float]:
+    """Give the bounds of the centres of the cells, between which nothing is extrapolated."""
+    west, south, east, north = source.bounds
+    x, y = abs(source.transform.a) / 2, abs(source.transform.e) / 2
+    if source.width < 2 or source.height < 2:
+        x = y = 0
+    return west + x, south + y, east - x, north - y
+
+
+def _code(source: Any) -> str:
+    """Give the projection of the terrain: the grid's own if it is in true metres, else UTM."""
+    rasterio = wanted("rasterio", "reading a grid")
+    crs = source.crs
+    name = crs.to_wkt()[:200].lower()
+    true = crs.is_projected and crs.linear_units_factor[1] == 1.0 and "mercator" not in (
+        name.replace("transverse", "").replace("transverse_mercator", "")
+    )  # fmt: skip
+    epsg = crs.to_epsg()
+    if true and epsg and epsg != 3857:
+        return f"EPSG:{epsg}"
+    west, south, east, north = rasterio.warp.transform_bounds(crs, "EPSG:4326", *source.bounds)
+    middle = 0.5 * (west + (east if east >= west else east + 360))
+    return utm_code((middle + 180) % 360 - 180, 0.5 * (south + north))
+
+
+def _said(
+    file: Path, source: Any, unit: str | None, positive: str | None, notes: list[str]
+) -> _Said:
+    tags = {k.lower(): str(v) for k, v in source.tags().items()}
+    wkt = source.crs.to_wkt()
+    stated = (source.units[0] or "").strip().lower()
+    if not stated:
+        vertical = re.search(r'VERT_CS\[.*?UNIT\["([^"]+)"', wkt, re.S)
+        stated = vertical.group(1).lower() if vertical else ""
+    if unit is not None and stated and _METRES.get(unit.lower()) != _METRES.get(stated):
+        raise InputInvalid(f"{file}: --unit {unit}; the file says {stated}")
+    chosen = (unit or stated).lower()
+    if chosen not in _METRES:
+        raise InputInvalid(
+            f"{file}: values in {chosen!r}; expected metres, feet, US survey feet or fathoms"
+        )
+    metre = _METRES[chosen]
+    if metre != 1.0:
+        notes.append(f"values are in {chosen}: converted to metres")
+    elif not stated and unit is None and source.driver == "GTiff":
+        notes.append("the grid does not say its unit: taken as metres (else --unit ft)")
+    name = (source.descriptions[0] or "").lower()
+    down = source.driver == "S102" or "depth" in name or tags.get("positive") == "down"
+    if positive is not None:
+        if positive not in ("up", "down"):
+            raise InputInvalid(f"--positive {positive}; expected up or down")
+        down = positive == "down"
+    datum = tags.get("vertical_datum_abbrev") or tags.get("vertical_datum_name") or tags.get(
+        "vertical_datum", ""
+    )  # fmt: skip
+    if not datum:
+        named = re.search(r'VERT_CS\["([^"]+)"', wkt)
+        datum = named.group(1) if named else _bag_datum(source)
+    if not datum:
+        notes.append("the grid does not say its vertical datum")
+    second = (source.descriptions[1] or "").lower() if source.count > 1 else ""
+    has_sigma = source.count > 1 and (
+        source.driver in ("BAG", "S102") or re.search("uncert|sigma|std|deviation", second)
+    )
+    return _Said(metre, down, datum, 2 if has_sigma else 0)
+
+
+def _bag_datum(source: Any) -> str:
+    if "xml:BAG" not in source.tag_namespaces():
+        return ""
+    text = " ".join(source.tags(ns="xml:BAG").values())
+    part = re.search(r"verticalDatum>(.*?)</\w*:?verticalDatum>", text, re.S | re.I)
+    code = re.search(r"<(?:\w+:)?code>\s*(?:<[^>]*>)?([^<]+)<", part.group(1)) if part else None
+    if code is None:
+        named = re.search(r'VERT(?:_CS|CRS)\["([^"]+)"', text.replace("&quot;", '"'))
+        return named.group(1).strip() if named else ""
+    return code.group(1).strip()
+
+
+def _layers(
+    file: Path, source: Any, code: str, grid: Any, way: Any, said: _Said
+) -> tuple[NDArray[Any], NDArray[Any] | None]:
+    vrt = wanted("rasterio.vrt", "reading a grid")
+    layers: list[NDArray[Any] | None] = []
+    try:
+        with vrt.WarpedVRT(
+            source, crs=code, transform=grid.transform, width=grid.columns, height=grid.rows,
+            resampling=way, dtype="float32", nodata=np.nan,
+            src_nodata=source.nodata if source.nodata is not None else None,
+        ) as warped:  # fmt: skip
+            for band in (1, said.sigma_band):
+                if not band:
+                    layers.append(None)
+                    continue
+                read = warped.read(band, masked=True).astype(np.float32)
+                layers.append(np.ma.filled(read, np.nan)[::-1] * np.float32(said.metre))
+    except Exception as reason:
+        raise InputInvalid(f"{file}: GDAL cannot read its values: {reason}") from None
+    first, second = layers
+    assert first is not None
+    if second is not None:
+        second[(second < 0) | (second > _HIGHEST)] = np.nan
+    return first, second
+
+
+def _without_holes(
+    z: NDArray[Any], sigma: NDArray[Any] | None, spacing: float, fill: float, notes: list[str]
+) -> tuple[NDArray[Any], NDArray[Any] | None]:
+    from scipy.ndimage import binary_fill_holes, distance_transform_edt
+
+    known = np.isfinite(z)
+    holes = binary_fill_holes(known) & ~known
+    if not holes.any():
+        return z, sigma
+    if fill > 0:
+        distance, at = distance_transform_edt(~known, sampling=spacing, return_indices=True)
+        bridged = holes & (distance <= fill)
+        filled = wanted("rasterio.fill", "filling holes").fillnodata(
+            np.where(known, z, 0).astype(np.float32), mask=known.astype(np.uint8),
+            max_search_distance=fill / spacing + 1,
+        )  # fmt: skip
+        z = np.where(bridged, filled, z)
+        base = sigma if sigma is not None else np.zeros_like(z)
+        sigma = np.where(bridged, base[tuple(at)] + _FILL_GROWTH * distance, base)
+        notes.append(f"{int(bridged.sum()):,} nodes in holes are bridged: assumed")
+        holes &= ~bridged
+    if holes.any():
+        share = 100 * holes.sum() / (known.sum() + holes.sum())
+        notes.append(
+            f"{int(holes.sum()):,} nodes ({share:.2g} %) lie in holes without data and stay "
+            "unknown (--fill M bridges those up to M metres from data)"
+        )
+    return z, sigma
+
+
+def _facts(file: Path, terrain: Any, said: _Said) -> dict[str, str]:
+    z = terrain.z[np.isfinite(terrain.z)]
+    doubt = "not stated"
+    if terrain.sigma is not None and np.isfinite(terrain.sigma).any():
+        doubt = f"{np.nanmedian(terrain.sigma):.2f} m, the median"
+    return {
+        "grid": f"{file.name}: {terrain.z.shape[0]} x {terrain.z.shape[1]} nodes at "
+        f"{terrain.spacing:g} m, {terrain.crs}, origin N {terrain.northing:.9g} "
+        f"E {terrain.easting:.9g}",
+        "datum": said.datum or "not stated",
+        "depth": f"{z.min():.2f} to {z.max():.2f} m",
+        "known": f"{100 * len(z) / terrain.z.size:.1f} % of nodes",
+        "uncertainty": doubt,
+    }

@@ -1,0 +1,64 @@
+"""Runs are simulated by whichever worker of a Ray cluster is free; each answer comes once."""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+from collections.abc import Sequence
+from typing import Any, Literal, final
+
+from uuvsim_cosim.cluster import Cluster
+from uuvsim_cosim.studies.simulate_runs import (
+    KernelRuns,
+    MasterRuns,
+    Outcome,
+    Script,
+    Simulated,
+    Starts,
+)
+
+__all__ = ["RayRuns", "ray_runs"]
+
+IN_FLIGHT = 2  # requests for each CPU: one is worked on, one waits
+
+_made: dict[tuple[str, str, int], Simulated] = {}  # of a worker's process
+
+
+def ray_runs(
+    cluster: Cluster, script: Script, by: Literal["kernel", "master"], n: int
+) -> list[Simulated]:
+    """Give as many as keep the cluster busy; a kernel's batch has `n` places."""
+    content = pickle.dumps(script)
+    key = (hashlib.blake2b(content, digest_size=16).hexdigest(), by, n)
+    kept = cluster.put(content)
+    return [RayRuns(cluster, key, kept) for _ in range(IN_FLIGHT * max(cluster.cpus, 1))]
+
+
+@final
+class RayRuns:
+    """A request at a time to the cluster; a run follows from its seed and start values alone."""
+
+    def __init__(self, cluster: Cluster, key: tuple[str, str, int], kept: Any) -> None:
+        self._cluster, self._key, self._kept = cluster, key, [kept]
+
+    def runs(self, seeds: Sequence[int], start: Starts) -> list[Outcome]:
+        """Have runs simulated."""
+        return self._cluster.call(_runs, self._key, self._kept, list(seeds), dict(start))
+
+    def close(self) -> None:
+        """Do nothing: the cluster ends what is being done."""
+
+
+def _runs(
+    key: tuple[str, str, int], kept: list[Any], seeds: list[int], start: Starts
+) -> list[Outcome]:
+    """Simulate, in a worker, which keeps what it has built for the next time."""
+    if key not in _made:
+        import ray
+
+        script: Script = pickle.loads(ray.get(kept[0]))
+        _, by, n = key
+        for other in list(_made):
+            _made.pop(other).close()
+        _made[key] = KernelRuns(script, n, 1) if by == "kernel" else MasterRuns(script)
+    return _made[key].runs(seeds, start)

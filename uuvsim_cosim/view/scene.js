@@ -1,0 +1,177 @@
+"use strict";
+(function () {
+/*MATH*/
+/*GL*/
+  const card = document.getElementById("scene"), canvas = card.querySelector("canvas");
+  const gl = canvas.getContext("webgl2", { antialias: true });
+  if (!gl) {
+    card.querySelector(".stage").textContent = "This browser shows no 3-D scene: it has no WebGL 2, or it is switched off.";
+    return;
+  }
+  const data = JSON.parse(document.getElementById("scene-data").textContent);
+  function bytes(text) {
+    const raw = atob(text), b = new Uint8Array(raw.length);
+    for (let i = 0; i < raw.length; i++) b[i] = raw.charCodeAt(i);
+    return b.buffer;
+  }
+  const floats = t => new Float32Array(bytes(t)), shorts = t => new Int16Array(bytes(t));
+  const time = floats(data.time), n = time.length;
+  const tri = program(gl, SURFACE), lin = program(gl, LINE);
+  const corners = gl.createBuffer();
+  gl.bindBuffer(gl.ARRAY_BUFFER, corners);
+  gl.bufferData(gl.ARRAY_BUFFER, new Float32Array([0, -1, 1, -1, 0, 1, 1, 1]), gl.STATIC_DRAW);
+  const rgb = c => [1, 3, 5].map(i => parseInt(c.slice(i, i + 2), 16) / 255);
+  const mesh = m => surface(gl, tri, floats(m.v), new Uint32Array(bytes(m.f)));
+
+  function ground(t) {
+    const z = shorts(t.z), [rows, columns] = t.shape, v = new Float32Array(3 * z.length), f = [];
+    for (let i = 0; i < rows; i++) for (let j = 0; j < columns; j++) {
+      const k = i * columns + j;
+      v.set([t.north[i], t.east[j], t.low + t.step * z[k]], 3 * k);
+      if (!i || !j) continue;
+      const a = k - columns - 1, b = k - 1, d = k - columns;
+      if ([a, b, k, d].every(p => z[p] > -32768)) f.push(a, k, b, a, d, k);
+    }
+    return surface(gl, tri, v, new Uint32Array(f));
+  }
+  const terrain = data.terrain && ground(data.terrain);
+  const solids = data.solids.map(s => ({ ...mesh(s), colour: rgb(s.colour), alpha: s.alpha }));
+  const lines = data.lines.map(l => ({ ...line(gl, lin, corners, floats(l.points), true), colour: rgb(l.colour), width: l.width }));
+  const bodies = data.bodies.map(b => {
+    const p = floats(b.p), arrows = b.arrows && { r: b.arrows.r, e: b.arrows.e, v: shorts(b.arrows.v), scale: b.arrows.scale };
+    const points = arrows && new Float32Array(18 * arrows.r.length);
+    return { name: b.name, p, q: b.q && shorts(b.q), size: b.size, hull: mesh(b), colour: rgb(b.colour), arrows, points,
+      drawn: points && line(gl, lin, corners, points, false) };
+  });
+
+  const [low, high] = data.extent, middle = low.map((v, i) => (v + high[i]) / 2);
+  const reach = Math.hypot(...sub(high, low)) || 1;
+  const camera = { at: middle, turn: -2.6, lift: 0.55, away: 1.15 * reach };
+  let t = time[0], playing = null, follow = false, asked = false;
+  const slider = card.querySelector("input[type=range]"), go = card.querySelector(".go");
+  const clock = card.querySelector(".clock"), speed = card.querySelector("select"), whom = card.querySelector(".follow");
+
+  function nearest() {
+    let a = 0, b = n - 1;
+    while (b - a > 1) { const m = (a + b) >> 1; if (time[m] <= t) a = m; else b = m; }
+    const part = b > a ? Math.min(1, Math.max(0, (t - time[a]) / (time[b] - time[a] || 1))) : 0;
+    return [a, b, part];
+  }
+  function where(body, [a, b, part]) {
+    const p = [0, 1, 2].map(i => body.p[3 * a + i] + part * (body.p[3 * b + i] - body.p[3 * a + i]));
+    if (!body.q) return [p, [1, 0, 0, 0]];
+    const q = k => [0, 1, 2, 3].map(i => body.q[4 * k + i] / 32767);
+    return [p, between(q(a), q(b), part)];
+  }
+  function bind(p, view, model, colour, alpha, water) {
+    gl.useProgram(p.p);
+    gl.uniformMatrix4fv(p.u.view, false, view); gl.uniformMatrix4fv(p.u.model, false, model);
+    gl.uniform3fv(p.u.colour, colour); gl.uniform3fv(p.u.water, water);
+    gl.uniform1f(p.u.fade, 7 * Math.max(reach, camera.away)); gl.uniform1f(p.u.alpha, alpha);
+  }
+  function draw() {
+    asked = false;
+    const box = canvas.getBoundingClientRect(), ratio = Math.min(2, window.devicePixelRatio || 1);
+    const w = Math.max(1, Math.round(box.width * ratio)), h = Math.max(1, Math.round(box.height * ratio));
+    if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
+    const probe = getComputedStyle(card.querySelector(".stage")).backgroundColor.match(/[\d.]+/g).map(Number);
+    const water = probe.slice(0, 3).map(v => v / 255), moment = nearest();
+    if (follow && bodies.length) camera.at = where(bodies[0], moment)[0].map((v, i) => isFinite(v) ? v : camera.at[i]);
+    const c = Math.cos(camera.lift), eye = [
+      camera.at[0] + camera.away * c * Math.cos(camera.turn), camera.at[1] + camera.away * c * Math.sin(camera.turn),
+      camera.at[2] - camera.away * Math.sin(camera.lift)];
+    const view = times(perspective(0.8, w / h, 0.01 * camera.away, 30 * Math.max(reach, camera.away)), lookAt(eye, camera.at, [0, 0, -1]));
+    gl.viewport(0, 0, w, h); gl.clearColor(...water, 1);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT); gl.enable(gl.DEPTH_TEST);
+    gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
+    const fill = (s, model, colour, alpha, depths) => {
+      bind(tri, view, model, colour, alpha, water);
+      gl.uniform3fv(tri.u.eye, eye); gl.uniform2fv(tri.u.depths, depths || [0, 0]);
+      gl.bindVertexArray(s.vao); gl.drawElements(gl.TRIANGLES, s.count, gl.UNSIGNED_INT, 0);
+    };
+    const stroke = (l, model, colour, width, alpha) => {
+      bind(lin, view, model, colour, alpha, water);
+      gl.uniform2fv(lin.u.screen, [w, h]); gl.uniform1f(lin.u.width, width * ratio);
+      gl.bindVertexArray(l.vao); gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, l.count);
+    };
+    if (terrain) fill(terrain, still(), [0, 0, 0], 1, data.terrain.depths);
+    for (const s of solids) if (s.alpha === 1) fill(s, still(), s.colour, 1);
+    for (const l of lines) stroke(l, still(), l.colour, l.width, 1);
+    for (const b of bodies) {
+      const [p, q] = where(b, moment);
+      if (!p.every(isFinite)) continue;
+      const model = pose(p, q);
+      fill(b.hull, model, b.colour, 1);
+      if (!b.arrows) continue;
+      const k = moment[2] < 0.5 ? moment[0] : moment[1], m = b.arrows.r.length;
+      for (let i = 0; i < m; i++) {
+        const r = b.arrows.r[i], e = b.arrows.e[i], v = b.arrows.v[k * m + i] / 32767 * b.arrows.scale;
+        const tip = r.map((x, j) => x + v * e[j]), side = unit(cross(e, Math.abs(e[2]) > 0.9 ? [1, 0, 0] : [0, 0, 1]));
+        const back = s => tip.map((x, j) => x - 0.25 * v * e[j] + s * 0.12 * v * side[j]);
+        b.points.set([...r, ...tip, ...back(1), ...tip, ...back(-1), ...tip], 18 * i);
+      }
+      gl.bindBuffer(gl.ARRAY_BUFFER, b.drawn.buffer); gl.bufferSubData(gl.ARRAY_BUFFER, 0, b.points);
+      gl.disable(gl.DEPTH_TEST);  // thrusters often sit within the hull
+      stroke(b.drawn, model, rgb(data.arrow), 2.5, 1);
+      gl.enable(gl.DEPTH_TEST);
+    }
+    gl.enable(gl.BLEND); gl.depthMask(false); gl.enable(gl.CULL_FACE);  // a basin is seen from within
+    for (const s of solids) if (s.alpha < 1) fill(s, still(), s.colour, s.alpha);
+    gl.disable(gl.BLEND); gl.disable(gl.CULL_FACE); gl.depthMask(true); gl.bindVertexArray(null);
+    slider.value = t; clock.textContent = "t = " + t.toFixed(1) + " s";
+  }
+  function again() { if (!asked) { asked = true; requestAnimationFrame(draw); } }
+  function stop() { playing = null; go.textContent = "play"; }
+  function step(now) {
+    if (!playing) return;
+    t += (now - playing) / 1000 * +speed.value; playing = now;
+    if (t >= time[n - 1]) { t = time[n - 1]; stop(); }
+    again();
+    if (playing) requestAnimationFrame(step);
+  }
+  go.onclick = () => {
+    if (playing) { stop(); return; }
+    if (t >= time[n - 1]) t = time[0];
+    go.textContent = "pause"; playing = performance.now(); requestAnimationFrame(step);
+  };
+  slider.min = time[0]; slider.max = time[n - 1]; slider.step = (time[n - 1] - time[0]) / 2000 || 1;
+  slider.oninput = () => { stop(); t = +slider.value; again(); };
+  whom.onchange = () => {
+    follow = whom.checked;
+    if (follow && bodies.length) camera.away = 7 * bodies[0].size;
+    else { camera.at = middle; camera.away = 1.15 * reach; }
+    again();
+  };
+  canvas.onpointerdown = e => { canvas.setPointerCapture(e.pointerId); canvas.focus({ preventScroll: true }); };
+  canvas.onpointermove = e => {
+    if (!e.buttons) return;
+    if (e.shiftKey || e.buttons === 2) {
+      const m = camera.away / canvas.clientHeight, [c, s] = [Math.cos(camera.turn), Math.sin(camera.turn)];
+      const right = e.movementX * m, up = e.movementY * m;
+      camera.at = [camera.at[0] + s * right - c * up, camera.at[1] - c * right - s * up, camera.at[2]];
+      follow = whom.checked = false;
+    } else {
+      camera.turn += 0.008 * e.movementX;
+      camera.lift = Math.min(1.56, Math.max(-1.2, camera.lift + 0.008 * e.movementY));
+    }
+    again();
+  };
+  canvas.oncontextmenu = e => e.preventDefault();
+  function zoom(by) { camera.away = Math.min(20 * reach, Math.max(0.005 * reach, camera.away * by)); again(); }
+  // Until somebody has clicked into it, the wheel turns the page, not the scene.
+  canvas.addEventListener("wheel", e => {
+    if (document.activeElement !== canvas && !e.ctrlKey) return;
+    e.preventDefault(); zoom(Math.exp(0.0012 * e.deltaY));
+  }, { passive: false });
+  canvas.onkeydown = e => {
+    const keys = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1] }[e.key];
+    if (keys) { camera.turn += keys[0]; camera.lift = Math.min(1.56, Math.max(-1.2, camera.lift + keys[1])); again(); }
+    else if (e.key === "+") zoom(0.9); else if (e.key === "-") zoom(1.1); else if (e.key === " ") go.click(); else return;
+    e.preventDefault();
+  };
+  window.addEventListener("resize", again);
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", again);
+  new MutationObserver(again).observe(document.documentElement, { attributes: true });
+  window.uuvsimScene = { at: s => { if (!playing) { t = s; again(); } } };
+  draw();
+})();

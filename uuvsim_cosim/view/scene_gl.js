@@ -1,0 +1,84 @@
+// Two programs: triangles, lit by the slope that the screen shows, and lines of a width in pixels.
+const SURFACE = [`#version 300 es
+uniform mat4 view, model; in vec3 at; out vec3 place; out float away;
+void main() { vec4 p = model * vec4(at, 1.0); place = p.xyz; gl_Position = view * p; away = gl_Position.w; }`,
+`#version 300 es
+precision highp float;
+uniform vec3 colour, water, eye; uniform vec2 depths; uniform float fade, alpha; in vec3 place; in float away; out vec4 seen;
+vec3 tint(float s) {
+  vec3 c[6] = vec3[6](vec3(.89,.83,.64), vec3(.72,.81,.61), vec3(.44,.71,.64), vec3(.25,.56,.69), vec3(.16,.39,.6), vec3(.11,.25,.45));
+  float f = clamp(s, 0.0, 1.0) * 4.999; int i = int(f);
+  return mix(c[i], c[i + 1], f - float(i));
+}
+void main() {
+  vec3 n = normalize(cross(dFdx(place), dFdy(place)));
+  if (dot(n, eye - place) < 0.0) n = -n;
+  float light = 0.5 + 0.38 * max(dot(n, normalize(vec3(-0.35, -0.5, -0.8))), 0.0) + 0.14 * abs(n.x);
+  vec3 c = depths.y > depths.x ? tint((place.z - depths.x) / (depths.y - depths.x)) : colour;
+  seen = vec4(mix(c * light, water, 1.0 - exp(-away / fade)), alpha);
+}`];
+const LINE = [`#version 300 es
+uniform mat4 view, model; uniform vec2 screen; uniform float width; in vec2 corner; in vec3 from, to; out float away;
+void main() {
+  vec4 a = view * model * vec4(from, 1.0), b = view * model * vec4(to, 1.0), p = corner.x < 0.5 ? a : b;
+  float w = 0.001;
+  if (a.w < w && b.w < w) { gl_Position = vec4(2.0, 2.0, 2.0, 1.0); return; }
+  if (a.w < w) a = mix(a, b, (w - a.w) / (b.w - a.w));
+  if (b.w < w) b = mix(b, a, (w - b.w) / (a.w - b.w));
+  p = corner.x < 0.5 ? a : b;
+  vec2 d = (b.xy / b.w - a.xy / a.w) * screen;
+  d = dot(d, d) < 1e-12 ? vec2(1.0, 0.0) : normalize(d);
+  p.xy += corner.y * vec2(-d.y, d.x) * width / screen * p.w;
+  p.z -= 0.0004 * p.w; gl_Position = p; away = p.w;
+}`,
+`#version 300 es
+precision highp float;
+uniform vec3 colour, water; uniform float fade, alpha; in float away; out vec4 seen;
+void main() { seen = vec4(mix(colour, water, 1.0 - exp(-away / fade)), alpha); }`];
+
+function program(gl, [vertex, fragment]) {
+  const p = gl.createProgram();
+  for (const [kind, text] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
+    const s = gl.createShader(kind);
+    gl.shaderSource(s, text); gl.compileShader(s);
+    if (!gl.getShaderParameter(s, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(s));
+    gl.attachShader(p, s);
+  }
+  gl.linkProgram(p);
+  if (!gl.getProgramParameter(p, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(p));
+  const names = {};
+  for (let i = 0; i < gl.getProgramParameter(p, gl.ACTIVE_UNIFORMS); i++) {
+    const name = gl.getActiveUniform(p, i).name;
+    names[name] = gl.getUniformLocation(p, name);
+  }
+  return { p, u: names, at: name => gl.getAttribLocation(p, name) };
+}
+function surface(gl, prog, vertices, faces) {
+  const vao = gl.createVertexArray();
+  gl.bindVertexArray(vao);
+  gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
+  gl.bufferData(gl.ARRAY_BUFFER, vertices, gl.STATIC_DRAW);
+  gl.enableVertexAttribArray(prog.at("at"));
+  gl.vertexAttribPointer(prog.at("at"), 3, gl.FLOAT, false, 0, 0);
+  gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
+  gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, faces, gl.STATIC_DRAW);
+  gl.bindVertexArray(null);
+  return { vao, count: faces.length };
+}
+// `joined`: each point goes on to the next; else points come in pairs.
+function line(gl, prog, corners, points, joined) {
+  const vao = gl.createVertexArray(), buffer = gl.createBuffer(), stride = joined ? 12 : 24;
+  gl.bindVertexArray(vao);
+  gl.bindBuffer(gl.ARRAY_BUFFER, corners);
+  gl.enableVertexAttribArray(prog.at("corner"));
+  gl.vertexAttribPointer(prog.at("corner"), 2, gl.FLOAT, false, 0, 0);
+  gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+  gl.bufferData(gl.ARRAY_BUFFER, points, gl.DYNAMIC_DRAW);
+  for (const [name, offset] of [["from", 0], ["to", 12]]) {
+    gl.enableVertexAttribArray(prog.at(name));
+    gl.vertexAttribPointer(prog.at(name), 3, gl.FLOAT, false, stride, offset);
+    gl.vertexAttribDivisor(prog.at(name), 1);
+  }
+  gl.bindVertexArray(null);
+  return { vao, buffer, count: joined ? points.length / 3 - 1 : points.length / 6 };
+}

@@ -1,0 +1,42 @@
+// Matrices are 16 numbers, column by column, as WebGL wants them; points are N, E, D [m].
+const sub = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+function unit(a) {
+  const n = Math.hypot(...a) || 1;
+  return [a[0] / n, a[1] / n, a[2] / n];
+}
+function times(a, b) {
+  const m = new Float32Array(16);
+  for (let c = 0; c < 4; c++) for (let r = 0; r < 4; r++) {
+    let s = 0;
+    for (let k = 0; k < 4; k++) s += a[4 * k + r] * b[4 * c + k];
+    m[4 * c + r] = s;
+  }
+  return m;
+}
+function perspective(fov, aspect, near, far) {
+  const f = 1 / Math.tan(fov / 2), d = near - far;
+  return new Float32Array([f / aspect, 0, 0, 0, 0, f, 0, 0, 0, 0, (far + near) / d, -1, 0, 0, 2 * far * near / d, 0]);
+}
+function lookAt(eye, at, up) {
+  const z = unit(sub(eye, at)), x = unit(cross(up, z)), y = cross(z, x);
+  return new Float32Array([x[0], y[0], z[0], 0, x[1], y[1], z[1], 0, x[2], y[2], z[2], 0,
+    -dot(x, eye), -dot(y, eye), -dot(z, eye), 1]);
+}
+// From a body to n: q is scalar first.
+function pose(p, q) {
+  const [w, x, y, z] = q;
+  return new Float32Array([
+    1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y), 0,
+    2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x), 0,
+    2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y), 0,
+    p[0], p[1], p[2], 1]);
+}
+const still = () => pose([0, 0, 0], [1, 0, 0, 0]);
+// Between two attitudes, the shorter way.
+function between(q, p, part) {
+  const sign = q[0] * p[0] + q[1] * p[1] + q[2] * p[2] + q[3] * p[3] < 0 ? -1 : 1;
+  const m = q.map((v, i) => v + part * (sign * p[i] - v)), n = Math.hypot(...m) || 1;
+  return m.map(v => v / n);
+}
