@@ -23,6 +23,15 @@ typedef struct {
     const float *nodes;
 } uuv_field;
 
+static inline V uuv_field_set_(V x, int lane, double value) {
+#if defined(UUV_FLOAT32)
+    x[lane] = (float)value;
+    return x;
+#else
+    return uuv_with_lane(x, lane, value);
+#endif
+}
+
 /* The node below and above, the share of that above, their distance; `varies` where not held. */
 typedef struct {
     int low, high, varies;
@@ -90,8 +99,7 @@ static inline void uuv_field_at(const uuv_field *f, const V *x, V *out) {
         double value[UUV_FIELD_VALUES];
         uuv_field_find_all_(f, x, lane, p);
         uuv_field_reduce_(f, p, -1, value);
-        for (int j = 0; j < f->n_values; j++)
-            out[j] = uuv_with_lane(out[j], lane, (uuv_real)value[j]);
+        for (int j = 0; j < f->n_values; j++) out[j] = uuv_field_set_(out[j], lane, value[j]);
     }
 }
 
@@ -108,8 +116,7 @@ static inline void uuv_field_at_forward(const uuv_field *f, const V *x, const V 
             for (int j = 0; j < f->n_values; j++)
                 total[j] += slope[j] / p[i].width * (double)uuv_lane(seed[i], lane);
         }
-        for (int j = 0; j < f->n_values; j++)
-            out[j] = uuv_with_lane(out[j], lane, (uuv_real)total[j]);
+        for (int j = 0; j < f->n_values; j++) out[j] = uuv_field_set_(out[j], lane, total[j]);
     }
 }
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -16,7 +17,9 @@ from uuvsim_cosim.fmus.native import Native
 from uuvsim_cosim.kernels.kernel import fuse
 from uuvsim_cosim.models.current_grid import current_grid
 from uuvsim_cosim.models.current_profile import current_profile
+from uuvsim_cosim.models.field import Field, field
 from uuvsim_cosim.models.model import Model
+from uuvsim_cosim.models.network import NETWORKS
 from uuvsim_cosim.models.simulate import simulate
 from uuvsim_cosim.orchestrator.run import run
 from uuvsim_cosim.orchestrator.system import System
@@ -85,6 +88,18 @@ def test_beyond_the_levels_the_nearest_holds_and_beside_the_grid_there_is_none(f
             flow(m, t, 5, n, 0)
 
 
+def test_the_gradient_is_that_between_the_nodes() -> None:
+    axes = [np.linspace(0, 10, n) for n in (3, 4, 2, 5)]
+    nodes = np.random.default_rng(0).normal(size=(3, 4, 2, 5, 2))
+    at = ca.SX.sym("at", 4)
+    J = ca.Function("J", [at], [ca.jacobian(field(axes, nodes, (True,) * 4)(at), at)])
+    f = next(n for n in reversed(NETWORKS.values()) if isinstance(n, Field))
+    for x in np.random.default_rng(1).uniform(0.1, 9.9, (10, 4)):
+        steps = 1e-4 * np.eye(4)
+        wanted = np.column_stack([(f(x + h) - f(x - h)) / 2e-4 for h in steps])
+        np.testing.assert_allclose(np.array(J(x)), wanted, atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("units", "factor"),
     [("cm/s", 0.01), ("knots", 1852 / 3600), ("ft/s", 0.3048), ("m s-1", 1.0), ("km/h", 1 / 3.6)],
@@ -134,6 +149,9 @@ def test_native_kernel_and_casadi_agree_to_the_bit_and_the_run_ends_with_the_fil
     with fuse(system).batch(2, start={"current.eta": places}) as batch:
         batch.step(20)
         lanes = batch.get("current.v_c")
+    with fuse(system, dtype="float32").batch(2, start={"current.eta": places}) as batch:
+        batch.step(20)
+        np.testing.assert_allclose(batch.get("current.v_c"), lanes, atol=1e-6)
     for i, eta in enumerate(places):
         one = c.another("current")
         one.enter_initialization_mode(0.0, None)

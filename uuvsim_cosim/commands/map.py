@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -42,7 +43,10 @@ def map_command(
     survey = survey_of(run, given if given is None else given.changed(scene, cell))
     if pose not in survey.track.poses:
         raise InputInvalid(f"--pose {pose}: expected {' or '.join(survey.track.poses)}")
-    made = None if given is not None else read_map(run)
+    made = None
+    if given is None:
+        with suppress(InputInvalid):  # one that was cut short is made again
+            made = read_map(run)
     if made is None:
         made = survey.map()
         if given is None or settings is not None:

@@ -73,7 +73,10 @@ def terrain_command(
     try:
         made = make_terrain(chart, wishes)
     except TooManyNodes:
-        large = make_large(chart, out, wishes) if out is not None else None
+        try:
+            large = make_large(chart, out, wishes) if out is not None else None
+        except OSError as error:
+            raise InputInvalid(f"{out}: cannot be written: {error.strerror or error}") from None
         if large is None:
             raise
         table(("", ""), large.facts.items())

@@ -13,7 +13,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from uuvsim_cosim.content import content
 from uuvsim_cosim.models.check_held import end_of
@@ -46,7 +46,7 @@ def trajectories() -> Iterator[Checked]:
         off = ours - his
         off[:, 3:6] = np.remainder(off[:, 3:6] + np.pi, 2 * np.pi) - np.pi
         yield EQUAL(f"{what}, his choices taken", off, np.zeros_like(off), 1e-6)
-    inputs: dict[str, Any] = {"u": 1.0, "nu_r": [2.5536, 0, 0, 0, 0, 0]}
+    inputs: dict[str, ArrayLike] = {"u": 1.0, "nu_r": [2.5536, 0, 0, 0, 0, 0]}
     pushed = end_of(declare("propeller", vehicle="remus100"), 20.0, 0.02, inputs)
     drag = parameter_set("remus100", "fossen_2021").quantities["D_q_11"].value * 2.5536**2
     what = "thrust of the shipped propeller and drag at his speed at 1525 rpm, 2.5536 m/s"

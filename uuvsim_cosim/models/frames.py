@@ -48,7 +48,7 @@ def multibeam(
 
 
 def depth_camera(
-    id: str = "d455",
+    id: str = "camera_class",
     scene: str = "flat",
     period: str = "0.2",
     columns: int | str = 16,

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import time as clock
+import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -233,11 +234,13 @@ def write_map(made: SeabedMap, folder: Path) -> Path:
     }  # fmt: skip
     layers = {f"depth_{pose}": z.astype(np.float32) for pose, z in made.depth.items()}
     file = folder / FILE
+    scratch = folder / f".{FILE}.part.npz"
     try:
         np.savez_compressed(
-            file, allow_pickle=False, about=np.array(json.dumps(about)),
+            scratch, allow_pickle=False, about=np.array(json.dumps(about)),
             truth=made.truth.astype(np.float32), **layers,
         )  # type: ignore[arg-type,unused-ignore]  # fmt: skip
+        scratch.replace(file)
     except OSError as error:
         raise InputInvalid(f"{file}: cannot be written ({error.strerror})") from None
     return file
@@ -248,6 +251,11 @@ def read_map(folder: Path) -> SeabedMap | None:
     file = folder / FILE
     if not file.is_file():
         return None
+    if not zipfile.is_zipfile(file):
+        raise InputInvalid(
+            f"{file}: no map that `uuvsim map` wrote, or cut short; `uuvsim map {folder}` makes "
+            "it again"
+        )
     try:
         with np.load(file, allow_pickle=False) as kept:
             about = json.loads(str(kept["about"]))

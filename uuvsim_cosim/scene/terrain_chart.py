@@ -57,7 +57,7 @@ def chart_terrain(
     if not np.isfinite(z[~found.land]).any():
         raise InputInvalid(f"{file}: no water within this piece of the chart")
     notes = [*of.notes, *([found.relief] if found.relief else [])]
-    in_band = found.held / found.charted if found.charted else float("nan")
+    in_band = found.held.sum() / found.charted.sum() if found.charted.any() else float("nan")
     from uuvsim_cosim.scene.terrain_material import materials_of
 
     material, names = materials_of(chart, grid, found.land, np.isnan(z))

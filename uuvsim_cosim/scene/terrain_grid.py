@@ -107,7 +107,7 @@ def grid_over(
         raise TooManyNodes(
             f"{(east - west) / 1e3:.4g} x {(north - south) / 1e3:.4g} km at {spacing:g} m are "
             f"{rows * columns:,} nodes, more than the {most:,} that are made at once; "
-            f"--resolution {fits:g} fits, or a piece by --around LAT,LON --size KM, or, of a chart, "
-            "-o FILE.tif, which is written in tiles"
+            f"--resolution {fits:g} fits, or a piece by --around LAT,LON --size KM, or, of a "
+            "chart, -o FILE.tif, which is written in tiles"
         )
     return Grid(first[0] * spacing, first[1] * spacing, spacing, max(rows, 2), max(columns, 2))

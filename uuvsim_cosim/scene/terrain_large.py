@@ -39,7 +39,7 @@ def write_large(
     tile: int = _TILE,
     above: int = MOST_NODES,
 ) -> Large | None:
-    """Write a chart's GeoTIFF in tiles; None, and nothing written, if it is not above so many nodes.
+    """Write a chart's GeoTIFF in tiles; None, and nothing is written, if it has not so many nodes.
 
     The file is the one that the terrain would give, with a margin of no data where the chart has
     none. Raises `InputInvalid` in words.
@@ -71,7 +71,8 @@ def write_large(
                     window = rasterio.windows.Window(column, row, columns, rows)
                     out.write(np.float32(-found.z[inner][::-1] + 0.0), 1, window=window)
                     out.write(np.float32(found.sigma[inner][::-1]), 2, window=window)
-                    held, charted = held + found.held, charted + found.charted
+                    held += int(found.held[inner].sum())
+                    charted += int(found.charted[inner].sum())
             for number, name in enumerate(("elevation", "sigma"), 1):
                 out.set_band_description(number, name)
                 out.set_band_unit(number, "m")

@@ -47,8 +47,8 @@ class Surface:
     z: Floats  # m, down; NaN: unknown
     sigma: Floats  # m; NaN on land
     land: Any  # whether land
-    charted: int  # nodes that were interpolated in a charted band
-    held: int  # of these, in it before clipping
+    charted: Any  # whether interpolated in a charted band
+    held: Any  # whether, of these, in it before clipping
     relief: str = ""  # what is to be said of invented relief
 
 
@@ -89,7 +89,7 @@ def surface_on(of: Prepared, grid: Grid, relief: int | None = None) -> Surface:
     z, sigma = np.clip(np.rint(256 * z) / 256, *band), np.rint(64 * sigma) / 64
     z[land] = -of.height
     sigma[land | np.isnan(z)] = np.nan
-    return Surface(z, sigma, land, int(charted.sum()), int(held.sum()), said)
+    return Surface(z, sigma, land, charted, held, said)
 
 
 def _land_height(chart: Chart) -> float:

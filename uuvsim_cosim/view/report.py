@@ -93,7 +93,9 @@ class _Page:
 
 
 def report_html(
-    traces: Traces, provenance: Mapping[str, Any], stage: Stage | None = None,
+    traces: Traces,
+    provenance: Mapping[str, Any],
+    stage: Stage | None = None,
     surveyed: SeabedMap | None = None,
 ) -> str:
     """Give the report as one HTML page; with a `stage` it has a scene in three dimensions.
@@ -120,7 +122,8 @@ def report_html(
         )
         body.append(f'<div class="lead">{_track(track)}<div>{panels}</div></div>')
     if surveyed is not None:
-        found = {"truth": traces.vector("hull.eta", 2), "estimate": traces.vector("navigation.eta", 2)}
+        lines = {"truth": "hull.eta", "estimate": "navigation.eta"}
+        found = {style: traces.vector(name, 2) for style, name in lines.items()}
         body.append(map_section(surveyed, {k: v for k, v in found.items() if v is not None}))
     if stage is not None:
         moments = MOMENTS // max(1, len(stage.bodies) // 4)

@@ -85,6 +85,10 @@ def _why_taken(port: int, host: str) -> str:
         trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             trial.bind((host, port))
+        except socket.gaierror:
+            raise InputInvalid(
+                f"--host {host}: no address of this machine; expected 127.0.0.1, 0.0.0.0, or one"
+            ) from None
         except OSError as error:
             return str(error.strerror or error)
     return ""
