@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Multilayer perceptrons in float32 on W lanes, and their forward derivatives.
+/* Multilayer perceptrons in float32 on W lanes, and their forward and reverse derivatives.
  *
  * A layer gives  y_j = f(b_j + sum_i w_ij x_i). The sum is one of parts of UUV_CHUNK products,
  * each added from the first on, so that it has the same bits for every W and is as exact as sums
@@ -145,6 +145,42 @@ static inline void uuv_network_forward(const uuv_layer *layers, int n, const V *
         dy = swap;
     }
     for (int j = 0; j < layers[n - 1].n_out; j++) out[j] = uuv_of_neuron_(dx[j]);
+}
+
+/* out = (d network(in) / d in) transposed  seed; `room` holds what every layer gives, `all` in
+ * number with the inputs, and 2 vectors of the widest layer. */
+static inline void uuv_network_adjoint(const uuv_layer *layers, int n, const V *in, const V *seed,
+                                       V *out, uuv_neuron *room, int all, int widest) {
+    uuv_neuron *x = room, *dy = room + all, *dx = dy + widest;
+    for (int i = 0; i < layers[0].n_in; i++) x[i] = uuv_neuron_of_(in[i]);
+    for (const uuv_layer *l = layers; l < layers + n; l++) {
+        uuv_layer_sums_(l, x, x + l->n_in, 1);
+        x += l->n_in;
+        uuv_activate_(l->activation, x, 0, l->n_out);
+    }
+    for (int j = 0; j < layers[n - 1].n_out; j++) dy[j] = uuv_neuron_of_(seed[j]);
+    for (const uuv_layer *l = layers + n - 1; l >= layers; l--) {
+        for (int j = 0; j < l->n_out && l->activation != UUV_LINEAR; j++) {
+            const V y = uuv_of_neuron_(x[j]), one = uuv_const(1.0);
+            const V slope = l->activation == UUV_RELU
+                                ? uuv_truth(uuv_mask_gt(y, uuv_const(0.0)))
+                                : one - y * y;
+            dy[j] = uuv_neuron_of_(slope * uuv_of_neuron_(dy[j]));
+        }
+        for (int i = 0; i < l->n_in; i++) {
+            uuv_neuron total = uuv_neuron_of_(uuv_const(0.0));
+            for (int j = 0; j < l->n_out; j++) {
+                const int64_t block = j / UUV_WIDE * (int64_t)l->n_in + i;
+                total += dy[j] * l->weight[block * UUV_WIDE + j % UUV_WIDE];
+            }
+            dx[i] = total;
+        }
+        uuv_neuron *swap = dx;
+        dx = dy;
+        dy = swap;
+        x -= l->n_in;
+    }
+    for (int i = 0; i < layers[0].n_in; i++) out[i] = uuv_of_neuron_(dy[i]);
 }
 
 #endif

@@ -17,7 +17,7 @@
 #include "uuv_math.h"
 #endif
 
-#define UUV_TERRAIN_BASE 3 /* the pyramid's finest level: squares of 4 x 4 cells */
+#define UUV_TERRAIN_BASE 3 /* the pyramid's finest level: squares of 8 x 8 cells */
 #define UUV_TERRAIN_LEVELS 24
 
 typedef struct {

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
 import socket
 import subprocess
 import sys
@@ -21,17 +19,18 @@ from uuvsim_cosim.bridge.client_fmu import build_client_fmu
 from uuvsim_cosim.bridge.conductor import Conductor
 from uuvsim_cosim.bridge.desk import Client
 from uuvsim_cosim.bridge.tcp_door import TcpDoor
-from uuvsim_cosim.cache import cache_dir
 from uuvsim_cosim.cli import status_of
 from uuvsim_cosim.errors import ComponentFailed, FmuError, InputInvalid, UuvsimError
 from uuvsim_cosim.fmus.check_fmu import examine
 from uuvsim_cosim.fmus.component import Component
-from uuvsim_cosim.fmus.export import fmi_headers
 from uuvsim_cosim.fmus.instantiate import instantiate_fmu
 from uuvsim_cosim.fmus.read_description import read_fmu
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "fmus"))
+
+from by_wine import NEEDS_WINE, stepped
+
 PARTS = Path(__file__).parent / "parts.py"
-WINE = shutil.which("wine64") or shutil.which("/usr/lib/wine/wine64")
 TICK = 0.01
 ME = Client("me", "local")
 
@@ -406,7 +405,7 @@ def test_libcosim_runs_it(built: Callable[[int], Path], served: tuple[Conductor,
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(WINE is None, reason="wine64 is not installed; the DLL was not run")
+@NEEDS_WINE
 def test_the_windows_binary_steps_it(tmp_path: Path, served: tuple[Conductor, TcpDoor]) -> None:
     import zipfile
 
@@ -415,30 +414,12 @@ def test_the_windows_binary_steps_it(tmp_path: Path, served: tuple[Conductor, Tc
     zipfile.ZipFile(path).extract("binaries/x86_64-windows/sums_client.dll", tmp_path)
     fmu = read_fmu(path)
     a, s = (fmu.description.variables[n].value_references[0] for n in ("sum_a", "sum_s"))
-    program = tmp_path / "step_by_dll.exe"
-    source = Path(__file__).parents[1] / "fmus" / "step_by_dll.c"
-    zig = {k: str(cache_dir("zig")) for k in ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR")}
-    command = [sys.executable, "-m", "ziglang", "cc", "-target", "x86_64-windows-gnu", "-O2"]
-    subprocess.run(
-        [*command, f"-I{fmi_headers()}", str(source), "-o", str(program)],
-        env={**os.environ, **zig},
-        check=True,
-        capture_output=True,
-    )
     dll = tmp_path / "binaries/x86_64-windows/sums_client.dll"
-    arguments = [f"Z:{dll}", fmu.description.token, a, 1, s, 1, 20]
-    done = subprocess.run(
-        [str(WINE), str(program), *map(str, arguments)],
-        env={**os.environ, "WINEPREFIX": str(tmp_path / "wine"), "WINEDEBUG": "-all"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, (done.returncode, done.stderr)
+    found = stepped(tmp_path, dll, [fmu.description.token, a, 1, s, 1, 20])
     total, expected = 0.0, []
     for k in range(20):
         for _ in range(3):
             total += 1.0 * (0.01 * k + 0.0) * TICK
         expected.append(f"{np.float64(total).view(np.uint64):016x}")
-    assert done.stdout.split() == expected
+    assert found == expected
     assert desk.moment().tick == 60

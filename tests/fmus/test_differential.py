@@ -115,7 +115,7 @@ def test_the_c_of_a_component_agrees_with_casadi_within_1e_12(name: str) -> None
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc here; zig is what users have")
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [n for n in NAMES if "@" not in n])
 def test_gcc_and_zig_give_the_same_bits(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     model = declare(name)
     zig = started(model)

@@ -128,6 +128,14 @@ def test_a_wrong_name_is_refused_before_anything_is_built(tmp_path: Path) -> Non
     assert list(tmp_path.iterdir()) == []
 
 
+def test_names_take_options_and_two_of_one_file_are_refused(tmp_path: Path) -> None:
+    names = ["altimeter@ping?scene=flat&period=0.5"]
+    (path,) = build_many(names, target_dir=tmp_path)
+    assert "bottom_depth" not in {v["name"] for v in inspect(path).as_dict()["variables"]}
+    with pytest.raises(InputInvalid, match="two would be the same file"):
+        build_many([*names, "altimeter"], target_dir=tmp_path)
+
+
 def test_inspection_is_ready_for_json(declared: Declared) -> None:
     import json
 

@@ -11,7 +11,9 @@ from uuvsim_cosim.content import content
 from uuvsim_cosim.fmus.export import build_fmu
 from uuvsim_cosim.models.library import declare
 
-REFERENCES = sorted(content("models", "vehicles", "bluerov2_heavy", "reference").glob("*.csv"))
+FOLDER = content("models", "vehicles", "bluerov2_heavy", "reference")
+# FMPy is given start values only: the force must be constant, and the water at rest.
+REFERENCES = [f for k in ("const_surge", "release_tilt") for f in sorted(FOLDER.glob(f"*{k}.csv"))]
 
 
 @pytest.mark.parametrize("fmi", [2, 3])

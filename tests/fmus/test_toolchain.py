@@ -5,6 +5,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from uuid import uuid4
 
 import pytest
 
@@ -89,6 +90,27 @@ def test_a_changed_header_is_another_key(source: Path, tmp_path: Path) -> None:
     first = toolchain.compile_shared([source], name="twice", include=[include])
     (include / "a.h").write_text("/* 2 */")
     assert toolchain.compile_shared([source], name="twice", include=[include]) != first
+
+
+def test_c_that_changes_while_it_is_compiled_is_not_kept(
+    source: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seven = f"/* {uuid4()}: of no earlier run */ {SOURCE.replace('2 * x', '7 * x')}"
+    source.write_text(seven)
+    run = toolchain._run
+
+    def edited(command: list[str]) -> None:
+        source.write_text(SOURCE.replace("2 * x", "0 * x"))
+        run(command)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(toolchain, "_run", edited)
+        with pytest.raises(ToolchainError, match="twice: its C was changed while it was compiled"):
+            toolchain.compile_shared([source], name="twice")
+    source.write_text(seven)
+    library = ctypes.CDLL(str(toolchain.compile_shared([source], name="twice")))
+    library.twice.restype, library.twice.argtypes = ctypes.c_double, [ctypes.c_double]
+    assert library.twice(1.0) == 7.0
 
 
 def test_what_does_not_compile_is_quoted(tmp_path: Path) -> None:

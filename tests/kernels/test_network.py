@@ -122,6 +122,33 @@ def test_forward_derivatives_in_c_are_those_of_casadi(native: Native) -> None:
     assert np.allclose(out[:3], jacobian @ seed[:N_IN], rtol=1e-5, atol=1e-6)
 
 
+def test_a_kernel_with_networks_has_tangents_and_adjoints(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tangents as finite differences (float32, away from kinks), adjoints as their transposes."""
+    monkeypatch.setitem(sources._factories, "networks", lambda text, _: Declared(text))
+    kernel = fuse(System("one", "0.05").add("n", "networks:one"), lanes=4)
+    r = np.random.default_rng(11)
+    start = {"n.x": r.normal(size=(3, N_IN)), "n.gain": np.array([0.5, 0.6, 0.7])}
+    along = {name: r.normal(size=value.shape) for name, value in start.items()}
+    seen = ["n.y", "n.out"]
+    values, changes = kernel.jvp(start, along, seen, steps=6, n_envs=3)
+
+    def moved(h: float) -> dict[str, np.ndarray]:
+        given = {name: value + h * along[name] for name, value in start.items()}
+        return kernel.jvp(given, {}, seen, steps=6, n_envs=3)[0]
+
+    up, down = moved(1e-4), moved(-1e-4)
+    _, pull = kernel.vjp(start, seen, steps=6, n_envs=3)
+    weights = {name: r.normal(size=value.shape) for name, value in values.items()}
+    gradients = pull(weights)
+    for name in seen:
+        expected = (up[name] - down[name]) / 2e-4
+        np.testing.assert_allclose(changes[name], expected, rtol=0, atol=4e-3)
+        assert np.abs(expected).max() > 0.3
+    forward = sum((weights[name] * changes[name]).sum() for name in seen)
+    backward = sum((gradients[name] * along[name]).sum() for name in start)
+    assert backward == pytest.approx(forward, rel=1e-5)
+
+
 def test_a_jacobian_is_that_of_the_layers() -> None:
     at, x = ca.SX.sym("x", N_IN), np.random.default_rng(0).normal(size=N_IN)
     got = np.array(ca.Function("J", [at], [ca.jacobian(network(TANH)(at), at)])(x))

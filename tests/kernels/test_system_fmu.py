@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -15,11 +13,9 @@ import numpy as np
 import pytest
 
 import uuvsim_cosim as uuv
-from uuvsim_cosim.cache import cache_dir
 from uuvsim_cosim.errors import ComponentFailed, FmuError, InputInvalid, SystemInvalid
 from uuvsim_cosim.fmus.check_fmu import examine
 from uuvsim_cosim.fmus.component import Component
-from uuvsim_cosim.fmus.export import fmi_headers
 from uuvsim_cosim.fmus.instantiate import instantiate_fmu
 from uuvsim_cosim.fmus.read_description import read_fmu
 from uuvsim_cosim.kernels.system_fmu import build_system_fmu
@@ -28,7 +24,10 @@ from uuvsim_cosim.orchestrator.flatten import flatten
 from uuvsim_cosim.orchestrator.master import Master
 from uuvsim_cosim.orchestrator.prepared import prepare
 
-WINE = shutil.which("wine64") or shutil.which("/usr/lib/wine/wine64")
+sys.path.insert(0, str(Path(__file__).parents[1] / "fmus"))
+
+from by_wine import NEEDS_WINE, stepped
+
 TICK = 0.01
 
 
@@ -303,7 +302,7 @@ def test_names_have_no_dots_and_those_that_clash_get_two_underscores() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(WINE is None, reason="wine64 is not installed; the DLL was not run")
+@NEEDS_WINE
 def test_the_windows_binary_gives_the_bits_of_the_linux_binary(
     tmp_path: Path, built: Callable[[int], Path]
 ) -> None:
@@ -322,27 +321,4 @@ def test_the_windows_binary_gives_the_bits_of_the_linux_binary(
     u, y = (fmu.description.variables[n].value_references[0] for n in ("thruster_u", "hull_eta"))
     arguments = [fmu.description.token, u, 1, y, 6, 20]
     dll = tmp_path / "binaries/x86_64-windows/tiny.dll"
-    assert stepped_by_wine(tmp_path, dll, arguments) == expected
-
-
-def stepped_by_wine(folder: Path, dll: Path, arguments: list[Any]) -> list[str]:
-    """Load a DLL in Wine, step it by 0.03 s, and give the bits of an output after each step."""
-    program = folder / "step_by_dll.exe"
-    source = Path(__file__).parents[1] / "fmus" / "step_by_dll.c"
-    zig = {k: str(cache_dir("zig")) for k in ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR")}
-    command = [sys.executable, "-m", "ziglang", "cc", "-target", "x86_64-windows-gnu", "-O2"]
-    subprocess.run(
-        [*command, f"-I{fmi_headers()}", str(source), "-o", str(program)],
-        env={**os.environ, **zig},
-        check=True,
-        capture_output=True,
-    )
-    done = subprocess.run(
-        [str(WINE), str(program), f"Z:{dll}", *map(str, arguments)],
-        env={**os.environ, "WINEPREFIX": str(folder / "wine"), "WINEDEBUG": "-all"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, (done.returncode, done.stderr)
-    return done.stdout.split()
+    assert stepped(tmp_path, dll, arguments) == expected

@@ -113,6 +113,24 @@ def test_the_force_is_the_same_wherever_the_bed_is_cut(tmp_path: Path) -> None:
         np.testing.assert_allclose(f(x), c(x), atol=1e-9)
 
 
+def test_the_survey_of_the_page_that_dives_onto_the_charted_bed_is_held_by_it() -> None:
+    """The page's own lines: they give a system whose vehicle, told to go deeper, stays."""
+    from uuvsim_cosim.content import content
+    from uuvsim_cosim.kernels.kernel import fuse
+    from uuvsim_cosim.scene.cast import Caster
+
+    page = (content("docs") / "range_sensors.md").read_text(encoding="utf-8")
+    (code,) = [c for c in page.split("```python\n") if "def with_contact" in c]
+    names: dict[str, Any] = {}
+    exec(code.partition("```")[0], names)
+    with fuse(names["system"]).batch(1) as batch:
+        batch.step(2500)
+        eta, depth = batch.get("hull.eta")[0], float(batch.get("contact.depth")[0])
+    bed = float(Caster("tacoma").height(eta[0], eta[1]))
+    assert 0.05 < depth < 0.2
+    assert bed - 0.2 < eta[2] < bed + 0.1
+
+
 # ---- the bound --------------------------------------------------------------------------------
 
 

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.io import netcdf_file
 
-from uuvsim_cosim.errors import ComponentFailed, InputInvalid
+from uuvsim_cosim.errors import ComponentFailed, InputInvalid, UuvsimError
 from uuvsim_cosim.fmus.native import Native
 from uuvsim_cosim.kernels.kernel import fuse
 from uuvsim_cosim.models.current_grid import current_grid
@@ -167,6 +167,22 @@ def test_native_kernel_and_casadi_agree_to_the_bit_and_the_run_ends_with_the_fil
         ComponentFailed, match=r"current.*NaN outside of linear\.nc, which has 0 to 300 s"
     ):
         run(late, until=5.0, out=tmp_path, backend="native")
+
+
+def test_a_run_that_begins_or_goes_beside_the_grid_names_the_file_as_fmu_and_native(
+    file: str, tmp_path: Path
+) -> None:
+    system = System("water", "1").add("current", f"model:current_grid?file={file}")
+    system = system.add("hull", "model:sphere").connect("current.v_c", "hull.v_c")
+    system = system.connect("hull.eta", "current.eta")
+    beside = system.set("hull.eta_0", [60.0, 0, 2, 0, 0, 0])
+    late = system.set("current.t_0", 299.0)
+    names = r"NaN outside of linear\.nc, which has 0 to 300 s, N -50 to 50 m, E -30 to 30 m"
+    for backend in ("fmu", "native"):
+        with pytest.raises(UuvsimError, match=rf"hull.*v_c.*current\.v_c gives it \(.*{names}"):
+            run(beside, until=1.0, out=tmp_path / f"{backend}_beside", backend=backend)
+        with pytest.raises(ComponentFailed, match=rf"'current' failed at t = .*{names}"):
+            run(late, until=5.0, out=tmp_path / f"{backend}_late", backend=backend)
 
 
 WRONG: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {

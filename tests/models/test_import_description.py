@@ -120,6 +120,93 @@ def test_a_xacro_has_its_properties_and_signs_put_right(
     assert "tiny/thrusters.yaml" in capsys.readouterr().out
 
 
+PARTS = """<robot xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:macro name="even_box" params="m x:=1 y:=1 *pose"><inertial><mass value="${m}"/>
+    <xacro:insert_block name="pose"/>
+    <inertia ixx="${m*(y*y+1)/12}" iyy="${m*(x*x+1)/12}" izz="${m*(x**2+y**2)/12}"/></inertial>
+  </xacro:macro>
+  <xacro:macro name="thruster" params="ns id *pose m:=^|9">
+    <joint name="${ns}/j${id}" type="fixed"><xacro:insert_block name="pose"/>
+      <parent link="${ns}/base"/><child link="${ns}/t${id}"/></joint>
+    <link name="${ns}/t${id}"><xacro:even_box m="${m}"><origin xyz="0 0 0"/></xacro:even_box></link>
+  </xacro:macro>
+  <xacro:macro name="nobody_calls_me" params="q"><link name="x"><inertial><mass value="${q}"/>
+    </inertial></link></xacro:macro>
+</robot>"""
+CALLS = """<robot name="mine" xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:arg name="ns" default="mine"/>
+  <xacro:include filename="$(find mine)/urdf/parts.xacro"/>
+  <xacro:macro name="base" params="ns heavy"><link name="${ns}/base">
+    <xacro:even_box m="100" x="2"><origin xyz="0 0 -0.1"/></xacro:even_box>
+    <collision><geometry><box size="2 1 1"/></geometry></collision></link>
+    <xacro:if value="${heavy and ns == 'mine'}">
+      <xacro:thruster ns="${ns}" id="1" m="4"><origin xyz="0 0.5 0"/></xacro:thruster></xacro:if>
+    <xacro:unless value="${heavy}">
+      <xacro:thruster ns="${ns}" id="2" m="50"><origin xyz="0 0 0"/></xacro:thruster></xacro:unless>
+  </xacro:macro>
+  <xacro:base ns="$(arg ns)" heavy="true"/>
+</robot>"""
+
+
+def test_macros_are_put_in_the_place_of_their_calls(tmp_path: Path) -> None:
+    (tmp_path / "parts.xacro").write_text(PARTS)
+    p = numbers(tmp_path / "mine.xacro", CALLS)
+    assert p["m"] == 104
+    assert [p["y_g"], p["z_g"]] == pytest.approx([-4 * 0.5 / 104, 100 * 0.1 / 104])
+    d, e = 4 * 0.5 / 104, 0.5 - 4 * 0.5 / 104
+    assert p["I_g_33"] == pytest.approx(100 * 5 / 12 + 4 * 2 / 12 + 100 * d**2 + 4 * e**2)
+
+
+def test_a_file_that_only_defines_a_vehicle_is_read_as_if_called(tmp_path: Path) -> None:
+    (tmp_path / "parts.xacro").write_text(PARTS)
+    text = CALLS.replace('<xacro:base ns="$(arg ns)" heavy="true"/>', "")
+    assert numbers(tmp_path / "mine.xacro", text)["m"] == 100
+
+
+def test_a_macro_that_calls_itself_is_refused_with_its_line(tmp_path: Path) -> None:
+    loop = '<xacro:macro name="a" params=""><xacro:a/></xacro:macro>\n<xacro:a/>'
+    head = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+    (tmp_path / "a.xacro").write_text(f"{head}{loop}</robot>")
+    with pytest.raises(InputInvalid, match=r"a.xacro:1: <xacro:a>: macros call each other"):
+        import_description(tmp_path / "a.xacro")
+
+
+def test_a_mesh_that_lies_near_is_measured_and_one_that_does_not_is_said(tmp_path: Path) -> None:
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]) * 300.0  # mm
+    faces = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
+    facets = "".join(
+        "facet normal 0 0 0\nouter loop\n"
+        + "".join("vertex {} {} {}\n".format(*corners[i]) for i in face)
+        + "endloop\nendfacet\n"
+        for face in faces
+    )
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / "meshes/hull.stl").write_text(f"solid h\n{facets}endsolid h\n")
+    mesh = '<mesh filename="package://tiny/meshes/hull.stl" scale="0.001 0.001 0.001"/>'
+    text = URDF.format(more="").replace('<box size="1.0 0.5 0.2"/>', mesh)
+    text = text.replace('xyz="0.1 0.02 -0.03"', 'xyz="0.1 0.1 0.1"')
+    p = numbers(tmp_path / "a.urdf", text)
+    assert p["nabla"] == pytest.approx(0.3**3 / 6)
+    assert [p["x_b"], p["y_b"], p["z_b"], p["height"]] == pytest.approx(
+        [0.075, -0.075, -0.075, 0.3]
+    )
+    (tmp_path / "a.urdf").write_text(text.replace("hull.stl", "other.stl"))
+    notes = import_description(tmp_path / "a.urdf").notes
+    assert any("other.stl: does not lie near a.urdf" in note for note in notes)
+    assert any("assumed neutrally buoyant" in note for note in notes)
+
+
+def test_all_mistakes_of_a_description_are_told_at_once(tmp_path: Path) -> None:
+    water = WATER.replace("${volume}", "-1").replace("-4 -5 -6", "-4 -5").replace("4 0 0 0 6", "4")
+    text = URDF.format(more=water).replace('mass value="100"', 'mass value="-9"')
+    (tmp_path / "a.urdf").write_text(text.replace('iyy="20"', 'iyy="-20"'))
+    with pytest.raises(InputInvalid) as caught:
+        import_description(tmp_path / "a.urdf")
+    told = str(caught.value)
+    for what in ("-9 kg", "iyy = -20", "<volume>: -1 m3", "<added_mass>", "<quadratic_damping>"):
+        assert what in told
+
+
 def test_gz_sim_derivatives_lose_their_minus_and_are_turned(tmp_path: Path) -> None:
     p = numbers(tmp_path / "g.sdf", SDF)
     assert [p["M_A_11"], p["M_A_22"], p["D_l_11"], p["D_q_22"]] == [5, 126, 1, 600]

@@ -118,8 +118,15 @@ def test_an_unknown_model_is_refused_with_those_that_exist() -> None:
 
 
 def test_an_unknown_option_is_refused() -> None:
-    with pytest.raises(InputInvalid, match="unexpected keyword argument 'colour'"):
+    with pytest.raises(InputInvalid, match="no option 'colour'; expected none"):
         declare("battery", colour="red")
+
+
+def test_an_unknown_option_lists_those_that_there_are() -> None:
+    with pytest.raises(InputInvalid, match=r"'shat' \(did you mean shaft\?\); expected shaft, "):
+        declare("thruster_t200", shat="second")
+    with pytest.raises(InputInvalid, match=r"no presets, as 't200' \(did you mean thruster_t200"):
+        declare("thruster@t200")
 
 
 def test_the_library_lists_what_it_declares() -> None:

@@ -141,6 +141,23 @@ def test_the_equation_solved_is_fossens_with_both_coriolis_forces() -> None:
     )
 
 
+def test_a_spheroid_that_moves_obliquely_feels_munks_moment_alone() -> None:
+    """N = (M_A_11 - M_A_22) u v, M = (M_A_33 - M_A_11) u w; no force across, without damping."""
+    body = {"m": 30.0, "W": 300.0, "B": 300.0, "I_g_11": 0.2, "I_g_22": 4.0, "I_g_33": 4.0}
+    added = dict(zip((11, 22, 33, 55, 66), (1.2, 28.0, 31.0, 3.0, 2.5), strict=True))
+    model = hull("spheroid", body | {f"M_A_{i}": a for i, a in added.items()}, surface=False)
+    u, v, w = 1.5, 0.4, -0.2
+    f = Evaluation(model)
+    p = f.values_of("parameter", {"nu_0": [u, v, w, 0.0, 0.0, 0.0]})
+    d = np.array(f.derived(p)).ravel()
+    start = np.array(f.initial(p, d)).ravel()
+    nu_dot = np.array(f.rhs(0.0, f.values_of("input", {}), p, d, start, [])).ravel()[7:13]
+    moments = [0.0, (31.0 - 1.2) * u * w, (1.2 - 28.0) * u * v]
+    np.testing.assert_allclose(nu_dot[:3], 0.0, atol=1e-12)
+    np.testing.assert_allclose(nu_dot[4:] * [4.0 + 3.0, 4.0 + 2.5], moments[1:], rtol=1e-12)
+    assert nu_dot[3] * 0.2 == pytest.approx((28.0 - 31.0) * v * w)
+
+
 def test_nu_dot_is_the_derivative_of_nu() -> None:
     model = declare("bluerov2_heavy@wu_2018")
     inputs = {"v_c": [0.3, 0.1, 0]}

@@ -358,9 +358,15 @@ def test_a_killed_component_is_restarted_and_the_run_goes_on_bit_for_bit(
     assert {k: v[:n] for k, v in watcher.values.items()} == unbroken
 
 
-@pytest.mark.parametrize("isolate", [True, False])
-@pytest.mark.parametrize("version", [2, 3])
-@pytest.mark.parametrize("fault", [0, NAN, ERROR, ABORT, DISCARD, FATAL, HANG, SEGFAULT])
+FAULTS = [0, NAN, ERROR, ABORT, DISCARD, FATAL, HANG, SEGFAULT]
+
+
+# Each fault in a process of its own, in either version by turns: a restart is half a second.
+@pytest.mark.parametrize(
+    ("fault", "version", "isolate"),
+    [(fault, 2 + k % 2, True) for k, fault in enumerate(FAULTS)]
+    + [(fault, version, False) for fault in FAULTS for version in (2, 3)],
+)
 def test_whatever_has_failed_is_restarted_twice_and_goes_on_bit_for_bit(
     fault: int, version: int, isolate: bool, c_fmu: Any, wired: Any, nothing_left: list[int]
 ) -> None:

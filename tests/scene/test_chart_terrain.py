@@ -1,4 +1,5 @@
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -74,6 +75,20 @@ def test_every_node_lies_in_its_charted_band(tmp_path: Path) -> None:
         assert made.terrain.z[inside].min() >= np.float32(low)
         assert made.terrain.z[inside].max() <= np.float32(high)
     assert made.in_band < 0.9
+
+
+def test_a_sounding_against_its_charted_area_is_clipped_and_doubted_and_said(
+    tmp_path: Path,
+) -> None:
+    cell = Cell()
+    cell.area("DEPARE", rectangle(10, 54, 10.02, 54.01), DRVAL1=5.4, DRVAL2=9.1)
+    places = [(10 + 0.002 * i, 54 + 0.002 * j) for i in range(1, 10) for j in range(1, 5)]
+    cell.soundings([(x, y, 25.1 if (x, y) == places[17] else 7.0) for x, y in places])
+    made = chart_terrain(cell.write(tmp_path / "A.000"))
+    assert made.terrain.sigma is not None
+    assert np.nanmax(made.terrain.z) <= np.float32(9.1)
+    assert 14 < np.nanmax(made.terrain.sigma) < 17  # beside the charted 25.1 m
+    assert any("1 soundings lie outside" in n and "16.0 m" in n for n in made.notes)
 
 
 def test_land_stands_above_the_datum_and_is_not_measured(made: Made) -> None:
@@ -156,6 +171,18 @@ def test_a_missing_update_is_named_and_what_follows_is_not_applied(tmp_path: Pat
         "A.002 is missing" in n and "A.003, A.004 cannot be applied" in n and "update 1" in n
         for n in made.notes
     )
+
+
+@pytest.mark.parametrize("damage", [lambda b: b[:-10], lambda b: b[:60], lambda b: b"a letter"])
+def test_a_damaged_update_is_named_and_not_applied(tmp_path: Path, damage: Any) -> None:
+    chart = slope().write(tmp_path / "A.000")
+    update = Cell(is_update=True, update=1, first=5000)
+    update.soundings([(10.0111, 54.0112, 12.3)])
+    file = update.write(tmp_path / "A.001")
+    file.write_bytes(damage(file.read_bytes()))
+    made = chart_terrain(chart)
+    assert made.facts["known"].startswith("144 soundings")
+    assert any("A.001" in n and "not applied" in n and "update 0" in n for n in made.notes)
 
 
 def test_a_reissued_cell_goes_on_where_it_stands(tmp_path: Path) -> None:

@@ -227,6 +227,7 @@ SETTINGS: dict[str, tuple[str, str]] = {
         "scene: hills\nsensors:\n- {kind: depth_camera, preset: camera_class, period: 1, beams: 9}",
         "a depth_camera has no beams; expected columns and rows",
     ),
+    "component and more": ("scene: hills\nsensors:\n- {component: a, period: 1}\n", "component"),
     "period 0": ("scene: hills\nsensors:\n- {kind: multibeam, preset: p900, period: 0}\n", "0"),
 }  # fmt: skip
 
@@ -243,7 +244,8 @@ def test_the_survey_that_ships_maps_and_other_systems_do_not() -> None:
     file = settings_of_system("seabed_mapping")
     assert file is not None
     found = read_settings(file)
-    assert [len(s.directions) for s in found.sondes] == [160 * 120, 512]
+    assert [len(s.directions) for s in found.sondes] == [160 * 120]
+    assert found.components == ("multibeam",)
     assert settings_of_system("bluerov2_survey") is None
 
 
@@ -308,6 +310,58 @@ def test_options_that_cannot_be_meant_are_one_sentence(
 
     assert status_of(["map", str(run_folder), *options]) == 2
     assert words in capsys.readouterr().err
+
+
+def test_readings_of_a_component_in_the_loop_make_the_map(tmp_path: Path) -> None:
+    """A camera that moves with its hull: its recorded frames, not others, and its own mounting."""
+    from uuvsim_cosim.orchestrator.run import run
+    from uuvsim_cosim.orchestrator.system import System
+    from uuvsim_cosim.scene.survey import survey_of
+    from uuvsim_cosim.scene.survey_settings import SurveySettings
+
+    save_terrain(plane(), tmp_path / "plane.npz")
+    camera = f"model:depth_camera?scene={tmp_path}/plane.npz&period=0.25&columns=24&rows=18"
+    system = System("s", "0.05").add("hull", "model:sphere").add("camera", camera)
+    for name in ("eta", "q"):
+        system = system.connect(f"hull.{name}", f"camera.{name}")
+    system = system.set("hull.eta_0", [0, 0, 15.0, 0.2, 0, 1.0]).set("camera.r_s", [0.3, 0, 0.1])
+    for name in ("sigma_range", "sigma_range_relative", "image_bias_sigma", "dropout"):
+        system = system.set(f"camera.{name}", 0.0)
+    system = system.set("hull.nu_0", [0.5, 0, 0, 0, 0, 0])
+    folder = run(system, until=2.0, out=tmp_path / "run", backend="native").folder
+    survey = survey_of(folder, SurveySettings(f"{tmp_path}/plane.npz", 0.5, (), ("camera",)))
+    made = survey.map()
+    assert made.points == 8 * 24 * 18  # t = 0 to 1.75 s
+    assert made.figures[0].rmse < 0.02  # of cells half a metre wide on a slope of 9 %
+    for xyz in run_points(survey.track, survey.caster, survey.settings.sondes):
+        wanted = 20.0 + SLOPE[0] * xyz[:, 0] + SLOPE[1] * xyz[:, 1]
+        np.testing.assert_allclose(xyz[:, 2], wanted, atol=3e-6)
+    for component, words in (("hull", "hull is model:sphere; expected"), ("x", "component 'x'")):
+        with pytest.raises(InputInvalid, match=words):
+            survey_of(folder, SurveySettings("hills", 0.5, (), (component,)))
+
+
+@pytest.mark.parametrize("ending", ["tif", "laz", "las", "ply"])
+def test_a_disk_that_is_full_is_said_and_what_was_there_stays(
+    ending: str, run_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from resource import RLIMIT_FSIZE, getrlimit, setrlimit
+
+    from uuvsim_cosim.cli import status_of
+
+    out = tmp_path / f"map.{ending}"
+    out.write_text("before")
+    assert status_of(["map", str(run_folder)]) == 0
+    before = getrlimit(RLIMIT_FSIZE)
+    setrlimit(RLIMIT_FSIZE, (200, before[1]))  # no file may grow beyond it
+    try:
+        status = status_of(["map", str(run_folder), "-o", str(out), "--every", "1"])
+    finally:
+        setrlimit(RLIMIT_FSIZE, before)
+    assert status == 2
+    assert f"{out}: cannot be written" in capsys.readouterr().err
+    assert out.read_text() == "before"
+    assert list(tmp_path.iterdir()) == [out]
 
 
 def test_a_report_shows_the_map(made: SeabedMap) -> None:

@@ -13,7 +13,7 @@ from uuvsim_cosim.models.obstacles import Box, Capsule, Cylinder, Sphere
 from uuvsim_cosim.models.scene import Scene, load_scene
 from uuvsim_cosim.models.terrain import Terrain, load_terrain
 from uuvsim_cosim.scene.terrain_mesh import surface
-from uuvsim_cosim.scene.terrain_write import write_terrain
+from uuvsim_cosim.scene.terrain_write import check_whole, write_terrain
 
 
 @pytest.fixture
@@ -179,3 +179,11 @@ def test_an_old_file_stays_when_the_new_one_cannot_be_written(
         write_terrain(scene, target)
     assert target.read_text() == "old"
     assert list(tmp_path.iterdir()) == [target]
+
+
+def test_a_geotiff_that_did_not_arrive_whole_is_no_success(scene: Scene, tmp_path: Path) -> None:
+    file = write_terrain(scene, tmp_path / "a.tif")[0]
+    check_whole(file)
+    file.write_bytes(file.read_bytes()[:-200])  # as a full disk leaves it
+    with pytest.raises(OSError, match="is the disk full"):
+        check_whole(file)

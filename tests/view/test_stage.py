@@ -15,7 +15,7 @@ from uuvsim_cosim.orchestrator.flatten import flatten
 from uuvsim_cosim.orchestrator.library import load
 from uuvsim_cosim.orchestrator.shipped_tracking import target_tracking
 from uuvsim_cosim.orchestrator.system import System
-from uuvsim_cosim.view.stage import Body, Mesh, Rays, Stage
+from uuvsim_cosim.view.stage import Body, Mesh, Rays, Solid, Stage
 from uuvsim_cosim.view.stage_colours import depth_colours
 from uuvsim_cosim.view.stage_motion import echoes, extent, motion_of, quaternions, turned
 from uuvsim_cosim.view.stage_plan import ANYTHING, stage_of_plan
@@ -210,6 +210,17 @@ def test_the_longest_arrow_is_the_greatest_thrust(survey: Traces) -> None:
     longest = np.abs(whole.thrusts["hull"]).max() * whole.scales["hull"]
     assert longest == pytest.approx(1.5 * stage.bodies[0].size)
     assert motion.scales == whole.scales
+
+
+def test_an_obstacle_kilometres_away_does_not_shrink_what_moves() -> None:
+    eta = np.zeros((3, 6))
+    eta[:, 0] = [0.0, 10.0, 20.0]
+    near, far = Cylinder((12, 3, 5), 1, 5), Cylinder((5000, 0, 5), 1, 5)
+    solids = tuple(Solid(str(k), obstacle_mesh(o), "obstacle") for k, o in enumerate((near, far)))
+    stage = replace(_one_body(), solids=solids)
+    high = extent(stage, motion_of(stage, Traces(np.arange(3.0), {"hull.eta": eta})))[1]
+    assert high[0] < 30
+    assert high[1] >= 4 - 1e-6  # the near one is within
 
 
 def test_what_is_not_finite_moves_nothing_else() -> None:

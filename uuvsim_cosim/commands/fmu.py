@@ -28,7 +28,10 @@ def fmi_version(number: int) -> Any:
 
 @app.command("build")
 def build(
-    names: Annotated[list[str], typer.Argument(help="Names as `uuvsim models` lists them.")],
+    names: Annotated[
+        list[str],
+        typer.Argument(help="As `uuvsim models` lists them; with options: 'dvl?scene=tacoma'."),
+    ],
     fmi: Annotated[int, typer.Option(help="FMI version: 2 or 3.")] = 3,
     platform: Annotated[
         str, typer.Option(help="Comma-separated: host, linux64, win64, darwin64, …")
@@ -75,7 +78,7 @@ def inspect(
     rows = [
         ("file", tilde(file)),
         ("name", found["name"]),
-        ("FMI", f"{found['fmi']}, {words[found['interface']]}"),
+        ("FMI", f"{found['fmi']}, {' and '.join(words[i] for i in found['interfaces'])}"),
         ("description", found["description"]),
         ("written by", found["tool"] or "not said"),
         ("platforms", ", ".join(found["platforms"]) or "none (sources only)"),

@@ -20,11 +20,14 @@ def show_run(run: Run, report: Path | None, surveyed: SeabedMap | None = None) -
     """Print the table of a run, with the figures of the map that it made."""
     import numpy as np
 
+    from uuvsim_cosim.scene.left import left_terrain
     from uuvsim_cosim.view.metrics import figures
     from uuvsim_cosim.view.run_report import traces_of
 
     path = None if run.waypoints is None else np.asarray(run.waypoints)
-    found = figures(traces_of(run.folder), path)
+    traces = traces_of(run.folder)
+    found = figures(traces, path)
+    left = left_terrain(run.folder / "system.ssd", traces.time, traces.values)
     if surveyed is not None:
         from uuvsim_cosim.view.survey_map import map_figures
 
@@ -44,7 +47,7 @@ def show_run(run: Run, report: Path | None, surveyed: SeabedMap | None = None) -
     line()
     line(f"{run.system}, seed {run.seed}")
     table(("", "", "", ""), rows)
-    for title, items in (("assumed", run.notes), ("warning", run.warnings)):
+    for title, items in (("assumed", run.notes), ("warning", (*run.warnings, *left))):
         for note in items[:MOST_NOTES]:
             line(f"{title}: {note}")
         if len(items) > MOST_NOTES:

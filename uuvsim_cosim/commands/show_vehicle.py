@@ -116,11 +116,15 @@ def _row(values: Sequence[float] | np.ndarray) -> str:
 
 
 def _finite(value: float) -> str:
-    return f"{value:.3g}" if math.isfinite(value) else "none: no damping"
+    from uuvsim_cosim.models.vehicle_figures import FASTEST
+
+    return f"{value:.3g}" if math.isfinite(value) else f"none below {FASTEST:g}"
 
 
 def _at(speed: float) -> str:
-    return f"at {abs(speed):.3g} m/s" if math.isfinite(speed) else "ever faster: no damping"
+    from uuvsim_cosim.models.vehicle_figures import FASTEST
+
+    return f"at {abs(speed):.3g} m/s" if math.isfinite(speed) else f"faster than {FASTEST:g} m/s"
 
 
 def _short(value: float) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -25,8 +26,9 @@ def terrain_command(
         ),
     ] = None,
     resolution: Annotated[
-        float, typer.Option("--resolution", "-r", help="Distance of the nodes in m.")
-    ] = 10.0,
+        float | None,
+        typer.Option("--resolution", "-r", help="Distance of the nodes in m; 10, if that fits."),
+    ] = None,
     around: Annotated[
         str | None, typer.Option("--around", help="Middle of a piece: LAT,LON in degrees.")
     ] = None,
@@ -69,21 +71,39 @@ def terrain_command(
         raise InputInvalid(f"--relief {relief}; expected a seed of 0 or more")
     if out is not None:
         check_target(out)
-    wishes = Wishes(resolution, around, size, land, relief, datum, unit, positive, fill)
+    wishes = Wishes(
+        10.0 if resolution is None else resolution,
+        around,
+        size,
+        land,
+        relief,
+        datum,
+        unit,
+        positive,
+        fill,
+    )
     try:
         made = make_terrain(chart, wishes)
-    except TooManyNodes:
+    except OSError as error:
+        raise InputInvalid(f"{chart}: cannot be read: {error.strerror or error}") from None
+    except TooManyNodes as many:
         try:
             large = make_large(chart, out, wishes) if out is not None else None
         except OSError as error:
             raise InputInvalid(f"{out}: cannot be written: {error.strerror or error}") from None
-        if large is None:
+        if large is not None:
+            table(("", ""), large.facts.items())
+            for note in large.notes:
+                line(f"note: {note}")
+            line(f"wrote {out}")
+            return
+        if resolution is not None:
             raise
-        table(("", ""), large.facts.items())
-        for note in large.notes:
-            line(f"note: {note}")
-        line(f"wrote {out}")
-        return
+        line(
+            f"note: at {many.fits:g} m, because 10 m are too many nodes at once (of a chart, "
+            "-o FILE.tif has them all)"
+        )
+        made = make_terrain(chart, replace(wishes, resolution=many.fits))
     table(("", ""), made.facts.items())
     for note in made.notes:
         line(f"note: {note}")

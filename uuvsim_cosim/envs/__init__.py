@@ -14,6 +14,7 @@ from uuvsim_cosim.envs.task import Moment, Randomised, Task, TeamTask
 
 if TYPE_CHECKING:
     from uuvsim_cosim.envs.function_task import FunctionTask
+    from uuvsim_cosim.envs.randomisation_sets import published
     from uuvsim_cosim.envs.single import CosimEnv
     from uuvsim_cosim.envs.solo import Solo
     from uuvsim_cosim.envs.team import CosimParallelEnv
@@ -33,6 +34,7 @@ __all__ = [
     "Solo",
     "Task",
     "TeamTask",
+    "published",
     "register",
 ]
 
@@ -43,6 +45,7 @@ _HOME = {
     "CosimVectorEnv": "vector",
     "FunctionTask": "function_task",
     "Solo": "solo",
+    "published": "randomisation_sets",
 }
 
 

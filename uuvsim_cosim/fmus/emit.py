@@ -12,7 +12,7 @@ import casadi as ca
 
 from uuvsim_cosim.errors import UuvsimError
 from uuvsim_cosim.fmus.branches import Block, Node, flat, nodes_of, scheduled
-from uuvsim_cosim.fmus.network_data import HEADER, network_call, network_data
+from uuvsim_cosim.fmus.network_data import HEADER, network_call, network_data, network_of
 from uuvsim_cosim.fmus.optimiser_code import optimiser_call
 from uuvsim_cosim.fmus.table_data import table_call, table_data
 from uuvsim_cosim.models.network import NETWORKS
@@ -170,13 +170,10 @@ class _Text:
         elif op == ca.OP_CALL:
             self.calls = f.instructions_sx() if self.calls is None else self.calls
             called = self.calls[k].which_function()
-            name = called.name().removeprefix("fwd1_wrap_")
-            if name in NETWORKS or called.name() in OPTIMISERS:
-                if name in NETWORKS:
-                    forward = name != called.name()
-                    line, *texts = network_call(k, name, self._arguments(k), forward)
-                else:
-                    line, *texts = optimiser_call(k, name, self._arguments(k))
+            name = called.name()
+            if network_of(name) in NETWORKS or name in OPTIMISERS:
+                call = optimiser_call if name in OPTIMISERS else network_call
+                line, *texts = call(k, name, self._arguments(k))
                 yield line
                 self.value.update({(k, place): text for place, text in enumerate(texts)})
                 return
@@ -256,5 +253,5 @@ def emit_tables(functions: list[Any]) -> str:
 def emit_networks(functions: list[Any]) -> str:
     """Write the data of every network that the functions call, in the order of their names."""
     called = (g.name() for f in functions for g in f.find_functions())
-    names = {name.removeprefix("fwd1_wrap_") for name in called} & set(NETWORKS)
+    names = {network_of(name) for name in called} & set(NETWORKS)
     return "".join([HEADER if names else "", *map(network_data, sorted(names))])

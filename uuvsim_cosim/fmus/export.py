@@ -70,10 +70,15 @@ def build_many(
     platforms: Sequence[str] = ("host",),
     target_dir: Path | None = None,
 ) -> list[Path]:
-    """Build an .fmu for each named declaration of the library, and give their paths."""
-    from uuvsim_cosim.models.library import declare
+    """Build an .fmu for each named declaration of the library, and give their paths.
 
-    models = [declare(name) for name in names]  # a wrong name is refused before anything is built
+    A name may have options, as in a system: ``multibeam@p900?scene=tacoma``.
+    """
+    from uuvsim_cosim.models.library import declare_source
+
+    models = [declare_source(name) for name in names]  # a wrong one is refused before any is built
+    if len({model_identifier(m.name) for m in models}) < len(models):
+        raise InputInvalid(f"{', '.join(names)}: two would be the same file; expected one a call")
     return [build_fmu(m, fmi=fmi, platforms=platforms, target=target_dir) for m in models]
 
 

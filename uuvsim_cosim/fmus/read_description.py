@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 from xml.etree.ElementTree import Element
 
 from uuvsim_cosim.errors import FmuError
@@ -21,6 +21,7 @@ from uuvsim_cosim.fmus.variables_fmi3 import read_variables_fmi3
 __all__ = ["FmuArchive", "read_description", "read_fmu"]
 
 Interface = Literal["CoSimulation", "ModelExchange"]
+_INTERFACES: tuple[Interface, ...] = get_args(Interface)  # the first that an FMU has is used
 LIBRARY_SUFFIXES = (".so", ".dll", ".dylib")
 
 
@@ -36,7 +37,9 @@ class FmuArchive:
     enumerations: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
     default_stop_time: float | None = None
     log_categories: tuple[str, ...] = ()
-    interface: Interface = "CoSimulation"
+    interface: Interface = "CoSimulation"  # the one that is used
+    interfaces: tuple[Interface, ...] = ("CoSimulation",)  # those that the FMU has
+    adjoint_derivatives: bool = False  # of FMI 3.0; nobody here asks for them
     n_states: int = 0  # of an FMI 2.0 Model Exchange FMU; FMI 3.0 has functions for them
     n_event_indicators: int = 0
     tolerance: float = 1e-6  # relative, of the integrator of a Model Exchange FMU
@@ -103,6 +106,9 @@ def read_fmu(path: Path) -> FmuArchive:
         ),
         log_categories=tuple(c.get("name", "") for c in root.iterfind("LogCategories/Category")),
         interface=interface,
+        interfaces=tuple(i for i in _INTERFACES if root.find(i) is not None),
+        adjoint_derivatives=element.get("providesAdjointDerivatives", "false").strip()
+        in ("true", "1"),
         n_states=len(root.findall("ModelStructure/Derivatives/Unknown")),
         n_event_indicators=source.natural(
             root.get("numberOfEventIndicators", "0"), "numberOfEventIndicators", "the document"
@@ -124,8 +130,7 @@ def _version(source: Source, root: Element) -> str:
 
 
 def _interface(path: Path, root: Element) -> tuple[Interface, Element]:
-    interfaces: tuple[Interface, ...] = ("CoSimulation", "ModelExchange")
-    for interface in interfaces:
+    for interface in _INTERFACES:
         found = root.find(interface)
         if found is not None:
             return interface, found

@@ -18,6 +18,7 @@ from pathlib import Path
 
 from uuvsim_cosim.cache import cache_dir, content_hash, intact, keep
 from uuvsim_cosim.errors import ToolchainError
+from uuvsim_cosim.fmus.windows import linked_lightly, windows_files
 
 __all__ = ["PLATFORMS", "Platform", "compile_shared", "compiler", "host", "platform_named"]
 
@@ -126,11 +127,16 @@ def compile_shared(
     if target.suffix != ".dll":
         arguments.append("-fPIC")
     headers = [h for folder in include for h in sorted(folder.glob("*.h"))]
-    key = content_hash(
-        [name, identity, target.target, *arguments]
-        + [f.name for f in sources]
-        + [f.read_bytes() for f in [*sources, *headers]]
-    )
+    headers += windows_files() if target.suffix == ".dll" else []
+
+    def contents() -> str:
+        return content_hash(
+            [name, identity, target.target, *arguments]
+            + [f.name for f in sources]
+            + [f.read_bytes() for f in [*sources, *headers]]
+        )
+
+    key = contents()
     library = cache_dir("compiled", key) / f"{name}{target.suffix}"
     if intact(library):
         return library
@@ -138,7 +144,12 @@ def compile_shared(
     with tempfile.TemporaryDirectory(dir=library.parent) as scratch:
         fresh = Path(scratch) / library.name
         includes = [f"-I{folder}" for folder in include]
-        _run([*command, *arguments, "-shared", *includes, *map(str, sources), "-o", str(fresh)])
+        light = zig and target.suffix == ".dll"
+        if not (
+            light
+            and linked_lightly(_ran, command, arguments, includes, sources, Path(scratch), fresh)
+        ):
+            _run([*command, *arguments, "-shared", *includes, *map(str, sources), "-o", str(fresh)])
         try:
             data = fresh.read_bytes()
         except FileNotFoundError:
@@ -146,7 +157,11 @@ def compile_shared(
                 f"the C compiler {_named(command)} reports no error, but wrote no library; "
                 f"expected {_EXPECTED}"
             ) from None
-        keep(library, data)
+    if contents() != key:  # else the library of other contents would lie under this key for good
+        raise ToolchainError(
+            f"{name}: its C was changed while it was compiled; expected files that rest"
+        )
+    keep(library, data)
     return library
 
 

@@ -13,6 +13,7 @@ from uuvsim_cosim.cache import content_hash
 from uuvsim_cosim.errors import Problem, SystemInvalid
 from uuvsim_cosim.kernels.derivative_driver_text import derivative_driver_text, tape_cells
 from uuvsim_cosim.kernels.derivative_text import Mode, derivative_text
+from uuvsim_cosim.models.network import NETWORKS, Network
 from uuvsim_cosim.models.table import TABLES
 
 if TYPE_CHECKING:
@@ -57,11 +58,12 @@ def _undifferentiable(kernel: Kernel) -> Iterator[Problem]:
     for m in kernel.fused.members:
         e = kernel.fused.equations[m.source]
         called = {g.name() for f in (e.rhs, e.outputs, *e.updates) for g in f.find_functions()}
-        if not called <= TABLES.keys():
+        known = {name for name in called if isinstance(NETWORKS.get(name), Network)}
+        if not called <= TABLES.keys() | known:
             yield Problem(
                 m.path,
-                "a network or an optimiser, in a derivative",
-                "equations and tables; a network in torch, outside",
+                "an optimiser, a transformer, a field or rays, in a derivative",
+                "equations, tables and multilayer perceptrons",
             )
         if m.rate >= 0:
             yield Problem(

@@ -7,7 +7,7 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
-from uuvsim_cosim.fmus.emit import emit_function
+from uuvsim_cosim.fmus.emit import emit_function, emit_networks
 from uuvsim_cosim.fmus.equations import Equations
 from uuvsim_cosim.kernels.table_text import tables_in_lanes
 
@@ -76,6 +76,7 @@ def derivative_text(eq: Equations, mode: Mode) -> str:
         '#include "uuv_lane_record.h"',
         "",
         tables,
+        emit_networks([eq.derived, eq.initial, eq.rhs, eq.outputs, *eq.updates]),
     ]
     return "\n".join(head) + body
 

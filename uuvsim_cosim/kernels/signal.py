@@ -58,7 +58,8 @@ class Signal:
         if array.shape not in (v.shape, (self.n_envs, *v.shape)):
             raise InputInvalid(
                 f"{self.name}: values of shape {array.shape}; "
-                f"expected {v.shape} or {(self.n_envs, *v.shape)}"
+                f"expected {v.shape} or {(self.n_envs, *v.shape)}, a row for each environment "
+                "(n_envs)"
             )
         low = -self.largest if v.min is None else v.min
         high = self.largest if v.max is None else v.max

@@ -20,9 +20,10 @@ from uuvsim_cosim.errors import ParameterInvalid
 from uuvsim_cosim.models.kinematics import R_zyx
 from uuvsim_cosim.models.preset import Preset, preset
 
-__all__ = ["MOST", "Beams", "beams_of", "camera_rays", "fan"]
+__all__ = ["MOST", "PRESETS", "Beams", "beams_of", "camera_rays", "fan"]
 
 Array = NDArray[np.float64]
+PRESETS = {"multibeam": "norbit_wbms", "depth_camera": "camera_class"}  # where none is named
 MOST = 20_000  # rays of a component: their readings are discrete states of it
 
 
@@ -35,18 +36,18 @@ class Beams:
     R_bs: Array
 
 
-def beams_of(kind: str, id: str, **options: Any) -> Beams:
+def beams_of(kind: str, id: str = "", **options: Any) -> Beams:
     """Give the rays and the mounting of a `multibeam` or `depth_camera` preset.
 
     `options` are those of the component: `beams`, or `columns` and `rows`.
     """
-    p = preset("sensors", id, kind)
+    if kind not in PRESETS:
+        raise ParameterInvalid(f"beams of {kind!r}; expected multibeam or depth_camera")
+    p = preset("sensors", id or PRESETS[kind], kind)
     if kind == "multibeam":
         directions = fan(p, options.get("beams", 0))
-    elif kind == "depth_camera":
-        directions = camera_rays(p, options.get("columns", 16), options.get("rows", 12))
     else:
-        raise ParameterInvalid(f"beams of {kind!r}; expected multibeam or depth_camera")
+        directions = camera_rays(p, options.get("columns", 16), options.get("rows", 12))
     R = np.array(ca.DM(R_zyx(*p.vector("Theta_s", "rad", 3))))
     return Beams(directions, np.array(p.vector("r_s", "m", 3)), R)
 

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.models.description_bodies import child, numbers
-from uuvsim_cosim.models.xacro_text import local
+from uuvsim_cosim.models.description_bodies import child, gathered, numbers
+from uuvsim_cosim.models.xacro_text import local, place_of
 
 __all__ = ["FLU_TO_FRD", "TURN", "Water", "water_of"]
 
@@ -41,15 +41,18 @@ class Water:
     notes: list[str] = field(default_factory=list)
 
 
-def water_of(path: Path, root: Any) -> Water | None:
-    """Read the first hydrodynamic model that is there, None if there is none."""
+def water_of(path: Path, root: Any, problems: list[str]) -> Water | None:
+    """Read the first hydrodynamic model that is there, None if there is none.
+
+    What is wrong is added to `problems`.
+    """
     for element in root.iter():
         if local(element) == "hydrodynamic_model":
-            return _uuv_simulator(path, element, root)
+            return _uuv_simulator(path, element, root, problems)
     for element in root.iter():
         words = f"{element.get('filename', '')} {element.get('name', '')}".lower()
         if local(element) == "plugin" and "hydrodynamics" in words:
-            return _gz_sim(path, element)
+            return _gz_sim(path, element, problems)
     return None
 
 
@@ -58,12 +61,12 @@ def _matrix(path: Path, element: Any, counts: tuple[int, ...]) -> Array:
     return np.diag(values) if len(values) == 6 else values.reshape(6, 6)
 
 
-def _uuv_simulator(path: Path, model: Any, root: Any) -> Water:
+def _uuv_simulator(path: Path, model: Any, root: Any, problems: list[str]) -> Water:
     water = Water("uuv_simulator's hydrodynamic model")
     kind = child(model, "type")
     if kind is not None and (kind.text or "").strip() != "fossen":
         raise InputInvalid(
-            f"{path}:{kind.sourceline}: <type>: {(kind.text or '').strip()!r}; "
+            f"{place_of(path, kind)}: <type>: {(kind.text or '').strip()!r}; "
             "expected fossen, whose "
             "matrices are in the file"
         )
@@ -76,11 +79,13 @@ def _uuv_simulator(path: Path, model: Any, root: Any) -> Water:
         element = child(model, tag)
         if element is None:
             continue
-        matrix = sign * _matrix(path, element, (36,) if name == "M_A" else (6, 36))
+        matrix = np.eye(6)
+        with gathered(problems):
+            matrix = sign * _matrix(path, element, (36,) if name == "M_A" else (6, 36))
         driving = [i + 1 for i in range(6) if matrix[i, i] < 0]
         if driving:
             water.notes.append(
-                f"{path}:{element.sourceline}: <{tag}>: the diagonal elements {driving} "
+                f"{place_of(path, element)}: <{tag}>: the diagonal elements {driving} "
                 "have the sign "
                 "that drives the vehicle; they are kept as they are"
             )
@@ -90,17 +95,26 @@ def _uuv_simulator(path: Path, model: Any, root: Any) -> Water:
         n: child(link, n) for n in ("volume", "box", "center_of_buoyancy", "neutrally_buoyant")
     }
     if place["volume"] is not None:
-        water.volume = float(numbers(path, place["volume"], place["volume"].text, 1)[0])
+        with gathered(problems):
+            water.volume = float(numbers(path, place["volume"], place["volume"].text, 1)[0])
+            if not water.volume > 0:
+                raise InputInvalid(
+                    f"{place_of(path, place['volume'])}: <volume>: {water.volume:g} m3; "
+                    "expected more than 0"
+                )
     if place["center_of_buoyancy"] is not None:
         at = place["center_of_buoyancy"]
-        water.r_b = FLU_TO_FRD @ numbers(path, at, at.text, 3)
+        with gathered(problems):
+            water.r_b = FLU_TO_FRD @ numbers(path, at, at.text, 3)
     if place["box"] is not None:
         sides = [child(place["box"], n) for n in ("length", "width", "height")]
         if all(s is not None for s in sides):
-            water.size = np.array([numbers(path, s, s.text, 1)[0] for s in sides])
+            with gathered(problems):
+                water.size = np.array([numbers(path, s, s.text, 1)[0] for s in sides])
     neutral = place["neutrally_buoyant"]
     water.neutral = neutral is not None and (neutral.text or "").strip() in ("1", "true")
-    water.rho = _density(path, root, "fluid_density")
+    with gathered(problems):
+        water.rho = _density(path, root, "fluid_density")
     return water
 
 
@@ -111,7 +125,7 @@ def _density(path: Path, root: Any, tag: str) -> float | None:
     return None
 
 
-def _gz_sim(path: Path, plugin: Any) -> Water:
+def _gz_sim(path: Path, plugin: Any, problems: list[str]) -> Water:
     water = Water("gz-sim's hydrodynamics plugin")
     found = {name: np.zeros((6, 6)) for name in ("M_A", "D_l", "D_q")}
     seen: set[str] = set()
@@ -121,7 +135,9 @@ def _gz_sim(path: Path, plugin: Any) -> Water:
         match = _SNAME.match(name)
         if match is None:
             continue
-        value = float(numbers(path, element, element.text, 1)[0])
+        value = 0.0
+        with gathered(problems):
+            value = float(numbers(path, element, element.text, 1)[0])
         i = "xyzkmn".index(match[1])
         if match[2]:
             kind, j = "M_A", "UVWPQR".index(match[3])
@@ -145,5 +161,6 @@ def _gz_sim(path: Path, plugin: Any) -> Water:
         water.notes.append(f"{path}: left out, products of two velocities: {', '.join(left)}")
     density = child(plugin, "water_density")
     if density is not None:
-        water.rho = float(numbers(path, density, density.text, 1)[0])
+        with gathered(problems):
+            water.rho = float(numbers(path, density, density.text, 1)[0])
     return water

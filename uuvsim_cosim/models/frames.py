@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import ParameterInvalid
-from uuvsim_cosim.models.beams import camera_rays, fan
+from uuvsim_cosim.models.beams import PRESETS, camera_rays, fan
 from uuvsim_cosim.models.kinematics import R
 from uuvsim_cosim.models.model import Model
 from uuvsim_cosim.models.mounting import Pose, mounting
@@ -31,7 +31,7 @@ __all__ = ["depth_camera", "multibeam"]
 
 
 def multibeam(
-    id: str = "norbit_wbms",
+    id: str = PRESETS["multibeam"],
     scene: str = "flat",
     period: str = "0.1",
     beams: int | str = 0,
@@ -48,7 +48,7 @@ def multibeam(
 
 
 def depth_camera(
-    id: str = "camera_class",
+    id: str = PRESETS["depth_camera"],
     scene: str = "flat",
     period: str = "0.2",
     columns: int | str = 16,

@@ -23,7 +23,7 @@ from uuvsim_cosim.models.hull_parameters import meaning_of
 from uuvsim_cosim.models.parameters import Quantity
 from uuvsim_cosim.models.vehicle import hull
 from uuvsim_cosim.models.vehicle_draft import Draft, PlacedThruster
-from uuvsim_cosim.models.xacro_text import local, read_description
+from uuvsim_cosim.models.xacro_text import local, place_of, read_description
 
 __all__ = ["DescriptionImport", "import_description"]
 
@@ -44,8 +44,11 @@ def import_description(path: str | Path) -> DescriptionImport:
     path = Path(path)
     root = read_description(path)
     model = _model(path, root)
-    bodies = bodies_of(path, model)
-    water = water_of(path, root)
+    problems: list[str] = []
+    bodies = bodies_of(path, model, problems)
+    water = water_of(path, root, problems)
+    if problems:
+        raise InputInvalid("\n  ".join(problems))
     notes = list(water.notes) if water is not None else []
     if len(bodies.links) > 1:
         notes.append(
@@ -98,11 +101,11 @@ def _model(path: Path, root: Any) -> Any:
     models = [e for e in root.iter() if local(e) == "model"]
     if not models:
         raise InputInvalid(
-            f"{path}:{root.sourceline}: <{local(root)}>; expected <robot> (URDF, "
+            f"{place_of(path, root)}: <{local(root)}>; expected <robot> (URDF, "
             "xacro) or <sdf> with "
             "a <model>"
         )
-    with_water = [m for m in models if water_of(path, m) is not None]
+    with_water = [m for m in models if water_of(path, m, []) is not None]
     chosen = (with_water or models)[0]
     if len(models) > 1 and len(with_water) != 1:
         names = ", ".join(str(m.get("name")) for m in models)
@@ -116,7 +119,7 @@ def _rigid(path: Path, bodies: Bodies) -> Iterator[tuple[str, float, str]]:
     source = f"{path.name}: <inertial>"
     yield "m", bodies.m, source
     for axis, value in zip("xyz", FLU_TO_FRD @ bodies.r_g, strict=True):
-        if value:
+        if abs(value) > 1e-12:
             yield f"{axis}_g", float(value), f"{source}, FLU turned to FRD"
     I_g = FLU_TO_FRD @ bodies.I_g @ FLU_TO_FRD
     for i in range(3):
@@ -136,19 +139,20 @@ def _buoyancy(
         volume, words = bodies.m / rho, f"{source}: neutrally buoyant"
     elif volume is not None:
         words = source
-    elif bodies.volume > 0:
+    elif bodies.shaped:
         volume, words = bodies.volume, f"{path.name}: volume of the <collision> shapes"
         r_b, how = FLU_TO_FRD @ bodies.moment / bodies.volume, f"{words}, FLU turned to FRD"
     else:
         volume, words = bodies.m / rho, "estimated: assumption, neutrally buoyant"
-        notes.append("no volume is in the file: assumed neutrally buoyant")
+        what = "of all <collision> shapes is known" if bodies.unread else "is in the file"
+        notes.append(f"no volume {what}: assumed neutrally buoyant")
     yield "nabla", float(volume), words
     yield "g", G, "standard gravity, three digits"
     r_g = FLU_TO_FRD @ bodies.r_g
     if r_b is None:
         r_b, how = r_g, "estimated: assumption, at the centre of gravity"
     for axis, value in zip("xyz", r_b, strict=True):
-        if value:
+        if abs(value) > 1e-12:
             yield f"{axis}_b", float(value), how
 
 
@@ -218,17 +222,24 @@ def _size(path: Path, bodies: Bodies, water: Water, notes: list[str]) -> tuple[A
         if np.any(np.abs(r_g - at) > 0.5 * water.size):  # the file says no place of its box
             at = 0.5 * (at + r_g)
         return water.size, at, f"{path.name}: box of {water.source}"
-    if bodies.volume > 0:
+    notes += [f"<collision> mesh not read: {why}" for why in bodies.unread]
+    if bodies.shaped:
         at = FLU_TO_FRD @ (0.5 * (bodies.low + bodies.high))
         return bodies.high - bodies.low, at, f"{path.name}: <collision> shapes"
     volume = water.volume or bodies.m / (water.rho or RHO)
     side = float((6.0 * volume / np.pi) ** (1.0 / 3.0))
     notes.append(
-        f"no size is in the file (no <box>, no <collision> box, cylinder or sphere): taken as a "
-        f"sphere of {side:.3g} m, of its volume"
+        f"no size is in the file ({_lacking(bodies)}): taken as a sphere of {side:.3g} m, of its "
+        "volume"
     )
     at = FLU_TO_FRD @ bodies.r_g
     return np.full(3, side), at, "estimated: sphere of the volume"
+
+
+def _lacking(bodies: Bodies) -> str:
+    if bodies.unread:
+        return "a <collision> mesh was not read; `uuvsim models import MESH.stl` measures one"
+    return "no <box>, no <collision> box, cylinder, sphere or mesh"
 
 
 def _thrusters(path: Path, notes: list[str]) -> tuple[tuple[PlacedThruster, ...], str]:

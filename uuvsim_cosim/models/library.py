@@ -5,14 +5,17 @@ A vehicle needs no line: each folder in models/vehicles is one, addressed as ``i
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from difflib import get_close_matches
 from importlib import import_module
+from inspect import Parameter, signature
 from typing import Any
+from urllib.parse import parse_qsl, unquote
 
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
 from uuvsim_cosim.models.model import Model
 
-__all__ = ["ALIASES", "IN_PROCESS", "LIBRARY", "available", "declare"]
+__all__ = ["ALIASES", "IN_PROCESS", "LIBRARY", "available", "declare", "declare_source"]
 
 LIBRARY: dict[str, str] = {
     "allocation": "uuvsim_cosim.models.allocation:allocation",
@@ -85,6 +88,12 @@ def available() -> list[str]:
     return sorted([*addresses, *(name for name in LIBRARY if name != "vehicle")])
 
 
+def declare_source(text: str) -> Model:
+    """Declare a component by name and options, ``dvl@a50?scene=tacoma``, ``model:`` or not."""
+    name, _, query = text.removeprefix("model:").partition("?")
+    return declare(unquote(name), **dict(parse_qsl(query, keep_blank_values=True)))
+
+
 def declare(name: str, **options: Any) -> Model:
     """Declare a component by name; options go to its function, e.g. ``set`` of a vehicle.
 
@@ -117,9 +126,7 @@ def declare(name: str, **options: Any) -> Model:
     try:
         model = declaration(**options)
     except TypeError as error:
-        if "argument" not in str(error):
-            raise
-        raise InputInvalid(f"model {name!r}: {error}") from None
+        raise _wrong_option(name, declaration, options, error) from None
     except (ValueError, ZeroDivisionError) as error:  # an option's text that is no number
         if isinstance(error, UuvsimError) or not any(isinstance(v, str) for v in options.values()):
             raise
@@ -127,3 +134,28 @@ def declare(name: str, **options: Any) -> Model:
         raise InputInvalid(f"model {name!r} with {given}: {error}; expected a number") from None
     assert isinstance(model, Model)
     return model
+
+
+def _wrong_option(
+    name: str, declaration: Callable[..., Model], options: Mapping[str, Any], error: TypeError
+) -> Exception:
+    """Give what is wrong with the options of a model; any other error as it is."""
+    taken = signature(declaration).parameters
+    unknown = [key for key in options if key not in taken]
+    if any(p.kind is p.VAR_KEYWORD for p in taken.values()) or not unknown:
+        return error if "argument" not in str(error) else InputInvalid(f"model {name!r}: {error}")
+    key = unknown[0]
+    if key == "id":
+        close = get_close_matches(f"{name}_{options[key]}", LIBRARY, n=2, cutoff=0.8)
+        hint = f" (did you mean {' or '.join(close)}?)" if close else ""
+        return InputInvalid(f"model {name!r} has no presets, as {options[key]!r}{hint}")
+    kinds = (Parameter.POSITIONAL_OR_KEYWORD, Parameter.KEYWORD_ONLY)
+    as_text = [k for k, p in taken.items() if p.kind in kinds]
+    in_python = ("Parameters", "Mapping", "Preset")  # of a type that no text gives
+    known = [k for k in as_text if not any(t in str(taken[k].annotation) for t in in_python)]
+    close = get_close_matches(key, known, n=2)
+    hint = f" (did you mean {' or '.join(close)}?)" if close else ""
+    return InputInvalid(
+        f"model {name!r}: there is no option {key!r}{hint}; expected {', '.join(known) or 'none'} "
+        "(a parameter is set: --set component.parameter=value)"
+    )

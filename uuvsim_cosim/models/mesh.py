@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
 
-__all__ = ["Mesh", "read_mesh", "repaired"]
+__all__ = ["Mesh", "raw_triangles", "read_mesh", "repaired"]
 
 Array = NDArray[np.float64]
 LEAST, MOST = 0.02, 150.0  # m, of the longest side of a hull
@@ -31,15 +31,18 @@ class Mesh:
 
 def read_mesh(path: str | Path, scale: float = 1.0) -> Mesh:
     """Read an STL (other formats by trimesh), times `scale`; raises InputInvalid with the place."""
-    path = Path(path)
     if not (np.isfinite(scale) and scale > 0):
         raise InputInvalid(f"--scale {scale:g}: expected a number above 0, as 0.001 for mm")
+    return repaired(raw_triangles(Path(path)) * scale, str(path))
+
+
+def raw_triangles(path: Path) -> Array:
+    """Read the triangles (n, 3, 3) of a file as they are, in its unit, not checked."""
     try:
         data = path.read_bytes()
     except OSError as error:
         raise InputInvalid(f"{path}: cannot be read: {error.strerror}") from None
-    triangles = _stl(path, data) if path.suffix.lower() == ".stl" else _by_trimesh(path)
-    return repaired(triangles * scale, str(path))
+    return _stl(path, data) if path.suffix.lower() == ".stl" else _by_trimesh(path)
 
 
 def repaired(triangles: Array, place: str) -> Mesh:

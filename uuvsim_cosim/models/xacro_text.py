@@ -1,7 +1,7 @@
 """An XML description of a robot, with what xacro's properties and includes say put in place.
 
-Not a whole xacro: properties, arithmetic, includes found beside the file, and the bodies of macros
-as they stand. What stays unknown (`${namespace}`) stays as it is; who needs a number there refuses.
+Properties, arithmetic, conditions and includes found beside the file; macros are `xacro_expand`'s.
+What stays unknown (`${namespace}`) stays as it is; who needs a number there refuses.
 """
 
 from __future__ import annotations
@@ -16,10 +16,19 @@ from typing import Any
 
 from uuvsim_cosim.errors import InputInvalid
 
-__all__ = ["evaluated", "local", "read_description"]
+__all__ = [
+    "evaluated",
+    "is_included",
+    "is_xacro",
+    "local",
+    "near",
+    "place_of",
+    "read_description",
+    "truth",
+]
 
 _EXPRESSION = re.compile(r"\$\{([^{}]*)\}")
-_OPERATIONS: dict[type, Callable[..., float]] = {
+_OPERATIONS: dict[type, Callable[..., Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
@@ -27,14 +36,27 @@ _OPERATIONS: dict[type, Callable[..., float]] = {
     ast.Pow: operator.pow,
     ast.USub: operator.neg,
     ast.UAdd: operator.pos,
+    ast.Not: operator.not_,
+    ast.Eq: operator.eq,
+    ast.NotEq: operator.ne,
+    ast.Lt: operator.lt,
+    ast.LtE: operator.le,
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
 }
 _FUNCTIONS: dict[str, Callable[..., float]] = {
     **{n: getattr(math, n) for n in ("sin", "cos", "tan", "sqrt", "radians", "degrees", "atan2")},
     "abs": abs,
     "min": min,
     "max": max,
+    "float": float,
+    "int": int,
 }
+_UNKNOWN = (
+    SyntaxError, ValueError, KeyError, ZeroDivisionError, TypeError, OverflowError, RecursionError
+)  # fmt: skip
 _MOST_FILES = 50
+_FILE = "{urn:uuvsim}file"  # of an element that was included
 
 
 def local(element: Any) -> str:
@@ -42,25 +64,24 @@ def local(element: Any) -> str:
     return element.tag.rpartition("}")[2] if isinstance(element.tag, str) else ""
 
 
+def place_of(path: Path, element: Any) -> str:
+    """Give file and line of an element, which may stand in a file that was included."""
+    return f"{element.get(_FILE) or path}:{element.sourceline}"
+
+
+def is_included(element: Any) -> bool:
+    """Say whether an element stands in a file that was included."""
+    return element.get(_FILE) is not None
+
+
 def read_description(path: Path) -> Any:
     """Read a file and what it includes into one tree, texts resolved; raises InputInvalid."""
     seen: list[Path] = []
     root = _parsed(path)
     _include(root, path, seen)
-    properties: dict[str, str] = {"pi": repr(math.pi)}
-    for element in root.iter():
-        if _is_xacro(element, "property") and element.get("name") is not None:
-            properties.setdefault(element.get("name"), element.get("value") or "")
-        elif _is_xacro(element, "arg") and element.get("default") is not None:
-            properties.setdefault(element.get("name"), element.get("default"))
-    for element in root.iter():
-        if not isinstance(element.tag, str):
-            continue
-        for key, value in element.attrib.items():
-            if "$" in value:
-                element.set(key, evaluated(value, properties))
-        if element.text and "$" in element.text:
-            element.text = evaluated(element.text, properties)
+    from uuvsim_cosim.models.xacro_expand import expand
+
+    expand(root, str(path))
     return root
 
 
@@ -79,7 +100,8 @@ def _parsed(path: Path) -> Any:
         ) from None
 
 
-def _is_xacro(element: Any, name: str) -> bool:
+def is_xacro(element: Any, name: str) -> bool:
+    """Say whether an element is xacro's of that name."""
     return isinstance(element.tag, str) and "xacro" in element.tag and local(element) == name
 
 
@@ -87,12 +109,15 @@ def _include(root: Any, path: Path, seen: list[Path]) -> None:
     """Put the children of each included file that lies near in the place of its include."""
     seen.append(path.resolve())
     for element in list(root.iter()):
-        if not _is_xacro(element, "include"):
+        if not is_xacro(element, "include"):
             continue
-        found = next(_near(element.get("filename") or "", path), None)
+        found = next(near(element.get("filename") or "", path), None)
         if found is None or found.resolve() in seen or len(seen) >= _MOST_FILES:
             continue
         inner = _parsed(found)
+        for e in inner.iter():
+            if isinstance(e.tag, str):
+                e.set(_FILE, str(found))
         _include(inner, found, seen)
         parent = element.getparent()
         at = parent.index(element)
@@ -100,13 +125,15 @@ def _include(root: Any, path: Path, seen: list[Path]) -> None:
             parent.insert(at + 1 + k, child)
 
 
-def _near(name: str, path: Path) -> Iterator[Path]:
-    """Give the files that an include may mean: `$(find package)/urdf/a.xacro` by its last parts."""
-    plain = re.sub(r"\$\([^)]*\)", "", name).lstrip("/")
+def near(name: str, path: Path) -> Iterator[Path]:
+    """Give the files that a name may mean: `$(find package)/urdf/a.xacro` by its last parts."""
+    plain = re.sub(r"\$\([^)]*\)", "", re.sub(r"^\w+://", "", name)).lstrip("/")
     if not plain or "$" in plain:
         return
+    parts = Path(plain).parts
     for base in (path.parent, *list(path.parent.parents)[:2]):
-        for candidate in (base / plain, base / Path(plain).name):
+        for k in range(len(parts)):
+            candidate = base.joinpath(*parts[k:])
             if candidate.is_file():
                 yield candidate
 
@@ -121,29 +148,64 @@ def evaluated(text: str, properties: dict[str, str], depth: int = 0) -> str:
         if inner in properties:
             return evaluated(properties[inner], properties, depth + 1)
         try:
-            return repr(_number(ast.parse(inner, mode="eval").body, properties, depth))
-        except (SyntaxError, ValueError, KeyError, ZeroDivisionError, TypeError, OverflowError):
+            value = _value(ast.parse(inner, mode="eval").body, properties, depth)
+        except _UNKNOWN:
             return match[0]
+        return value if isinstance(value, str) else repr(value)
 
     text = re.sub(r"\$\(arg (\w+)\)", r"${\1}", text)
     return _EXPRESSION.sub(one, text)
 
 
-def _number(node: ast.AST, properties: dict[str, str], depth: int) -> float:
-    if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)):
-        return float(node.value)
-    if isinstance(node, ast.Name):
-        return float(evaluated(properties[node.id], properties, depth + 1))
-    if isinstance(node, ast.BinOp):
-        left, right = (_number(n, properties, depth) for n in (node.left, node.right))
-        return _OPERATIONS[type(node.op)](left, right)
-    if isinstance(node, ast.UnaryOp):
-        return _OPERATIONS[type(node.op)](_number(node.operand, properties, depth))
-    if isinstance(node, ast.Call):
-        name = (
-            node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
-        )
-        return _FUNCTIONS[name](*(_number(a, properties, depth) for a in node.args))
-    if isinstance(node, ast.Attribute) and node.attr == "pi":
-        return math.pi
+def truth(text: str, properties: dict[str, str]) -> bool | None:
+    """Give what a condition says, None if that is not known."""
+    said = evaluated(text, properties).strip().lower()
+    if said in ("true", "false"):
+        return said == "true"
+    try:
+        return float(said) != 0.0
+    except ValueError:
+        return None
+
+
+def _value(node: ast.AST, properties: dict[str, str], depth: int) -> Any:
+    """Give the number, text or truth value of an expression."""
+
+    def inner(n: ast.AST) -> Any:
+        return _value(n, properties, depth)
+
+    match node:
+        case ast.Constant(value=bool() | int() | float() | str()):
+            return node.value
+        case ast.Name(id="True" | "False"):
+            return node.id == "True"
+        case ast.Name():
+            text = evaluated(properties[node.id], properties, depth + 1)
+            if "$" in text:
+                raise ValueError(text)
+            return _read(text)
+        case ast.BinOp():
+            return _OPERATIONS[type(node.op)](inner(node.left), inner(node.right))
+        case ast.UnaryOp():
+            return _OPERATIONS[type(node.op)](inner(node.operand))
+        case ast.BoolOp():
+            values = [bool(inner(n)) for n in node.values]
+            return all(values) if isinstance(node.op, ast.And) else any(values)
+        case ast.Compare(ops=[op], comparators=[right]):
+            return _OPERATIONS[type(op)](inner(node.left), inner(right))
+        case ast.IfExp():
+            return inner(node.body) if inner(node.test) else inner(node.orelse)
+        case ast.Call(func=ast.Attribute(attr=name) | ast.Name(id=name)):
+            return _FUNCTIONS[name](*(inner(a) for a in node.args))
+        case ast.Attribute(attr="pi"):
+            return math.pi
     raise ValueError(ast.dump(node))
+
+
+def _read(text: str) -> Any:
+    if text.strip().lower() in ("true", "false"):
+        return text.strip().lower() == "true"
+    try:
+        return float(text)
+    except ValueError:
+        return text

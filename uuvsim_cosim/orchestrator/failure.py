@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -15,8 +16,9 @@ from uuvsim_cosim.orchestrator.core_tables import Tables, fmi_name
 from uuvsim_cosim.orchestrator.shared import SharedBinding
 from uuvsim_cosim.orchestrator.value_table import listed
 
-__all__ = ["error_of", "last_words"]
+__all__ = ["error_of", "last_words", "nan_on_purpose"]
 
+_BECAME = re.compile(r'"([^"]+)" became ')  # what the shells of fmus/runtime say
 _STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
 
 
@@ -39,8 +41,10 @@ def error_of(
         return ComponentFailed(component.path, time, f"{type(error).__name__}: {error}")
     own = getattr(component, "failure", None)  # an FMU names its status and its messages
     if failure.outcome == Outcome.BAD_STATUS and own is not None:
-        told: BaseException = own(_function(failure, tables, binding.kind), failure.status, time)
-        return told
+        told: ComponentFailed = own(_function(failure, tables, binding.kind), failure.status, time)
+        became = _BECAME.search(told.reason)
+        why = nan_on_purpose(component, became[1]) if became else ""
+        return ComponentFailed(told.path, told.time, told.reason + why) if why else told
     reason = _reason(failure, tables, component) + last_words(component)
     return ComponentFailed(component.path, time, reason)
 
@@ -84,10 +88,7 @@ def _reason(failure: Failure, tables: Tables, component: Component) -> str:
         return f"output {name} is {value}; expected a finite number"
     if outcome == Outcome.STATE_NOT_FINITE:
         name = _at_offset(component, failure.status)
-        # A component that gives NaN on purpose says there where it does.
-        variable = component.description.variables.get(name.partition("[")[0])
-        said = "" if variable is None else variable.description
-        why = f" ({said})" if "NaN" in said else ""
+        why = nan_on_purpose(component, name)
         return f"{name} is not finite after a step; expected finite numbers{why}"
     if outcome == Outcome.OUT_OF_RANGE:
         placed, element = tables.placed_at(failure.slot)
@@ -113,6 +114,13 @@ def _table_at(tables: Tables, member: int, variable: Variable, element: int) -> 
         if fed and t.table and element in t.target_elements:
             return listed(t.table)
     return ""
+
+
+def nan_on_purpose(component: Component, name: str) -> str:
+    """Give what a variable's description says of where it is NaN, for the end of an error."""
+    variable = component.description.variables.get(name.partition("[")[0])
+    said = "" if variable is None else variable.description
+    return f" ({said})" if "NaN" in said else ""
 
 
 def last_words(component: Component) -> str:

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.errors import FmuError, InputInvalid
 from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.algebraic_loop import solve_loop
+from uuvsim_cosim.orchestrator.failure import nan_on_purpose
 from uuvsim_cosim.orchestrator.plan import Plan, Transfer
 from uuvsim_cosim.orchestrator.value_table import listed
 
@@ -35,7 +36,11 @@ def propagate(plan: Plan, components: Sequence[Component], time: float) -> None:
 
 
 def set_inputs(components: Sequence[Component], transfers: Iterable[Transfer]) -> None:
-    """Set the targets of transfers from the present values of their sources."""
+    """Set the targets of transfers from the present values of their sources.
+
+    Raises FmuError, which names where a value comes from that a target does not take.
+    """
+    transfers = list(transfers)
     read: dict[tuple[int, str], np.ndarray] = {}
     pending: dict[tuple[int, str], tuple[Variable, np.ndarray]] = {}
     for t in transfers:
@@ -47,8 +52,26 @@ def set_inputs(components: Sequence[Component], transfers: Iterable[Transfer]) -
             pending[target] = (variable, _flat(components[t.target], target[1]))
         values = converted(t, read[source][list(t.source_elements)])
         pending[target][1][list(t.target_elements)] = values
-    for (i, _), (variable, flat) in pending.items():
-        components[i].set(variable, flat.reshape(variable.shape) if variable.shape else flat[0])
+    for (i, name), (variable, flat) in pending.items():
+        try:
+            components[i].set(variable, flat.reshape(variable.shape) if variable.shape else flat[0])
+        except FmuError as error:
+            raise FmuError(f"{error}{_origin(components, transfers, (i, name))}") from None
+
+
+def _origin(
+    components: Sequence[Component], transfers: Iterable[Transfer], target: tuple[int, str]
+) -> str:
+    """Say which outputs feed an input with what is not finite, and what they say of that."""
+    said = []
+    for t in transfers:
+        if (t.target, t.target_variable.name) != target:
+            continue
+        source, name = components[t.source], t.source_variable.name
+        values = _flat(source, name)
+        if values.dtype.kind == "f" and not np.all(np.isfinite(values)):
+            said.append(f"{source.path}.{name} gives it{nan_on_purpose(source, name)}")
+    return "".join(f"; {words}" for words in said)
 
 
 def converted(t: Transfer, values: np.ndarray) -> Any:

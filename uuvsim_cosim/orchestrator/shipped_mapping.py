@@ -2,8 +2,10 @@
 
 Five legs of 36 m, 5 m apart, run 5 m above a charted slope (19 to 24 m deep) of the scene `tacoma`,
 Puget Sound: the depths of the way's corners are the terrain's, less 5 m. DVL and altimeter range
-over that terrain. What is mapped with stands in `mapping.yaml` beside the system: no component
-reads camera or multibeam, so their frames are made beside the loop.
+over that terrain, and multibeam and depth camera take frames of it at their own rate; the camera's
+are small here, what a viewer or a policy wants. What is mapped with stands in `mapping.yaml` beside
+the system: the multibeam's readings, and the camera's whole frames, which no component reads and
+which are therefore cast beside the loop.
 """
 
 from __future__ import annotations
@@ -40,8 +42,11 @@ def seabed_mapping(survey: System) -> System:
     )
     system = system.replace("dvl", f"model:dvl?scene={SCENE}")
     system = system.add("altimeter", f"model:altimeter?scene={SCENE}")
-    for name in ("eta", "q"):
-        system = system.connect(f"hull.{name}", f"altimeter.{name}")
+    system = system.add("multibeam", f"model:multibeam?id=p900&scene={SCENE}&period=0.2")
+    system = system.add("camera", f"model:depth_camera?scene={SCENE}&period=0.2")
+    for sensor in ("altimeter", "multibeam", "camera"):
+        for name in ("eta", "q"):
+            system = system.connect(f"hull.{name}", f"{sensor}.{name}")
     return (
         system.set("hull.eta_0", start)
         .set("navigation.eta_0", start)

@@ -20,7 +20,6 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Protocol
-from urllib.parse import parse_qsl, unquote
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.component import Component
@@ -184,10 +183,9 @@ class ModelSource:
 
     def declare(self) -> Model:
         """Give the declaration."""
-        from uuvsim_cosim.models.library import declare
+        from uuvsim_cosim.models.library import declare_source
 
-        name, _, query = self.text.removeprefix("model:").partition("?")
-        return declare(unquote(name), **dict(parse_qsl(query, keep_blank_values=True)))
+        return declare_source(self.text)
 
     def describe(self) -> Description:
         """Describe the declaration; needs no compiler."""

@@ -69,7 +69,8 @@ def identification(file: Path) -> Identification:
     except (ValueError, IndexError, struct.error):
         raise InputInvalid(
             f"{file}: not an S-57 chart: it does not begin with the leader and DSID record of one; "
-            "expected a base cell (.000; cells encrypted by S-63 have to be decrypted first)"
+            "expected a base cell (.000; S-101 is not read, and cells encrypted by S-63 have to be "
+            "decrypted first)"
         ) from None
 
 
@@ -127,8 +128,12 @@ def chart_files(file: Path) -> ChartFiles:
                 f"{number}"
             )
             break
-        update = identification(found[n])
-        check_records(found[n])
+        try:
+            update = identification(found[n])
+            check_records(found[n])
+        except InputInvalid as reason:
+            notes.append(f"{reason}: not applied; the chart stands at update {number}")
+            break
         if update.edition == "0":  # S-57 appendix B.1, 5.7: so a producer withdraws a cell
             notes.append(f"{found[n].name} withdraws this chart: it is no longer in force")
             break

@@ -1,7 +1,7 @@
-"""Frames of a range sensor along a run: cast from the recorded true pose, beside the loop.
+"""Frames of a range sensor along a run: cast from the recorded true pose, or taken in the loop.
 
-No component reads the frames, so none has to wait for them: a frame is a function of pose, scene
-and seed, and is made, to the same bits, whenever it is wanted. A beam's point is
+What no component reads, none has to wait for: a frame is a function of pose, scene and seed, and
+is made, to the same bits, whenever it is wanted. A beam's point is
 
     p_n = eta[:3] + R(phi, theta, psi) (r_s + R_bs d range)
 
@@ -24,9 +24,17 @@ from uuvsim_cosim.models.beams import beams_of
 from uuvsim_cosim.models.preset import preset
 from uuvsim_cosim.scene.cast import SEABED, SOLID, Caster
 
-__all__ = ["Frame", "Sonde", "frames", "points", "rotation", "sonde"]
+__all__ = ["Frame", "Sonde", "Taken", "frames", "points", "rotation", "sonde"]
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Taken:
+    """Frames of a component: samples at t (k,) [s], ranges (k, n) [m], NaN without an echo."""
+
+    t: Array
+    range: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +43,8 @@ class Sonde:
 
     `period` [s] between frames; echoes from `near` to `far` [m]. A range r reads
     r + b_k + sqrt(sigma² + (sigma_relative r)²) w, and is lost by chance (`dropout`); b_k is of
-    all beams of a frame, a Gauss-Markov process of `bias_sigma` [m] and `bias_tau` [s].
+    all beams of a frame, a Gauss-Markov process of `bias_sigma` [m] and `bias_tau` [s]. Where
+    frames were `taken` in the loop, they are given as they are.
     """
 
     name: str
@@ -50,6 +59,7 @@ class Sonde:
     dropout: float = 0.0
     r_s: Array = field(default_factory=lambda: np.zeros(3))
     R_bs: Array = field(default_factory=lambda: np.eye(3))
+    taken: Taken | None = None
 
     def __post_init__(self) -> None:
         if not self.period > 0:
@@ -116,6 +126,9 @@ def frames(
 
     Its error is drawn from `seed` and the number of the frame: a frame alone has the same bits.
     """
+    if sonde.taken is not None:
+        yield from _taken(sonde, sonde.taken, time, every)
+        return
     wanted = np.arange(0.0, time[-1] + 1e-9, sonde.period)
     rows = np.clip(np.searchsorted(time, wanted - 1e-9), 0, len(time) - 1)
     in_body, biases = sonde.in_body, sonde.biases(len(rows), seed)
@@ -135,6 +148,19 @@ def frames(
             r[random.random(n, np.float32) < sonde.dropout] = np.nan
         r[~((r >= sonde.near) & (r <= sonde.far))] = np.nan
         yield Frame(row, r)
+
+
+def _taken(sonde: Sonde, taken: Taken, time: Array, every: int) -> Iterator[Frame]:
+    """Give every n-th frame of a component, at the row of the recording that it saw."""
+    rows = np.clip(np.searchsorted(time, taken.t - 1e-9), 0, len(time) - 1)
+    seen = np.abs(time[rows] - taken.t) < 1e-6
+    if len(taken.t) and not seen.any():
+        raise InputInvalid(
+            f"{sonde.name}: no pose was recorded when it took a sample (every {sonde.period:g} s); "
+            "expected a run without --record-every"
+        )
+    for k in np.flatnonzero(seen)[::every].tolist():
+        yield Frame(int(rows[k]), taken.range[k])
 
 
 def _random(seed: int, name: str, k: int) -> np.random.Generator:

@@ -1,14 +1,20 @@
-"""A map or its points as files that other tools read: GeoTIFF, LAZ, LAS, PLY, XYZ in numpy."""
+"""A map or its points as files that other tools read: GeoTIFF, LAZ, LAS, PLY.
+
+A file is there whole, or not at all: what stood under its name stays if writing fails.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.scene.extra import wanted
 from uuvsim_cosim.scene.mapping import SeabedMap
@@ -34,19 +40,23 @@ def write_geotiff(made: SeabedMap, file: Path, pose: str = "true") -> Path:
     tags = {"VERTICAL_DATUM": made.vertical_datum or "local", "POSE": pose, "SCENE": made.scene,
             "NOTE": "simulated survey; not for navigation"}  # fmt: skip
     try:
-        with rasterio.open(
-            file, "w", driver="GTiff", height=w.rows, width=w.columns, count=2, dtype="float32",
-            crs=made.crs or None, transform=transform, nodata=NODATA, compress="deflate",
-        ) as out:  # fmt: skip
-            for i, (band, words) in enumerate(
-                zip(bands, ("elevation [m]", "error of elevation [m]"), strict=True), 1
-            ):
-                flipped = band[::-1].astype(np.float32)
-                out.write(np.where(np.isfinite(flipped), flipped, np.float32(NODATA)), i)
-                out.set_band_description(i, words)
-            out.update_tags(**tags)
+        with rasterio.MemoryFile() as memory:  # GDAL says nothing of a disk that is full
+            with memory.open(
+                driver="GTiff", height=w.rows, width=w.columns, count=2, dtype="float32",
+                crs=made.crs or None, transform=transform, nodata=NODATA, compress="deflate",
+            ) as out:  # fmt: skip
+                for i, (band, words) in enumerate(
+                    zip(bands, ("elevation [m]", "error of elevation [m]"), strict=True), 1
+                ):
+                    flipped = band[::-1].astype(np.float32)
+                    out.write(np.where(np.isfinite(flipped), flipped, np.float32(NODATA)), i)
+                    out.set_band_description(i, words)
+                out.update_tags(**tags)
+            write_whole(file, bytes(memory.getbuffer()))
     except rasterio.errors.RasterioError as error:
         raise InputInvalid(f"{file}: cannot be written ({error})") from None
+    except OSError as error:
+        raise InputInvalid(f"{file}: cannot be written ({error.strerror or error})") from None
     return file
 
 
@@ -57,8 +67,10 @@ def write_las(batches: Iterable[Array], file: Path, crs: str = "",
     `origin` is northing and easting of the local frame in `crs`. Gives how many there are.
     """
     laspy: Any = wanted("laspy", f"{file}: writing points")
+    failures: tuple[type[Exception], ...] = (OSError,)
     if file.suffix.lower() == ".laz":
-        wanted("lazrs", f"{file}: compressing points (.las needs nothing more)")
+        lazrs: Any = wanted("lazrs", f"{file}: compressing points (.las needs nothing more)")
+        failures = (OSError, lazrs.LazrsError)
     header = laspy.LasHeader(point_format=6, version="1.4")
     header.scales = np.full(3, 0.001)
     header.offsets = np.array([np.floor(origin[1]), np.floor(origin[0]), 0.0])
@@ -67,15 +79,20 @@ def write_las(batches: Iterable[Array], file: Path, crs: str = "",
         header.add_crs(pyproj.CRS.from_user_input(crs))
     total = 0
     try:
-        with laspy.open(str(file), mode="w", header=header) as out:
+        with (
+            _whole(file) as scratch,
+            scratch.open("w+b") as raw,
+            laspy.open(raw, mode="w", header=header, closefd=False) as out,
+        ):
             for xyz in batches:
                 record = laspy.ScaleAwarePointRecord.zeros(len(xyz), header=header)
                 record.x, record.y = xyz[:, 1] + origin[1], xyz[:, 0] + origin[0]
                 record.z = -xyz[:, 2]
                 out.write_points(record)
                 total += len(xyz)
-    except OSError as error:
-        raise InputInvalid(f"{file}: cannot be written ({error.strerror or error})") from None
+    except failures as error:
+        why = getattr(error, "strerror", None) or error
+        raise InputInvalid(f"{file}: cannot be written ({why})") from None
     return total
 
 
@@ -90,7 +107,7 @@ def write_ply(batches: Iterable[Array], file: Path) -> int:
     )
     total = 0
     try:
-        with file.open("wb") as out:
+        with _whole(file) as scratch, scratch.open("wb") as out:
             out.write((head + form.format(0)).encode())
             for xyz in batches:
                 turned = np.column_stack([xyz[:, 1], xyz[:, 0], -xyz[:, 2]])
@@ -101,3 +118,15 @@ def write_ply(batches: Iterable[Array], file: Path) -> int:
     except OSError as error:
         raise InputInvalid(f"{file}: cannot be written ({error.strerror})") from None
     return total
+
+
+@contextmanager
+def _whole(file: Path) -> Iterator[Path]:
+    """Give a name to write under, which becomes `file` when all went well."""
+    scratch = file.with_name(f".{uuid4().hex}{file.suffix}")
+    try:
+        yield scratch
+        scratch.replace(file)
+    finally:
+        with suppress(OSError):
+            scratch.unlink()

@@ -8,6 +8,7 @@ from pathlib import Path
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.ground import scene_named
 from uuvsim_cosim.scene.cast import Caster
+from uuvsim_cosim.scene.frames import Sonde
 from uuvsim_cosim.scene.map_files import write_geotiff, write_las, write_ply
 from uuvsim_cosim.scene.mapping import (
     Progress,
@@ -17,6 +18,7 @@ from uuvsim_cosim.scene.mapping import (
     run_points,
     track_of_run,
 )
+from uuvsim_cosim.scene.recorded import recorded_sonde
 from uuvsim_cosim.scene.survey_settings import FILE, SurveySettings, read_settings
 
 __all__ = ["FORMATS", "Survey", "survey_of"]
@@ -69,9 +71,18 @@ def survey_of(run: Path, settings: SurveySettings | None = None) -> Survey:
             )
         settings = read_settings(file)
     track = track_of_run(run)
+    if settings.components:
+        settings = replace(settings, sondes=(*settings.sondes, *_recorded(run, settings)))
     scene = scene_named(settings.scene)
     terrain = scene.terrain
     if terrain is None:
         raise InputInvalid(f"scene {settings.scene}: has no terrain; expected one to map")
     return Survey(track, Caster(scene), settings, terrain.crs, terrain.northing, terrain.easting,
                   terrain.vertical_datum)  # fmt: skip
+
+
+def _recorded(run: Path, settings: SurveySettings) -> list[Sonde]:
+    from uuvsim_cosim.orchestrator.recording import read_signals
+
+    signals = read_signals(run)
+    return [recorded_sonde(run, component, signals) for component in settings.components]

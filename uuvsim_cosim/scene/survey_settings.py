@@ -20,11 +20,12 @@ FILE = "mapping.yaml"
 
 @dataclass(frozen=True, eq=False)
 class SurveySettings:
-    """The scene (id or path), the map's cell [m], and its sensors."""
+    """The scene (id or path), the map's cell [m], its sensors, and those that the loop holds."""
 
     scene: str
     cell: float
     sondes: tuple[Sonde, ...]
+    components: tuple[str, ...] = ()
 
     def changed(self, scene: str = "", cell: float | None = None) -> SurveySettings:
         """Give settings with another scene or cell."""
@@ -34,13 +35,16 @@ class SurveySettings:
 def read_settings(file: Path) -> SurveySettings:
     """Read settings; raises ParameterInvalid with every mistake by its line."""
     data = read_yaml(file, "mapping.schema.json")
-    sondes = tuple(_sonde(file, i, one) for i, one in enumerate(data["sensors"]))
+    given = list(enumerate(data["sensors"]))
+    sondes = tuple(_sonde(file, i, one) for i, one in given if "component" not in one)
+    components = tuple(str(one["component"]) for _, one in given if "component" in one)
     scene = str(data["scene"])
     beside = file.parent / scene
     return SurveySettings(
         str(beside) if "/" in scene or scene.endswith(".npz") else scene,
         float(data.get("cell", 0.1)),
         sondes,
+        components,
     )
 
 

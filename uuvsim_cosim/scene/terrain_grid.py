@@ -21,7 +21,11 @@ MOST_NODES = 25_000_000  # 100 MB a layer; a chart needs about ten while it is m
 
 
 class TooManyNodes(InputInvalid):
-    """A grid with more nodes than are held in memory."""
+    """A grid with more nodes than are held in memory; `fits` is the spacing (m) that would do."""
+
+    def __init__(self, said: str, fits: float) -> None:
+        super().__init__(said)
+        self.fits = fits
 
 
 @dataclass(frozen=True)
@@ -108,6 +112,7 @@ def grid_over(
             f"{(east - west) / 1e3:.4g} x {(north - south) / 1e3:.4g} km at {spacing:g} m are "
             f"{rows * columns:,} nodes, more than the {most:,} that are made at once; "
             f"--resolution {fits:g} fits, or a piece by --around LAT,LON --size KM, or, of a "
-            "chart, -o FILE.tif, which is written in tiles"
+            "chart, -o FILE.tif, which is written in tiles",
+            fits,
         )
     return Grid(first[0] * spacing, first[1] * spacing, spacing, max(rows, 2), max(columns, 2))

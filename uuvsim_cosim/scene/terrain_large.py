@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import ceil
+from os import getpid
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from uuvsim_cosim.scene.terrain_chart import chart_grid, source_of
 from uuvsim_cosim.scene.terrain_grid import MOST_NODES, Grid
 from uuvsim_cosim.scene.terrain_piece import Piece
 from uuvsim_cosim.scene.terrain_surface import Prepared, prepared, surface_on
+from uuvsim_cosim.scene.terrain_write import check_whole
 
 __all__ = ["Large", "write_large"]
 
@@ -52,7 +54,7 @@ def write_large(
     of = prepared(chart, resolution, land)
     margin = _margin(of, resolution)
     held = charted = 0
-    scratch = target.with_name(f".{target.stem}.part{target.suffix}")
+    scratch = target.with_name(f".{target.stem}.{getpid()}{target.suffix}")
     try:
         with rasterio.open(
             scratch, "w", driver="GTiff", height=grid.rows, width=grid.columns, count=2,
@@ -84,6 +86,7 @@ def write_large(
             )
         if not charted:
             raise InputInvalid(f"{file}: no water within this piece of the chart")
+        check_whole(scratch)
         scratch.replace(target)
     finally:
         scratch.unlink(missing_ok=True)

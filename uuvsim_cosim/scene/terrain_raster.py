@@ -61,11 +61,13 @@ def raster_terrain(
     wanted("rasterio.warp", "reading a grid")
     notes: list[str] = []
     try:
-        opened = rasterio.open(file)
+        opened = _refined(rasterio.open(file), resolution, notes)
     except Exception as reason:
+        bare = file.suffix.lower() in (".h5", ".hdf5") and "not recognized" in str(reason)
+        hint = "; of S-102, GDAL 3.10 reads files with an uncertainty only" if bare else ""
         raise InputInvalid(
             f"{file}: neither an S-57 chart nor a grid that GDAL reads (BAG, GeoTIFF, S-102): "
-            f"{reason}"
+            f"{reason}{hint}"
         ) from None
     with opened as source:
         _check(file, source)
@@ -98,14 +100,29 @@ def raster_terrain(
             f"{file}: depths from {sense.min():g} to {sense.max():g} m are not of this Earth; "
             "a value for missing data that the file does not declare, or another unit (--unit)"
         )
-    if sense.max() < 0 and positive is None:
+    if sense.max() <= 0 and sense.min() < 0 and positive is None:
         raise InputInvalid(
-            f"{file}: all values ({-sense.max():g} to {-sense.min():g} m) lie above the datum; "
-            "if they are depths, say --positive down"
+            f"{file}: all values ({-sense.max() + 0.0:g} to {-sense.min():g} m) lie above the "
+            "datum; if they are depths, say --positive down"
         )
     z, sigma = _without_holes(z, sigma, grid.spacing, fill, notes)
     terrain = shrunk(z, sigma, None, (), grid, code, said.datum, f"{file.name}; not for navigation")
     return Made(terrain, (), _facts(file, terrain, said), tuple(notes))
+
+
+def _refined(source: Any, resolution: float, notes: list[str]) -> Any:
+    """Give a BAG of variable resolution with its refined cells, not their coarse summary."""
+    said = source.tags()
+    if source.driver != "BAG" or said.get("HAS_SUPERGRIDS") != "TRUE":
+        return source
+    finest, coarsest = (float(said[f"{m}_RESOLUTION_X"]) for m in ("MIN", "MAX"))
+    step = min(max(resolution, finest), coarsest)
+    notes.append(f"variable resolution: cells of {finest:.3g} to {coarsest:.3g} m")
+    rasterio = wanted("rasterio", "reading a grid")
+    with source:
+        return rasterio.open(
+            source.name, MODE="RESAMPLED_GRID", RESX=step, RESY=step, VALUE_POPULATION="MEAN"
+        )
 
 
 def _check(file: Path, source: Any) -> None:
@@ -254,7 +271,7 @@ def _without_holes(
 
 
 def _facts(file: Path, terrain: Any, said: _Said) -> dict[str, str]:
-    z = terrain.z[np.isfinite(terrain.z)]
+    z = terrain.z[np.isfinite(terrain.z)] + 0.0  # no -0.0
     doubt = "not stated"
     if terrain.sigma is not None and np.isfinite(terrain.sigma).any():
         doubt = f"{np.nanmedian(terrain.sigma):.2f} m, the median"

@@ -32,12 +32,20 @@ class Prepared:
     mesh: Triangulation
     hold_out: HoldOut
     height: float  # m, of land above the datum; NaN leaves it unknown
+    beyond: Floats  # (points,), m; how far a sounding lies outside the band charted around it
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What is to be said of the chart."""
-        unassessed = "no M_QUAL: the soundings count as unassessed (CATZOC U)"
-        return self.chart.notes + (() if len(self.chart.quality) else (unassessed,))
+        said = self.chart.notes
+        if not len(self.chart.quality):
+            said += ("no M_QUAL: the soundings count as unassessed (CATZOC U)",)
+        if against := int((self.beyond > 0).sum()):
+            said += (
+                f"{against} soundings lie outside the depths charted for their area, by up to "
+                f"{self.beyond.max():.1f} m: clipped like the rest, and sigma says so",
+            )
+        return said
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +64,11 @@ def prepared(chart: Chart, spacing: float, land: float | None) -> Prepared:
     """Triangulate a chart for grids of a spacing (m), and leave its soundings out one by one."""
     mesh = Triangulation(known_points(chart, spacing))
     height = _land_height(chart) if land is None else land
-    return Prepared(chart, mesh, _hold_out(chart, mesh), height)
+    low, high = _charted(chart, mesh.points.xy[: mesh.points.soundings])
+    sounded, beyond = mesh.points.z[: len(low)], np.zeros(len(mesh.points.z))
+    apart = np.maximum(low - sounded, sounded - high)
+    beyond[: len(low)] = np.where((low <= high) & (apart > _SLACK), apart, 0.0)
+    return Prepared(chart, mesh, _hold_out(chart, mesh), height, beyond)
 
 
 def surface_on(of: Prepared, grid: Grid, relief: int | None = None) -> Surface:
@@ -76,6 +88,8 @@ def surface_on(of: Prepared, grid: Grid, relief: int | None = None) -> Surface:
         typical = np.median(hold_out.slopes)  # where nothing is triangulated
         spread = hold_out.sigma(distance, np.where(np.isnan(slope), typical, slope))
     spread = np.minimum(spread, np.where(area >= 0, band[1] - band[0], np.inf) / _SQRT_12)
+    if of.beyond.any():
+        spread = np.fmax(spread, mesh.over(grid, of.beyond)[0])
     said = ""
     if relief is not None and np.isfinite(z).any():
         from uuvsim_cosim.scene.terrain_relief import add_relief
@@ -137,19 +151,24 @@ def _distance_and_filled(grid: Grid, xy: Floats, raw: Floats, wet: Any) -> tuple
 
 def _hold_out(chart: Chart, mesh: Triangulation) -> HoldOut:
     """Leave out soundings one by one; what is interpolated is clipped as the terrain is."""
-    shapely = wanted("shapely", "gridding a chart")
     rows, value, slope, distance = mesh.left_out()
-    points, areas = mesh.points, chart.depth_areas
-    at, area = shapely.STRtree(areas.shapes).query(
-        shapely.points(points.xy[rows]), predicate="intersects"
-    )
-    low, high = np.full(len(rows), np.inf), np.full(len(rows), -np.inf)
-    np.minimum.at(low, at, areas.low[area])
-    np.maximum.at(high, at, areas.high[area])
+    points = mesh.points
+    low, high = _charted(chart, points.xy[rows])
     charted = low <= high
     value[charted] = np.clip(value[charted], low[charted], high[charted])
     kept = np.isfinite(value)
     return HoldOut((value - points.z[rows])[kept], distance[kept], slope[kept])
+
+
+def _charted(chart: Chart, xy: Floats) -> tuple[Floats, Floats]:
+    """Give the least and greatest depth charted at places (inf, -inf: nothing is)."""
+    shapely = wanted("shapely", "gridding a chart")
+    areas = chart.depth_areas
+    at, area = shapely.STRtree(areas.shapes).query(shapely.points(xy), predicate="intersects")
+    low, high = np.full(len(xy), np.inf), np.full(len(xy), -np.inf)
+    np.minimum.at(low, at, areas.low[area])
+    np.maximum.at(high, at, areas.high[area])
+    return low, high
 
 
 def _zone_sigma(chart: Chart, grid: Grid, z: Floats) -> Floats:

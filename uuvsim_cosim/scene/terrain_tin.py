@@ -39,10 +39,14 @@ class Triangulation:
         except Exception:
             raise InputInvalid("all points of known depth lie on one line") from None
 
-    def over(self, grid: Grid) -> tuple[Floats, Any]:
-        """Give depth (m) and slope at the nodes of a grid; NaN outside the known points' hull."""
+    def over(self, grid: Grid, z: Floats | None = None) -> tuple[Floats, Any]:
+        """Give depth (m) and slope at the nodes of a grid; NaN outside the known points' hull.
+
+        `z` is interpolated in place of the depths, if given; (points,).
+        """
         x, y = ((self.points.xy - (grid.west, grid.south)) / grid.spacing).T
-        depth, slope = scan(x, y, self.points.z, self.triangles.simplices, grid.shape)
+        values = self.points.z if z is None else z
+        depth, slope = scan(x, y, values, self.triangles.simplices, grid.shape)
         return depth, slope / np.float32(grid.spacing)
 
     def left_out(self) -> tuple[NDArray[np.int64], Floats, Floats, Floats]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Callable
+from os import getpid
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from uuvsim_cosim.models.terrain import Terrain, save_terrain
 from uuvsim_cosim.scene.extra import wanted
 from uuvsim_cosim.scene.terrain_mesh import write_glb, write_sdf
 
-__all__ = ["check_target", "write_terrain"]
+__all__ = ["check_target", "check_whole", "write_terrain"]
 
 
 def write_terrain(scene: Scene, target: Path) -> list[Path]:
@@ -31,9 +32,11 @@ def write_terrain(scene: Scene, target: Path) -> list[Path]:
     write = _WRITERS[target.suffix.lower()]
     if write is write_sdf:  # names the mesh beside it
         return write(scene, scene.terrain, target)
-    scratch = target.with_name(f".{target.stem}.part{target.suffix}")
+    scratch = target.with_name(f".{target.stem}.{getpid()}{target.suffix}")
     try:
         write(scene, scene.terrain, scratch)
+        if write is _tif:
+            check_whole(scratch)
         scratch.replace(target)
     finally:
         scratch.unlink(missing_ok=True)
@@ -50,6 +53,18 @@ def check_target(target: Path) -> None:
         raise InputInvalid(f"{target}: there is a file of this name; expected a folder to write")
     if target.suffix and target.is_dir():
         raise InputInvalid(f"{target}: there is a folder of this name; expected a file to write")
+
+
+def check_whole(file: Path) -> None:
+    """Read a GeoTIFF back: GDAL says nothing where the disk is full; raises `OSError` then."""
+    rasterio = wanted("rasterio", "writing a GeoTIFF")
+    try:
+        with rasterio.open(file) as written:
+            for band in written.indexes:
+                for _, window in written.block_windows(band):
+                    written.read(band, window=window)
+    except rasterio.errors.RasterioError:
+        raise OSError("it did not arrive whole; is the disk full?") from None
 
 
 def _npz(scene: Scene, terrain: Terrain, target: Path) -> list[Path]:

@@ -3,9 +3,10 @@
 /*MATH*/
 /*GL*/
   const card = document.getElementById("scene"), canvas = card.querySelector("canvas");
-  const gl = canvas.getContext("webgl2", { antialias: true });
+  const gl = canvas.getContext("webgl2", { antialias: true, alpha: false });
   if (!gl) {
     card.querySelector(".stage").textContent = "This browser shows no 3-D scene: it has no WebGL 2, or it is switched off.";
+    card.querySelector(".controls").style.display = "none";
     return;
   }
   const data = JSON.parse(document.getElementById("scene-data").textContent);
@@ -80,7 +81,7 @@
     const c = Math.cos(camera.lift), eye = [
       camera.at[0] + camera.away * c * Math.cos(camera.turn), camera.at[1] + camera.away * c * Math.sin(camera.turn),
       camera.at[2] - camera.away * Math.sin(camera.lift)];
-    const view = times(perspective(0.8, w / h, 0.01 * camera.away, 30 * Math.max(reach, camera.away)), lookAt(eye, camera.at, [0, 0, -1]));
+    const view = times(perspective(2 * Math.atan(0.42 * Math.max(1, 1.3 * h / w)), w / h, 0.01 * camera.away, 30 * Math.max(reach, camera.away)), lookAt(eye, camera.at, [0, 0, -1]));
     gl.viewport(0, 0, w, h); gl.clearColor(...water, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT); gl.enable(gl.DEPTH_TEST);
     gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);

@@ -11,10 +11,10 @@ import numpy as np
 
 from uuvsim_cosim.models.terrain import Terrain
 from uuvsim_cosim.view.plots_svg import escape
-from uuvsim_cosim.view.stage import Mesh, Stage
+from uuvsim_cosim.view.stage import Mesh, Solid, Stage
 from uuvsim_cosim.view.stage_colours import ARROW, BODIES, ESTIMATE, MARKER, PATH, SOLIDS
 from uuvsim_cosim.view.stage_motion import Motion, extent
-from uuvsim_cosim.view.stage_shapes import cropped, floor, lathe
+from uuvsim_cosim.view.stage_shapes import cropped, floor, lathe, surface
 from uuvsim_cosim.view.traces import Array
 
 __all__ = ["MOMENTS", "scene_data", "scene_html"]
@@ -22,6 +22,7 @@ __all__ = ["MOMENTS", "scene_data", "scene_html"]
 MOMENTS = 900  # of the motion; between two the page interpolates
 NODES = 128  # of the terrain, a side
 BODIES_MOST = 16
+ALPHA = {"basin": 0.35, "surface": 0.15}  # of what one sees through
 AROUND = 2.0  # extents of the motion: so much terrain is shown about it
 
 
@@ -89,18 +90,25 @@ def scene_data(stage: Stage, motion: Motion) -> dict[str, Any]:
             data["lines"].append(_line(p, MARKER, 1.0))
     data["lines"] += [_line(line.points, PATH, 1.8) for line in stage.lines]
     data["lines"] = [line for line in data["lines"] if line]
-    for solid in stage.solids:
-        alpha = 0.35 if solid.kind == "basin" else 1
-        colour = SOLIDS.get(solid.kind, PATH)
-        data["solids"].append({**_mesh(solid.mesh), "colour": colour, "alpha": alpha})
+    margin = 0.5 * float(max(high[:2] - low[:2])) + 5.0
     if stage.terrain is not None:
         margin = max(AROUND * float(max(high[:2] - low[:2])), 60.0)
         data["terrain"] = _terrain(cropped(stage.terrain, low, high, margin))
-    elif stage.bottom is not None:
-        margin = 0.5 * float(max(high[:2] - low[:2])) + 5.0
-        mesh = floor(low[:2] - margin, high[:2] + margin, stage.bottom)
-        data["solids"].append({**_mesh(mesh), "colour": SOLIDS["floor"], "alpha": 1})
+    around = low[:2] - margin, high[:2] + margin
+    shown = [s for s in stage.solids if stage.terrain is None or _within(s.mesh, *around)]
+    if stage.terrain is None and stage.bottom is not None:
+        shown.append(Solid("bottom", floor(*around, stage.bottom), "floor"))
+    if stage.terrain is not None or stage.bottom is not None:
+        shown.append(Solid("surface", surface(*around), "surface"))
+    for solid in shown:
+        colour, alpha = SOLIDS.get(solid.kind, PATH), ALPHA.get(solid.kind, 1)
+        data["solids"].append({**_mesh(solid.mesh), "colour": colour, "alpha": alpha})
     return data
+
+
+def _within(mesh: Mesh, low: Array, high: Array) -> bool:
+    at = mesh.vertices[:, :2]
+    return bool((at.max(axis=0) > low).all() and (at.min(axis=0) < high).all())
 
 
 def _own(name: str) -> str:

@@ -10,7 +10,7 @@ __all__ = ["ARROW", "BODIES", "ESTIMATE", "MARKER", "PATH", "RAY", "SOLIDS", "de
 BODIES = ("#f2b632", "#35a7c9", "#d8583f", "#7cb356", "#a57fd6", "#e58fb6", "#8d99a8", "#c9a27a")
 ARROW, RAY, MARKER = "#ff6b1a", "#7fe3d0", "#e5484d"
 PATH, ESTIMATE = "#8d99a8", "#e2622a"
-SOLIDS = {"obstacle": "#b98a5e", "basin": "#7fa6bd", "floor": "#b9a888"}
+SOLIDS = {"obstacle": "#b98a5e", "basin": "#7fa6bd", "floor": "#b9a888", "surface": "#5fa8cf"}
 # From shallow to deep, after the usual hypsometric tints of charts: sand, green, blue.
 _TINTS = ("#e3d3a4", "#b7cf9b", "#6fb6a4", "#3f8fb0", "#2a6398", "#1d3f73")
 

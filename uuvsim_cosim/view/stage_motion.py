@@ -148,10 +148,13 @@ def echoes(body: Body, motion: Motion, most: int = 60_000) -> Array:
 
 
 def extent(stage: Stage, motion: Motion) -> tuple[Array, Array]:
-    """Give the least and greatest N, E, D of all that moves and stands but the terrain."""
+    """Give the least and greatest N, E, D of what moves, of what is planned, and of a basin.
+
+    Obstacles count where they stand near that: a chart has them kilometres away.
+    """
     parts = [p for p in motion.positions.values() if len(p)]
     parts += [line.points for line in stage.lines]
-    parts += [s.mesh.vertices.astype(float) for s in stage.solids]
+    parts += [s.mesh.vertices.astype(float) for s in stage.solids if s.kind == "basin"]
     points = np.concatenate(parts) if parts else np.zeros((0, 3))
     points = points[np.isfinite(points).all(axis=1)]
     if not len(points) and stage.terrain is not None:
@@ -160,4 +163,10 @@ def extent(stage: Stage, motion: Motion) -> tuple[Array, Array]:
     if not len(points):
         return -np.ones(3), np.ones(3)
     margin = max((b.size for b in stage.bodies), default=0.5)
-    return points.min(axis=0) - margin, points.max(axis=0) + margin
+    low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
+    near = 0.5 * float(max(high[:2] - low[:2]))
+    for solid in stage.solids:
+        a, b = solid.mesh.vertices.min(axis=0), solid.mesh.vertices.max(axis=0)
+        if (a[:2] > low[:2] - near).all() and (b[:2] < high[:2] + near).all():
+            low, high = np.minimum(low, a), np.maximum(high, b)
+    return low, high

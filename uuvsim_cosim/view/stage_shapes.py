@@ -13,7 +13,17 @@ from uuvsim_cosim.models.parameters import Size
 from uuvsim_cosim.models.terrain import Terrain
 from uuvsim_cosim.view.stage import Mesh
 
-__all__ = ["basin", "box", "cropped", "floor", "hull_of", "lathe", "obstacle_mesh", "terrain_mesh"]
+__all__ = [
+    "basin",
+    "box",
+    "cropped",
+    "floor",
+    "hull_of",
+    "lathe",
+    "obstacle_mesh",
+    "surface",
+    "terrain_mesh",
+]
 
 Array = NDArray[np.float64]
 AROUND = 20  # corners of what is round
@@ -84,6 +94,13 @@ def floor(low: Array, high: Array, depth: float) -> Mesh:
     (a, b), (c, d) = low, high
     corners = np.array([[a, b, depth], [c, b, depth], [c, d, depth], [a, d, depth]])
     return _mesh(corners, np.array([[0, 2, 1], [0, 3, 2]]))
+
+
+def surface(low: Array, high: Array) -> Mesh:
+    """Give still water above a rectangle (2,) to (2,), facing up and down."""
+    (a, b), (c, d) = low, high
+    corners = np.array([[a, b, 0.0], [c, b, 0.0], [c, d, 0.0], [a, d, 0.0]])
+    return _mesh(corners, np.array([[0, 2, 1], [0, 3, 2], [0, 1, 2], [0, 2, 3]]))
 
 
 def obstacle_mesh(obstacle: Obstacle) -> Mesh:

@@ -19,9 +19,10 @@ from uuvsim_cosim.view.viser_stage import ViserStage
 __all__ = ["Panel"]
 
 Array = NDArray[np.float64]
-PARTS = ("terrain", "obstacles", "path", "tracks", "thrust", "rays", "echoes")
+PARTS = ("terrain", "surface", "obstacles", "path", "tracks", "thrust", "rays", "echoes")
 NOBODY, NOTHING = "nobody", "nothing"
 MOST_PLOTS = 3
+BESIDE = 0.17 * np.array([-0.51, 0.86, 0.0])  # to the right of what is looked at: the panel's place
 
 
 class Panel:
@@ -111,8 +112,9 @@ class Panel:
         middle = 0.5 * (self._low + self._high)
         away = float(np.linalg.norm(self._high - self._low))
         with suppress(AssertionError, AttributeError, KeyError, RuntimeError), client.atomic():
-            client.camera.position = middle + away * np.array([-0.75, -0.45, -0.7])
-            client.camera.look_at = middle
+            seen = middle + away * BESIDE
+            client.camera.position = seen + away * np.array([-0.75, -0.45, -0.7])
+            client.camera.look_at = seen
 
     def signals(self, traces: Traces) -> list[str]:
         """List the signals to choose from."""

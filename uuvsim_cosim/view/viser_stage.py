@@ -20,7 +20,7 @@ from uuvsim_cosim.view.stage_colours import (
     rgb,
 )
 from uuvsim_cosim.view.stage_motion import Motion, echoes
-from uuvsim_cosim.view.stage_shapes import floor, terrain_mesh
+from uuvsim_cosim.view.stage_shapes import floor, surface, terrain_mesh
 
 __all__ = ["ViserStage"]
 
@@ -78,17 +78,24 @@ class ViserStage:
             import trimesh
 
             mesh = terrain_mesh(stage.terrain, 320)
-            surface = trimesh.Trimesh(
+            ground = trimesh.Trimesh(
                 mesh.vertices, mesh.faces, process=False,
                 # viser's lights bleach what is pale.
                 vertex_colors=(0.75 * depth_colours(mesh.vertices[:, 2])).astype(np.uint8),
             )  # fmt: skip
-            self._keep("terrain", scene.add_mesh_trimesh("/terrain", surface))
+            self._keep("terrain", scene.add_mesh_trimesh("/terrain", ground))
         elif stage.bottom is not None:
             margin = 0.5 * float(max(high[:2] - low[:2])) + 5.0
             mesh = floor(low[:2] - margin, high[:2] + margin, stage.bottom)
             self._keep("terrain", scene.add_mesh_simple(
                 "/bottom", mesh.vertices, mesh.faces, color=rgb(SOLIDS["floor"]), side="double",
+            ))  # fmt: skip
+        if stage.terrain is not None or stage.bottom is not None:
+            margin = 0.5 * float(max(high[:2] - low[:2])) + 5.0
+            mesh = surface(low[:2] - margin, high[:2] + margin)
+            self._keep("surface", scene.add_mesh_simple(
+                "/surface", mesh.vertices, mesh.faces[:2], color=rgb(SOLIDS["surface"]),
+                opacity=0.12, side="double",
             ))  # fmt: skip
         for solid in stage.solids:
             opacity = 0.35 if solid.kind == "basin" else None
