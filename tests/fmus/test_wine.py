@@ -11,8 +11,12 @@ import numpy as np
 import pytest
 
 from uuvsim_cosim.fmus.export import build_fmu, compile_fmu
+from uuvsim_cosim.fmus.instantiate import instantiate_fmu
 from uuvsim_cosim.fmus.lowering import lower
+from uuvsim_cosim.fmus.read_description import read_fmu
+from uuvsim_cosim.models.library import declare
 from uuvsim_cosim.models.model import Model
+from uuvsim_cosim.models.terrain import Terrain, save_terrain
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -43,6 +47,28 @@ def test_the_windows_binary_gives_the_bits_of_the_linux_binary(
     arguments = [u.value_references[0], u.size, y.value_references[0], y.size, STEPS]
     folder = tmp_path_factory.getbasetemp()
     assert stepped(folder, library, [lowered.token, *arguments]) == expected
+
+
+def test_rays_over_a_seabed_have_the_bits_of_the_linux_binary(tmp_path: Path) -> None:
+    i, j = np.mgrid[0:60, 0:60]
+    z = (5.0 + np.sin(i / 3.0) + 0.7 * np.cos(j / 2.0)).astype(np.float32)
+    save_terrain(Terrain(z=z, spacing=0.5, origin=(-15.0, -15.0)), tmp_path / "bed.npz")
+    model = declare("altimeter", scene=str(tmp_path / "bed.npz"), period="0.03")
+    fmu = read_fmu(build_fmu(model, fmi=3, target=tmp_path))
+    eta, altitude = (fmu.description.variables[n] for n in ("eta", "altitude"))
+    x = instantiate_fmu(fmu, "it")
+    x.enter_initialization_mode(0.0, None)
+    x.exit_initialization_mode()
+    expected = []
+    for k in range(4 * STEPS):  # the hull dives and turns level
+        x.set(eta, 0.01 * k - 0.25 * np.arange(6.0))
+        x.do_step(k * 0.03, 0.03)
+        expected += [f"{b:016x}" for b in np.ravel(x.get(altitude)).view(np.uint64)]
+    x.free()
+    assert len(set(expected)) > STEPS, "the bed was heard"
+    token, e, a = fmu.description.token, eta.value_references[0], altitude.value_references[0]
+    library = compile_fmu(lower(model), "win64")
+    assert stepped(tmp_path, library, [token, e, 6, a, 1, 4 * STEPS]) == expected
 
 
 def test_an_archive_holds_both_platforms(declared: dict[str, Callable[[], Model]]) -> None:
