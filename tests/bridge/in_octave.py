@@ -10,7 +10,7 @@ import pytest
 
 MATLAB = Path(__file__).parents[2] / "matlab"
 OCTAVE = shutil.which("octave-cli") or shutil.which("octave")
-PLAIN = ["--norc", "--quiet", "--no-window-system", "--eval"]
+PLAIN = ["--norc", "--no-history", "--quiet", "--no-window-system", "--eval"]
 PACKAGE = (
     OCTAVE is not None
     and subprocess.run(

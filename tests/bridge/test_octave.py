@@ -86,7 +86,7 @@ def test_the_packages_functions_all_have_a_first_help_line() -> None:
 def test_the_answer_of_an_interrupted_call_is_not_taken_for_the_next_ones(port: int) -> None:
     assert OCTAVE is not None
     with subprocess.Popen(
-        [OCTAVE, "--norc", "--quiet", "--no-window-system", "--no-line-editing", "--interactive"],
+        [OCTAVE, *PLAIN[:-1], "--no-line-editing", "--interactive"],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
     ) as process:  # fmt: skip
         assert process.stdin is not None

@@ -79,7 +79,14 @@ class Place:
         assert OCTAVE is not None
         if self._octave is None:
             folders = ", ".join(f"'{DOCS.parent / 'matlab' / n}'" for n in ("", "examples"))
-            plain = [OCTAVE, "--norc", "--quiet", "--no-window-system", "--no-line-editing"]
+            plain = [
+                OCTAVE,
+                "--norc",
+                "--no-history",
+                "--quiet",
+                "--no-window-system",
+                "--no-line-editing",
+            ]
             self._octave = self._started(plain, stdin=subprocess.PIPE)
             text = f"addpath({folders}); set(0, 'defaultfigurevisible', 'off');\n{text}"
         kept = [line for line in text.splitlines() if "MATLAB only" not in line]
