@@ -53,17 +53,19 @@ class Panel:
 def curves_svg(panels: Sequence[Panel], y_label: str) -> str:
     """Give panels side by side: medians of seeds, and all between their least and greatest."""
     ways = list(dict.fromkeys(c.name for p in panels for c in p.curves))
-    high = HEIGHT + 18.0
+    wide = WIDTH * max(len(panels), 1)
     parts = [_panel(p, k * WIDTH, ways, y_label) for k, p in enumerate(panels)]
-    x = LEFT
-    for i, name in enumerate(ways):
-        parts.append(f'<path class="c{i % 6}" d="M{x:.1f} {high - 9:.1f}h18"/>')
+    words = [(f"c{i % 6}", name) for i, name in enumerate(ways)]
+    if any(p.yardstick is not None for p in panels):
+        words.append(("yard", "hand-written controller"))
+    x, high = LEFT, HEIGHT + 18.0
+    for kind, name in words:
+        if x > LEFT and x + 23 + 6.2 * len(name) > wide:
+            x, high = LEFT, high + 18.0
+        parts.append(f'<path class="{kind}" d="M{x:.1f} {high - 9:.1f}h18"/>')
         parts.append(text(x + 23, high - 5, name, "muted"))
         x += 40 + 6.2 * len(name)
-    if any(p.yardstick is not None for p in panels):
-        parts.append(f'<path class="yard" d="M{x:.1f} {high - 9:.1f}h18"/>')
-        parts.append(text(x + 23, high - 5, "hand-written controller", "muted"))
-    return _whole(WIDTH * max(len(panels), 1), high, parts)
+    return _whole(wide, high, parts)
 
 
 def episode_svg(
