@@ -165,12 +165,7 @@ def rays(scene: str, n: int, n_moving: int) -> Callable[[Any], Any]:
     """Give `Rays` as a function of an SX (n_in,) with values (n_out,)."""
     ground = ground_named(scene)
     made = Rays(_name("rays", ground, n, n_moving), ground, n, n_moving)
-    if made.name not in NETWORKS:
-        NETWORKS[made.name] = made
-        shape = (made.n_out, made.n_in)
-        gradient = callback(f"{made.name}_jacobian", made.jacobian, made.n_in, shape, None)
-        callback(made.name, made, made.n_in, (made.n_out, 1), gradient)
-    return called(made.name)
+    return _differentiable(made)
 
 
 def frame(scene: str, directions: Array, depth: bool, n_moving: int) -> Callable[[Any], Any]:
@@ -188,6 +183,10 @@ def touch(scene: str, n_moving: int) -> Callable[[Any], Any]:
     """Give `Touch` as a function of an SX (n_in,) with values (4,)."""
     ground = ground_named(scene)
     made = Touch(_name("touch", ground, n_moving), ground, n_moving)
+    return _differentiable(made)
+
+
+def _differentiable(made: Rays | Touch) -> Callable[[Any], Any]:
     if made.name not in NETWORKS:
         NETWORKS[made.name] = made
         shape = (made.n_out, made.n_in)

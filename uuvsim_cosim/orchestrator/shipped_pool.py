@@ -15,6 +15,7 @@ from uuvsim_cosim.orchestrator.shipped_tracking import (
     ARENA,
     DEPTH,
     TRACKED,
+    propelled,
     start_positions,
     tracker,
 )
@@ -60,20 +61,8 @@ def pool_tracking(pilot: str = PILOT, motion: str = "random_heading") -> System:
         .add("pool", f"{contact}&obstacles=0&step={float(TICK)}", arena)
         .add("wrench", f"model:wrench?vehicle={VEHICLE}&contact=1")
         .add("hull", f"model:{VEHICLE}", {"eta_0": eta_0})
-        .connect("pilot.tau_d", "allocation.tau_d")
-        .connect("hull.eta[1:3]", "pool.position")
-        .connect("hull.q", "pool.q")
-        .connect("hull.nu", "pool.nu")
-        .connect("pool.tau", "wrench.contact")
-        .connect("wrench.tau", "hull.tau")
     )
-    thrusters = tuple(f"thruster_{i}" for i in range(1, 9))
-    for i, thruster in enumerate(thrusters, 1):
-        system = (
-            system.add(thruster, kind.thruster)
-            .connect(f"allocation.u[{i}]", f"{thruster}.u")
-            .connect(f"{thruster}.thrust", f"wrench.thrust[{i}]")
-        )
+    system, thrusters = propelled(system, kind.thruster)
     system = _on_board(_station(system), eta_0)
     if "target" in system.describe("pilot").variables:
         system = system.connect("predictor.now", "pilot.target")

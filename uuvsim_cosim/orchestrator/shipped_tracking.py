@@ -24,6 +24,7 @@ __all__ = [
     "TRACKED",
     "TRACKERS_MAX",
     "TrackedVehicle",
+    "propelled",
     "start_positions",
     "target_tracking",
     "tracker",
@@ -62,6 +63,29 @@ TRACKED: Mapping[str, TrackedVehicle] = {
 }
 
 
+def propelled(system: System, thruster: str) -> tuple[System, tuple[str, ...]]:
+    """Add eight thrusters, and connect pilot, allocation, pool, wrench and hull by them.
+
+    Gives the system, and the thrusters' names in order.
+    """
+    system = (
+        system.connect("pilot.tau_d", "allocation.tau_d")
+        .connect("hull.eta[1:3]", "pool.position")
+        .connect("hull.q", "pool.q")
+        .connect("hull.nu", "pool.nu")
+        .connect("pool.tau", "wrench.contact")
+        .connect("wrench.tau", "hull.tau")
+    )
+    names = tuple(f"thruster_{i}" for i in range(1, 9))
+    for i, name in enumerate(names, 1):
+        system = (
+            system.add(name, thruster)
+            .connect(f"allocation.u[{i}]", f"{name}.u")
+            .connect(f"{name}.thrust", f"wrench.thrust[{i}]")
+        )
+    return system, names
+
+
 def tracker(
     name: str = "tracker",
     *,
@@ -90,20 +114,8 @@ def tracker(
         .add("hull", f"model:{vehicle}", {"eta_0": tuple(eta_0)})
         .connect("hull.eta", "pilot.eta")
         .connect("hull.nu", "pilot.nu")
-        .connect("pilot.tau_d", "allocation.tau_d")
-        .connect("hull.eta[1:3]", "pool.position")
-        .connect("hull.q", "pool.q")
-        .connect("hull.nu", "pool.nu")
-        .connect("pool.tau", "wrench.contact")
-        .connect("wrench.tau", "hull.tau")
     )
-    thrusters = tuple(f"thruster_{i}" for i in range(1, 9))
-    for i, thruster in enumerate(thrusters, 1):
-        system = (
-            system.add(thruster, kind.thruster)
-            .connect(f"allocation.u[{i}]", f"{thruster}.u")
-            .connect(f"{thruster}.thrust", f"wrench.thrust[{i}]")
-        )
+    system, thrusters = propelled(system, kind.thruster)
     chain = ["pilot", "allocation", *thrusters, "pool", "wrench", "hull"]
     if links:
         system = _linked(system, link_period)
