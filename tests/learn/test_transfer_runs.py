@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -31,6 +32,24 @@ def test_what_is_there_is_not_run_again(tmp_path: Path) -> None:
     before = (tmp_path / "scripted-0.json").read_bytes()
     assert run_transfers(2, tmp_path, tmp_path / "work", ways=("scripted",)) == []
     assert (tmp_path / "scripted-0.json").read_bytes() == before
+
+
+def test_spread_over_a_cluster_it_leaves_the_same_files(tmp_path: Path) -> None:
+    from uuvsim_cosim.learn.ray_reproduce import transfers_on
+
+    class Here:
+        """A cluster's stand-in: what is asked is done in this process."""
+
+        def spread(self, work: Any, pieces: Any) -> Any:
+            return ((k, work(piece)) for k, piece in enumerate(pieces))
+
+    here: Any = Here()
+    asked: dict[str, Any] = {"ways": ("scripted",), "conditions": ("acted",), "episodes": 2}
+    assert transfers_on(here, 2, tmp_path / "there", **asked) == ["scripted-0"]
+    assert transfers_on(here, 2, tmp_path / "there", **asked) == []
+    run_transfers(1, tmp_path / "here", tmp_path / "work", **asked)
+    here_and_there = [tmp_path / k / "scripted-0.json" for k in ("here", "there")]
+    assert len({f.read_bytes() for f in here_and_there}) == 1
 
 
 def test_an_interruption_keeps_nothing_half(tmp_path: Path) -> None:

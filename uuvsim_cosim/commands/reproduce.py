@@ -52,8 +52,6 @@ def reproduce_command(
             _run(figure, BUDGETS[budget], seeds, out, work)
         else:
             _run_on(ray, figure, BUDGETS[budget], seeds, out, work)
-            if figure in ("fig11", "all"):  # its runs are not spread
-                _run("fig11", BUDGETS[budget], seeds, out, work)
     from uuvsim_cosim.commands.reproduce_report import write_report
 
     rows, files = write_report(out)
@@ -92,7 +90,8 @@ def _run(figure: str, budget: Any, seeds: int, out: Path, work: Path) -> None:
 
 
 def _run_on(ray: str, figure: str, budget: Any, seeds: int, out: Path, work: Path) -> None:
-    from uuvsim_cosim.learn.ray_reproduce import reproduce_on
+    from uuvsim_cosim.commands.reproduce_transfer import FOLDER
+    from uuvsim_cosim.learn.ray_reproduce import reproduce_on, transfers_on
     from uuvsim_cosim.learn.ray_training import ALIKE
 
     with Termination() as termination, StudyProgress("ways and seeds") as progress:
@@ -100,6 +99,8 @@ def _run_on(ray: str, figure: str, budget: Any, seeds: int, out: Path, work: Pat
             with clustered(ray, alike=ALIKE) as cluster:
                 assert cluster is not None
                 reproduce_on(cluster, figure, budget, seeds, out, work, progress=progress)
+                if figure in ("fig11", "all"):
+                    transfers_on(cluster, seeds, out / FOLDER, progress=progress)
         except KeyboardInterrupt:
             progress.stop()
             sys.stderr.write("uuvsim: interrupted; the same command goes on from there\n")

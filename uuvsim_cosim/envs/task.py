@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from uuvsim_cosim.envs.picture import View
     from uuvsim_cosim.orchestrator.system import System
 
-__all__ = ["Moment", "Randomised", "Task", "TeamTask"]
+__all__ = ["Moment", "Randomised", "Symmetry", "Task", "TeamTask"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -58,6 +59,15 @@ class Moment(Protocol):
 
     def __getitem__(self, name: str) -> Array:
         """Give a signal of the task, in the variable's own unit, of shape (n, *shape)."""
+
+
+@dataclass(frozen=True)
+class Symmetry:
+    """A mirror image or a half turn: the signs that an agent's numbers change by, each 1 or -1."""
+
+    name: str
+    observation: Array  # (width,)
+    action: Array  # (width,)
 
 
 class Randomised(Protocol):
@@ -106,6 +116,10 @@ class _Common:
     def info(self, m: Moment) -> Mapping[str, NDArray[Any]]:
         """Give what else is worth knowing, of shape (n, …): metrics, the terms of a reward."""
         return {}
+
+    def symmetries(self) -> tuple[Symmetry, ...]:
+        """Give what leaves transitions and rewards as they are; learners may draw on it."""
+        return ()
 
     def view(self, m: Moment, row: int) -> View | None:
         """Say what to draw of one environment; None draws every hull there is."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, get_type_hints
 
@@ -10,6 +10,7 @@ from uuvsim_cosim.envs.options import near
 from uuvsim_cosim.errors import InputInvalid
 
 if TYPE_CHECKING:
+    from uuvsim_cosim.envs.task import Symmetry
     from uuvsim_cosim.learn.learner import Learner
 
 __all__ = ["ALGORITHMS", "Algorithm", "algorithm_for", "check_settings", "learner_of"]
@@ -65,12 +66,13 @@ def learner_of(
     acted: int,
     n: int,
     seed: int,
+    symmetries: Sequence[Symmetry] = (),
 ) -> Learner:
     """Make a learner on n environments; `settings` by name, without them its defaults.
 
     Off-policy learners make n / 16 updates, at least one, for each step of all environments.
     """
-    makers = _makers(algorithm.name)
+    makers = _makers(algorithm.name, symmetries)
     given = check_settings(algorithm, settings)
     known = [f.name for kind in makers.settings for f in fields(kind)]
     if "updates" in known:
@@ -109,7 +111,7 @@ class _Makers:
     make: Callable[..., Learner]
 
 
-def _makers(name: str) -> _Makers:
+def _makers(name: str, symmetries: Sequence[Symmetry] = ()) -> _Makers:
     try:
         import torch  # noqa: F401
     except ModuleNotFoundError as error:
@@ -124,7 +126,7 @@ def _makers(name: str) -> _Makers:
             (MasacSettings, OffPolicySettings),
             {"central": name != "isac"},
             lambda N, d, a, n, seed, s: MasacLearner(
-                N, d, a, seed=seed, network=s[0], schedule=s[1]
+                N, d, a, seed=seed, network=s[0], schedule=s[1], symmetries=symmetries
             ),
         )
     if name in ("ippo", "mappo", "ppo"):
@@ -162,6 +164,7 @@ _LIMITS = {  # of numbers that cannot be anything: (least, greatest); else posit
     "gamma": (0.0, 1.0), "tau": (0.0, 1.0), "epsilon": (0.0, 1.0), "epsilon_end": (0.0, 1.0),
     "gae_lambda": (0.0, 1.0), "log_std": (-10.0, 2.0), "entropy": (0.0, 1e3),
     "value": (0.0, 1e3), "updates": (1e-3, 1e3), "centre": (0.0, 1.0), "alpha": (1e-9, 1e3),
+    "average": (1e-6, 1.0),
 }  # fmt: skip
 _MAY_BE_0 = ("warm_up", "critic_only", "epsilon_steps")
 

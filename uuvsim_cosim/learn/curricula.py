@@ -28,7 +28,13 @@ CURRICULA = {
             Stage("transition_2", 83_200),
             Stage("target", 256_000, evaluate_every=12_800),
         ),
-        settings={"shared": True, "batch": 128},
+        settings={
+            "shared": True,
+            "batch": 128,
+            "normalised": True,
+            "mirror": True,
+            "average": 0.005,
+        },
         options={"rules": {"credit": "own"}},
     )
 }

@@ -83,7 +83,7 @@ def learner_for(curriculum: Curriculum, k: int, task: Task | TeamTask, seed: int
     name = "sac" if agents == 1 and curriculum.algorithm == "masac" else curriculum.algorithm
     made: Any = learner_of(
         algorithm_for(name, agents), settings_of(curriculum, k), agents=agents, observed=observed,
-        acted=acted, n=curriculum.envs, seed=seed,
+        acted=acted, n=curriculum.envs, seed=seed, symmetries=task.symmetries(),
     )  # fmt: skip
     return cast("MasacLearner", made)
 

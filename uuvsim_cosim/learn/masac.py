@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any, final
 
@@ -49,6 +50,8 @@ class MasacSettings:
     shared: bool = False  # one actor and one critic for all agents, each seen as the first
     h0: float = 1.0  # the entropy wanted is -h0 dim a
     centre: float = 0.0  # share of the error that a mean of rewards, taken off them, follows
+    normalised: bool = False  # layers of the critics, see `StackedMLP`
+    average: float = 1.0  # share of the way to the actor that what leaves goes, an update
 
 
 @final
@@ -64,14 +67,20 @@ class Masac:
         seen = agents * (observed + acted) if settings.central else observed + acted
         self.nets = 1 if settings.shared else agents
         self.actor = StackedMLP(self.nets, [observed, *hidden, 2 * acted], self.random)
-        self.critic = StackedMLP(2 * self.nets, [seen, *hidden, 1], self.random)
-        self.target = StackedMLP(2 * self.nets, [seen, *hidden, 1], self.random)
+        self.critic, self.target = (
+            StackedMLP(
+                2 * self.nets, [seen, *hidden, 1], self.random, normalised=settings.normalised
+            )
+            for _ in range(2)
+        )
         self.target.load_state_dict(self.critic.state_dict())
-        self.target.requires_grad_(False)
+        self.averaged = deepcopy(self.actor)  # what leaves: it follows the actor
+        for slow in (self.target, self.averaged):
+            slow.requires_grad_(False)
         self.centre = torch.zeros(agents)  # taken off the rewards
         self.log_alpha = torch.full((agents,), math.log(settings.alpha), requires_grad=True)
         self.optimizers = {
-            name: torch.optim.Adam(parameters, lr=settings.lr)
+            name: torch.optim.Adam(parameters, lr=settings.lr, fused=True)
             for name, parameters in (
                 ("actor", list(self.actor.parameters())),
                 ("critic", list(self.critic.parameters())),
@@ -91,17 +100,17 @@ class Masac:
         if explore:
             action, _ = self._drawn(o)
         else:
-            action = torch.tanh(self._acts(o)[..., : self.acted])
+            action = torch.tanh(self._acts(self.averaged, o)[..., : self.acted])
         return np.asarray(action.transpose(0, 1).contiguous().numpy())
 
-    def _acts(self, o: Tensor) -> Tensor:
+    def _acts(self, actor: StackedMLP, o: Tensor) -> Tensor:
         """Give the actors' last layers (N, n, 2 a)."""
-        folded: Tensor = self.actor(o.reshape(self.nets, -1, self.observed))
+        folded: Tensor = actor(o.reshape(self.nets, -1, self.observed))
         return folded.view(*o.shape[:2], -1)
 
     def _drawn(self, o: Tensor) -> tuple[Tensor, Tensor]:
         """Give actions (N, n, a) and their log density (N, n), of the squashed Gaussian."""
-        mean, log_std = self._acts(o).chunk(2, dim=-1)
+        mean, log_std = self._acts(self.actor, o).chunk(2, dim=-1)
         log_std = log_std.clamp(*LOG_STD)
         noise = torch.randn(mean.shape, generator=self.random)
         z = mean + log_std.exp() * noise
@@ -131,9 +140,8 @@ class Masac:
         told = {"critic_loss": self._descend("critic", critic_loss)}
         if not critic_only:
             told |= self._improve(o, a, alpha)
-        with torch.no_grad():
-            for slow, fast in zip(self.target.parameters(), self.critic.parameters(), strict=True):
-                slow.lerp_(fast, self.settings.tau)
+            _follow(self.averaged, self.actor, self.settings.average)
+        _follow(self.target, self.critic, self.settings.tau)
         return {**told, "alpha": float(alpha.mean()), "q": float(q.detach().mean())}
 
     def _offset(self, ended: Tensor) -> Tensor:
@@ -201,6 +209,7 @@ class Masac:
         """Give all that learning goes on from, for torch.save."""
         return {
             "actor": self.actor.state_dict(),
+            "averaged": self.averaged.state_dict(),
             "critic": self.critic.state_dict(),
             "target": self.target.state_dict(),
             "log_alpha": self.log_alpha.detach().clone(),
@@ -212,6 +221,7 @@ class Masac:
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Go on from what `state` gave; raises KeyError or RuntimeError for another shape."""
         self.actor.load_state_dict(state["actor"])
+        self.averaged.load_state_dict(state["averaged"])
         self.critic.load_state_dict(state["critic"])
         self.target.load_state_dict(state["target"])
         with torch.no_grad():
@@ -224,9 +234,15 @@ class Masac:
     def tensors(self, agent: int) -> dict[str, NDArray[np.float32]]:
         """Give one actor's mean as the tensors of a `Policy`."""
         given: dict[str, NDArray[np.float32]] = {}
-        agent, last = min(agent, self.nets - 1), len(self.actor.weights) - 1
-        for i, (w, b) in enumerate(zip(self.actor.weights, self.actor.biases, strict=True)):
+        agent, last = min(agent, self.nets - 1), len(self.averaged.weights) - 1
+        for i, (w, b) in enumerate(zip(self.averaged.weights, self.averaged.biases, strict=True)):
             out = self.acted if i == last else w.shape[2]
             given[f"{i}.weight"] = w[agent, :, :out].detach().numpy().T.copy()
             given[f"{i}.bias"] = b[agent, 0, :out].detach().numpy().copy()
         return given
+
+
+@torch.no_grad()
+def _follow(slow: StackedMLP, fast: StackedMLP, share: float) -> None:
+    for a, b in zip(slow.parameters(), fast.parameters(), strict=True):
+        a.lerp_(b, share)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Self, final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uuvsim_cosim.envs.task import Symmetry
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.masac import Masac, MasacSettings
 from uuvsim_cosim.learn.n_step import NStep
@@ -31,6 +32,7 @@ class OffPolicySettings:
     updates: float = 1.0  # for each step of all environments together
     actor_every: int = 1  # updates of the critics for one of actors and temperatures
     n_step: int = 1  # rewards that a transition adds up
+    mirror: bool = False  # draw transitions as the task's symmetries have them, as well
 
 
 @final
@@ -46,8 +48,11 @@ class MasacLearner:
         seed: int = 0,
         network: MasacSettings | None = None,
         schedule: OffPolicySettings | None = None,
+        symmetries: Sequence[Symmetry] = (),
     ) -> None:
-        self.schedule = schedule or OffPolicySettings()
+        self.schedule, self.symmetries = schedule or OffPolicySettings(), tuple(symmetries)
+        if self.schedule.mirror and not self.symmetries:
+            raise InputInvalid("mirror: the task has no symmetry; expected mirror=false")
         self.masac = Masac(agents, observed, acted, network or MasacSettings(), seed)
         self._begin(seed)
 
@@ -88,7 +93,9 @@ class MasacLearner:
         self._due += self.schedule.updates
         told: Mapping[str, float] = {}
         while self._due >= 1.0:
-            drawn = self._replay.draw(self.schedule.batch, self._random)
+            drawn = self._replay.draw(
+                self.schedule.batch, self._random, self.symmetries if self.schedule.mirror else ()
+            )
             skipped = self._updates % self.schedule.actor_every > 0
             early = self._updates < self.schedule.critic_only
             told = {**told, **self.masac.update(drawn, critic_only=early or skipped)}
@@ -113,7 +120,7 @@ class MasacLearner:
     ) -> Self:
         """Give a learner for the next task that acts as this one; see `transfer`."""
         given = type(self).__new__(type(self))
-        given.schedule = schedule
+        given.schedule, given.symmetries = schedule, ()
         given.masac = transfer(self.masac, agents, self.awake(), seed=seed, **places)
         given._begin(seed)
         return given

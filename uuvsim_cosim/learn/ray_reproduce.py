@@ -21,8 +21,14 @@ from uuvsim_cosim.learn.reproduce import (
 )
 from uuvsim_cosim.learn.reproduce_results import Key, is_kept
 from uuvsim_cosim.learn.train import one_thread
+from uuvsim_cosim.learn.transfer_runs import (
+    CONDITIONS,
+    WAYS,
+    lacking_transfers,
+    run_transfer,
+)
 
-__all__ = ["reproduce_on"]
+__all__ = ["reproduce_on", "transfers_on"]
 
 RESULTS, PLACE = "results", "place"
 
@@ -82,6 +88,45 @@ def reproduce_on(
         if progress is not None:
             progress("training", ended, len(left))
     return sorted(k for k in before if is_kept(results, k))
+
+
+@dataclass(frozen=True)
+class _Transfer:
+    name: str
+    seed: int
+    conditions: tuple[str, ...]
+    episodes: int
+
+
+def transfers_on(
+    cluster: Cluster,
+    seeds: int,
+    results: Path,
+    *,
+    progress: Callable[[str, float, float], None] | None = None,
+    ways: tuple[str, ...] = tuple(WAYS),
+    conditions: tuple[str, ...] = tuple(CONDITIONS),
+    episodes: int = 100,
+) -> list[str]:
+    """Run what figure 11 lacks, each way with each seed a piece of its own; as `run_transfers`."""
+    left = lacking_transfers(seeds, results, ways)
+    pieces = [_Transfer(name, seed, conditions, episodes) for name, seed in left]
+    ran = []
+    for k, files in cluster.spread(_transferred, pieces):
+        write_files(results, files)
+        ran.append("{}-{}".format(*left[k]))
+        if progress is not None:
+            progress("training", len(ran), len(left))
+    return sorted(ran)
+
+
+def _transferred(piece: _Transfer) -> Mapping[str, bytes]:
+    with tempfile.TemporaryDirectory(prefix="uuvsim-") as temporary, one_thread():
+        file = run_transfer(
+            piece.name, piece.seed, Path(temporary) / RESULTS, Path(temporary) / PLACE,
+            conditions=piece.conditions, episodes=piece.episodes,
+        )  # fmt: skip
+        return {file.name: file.read_bytes()}
 
 
 def _advance(piece: _Piece) -> tuple[Mapping[str, bytes], bool]:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uuvsim_cosim.envs.task import Symmetry
 from uuvsim_cosim.errors import InputInvalid
 
-__all__ = ["Replay", "Transitions"]
+__all__ = ["Replay", "Transitions", "seen_by"]
 
 Array = NDArray[np.float32]
 
@@ -25,6 +26,22 @@ class Transitions:
     reward: Array  # (n, N)
     after: Array  # (n, N, d), the last observation of an episode where it ended
     terminated: Array  # (n, N), 1 where the agent's episode ended by itself
+
+
+def seen_by(
+    given: Transitions, symmetries: Sequence[Symmetry], random: np.random.Generator
+) -> Transitions:
+    """Give transitions each as it was or as one of the symmetries has it, all as likely."""
+    which = random.integers(0, 1 + len(symmetries), len(given.reward))
+    o, a = (
+        np.stack(
+            [np.ones_like(getattr(symmetries[0], k)), *(getattr(s, k) for s in symmetries)]
+        ).astype(np.float32)[which][:, None]
+        for k in ("observation", "action")
+    )
+    return replace(
+        given, observation=given.observation * o, action=given.action * a, after=given.after * o
+    )
 
 
 @final
@@ -50,10 +67,13 @@ class Replay:
         self._next = (self._next + n) % self.size
         self.count = min(self.count + n, self.size)
 
-    def draw(self, n: int, random: np.random.Generator) -> Transitions:
-        """Draw n with replacement."""
+    def draw(
+        self, n: int, random: np.random.Generator, symmetries: Sequence[Symmetry] = ()
+    ) -> Transitions:
+        """Draw n with replacement; each as it was or, as likely, as one of `symmetries` has it."""
         at = random.integers(0, self.count, n)
-        return Transitions(**{name: rows[at] for name, rows in self._rows.items()})
+        drawn = Transitions(**{name: rows[at] for name, rows in self._rows.items()})
+        return seen_by(drawn, symmetries, random) if symmetries else drawn
 
     def state(self) -> dict[str, Any]:
         """Give all that is kept, as arrays by name."""

@@ -67,11 +67,13 @@ BUDGETS = {
             "batched",
             "64 environments side by side, about five CPU minutes for the longest scenario; the "
             "paper's numbers, parameters shared by the trackers, each with its own reward "
-            "(`credit: own`).",
+            "(`credit: own`). MASAC and ISAC: critics with layer normalisation, transitions drawn "
+            "in mirror images as well, the average of the last actors leaves.",
             64,
             {"source": 32_000, "transition_1": 25_600, "transition_2": 83_200, "target": 256_000},
             {"source": 1_600, "transition_1": 3_200, "transition_2": 6_400, "target": 12_800},
-            {"shared": True, "batch": 128}, {"rules": {"credit": "own"}}, {"batch": 256},
+            {"shared": True, "batch": 128, "normalised": True, "mirror": True, "average": 0.005},
+            {"rules": {"credit": "own"}}, {"batch": 256},
         ),
         # 200 episodes, one environment, one update a step: as the paper, and its numbers.
         Budget(

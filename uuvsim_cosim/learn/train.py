@@ -112,7 +112,7 @@ def training_of(
     observed, acted = widths(task)
     learner = learner_of(
         algorithm, config.settings, agents=len(agents), observed=observed, acted=acted,
-        n=config.envs, seed=config.seed,
+        n=config.envs, seed=config.seed, symmetries=task.symmetries(),
     )  # fmt: skip
     from uuvsim_cosim.learn.training import Training
 

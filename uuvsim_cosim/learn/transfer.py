@@ -51,22 +51,23 @@ def transfer(
     given.centre.copy_(torch.stack([last.centre[i % last.agents] for i in range(agents)]))
     old = [i % last.nets for i in range(given.nets)]
     kept = torch.from_numpy(awake.astype(np.float32))
-    for network in ("actor", "critic", "target"):
+    for network in ("actor", "averaged", "critic", "target"):
         of, to = getattr(last, network), getattr(given, network)
-        each = 1 if network == "actor" else 2
+        acts = network in ("actor", "averaged")
+        each = 1 if acts else 2
         nets = [each * i + k for i in old for k in range(each)]
         _copy_later_layers(of, to, nets)
         first = torch.zeros_like(to.weights[0])
         for row, net in enumerate(nets):
             i = row // each
-            pairs = [(i, old[i])] if network == "actor" else _pairs(last, given, i, old[i])
+            pairs = [(i, old[i])] if acts else _pairs(last, given, i, old[i])
             for new, was in pairs:
                 o_new, o_was = new * width, was * last.observed
-                if network == "actor":
+                if acts:
                     o_new = o_was = 0
                 source = of.weights[0][net, o_was : o_was + last.observed]
                 first[row, [o_new + p for p in places]] = source * kept[:, None]
-                if network != "actor":
+                if not acts:
                     _copy_actions(first[row], of.weights[0][net], given, last, new, was)
         to.weights[0].copy_(first)
     return given

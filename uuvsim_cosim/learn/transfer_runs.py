@@ -32,7 +32,17 @@ from uuvsim_cosim.learn.training_seeds import JUDGING_SEED
 if TYPE_CHECKING:
     from uuvsim_cosim.learn.training import TrainingObserver
 
-__all__ = ["CONDITIONS", "WAYS", "Condition", "Judged", "Way", "read_transfers", "run_transfers"]
+__all__ = [
+    "CONDITIONS",
+    "WAYS",
+    "Condition",
+    "Judged",
+    "Way",
+    "lacking_transfers",
+    "read_transfers",
+    "run_transfer",
+    "run_transfers",
+]
 
 EPISODES = 400  # of the scripted controller, that clones and transformers learn from
 SEEDS_APART = 1000
@@ -123,33 +133,63 @@ def run_transfers(
     Raises KeyboardInterrupt where it was interrupted; the same call goes on.
     """
     ran = []
-    for seed in range(seeds):
-        for name in ways:
-            way = WAYS[name]
-            if not way.algorithm and seed:
-                continue  # nothing in it is drawn
-            file = results / f"{name}-{seed}.json"
-            if file.is_file():
-                continue
-            if begins is not None:
-                begins(f"{way.words}, seed {seed}")
-            policies, cpu = _learned(way, seed, work / f"{name}-{seed}", observers, interrupted)
-            cells = {}
-            for condition in conditions:
-                for how in ("as it is", "anticipated"):
-                    if begins is not None:
-                        begins(f"{name}, seed {seed}: {condition}, {how}")
-                    found = _judged(policies, CONDITIONS[condition], how, episodes)
-                    if found is not None:
-                        cells[f"{condition}/{how}"] = found
-                    if interrupted is not None and interrupted():
-                        raise KeyboardInterrupt
-            content = {"uuvsim_transfer": 1, "version": __version__, "way": name, "seed": seed,
-                       "learned": way.words, "cpu": round(cpu, 1), "judged": cells}  # fmt: skip
-            results.mkdir(parents=True, exist_ok=True)
-            write_whole(file, (json.dumps(content) + "\n").encode())
-            ran.append(f"{name}-{seed}")
+    for name, seed in lacking_transfers(seeds, results, ways):
+        run_transfer(
+            name, seed, results, work, observers=observers, interrupted=interrupted, begins=begins,
+            conditions=conditions, episodes=episodes,
+        )  # fmt: skip
+        ran.append(f"{name}-{seed}")
     return ran
+
+
+def lacking_transfers(
+    seeds: int, results: Path, ways: tuple[str, ...] = tuple(WAYS)
+) -> list[tuple[str, int]]:
+    """Give the ways and seeds of which there is no result; what draws nothing has one seed."""
+    return [
+        (name, seed)
+        for seed in range(seeds)
+        for name in ways
+        if (WAYS[name].algorithm or not seed) and not (results / f"{name}-{seed}.json").is_file()
+    ]
+
+
+def run_transfer(
+    name: str,
+    seed: int,
+    results: Path,
+    work: Path,
+    *,
+    observers: tuple[TrainingObserver, ...] = (),
+    interrupted: Callable[[], bool] | None = None,
+    begins: Callable[[str], None] | None = None,
+    conditions: tuple[str, ...] = tuple(CONDITIONS),
+    episodes: int = 100,
+) -> Path:
+    """Learn in one way with one seed, judge under each condition; gives the file it leaves."""
+    way = WAYS[name]
+
+    def say(text: str) -> None:
+        if begins is not None:
+            begins(text)
+
+    say(f"{way.words}, seed {seed}")
+    policies, cpu = _learned(way, seed, work / f"{name}-{seed}", observers, interrupted)
+    cells = {}
+    for condition in conditions:
+        for how in ("as it is", "anticipated"):
+            say(f"{name}, seed {seed}: {condition}, {how}")
+            found = _judged(policies, CONDITIONS[condition], how, episodes)
+            if found is not None:
+                cells[f"{condition}/{how}"] = found
+            if interrupted is not None and interrupted():
+                raise KeyboardInterrupt
+    content = {"uuvsim_transfer": 1, "version": __version__, "way": name, "seed": seed,
+               "learned": way.words, "cpu": round(cpu, 1), "judged": cells}  # fmt: skip
+    file = results / f"{name}-{seed}.json"
+    results.mkdir(parents=True, exist_ok=True)
+    write_whole(file, (json.dumps(content) + "\n").encode())
+    return file
 
 
 def read_transfers(results: Path) -> list[Judged]:

@@ -52,7 +52,8 @@ def policy(
 
 def _plain(file: PolicyFile, action_step: str) -> Model:
     settings = str(file.settings.get("action_step", ""))
-    step = action_step or settings or str(file.options.get("action_step", "")) or "0.1"
+    usual = "0.4" if is_tracking(file) else "0.1"  # the tasks' own
+    step = action_step or settings or str(file.options.get("action_step", "")) or usual
     m = Model("policy", f"A policy trained on {file.task}")
     seen = m.input(
         "observation", len(file.observation), unit="1", description="as the task gives it"

@@ -185,12 +185,16 @@ def test_every_option_runs_with_finite_numbers_within_the_limits(options: dict[s
     stage.episodes.close()
 
 
-def test_links_that_are_late_show_where_the_target_was() -> None:
+def test_links_that_are_late_show_where_the_target_was_and_the_start_before() -> None:
     late, sharp = TargetTracking(1, 0, delay=0.4), TargetTracking(1, 0)
     assert "positioning.y" in late.signals
     assert "positioning.y" not in sharp.signals
-    stage = TeamStage(late, 1)
+    stage, other = TeamStage(late, 1), TeamStage(sharp, 1)
     stage.reset(seeds=[5])
+    other.reset(seeds=[5])
+    first, known = (s.now.observation["tracker_1"] for s in (stage, other))
+    assert np.array_equal(first, known)
+    other.episodes.close()
     for _ in range(4):
         m = stage.act({"tracker_1": np.zeros((1, 2))}).moment
     behind = m["positioning.y"][0, :2] - m["target.position"][0, :2]

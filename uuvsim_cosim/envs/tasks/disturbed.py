@@ -7,7 +7,6 @@ it, and the hull, anew for each episode: what training with domain randomisation
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -17,10 +16,8 @@ from numpy.typing import NDArray
 from uuvsim_cosim.envs.distributions import Uniform
 from uuvsim_cosim.envs.draws import Draws
 from uuvsim_cosim.envs.randomisation import Randomisation, Vary
-from uuvsim_cosim.envs.task import Moment
 from uuvsim_cosim.envs.tasks.ranges import flag, within
 from uuvsim_cosim.envs.tasks.target_tracking import TargetTracking
-from uuvsim_cosim.envs.tasks.tracking_observation import Seen
 from uuvsim_cosim.models.preset import preset
 from uuvsim_cosim.orchestrator.shipped_tracking import LATENCY, target_tracking
 from uuvsim_cosim.orchestrator.system import System
@@ -89,19 +86,6 @@ class Disturbed(TargetTracking):
             for i in range(1, 9):  # thrust goes with the square of the flow
                 start[f"{agent}.thruster_{i}.Q_max"] = np.sqrt(thrust) * Q_max
         return start
-
-    def _seen(self, m: Moment) -> Seen:
-        """Give what is known; before a link's first sample, where things are."""
-        seen = super()._seen(m)
-        eta, target = self._of_all(m, "hull.eta"), m["target.position"][:, None, :2]
-        earlier = m.before["target.position"][:, None, :2]
-        first, second = ((m.step == k)[:, None, None] for k in (0, 1))
-        return replace(
-            seen,
-            eta=np.where(first, eta, seen.eta),
-            target=np.where(first, target, seen.target),
-            target_before=np.where(first | second, earlier, seen.target_before),
-        )
 
 
 @lru_cache(maxsize=8)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.channel import Channel
 from uuvsim_cosim.envs.draws import Draws
-from uuvsim_cosim.envs.task import Moment
+from uuvsim_cosim.envs.task import Moment, Symmetry
 from uuvsim_cosim.envs.tasks.ranges import flag, within
 from uuvsim_cosim.envs.tasks.target_tracking import A_MAX, OMEGA_MAX, TargetTracking
 from uuvsim_cosim.envs.tasks.tracking_observation import Seen
@@ -90,6 +90,10 @@ class PoolTracking(TargetTracking):
             "radio.loss": np.full(n, self.loss),
             **{f"thruster_{i}.Q_max": np.full(n, flow * self.thrust**0.5) for i in range(1, 9)},
         }
+
+    def symmetries(self) -> tuple[Symmetry, ...]:
+        """Give none: sensors stand where they stand."""
+        return ()
 
     def state(self, m: Moment) -> Array:
         """Give (5), as it is."""

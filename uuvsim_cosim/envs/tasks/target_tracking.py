@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.channel import Channel
 from uuvsim_cosim.envs.draws import Draws
-from uuvsim_cosim.envs.task import Moment, Randomised, TeamTask
+from uuvsim_cosim.envs.task import Moment, Randomised, Symmetry, TeamTask
 from uuvsim_cosim.envs.tasks.ranges import known_options, numbers, one_of, randomised, whole, within
-from uuvsim_cosim.envs.tasks.tracking_observation import Seen, egocentric, largest
+from uuvsim_cosim.envs.tasks.tracking_observation import Seen, egocentric, largest, symmetries
 from uuvsim_cosim.envs.tasks.tracking_reward import Scene, Terms, reward_terms
 from uuvsim_cosim.envs.tasks.tracking_rules import rules_of
 from uuvsim_cosim.envs.tasks.tracking_start import Arena, drawn_scene, waypoints
@@ -140,6 +140,12 @@ class TargetTracking(TeamTask):
         high = largest(self.slots, (self.arena.size[0], self.arena.size[1]))
         return -high, high
 
+    def symmetries(self) -> tuple[Symmetry, ...]:
+        """Give the arena's; none where waypoints go round it one way, or starts are drawn."""
+        if self.motion == "path" or self.randomisation is not None:
+            return ()
+        return symmetries(self.slots)
+
     def reward(self, m: Moment) -> Mapping[str, Array]:
         """Give each tracker's reward, equation (7)."""
         rewards = self.terms(m).rewards(self.rules)
@@ -249,11 +255,16 @@ class TargetTracking(TeamTask):
         )
 
     def _seen(self, m: Moment) -> Seen:
-        own = "positioning.y" if self.links else "hull.eta"
-        where = "positioning.y" if self.links else "target.position"
-        eta = self._of_all(m, own)
-        target = np.repeat(m[where][:, None, :2], self.n_trackers, axis=1)
-        earlier = np.repeat(m.before[where][:, None, :2], self.n_trackers, axis=1)
+        eta = self._of_all(m, "hull.eta")
+        target, earlier = m["target.position"], m.before["target.position"]
+        if self.links:  # before their first sample, the start is known
+            first, second = (m.step == 0)[:, None], (m.step <= 1)[:, None]
+            eta = np.where(first[:, None], eta, self._of_all(m, "positioning.y"))
+            target = np.where(first, target, m["positioning.y"])
+            earlier = np.where(second, earlier, m.before["positioning.y"])
+        target, earlier = (
+            np.repeat(x[:, None, :2], self.n_trackers, axis=1) for x in (target, earlier)
+        )
         known = np.ones(target.shape[:2], bool)
         if self.knowledge_range is not None:
             d = target - eta[:, :, :2]

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from uuvsim_cosim.envs.task import Symmetry
 from uuvsim_cosim.envs.tasks.frames import level
 
-__all__ = ["OBSTACLE", "OTHER", "OWN", "TARGET", "Seen", "egocentric", "largest"]
+__all__ = ["OBSTACLE", "OTHER", "OWN", "TARGET", "Seen", "egocentric", "largest", "symmetries"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -42,6 +43,27 @@ def largest(slots: tuple[int, int], arena: tuple[float, float]) -> Array:
     other = [1.0, far, far, 1.0, 1.0, 3.0, 5.0]
     obstacle = [1.0, far, far, 1.0, far]
     return np.array(own + target + other * slots[0] + obstacle * slots[1])
+
+
+def symmetries(slots: tuple[int, int]) -> tuple[Symmetry, ...]:
+    """Give the mirror on which East changes its sign, and the half turn of the arena, and both.
+
+    An action is a surge acceleration and a yaw rate.
+    """
+    own, target, other = (
+        (1, -1, 1, -1, 1, -1, -1, 1),
+        (1, 1, -1, 1, 1, -1),
+        (1, 1, -1, 1, -1, 1, -1),
+    )
+    mirrored = np.array(own + target + other * slots[0] + (1, 1, -1, 1, 1) * slots[1], float)
+    turned = np.ones_like(mirrored)
+    turned[:4] = -1.0  # N, E, cos and sin of heading: all else is egocentric
+    both, as_it_is = np.array([1.0, -1.0]), np.ones(2)
+    return (
+        Symmetry("mirror", mirrored, both),
+        Symmetry("half turn", turned, as_it_is),
+        Symmetry("mirror and half turn", mirrored * turned, both),
+    )
 
 
 def egocentric(
