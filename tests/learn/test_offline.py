@@ -163,7 +163,7 @@ def test_a_transformer_in_numpy_and_as_a_component_acts_as_torch(
     component.exit_initialization_mode()
     for k, row in enumerate(observations):
         component.set(v["observation"], np.asarray(row, float))
-        component.do_step(k / 10, 0.1)
+        component.do_step(0.4 * k, 0.4)
         rows.append(np.ravel(component.get(v["action"])))
     assert np.allclose(rows, want, rtol=0, atol=1e-5)
     assert np.ptp(want) > 0.05

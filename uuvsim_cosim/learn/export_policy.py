@@ -14,6 +14,7 @@ from uuvsim_cosim.cache import cache_dir, content_hash, write_whole
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.loading import load_policies
 from uuvsim_cosim.learn.policy import Array, Named, Policy
+from uuvsim_cosim.learn.sequence_runner import SequenceRunner
 
 __all__ = ["ENDINGS", "export_policy", "policy_model", "sequential", "tracking_settings"]
 
@@ -30,14 +31,17 @@ def export_policy(
 ) -> list[Path]:
     """Write the policy in a file, or in a training's folder, as the ending of `out` says.
 
-    Gives what was written: for .py the runner and its weights. With `plain`, an FMU of target
-    tracking has an observation and an action instead of a pilot's connectors. Raises InputInvalid.
+    Gives what was written: for .py the runner and its weights, and what remembers for a decision
+    transformer. With `plain`, an FMU of target tracking has an observation and an action instead
+    of a pilot's connectors. Raises InputInvalid.
     """
     out = Path(out).expanduser()
     ending = out.suffix.lower()
     if ending not in ENDINGS:
         raise InputInvalid(f"{out}: ending {ending!r} was read; expected {', '.join(ENDINGS)}")
     policy = _one(source)
+    if policy.kind == "sequence":
+        SequenceRunner(policy)  # refuses one that is not whole
     if ending == ".fmu":
         from uuvsim_cosim.fmus.export import build_fmu
 
@@ -172,16 +176,16 @@ def _write_torch(policy: Policy, out: Path) -> list[Path]:
 
 
 def _write_runner(policy: Policy, out: Path) -> list[Path]:
-    from uuvsim_cosim.learn import runner
+    from uuvsim_cosim.learn import runner, runner_sequence
 
+    made = [_written(out, inspect.getsource(runner).encode())]
     if policy.kind == "sequence":
-        raise InputInvalid("a policy of kind 'sequence' as a runner; expected .fmu or .pth")
+        beside = out.with_name(f"{out.stem}_sequence.py")
+        made.append(_written(beside, inspect.getsource(runner_sequence).encode()))
     tracking = tracking_settings(policy)
     if tracking is not None:
         policy = replace(policy, settings={**policy.settings, "tracking": tracking})
-    text = inspect.getsource(runner)
-    made = _written(out, text.encode())
-    return [made, policy.save(out.with_suffix(".npz"))]
+    return [*made, policy.save(out.with_suffix(".npz"))]
 
 
 def _written(out: Path, data: bytes) -> Path:
