@@ -151,8 +151,11 @@ def _through(
     stage_ends: Callable[[int, StageTrained], None] | None, first: int | None,
 ) -> list[StageTrained]:  # fmt: skip
     tasks = [_task(curriculum, stage) for stage in curriculum.stages]  # all mistakes first
-    for k in range(len(tasks)):
+    given = [
         check_settings(ALGORITHMS[curriculum.algorithm], settings_of(curriculum, k))
+        for k in range(len(tasks))
+    ]
+    _check_shapes(curriculum, given)
     _check_widths(curriculum, tasks)
     done = _claim(folder, curriculum, seed)
     results: list[StageTrained] = []
@@ -241,6 +244,21 @@ def _check_widths(curriculum: Curriculum, tasks: Sequence[Task | TeamTask]) -> N
                 f"on {acted}; expected {seen[0][0]} and {seen[0][1]}, as the first stage (target "
                 "tracking has an option slots)"
             )
+
+
+def _check_shapes(curriculum: Curriculum, settings: Sequence[Mapping[str, Any]]) -> None:
+    """Refuse settings that would change the networks' shapes on the way."""
+    from uuvsim_cosim.learn.masac import MasacSettings
+    from uuvsim_cosim.learn.transfer import SHAPES
+
+    for name in SHAPES:
+        values = [s.get(name, getattr(MasacSettings, name)) for s in settings]
+        for k, value in enumerate(values):
+            if value != values[0]:
+                raise InputInvalid(
+                    f"curriculum {curriculum.name}, stage {k + 1}: {name} {value!r}; expected "
+                    f"{values[0]!r}, as in the first stage"
+                )
 
 
 def _whole(name: str, value: Any) -> None:

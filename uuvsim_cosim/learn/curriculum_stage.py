@@ -115,8 +115,9 @@ def keep_switch(
 
     fresh = learner_for(curriculum, k, task, seed)
     began = last.transferred(
-        fresh.masac.agents, fresh.schedule, seed, observed=fresh.masac.observed
-    )
+        fresh.masac.agents, fresh.schedule, seed, observed=fresh.masac.observed,
+        settings=fresh.masac.settings,
+    )  # fmt: skip
     path = switch_of(folder, curriculum, k)
     path.parent.mkdir(parents=True, exist_ok=True)
     save_checkpoint(path, {"learner": began.state()})

@@ -116,12 +116,12 @@ class MasacLearner:
         return seen
 
     def transferred(
-        self, agents: int, schedule: OffPolicySettings, seed: int, **places: Any
+        self, agents: int, schedule: OffPolicySettings, seed: int, **changes: Any
     ) -> Self:
-        """Give a learner for the next task that acts as this one; see `transfer`."""
+        """Give a learner for the next task that acts as this one; `changes` are of `transfer`."""
         given = type(self).__new__(type(self))
         given.schedule, given.symmetries = schedule, ()
-        given.masac = transfer(self.masac, agents, self.awake(), seed=seed, **places)
+        given.masac = transfer(self.masac, agents, self.awake(), seed=seed, **changes)
         given._begin(seed)
         return given
 

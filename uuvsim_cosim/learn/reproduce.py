@@ -53,6 +53,7 @@ class Budget:
     settings: Mapping[str, Any] = field(default_factory=dict)  # of MASAC and SAC
     options: Mapping[str, Any] = field(default_factory=dict)  # of the tasks
     alone: Mapping[str, Any] = field(default_factory=dict)  # settings where there is one tracker
+    of: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # settings, by scenario
 
     def episodes(self, scenario: str) -> int:
         """Give the episodes of 50 actions that its steps are."""
@@ -67,13 +68,16 @@ BUDGETS = {
             "batched",
             "64 environments side by side, about five CPU minutes for the longest scenario; the "
             "paper's numbers, parameters shared by the trackers, each with its own reward "
-            "(`credit: own`). MASAC and ISAC: critics with layer normalisation, transitions drawn "
-            "in mirror images as well, the average of the last actors leaves.",
+            "(`credit: own`). MASAC and ISAC: critics with layer normalisation after the first two "
+            "scenarios, transitions drawn in mirror images as well, the average of the last actors "
+            "leaves.",
             64,
             {"source": 32_000, "transition_1": 25_600, "transition_2": 83_200, "target": 256_000},
             {"source": 1_600, "transition_1": 3_200, "transition_2": 6_400, "target": 12_800},
             {"shared": True, "batch": 128, "normalised": True, "mirror": True, "average": 0.005},
             {"rules": {"credit": "own"}}, {"batch": 256},
+            {"source": {"normalised": False, "updates": 10.0},
+             "transition_1": {"normalised": False}},
         ),
         # 200 episodes, one environment, one update a step: as the paper, and its numbers.
         Budget(
@@ -224,7 +228,7 @@ def _stage(chain: Chain, budget: Budget, scenario: str, steps: int) -> Stage:
     if chain.label == "three" and several:
         options["n_trackers"] = 3
     alone = not several or options.get("n_trackers") == 1
-    settings = budget.alone if alone else {}
+    settings = {**(budget.alone if alone else {}), **budget.of.get(scenario, {})}
     return Stage(scenario, steps, options, settings, evaluate_every=budget.evaluate_every[scenario])
 
 

@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.learn.masac import Masac
+from uuvsim_cosim.learn.masac import Masac, MasacSettings
 from uuvsim_cosim.learn.stacked import StackedMLP
 
-__all__ = ["transfer"]
+__all__ = ["SHAPES", "transfer"]
+
+SHAPES = ("hidden", "layers", "shared", "central")  # settings that must stay through a switch
 
 
 @torch.no_grad()
@@ -29,8 +31,11 @@ def transfer(
     columns: Sequence[int] | None = None,
     observed: int | None = None,
     seed: int = 0,
+    settings: MasacSettings | None = None,
 ) -> Masac:
     """Give a learner for `agents` that acts as `last` does.
+
+    `settings` are the next task's, by default the same; networks must be of the same shapes.
 
     `awake` (d,) says which numbers of the last task's observations have ever been other than zero.
     `columns` says where each of them stands in the next task's observations, of `observed`
@@ -46,7 +51,12 @@ def transfer(
         raise InputInvalid(f"columns: {max(places)}; expected places in 0 … {width - 1}")
     if awake.shape != (last.observed,):
         raise InputInvalid(f"awake of shape {awake.shape}; expected ({last.observed},)")
-    given = Masac(agents, width, last.acted, last.settings, seed)
+    settings = settings or last.settings
+    for name in SHAPES:
+        now, was = getattr(settings, name), getattr(last.settings, name)
+        if now != was:
+            raise InputInvalid(f"{name} {now} after a switch; expected {was}, as before it")
+    given = Masac(agents, width, last.acted, settings, seed)
     given.log_alpha.copy_(torch.stack([last.log_alpha[i % last.agents] for i in range(agents)]))
     given.centre.copy_(torch.stack([last.centre[i % last.agents] for i in range(agents)]))
     old = [i % last.nets for i in range(given.nets)]
