@@ -221,8 +221,8 @@ def test_one_seed_of_the_source_scenario_reaches_nine_tenths_of_the_scripted_ret
 
     budget = BUDGETS["batched"]
     stage = Stage(
-        "source", budget.steps["source"], settings=budget.alone, promotion=Promotion(),
-        evaluate_every=3_200,
+        "source", budget.steps["source"], settings={**budget.alone, **budget.of["source"]},
+        promotion=Promotion(), evaluate_every=1_600,
     )  # fmt: skip
     curriculum = Curriculum(
         "source", (stage,), settings=budget.settings, options=budget.options, evaluation_episodes=30

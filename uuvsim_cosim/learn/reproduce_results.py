@@ -65,7 +65,10 @@ def is_kept(results: Path, key: Key) -> bool:
 def keep(
     results: Path, key: Key, folder: Path, about: Mapping[str, Any], *, episodes: int = 100
 ) -> Result:
-    """Judge a training's best policy on seeds never seen, and keep what it leaves."""
+    """Judge a training's best policy on seeds never seen, and keep what it leaves.
+
+    The policies themselves are kept of seed 0; those of others stay in `folder`.
+    """
     task = make_task(about["task"], about["options"])
     policies = load_policies(folder)
     acts = acting_in(task, policies, about["task"])
@@ -75,7 +78,7 @@ def keep(
     stem = results / key.stem
     stem.parent.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(folder / "evaluations.csv", stem.with_name(f"{stem.name}.csv"))
-    for policy in _distinct(policies):
+    for policy in _distinct(policies) if key.seed == 0 else ():
         name = f"{stem.name}{f'.{policy.agent}' if policy.agent else ''}.npz"
         policy.save(stem.with_name(name))
     if isinstance(task, TeamTask):
