@@ -15,9 +15,10 @@ from uuvsim_cosim.learn.curriculum import Curriculum, Promotion, Stage
 __all__ = ["CURRICULA", "curriculum_of", "read_curriculum"]
 
 GOOD = Promotion()
-# Rows for the networks: two agents that share them make 256 of 128. Normalised critics teach to go
-# closer, for the little that r_a gives, than is good once the target moves: docs/paper.md.
-ALONE = {"batch": 256, "normalised": False}
+ALONE = {"batch": 256}  # rows for the networks; two agents that share them make 256 of 128
+# Normalised critics teach to go closer to a target that rests, for the little that r_a gives, than
+# is good once it moves: docs/paper.md.
+FIRST = {**ALONE, "normalised": False, "updates": 10.0}
 
 # fmt: off
 # The UUVSim paper's four scenarios. What differs from the defaults is what trials have shown:
@@ -26,10 +27,7 @@ CURRICULA = {
     "stt": Curriculum(
         "stt",
         (
-            Stage(
-                "source", 32_000, settings={**ALONE, "updates": 10.0}, promotion=GOOD,
-                evaluate_every=1_600,
-            ),
+            Stage("source", 32_000, settings=FIRST, promotion=GOOD, evaluate_every=1_600),
             Stage("transition_1", 25_600, settings=ALONE, promotion=GOOD, evaluate_every=3_200),
             Stage("transition_2", 83_200),
             Stage("target", 256_000, evaluate_every=12_800),

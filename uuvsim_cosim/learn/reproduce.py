@@ -68,16 +68,15 @@ BUDGETS = {
             "batched",
             "64 environments side by side, about five CPU minutes for the longest scenario; the "
             "paper's numbers, parameters shared by the trackers, each with its own reward "
-            "(`credit: own`). MASAC and ISAC: critics with layer normalisation after the first two "
-            "scenarios, transitions drawn in mirror images as well, the average of the last actors "
+            "(`credit: own`). MASAC and ISAC: critics with layer normalisation after the first "
+            "scenario, transitions drawn in mirror images as well, the average of the last actors "
             "leaves.",
             64,
             {"source": 32_000, "transition_1": 25_600, "transition_2": 83_200, "target": 256_000},
             {"source": 1_600, "transition_1": 3_200, "transition_2": 6_400, "target": 12_800},
             {"shared": True, "batch": 128, "normalised": True, "mirror": True, "average": 0.005},
             {"rules": {"credit": "own"}}, {"batch": 256},
-            {"source": {"normalised": False, "updates": 10.0},
-             "transition_1": {"normalised": False}},
+            {"source": {"normalised": False, "updates": 10.0}},
         ),
         # 200 episodes, one environment, one update a step: as the paper, and its numbers.
         Budget(
