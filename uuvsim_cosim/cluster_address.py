@@ -9,6 +9,7 @@ import signal
 import socket
 import threading
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from uuvsim_cosim.errors import InputInvalid
@@ -33,6 +34,10 @@ def connect(address: str, workers: int | None = None) -> tuple[Any, Callable[[],
     kind = _kind(address)
     for name, value in QUIET.items():
         os.environ.setdefault(name, value)
+    if address.startswith("ray://"):
+        _answered(address)
+        if _has_token():  # it is asked for before Ray is imported
+            os.environ.setdefault("RAY_AUTH_MODE", "token")
     try:
         import ray
     except ModuleNotFoundError as error:
@@ -42,7 +47,7 @@ def connect(address: str, workers: int | None = None) -> tuple[Any, Callable[[],
     if ray.is_initialized():
         _check_it_is(ray, address)
         return ray, lambda: None
-    if kind == "port":
+    if kind == "port" and not address.startswith("ray://"):
         _answered(address)
     given: dict[str, Any] = {"address": address, "logging_level": "ERROR"}
     if kind == "local":
@@ -66,6 +71,14 @@ def connect(address: str, workers: int | None = None) -> tuple[Any, Callable[[],
         if threading.current_thread() is threading.main_thread():
             signal.signal(signal.SIGTERM, before)  # Ray sets its own
     return ray, _silenced(ray)
+
+
+def _has_token() -> bool:
+    """Say whether there is a token, where Ray looks for one; a head then asks for it."""
+    if os.environ.get("RAY_AUTH_TOKEN"):
+        return True
+    path = os.environ.get("RAY_AUTH_TOKEN_PATH") or "~/.ray/auth_token"
+    return Path(path).expanduser().is_file()
 
 
 def _kind(address: str) -> str:
@@ -145,7 +158,10 @@ def _other(address: str, error: Exception) -> str:
                 f"--ray {address}: Ray {there[1]} on Python {there[2]} there; expected Ray "
                 f"{here[1]} on Python {here[2]}, as here"
             )
-    return f"--ray {address}: {_line(error)}"
+    hint = ""
+    if address.startswith("ray://"):
+        hint = "; RAY_AUTH_MODE is token where the head asks for one, else disabled"
+    return f"--ray {address}: {_line(error)}{hint}"
 
 
 def _line(error: BaseException) -> str:
