@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from uuvsim_cosim.fmus.equations import Equations, equations
-from uuvsim_cosim.fmus.lowering import lower
-from uuvsim_cosim.fmus.native import Native, compile_native
+from uuvsim_cosim.fmus.equations import Equations
+from uuvsim_cosim.fmus.lowering import Lowered, lower, runtime
+from uuvsim_cosim.fmus.native import Native, generated_source
+from uuvsim_cosim.fmus.toolchain import FLAGS, compile_shared
 from uuvsim_cosim.models.draws import normals
 from uuvsim_cosim.models.library import available, declare
 from uuvsim_cosim.models.model import Model
@@ -92,8 +94,8 @@ def stepped(native: Native, model: Model, rng: np.random.Generator, k: int) -> n
     return before
 
 
-def started(model: Model, library: Path | None = None) -> Native:
-    native = Native(model, model.name, library)
+def started(lowered: Lowered, library: Path | None = None) -> Native:
+    native = Native(lowered, lowered.model.name, library)
     native.enter_initialization_mode(0.0, None)
     native.exit_initialization_mode()
     return native
@@ -102,7 +104,8 @@ def started(model: Model, library: Path | None = None) -> Native:
 @pytest.mark.parametrize("name", NAMES)
 def test_the_c_of_a_component_agrees_with_casadi_within_1e_12(name: str) -> None:
     model = declare(name)
-    native, eq = started(model), equations(model)
+    lowered = lower(model)
+    native, eq = started(lowered), lowered.equations
     rng = np.random.default_rng(5)
     ticks = [0] * len(model.clocks)
     for k in range(STEPS):
@@ -114,13 +117,26 @@ def test_the_c_of_a_component_agrees_with_casadi_within_1e_12(name: str) -> None
     native.free()
 
 
+@pytest.fixture(scope="module")
+def runtime_by_gcc(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The runtime's object by gcc, compiled once; zig keeps its own."""
+    target = tmp_path_factory.mktemp("runtime") / "uuv_runtime.o"
+    source = runtime() / "uuv_runtime.c"
+    subprocess.run(["gcc", *FLAGS, "-fPIC", "-c", str(source), "-o", str(target)], check=True)
+    return target
+
+
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc here; zig is what users have")
 @pytest.mark.parametrize("name", [n for n in NAMES if "@" not in n])
-def test_gcc_and_zig_give_the_same_bits(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_gcc_and_zig_give_the_same_bits(
+    name: str, runtime_by_gcc: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     model = declare(name)
-    zig = started(model)
+    lowered = lower(model)
+    zig = started(lowered)
     monkeypatch.setenv("CC", "gcc")
-    gcc = started(model, compile_native(lower(model)))
+    parts = [runtime_by_gcc, generated_source(lowered)]
+    gcc = started(lowered, compile_shared(parts, name=f"{name}_gcc", include=[runtime()]))
     rngs = np.random.default_rng(6), np.random.default_rng(6)
     for k in range(STEPS):
         for native, rng in zip((zig, gcc), rngs, strict=True):

@@ -154,3 +154,14 @@ def test_a_right_hand_side_stays_flat() -> None:
     f = ca.Function("rhs", [x], [ca.if_else(x[0] > 0, dear(x[1]), x[1])])
     assert "if (" not in emit_function(f, "rhs(const V *b, V *dx)", ("b", "dx"))
     assert blocks_of(flat(nodes_of(f))) == []
+
+
+def test_functions_of_one_name_that_differ_in_a_number_keep_their_own_texts() -> None:
+    def text(number: float) -> str:
+        x = ca.SX.sym("x")
+        f = ca.Function("f", [x], [ca.sin(number * x)])
+        return emit_function(f, "f(const V *x, V *y)", ("x", "y"))
+
+    assert text(0.1) == text(0.1)
+    assert text(0.1) != text(0.1 + 2**-56)
+    assert repr(0.1 + 2**-56) in text(0.1 + 2**-56)

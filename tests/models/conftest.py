@@ -45,6 +45,12 @@ class Lanes:
     ) -> None:
         f = Evaluation(model)
         self.model, self.n = model, n
+        self.places: dict[tuple[str, str], slice] = {}
+        ends: dict[str, int] = {}
+        for v in model.variables.values():
+            first = ends.get(v.kind, 0)
+            ends[v.kind] = first + v.size
+            self.places[v.kind, v.name] = slice(first, first + v.size)
         self.random = np.random.default_rng(seed)
         self.u = np.tile(f.values_of("input", {})[:, None], n)
         self.p = np.tile(f.values_of("parameter", {})[:, None], n)
@@ -86,8 +92,8 @@ class Lanes:
     def __getitem__(self, name: str) -> Array:
         """Give an output or a discrete state: (size, n), or (size,) of a single lane."""
         for kind, values in (("output", self.y), ("discrete", self.z)):
-            if any(v.name == name for v in self.model.of_kind(kind)):  # type: ignore[arg-type]
-                rows = values[self._place(kind, name)]
+            if (kind, name) in self.places:
+                rows = values[self.places[kind, name]]
                 return rows[:, 0] if self.n == 1 else rows
         raise KeyError(name)
 
@@ -95,13 +101,8 @@ class Lanes:
         time = np.full((1, self.n), t)
         return self.outputs(time, self.u, self.p, self.d, self.x, self.z)
 
-    def _place(self, kind: Any, name: str) -> slice:
-        at = 0
-        for v in self.model.of_kind(kind):
-            if v.name == name:
-                return slice(at, at + v.size)
-            at += v.size
-        raise KeyError(name)
+    def _place(self, kind: str, name: str) -> slice:
+        return self.places[kind, name]
 
 
 @pytest.fixture(scope="session")

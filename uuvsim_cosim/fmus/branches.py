@@ -7,6 +7,7 @@ nest. A block too small to be worth a jump is left flat.
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,8 +15,9 @@ import casadi as ca
 
 __all__ = ["Block", "Node", "flat", "nodes_of", "scheduled"]
 
+Depth = dict[tuple[int, int], int]
 ROOT = -1
-WORTH = 20.0  # operations, of which a jump spares more than it costs
+WORTH = 20  # operations, of which a jump spares more than it costs
 FREE = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}
 DEAR = {ca.OP_SIN, ca.OP_COS, ca.OP_TAN, ca.OP_EXP, ca.OP_LOG, ca.OP_POW, ca.OP_ATAN, ca.OP_ATAN2,
         ca.OP_ASIN, ca.OP_ACOS, ca.OP_TANH, ca.OP_CALL}  # fmt: skip
@@ -86,9 +88,10 @@ def scheduled(nodes: list[Node]) -> list[int | Block]:
     """Give all instructions that results need, in an order to compute, with blocks of branches."""
     used = _used(nodes)
     grouped = _groups(nodes, used)
-    while True:
+    while grouped:
         region, parent = _regions(nodes, used, grouped)
-        small = [g for g in grouped if _cost(nodes, region, parent, g) < WORTH]
+        own = _own_costs(nodes, region)
+        small = [g for g in grouped if _cost(own, parent, g) < WORTH]
         if not small:
             order = _Order(nodes, used, grouped, region, parent)
             if order.stuck is None:
@@ -96,6 +99,7 @@ def scheduled(nodes: list[Node]) -> list[int | Block]:
             small = [order.stuck]
         for g in small:
             del grouped[g]
+    return flat(nodes)
 
 
 def _used(nodes: list[Node]) -> list[bool]:
@@ -109,20 +113,25 @@ def _used(nodes: list[Node]) -> list[bool]:
 
 def _groups(nodes: list[Node], used: list[bool]) -> dict[int, list[int]]:
     """Group selections by condition and by how many of that condition stand before them."""
-    behind: list[dict[tuple[int, int], int]] = []
+    behind: list[Depth] = []
     groups: dict[tuple[tuple[int, int], int], list[int]] = {}
     for n in nodes:
-        depth: dict[tuple[int, int], int] = {}
-        for i, _ in n.inputs:
-            if i >= 0:
-                for c, d in behind[i].items():
-                    depth[c] = max(depth.get(c, 0), d)
+        depth = _deepest([behind[i] for i, _ in n.inputs if i >= 0])
         if n.selects and used[n.k]:
             c = n.inputs[0]
             groups.setdefault((c, depth.get(c, 0)), []).append(n.k)
-            depth[c] = depth.get(c, 0) + 1
+            depth = {**depth, c: depth.get(c, 0) + 1}
         behind.append(depth)
     return dict(enumerate(groups.values()))
+
+
+def _deepest(depths: list[Depth]) -> Depth:
+    """Give the largest of each; most instructions share those of an input."""
+    found = max(depths, key=len, default={})
+    for other in depths:
+        if other is not found and any(found.get(c, 0) < d for c, d in other.items()):
+            found = {c: max(found.get(c, 0), other.get(c, 0)) for c in {**found, **other}}
+    return found
 
 
 def _regions(
@@ -142,26 +151,34 @@ def _regions(
     def common(a: int | None, b: int) -> int:
         if a is None or a == b:
             return b
+        if ROOT in (a, b):
+            return ROOT
         above = set(path(a))
         return next(g for g in path(b) if g in above)
 
+    needed = [
+        (n.k, n.op == ca.OP_OUTPUT, n.inputs, group_of.get(n.k))
+        for n in reversed(nodes)
+        if used[n.k]
+    ]
     while True:
         region: list[int | None] = [None] * len(nodes)
         around: dict[int, int | None] = {}
-        for n in reversed(nodes):
-            if not used[n.k]:
-                continue
-            here = region[n.k]
-            if n.op == ca.OP_OUTPUT:
-                here = region[n.k] = ROOT
-            g = group_of.get(n.k)
+        for k, stored, inputs, g in needed:
+            here = region[k]
+            if stored:
+                here = region[k] = ROOT
             if g is not None:
                 assert here is not None
                 here = around[g] = common(around.get(g), here)
-            for place, (i, _) in enumerate(n.inputs):
-                if i >= 0 and here is not None:
+            if here is None:
+                continue
+            for place, (i, _) in enumerate(inputs):
+                if i >= 0:
                     into = g if g is not None and place == 1 else here
-                    region[i] = common(region[i], into)
+                    now = region[i]
+                    if now != into:
+                        region[i] = into if now is None else common(now, into)
         found = {g: (ROOT if a is None else a) for g, a in around.items()}
         if found == parent:
             for g, members in groups.items():
@@ -171,18 +188,24 @@ def _regions(
         parent = found
 
 
-def _cost(nodes: list[Node], region: list[int | None], parent: dict[int, int], block: int) -> float:
-    inside = {block}
+def _own_costs(nodes: list[Node], region: list[int | None]) -> Counter[int | None]:
+    """Count what each block costs without the blocks inside it."""
+    own: Counter[int | None] = Counter()
+    for n in nodes:
+        if n.op not in FREE:
+            own[region[n.k]] += 20 if n.op in DEAR else 1
+    return own
+
+
+def _cost(own: Counter[int | None], parent: dict[int, int], block: int) -> int:
+    cost = own[block]
     for g in parent:
         seen = g
         while seen not in (ROOT, block):
             seen = parent[seen]
-        if seen == block:
-            inside.add(g)
-    worth = (
-        20.0 if n.op in DEAR else 1.0 for n in nodes if n.op not in FREE and region[n.k] in inside
-    )
-    return sum(worth)
+        if seen == block and g != block:
+            cost += own[g]
+    return cost
 
 
 class _Order:

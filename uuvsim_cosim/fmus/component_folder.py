@@ -63,7 +63,7 @@ def folder_texts(model: Model) -> dict[str, str]:
     """
     lowered = lower(model)
     description = describe(model, lowered.equations)
-    given, results = reference_result(model, compile_fmu(lowered))
+    given, results = reference_result(lowered, compile_fmu(lowered))
     return {
         "modelDescription.xml": model_description(
             lowered.equations, fmi=3, token="of each build", release=False

@@ -6,10 +6,13 @@ import math
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 import casadi as ca
 
+from uuvsim_cosim.cache import content_hash
 from uuvsim_cosim.errors import UuvsimError
 from uuvsim_cosim.fmus.branches import Block, Node, flat, nodes_of, scheduled
 from uuvsim_cosim.fmus.network_data import HEADER, network_call, network_data, network_of
@@ -40,6 +43,27 @@ def literal(value: float) -> str:
     return repr(float(value))
 
 
+@dataclass(frozen=True)
+class _Same:
+    """A function by its contents: equal ones have equal instructions."""
+
+    contents: str
+    f: Any = field(compare=False)
+
+
+def _once(write: Callable[..., str], f: Any, *more: Any) -> str:
+    """Write the text of a function once: masters, kernels and FMUs ask again for the same.
+
+    A function's contents name what it calls, and a table's or network's name holds its contents.
+    """
+    return _written(write, _Same(content_hash([f.name(), f.serialize()]), f), *more)
+
+
+@lru_cache(maxsize=1024)
+def _written(write: Callable[..., str], same: _Same, *more: Any) -> str:
+    return write(same.f, *more)
+
+
 def emit_function(
     f: Any, signature: str, targets: tuple[str, ...], *, branches: bool = True
 ) -> str:
@@ -50,6 +74,10 @@ def emit_function(
     because kernels move what it computes from held values out of it. So does what is emitted
     without `branches`: to find them takes long in a large function.
     """
+    return _once(_function_text, f, signature, targets, branches)
+
+
+def _function_text(f: Any, signature: str, targets: tuple[str, ...], branches: bool) -> str:
     *sources, result = targets
     nodes = nodes_of(f)
     items = scheduled(nodes) if branches and f.name() != "rhs" else flat(nodes)
@@ -93,6 +121,10 @@ def emit_update(f: Any, signature: str, first: int) -> str:
     have been computed. Cells that keep their value are not touched; nor are, where no lane takes
     a branch, those that only this branch changes.
     """
+    return _once(_update_text, f, signature, first)
+
+
+def _update_text(f: Any, signature: str, first: int) -> str:
     nodes = nodes_of(f)
     items = scheduled(nodes)
     text = _Text(f, nodes, ["b", "draws"], "b")

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.fmus.lowering import Lowered
 from uuvsim_cosim.models.model import Model
 
 __all__ = ["Experiment", "experiment_of", "input_at", "reference_result"]
@@ -64,7 +65,7 @@ def _wave(v: Variable, start: float, number: int, step: int) -> float:
 
 
 def reference_result(
-    model: Model, library: Path | None = None
+    lowered: Lowered, library: Path | None = None
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Run the native component; give the inputs at every step, and some steps' outputs.
 
@@ -72,8 +73,8 @@ def reference_result(
     """
     from uuvsim_cosim.fmus.native import Native
 
-    component = Native(model, model.name, library)
-    step = experiment_of(model).step_size
+    component = Native(lowered, lowered.model.name, library)
+    step = experiment_of(lowered.model).step_size
     inputs, outputs = component.description.of("input"), component.description.of("output")
     firsts = np.cumsum([0, *(v.size for v in inputs)])
     given: list[dict[str, Any]] = []

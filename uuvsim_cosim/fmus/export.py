@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Mapping, Sequence
-from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
 
 from uuvsim_cosim.cache import cache_dir, content_hash, intact, keep, write_whole
 from uuvsim_cosim.content import content
-from uuvsim_cosim.errors import InputInvalid, ToolchainError
+from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.describe import describe
 from uuvsim_cosim.fmus.documentation import csv_text, index_html, variables_markdown
 from uuvsim_cosim.fmus.experiment import reference_result
@@ -24,14 +23,19 @@ from uuvsim_cosim.fmus.model_description import (
 )
 from uuvsim_cosim.fmus.native import generated_source
 from uuvsim_cosim.fmus.peers import PEERS, peers_text
-from uuvsim_cosim.fmus.toolchain import compile_shared, platform_named
+from uuvsim_cosim.fmus.toolchain import (
+    compile_shared,
+    component_flags,
+    fmi_headers,
+    platform_named,
+)
 from uuvsim_cosim.models.model import Model
 
-__all__ = ["build_fmu", "build_many", "compile_fmu", "write_archive"]
+__all__ = ["build_fmu", "build_many", "compile_fmu", "fmi_headers", "write_archive"]
 
 
 def build_fmu(
-    model: Model,
+    model: Model | Lowered,
     *,
     fmi: FmiVersion = 3,
     platforms: Sequence[str] = ("host",),
@@ -42,15 +46,17 @@ def build_fmu(
     The same declaration, platforms and compiler give the same bytes. Raises ToolchainError if a
     platform cannot be compiled for, and InputInvalid if `target` cannot be written.
     """
+    declared = model.model if isinstance(model, Lowered) else model
     if fmi not in (2, 3):
-        raise InputInvalid(f"{model.name}: FMI version {fmi!r}; expected 2 or 3")
+        raise InputInvalid(f"{declared.name}: FMI version {fmi!r}; expected 2 or 3")
     wanted = sorted({platform_named(p).fmi2 for p in platforms})
-    lowered = lower(model)
-    name = f"{model_identifier(model.name)}.fmu"
+    lowered = model if isinstance(model, Lowered) else lower(model)
+    identifier = model_identifier(declared.name)
+    name = f"{identifier}.fmu"
     members = {k: v.encode() for k, v in _texts(lowered, fmi).items()}
     for place in map(platform_named, wanted):
         folder = place.fmi2 if fmi == 2 else place.fmi3
-        binary = f"{model_identifier(model.name)}{place.suffix}"
+        binary = f"{identifier}{place.suffix}"
         members[f"binaries/{folder}/{binary}"] = compile_fmu(lowered, place.fmi2).read_bytes()
     members |= _results(lowered)
     parts = [part for k in sorted(members) for part in (k, members[k])]
@@ -88,28 +94,13 @@ def compile_fmu(lowered: Lowered, platform: str = "host") -> Path:
     One compilation serves FMI 2.0 and FMI 3.0: the shells' objects are the compiler's to keep.
     """
     shells = [runtime() / f"fmi{fmi}_shell.c" for fmi in (2, 3)]
-    flags = ["-g0", "-s"]  # no folder of this machine inside
-    if platform_named(platform).suffix == ".so":
-        # Else an importer that loads with RTLD_GLOBAL would mix up two components.
-        flags.append("-Wl,-Bsymbolic")
     return compile_shared(
-        [generated_source(lowered), runtime() / "uuv_runtime.c", *shells],
+        [runtime() / "uuv_runtime.c", *shells, generated_source(lowered)],
         name=model_identifier(lowered.model.name),
         platform=platform,
         include=[runtime(), fmi_headers()],
-        flags=flags,
+        flags=component_flags(platform_named(platform)),
     )
-
-
-def fmi_headers() -> Path:
-    """Give the folder of FMI's own headers, which come with fmpy."""
-    spec = find_spec("fmpy")
-    places = (spec.submodule_search_locations or []) if spec else []
-    for place in places:
-        folder = Path(place) / "c-code"
-        if (folder / "fmi3Functions.h").is_file():
-            return folder
-    raise ToolchainError("FMI's C headers are missing; expected them with `pip install fmpy`")
 
 
 def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
@@ -191,7 +182,7 @@ def _build_description(identifier: str, compiled: Sequence[str]) -> str:
 
 def _results(lowered: Lowered) -> dict[str, bytes]:
     description = describe(lowered.model, lowered.equations)
-    given, results = reference_result(lowered.model, compile_fmu(lowered))
+    given, results = reference_result(lowered, compile_fmu(lowered))
     return {
         "documentation/input.csv": csv_text(description.of("input"), given).encode(),
         "documentation/reference.csv": csv_text(description.of("output"), results).encode(),

@@ -17,7 +17,7 @@ from uuvsim_cosim.fmus.component import Binding, BindingKind
 from uuvsim_cosim.fmus.describe import describe
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.lowering import Lowered, lower, runtime
-from uuvsim_cosim.fmus.toolchain import compile_shared
+from uuvsim_cosim.fmus.toolchain import compile_shared, component_flags, fmi_headers, host
 from uuvsim_cosim.models.model import Model
 
 __all__ = ["Native", "compile_native", "generated_source"]
@@ -33,18 +33,24 @@ def generated_source(lowered: Lowered) -> Path:
 
 
 def compile_native(lowered: Lowered) -> Path:
-    """Compile a lowered declaration with the runtime; cached."""
-    folder = runtime()
-    sources = [generated_source(lowered), folder / "uuv_runtime.c"]
-    return compile_shared(sources, name=lowered.model.name, include=[folder])
+    """Compile a lowered declaration with the runtime; cached.
+
+    The options are those of its FMU, so that zig compiles the same object for either only once.
+    """
+    return compile_shared(
+        [runtime() / "uuv_runtime.c", generated_source(lowered)],
+        name=lowered.model.name,
+        include=[runtime(), fmi_headers()],
+        flags=component_flags(host()),
+    )
 
 
 class Native:
     """An instance of a declaration: the `Component` protocol over its block of values."""
 
-    def __init__(self, model: Model, path: str, library: Path | None = None) -> None:
-        lowered = lower(model)
-        self.description = describe(model, lowered.equations)
+    def __init__(self, model: Model | Lowered, path: str, library: Path | None = None) -> None:
+        lowered = model if isinstance(model, Lowered) else lower(model)
+        self.description = describe(lowered.model, lowered.equations)
         self._names = {
             p.offset + i: f"{p.variable.name}[{i + 1}]" if p.variable.shape else p.variable.name
             for p in lowered.layout.placed

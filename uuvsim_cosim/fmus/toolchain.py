@@ -14,13 +14,23 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from importlib.util import find_spec
 from pathlib import Path
 
 from uuvsim_cosim.cache import cache_dir, content_hash, intact, keep
 from uuvsim_cosim.errors import ToolchainError
 from uuvsim_cosim.fmus.windows import linked_lightly, windows_files
 
-__all__ = ["PLATFORMS", "Platform", "compile_shared", "compiler", "host", "platform_named"]
+__all__ = [
+    "PLATFORMS",
+    "Platform",
+    "compile_shared",
+    "compiler",
+    "component_flags",
+    "fmi_headers",
+    "host",
+    "platform_named",
+]
 
 log = logging.getLogger("uuvsim_cosim.toolchain")
 
@@ -62,6 +72,26 @@ def platform_named(name: str) -> Platform:
     raise ToolchainError(
         f"unknown platform {name!r}; expected one of {', '.join(p.fmi2 for p in PLATFORMS)}"
     )
+
+
+def component_flags(platform: Platform) -> list[str]:
+    """Give the options of a component's library beyond those of every library."""
+    flags = ["-g0", "-s"]  # no folder of this machine inside
+    if platform.suffix == ".so":
+        # Else an importer that loads with RTLD_GLOBAL would mix up two components.
+        flags.append("-Wl,-Bsymbolic")
+    return flags
+
+
+def fmi_headers() -> Path:
+    """Give the folder of FMI's own headers, which come with fmpy."""
+    spec = find_spec("fmpy")
+    places = (spec.submodule_search_locations or []) if spec else []
+    for place in places:
+        folder = Path(place) / "c-code"
+        if (folder / "fmi3Functions.h").is_file():
+            return folder
+    raise ToolchainError("FMI's C headers are missing; expected them with `pip install fmpy`")
 
 
 @lru_cache
@@ -113,7 +143,9 @@ def compile_shared(
     """Compile C files into one shared library in the cache, and give its path.
 
     The cache's key holds the contents of the sources and of every header in the `include`
-    folders, the flags, and the compiler. Raises ToolchainError with the compiler's own words.
+    folders, the flags, and the compiler. Sources that many libraries have in common come first:
+    zig keeps their objects, but by the first source's name. Raises ToolchainError with the
+    compiler's own words.
     """
     target = platform_named(platform)
     command, identity = compiler()

@@ -134,8 +134,9 @@ def feed(x: Component, series: Iterable[Series], t: float) -> None:
         if not v.shape:
             x.set(v, s.at(t))
             continue
-        _, array = whole.setdefault(v.name, (v, np.array(x.get(v))))
-        array.flat[s.element] = s.at(t)
+        if v.name not in whole:
+            whole[v.name] = v, np.array(x.get(v))
+        whole[v.name][1].flat[s.element] = s.at(t)
     for v, array in whole.values():
         x.set(v, array)
 

@@ -10,11 +10,16 @@ from pathlib import Path
 from uuvsim_cosim.cache import cache_dir, content_hash, intact, keep
 from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.fmus.export import _archive, _build_description, _licence_of_headers, fmi_headers
+from uuvsim_cosim.fmus.export import _archive, _build_description, _licence_of_headers
 from uuvsim_cosim.fmus.export import _write as write_file
 from uuvsim_cosim.fmus.lowering import runtime
 from uuvsim_cosim.fmus.model_description import FmiVersion
-from uuvsim_cosim.fmus.toolchain import compile_shared, platform_named
+from uuvsim_cosim.fmus.toolchain import (
+    compile_shared,
+    component_flags,
+    fmi_headers,
+    platform_named,
+)
 from uuvsim_cosim.fmus.whole_description import Whole, index_page, whole_description
 
 __all__ = ["WholeFmu", "compiled", "sources_of"]
@@ -73,15 +78,14 @@ def library(fmu: WholeFmu, platform: str = "host") -> Path:
     for path, text in zip(generated, fmu.texts.values(), strict=True):
         if not intact(path):
             keep(path, text.encode())
-    suffix = platform_named(platform).suffix
-    flags = ["-g0", "-s", *(("-Wl,-Bsymbolic",) if suffix == ".so" else ())]
+    place = platform_named(platform)
     shells = [content("fmus", "whole") / f"whole_fmi{fmi}.c" for fmi in (2, 3)]
     return compile_shared(
-        [*generated, *shells],
+        [*shells, *generated],
         name=fmu.whole.identifier,
         platform=platform,
         include=[*fmu.include, fmi_headers()],
-        flags=[*flags, *(fmu.libraries or {}).get(suffix, ())],
+        flags=[*component_flags(place), *(fmu.libraries or {}).get(place.suffix, ())],
     )
 
 

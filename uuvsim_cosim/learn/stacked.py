@@ -73,7 +73,7 @@ class _Layers(Function):
     """
 
     @staticmethod
-    def forward(ctx: Any, normalised: bool, x: Tensor, *parameters: Tensor) -> Tensor:  # type: ignore[override]
+    def forward(ctx: Any, normalised: bool, x: Tensor, *parameters: Tensor) -> Tensor:
         depth = len(parameters) // 2
         inputs, norms = [], []
         for i, (w, b) in enumerate(zip(parameters[:depth], parameters[depth:], strict=True)):
@@ -91,7 +91,7 @@ class _Layers(Function):
         return x
 
     @staticmethod
-    def backward(ctx: Any, grad: Tensor) -> tuple[Tensor | None, ...]:  # type: ignore[override]
+    def backward(ctx: Any, grad: Tensor) -> tuple[Tensor | None, ...]:
         depth, saved = ctx.depth, ctx.saved_tensors
         inputs, weights, norms = saved[:depth], saved[depth : 2 * depth], saved[2 * depth :]
         of_weights: list[Tensor | None] = [None] * depth

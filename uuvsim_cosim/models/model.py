@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
+from math import prod
 from typing import Any, Literal
 
 import casadi as ca
@@ -51,7 +52,7 @@ class Declared:
     @property
     def size(self) -> int:
         """Give the number of scalar elements."""
-        return int(np.prod(self.shape, dtype=int))
+        return int(prod(self.shape))
 
 
 @dataclass
