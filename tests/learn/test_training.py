@@ -115,6 +115,45 @@ def test_a_truncated_checkpoint_is_refused_in_words(tmp_path: Path, cut: int) ->
         training(tmp_path, 128).run()
 
 
+@pytest.mark.parametrize("at", [0.3, 0.6])
+def test_a_checkpoint_with_one_wrong_byte_is_refused_in_words(tmp_path: Path, at: float) -> None:
+    first = training(tmp_path, 64)
+    first.run()
+    whole = bytearray(first.checkpoint.read_bytes())
+    whole[int(len(whole) * at)] ^= 1
+    first.checkpoint.write_bytes(whole)
+    with pytest.raises(InputInvalid, match=r"checkpoint\.pt: .*damaged.*expected a whole"):
+        training(tmp_path, 128).run()
+
+
+def test_a_checkpoint_of_an_earlier_format_is_refused_with_what_to_do(tmp_path: Path) -> None:
+    first = training(tmp_path, 64)
+    first.run()
+    old = torch.load(first.checkpoint, weights_only=True)
+    torch.save({**old, "uuvsim_checkpoint": 1}, first.checkpoint)
+    with pytest.raises(InputInvalid, match=r"format 1, of another version.*--restart"):
+        training(tmp_path, 128).run()
+
+
+def test_a_lost_checkpoint_is_not_silently_begun_anew(tmp_path: Path) -> None:
+    first = training(tmp_path, 64)
+    first.run()
+    first.checkpoint.unlink()
+    with pytest.raises(InputInvalid, match=r"checkpoint\.pt: no such file, beside curves"):
+        training(tmp_path, 128).run()
+
+
+def test_a_checkpoint_of_other_widths_is_refused_in_one_line(tmp_path: Path) -> None:
+    first = training(tmp_path, 64)
+    first.run()
+    again = training(tmp_path, 128)
+    other = MasacLearner(2, again.learner.masac.observed, 2, network=MasacSettings(hidden=8))
+    again.learner = other
+    with pytest.raises(InputInvalid, match=r"checkpoint\.pt: .*networks of these widths") as told:
+        again.run()
+    assert "\n" not in str(told.value)
+
+
 def test_a_checkpoint_of_another_task_is_refused(tmp_path: Path) -> None:
     training(tmp_path, 64).run()
     with pytest.raises(InputInvalid, match="task 'transition_2'; expected 'target'"):

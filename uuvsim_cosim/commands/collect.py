@@ -39,6 +39,7 @@ def collect_command(
     seed: Annotated[
         int | None, typer.Option("--seed", help="The first of the episodes' seeds.")
     ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an .npz.")] = False,
     ray: Annotated[str | None, typer.Option("--ray", help=RAY)] = None,
     task_set: Annotated[
         list[str] | None, typer.Option("--task-set", help="The task's NAME=VALUE: n_trackers=3.")
@@ -58,7 +59,7 @@ def collect_command(
         progress.say("building, once")
         from uuvsim_cosim.learn.dataset import refuse_taken, write_dataset
 
-        refuse_taken(out)
+        refuse_taken(out, overwrite)
         if recorded:
             from uuvsim_cosim.learn.recorded import from_recordings
 
@@ -74,7 +75,7 @@ def collect_command(
                     task, policy or "scripted", episodes, options=options, seed=first,
                     cluster=cluster,
                 )  # fmt: skip
-        written = write_dataset(data, out)
+        written = write_dataset(data, out, overwrite=overwrite)
     returns = data.returns
     line()
     line(f"{task}: {len(data.episodes)} episodes, {data.steps} actions")

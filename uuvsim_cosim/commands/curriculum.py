@@ -40,9 +40,10 @@ def train_through(
     from uuvsim_cosim.learn.interruption import Interruption
 
     curriculum = curriculum_of(name)
-    if task not in (None, "target-tracking", *(s.task for s in curriculum.stages)):
+    last = curriculum.stages[-1].task
+    if task not in (None, "target-tracking", last):
         raise InputInvalid(
-            f"task {task!r}: not of curriculum {curriculum.name}; expected target-tracking, or none"
+            f"task {task!r}: curriculum {curriculum.name} ends with {last}; expected that, or none"
         )
     given = {k: v for k, v in changes.items() if v not in (None, {})}
     seed = given.pop("seed", 0)

@@ -33,6 +33,11 @@ Returns in curves are of other held-out seeds, those that choose a run's best po
 
     uuvsim reproduce all --budget batched --seeds 5   # runs what is missing, goes on where it was
     uuvsim reproduce all --no-run                      # this page again
+
+The policies of seed 0 are beside their numbers, to be watched in three dimensions or as a page:
+
+    uuvsim play target --policy batched/target/stt-masac-0.npz --view
+    uuvsim play target --policy batched/target/stt-masac-0.npz -o episode.html
 """
 
 

@@ -184,6 +184,6 @@ def _checked(algorithm: str, name: str, value: Any, kind: type) -> Any:
         return int(value)
     low, high = _LIMITS.get(name, (1e-12, 1e6))
     if not number or not low <= value <= high:
-        expected = "more than 0" if low == 1e-12 else f"{low:g} … {high:g}"
+        expected = "more than 0, at most 1e6" if low == 1e-12 else f"{low:g} … {high:g}"
         raise InputInvalid(f"{place}; expected a number, {expected}")
     return float(value)

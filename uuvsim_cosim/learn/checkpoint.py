@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import pickle
 import zipfile
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,9 +16,9 @@ import torch
 from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.errors import InputInvalid, RecordingError
 
-__all__ = ["load_checkpoint", "save_checkpoint"]
+__all__ = ["load_checkpoint", "save_checkpoint", "unfit"]
 
-FORMAT = 1
+FORMAT = 2  # 1: without averaged actors
 
 
 def save_checkpoint(path: Path, content: Mapping[str, Any]) -> None:
@@ -39,17 +40,34 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
         raise InputInvalid(f"{path}: no such file; expected a checkpoint (.pt)")
     wanted = "expected a whole checkpoint as `uuvsim train` writes it"
     try:
+        with zipfile.ZipFile(path) as parts:  # torch does not look at checksums
+            damaged = parts.testzip()
+        if damaged is not None:
+            raise InputInvalid(f"{path}: {damaged} in it is damaged; {wanted}")
         read = torch.load(path, map_location="cpu", weights_only=True)
-    except (RuntimeError, pickle.UnpicklingError, zipfile.BadZipFile, EOFError, OSError,
-            ValueError, KeyError, AttributeError) as error:  # fmt: skip
-        first = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
-        raise InputInvalid(f"{path}: {first}; {wanted}") from None
+    except (RuntimeError, pickle.UnpicklingError, zipfile.BadZipFile, zlib.error, EOFError,
+            NotImplementedError, ValueError, KeyError, AttributeError):  # fmt: skip
+        raise InputInvalid(f"{path}: damaged, or of another program; {wanted}") from None
+    except OSError as error:
+        raise InputInvalid(f"{path}: {error.strerror or error}; {wanted}") from None
     if not isinstance(read, dict) or "uuvsim_checkpoint" not in read:
         raise InputInvalid(f"{path}: {type(read).__name__} of another program; {wanted}")
     if read["uuvsim_checkpoint"] != FORMAT:
-        raise InputInvalid(f"{path}: format {read['uuvsim_checkpoint']}; expected {FORMAT}")
+        raise InputInvalid(
+            f"{path}: format {read['uuvsim_checkpoint']}, of another version of this package; "
+            f"expected {FORMAT}, that version, or to begin anew (--restart)"
+        )
     content: dict[str, Any] = _arrays(read["content"])
     return content
+
+
+def unfit(error: Exception) -> InputInvalid:
+    """Give the error of a checkpoint that a learner cannot go on from."""
+    if isinstance(error, KeyError):
+        said = f"{error} is not in it"
+    else:  # torch says on further lines which numbers differ, one by one
+        said = str(error).splitlines()[0].rstrip(": ") if str(error) else type(error).__name__
+    return InputInvalid(f"{said}; expected one of this algorithm, with networks of these widths")
 
 
 def _tensors(value: Any) -> Any:

@@ -150,12 +150,8 @@ def _through(
     interrupted: Callable[[], bool] | None, stage_begins: Callable[[int, Stage], None] | None,
     stage_ends: Callable[[int, StageTrained], None] | None, first: int | None,
 ) -> list[StageTrained]:  # fmt: skip
-    tasks = [_task(curriculum, stage) for stage in curriculum.stages]  # all mistakes first
-    given = [
-        check_settings(ALGORITHMS[curriculum.algorithm], settings_of(curriculum, k))
-        for k in range(len(tasks))
-    ]
-    _check_shapes(curriculum, given)
+    tasks = [_task(curriculum, k) for k in range(len(curriculum.stages))]  # all mistakes first
+    _check_settings(curriculum)
     _check_widths(curriculum, tasks)
     done = _claim(folder, curriculum, seed)
     results: list[StageTrained] = []
@@ -229,8 +225,12 @@ def _result(place: Path, stage: Stage, row: Mapping[str, Any]) -> StageTrained:
     )
 
 
-def _task(curriculum: Curriculum, stage: Stage) -> Task | TeamTask:
-    return make_task(stage.task, {**curriculum.options, **stage.options})
+def _task(curriculum: Curriculum, k: int) -> Task | TeamTask:
+    stage = curriculum.stages[k]
+    try:
+        return make_task(stage.task, {**curriculum.options, **stage.options})
+    except InputInvalid as error:
+        raise InputInvalid(f"curriculum {curriculum.name}, stage {k + 1}: {error}") from None
 
 
 def _check_widths(curriculum: Curriculum, tasks: Sequence[Task | TeamTask]) -> None:
@@ -246,11 +246,18 @@ def _check_widths(curriculum: Curriculum, tasks: Sequence[Task | TeamTask]) -> N
             )
 
 
-def _check_shapes(curriculum: Curriculum, settings: Sequence[Mapping[str, Any]]) -> None:
-    """Refuse settings that would change the networks' shapes on the way."""
+def _check_settings(curriculum: Curriculum) -> None:
+    """Refuse settings that are none, or that would change the networks' shapes on the way."""
     from uuvsim_cosim.learn.masac import MasacSettings
     from uuvsim_cosim.learn.transfer import SHAPES
 
+    settings = []
+    for k in range(len(curriculum.stages)):
+        try:
+            given = check_settings(ALGORITHMS[curriculum.algorithm], settings_of(curriculum, k))
+        except InputInvalid as error:
+            raise InputInvalid(f"curriculum {curriculum.name}, stage {k + 1}: {error}") from None
+        settings.append(given)
     for name in SHAPES:
         values = [s.get(name, getattr(MasacSettings, name)) for s in settings]
         for k, value in enumerate(values):

@@ -45,7 +45,12 @@ def train_stage(
     stage = curriculum.stages[k]
     learner = learner_for(curriculum, k, task, seed)
     if k:
-        learner.set_state(load_checkpoint(switch_of(place.parent, curriculum, k))["learner"])
+        began = switch_of(place.parent, curriculum, k)
+        read = load_checkpoint(began)
+        try:
+            learner.set_state(read["learner"])
+        except InputInvalid as error:
+            raise InputInvalid(f"{began}: {error}") from None
     scripted = _scripted(task, curriculum, stage)
     about = place / STAGE
     before = spent(about)

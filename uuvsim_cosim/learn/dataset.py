@@ -118,20 +118,22 @@ class Dataset:
         return Stacked(o, np.clip(a, -1.0, 1.0), r, steps, ended)
 
 
-def refuse_taken(path: Path) -> None:
-    """Raise InputInvalid where a dataset cannot be written; a .npz is written anew."""
+def refuse_taken(path: Path, overwrite: bool = False) -> None:
+    """Raise InputInvalid where a dataset cannot be written, or would replace another."""
     path = path.expanduser()
     if path.suffix.lower() == ".npz":
         if path.is_dir():
             raise InputInvalid(f"{path}: is a folder; expected a file")
+        if path.exists() and not overwrite:
+            raise InputInvalid(f"{path}: exists; expected a new file, or --overwrite")
     elif path.exists() and (not path.is_dir() or any(path.iterdir())):
         raise InputInvalid(f"{path}: exists; expected a new folder, or a .npz")
 
 
-def write_dataset(given: Dataset, path: str | Path) -> Path:
+def write_dataset(given: Dataset, path: str | Path, *, overwrite: bool = False) -> Path:
     """Write a `.npz`, or a new folder of Minari's; raises InputInvalid where one is already."""
     path = Path(path).expanduser()
-    refuse_taken(path)
+    refuse_taken(path, overwrite)
     if path.suffix.lower() != ".npz":
         from uuvsim_cosim.learn.minari_dataset import write_minari
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from torch.nn.functional import smooth_l1_loss
 
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.checkpoint import unfit
 from uuvsim_cosim.learn.errors import LearningDiverged
 from uuvsim_cosim.learn.gradients import check_gradients
 from uuvsim_cosim.learn.grid import action_grid
@@ -167,4 +168,4 @@ class DqnLearner:
             self._lived, self._due, self._updates = state["counters"]
             _set_philox(self._random, state["random"])
         except (KeyError, RuntimeError, ValueError, TypeError) as error:
-            raise InputInvalid(f"checkpoint: {error}; expected one of this algorithm") from error
+            raise unfit(error) from error

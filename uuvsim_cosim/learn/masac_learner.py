@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.task import Symmetry
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.checkpoint import unfit
 from uuvsim_cosim.learn.masac import Masac, MasacSettings
 from uuvsim_cosim.learn.n_step import NStep
 from uuvsim_cosim.learn.replay import Replay, Transitions
@@ -144,7 +145,7 @@ class MasacLearner:
             self._lived, self._due, self._updates = state["counters"]
             _set_philox(self._random, state["random"])
         except (KeyError, RuntimeError, ValueError, TypeError) as error:
-            raise InputInvalid(f"checkpoint: {error}; expected one of this algorithm") from error
+            raise unfit(error) from error
 
 
 def _philox(random: np.random.Generator) -> dict[str, Any]:

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.checkpoint import unfit
 from uuvsim_cosim.learn.errors import LearningDiverged
 from uuvsim_cosim.learn.gradients import check_gradients, clip_by_network
 from uuvsim_cosim.learn.replay import Transitions
@@ -225,7 +226,7 @@ class PpoLearner:
             count = len(kept["reward"]) if kept else 0
             self._kept = [{k: x[t] for k, x in kept.items()} for t in range(count)]
         except (KeyError, RuntimeError, ValueError, TypeError) as error:
-            raise InputInvalid(f"checkpoint: {error}; expected one of this algorithm") from error
+            raise unfit(error) from error
 
 
 def _rows(x: Tensor) -> Array:

@@ -86,7 +86,6 @@ class Replay:
         for name, rows in self._rows.items():
             if len(state[name]) > self.size or state[name].shape[1:] != rows.shape[1:]:
                 raise InputInvalid(
-                    f"checkpoint: buffer {name!r} of shape {state[name].shape}; expected at most "
-                    f"{rows.shape}"
+                    f"buffer {name!r} of shape {state[name].shape}; expected at most {rows.shape}"
                 )
             rows[: self.count] = state[name]

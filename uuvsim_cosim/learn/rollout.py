@@ -108,7 +108,7 @@ class Rollout:
         steps = np.asarray(state["steps"])
         if steps.shape != (self.n,) or state["actions"].shape[1:] != self._actions.shape[1:]:
             raise InputInvalid(
-                f"checkpoint: {len(steps)} environments, actions of shape "
+                f"{len(steps)} environments, actions of shape "
                 f"{state['actions'].shape[2:]}; expected {self.n} and {self._actions.shape[2:]}"
             )
         most = int(steps.max(initial=0))

@@ -12,6 +12,7 @@ import torch
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.checkpoint import unfit
 from uuvsim_cosim.learn.dqn import DqnSettings
 from uuvsim_cosim.learn.grid import action_grid
 from uuvsim_cosim.learn.replay import Transitions
@@ -142,4 +143,4 @@ class Sb3Dqn:
             self._lived, self._due, self._updates = state["counters"]
             self._randomness.set_state(state["random"])
         except (KeyError, RuntimeError, ValueError, TypeError) as error:
-            raise InputInvalid(f"checkpoint: {error}; expected one of this algorithm") from error
+            raise unfit(error) from error

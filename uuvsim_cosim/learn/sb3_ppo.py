@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from torch import nn
 
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.checkpoint import unfit
 from uuvsim_cosim.learn.errors import LearningDiverged
 from uuvsim_cosim.learn.ppo import PpoSettings
 from uuvsim_cosim.learn.replay import Transitions
@@ -133,4 +134,4 @@ class Sb3Ppo:
             self._starts = np.array(state["starts"])
             self._randomness.set_state(state["random"])
         except (KeyError, RuntimeError, ValueError, TypeError) as error:
-            raise InputInvalid(f"checkpoint: {error}; expected one of this algorithm") from error
+            raise unfit(error) from error

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -98,6 +99,11 @@ class Training:
         self.folder.mkdir(parents=True, exist_ok=True)
         if self.checkpoint.is_file():
             self._resume()
+        elif _has_learned(self.folder / "evaluations.csv"):
+            raise InputInvalid(
+                f"{self.checkpoint}: no such file, beside curves of what was learned; expected it, "
+                "another folder, or to begin anew (--restart)"
+            )
         elif not self.evaluations:
             self._evaluate()
             self.save()
@@ -231,8 +237,11 @@ class Training:
                     f"{self.checkpoint}: {what} {read.get(what)!r}; expected {expected!r}, or "
                     "another folder"
                 )
-        self.rollout.set_state(read["rollout"])
-        self.learner.set_state(read["learner"])
+        try:
+            self.rollout.set_state(read["rollout"])
+            self.learner.set_state(read["learner"])
+        except InputInvalid as error:
+            raise InputInvalid(f"{self.checkpoint}: {error}") from None
         counters = read["counters"]
         self.step, self.episodes, self.best = (
             int(counters["step"]), int(counters["episodes"]), float(counters["best"])
@@ -260,6 +269,15 @@ def acting(task: Task | TeamTask, policies: Mapping[str, Policy]) -> Any:
         return dict(policies)
     (only,) = policies.values()
     return only
+
+
+def _has_learned(curves: Path) -> bool:
+    """Say whether there are curves that go beyond the start."""
+    try:
+        rows = list(csv.DictReader(io.StringIO(curves.read_text(encoding="utf-8"))))
+        return any(float(row.get("step") or 0) > 0 for row in rows)
+    except (OSError, ValueError):
+        return False
 
 
 def _write_csv(path: Path, rows: list[dict[str, float]]) -> None:
