@@ -148,6 +148,7 @@ def test_an_episode_is_played_as_picture_page_and_pictures(trained: Path, uuvsim
         ("evaluate scripted --task source --episodes 0", "--episodes 0: expected 1"),
         ("play --policy junk.npz", "junk.npz: "),
         ("play source --window --out x.png", "expected one of them"),
+        ("play source --out x.gif", "x.gif: expected .html"),
         ("play", "no task; expected one task"),
     ],
 )

@@ -53,6 +53,8 @@ def play_command(
         raise InputInvalid(f"--window and --out {out}: expected one of them")
     if window and view:
         raise InputInvalid("--window and --view: expected one of them")
+    if out is not None and out.suffix.lower() in (".gif", ".mp4", ".webm", ".jpg", ".jpeg", ".svg"):
+        raise InputInvalid(f"{out}: expected .html, .png (animated), or a folder of pictures")
     page = Page(port, view)
     options = nested("--task-set", task_set or [], "NAME=VALUE, as n_trackers=3")
     with StudyProgress() as progress:
