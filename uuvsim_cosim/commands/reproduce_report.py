@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["write_report"]
 
 NAMES = {"stt-masac": "STT", "scratch-masac": "from scratch"}
+SCHOOLED = "MASAC, after its schooling"
 STAGES = ("source", "transition_1", "transition_2", "target")
 HEAD = """# Target tracking: what was run, and what holds
 
@@ -124,14 +126,14 @@ def _pictures(
     if not runs:
         return []
     written = []
-    for figure, scenarios, ways in (
-        ("fig7", STAGES, ("stt-masac", "scratch-masac")),
-        ("fig9", ("target",), tuple(sorted({w for s, w in runs if w.endswith("all_steps")}))),
+    every = tuple(sorted({w for s, w in runs if w.endswith("all_steps")}))
+    for figure, panels, width in (
+        ("fig7", [_panel(runs, s, ("stt-masac", "scratch-masac")) for s in STAGES], 330.0),
+        ("fig9", [_schooled(runs, _panel(runs, "target", every))], 660.0),
     ):
-        panels = [_panel(runs, s, ways) for s in scenarios]
         if any(p.curves for p in panels):
             path = results / f"{figure}_{budget}.svg"
-            write_whole(path, curves_svg(panels, "return").encode())
+            write_whole(path, curves_svg(panels, "return", width).encode())
             written.append(path)
     return [*written, *_episodes(results, budget, runs)]
 
@@ -147,9 +149,25 @@ def _panel(
         if given:
             k = min(len(r.curve["step"]) for r in given)
             y = np.stack([r.curve["return"][:k] for r in given])
-            curves.append(Curve(NAMES.get(way, way), given[0].curve["step"][:k], y))
+            curves.append(Curve(_named(way), given[0].curve["step"][:k], y))
             yardstick = float(given[0].scripted.mean())
     return Panel(scenario.replace("_", " "), "environment steps", curves, yardstick)
+
+
+def _named(way: str) -> str:
+    """Give a way as a legend says it: "IDQN" for "scratch-idqn-all_steps"."""
+    return NAMES.get(way, way.removeprefix("scratch-").removesuffix("-all_steps").upper())
+
+
+def _schooled(runs: Mapping[tuple[str, str], Sequence[Result]], others: Panel) -> Panel:
+    """Put MASAC's last scenario beside those that had all steps there, after its schooling."""
+    schooling = [runs.get((s, "stt-masac"), []) for s in STAGES[:-1]]
+    if not others.curves or not all(schooling):
+        return others
+    curves = _panel(runs, STAGES[-1], ("stt-masac",)).curves
+    before = sum(float(given[0].about["steps"]) for given in schooling)
+    shifted = [replace(c, name=SCHOOLED, x=c.x + before) for c in curves]
+    return replace(others, curves=[*shifted, *others.curves])
 
 
 def _episodes(

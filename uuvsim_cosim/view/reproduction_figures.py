@@ -50,11 +50,14 @@ class Panel:
     yardstick: float | None = None
 
 
-def curves_svg(panels: Sequence[Panel], y_label: str) -> str:
-    """Give panels side by side: medians of seeds, and all between their least and greatest."""
+def curves_svg(panels: Sequence[Panel], y_label: str, width: float = WIDTH) -> str:
+    """Give panels side by side: medians of seeds, and all between their least and greatest.
+
+    `width` is that of a panel, in pixels.
+    """
     ways = list(dict.fromkeys(c.name for p in panels for c in p.curves))
-    wide = WIDTH * max(len(panels), 1)
-    parts = [_panel(p, k * WIDTH, ways, y_label) for k, p in enumerate(panels)]
+    wide = width * max(len(panels), 1)
+    parts = [_panel(p, k * width, ways, y_label, width) for k, p in enumerate(panels)]
     words = [(f"c{i % 6}", name) for i, name in enumerate(ways)]
     if any(p.yardstick is not None for p in panels):
         words.append(("yard", "hand-written controller"))
@@ -100,7 +103,7 @@ def episode_svg(
     return _whole(wide + 20, tall + 50, parts)
 
 
-def _panel(panel: Panel, at: float, ways: Sequence[str], y_label: str) -> str:
+def _panel(panel: Panel, at: float, ways: Sequence[str], y_label: str, width: float) -> str:
     given = [c for c in panel.curves if c.y.size]
     values = [0.0, *(v for c in given for v in (c.y.min(), c.y.max()))]
     values += [] if panel.yardstick is None else [panel.yardstick]
@@ -108,7 +111,7 @@ def _panel(panel: Panel, at: float, ways: Sequence[str], y_label: str) -> str:
         return text(at + LEFT, TOP - 12, f"{panel.title}: not yet run", "title")
     low, top = min(values), max(values)
     pad = 0.05 * (top - low or 1.0)
-    sx = Scale(0.0, max(float(c.x[-1]) for c in given), at + LEFT, at + WIDTH - RIGHT)
+    sx = Scale(0.0, max(float(c.x[-1]) for c in given), at + LEFT, at + width - RIGHT)
     sy = Scale(low - pad, top + pad, HEIGHT - BOTTOM, TOP)
     parts = [text(at + LEFT, TOP - 12, panel.title, "title")]
     for tick in nice_ticks(sy.low, sy.high):
@@ -119,7 +122,7 @@ def _panel(panel: Panel, at: float, ways: Sequence[str], y_label: str) -> str:
         word = f"{tick / 1000:g}k" if tick >= 1000 else f"{tick:g}"
         parts.append(text(float(sx(tick)), HEIGHT - BOTTOM + 15, word, "muted", "middle"))
     parts.append(text((sx.start + sx.end) / 2, HEIGHT - 5, panel.x_label, "muted", "middle"))
-    parts.append(text(at + WIDTH - RIGHT, TOP - 12, y_label, "muted", "end"))
+    parts.append(text(at + width - RIGHT, TOP - 12, y_label, "muted", "end"))
     if panel.yardstick is not None:
         y = float(sy(panel.yardstick))
         parts.append(f'<path class="yard" d="M{sx.start:.1f} {y:.1f}H{sx.end:.1f}"/>')
