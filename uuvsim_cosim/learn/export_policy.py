@@ -12,7 +12,7 @@ import numpy as np
 
 from uuvsim_cosim.cache import cache_dir, content_hash, write_whole
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.learn.loading import load_policies
+from uuvsim_cosim.learn.loading import load_policies, policy_path
 from uuvsim_cosim.learn.policy import Array, Named, Policy
 from uuvsim_cosim.learn.sequence_runner import SequenceRunner
 
@@ -107,11 +107,9 @@ def tracking_settings(policy: Policy) -> Mapping[str, Any] | None:
 
 
 def _one(source: str | Path) -> Policy:
-    path = Path(source).expanduser()
+    path = policy_path(source)
     if path.is_file():
         return Policy.load(path)
-    if not path.is_dir():
-        raise InputInvalid(f"{path}: no such file or folder; expected a policy (.npz)")
     found = load_policies(path)
     if len(found) != 1:
         agents = ", ".join(p.agent for p in found)

@@ -9,22 +9,42 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uuvsim_cosim.content import content
+from uuvsim_cosim.envs.options import near
 from uuvsim_cosim.envs.task import Task, TeamTask
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.policy import Policy
 from uuvsim_cosim.learn.sequence_runner import SequenceRunner
 
-__all__ = ["acting_in", "load_policies", "random_policy"]
+__all__ = ["acting_in", "load_policies", "policy_path", "random_policy"]
 
 Act = Callable[[NDArray[Any]], NDArray[np.float64]]
+
+
+def policy_path(given: str | Path) -> Path:
+    """Give a file or folder as it is, or the file of a policy that ships, by its name.
+
+    Raises InputInvalid where there is neither.
+    """
+    path = Path(given).expanduser()
+    if path.exists():
+        return path
+    ships = {p.stem: p for p in content("models", "policies").glob("*.npz")}
+    if str(given) in ships:
+        return ships[str(given)]
+    raise InputInvalid(
+        f"{given}: no such file or folder; expected a policy (.npz), a training's folder, or one "
+        f"that ships: {near(str(given), ships)}"
+    )
 
 
 def load_policies(path: str | Path, which: str = "best") -> list[Policy]:
     """Read the policies of a training's folder, or a file and those of the same team beside it.
 
-    `which` is "best" or "policy", the last; a folder with one kind only gives that.
+    `which` is "best" or "policy", the last; a folder with one kind only gives that. One that ships
+    may be given by its name, "target_masac".
     """
-    path = Path(path)
+    path = policy_path(path)
     if not path.is_dir():
         first = Policy.load(path)
         stem = path.stem.removesuffix(f"-{first.agent}")
