@@ -131,7 +131,7 @@ def test_a_checkpoint_of_an_earlier_format_is_refused_with_what_to_do(tmp_path: 
     first.run()
     old = torch.load(first.checkpoint, weights_only=True)
     torch.save({**old, "uuvsim_checkpoint": 1}, first.checkpoint)
-    with pytest.raises(InputInvalid, match=r"format 1, of another version.*--restart"):
+    with pytest.raises(InputInvalid, match=r"format 1, written by another version.*--restart"):
         training(tmp_path, 128).run()
 
 

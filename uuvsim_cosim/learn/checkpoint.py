@@ -54,8 +54,8 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
         raise InputInvalid(f"{path}: {type(read).__name__} of another program; {wanted}")
     if read["uuvsim_checkpoint"] != FORMAT:
         raise InputInvalid(
-            f"{path}: format {read['uuvsim_checkpoint']}, of another version of this package; "
-            f"expected {FORMAT}, that version, or to begin anew (--restart)"
+            f"{path}: format {read['uuvsim_checkpoint']}, written by another version of this "
+            f"package; expected {FORMAT}, or to begin anew (--restart)"
         )
     content: dict[str, Any] = _arrays(read["content"])
     return content
