@@ -42,6 +42,7 @@ def test_a_page_is_made_where_nothing_has_been_run(
             ["train", "uuvsim/StationKeeping-v0", "--curriculum", "stt"],
             "curriculum stt ends with target",
         ),
+        (["reproduce", "fig7", "--no-run", "-o", __file__], "is a file; expected a folder"),
         (["train", "--curriculum", "stt", "--algo", "dqn"], "transfers nothing; expected masac"),
         (["train", "--curriculum", "stt", "--set", "shard=1"], "expected shared"),
     ],

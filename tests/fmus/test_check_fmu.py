@@ -118,7 +118,7 @@ def test_an_fmu_that_crashes_or_hangs_is_a_finding(
             members[name] = bad
 
     path = altered(build_fmu(declared["lag"]()), tmp_path / "x.fmu", change)
-    found = check(path, time_limit=5.0)
+    found = check(path, time_limit=8.0)
     assert [f.check for f in found] == ["run"]
     assert words in found[0].text
 
@@ -188,7 +188,7 @@ RESET = "    start(&((instance *)c)->v);\n    return fmi2OK;"
 def test_what_a_master_needs_and_the_fmu_does_not_keep_is_found(
     tmp_path: Path, edit: tuple[str, str], finding: str, words: str
 ) -> None:
-    looks = examine(path := first_order(tmp_path, edit), time_limit=5.0)
+    looks = examine(path := first_order(tmp_path, edit), time_limit=8.0)
     found = {look.check: look for look in looks}
     assert found[finding].result == "finding"
     assert any(look.check == finding and words in look.text for look in looks)

@@ -13,7 +13,7 @@ import pytest
 from uuvsim_cosim.fmus.equations import Equations
 from uuvsim_cosim.fmus.lowering import Lowered, lower, runtime
 from uuvsim_cosim.fmus.native import Native, generated_source
-from uuvsim_cosim.fmus.toolchain import FLAGS, compile_shared
+from uuvsim_cosim.fmus.toolchain import FLAGS, compile_shared, component_flags, host
 from uuvsim_cosim.models.draws import normals
 from uuvsim_cosim.models.library import available, declare
 from uuvsim_cosim.models.model import Model
@@ -136,7 +136,10 @@ def test_gcc_and_zig_give_the_same_bits(
     zig = started(lowered)
     monkeypatch.setenv("CC", "gcc")
     parts = [runtime_by_gcc, generated_source(lowered)]
-    gcc = started(lowered, compile_shared(parts, name=f"{name}_gcc", include=[runtime()]))
+    library = compile_shared(
+        parts, name=f"{name}_gcc", include=[runtime()], flags=component_flags(host())
+    )
+    gcc = started(lowered, library)
     rngs = np.random.default_rng(6), np.random.default_rng(6)
     for k in range(STEPS):
         for native, rng in zip((zig, gcc), rngs, strict=True):

@@ -161,3 +161,13 @@ def test_unknown_names_are_refused_before_anything_runs(tmp_path: Path) -> None:
         train_curriculum(wrong, tmp_path / "x")
     assert not (tmp_path / "x").exists()
     assert CURRICULA["stt"].stages[-1].task == "target"
+
+
+def test_mirror_without_a_symmetry_is_refused_with_its_stage_before_anything_runs(
+    tmp_path: Path,
+) -> None:
+    stages = (Stage("source", 80), Stage("transition_1", 80, {"motion": "path"}))
+    one_way = Curriculum("c", stages, settings={"mirror": True}, envs=8)
+    with pytest.raises(InputInvalid, match=r"stage 2: mirror: transition_1 has no symmetry"):
+        train_curriculum(one_way, tmp_path / "c")
+    assert not (tmp_path / "c").exists()

@@ -47,6 +47,9 @@ def reproduce_command(
     if seeds < 1:
         raise InputInvalid(f"--seeds {seeds}: expected 1 or more")
     chains_of(figure)
+    for option, folder in (("--out", out), ("--work", work)):
+        if folder.exists() and not folder.is_dir():
+            raise InputInvalid(f"{option} {folder}: is a file; expected a folder")
     if not no_run:
         if ray is None:
             _run(figure, BUDGETS[budget], seeds, out, work)

@@ -151,7 +151,7 @@ def _through(
     stage_ends: Callable[[int, StageTrained], None] | None, first: int | None,
 ) -> list[StageTrained]:  # fmt: skip
     tasks = [_task(curriculum, k) for k in range(len(curriculum.stages))]  # all mistakes first
-    _check_settings(curriculum)
+    _check_settings(curriculum, tasks)
     _check_widths(curriculum, tasks)
     done = _claim(folder, curriculum, seed)
     results: list[StageTrained] = []
@@ -246,7 +246,7 @@ def _check_widths(curriculum: Curriculum, tasks: Sequence[Task | TeamTask]) -> N
             )
 
 
-def _check_settings(curriculum: Curriculum) -> None:
+def _check_settings(curriculum: Curriculum, tasks: Sequence[Task | TeamTask]) -> None:
     """Refuse settings that are none, or that would change the networks' shapes on the way."""
     from uuvsim_cosim.learn.masac import MasacSettings
     from uuvsim_cosim.learn.transfer import SHAPES
@@ -257,6 +257,11 @@ def _check_settings(curriculum: Curriculum) -> None:
             given = check_settings(ALGORITHMS[curriculum.algorithm], settings_of(curriculum, k))
         except InputInvalid as error:
             raise InputInvalid(f"curriculum {curriculum.name}, stage {k + 1}: {error}") from None
+        if given.get("mirror") and not tasks[k].symmetries():
+            raise InputInvalid(
+                f"curriculum {curriculum.name}, stage {k + 1}: mirror: {curriculum.stages[k].task} "
+                "has no symmetry; expected mirror=false"
+            )
         settings.append(given)
     for name in SHAPES:
         values = [s.get(name, getattr(MasacSettings, name)) for s in settings]
