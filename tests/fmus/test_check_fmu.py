@@ -118,7 +118,7 @@ def test_an_fmu_that_crashes_or_hangs_is_a_finding(
             members[name] = bad
 
     path = altered(build_fmu(declared["lag"]()), tmp_path / "x.fmu", change)
-    found = check(path, time_limit=8.0)
+    found = check(path, time_limit=5.0)
     assert [f.check for f in found] == ["run"]
     assert words in found[0].text
 

@@ -63,6 +63,15 @@ def test_what_was_learned_after_the_last_evaluation_is_judged_too(tmp_path: Path
     assert again.run() == rows
 
 
+def test_fewer_steps_than_were_trained_are_refused(tmp_path: Path) -> None:
+    training(tmp_path, 120).run()
+    training(tmp_path, 113).run()  # fifteen actions of eight, as 120
+    with pytest.raises(
+        InputInvalid, match=r"checkpoint\.pt: of step 120, 112 asked for;.*--restart"
+    ):
+        training(tmp_path, 112).run()
+
+
 def test_no_two_trainings_nor_evaluations_share_a_seed() -> None:
     ends = [(first_of_training(s), first_of_training(s) + MOST_ENVS) for s in (0, 1, 2, 999_999)]
     assert all(a[1] <= b[0] for a, b in itertools.pairwise(ends))

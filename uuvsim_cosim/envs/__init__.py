@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from uuvsim_cosim.envs.channel import Channel
 from uuvsim_cosim.envs.draws import Draws
 from uuvsim_cosim.envs.registration import register, register_shipped
+from uuvsim_cosim.envs.symmetry import Symmetry
 from uuvsim_cosim.envs.task import Moment, Randomised, Task, TeamTask
 
 if TYPE_CHECKING:
@@ -32,6 +33,7 @@ __all__ = [
     "Moment",
     "Randomised",
     "Solo",
+    "Symmetry",
     "Task",
     "TeamTask",
     "published",

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -18,13 +17,14 @@ from numpy.typing import NDArray
 from uuvsim_cosim.envs.channel import Channel
 from uuvsim_cosim.envs.draws import Draws
 from uuvsim_cosim.envs.options import seconds
+from uuvsim_cosim.envs.symmetry import Symmetry
 from uuvsim_cosim.errors import InputInvalid
 
 if TYPE_CHECKING:
     from uuvsim_cosim.envs.picture import View
     from uuvsim_cosim.orchestrator.system import System
 
-__all__ = ["Moment", "Randomised", "Symmetry", "Task", "TeamTask"]
+__all__ = ["Moment", "Randomised", "Task", "TeamTask"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -59,15 +59,6 @@ class Moment(Protocol):
 
     def __getitem__(self, name: str) -> Array:
         """Give a signal of the task, in the variable's own unit, of shape (n, *shape)."""
-
-
-@dataclass(frozen=True)
-class Symmetry:
-    """A mirror image or a half turn: the signs that an agent's numbers change by, each 1 or -1."""
-
-    name: str
-    observation: Array  # (width,)
-    action: Array  # (width,)
 
 
 class Randomised(Protocol):

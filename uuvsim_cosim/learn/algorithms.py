@@ -10,7 +10,7 @@ from uuvsim_cosim.envs.options import near
 from uuvsim_cosim.errors import InputInvalid
 
 if TYPE_CHECKING:
-    from uuvsim_cosim.envs.task import Symmetry
+    from uuvsim_cosim.envs.symmetry import Symmetry
     from uuvsim_cosim.learn.learner import Learner
 
 __all__ = ["ALGORITHMS", "Algorithm", "algorithm_for", "check_settings", "learner_of"]

@@ -9,7 +9,7 @@ from typing import Any, Self, final
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.task import Symmetry
+from uuvsim_cosim.envs.symmetry import Symmetry
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.checkpoint import unfit
 from uuvsim_cosim.learn.masac import Masac, MasacSettings
@@ -54,6 +54,8 @@ class MasacLearner:
         self.schedule, self.symmetries = schedule or OffPolicySettings(), tuple(symmetries)
         if self.schedule.mirror and not self.symmetries:
             raise InputInvalid("mirror: the task has no symmetry; expected mirror=false")
+        for symmetry in self.symmetries:
+            symmetry.check(observed, acted)
         self.masac = Masac(agents, observed, acted, network or MasacSettings(), seed)
         self._begin(seed)
 

@@ -9,7 +9,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.task import Symmetry
+from uuvsim_cosim.envs.symmetry import Symmetry
 from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["Replay", "Transitions", "seen_by"]

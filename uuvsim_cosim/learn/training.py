@@ -247,6 +247,11 @@ class Training:
             int(counters["step"]), int(counters["episodes"]), float(counters["best"])
         )  # fmt: skip
         self._rows, self.evaluations = read["rows"], read["evaluations"]
+        if self.step - self.n >= self.steps:
+            raise InputInvalid(
+                f"{self.checkpoint}: of step {self.step}, {self.steps} asked for; expected at "
+                "least as many steps, another folder, or to begin anew (--restart)"
+            )
 
     def _write_curves(self) -> None:
         _write_csv(self.folder / "episodes.csv", self._rows)

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.channel import Channel
 from uuvsim_cosim.envs.draws import Draws
-from uuvsim_cosim.envs.task import Moment, Symmetry
+from uuvsim_cosim.envs.symmetry import Symmetry
+from uuvsim_cosim.envs.task import Moment
 from uuvsim_cosim.envs.tasks.ranges import flag, within
 from uuvsim_cosim.envs.tasks.target_tracking import A_MAX, OMEGA_MAX, TargetTracking
 from uuvsim_cosim.envs.tasks.tracking_observation import Seen

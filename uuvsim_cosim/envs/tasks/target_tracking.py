@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.channel import Channel
 from uuvsim_cosim.envs.draws import Draws
-from uuvsim_cosim.envs.task import Moment, Randomised, Symmetry, TeamTask
+from uuvsim_cosim.envs.symmetry import Symmetry
+from uuvsim_cosim.envs.task import Moment, Randomised, TeamTask
 from uuvsim_cosim.envs.tasks.ranges import known_options, numbers, one_of, randomised, whole, within
 from uuvsim_cosim.envs.tasks.tracking_observation import Seen, egocentric, largest, symmetries
 from uuvsim_cosim.envs.tasks.tracking_reward import Scene, Terms, reward_terms
