@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
+import subprocess
 import sys
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -48,7 +51,13 @@ class Nodes:
         own: dict[str, Any] = {
             "num_cpus": 1, "object_store_memory": 80 * 2**20, "include_dashboard": False,
         }  # fmt: skip
-        self._nodes = Processes(initialize_head=True, head_node_args=own)
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            port = free.getsockname()[1]
+        outside = {"ray_client_server_port": port}
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ResourceWarning)  # Ray leaves its server's logs open
+            self._nodes = Processes(initialize_head=True, head_node_args=own | outside)
+        self.from_outside = f"ray://127.0.0.1:{port}"
         self.session = Path(self._nodes.head_node.get_session_dir_path()).name
         self._other = self._nodes.add_node(**own)
         self.address = self._nodes.address
@@ -110,6 +119,7 @@ def nodes() -> Iterator[Nodes]:
         patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
         # Otherwise Ray takes the address of a network interface, even for 127.0.0.1.
         patch.setattr("ray._private.ray_constants.ENABLE_RAY_CLUSTER", False)
+        patch.setenv("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")  # the same, in other processes
         made = Nodes()
         try:
             yield made
@@ -133,6 +143,21 @@ def test_a_study_has_the_same_table_on_a_cluster(
     assert status_of(["study", "s.yaml", "-o", "here", "--no-report"]) == 0
     there = ["study", "s.yaml", "-o", "there", "--no-report", "--ray", cluster.address]
     assert status_of(there) == 0
+    assert Path("here/runs.parquet").read_bytes() == Path("there/runs.parquet").read_bytes()
+
+
+def test_a_study_has_the_same_table_from_a_machine_outside_of_the_cluster(
+    nodes: Nodes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("s.yaml").write_text(STUDY)
+    asked = ["study", "s.yaml", "--no-report"]
+    assert status_of([*asked, "-o", "here"]) == 0
+    there = [*asked, "-o", "there", "--ray", nodes.from_outside]
+    command = [sys.executable, "-m", "uuvsim_cosim", *there]
+    environment = os.environ | {"RAY_AUTH_MODE": "disabled"}
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=120)
+    assert done.returncode == 0, done.stdout + done.stderr
     assert Path("here/runs.parquet").read_bytes() == Path("there/runs.parquet").read_bytes()
 
 
