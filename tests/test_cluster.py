@@ -156,7 +156,9 @@ def test_a_study_has_the_same_table_from_a_machine_outside_of_the_cluster(
     there = [*asked, "-o", "there", "--ray", nodes.from_outside]
     command = [sys.executable, "-m", "uuvsim_cosim", *there]
     environment = os.environ | {"RAY_AUTH_MODE": "disabled"}
-    done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=120)
+    done = subprocess.run(
+        command, check=False, capture_output=True, text=True, env=environment, timeout=120
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     assert Path("here/runs.parquet").read_bytes() == Path("there/runs.parquet").read_bytes()
 
