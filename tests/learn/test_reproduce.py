@@ -10,16 +10,19 @@ import numpy as np
 import pytest
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.learn import reproduce as reproduction
+from uuvsim_cosim.learn import reproduce_ways as ways
 from uuvsim_cosim.learn.policy import Policy
-from uuvsim_cosim.learn.reproduce import BUDGETS, SCENARIOS, Budget, chains_of, reproduce
+from uuvsim_cosim.learn.reproduce import reproduce
 from uuvsim_cosim.learn.reproduce_results import Key, Result, read_result, read_results
 from uuvsim_cosim.learn.reproduce_verdicts import Verdict, verdicts
+from uuvsim_cosim.learn.reproduce_ways import BUDGETS, CAREFUL, SCENARIOS, Budget, chains_of
 
+EVERY = dict.fromkeys((*SCENARIOS, CAREFUL), 80)
 TINY = Budget(
-    "batched", "as small as can be", 8, dict.fromkeys(SCENARIOS, 80), dict.fromkeys(SCENARIOS, 80),
+    "batched", "as small as can be", 8, EVERY, EVERY,
     {"hidden": 16, "batch": 16, "buffer": 1000, "shared": True},
-    {"rules": {"credit": "own"}, "horizon": 4},
+    {"rules": {"credit": "own"}, "horizon": 4}, of={CAREFUL: {"lr": 1e-3}},
+    under={CAREFUL: {"w_p": 0.5}},
 )  # fmt: skip
 
 
@@ -28,7 +31,7 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """Figure 7 without those from scratch, of one seed."""
     folder = tmp_path_factory.mktemp("reproduced")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(reproduction.NEEDS, "fig8", (reproduction.STT,))
+        patch.setitem(ways.NEEDS, "fig8", (ways.STT,))
         reproduce("fig8", TINY, 1, folder / "results", folder / "work", episodes=3)
     return folder / "results", folder / "work"
 
@@ -45,9 +48,20 @@ def test_a_run_leaves_numbers_a_curve_an_episode_and_a_policy(ran: tuple[Path, P
     assert Policy.load(stem.with_name("stt-masac-0.npz")).task == "target"
 
 
+def test_what_was_learned_under_other_rules_is_judged_by_the_same(ran: tuple[Path, Path]) -> None:
+    first, careful = (
+        read_result(ran[0], Key("batched", s, "stt-masac", 0)) for s in ("target", "careful")
+    )
+    assert careful.about["learned under"] == {"w_p": 0.5}
+    assert careful.about["options"] == first.about["options"]
+    assert np.array_equal(careful.scripted, first.scripted)
+    policy = Policy.load(ran[0] / "batched" / "careful" / "stt-masac-0.npz")
+    assert policy.options["rules"] == {"credit": "own", "w_p": 0.5}
+
+
 def test_what_is_there_is_not_run_again(ran: tuple[Path, Path]) -> None:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(reproduction.NEEDS, "fig8", (reproduction.STT,))
+        patch.setitem(ways.NEEDS, "fig8", (ways.STT,))
         assert reproduce("fig8", TINY, 1, *ran, episodes=3) == []
         lost = ran[0] / "batched" / "source" / "stt-masac-0.json"
         before = lost.read_bytes()
@@ -74,12 +88,12 @@ def test_a_chain_in_pieces_leaves_the_same_policies(ran: tuple[Path, Path], tmp_
     here: Any = Here()
     told: list[float] = []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(reproduction.NEEDS, "fig8", (reproduction.STT,))
+        patch.setitem(ways.NEEDS, "fig8", (ways.STT,))
         keys = reproduce_on(
             here, "fig8", TINY, 1, tmp_path / "results", tmp_path / "work", seconds=0.1,
             episodes=3, progress=lambda _, done, __: told.append(done),
         )  # fmt: skip
-    assert [k.scenario for k in keys] == ["source", "target", "transition_1", "transition_2"]
+    assert {k.scenario for k in keys} == {*SCENARIOS, CAREFUL}
     assert len(told) > 2  # in pieces
     for policy in ran[0].rglob("*.npz"):
         other = tmp_path / "results" / policy.relative_to(ran[0])
@@ -119,6 +133,13 @@ def test_unknown_figures_are_refused_and_all_is_every_one() -> None:
     assert BUDGETS["paper"].steps["source"] == 200 * 50
 
 
+def test_ways_without_schooling_have_as_many_steps_as_its_four_scenarios() -> None:
+    for chain in chains_of("fig9")[1:]:
+        plan = ways.plan_of(chain, BUDGETS["batched"])
+        steps = plan["steps"] if isinstance(plan, dict) else plan.stages[0].steps
+        assert steps == 32_000 + 25_600 + 83_200 + 256_000
+
+
 # ---- verdicts, on results made up ---------------------------------------------------------
 
 
@@ -156,6 +177,14 @@ def test_figure_8_holds_only_if_every_limit_is_kept() -> None:
     assert said() == "holds"
     for worse in ({"track": 0.94}, {"dist": 0.95}, {"dist": 0.3}, {"viol": 0.02}, {"clean": 0.99}):
         assert said(**worse) == "does not hold"
+
+
+def test_the_costs_of_the_target_scenario_are_of_both_times() -> None:
+    target = judged("stt-masac", 1.0)
+    again = [replace(r, key=replace(r.key, scenario="careful")) for r in target]
+    rows = verdicts({("target", "stt-masac"): target, ("careful", "stt-masac"): again})
+    assert row(rows, "the cost").measured.startswith("at most 200 CPU s (careful")
+    assert row(rows, "learned to be careful").text == "holds"
 
 
 def test_a_few_bad_episodes_are_not_left_out() -> None:

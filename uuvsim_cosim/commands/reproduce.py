@@ -40,7 +40,7 @@ def reproduce_command(
 
     What was interrupted goes on with the same command.
     """
-    from uuvsim_cosim.learn.reproduce import BUDGETS, chains_of
+    from uuvsim_cosim.learn.reproduce_ways import BUDGETS, chains_of
 
     if budget not in BUDGETS:
         raise InputInvalid(f"--budget {budget}: expected {' or '.join(BUDGETS)}")

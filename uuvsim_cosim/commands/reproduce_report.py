@@ -38,16 +38,16 @@ Returns in curves are of other held-out seeds, those that choose a run's best po
 
 The policies of seed 0 are beside their numbers, to be watched in three dimensions or as a page:
 
-    uuvsim play target --policy batched/target/stt-masac-0.npz --view
-    uuvsim play target --policy batched/target/stt-masac-0.npz -o episode.html
+    uuvsim play target --policy batched/careful/stt-masac-0.npz --view
+    uuvsim play target --policy batched/careful/stt-masac-0.npz -o episode.html
 """
 
 
 def write_report(results: Path) -> tuple[dict[str, list[Verdict]], list[Path]]:
     """Write README.md and pictures into a folder of results; gives verdicts by budget."""
-    from uuvsim_cosim.learn.reproduce import BUDGETS
     from uuvsim_cosim.learn.reproduce_results import read_results
     from uuvsim_cosim.learn.reproduce_verdicts import verdicts
+    from uuvsim_cosim.learn.reproduce_ways import BUDGETS
 
     results.mkdir(parents=True, exist_ok=True)
     rows: dict[str, list[Verdict]] = {}
@@ -87,7 +87,7 @@ def _section(
         "\n| scenario | way | seeds | return | of scripted | track | dist [m] | viol | clean | "
         "CPU s |\n|---|---|---|---|---|---|---|---|---|---|"
     )
-    order = {s: k for k, s in enumerate(STAGES)}
+    order = {s: k for k, s in enumerate((*STAGES, "careful"))}
     for (scenario, way), given in sorted(runs.items(), key=lambda x: (order[x[0][0]], x[0][1])):
         parts.append(_row(scenario, way, given))
         if way == "stt-masac":
@@ -175,9 +175,9 @@ def _episodes(
 ) -> list[Path]:
     from uuvsim_cosim.view.reproduction_figures import episode_svg
 
-    given = runs.get(("target", "stt-masac"), [])
+    ways = [runs.get((s, "stt-masac"), []) for s in ("careful", "target")]
     written = []
-    for run in given[:1]:
+    for run in next((given for given in ways if given), [])[:1]:
         with (results / f"{run.key.stem}.episode.csv").open(newline="") as file:
             rows = list(csv.DictReader(file))
         columns = {k: np.array([float(r[k]) for r in rows]) for k in rows[0]}

@@ -11,15 +11,9 @@ from uuvsim_cosim.cluster import Cluster
 from uuvsim_cosim.errors import UuvsimError
 from uuvsim_cosim.learn.files import read_files, write_files
 from uuvsim_cosim.learn.ray_training import SECONDS, changed_files, clock
-from uuvsim_cosim.learn.reproduce import (
-    Budget,
-    Chain,
-    keys_of,
-    lacking,
-    place_of,
-    reproduce_one,
-)
+from uuvsim_cosim.learn.reproduce import keys_of, lacking, place_of, reproduce_one
 from uuvsim_cosim.learn.reproduce_results import Key, is_kept
+from uuvsim_cosim.learn.reproduce_ways import Budget, Chain
 from uuvsim_cosim.learn.train import one_thread
 from uuvsim_cosim.learn.transfer_runs import (
     CONDITIONS,

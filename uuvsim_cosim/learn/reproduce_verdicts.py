@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -45,7 +45,9 @@ def verdicts(results: Results) -> list[Verdict]:
     rows = [_source(results), *_continuity(results)]
     for scenario in STAGES[1:]:
         rows += [_helps(results, scenario), _half(results, scenario)]
-    rows += [_figure_8(results), *(_beats(results, a) for a in ("ippo", "idqn", "isac", "mappo"))]
+    rows += [_figure_8(results, "target")]
+    rows += [_figure_8(results, "careful")] if ("careful", STT) in results else []
+    rows += [_beats(results, a) for a in ("ippo", "idqn", "isac", "mappo")]
     return [*rows, *_teams(results), _cost(results)]
 
 
@@ -101,11 +103,14 @@ def _half(results: Results, scenario: str) -> Verdict:
     return Verdict("7", claim, wanted, said, _said(bool(holds)), min(len(stt), len(scratch)))
 
 
-def _figure_8(results: Results) -> Verdict:
+def _figure_8(results: Results, scenario: str) -> Verdict:
     wanted = "track ≥ 0.95, dist in [0.38, 0.9] m, viol ≤ 1 %, clean ≥ 0.9"
-    runs = results.get(("target", STT), [])
+    claim = "two trackers track among obstacles"
+    if scenario == "careful":
+        claim += ", when they have learned to be careful"
+    runs = results.get((scenario, STT), [])
     if not runs:
-        return _missing("8", "two trackers track among obstacles", wanted)
+        return _missing("8", claim, wanted)
     track, dist, viol = (_metric(runs, k) for k in ("track", "dist", "viol"))
     clean = _clean(runs)
     holds = (
@@ -113,7 +118,7 @@ def _figure_8(results: Results) -> Verdict:
         and clean.value >= 0.9
     )  # fmt: skip
     said = f"track {track}, dist {dist}, viol {viol}, clean {clean}, return {_share(runs)} scripted"
-    return Verdict("8", "two trackers track among obstacles", wanted, said, _said(holds), len(runs))
+    return Verdict("8", claim, wanted, said, _said(holds), len(runs))
 
 
 def _beats(results: Results, algorithm: str) -> Verdict:
@@ -155,11 +160,21 @@ def _cost(results: Results) -> Verdict:
     every = [r for runs in results.values() for r in runs]
     if not every:
         return _missing("all", "the cost", wanted)
-    worst = max(every, key=lambda r: float(r.about["cpu"]))
-    seconds = float(worst.about["cpu"])
+    before = {r.key: _cpu(r) for r in results.get(("target", STT), [])}
+
+    def cost(run: Result) -> float:  # of the target scenario, both times together
+        again = replace(run.key, scenario="target")
+        return _cpu(run) + (before.get(again, 0.0) if run.key.scenario == "careful" else 0.0)
+
+    worst = max(every, key=cost)
+    seconds = cost(worst)
     said = f"at most {seconds:.0f} CPU s ({worst.key.scenario}, {worst.key.way})"
     seeds = max(len(runs) for runs in results.values())
     return Verdict("all", "the cost", wanted, said, _said(seconds <= 600), seeds)
+
+
+def _cpu(run: Result) -> float:
+    return float(run.about["cpu"])
 
 
 def numbers_of(runs: Sequence[Result]) -> dict[str, Interval]:
