@@ -12,9 +12,9 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from types import TracebackType
-from typing import Any, Self, TypeVar, final
+from typing import Any, TypeVar, final
 
+from uuvsim_cosim.closing import Closing
 from uuvsim_cosim.cluster_address import connect
 from uuvsim_cosim.cluster_versions import difference, told_by_a_node, versions
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
@@ -29,7 +29,7 @@ PROBE = 120.0  # s, for a machine to say which versions it has
 
 
 @final
-class Cluster:
+class Cluster(Closing):
     """A connection to a Ray cluster; what it began ends with it.
 
     `address` is host:port of the head, ray://host:port (Ray Client), "auto" (the cluster that this
@@ -53,19 +53,6 @@ class Cluster:
         except BaseException:
             self.close()
             raise
-
-    def __enter__(self) -> Self:
-        """Give this."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """End what is still being done, and the connection."""
-        self.close()
 
     @property
     def cpus(self) -> int:

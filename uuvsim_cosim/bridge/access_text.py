@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import ipaddress
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, final
+from typing import Any
 
 from uuvsim_cosim.bridge.access import LOOPBACK, Access, Tls, User, is_loopback
 from uuvsim_cosim.bridge.access_passwords import is_hash
 from uuvsim_cosim.bridge.access_tls import certificate_problem
 from uuvsim_cosim.bridge.roles import ROLES
-from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.yaml_text import YamlText, shown
 
 __all__ = ["read_access"]
 
@@ -26,8 +26,8 @@ _NONE = "none"
 def read_access(path: str | Path) -> Access:
     """Read an access file; raises InputInvalid with all of its mistakes."""
     file = Path(path)
-    text = _Text(file)
-    if not text.mapping([], text.data, _KEYS):
+    text = YamlText(file, "an access file")
+    if not text.keys([], text.data, _KEYS):
         text.refuse()
     data = text.data
     users = _users(text, data["users"]) if "users" in data else {}
@@ -48,7 +48,7 @@ def read_access(path: str | Path) -> Access:
     return Access(users, tls, anyone, listen, plain)
 
 
-def _users(text: _Text, data: Any) -> dict[str, User]:
+def _users(text: YamlText, data: Any) -> dict[str, User]:
     found: dict[str, User] = {}
     if not isinstance(data, Mapping):
         text.wrong(["users"], "expected a mapping, such as ann: {role: owner, password: …}")
@@ -57,8 +57,8 @@ def _users(text: _Text, data: Any) -> dict[str, User]:
         place = ["users", name]
         if not _NAME.fullmatch(str(name)):
             text.wrong(place, "a name has letters, digits and . _ @ -, at most 64")
-        elif text.mapping(place, said, ("role", "password"), needed=("role", "password")):
-            role = text.role([*place, "role"], said.get("role"))
+        elif text.keys(place, said, ("role", "password"), needed=("role", "password")):
+            role = _role(text, [*place, "role"], said.get("role"))
             if not is_hash(said.get("password")):  # never repeated: it may be the password itself
                 text.wrong(
                     [*place, "password"],
@@ -69,12 +69,12 @@ def _users(text: _Text, data: Any) -> dict[str, User]:
     return found
 
 
-def _anyone(text: _Text, data: Any) -> str | None:
+def _anyone(text: YamlText, data: Any) -> str | None:
     said = data.get("anyone", _NONE)
-    return None if said == _NONE else text.role(["anyone"], said, (_NONE,))
+    return None if said == _NONE else _role(text, ["anyone"], said, (_NONE,))
 
 
-def _listen(text: _Text, data: Any) -> tuple[str, ...]:
+def _listen(text: YamlText, data: Any) -> tuple[str, ...]:
     hosts = [data] if isinstance(data, str) else data
     if not isinstance(hosts, list) or not hosts or not all(isinstance(h, str) for h in hosts):
         text.wrong(["listen"], f"{_shown(data)}; expected addresses, such as [127.0.0.1, 0.0.0.0]")
@@ -91,8 +91,8 @@ def _listen(text: _Text, data: Any) -> tuple[str, ...]:
     return tuple(dict.fromkeys(str(host) for host in hosts))
 
 
-def _tls(text: _Text, data: Any, folder: Path) -> Tls | None:
-    if not text.mapping(["tls"], data, _TLS, needed=("certificate", "key")):
+def _tls(text: YamlText, data: Any, folder: Path) -> Tls | None:
+    if not text.keys(["tls"], data, _TLS, needed=("certificate", "key")):
         return None
     files: dict[str, Path] = {}
     for key in ("certificate", "key", "ca"):
@@ -110,7 +110,7 @@ def _tls(text: _Text, data: Any, folder: Path) -> Tls | None:
     for name, role in said.items():
         if not _NAME.fullmatch(str(name)):
             text.wrong(["tls", "roles", name], "a name has letters, digits and . _ @ -, at most 64")
-        elif (known := text.role(["tls", "roles", name], role)) is not None:
+        elif (known := _role(text, ["tls", "roles", name], role)) is not None:
             roles[str(name)] = known
     if roles and "ca" not in data:
         text.wrong(["tls", "roles"], "roles of certificates; expected the `ca` that signs them")
@@ -122,75 +122,20 @@ def _tls(text: _Text, data: Any, folder: Path) -> Tls | None:
     return tls
 
 
-@final
-class _Text:
-    """A YAML file, and the mistakes found in it so far."""
-
-    def __init__(self, path: Path) -> None:
-        from ruamel.yaml import YAML
-        from ruamel.yaml.error import MarkedYAMLError, YAMLError
-
-        self.path = path
-        self.mistakes: list[tuple[int, str]] = []
-        try:
-            self.data = YAML(typ="rt", pure=True).load(path.read_text(encoding="utf-8"))
-        except MarkedYAMLError as error:
-            line = error.problem_mark.line + 1 if error.problem_mark else 1
-            problem = str(error.problem or error.context).splitlines()[0]
-            raise InputInvalid(f"{path}:{line}: {problem}; expected YAML") from None
-        except OSError as error:
-            raise InputInvalid(
-                f"{path}: cannot be read ({error.strerror}); expected an access file"
-            ) from None
-        except (UnicodeDecodeError, YAMLError) as error:
-            raise InputInvalid(f"{path}: cannot be read as YAML: {error}") from None
-
-    def wrong(self, place: list[Any], sentence: str) -> None:
-        """Note a mistake at a place."""
-        from uuvsim_cosim.models.parameters import line_of
-
-        name = ".".join(
-            str(p + 1) if isinstance(p, int) and place[0] == "listen" else str(p) for p in place
-        )
-        self.mistakes.append((line_of(self.data, place), f"{name or 'the file'}: {sentence}"))
-
-    def mapping(
-        self, place: list[Any], data: Any, known: tuple[str, ...], needed: tuple[str, ...] = ()
-    ) -> bool:
-        """Say whether something is a mapping; note unknown keys, and those that are missing."""
-        if not isinstance(data, Mapping):
-            self.wrong(place, f"{_shown(data)}; expected a mapping with {', '.join(known)}")
-            return False
-        for key in data:
-            if key not in known:
-                near = get_close_matches(str(key), known, 1, 0.5) or known
-                self.wrong([*place, key], f"unknown; expected {', '.join(near)}")
-        for key in needed:
-            if key not in data:
-                self.wrong(place, f"has no {key}; expected {', '.join(needed)}")
-        return True
-
-    def role(self, place: list[Any], role: Any, others: tuple[str, ...] = ()) -> str | None:
-        """Give a role that exists, or note that it does not; a missing one is noted before."""
-        if role is None:
-            return None
-        if not isinstance(role, str) or role not in ROLES:
-            known = [*ROLES, *others]
-            near = get_close_matches(str(role), known, 1) or known
-            self.wrong(place, f"role {_shown(role)}; expected {', '.join(near)}")
-            return None
-        return str(role)
-
-    def refuse(self) -> None:
-        """Raise InputInvalid with every mistake, if there are any."""
-        if self.mistakes:
-            lines = [f"{self.path}:{n}: {text}" for n, text in sorted(set(self.mistakes))]
-            raise InputInvalid("\n  ".join(lines))
+def _role(text: YamlText, place: list[Any], role: Any, others: Iterable[str] = ()) -> str | None:
+    """Give a role that exists, or note that it does not; a missing one is noted before."""
+    if role is None:
+        return None
+    if not isinstance(role, str) or role not in ROLES:
+        known = [*ROLES, *others]
+        near = get_close_matches(str(role), known, 1) or known
+        text.wrong(place, f"role {_shown(role)}; expected {', '.join(near)}")
+        return None
+    return str(role)
 
 
 def _shown(data: Any) -> str:
-    if data is None:
-        return "nothing"
+    """Give what was read in few words, never what is inside: that may be a password."""
     if isinstance(data, Mapping | list):
         return f"a {'mapping' if isinstance(data, Mapping) else 'list'}"
-    return repr(str(data)[:60]) if isinstance(data, str) else str(data)
+    return shown(data)

@@ -6,8 +6,7 @@ import json
 import secrets
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self, final, overload
+from typing import Any, final, overload
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from uuvsim_cosim.bridge.conductor_names import nearest
 from uuvsim_cosim.bridge.desk import Moment, SignalInfo
 from uuvsim_cosim.bridge.wrapped_session import PORT, Disconnected, WrappedSession
 from uuvsim_cosim.bridge.zenoh_codec import PROTOCOL, error_of, packed, read_message, unpacked
+from uuvsim_cosim.closing import Closing
 from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["Connection", "connect"]
@@ -58,7 +58,7 @@ def connect(
 
 
 @final
-class Connection:
+class Connection(Closing):
     """One client of a running co-simulation; leaves when it is closed, or the program ends."""
 
     def __init__(
@@ -233,19 +233,6 @@ class Connection:
             if self._states is not None:
                 self._states.close()
             self._session.close()
-
-    def __enter__(self) -> Self:
-        """Give the connection."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Leave."""
-        self.close()
 
     # ---- inside ---------------------------------------------------------------------------
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from math import prod
-from types import TracebackType
 from typing import Any, Self, final
 
 import numpy as np
@@ -13,6 +12,7 @@ import numpy as np
 from uuvsim_cosim.bridge.conductor_names import nearest
 from uuvsim_cosim.bridge.stream import HEADER
 from uuvsim_cosim.bridge.wrapped_session import WrappedSession
+from uuvsim_cosim.closing import Closing
 from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["Block", "Subscription"]
@@ -33,7 +33,7 @@ class Block:
 
 
 @final
-class Subscription:
+class Subscription(Closing):
     """Blocks of the wanted variables, or of all; ends when it is closed or the other end is gone.
 
     States may be dropped where they come faster than they are taken: the ticks tell.
@@ -82,19 +82,6 @@ class Subscription:
             path = str(sample.key_expr).rpartition("/")[2]
             if path in self._paths:
                 return self._block(path, sample.payload.to_bytes())
-
-    def __enter__(self) -> Self:
-        """Give itself."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """End it."""
-        self.close()
 
     def close(self) -> None:
         """End it; whoever waits for a block is let go."""

@@ -6,8 +6,7 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self, final
+from typing import Any, final
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from uuvsim_cosim.bridge.conductor_stage import Stage
 from uuvsim_cosim.bridge.desk import Client, Moment, SignalInfo
 from uuvsim_cosim.bridge.replay import Replay
 from uuvsim_cosim.bridge.roles import check
+from uuvsim_cosim.closing import Closing
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
 from uuvsim_cosim.orchestrator.master import Master
 from uuvsim_cosim.orchestrator.observer import Observer
@@ -34,7 +34,7 @@ _CALLS = 16  # that are carried out at most before steps that are due, however m
 
 
 @final
-class Conductor:
+class Conductor(Closing):
     """The `Desk` of one running co-simulation, or of a recording; every door hands calls to it.
 
     A master that is given has not been initialized; from now on it is the conductor's.
@@ -214,19 +214,6 @@ class Conductor:
         error = answer.exception()
         if error is not None:
             raise error
-
-    def __enter__(self) -> Self:
-        """Give the conductor."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """End the co-simulation."""
-        self.close()
 
     # ---- in the conductor's thread --------------------------------------------------------
 

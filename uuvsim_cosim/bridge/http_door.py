@@ -20,6 +20,7 @@ from uuvsim_cosim.bridge.http_answers import Door, Handler
 from uuvsim_cosim.bridge.tcp_door import LOOPBACK, listening
 from uuvsim_cosim.bridge.tcp_session import Admission, everybody
 from uuvsim_cosim.bridge.wire import HTTP_PORT, Limits
+from uuvsim_cosim.closing import Closing
 from uuvsim_cosim.errors import UuvsimError
 
 __all__ = ["HttpDoor"]
@@ -34,7 +35,7 @@ _FULL = (
 )
 
 
-class HttpDoor:
+class HttpDoor(Closing):
     """Listens from construction to `close`; each connection has a thread, and its limits."""
 
     def __init__(
@@ -83,12 +84,6 @@ class HttpDoor:
                 one.shutdown(socket.SHUT_RDWR)
         for thread in self._threads:
             thread.join(timeout=2.0)
-
-    def __enter__(self) -> HttpDoor:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
 
 class _Server(ThreadingHTTPServer):

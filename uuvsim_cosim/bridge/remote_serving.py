@@ -5,14 +5,14 @@ from __future__ import annotations
 import contextlib
 import json
 import threading
-from types import TracebackType
-from typing import Any, Self, final
+from typing import Any, final
 
 import numpy as np
 
 from uuvsim_cosim._version import __version__
 from uuvsim_cosim.bridge.wrapped_session import listening
 from uuvsim_cosim.bridge.zenoh_codec import PROTOCOL, message_of, read_message, unpacked
+from uuvsim_cosim.closing import Closing
 from uuvsim_cosim.errors import FmuError, InputInvalid
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.python_class import load
@@ -40,7 +40,7 @@ def serve_component(
 
 
 @final
-class ComponentServer:
+class ComponentServer(Closing):
     """Serves from construction to `close`; `wait` holds the program until Ctrl-C."""
 
     def __init__(self, cls: type[Any], name: str, port: int, host: str) -> None:
@@ -74,19 +74,6 @@ class ComponentServer:
         """Serve no more."""
         self._over.set()
         self._session.close()
-
-    def __enter__(self) -> Self:
-        """Give the server."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Serve no more."""
-        self.close()
 
     # ---- inside ---------------------------------------------------------------------------
 

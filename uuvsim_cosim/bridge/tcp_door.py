@@ -18,6 +18,7 @@ from uuvsim_cosim.bridge.desk import Desk
 from uuvsim_cosim.bridge.tcp_session import Admission, everybody, serve
 from uuvsim_cosim.bridge.wire import TCP_PORT, Disconnected, Limits, frame
 from uuvsim_cosim.bridge.wire_calls import failure
+from uuvsim_cosim.closing import Closing
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
 
 __all__ = ["LOOPBACK", "TcpDoor", "hung_up", "listening"]
@@ -25,7 +26,7 @@ __all__ = ["LOOPBACK", "TcpDoor", "hung_up", "listening"]
 _PIECE = 1 << 20
 
 
-class TcpDoor:
+class TcpDoor(Closing):
     """Listens from construction to `close`; each client has a thread, and its limits."""
 
     def __init__(
@@ -75,12 +76,6 @@ class TcpDoor:
             one.close()
         for thread in (*self._threads, *clients.values()):
             thread.join(timeout=2.0)
-
-    def __enter__(self) -> TcpDoor:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _accept(self, listener: socket.socket) -> None:
         pause = 1.0 / self._limits.connections_per_s

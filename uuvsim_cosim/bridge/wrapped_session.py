@@ -6,12 +6,12 @@ import contextlib
 import json
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from types import TracebackType
-from typing import Any, Self, final
+from typing import Any, final
 
 from uuvsim_cosim.bridge.access_zenoh import endpoints as endpoints_of
 from uuvsim_cosim.bridge.at_exit import close_at_exit
 from uuvsim_cosim.bridge.shared_memory import LARGE
+from uuvsim_cosim.closing import Closing
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
 
 __all__ = ["PORT", "Disconnected", "WrappedSession", "connecting", "listening"]
@@ -36,7 +36,7 @@ class Disconnected(UuvsimError):
 
 
 @final
-class WrappedSession:
+class WrappedSession(Closing):
     """An open session; `close_at_exit` closes it when the program ends."""
 
     def __init__(self, session: Any) -> None:
@@ -120,19 +120,6 @@ class WrappedSession:
         if was:
             with contextlib.suppress(Exception):  # the other end may be gone already
                 self._session.close()
-
-    def __enter__(self) -> Self:
-        """Give the session."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Close the session."""
-        self.close()
 
 
 def listening(

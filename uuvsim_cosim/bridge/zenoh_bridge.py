@@ -11,8 +11,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self, final
+from typing import Any, final
 
 from uuvsim_cosim._version import __version__
 from uuvsim_cosim.bridge.access_doorkeeper import Doorkeeper
@@ -34,6 +33,7 @@ from uuvsim_cosim.bridge.zenoh_codec import (
     unpacked,
 )
 from uuvsim_cosim.bridge.zenoh_gate import MOST_BYTES, Gate, Lane
+from uuvsim_cosim.closing import Closing
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.master import Master
 from uuvsim_cosim.orchestrator.plan import Plan
@@ -45,7 +45,7 @@ _CALLS = [*NEEDS, "describe", "schema", "join", "leave"]
 
 
 @final
-class Bridge:
+class Bridge(Closing):
     """Lets a running co-simulation be reached by Zenoh, on this machine unless told otherwise.
 
     Given a system, it conducts it, and ends it when it is closed; a `Conductor` goes on. Port 0
@@ -94,19 +94,6 @@ class Bridge:
         self._gate.close()
         if self._own is not None:
             self._own.close()
-
-    def __enter__(self) -> Self:
-        """Give the bridge."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Close it."""
-        self.close()
 
     # ---- inside ---------------------------------------------------------------------------
 

@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, final
+from typing import Any
 
 from uuvsim_cosim.envs.distributions import (
     Choice,
@@ -21,9 +21,10 @@ from uuvsim_cosim.envs.randomisation import Randomisation, Vary, resolved
 from uuvsim_cosim.envs.randomisation_copula import copula_problems
 from uuvsim_cosim.envs.randomisation_targets import Places
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.yaml_text import YamlText, plain, shown
 from uuvsim_cosim.orchestrator.system import System
 
-__all__ = ["YamlText", "randomisation_in", "read_randomisation", "vary_in"]
+__all__ = ["randomisation_in", "read_randomisation", "vary_in"]
 
 Path_ = list[Any]
 KINDS: dict[str, tuple[type[Distribution], tuple[str, ...], int]] = {
@@ -35,72 +36,6 @@ KINDS: dict[str, tuple[type[Distribution], tuple[str, ...], int]] = {
     "constant": (Constant, ("value",), 1),
 }
 OPTIONS = ("unit", "relative", "together")
-
-
-@final
-class YamlText:
-    """A YAML file, and the mistakes found in it so far."""
-
-    def __init__(self, path: Path) -> None:
-        from ruamel.yaml import YAML
-        from ruamel.yaml.error import MarkedYAMLError, YAMLError
-
-        self.path = path
-        self.mistakes: list[tuple[int, str]] = []
-        try:
-            self.data = YAML(typ="rt", pure=True).load(path.read_text(encoding="utf-8"))
-        except MarkedYAMLError as error:
-            line = error.problem_mark.line + 1 if error.problem_mark else 1
-            problem = str(error.problem or error.context).splitlines()[0]
-            raise InputInvalid(f"{path}:{line}: {problem}; expected YAML") from None
-        except OSError as error:
-            raise InputInvalid(f"{path}: cannot be read ({error.strerror})") from None
-        except (UnicodeDecodeError, YAMLError) as error:
-            raise InputInvalid(f"{path}: cannot be read as YAML: {error}") from None
-
-    def wrong(self, place: Path_, sentence: str) -> None:
-        """Note a mistake at a place, such as ["parameters", "hull.m"]."""
-        from uuvsim_cosim.models.parameters import line_of
-
-        name = ".".join(str(p + 1) if isinstance(p, int) else str(p) for p in place)
-        self.mistakes.append((line_of(self.data, place), f"{name or 'the file'}: {sentence}"))
-
-    def refuse(self) -> None:
-        """Raise InputInvalid with every mistake, if there are any."""
-        if self.mistakes:
-            lines = [f"{self.path}:{n}: {text}" for n, text in sorted(set(self.mistakes))]
-            raise InputInvalid("\n  ".join(lines))
-
-    def keys(self, place: Path_, data: Any, known: Iterable[str]) -> bool:
-        """Say whether something is a mapping; note its unknown keys, with the near ones."""
-        known = list(known)
-        if not isinstance(data, Mapping):
-            self.wrong(place, f"{shown(data)}; expected a mapping with {', '.join(known)}")
-            return False
-        for key in data:
-            if key not in known:
-                near = get_close_matches(str(key), known, 1, 0.5) or known
-                self.wrong([*place, key], f"unknown; expected {', '.join(near)}")
-        return True
-
-
-def shown(data: Any) -> str:
-    """Give what was read, in few words."""
-    text = "nothing" if data is None else repr(plain(data))
-    return text if len(text) <= 60 else f"{text[:57]}..."
-
-
-def plain(data: Any) -> Any:
-    """Give what a YAML file says without its comments and places."""
-    if isinstance(data, Mapping):
-        return {str(k): plain(v) for k, v in data.items()}
-    if isinstance(data, Sequence) and not isinstance(data, str):
-        return [plain(v) for v in data]
-    if isinstance(data, bool) or data is None:
-        return data
-    if isinstance(data, int):
-        return int(data)
-    return float(data) if isinstance(data, float) else str(data)
 
 
 def vary_in(text: YamlText, place: Path_, name: str, data: Any) -> Vary | None:
@@ -242,7 +177,7 @@ def _list(text: YamlText, data: Mapping[str, Any], key: str) -> list[Any]:
 
 def read_randomisation(path: Path, system: System) -> Randomisation:
     """Read a file of `parameters`, `sets` and `correlation`; raises InputInvalid with all lines."""
-    text = YamlText(path)
+    text = YamlText(path, "a randomisation")
     found = None
     if text.keys([], text.data, ("parameters", "sets", "correlation")):
         found = randomisation_in(text, text.data, system)

@@ -11,9 +11,9 @@ import io
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self, final
+from typing import Any, final
 
+from uuvsim_cosim.closing import Closing
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.fmu2 import Fmu2
@@ -31,7 +31,7 @@ COLUMNS = ("wall_s", "t_s", "component", "function", "arguments", "status", "too
 
 
 @final
-class Trace:
+class Trace(Closing):
     """A CSV file that traced FMUs write to, one line a call; `t_s` is the time reached then."""
 
     def __init__(self, path: Path) -> None:
@@ -58,19 +58,6 @@ class Trace:
     def close(self) -> None:
         """Close the file; a second call does nothing."""
         self._sink.close()
-
-    def __enter__(self) -> Self:
-        """Give the trace."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Close the file."""
-        self.close()
 
 
 def instantiate_traced(archive: FmuArchive, path: str, trace: Trace) -> Component:

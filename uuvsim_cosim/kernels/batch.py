@@ -7,10 +7,11 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from itertools import pairwise
 from operator import index
-from typing import Any, Self, final
+from typing import Any, final
 
 import numpy as np
 
+from uuvsim_cosim.closing import Closing
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.kernels.kernel import Kernel
@@ -24,7 +25,7 @@ TICK, FAILED, FAILED_TICK = 0, 1, 2  # words, as in fmus/kernels/uuv_lane_steps.
 
 
 @final
-class Batch:
+class Batch(Closing):
     """Environments that step together; see `Kernel.batch`.
 
     An environment keeps its seed and its start values until `reset` is given others; what `set`
@@ -71,14 +72,6 @@ class Batch:
             self._pool.shutdown()
             self._pool = None
             self._ranges = [(0, self._n_blocks)]
-
-    def __enter__(self) -> Self:
-        """Give the batch."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """End the threads."""
-        self.close()
 
     # ---- life -----------------------------------------------------------------------------
 

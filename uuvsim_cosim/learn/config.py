@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from uuvsim_cosim.envs.options import near
-from uuvsim_cosim.envs.randomisation_text import YamlText, plain, shown
 from uuvsim_cosim.envs.tasks.tracking_rules import PROFILES
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.algorithms import ALGORITHMS
 from uuvsim_cosim.learn.task_ids import TASKS, short_name
 from uuvsim_cosim.learn.training_seeds import EVALUATION_SEED, MOST_ENVS
+from uuvsim_cosim.models.yaml_text import YamlText, plain, shown
 
 __all__ = ["TrainingConfig", "merged", "read_config"]
 
@@ -101,7 +101,7 @@ def read_config(path: str | Path, **changes: Any) -> TrainingConfig:
     path = Path(path)
     if not path.is_file():
         raise InputInvalid(f"{path}: no such file; expected a training's configuration (.yaml)")
-    text = YamlText(path)
+    text = YamlText(path, "a training's configuration")
     known = [f.name for f in fields(TrainingConfig)]
     if not text.keys([], text.data, known):
         text.refuse()

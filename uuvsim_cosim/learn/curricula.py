@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from uuvsim_cosim.envs.options import near
-from uuvsim_cosim.envs.randomisation_text import YamlText, plain, shown
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.curriculum import Curriculum, Promotion, Stage
+from uuvsim_cosim.models.yaml_text import YamlText, plain, shown
 
 __all__ = ["CURRICULA", "curriculum_of", "read_curriculum"]
 
@@ -57,7 +57,7 @@ def read_curriculum(path: Path) -> Curriculum:
     """Read a YAML file with Curriculum's fields, `stages` a list; every mistake with its line."""
     if not path.is_file():
         raise InputInvalid(f"{path}: no such file; expected a curriculum (.yaml)")
-    text = YamlText(path)
+    text = YamlText(path, "a curriculum")
     known = [f.name for f in fields(Curriculum)]
     if not text.keys([], text.data, known):
         text.refuse()

@@ -63,7 +63,7 @@ BUDGETS = {
             "judged by the paper's rules, as all are.",
             64,
             {"source": 32_000, "transition_1": 25_600, "transition_2": 83_200, "target": 256_000,
-             CAREFUL: 128_000},
+             CAREFUL: 192_000},
             {"source": 1_600, "transition_1": 3_200, "transition_2": 6_400, "target": 12_800,
              CAREFUL: 12_800},
             {"shared": True, "batch": 128, "normalised": True, "mirror": True, "average": 0.005},

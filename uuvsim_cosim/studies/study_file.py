@@ -13,8 +13,9 @@ import numpy as np
 
 from uuvsim_cosim.envs.distributions import Choice
 from uuvsim_cosim.envs.randomisation import Randomisation, Vary
-from uuvsim_cosim.envs.randomisation_text import YamlText, plain, randomisation_in, shown
+from uuvsim_cosim.envs.randomisation_text import randomisation_in
 from uuvsim_cosim.errors import InputInvalid, SystemInvalid, UuvsimError
+from uuvsim_cosim.models.yaml_text import YamlText, plain, shown
 from uuvsim_cosim.orchestrator.library import load
 from uuvsim_cosim.orchestrator.system import System
 from uuvsim_cosim.studies.metric import Metric, read_metric
@@ -33,7 +34,7 @@ _SECONDS = {"s": Fraction(1), "ms": Fraction(1, 1000), "min": Fraction(60), "h":
 
 def read_study(path: Path) -> Study:
     """Read a study file; raises InputInvalid with every mistake and its line."""
-    text = YamlText(path)
+    text = YamlText(path, "a study")
     if not text.keys([], text.data, KEYS):
         text.refuse()
     data = text.data
