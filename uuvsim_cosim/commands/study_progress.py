@@ -2,63 +2,23 @@
 
 from __future__ import annotations
 
-from types import TracebackType
-from typing import Self
+from typing import final
 
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-from uuvsim_cosim.commands.terminal import console
+from uuvsim_cosim.commands.stage_progress import StageProgress
 
 __all__ = ["StudyProgress"]
 
 
-class StudyProgress:
-    """A callable ``(stage, done, total)``; nothing is drawn unless stderr is a terminal."""
+@final
+class StudyProgress(StageProgress):
+    """Nothing to count while "building", then runs, or whatever is `counted`."""
 
     def __init__(self, counted: str = "runs") -> None:
         self._counted = counted
-        target = console(stderr=True)
-        self._bar = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            TextColumn("{task.fields[shown]}"),
-            TimeRemainingColumn(),
-            console=target,
-            transient=True,
-            disable=not target.is_terminal,
-        )
-        self._task = self._bar.add_task("", total=1.0, shown="")
-        self._stage = ""
+        super().__init__()
 
-    def __enter__(self) -> Self:
-        """Begin to draw."""
-        self._bar.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Stop drawing; the bar vanishes."""
-        self.stop()
-
-    def __call__(self, stage: str, done: float, total: float) -> None:
-        """Show how far a stage is: nothing to count while "building", runs while "running"."""
+    def words(self, stage: str, done: float, total: float, passed: float) -> tuple[str, str]:
+        """Count what is finished."""
         if stage == "building":
-            self.say("building, once")
-            return
-        if stage != self._stage:
-            self._stage = stage
-            self._bar.reset(self._task)
-        shown = f"{done:.0f} of {total:.0f} {self._counted}"
-        self._bar.update(self._task, description=stage, completed=done, total=total, shown=shown)
-
-    def say(self, words: str) -> None:
-        """Show a stage whose end is not known."""
-        self._bar.update(self._task, description=words, total=None, shown="")
-
-    def stop(self) -> None:
-        """Stop drawing."""
-        self._bar.stop()
+            return "building, once", ""
+        return stage, f"{done:.0f} of {total:.0f} {self._counted}"
