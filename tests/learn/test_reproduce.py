@@ -56,7 +56,7 @@ def test_what_was_learned_under_other_rules_is_judged_by_the_same(ran: tuple[Pat
     assert careful.about["options"] == first.about["options"]
     assert np.array_equal(careful.scripted, first.scripted)
     policy = Policy.load(ran[0] / "batched" / "careful" / "stt-masac-0.npz")
-    assert policy.options["rules"] == {"credit": "own", "w_p": 0.5}
+    assert policy.options["rules"] == {"credit": "own"}
 
 
 def test_what_is_there_is_not_run_again(ran: tuple[Path, Path]) -> None:

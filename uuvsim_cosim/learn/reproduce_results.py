@@ -67,7 +67,8 @@ def keep(
 ) -> Result:
     """Judge a training's best policy on seeds never seen, and keep what it leaves.
 
-    The policies themselves are kept of seed 0; those of others stay in `folder`.
+    The policies themselves are kept of seed 0, as of the task that they are judged in; those of
+    others stay in `folder`.
     """
     task = make_task(about["task"], about["options"])
     policies = load_policies(folder)
@@ -80,7 +81,7 @@ def keep(
     shutil.copyfile(folder / "evaluations.csv", stem.with_name(f"{stem.name}.csv"))
     for policy in _distinct(policies) if key.seed == 0 else ():
         name = f"{stem.name}{f'.{policy.agent}' if policy.agent else ''}.npz"
-        policy.save(stem.with_name(name))
+        replace(policy, options=dict(about["options"])).save(stem.with_name(name))
     if isinstance(task, TeamTask):
         _write_episode(stem.with_name(f"{stem.name}.episode.csv"), task, acts)
     content = {
