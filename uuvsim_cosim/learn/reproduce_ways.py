@@ -69,7 +69,7 @@ BUDGETS = {
             {"shared": True, "batch": 128, "normalised": True, "mirror": True, "average": 0.005},
             {"rules": {"credit": "own"}}, {"batch": 256},
             {"source": {"normalised": False, "updates": 10.0},
-             CAREFUL: {"lr": 1e-3, "average": 0.002}},
+             CAREFUL: {"lr": 1e-3, "average": 0.0005}},
             {CAREFUL: {"d_su": 0.45, "d_st": 0.45, "d_so": 0.45, "w_p": 0.02}},
         ),
         # 200 episodes, one environment, one update a step: as the paper, and its numbers.
