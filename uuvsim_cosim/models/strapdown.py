@@ -25,7 +25,15 @@ import casadi as ca
 
 from uuvsim_cosim.models.kinematics import R, S, sparse
 
-__all__ = ["ErrorTransition", "Inertial", "corrected", "mechanised", "multiply", "q_of_rotation"]
+__all__ = [
+    "ErrorTransition",
+    "Inertial",
+    "corrected",
+    "mechanised",
+    "multiply",
+    "q_of_rotation",
+    "transported",
+]
 
 
 @dataclass(frozen=True)
@@ -75,6 +83,19 @@ def corrected(x: Inertial, e: Any) -> Inertial:
     q = _unit(multiply(turn, x.q))
     v = ca.mtimes(R(turn), x.v + e[3:6])
     return Inertial(x.p + e[:3], v, q, x.b_g + e[9:12], x.b_a + e[12:15])
+
+
+def transported(P: Any, before: Any, after: Any) -> Any:
+    """Give the covariance after a correction that turned the attitude from `before` to `after`.
+
+    The errors of the biases are turned against it in body axes, and so stay what they were in `n`.
+    Where tilt cannot be told from the accelerometers' bias, the two that look the same are
+    S(g) eta = R db_a, with the R of now: left as they were in body axes, each correction would
+    make them look different.
+    """
+    M = ca.SX.eye(P.size1())
+    M[9:12, 9:12] = M[12:15, 12:15] = ca.mtimes(R(after).T, R(before))
+    return ca.mtimes(ca.mtimes(M, P), M.T)
 
 
 @dataclass(frozen=True)
