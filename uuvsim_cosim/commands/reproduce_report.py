@@ -19,7 +19,10 @@ if TYPE_CHECKING:
 
 __all__ = ["write_report"]
 
-NAMES = {"stt-masac": "STT", "scratch-masac": "from scratch"}
+NAMES = {
+    "stt-masac": "STT", "scratch-masac": "from scratch",
+    "scratch-masac-all_steps": "MASAC, without schooling",
+}  # fmt: skip
 SCHOOLED = "MASAC, after its schooling"
 STAGES = ("source", "transition_1", "transition_2", "target")
 HEAD = """# Target tracking: what was run, and what holds
@@ -127,13 +130,13 @@ def _pictures(
         return []
     written = []
     every = tuple(sorted({w for s, w in runs if w.endswith("all_steps")}))
-    for figure, panels, width in (
-        ("fig7", [_panel(runs, s, ("stt-masac", "scratch-masac")) for s in STAGES], 330.0),
-        ("fig9", [_schooled(runs, _panel(runs, "target", every))], 660.0),
+    for figure, panels, size in (
+        ("fig7", [_panel(runs, s, ("stt-masac", "scratch-masac")) for s in STAGES], (330.0, 220.0)),
+        ("fig9", [_schooled(runs, _panel(runs, "target", every))], (660.0, 400.0)),
     ):
         if any(p.curves for p in panels):
             path = results / f"{figure}_{budget}.svg"
-            write_whole(path, curves_svg(panels, "return", width).encode())
+            write_whole(path, curves_svg(panels, "return", size).encode())
             written.append(path)
     return [*written, *_episodes(results, budget, runs)]
 

@@ -14,7 +14,7 @@ from uuvsim_cosim.view.traces import Array
 __all__ = ["Curve", "Panel", "curves_svg", "episode_svg"]
 
 COLOURS = ("#1f5fa8", "#c2571a", "#3d8a4c", "#8c4a9e", "#7a6a2b", "#555c66")
-WIDTH, HEIGHT = 330.0, 220.0
+SIZE = (330.0, 220.0)  # of a panel, pixels
 LEFT, TOP, RIGHT, BOTTOM = 46.0, 30.0, 10.0, 34.0
 PER_METRE = 95.0
 STYLE = (
@@ -50,18 +50,18 @@ class Panel:
     yardstick: float | None = None
 
 
-def curves_svg(panels: Sequence[Panel], y_label: str, width: float = WIDTH) -> str:
+def curves_svg(panels: Sequence[Panel], y_label: str, size: tuple[float, float] = SIZE) -> str:
     """Give panels side by side: medians of seeds, and all between their least and greatest.
 
-    `width` is that of a panel, in pixels.
+    `size` is that of a panel, in pixels.
     """
     ways = list(dict.fromkeys(c.name for p in panels for c in p.curves))
-    wide = width * max(len(panels), 1)
-    parts = [_panel(p, k * width, ways, y_label, width) for k, p in enumerate(panels)]
+    wide = size[0] * max(len(panels), 1)
+    parts = [_panel(p, k * size[0], ways, y_label, size) for k, p in enumerate(panels)]
     words = [(f"c{i % 6}", name) for i, name in enumerate(ways)]
     if any(p.yardstick is not None for p in panels):
         words.append(("yard", "hand-written controller"))
-    x, high = LEFT, HEIGHT + 18.0
+    x, high = LEFT, size[1] + 18.0
     for kind, name in words:
         if x > LEFT and x + 23 + 6.2 * len(name) > wide:
             x, high = LEFT, high + 18.0
@@ -103,7 +103,10 @@ def episode_svg(
     return _whole(wide + 20, tall + 50, parts)
 
 
-def _panel(panel: Panel, at: float, ways: Sequence[str], y_label: str, width: float) -> str:
+def _panel(
+    panel: Panel, at: float, ways: Sequence[str], y_label: str, size: tuple[float, float]
+) -> str:
+    width, height = size
     given = [c for c in panel.curves if c.y.size]
     values = [0.0, *(v for c in given for v in (c.y.min(), c.y.max()))]
     values += [] if panel.yardstick is None else [panel.yardstick]
@@ -112,7 +115,7 @@ def _panel(panel: Panel, at: float, ways: Sequence[str], y_label: str, width: fl
     low, top = min(values), max(values)
     pad = 0.05 * (top - low or 1.0)
     sx = Scale(0.0, max(float(c.x[-1]) for c in given), at + LEFT, at + width - RIGHT)
-    sy = Scale(low - pad, top + pad, HEIGHT - BOTTOM, TOP)
+    sy = Scale(low - pad, top + pad, height - BOTTOM, TOP)
     parts = [text(at + LEFT, TOP - 12, panel.title, "title")]
     for tick in nice_ticks(sy.low, sy.high):
         y = float(sy(tick))
@@ -120,8 +123,8 @@ def _panel(panel: Panel, at: float, ways: Sequence[str], y_label: str, width: fl
         parts.append(text(sx.start - 5, y + 4, f"{tick:g}", "muted", "end"))
     for tick in nice_ticks(sx.low, sx.high, 3):
         word = f"{tick / 1000:g}k" if tick >= 1000 else f"{tick:g}"
-        parts.append(text(float(sx(tick)), HEIGHT - BOTTOM + 15, word, "muted", "middle"))
-    parts.append(text((sx.start + sx.end) / 2, HEIGHT - 5, panel.x_label, "muted", "middle"))
+        parts.append(text(float(sx(tick)), height - BOTTOM + 15, word, "muted", "middle"))
+    parts.append(text((sx.start + sx.end) / 2, height - 5, panel.x_label, "muted", "middle"))
     parts.append(text(at + width - RIGHT, TOP - 12, y_label, "muted", "end"))
     if panel.yardstick is not None:
         y = float(sy(panel.yardstick))
