@@ -258,7 +258,7 @@ def test_trainings_go_on_to_the_same_bits_when_a_machine_is_killed(
         told.append(done)
 
     folders = [tmp_path / f"there{c.seed}" for c in configs]
-    done = train_on(cluster, configs, folders, progress=progress, seconds=0.25)
+    done = train_on(cluster, configs, folders, progress=progress, seconds=0.02)
     assert len(told) > 3  # in pieces
     assert told[-1] == 960
     assert [d.evaluations[-1]["step"] for d in done] == [320] * 3
