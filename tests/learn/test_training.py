@@ -13,6 +13,7 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.masac import Masac, MasacSettings
 from uuvsim_cosim.learn.masac_learner import MasacLearner, OffPolicySettings
 from uuvsim_cosim.learn.policy import Policy
+from uuvsim_cosim.learn.train import train
 from uuvsim_cosim.learn.training import Training
 from uuvsim_cosim.learn.training_seeds import JUDGING_SEED, MOST_ENVS, first_of_training
 
@@ -70,6 +71,21 @@ def test_fewer_steps_than_were_trained_are_refused(tmp_path: Path) -> None:
         InputInvalid, match=r"checkpoint\.pt: of step 120, 112 asked for;.*--restart"
     ):
         training(tmp_path, 112).run()
+
+
+def test_a_refusal_leaves_the_folder_as_it_was(tmp_path: Path) -> None:
+    def asked(steps: int) -> None:
+        train(
+            "source", folder=tmp_path, tensorboard=False, algorithm="sac", envs=8, steps=steps,
+            evaluation_episodes=2, task_options={"horizon": 4},
+            settings={"hidden": 16, "batch": 16, "warm_up": 32, "buffer": 200},
+        )  # fmt: skip
+
+    asked(128)
+    before = {p.name: p.read_bytes() for p in tmp_path.iterdir() if p.is_file()}
+    with pytest.raises(InputInvalid, match="64 asked for"):
+        asked(64)
+    assert {p.name: p.read_bytes() for p in tmp_path.iterdir() if p.is_file()} == before
 
 
 def test_no_two_trainings_nor_evaluations_share_a_seed() -> None:

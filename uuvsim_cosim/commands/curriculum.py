@@ -66,7 +66,7 @@ def train_through(
                     stage_begins=lambda k, s: progress.say(f"stage {k + 1}, {s.task}"),
                 )  # fmt: skip
         except KeyboardInterrupt:
-            progress.stop()
+            progress.close()
             sys.stderr.write("uuvsim: interrupted; the same command goes on from there\n")
             raise typer.Exit(interruption.status) from None
     _show(done, folder)

@@ -87,7 +87,7 @@ def _run(figure: str, budget: Any, seeds: int, out: Path, work: Path) -> None:
                         interrupted=interruption, begins=progress.say,
                     )  # fmt: skip
         except KeyboardInterrupt:
-            progress.stop()
+            progress.close()
             sys.stderr.write("uuvsim: interrupted; the same command goes on from there\n")
             raise typer.Exit(interruption.status) from None
 
@@ -105,6 +105,6 @@ def _run_on(ray: str, figure: str, budget: Any, seeds: int, out: Path, work: Pat
                 if figure in ("fig11", "all"):
                     transfers_on(cluster, seeds, out / FOLDER, progress=progress)
         except KeyboardInterrupt:
-            progress.stop()
+            progress.close()
             sys.stderr.write("uuvsim: interrupted; the same command goes on from there\n")
             raise typer.Exit(termination.status) from None

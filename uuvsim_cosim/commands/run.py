@@ -216,7 +216,7 @@ def _run_system(
         except Interrupted as interrupted:
             done = interrupted.run
         except ComponentFailed as error:
-            progress.stop()
+            progress.close()
             kept: Path | None = getattr(error, "recording", None)
             if kept is not None:
                 sys.stderr.write(f"uuvsim: the recording up to then is in {tilde(kept)}\n")

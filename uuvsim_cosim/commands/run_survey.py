@@ -34,7 +34,7 @@ def mapped(system: str, folder: Path, progress: RunProgress) -> SeabedMap | None
         made = survey_of(folder).map()
         write_map(made, folder)
     except UuvsimError as error:
-        progress.stop()
+        progress.close()
         sys.stderr.write(f"uuvsim: no map was made: {error}\n")
         return None
     return made

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import time
-from abc import ABC, abstractmethod
-from types import TracebackType
+from abc import abstractmethod
 from typing import Self
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+from uuvsim_cosim.closing import Closing
 from uuvsim_cosim.commands.terminal import console
 
 __all__ = ["StageProgress"]
 
 
-class StageProgress(ABC):
+class StageProgress(Closing):
     """A callable ``(stage, done, total)``; nothing is drawn unless stderr is a terminal."""
 
     def __init__(self) -> None:
@@ -55,7 +55,7 @@ class StageProgress(ABC):
         """Show a stage whose end is not known."""
         self._bar.update(self._task, description=words, total=None, shown="")
 
-    def stop(self) -> None:
+    def close(self) -> None:
         """Stop drawing; a second call does nothing."""
         self._bar.stop()
 
@@ -63,12 +63,3 @@ class StageProgress(ABC):
         """Begin to draw."""
         self._bar.start()
         return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Stop drawing; the bar vanishes."""
-        self.stop()

@@ -57,7 +57,7 @@ def study_command(
         try:
             done, report = _run(file, out, jobs, restart, master, ray, no_report, progress)
         except KeyboardInterrupt as interrupted:
-            progress.stop()
+            progress.close()
             said = str(interrupted) or "interrupted; the same command goes on from there"
             sys.stderr.write(f"uuvsim: {said}\n")
             raise typer.Exit(termination.status) from None

@@ -105,7 +105,7 @@ def train_command(
             done = _trained(asked, out, restart, progress)
             report = None if no_report else _report(done, progress)
         except KeyboardInterrupt as interrupted:
-            progress.stop()
+            progress.close()
             said = str(interrupted) or "interrupted; the same command goes on"
             sys.stderr.write(f"uuvsim: {said}\n")
             raise typer.Exit(getattr(interrupted, "status", 130)) from None

@@ -56,7 +56,7 @@ def train_seeds(
                 progress.say(f"judging the best policy of {k + 1} of {len(done)}, and drawing it")
                 _report(each)
         except KeyboardInterrupt as interrupted:
-            progress.stop()
+            progress.close()
             said = str(interrupted) or "interrupted; the same command goes on from there"
             sys.stderr.write(f"uuvsim: {said}\n")
             status = max(termination.status, getattr(interrupted, "status", 130))

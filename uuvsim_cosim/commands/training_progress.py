@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from types import TracebackType
 from typing import TYPE_CHECKING, Self, final
 
 from rich.console import Group
@@ -13,6 +12,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
+from uuvsim_cosim.closing import Closing
 from uuvsim_cosim.commands.terminal import console
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ SHOWN = ("return", "track", "dist", "viol", "clean", "success", "position_error"
 
 
 @final
-class TrainingProgress:
+class TrainingProgress(Closing):
     """A TrainingObserver; nothing is drawn unless stderr is a terminal."""
 
     def __init__(self) -> None:
@@ -48,15 +48,6 @@ class TrainingProgress:
             self._live.start()
             self.say("building, once")
         return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Stop drawing; all of it vanishes."""
-        self.stop()
 
     def __call__(self, progress: TrainingStep) -> None:
         """Take in what happened, and draw it."""
@@ -80,7 +71,7 @@ class TrainingProgress:
         self._bar.update(self._task, description=words, total=None, shown="")
         self._draw()
 
-    def stop(self) -> None:
+    def close(self) -> None:
         """Stop drawing; a second call does nothing."""
         self._live.stop()
 

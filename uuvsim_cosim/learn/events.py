@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self, final
+from typing import TYPE_CHECKING, Any, final
+
+from uuvsim_cosim.closing import Closing
 
 if TYPE_CHECKING:
     from uuvsim_cosim.learn.training import Progress
@@ -15,7 +16,7 @@ POINTS = 1000  # of the losses, over the whole training
 
 
 @final
-class Events:
+class Events(Closing):
     """A TrainingObserver that writes event files into a folder.
 
     Scalars are loss/…, episodes/… (means of those that ended in one step) and evaluation/…, over
@@ -34,16 +35,7 @@ class Events:
 
         return find_spec("tensorboard") is not None
 
-    def __enter__(self) -> Self:
-        """Do nothing yet."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
         """Write what is left."""
         if self._writer is not None:
             self._writer.close()

@@ -84,6 +84,8 @@ def train(
         )
         stack.callback(training.close)
         stack.enter_context(held(place))
+        if not restart:
+            training.resume()  # what it refuses leaves the folder as it was
         claim(place, config, restart)
         with interruption:
             try:

@@ -83,6 +83,7 @@ class Training:
         self.best = -np.inf
         self.evaluations: list[dict[str, float]] = []
         self._rows: list[dict[str, float]] = []
+        self._resumed = False
 
     @property
     def checkpoint(self) -> Path:
@@ -97,14 +98,13 @@ class Training:
         raises LearningDiverged, and the last checkpoint stays.
         """
         self.folder.mkdir(parents=True, exist_ok=True)
-        if self.checkpoint.is_file():
-            self._resume()
-        elif _has_learned(self.folder / "evaluations.csv"):
+        self.resume()
+        if not self._resumed and _has_learned(self.folder / "evaluations.csv"):
             raise InputInvalid(
                 f"{self.checkpoint}: no such file, beside curves of what was learned; expected it, "
                 "another folder, or to begin anew (--restart)"
             )
-        elif not self.evaluations:
+        if not self._resumed and not self.evaluations:
             self._evaluate()
             self.save()
         kept = self.step
@@ -127,6 +127,12 @@ class Training:
             self._evaluate()
         self.save()
         return self.evaluations
+
+    def resume(self) -> None:
+        """Take up the checkpoint, where there is one; a second call does nothing."""
+        if not self._resumed and self.checkpoint.is_file():
+            self._resume()
+            self._resumed = True
 
     def _one_step(self) -> None:
         actions = self.learner.act(self.rollout.observation)
