@@ -99,11 +99,6 @@ class Training:
         """
         self.folder.mkdir(parents=True, exist_ok=True)
         self.resume()
-        if not self._resumed and _has_learned(self.folder / "evaluations.csv"):
-            raise InputInvalid(
-                f"{self.checkpoint}: no such file, beside curves of what was learned; expected it, "
-                "another folder, or to begin anew (--restart)"
-            )
         if not self._resumed and not self.evaluations:
             self._evaluate()
             self.save()
@@ -130,9 +125,16 @@ class Training:
 
     def resume(self) -> None:
         """Take up the checkpoint, where there is one; a second call does nothing."""
-        if not self._resumed and self.checkpoint.is_file():
+        if self._resumed:
+            return
+        if self.checkpoint.is_file():
             self._resume()
             self._resumed = True
+        elif _has_learned(self.folder / "evaluations.csv"):
+            raise InputInvalid(
+                f"{self.checkpoint}: no such file, beside curves of what was learned; expected it, "
+                "another folder, or to begin anew (--restart)"
+            )
 
     def _one_step(self) -> None:
         actions = self.learner.act(self.rollout.observation)
