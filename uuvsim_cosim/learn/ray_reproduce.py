@@ -11,9 +11,10 @@ from uuvsim_cosim.cluster import Cluster
 from uuvsim_cosim.errors import UuvsimError
 from uuvsim_cosim.learn.files import read_files, write_files
 from uuvsim_cosim.learn.ray_training import SECONDS, changed_files, clock
-from uuvsim_cosim.learn.reproduce import keys_of, lacking, place_of, reproduce_one
+from uuvsim_cosim.learn.reproduce import keys_of, lacking, reproduce_one
 from uuvsim_cosim.learn.reproduce_results import Key, is_kept
-from uuvsim_cosim.learn.reproduce_ways import Budget, Chain
+from uuvsim_cosim.learn.reproduce_shared import begun
+from uuvsim_cosim.learn.reproduce_ways import Budget, Chain, place_of
 from uuvsim_cosim.learn.train import one_thread
 from uuvsim_cosim.learn.transfer_runs import (
     CONDITIONS,
@@ -60,7 +61,7 @@ def reproduce_on(
 
     def piece(k: int) -> _Piece:
         chain, seed = left[k]
-        place = place_of(work, budget, chain, seed)
+        place = begun(work, budget, chain, seed)
         files = {f"{PLACE}/{name}": data for name, data in read_files(place).items()}
         for key in keys_of(chain, budget, seed):
             if is_kept(results, key):

@@ -16,10 +16,12 @@ from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.learn.curriculum import Curriculum, Stage, StageTrained, train_curriculum
 from uuvsim_cosim.learn.curriculum_stage import STAGE, spent
 from uuvsim_cosim.learn.reproduce_results import Key, is_kept, keep
+from uuvsim_cosim.learn.reproduce_shared import begun
 from uuvsim_cosim.learn.reproduce_ways import (
     Budget,
     Chain,
     chains_of,
+    first_of,
     options_of,
     plan_of,
     scenarios_of,
@@ -28,19 +30,12 @@ from uuvsim_cosim.learn.reproduce_ways import (
 if TYPE_CHECKING:
     from uuvsim_cosim.learn.training import TrainingObserver
 
-__all__ = ["keys_of", "lacking", "place_of", "reproduce", "reproduce_one"]
-
-SEEDS_APART = 1000  # seed k begins at environments' seed 1000 k: none is in two of them
+__all__ = ["keys_of", "lacking", "reproduce", "reproduce_one"]
 
 
 def keys_of(chain: Chain, budget: Budget, seed: int) -> list[Key]:
     """Give the names of what a chain leaves."""
     return [Key(budget.name, s, chain.way, seed) for s in scenarios_of(chain, budget)]
-
-
-def place_of(work: Path, budget: Budget, chain: Chain, seed: int) -> Path:
-    """Name the folder that a chain's checkpoints are in."""
-    return work / budget.name / f"{chain.way}-{scenarios_of(chain, budget)[-1]}-{seed}"
 
 
 def lacking(results: Path, figure: str, budget: Budget, seeds: int) -> list[tuple[Chain, int]]:
@@ -67,13 +62,13 @@ def reproduce(
 ) -> list[Key]:
     """Run what a figure lacks, way by way and seed by seed; gives what was run.
 
-    Goes on where it stopped. Each finished scenario is kept under `results` at once; checkpoints
-    are under `work`.
+    Goes on where it stopped, and where ways begin alike the first one's stages serve the others.
+    Each finished scenario is kept under `results` at once; checkpoints are under `work`.
     """
     ran: list[Key] = []
     for chain, seed in lacking(results, figure, budget, seeds):
         ran += reproduce_one(
-            chain, budget, seed, results, place_of(work, budget, chain, seed),
+            chain, budget, seed, results, begun(work, budget, chain, seed),
             observers=observers, interrupted=interrupted, begins=begins, episodes=episodes,
         )  # fmt: skip
     return ran
@@ -116,7 +111,7 @@ def _train(
     told: Callable[[int, Stage], None], kept: Callable[[int, Path, Mapping[str, Any]], None],
 ) -> None:  # fmt: skip
     """Train a chain; `kept` is given the folder of each scenario as it ends, and what it is."""
-    first = SEEDS_APART * seed
+    first = first_of(seed)
     about = {"algorithm": chain.algorithm, "schooling": chain.schooling, "envs": budget.envs,
              "first seed": first}  # fmt: skip
     made = plan_of(chain, budget)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Literal, get_args
 
 from uuvsim_cosim.errors import InputInvalid
@@ -17,13 +18,16 @@ __all__ = [
     "Budget",
     "Chain",
     "chains_of",
+    "first_of",
     "options_of",
+    "place_of",
     "plan_of",
     "scenarios_of",
 ]
 
 Figure = Literal["fig7", "fig8", "fig9", "fig11"]
 FIGURES: tuple[Figure, ...] = get_args(Figure)
+SEEDS_APART = 1000  # seed k begins at environments' seed 1000 k: none is in two of them
 CAREFUL = "careful"  # the target scenario once more, under harder rules
 SCENARIOS = ("source", "transition_1", "transition_2", "target")
 
@@ -91,7 +95,8 @@ class Chain:
     algorithm: str
     scenarios: tuple[str, ...]
     options: Mapping[str, Any] = field(default_factory=dict)
-    label: str = ""  # says what the options are
+    label: str = ""  # says what is particular
+    trackers: int | None = None  # where a team tracks, instead of two
 
     @property
     def way(self) -> str:
@@ -106,8 +111,8 @@ OTHERS = tuple(
     for algorithm in ("masac", "ippo", "idqn", "isac", "mappo")
 )
 TEAMS = (
-    Chain("stt", "masac", ("source", "transition_1", "target"), {"n_trackers": 1}, "one"),
-    Chain("stt", "masac", SCENARIOS, {"slots": [2, 2]}, "three"),
+    Chain("stt", "masac", ("source", "transition_1", "target"), label="one", trackers=1),
+    Chain("stt", "masac", SCENARIOS, {"slots": [2, 2]}, "three", 3),
 )
 NEEDS: dict[Figure, tuple[Chain, ...]] = {
     "fig7": (STT, *FROM_SCRATCH),
@@ -134,9 +139,19 @@ def scenarios_of(chain: Chain, budget: Budget) -> tuple[str, ...]:
 def options_of(chain: Chain, scenario: str) -> dict[str, Any]:
     """Give what a way says of the task; the rest is the budget's."""
     options = dict(chain.options)
-    if chain.label == "three" and _task(scenario) in ("transition_2", "target"):
-        options["n_trackers"] = 3
+    if chain.trackers is not None and _task(scenario) in ("transition_2", "target"):
+        options["n_trackers"] = chain.trackers
     return options
+
+
+def first_of(seed: int) -> int:
+    """Give the seed that trainings of a seed of the benchmark have."""
+    return SEEDS_APART * seed
+
+
+def place_of(work: Path, budget: Budget, chain: Chain, seed: int) -> Path:
+    """Name the folder that a chain's checkpoints are in."""
+    return work / budget.name / f"{chain.way}-{scenarios_of(chain, budget)[-1]}-{seed}"
 
 
 def plan_of(chain: Chain, budget: Budget) -> Curriculum | dict[str, Any]:
