@@ -102,9 +102,10 @@ class _Layers(Function):
                 of_weights[i] = torch.bmm(inputs[i].transpose(1, 2), grad)
                 of_biases[i] = grad.sum(1, keepdim=True)
             if i or wanted[0]:
-                grad = torch.bmm(grad, weights[i].transpose(1, 2))
-            if i:  # 0 where ReLU gave 0
-                grad = torch.ops.aten.threshold_backward(grad, inputs[i], 0)
+                back = weights[i].transpose(1, 2)
+                grad = grad * back if back.shape[1] == 1 else torch.bmm(grad, back)
+            if i:  # 0 where ReLU gave 0; in place, as fresh memory costs more than the sums
+                torch.ops.aten.threshold_backward.grad_input(grad, inputs[i], 0, grad_input=grad)
                 if norms:
                     before, mean, rstd = norms[3 * i - 3 : 3 * i]
                     grad, _, _ = torch.ops.aten.native_layer_norm_backward(
