@@ -89,3 +89,13 @@ def test_a_copy_that_fails_leaves_nothing_and_says_of_what(tmp_path: Path) -> No
         begun(work, TINY, ONE, 0)
     assert [f.name for f in (work / "batched").iterdir()] == ["stt-masac-careful-0"]
     assert not begun(work, TINY, ONE, 1).exists()  # of another seed there is nothing
+
+
+def test_a_damaged_checkpoint_is_told_by_its_own_name_and_not_copied(tmp_path: Path) -> None:
+    run((FROM_SCRATCH,), tmp_path)
+    work = tmp_path / "work"
+    damaged = place_of(work, TINY, FROM_SCRATCH, 0) / "1-target" / "checkpoint.pt"
+    damaged.write_bytes(damaged.read_bytes()[:1000])
+    with pytest.raises(InputInvalid, match=r"masac-target-0/1-target/checkpoint\.pt: damaged"):
+        begun(work, TINY, ALL_STEPS, 0)
+    assert [f.name for f in (work / "batched").iterdir()] == ["scratch-masac-target-0"]

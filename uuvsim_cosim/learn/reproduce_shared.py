@@ -16,6 +16,7 @@ from typing import Any
 
 from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.checkpoint import load_checkpoint
 from uuvsim_cosim.learn.curriculum import ABOUT, Curriculum
 from uuvsim_cosim.learn.reproduce_ways import (
     Budget,
@@ -34,7 +35,7 @@ def begun(work: Path, budget: Budget, chain: Chain, seed: int) -> Path:
     """Give the folder of a chain's checkpoints.
 
     A new one begins with the stages that another chain of this budget and seed has finished under
-    `work`, the most of them; raises InputInvalid where they cannot be copied.
+    `work`, the most of them; raises InputInvalid where they cannot be copied or gone on from.
     """
     place, plan = place_of(work, budget, chain, seed), plan_of(chain, budget)
     if place.exists() or not isinstance(plan, Curriculum):
@@ -93,11 +94,13 @@ def _copy(source: Path, place: Path, names: list[str], content: Mapping[str, Any
     try:
         for name in names:
             shutil.copytree(source / name, new / name)
+        load_checkpoint(source / names[-1] / "checkpoint.pt")  # refused by its own name
         write_whole(new / ABOUT, (json.dumps(content, indent=1) + "\n").encode())
         os.rename(new, place)
     except OSError as error:
-        shutil.rmtree(new, ignore_errors=True)
         raise InputInvalid(
             f"{place}: what {source.name} begins with, too, cannot be copied there ({error}); "
             "expected it to be readable, and room for it"
         ) from None
+    finally:
+        shutil.rmtree(new, ignore_errors=True)

@@ -112,7 +112,7 @@ OTHERS = tuple(
 )
 TEAMS = (
     Chain("stt", "masac", ("source", "transition_1", "target"), label="one", trackers=1),
-    Chain("stt", "masac", SCENARIOS, {"slots": [2, 2]}, "three", 3),
+    Chain("stt", "masac", SCENARIOS, {"slots": [2, 2]}, "three", trackers=3),
 )
 NEEDS: dict[Figure, tuple[Chain, ...]] = {
     "fig7": (STT, *FROM_SCRATCH),
