@@ -18,6 +18,8 @@ __all__ = ["connect"]
 
 EXPECTED = "expected auto, local, HOST:PORT of a Ray head, or ray://HOST:PORT"
 ANSWER = 5.0  # s, that a port is waited for
+TRIES = 3  # of a connection from outside
+FAILED = "Initialization failure from server:"  # what Ray Client says before the reason
 HTTP2 = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + b"\0\0\0\x04\0\0\0\0\0"  # RFC 9113, 3.4
 SETTINGS = 4  # type of the frame that every HTTP/2 server answers with
 QUIET = {
@@ -57,7 +59,7 @@ def connect(address: str, workers: int | None = None) -> tuple[Any, Callable[[],
         given["log_to_driver"] = False
     before = signal.getsignal(signal.SIGTERM)
     try:
-        ray.init(**given)
+        _init(ray, given)
     except ImportError as error:  # Ray Client needs grpc
         raise InputInvalid(
             f"{address}: {_line(error)}; expected pip install 'uuvsim-cosim[distributed]'"
@@ -71,6 +73,25 @@ def connect(address: str, workers: int | None = None) -> tuple[Any, Callable[[],
         if threading.current_thread() is threading.main_thread():
             signal.signal(signal.SIGTERM, before)  # Ray sets its own
     return ray, _silenced(ray)
+
+
+def _init(ray: Any, given: dict[str, Any]) -> None:
+    """Connect; again where a head could not start the process that answers ray://.
+
+    gRPC's fork handlers kill it now and then, on a head without GRPC_ENABLE_FORK_SUPPORT=0.
+    """
+    for left in reversed(range(TRIES)):
+        try:
+            ray.init(**given)
+            return
+        except ConnectionError as error:
+            if not left or not _of_the_head(error):
+                raise
+
+
+def _of_the_head(error: BaseException) -> bool:
+    """Say whether a connection failed within the head, which then sends its traceback."""
+    return FAILED in str(error) and "Traceback" in str(error)
 
 
 def _has_token() -> bool:
@@ -165,5 +186,8 @@ def _other(address: str, error: Exception) -> str:
 
 
 def _line(error: BaseException) -> str:
-    lines = [text.strip() for text in str(error).splitlines() if text.strip()]
-    return lines[0][:200].rstrip(".") if lines else type(error).__name__
+    """Give the first line of what Ray said, or the last where that is a head's traceback."""
+    reason = str(error).replace(FAILED, "")
+    lines = [text.strip() for text in reason.splitlines() if text.strip()]
+    said = lines[-1 if _of_the_head(error) else 0] if lines else type(error).__name__
+    return said[:200].rstrip(".")
