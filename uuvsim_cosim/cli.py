@@ -38,6 +38,7 @@ from uuvsim_cosim.commands import (
 from uuvsim_cosim.commands import (
     map as map_,
 )
+from uuvsim_cosim.commands.other_code import place_in_other_code
 from uuvsim_cosim.errors import UuvsimError
 
 __all__ = ["app", "main"]
@@ -118,6 +119,8 @@ def status_of(arguments: list[str] | None = None) -> int:
         usage = getattr(error, "format_message", None)
         if usage is not None:
             return _refused(_usage(error, str(usage())), 2, error)
+        if (place := place_in_other_code(error)) is not None:
+            return _refused(f"{place}: {type(error).__name__}: {error}", 2, error)
         return _refused(
             f"unexpected {type(error).__name__}: {error}; this is a mistake in uuvsim-cosim, "
             "please report it with the output of `uuvsim doctor` (UUVSIM_DEBUG=1 shows where)",
@@ -138,7 +141,7 @@ def _refused(message: str, status: int, error: BaseException) -> int:
         import traceback
 
         traceback.print_exception(error, file=sys.stderr)
-    sys.stderr.write(f"uuvsim: {message}\n")
+    sys.stderr.write(f"uuvsim: {'; '.join([message, *getattr(error, '__notes__', [])])}\n")
     return status
 
 

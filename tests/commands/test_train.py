@@ -114,6 +114,26 @@ def test_policies_are_evaluated_beside_the_scripted_one(trained: Path, uuvsim: U
     assert out.strip().startswith("transition_1: 2 episodes")
 
 
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("best.npz", "expected a table's name, FILE.csv"),
+        ("thesis.csv", "is there, and no table of `uuvsim evaluate`"),
+        ("nowhere/e.csv", "expected a file in a folder that is there"),
+    ],
+)
+def test_a_table_replaces_nothing_but_a_table(name: str, said: str, uuvsim: Uuvsim) -> None:
+    for other in (Path("best.npz"), Path("thesis.csv")):
+        other.write_text("mine\n")
+    asked = ["evaluate", "scripted", "--task", "source", "--task-set", "horizon=2"]
+    status, out, err = uuvsim(*asked, "--episodes", "1", "-o", name)
+    assert (status, out) == (2, "")  # before anything is computed
+    assert said in err
+    assert Path("best.npz").read_text() == Path("thesis.csv").read_text() == "mine\n"
+    for episodes in ("1", "2"):
+        assert uuvsim(*asked, "--episodes", episodes, "-o", "e.csv")[0] == 0
+
+
 def test_an_episode_is_played_as_picture_page_and_pictures(trained: Path, uuvsim: Uuvsim) -> None:
     status, out, _ = uuvsim("play", "--policy", str(trained), "-o", "p.png", "--seed", "5")
     assert status == 0
@@ -148,13 +168,15 @@ def test_an_episode_is_played_as_picture_page_and_pictures(trained: Path, uuvsim
         ("evaluate scripted", "no task; expected one task"),
         ("evaluate scripted --task source --episodes 0", "--episodes 0: expected 1"),
         ("play --policy junk.npz", "junk.npz: "),
+        ("play --policy junk.pt", "as `uuvsim train` writes it (best.npz, beside its checkpoint)"),
         ("play source --window --out x.png", "expected one of them"),
         ("play source --out x.gif", "x.gif: expected .html"),
         ("play", "no task; expected one task"),
     ],
 )
 def test_a_mistake_is_one_sentence_and_status_2(words: str, said: str, uuvsim: Uuvsim) -> None:
-    Path("junk.npz").write_bytes(b"PK\x03\x04 no archive")
+    for junk in (Path("junk.npz"), Path("junk.pt")):
+        junk.write_bytes(b"PK\x03\x04 no archive")
     status, _, err = uuvsim(*words.split())
     assert status == 2, err
     assert said in err
@@ -189,6 +211,9 @@ def test_without_torch_training_says_which_extra_and_acting_works(
 ) -> None:
     monkeypatch.setitem(sys.modules, "torch", None)
     status, _, err = uuvsim("train", "source")
+    assert status == 2
+    assert "learning expects torch: pip install 'uuvsim-cosim[rl]'" in err
+    status, _, err = uuvsim("reproduce", "fig7", "-o", "results", "--work", "work")
     assert status == 2
     assert "learning expects torch: pip install 'uuvsim-cosim[rl]'" in err
     status, out, _ = uuvsim("evaluate", str(trained), "--episodes", "2")

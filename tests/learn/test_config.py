@@ -93,7 +93,7 @@ def test_every_name_makes_its_task(name: str) -> None:
         ("transition_9", {}, "no such task; expected one of transition_2, transition_1"),
         ("source", {"n_tracker": 3}, "n_tracker"),
         ("uuvsim/StationKeeping-v0", {"regoin": 3}, "regoin"),
-        ("no.such.module:Task", {}, "expected package.module:Name"),
+        ("no.such.module:Task", {}, "No module named .no.; expected FILE.py:Name"),
         ("fractions:Fraction", {}, "expected a Task or TeamTask"),
     ],
 )

@@ -177,6 +177,16 @@ def test_a_runner_is_under_100_lines_and_needs_numpy_alone(tmp_path: Path) -> No
     assert imported <= {"__future__", "json", "pathlib", "runpy", "typing", "numpy"}
 
 
+@pytest.mark.parametrize("taken", ["r.npz", "r.py"])
+def test_a_runner_replaces_nothing_but_a_runner(taken: str, tmp_path: Path) -> None:
+    (tmp_path / taken).write_bytes(SHIPPED.read_bytes())
+    with pytest.raises(InputInvalid, match=rf"{taken}: is there, and no runner's"):
+        export_policy(SHIPPED, tmp_path / "r.py")
+    assert (tmp_path / taken).read_bytes() == SHIPPED.read_bytes()
+    for _ in range(2):  # its own it replaces
+        assert len(export_policy(SHIPPED, tmp_path / "s.py")) == 2
+
+
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_fmpy_runs_the_fmu_to_the_bits_of_the_component(
     fmi: int, shipped: Policy, tmp_path: Path

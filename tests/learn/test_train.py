@@ -10,10 +10,12 @@ from typing import Any
 import pytest
 
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.checkpoint import load_checkpoint
 from uuvsim_cosim.learn.claim import held
 from uuvsim_cosim.learn.errors import LearningDiverged
 from uuvsim_cosim.learn.interruption import TrainingInterrupted
 from uuvsim_cosim.learn.loading import acting_in, load_policies
+from uuvsim_cosim.learn.policy import Policy
 from uuvsim_cosim.learn.task_ids import make_task
 from uuvsim_cosim.learn.train import Trained, train
 from uuvsim_cosim.learn.training import Progress
@@ -82,7 +84,11 @@ def test_a_gradient_that_is_no_number_stops_it_and_keeps_what_was_before(tmp_pat
         with pytest.raises(LearningDiverged, match="gradient of critic is nan") as told:
             small(tmp_path)
     assert "stopped after step 256; " in str(told.value)
+    assert "sac: the gradient" in str(told.value)
     assert "checkpoint.pt is of step 160" in str(told.value)
+    assert "diverged.pt and policy.npz are of then" in str(told.value)
+    counted = load_checkpoint(tmp_path / "diverged.pt")["counters"]
+    assert counted["step"] == Policy.load(tmp_path / "policy.npz").trained["step"] == 256
     assert (tmp_path / "episodes.csv").is_file()
     assert len(small(tmp_path).evaluations) == 3  # without the fault it goes on from there
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["evaluate_command", "shown"]
 
 SEED = 2_000_000
+HEAD = ("policy", "figure", "value", "low", "high")
 
 
 def evaluate_command(
@@ -48,6 +49,8 @@ def evaluate_command(
         raise InputInvalid(f"--episodes {episodes}: expected 1 … 100000")
     if seed < 0:
         raise InputInvalid(f"--seed {seed}: expected 0 or more")
+    if out is not None:
+        _refuse_other(out)
     options = nested("--task-set", task_set or [], "NAME=VALUE, as n_trackers=3")
     with StudyProgress("parts") as progress:
         progress.say("building, once")
@@ -85,11 +88,30 @@ def _label(given: str) -> str:
     return given if "/" not in given.rstrip("/") else tilde(given)
 
 
+def _refuse_other(path: Path) -> None:
+    """Raise InputInvalid where a table cannot be written, or would replace what is none."""
+    if path.suffix.lower() != ".csv":
+        raise InputInvalid(f"--out {path}: expected a table's name, FILE.csv")
+    if path.is_dir() or not path.parent.is_dir():
+        raise InputInvalid(f"--out {path}: expected a file in a folder that is there")
+    try:
+        with path.open(encoding="utf-8", errors="replace") as file:
+            first = file.readline().strip()
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise InputInvalid(f"--out {path}: cannot be read ({error.strerror})") from None
+    if first not in ("", ",".join(HEAD)):
+        raise InputInvalid(
+            f"--out {path}: is there, and no table of `uuvsim evaluate`; expected another name"
+        )
+
+
 def _write(path: Path, rows: Mapping[str, Mapping[str, Interval]]) -> None:
     try:
         with path.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
-            writer.writerow(("policy", "figure", "value", "low", "high"))
+            writer.writerow(HEAD)
             for policy, figures in rows.items():
                 for name, i in figures.items():
                     writer.writerow((policy, name, i.value, i.low, i.high))

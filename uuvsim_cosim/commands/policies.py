@@ -46,7 +46,7 @@ def acting_of(
         tasks = {p.task for p in firsts.values()}
         if len(tasks) != 1:
             read = f"policies of {' and '.join(sorted(tasks))}" if tasks else "no task"
-            raise InputInvalid(f"{read}; expected one task, named by --task or a policy")
+            raise InputInvalid(f"{read}; expected one task, or a policy that was trained in one")
         (task,) = tasks
     first = next((p for p in firsts.values() if p.task == task), None)
     trained = {} if first is None else first.options

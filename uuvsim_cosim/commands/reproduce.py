@@ -40,6 +40,7 @@ def reproduce_command(
 
     What was interrupted goes on with the same command.
     """
+    from uuvsim_cosim.learn.extras import check_torch
     from uuvsim_cosim.learn.reproduce_ways import BUDGETS, chains_of
 
     if budget not in BUDGETS:
@@ -51,6 +52,7 @@ def reproduce_command(
         if folder.exists() and not folder.is_dir():
             raise InputInvalid(f"{option} {folder}: is a file; expected a folder")
     if not no_run:
+        check_torch()
         if ray is None:
             _run(figure, BUDGETS[budget], seeds, out, work)
         else:

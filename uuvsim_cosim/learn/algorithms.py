@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, get_type_hints
 
 from uuvsim_cosim.envs.options import near
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.extras import check_torch
 
 if TYPE_CHECKING:
     from uuvsim_cosim.envs.symmetry import Symmetry
@@ -112,12 +113,7 @@ class _Makers:
 
 
 def _makers(name: str, symmetries: Sequence[Symmetry] = ()) -> _Makers:
-    try:
-        import torch  # noqa: F401
-    except ModuleNotFoundError as error:
-        raise InputInvalid(
-            f"{error}; learning expects torch: pip install 'uuvsim-cosim[rl]'"
-        ) from None
+    check_torch()
     if name in ("sac", "masac", "isac"):
         from uuvsim_cosim.learn.masac import MasacSettings
         from uuvsim_cosim.learn.masac_learner import MasacLearner, OffPolicySettings

@@ -22,8 +22,8 @@ __all__ = ["claim", "held", "refuse_other"]
 ABOUT = "training.json"
 LOCK = ".in_use"
 OURS = (
-    ABOUT, LOCK, "checkpoint.pt", "episodes.csv", "evaluations.csv", "judged.json", "report.html",
-    "best*.npz", "policy*.npz", "events.out.tfevents.*",
+    ABOUT, LOCK, "checkpoint.pt", "diverged.pt", "episodes.csv", "evaluations.csv", "judged.json",
+    "report.html", "best*.npz", "policy*.npz", "events.out.tfevents.*",
 )  # fmt: skip
 
 

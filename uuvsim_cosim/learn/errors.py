@@ -16,9 +16,10 @@ class LearningDiverged(UuvsimError):
         self.algorithm, self.name, self.value = algorithm, name, value
         super().__init__(
             f"{algorithm}: {name} is {value}; expected a finite number: a smaller lr, or a smaller "
-            f"weight of what the reward takes away{kept and '; '}{kept}"
+            "weight of what the reward takes away (and to begin anew, --restart)"
+            f"{kept and '; '}{kept}"
         )
 
-    def saying(self, kept: str) -> LearningDiverged:
-        """Give the same, and what was kept."""
-        return LearningDiverged(self.algorithm, self.name, self.value, kept)
+    def saying(self, algorithm: str, kept: str) -> LearningDiverged:
+        """Give the same of an algorithm as the user named it, and what was kept."""
+        return LearningDiverged(algorithm, self.name, self.value, kept)

@@ -47,13 +47,13 @@ def export_policy(
 
         model = policy_model(policy, plain=plain)
         return [build_fmu(model, fmi=fmi, platforms=platforms, target=out)]  # type: ignore[arg-type]
+    if ending == ".py":
+        return _write_runner(policy, out, policy_path(source))
     write: Callable[[Policy, Path], list[Path]]
     if ending == ".onnx":
         from uuvsim_cosim.learn.policy_onnx import write_onnx as write
-    elif ending == ".pth":
-        write = _write_torch
     else:
-        write = _write_runner
+        write = _write_torch
     return write(policy, out)
 
 
@@ -173,9 +173,24 @@ def _write_torch(policy: Policy, out: Path) -> list[Path]:
     return [_written(out, buffer.getvalue())]
 
 
-def _write_runner(policy: Policy, out: Path) -> list[Path]:
+def _begins(path: Path, text: str) -> bool:
+    try:
+        return text in path.read_text(encoding="utf-8").partition("\n")[0]
+    except (OSError, UnicodeDecodeError):
+        return False
+
+
+def _write_runner(policy: Policy, out: Path, source: Path) -> list[Path]:
     from uuvsim_cosim.learn import runner, runner_sequence
 
+    head = (runner.__doc__ or "").splitlines()[0]
+    if not _begins(out, head):
+        for path in (out, out.with_suffix(".npz")):
+            if path.exists() and path.resolve() != source.resolve():
+                raise InputInvalid(
+                    f"{path}: is there, and no runner's; expected another name for {out.name} and "
+                    f"{out.stem}.npz, its weights"
+                )
     made = [_written(out, inspect.getsource(runner).encode())]
     if policy.kind == "sequence":
         beside = out.with_name(f"{out.stem}_sequence.py")

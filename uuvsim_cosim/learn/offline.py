@@ -18,6 +18,7 @@ from uuvsim_cosim.envs.options import near
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.dataset import Dataset, read_dataset
 from uuvsim_cosim.learn.errors import LearningDiverged
+from uuvsim_cosim.learn.extras import check_torch
 from uuvsim_cosim.learn.policy import Policy
 from uuvsim_cosim.learn.rollout import Rollout
 from uuvsim_cosim.learn.task_ids import make_task, short_name
@@ -100,7 +101,9 @@ def train_offline(
         interrupted = True
     except LearningDiverged as diverged:
         kept = _write(place, _told(learner, given, chosen, seed, done), rows)
-        raise diverged.saying(f"what was before, of {done} updates, is in {kept}") from None
+        raise diverged.saying(
+            algorithm, f"what was before, of {done} updates, is in {kept}"
+        ) from None
     finally:
         torch.set_num_threads(threads)
     policy = _told(learner, given, chosen, seed, done)
@@ -119,12 +122,7 @@ def offline_learner(
             f"algorithm {algorithm!r}: does not learn from a dataset; expected "
             f"{near(algorithm, OFFLINE)}"
         )
-    try:
-        import torch  # noqa: F401
-    except ModuleNotFoundError as error:
-        raise InputInvalid(
-            f"{error}; learning expects torch: pip install 'uuvsim-cosim[rl]'"
-        ) from None
+    check_torch()
     kinds: dict[str, tuple[Any, Any]] = {}
     from uuvsim_cosim.learn.behaviour_cloning import BcSettings, BehaviourCloning
     from uuvsim_cosim.learn.decision_transformer import DecisionTransformer, DtSettings

@@ -147,9 +147,10 @@ class Policy:
             head = json.loads(bytes(tensors.pop("head")))
             version = head.pop("uuvsim_policy")
         except (ValueError, KeyError, TypeError, OSError, EOFError, zipfile.BadZipFile) as error:
+            beside = " (best.npz, beside its checkpoint)" if path.suffix == ".pt" else ""
             raise InputInvalid(
                 f"{path}: no policy, or not all of one ({type(error).__name__}); expected a whole "
-                "policy as `uuvsim train` writes it"
+                f"policy as `uuvsim train` writes it{beside}"
             ) from None
         if version != FORMAT:
             raise InputInvalid(f"{path}: format {version}; expected {FORMAT}")

@@ -166,9 +166,15 @@ def _write_episode(path: Path, task: TeamTask, acts: Mapping[str, Any]) -> None:
 
 
 def _columns(path: Path) -> dict[str, NDArray[np.float64]]:
-    with path.open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    return {k: np.array([float(r[k]) for r in rows]) for k in rows[0]}
+    try:
+        with path.open(newline="") as file:
+            rows = list(csv.DictReader(file))
+        return {k: np.array([float(r[k]) for r in rows]) for k in rows[0]}
+    except (OSError, ValueError, TypeError, IndexError) as error:
+        raise InputInvalid(
+            f"{path}: {type(error).__name__}: {error}; expected a whole curve, as `uuvsim "
+            "reproduce` writes it beside the numbers"
+        ) from None
 
 
 def _rounded(values: NDArray[np.float64]) -> list[float]:

@@ -12,6 +12,8 @@ from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["TASKS", "make_task", "short_name"]
 
+OR = "or one of yours: FILE.py:Name, package.module:Name"
+
 TASKS: dict[str, str] = {
     "target-tracking": "uuvsim_cosim.envs.tasks.target_tracking:TargetTracking",
     **{
@@ -27,7 +29,7 @@ TASKS: dict[str, str] = {
 def make_task(
     name: str, options: Mapping[str, Any] | None = None, *, profile: str | None = None
 ) -> Task | TeamTask:
-    """Make a task of TASKS, or what "my_package.module:Name" names, with its own options.
+    """Make a task of TASKS, or of "my_package.module:Name" or "my.py:Name", with its own options.
 
     `profile` is the option of that name, for tasks that have one; "default" is every task's.
     """
@@ -71,16 +73,15 @@ def _takes_profile(make: Callable[..., Any]) -> bool:
 
 
 def _found(name: str) -> Callable[..., Any]:
-    from importlib import import_module
+    from uuvsim_cosim.orchestrator.python_class import imported
 
     place = TASKS.get(name, name)
-    module, colon, own = place.partition(":")
+    module, colon, own = place.rpartition(":")
     if not colon:
-        raise InputInvalid(
-            f"task {name!r}: no such task; expected {near(name, TASKS)}, or package.module:Name"
-        )
-    try:
-        found: Callable[..., Any] = getattr(import_module(module), own)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise InputInvalid(f"task {name!r}: {error}; expected package.module:Name") from error
+        raise InputInvalid(f"task {name!r}: no such task; expected {near(name, TASKS)}, {OR}")
+    if not module or not own.isidentifier():
+        raise InputInvalid(f"task {name!r}; expected package.module:Name, or FILE.py:Name")
+    found: Callable[..., Any] | None = getattr(imported(module, f"task {name!r}"), own, None)
+    if not callable(found):
+        raise InputInvalid(f"task {name!r}: no class {own!r} in {module}; expected a task's")
     return found

@@ -6,6 +6,7 @@ import csv
 import io
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol, final
@@ -14,7 +15,7 @@ import numpy as np
 
 from uuvsim_cosim.envs.task import Task, TeamTask
 from uuvsim_cosim.envs.tasks.evaluation import Evaluation, evaluate
-from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.errors import InputInvalid, UuvsimError
 from uuvsim_cosim.learn.checkpoint import load_checkpoint, save_checkpoint
 from uuvsim_cosim.learn.errors import LearningDiverged
 from uuvsim_cosim.learn.learner import Learner
@@ -94,8 +95,9 @@ class Training:
         """Train to the end; gives one row an evaluation, the first before anything is learned.
 
         The last is of what was learned, whatever `evaluate_every` is. Where `interrupted` says so
-        after a step, that step is kept and KeyboardInterrupt raised. A loss that is no number
-        raises LearningDiverged, and the last checkpoint stays.
+        after a step, that step is kept and KeyboardInterrupt raised. A loss or a gradient that is
+        no number raises LearningDiverged; what there is then is in diverged.pt and policy.npz, and
+        the last checkpoint stays.
         """
         self.folder.mkdir(parents=True, exist_ok=True)
         self.resume()
@@ -111,11 +113,14 @@ class Training:
                 if self._interrupted is not None and self._interrupted():
                     self.save()
                     raise KeyboardInterrupt
-        except LearningDiverged as error:
-            self._write_curves()
-            raise error.saying(
-                f"stopped after step {self.step}; {self.checkpoint} is of step {kept}"
-            ) from None
+        except Exception as error:
+            last = f"stopped after step {self.step}; {self.checkpoint} is of step {kept}"
+            with suppress(OSError):  # the disk may be full: the first error is the one to be told
+                self._write_curves()
+            if isinstance(error, LearningDiverged):
+                raise error.saying(self.learner.name, f"{last}{self._diverged()}") from None
+            error.add_note(last)
+            raise
         finally:
             self.cpu += time.process_time() - began
         if self.evaluations[-1]["step"] != self.step:
@@ -212,21 +217,7 @@ class Training:
         self.folder.mkdir(parents=True, exist_ok=True)
         self._write_curves()
         self._write_policies("policy")
-        save_checkpoint(
-            self.checkpoint,
-            {
-                "task": self.name,
-                "options": self.options,
-                "algorithm": self.learner.name,
-                "n": self.n,
-                "seed": self.seed,
-                "counters": {"step": self.step, "episodes": self.episodes, "best": self.best},
-                "rows": self._rows,
-                "evaluations": self.evaluations,
-                "rollout": self.rollout.state(),
-                "learner": self.learner.state(),
-            },
-        )
+        save_checkpoint(self.checkpoint, self._content())
         self._tell("checkpoint", {})
 
     def close(self) -> None:
@@ -234,6 +225,30 @@ class Training:
         self.rollout.close()
 
     # ---- inside ---------------------------------------------------------------------------
+
+    def _content(self) -> dict[str, Any]:
+        return {
+            "task": self.name,
+            "options": self.options,
+            "algorithm": self.learner.name,
+            "n": self.n,
+            "seed": self.seed,
+            "counters": {"step": self.step, "episodes": self.episodes, "best": self.best},
+            "rows": self._rows,
+            "evaluations": self.evaluations,
+            "rollout": self.rollout.state(),
+            "learner": self.learner.state(),
+        }
+
+    def _diverged(self) -> str:
+        """Keep what there is, beside the checkpoint, which is sound; gives what to tell of it."""
+        beside = self.folder / "diverged.pt"
+        try:
+            save_checkpoint(beside, self._content())
+            self._write_policies("policy")
+        except (OSError, UuvsimError):  # no room, or no numbers in the networks
+            return ""
+        return f"; {beside} and policy.npz are of then"
 
     def _resume(self) -> None:
         read = load_checkpoint(self.checkpoint)

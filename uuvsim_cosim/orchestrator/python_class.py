@@ -18,7 +18,7 @@ from uuvsim_cosim.errors import ComponentFailed, InputInvalid
 from uuvsim_cosim.fmus.description import Causality, Description
 from uuvsim_cosim.orchestrator.python_ports import parameter, signal
 
-__all__ = ["definition", "described", "load", "place_of"]
+__all__ = ["definition", "described", "imported", "load", "place_of"]
 
 
 _GROUPS: tuple[tuple[Causality, str], ...] = (("input", "inputs"), ("output", "outputs"))
@@ -29,7 +29,7 @@ def load(source: str) -> type[Any]:
     where, colon, name = source.rpartition(":")
     if not colon or not name.isidentifier():
         raise InputInvalid(f"{source!r}; expected FILE.py:Class or package.module:Class")
-    module = _module(where, source)
+    module = imported(where, source)
     cls = getattr(module, name, None)
     if not isinstance(cls, type):
         classes = [k for k, v in vars(module).items() if isinstance(v, type) and hasattr(v, "step")]
@@ -38,7 +38,8 @@ def load(source: str) -> type[Any]:
     return cls
 
 
-def _module(where: str, source: str) -> ModuleType:
+def imported(where: str, source: str) -> ModuleType:
+    """Give the module of a file (FILE.py) or by its name; raises InputInvalid, of `source`."""
     try:
         if not where.endswith(".py"):
             return importlib.import_module(where)
@@ -65,15 +66,25 @@ def _module(where: str, source: str) -> ModuleType:
         raise
     except SyntaxError as error:
         raise InputInvalid(f"{error.filename}:{error.lineno}: {error.msg}") from error
+    except ModuleNotFoundError as error:
+        if error.name is None or not f"{where}.".startswith(f"{error.name}."):
+            raise _not_imported(source, error) from error
+        raise InputInvalid(
+            f"{source}: {error}; expected FILE.py:Name, or one that Python finds (PYTHONPATH)"
+        ) from error
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # SystemExit too: a file must not end the run
-        last = traceback.extract_tb(error.__traceback__)[-1]
-        raise InputInvalid(
-            f"{source}: cannot be imported: {last.filename}:{last.lineno}: "
-            f"{type(error).__name__}: {error}"
-        ) from error
+        raise _not_imported(source, error) from error
     return module
+
+
+def _not_imported(source: str, error: BaseException) -> InputInvalid:
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    return InputInvalid(
+        f"{source}: cannot be imported: {last.filename}:{last.lineno}: "
+        f"{type(error).__name__}: {error}"
+    )
 
 
 def place_of(error: BaseException, cls: type[Any], method: str) -> str:
