@@ -248,16 +248,27 @@ def test_an_interrupted_run_is_status_130_with_a_closed_recording(
 def test_an_unexpected_error_asks_to_be_reported(
     uuvsim: Uuvsim, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def broken() -> list[str]:
-        raise RuntimeError("cause")
-
-    monkeypatch.setattr("uuvsim_cosim.orchestrator.library.available", broken)
+    monkeypatch.setattr("uuvsim_cosim.orchestrator.library.available", None)
     status, _, err = uuvsim("systems")
     assert status == 1
     assert "please report it" in err
     assert "Traceback" not in err
     monkeypatch.setenv("UUVSIM_DEBUG", "1")
     assert "Traceback" in uuvsim("systems")[2]
+
+
+def test_an_error_in_code_that_is_not_ours_is_told_with_its_line(
+    uuvsim: Uuvsim, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken() -> list[str]:
+        raise RuntimeError("cause")
+
+    monkeypatch.setattr("uuvsim_cosim.orchestrator.library.available", broken)
+    status, _, err = uuvsim("systems")
+    assert (status, err) == (
+        2,
+        f"uuvsim: {__file__}:{broken.__code__.co_firstlineno + 1}: RuntimeError: cause\n",
+    )
 
 
 # ---- starting points ----------------------------------------------------------------------------

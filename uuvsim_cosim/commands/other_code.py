@@ -11,7 +11,8 @@ import uuvsim_cosim
 __all__ = ["place_in_other_code"]
 
 OURS = str(Path(uuvsim_cosim.__file__).parent)
-LIBRARIES = tuple(sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib"))
+STANDARD = tuple(sysconfig.get_path(name) for name in ("stdlib", "platstdlib"))
+INSTALLED = {"site-packages", "dist-packages"}
 
 
 def place_in_other_code(error: BaseException) -> str | None:
@@ -19,7 +20,8 @@ def place_in_other_code(error: BaseException) -> str | None:
     for frame in reversed(traceback.extract_tb(error.__traceback__)):
         if frame.filename.startswith(OURS):
             return None
-        if frame.filename.startswith(("<", *LIBRARIES)):
+        library = frame.filename.startswith(("<", *STANDARD))
+        if library or INSTALLED & set(Path(frame.filename).parts):
             continue
         return f"{frame.filename}:{frame.lineno}"
     return None
