@@ -95,6 +95,8 @@ def test_minari_itself_reads_the_folder(
     assert (read.total_episodes, read.total_steps) == (6, 90)
     assert np.array_equal(read[2].observations, data.episodes[2].observation)
     assert read[2].truncations[-1]
+    assert read.spec.version == 0
+    assert list(minari.list_local_datasets()) == ["tracking-v0"]
 
 
 # ---- recorded runs --------------------------------------------------------------------------
@@ -167,7 +169,12 @@ def test_half_a_dataset_is_refused(data: Dataset, tmp_path: Path) -> None:
         (["source", "-o", "x.npz", "--episodes", "0"], "0 episodes; expected 1"),
         (["source", "-o", str(Path(__file__).parent)], "exists; expected a new folder"),
         (["source", "-o", "x.npz", "--recorded", "r", "--policy", "random"], "expected one of"),
+        (["source", "-o", "mixed"], "mixed: has no version; expected a .npz, or a folder of "
+         "Minari's, as mixed-v0"),
+        (["source", "-o", "a.csv"], "a.csv: no dataset is written as .csv; expected a .npz, or"),
         (["source", "-o", "x.npz", "--signal", "a=b"], "names signals of --recorded runs"),
+        (["source", "-o", "x.npz", "--recorded", "r", "-n", "3", "--seed", "3"],
+         "--episodes 3 and --seed 3: of what a policy does; expected no --recorded"),
         (["source", "-o", "x.npz", "--recorded", "nowhere"], "nowhere"),
         (["transition_2", "-o", "x.npz", "--policy", str(SOURCE_SAC), "--task-set",
           "slots=[3,2]"], "observes 31 numbers"),
@@ -182,4 +189,4 @@ def test_wrong_input_is_one_sentence(
     said = capsys.readouterr().err
     assert words in " ".join(said.split())
     assert "Traceback" not in said
-    assert not Path("x.npz").exists()
+    assert not list(tmp_path.iterdir())

@@ -21,7 +21,9 @@ def collect_command(
     task: Annotated[str, typer.Argument(help="transition_1, uuvsim/StationKeeping-v0, …")],
     out: Annotated[
         Path,
-        typer.Option("--out", "-o", help="A new folder of Minari's, or .npz (half precision)."),
+        typer.Option(
+            "--out", "-o", help="NAME.npz (half precision), or a new folder of Minari's, NAME-v0."
+        ),
     ],
     policy: Annotated[
         str | None,
@@ -35,7 +37,9 @@ def collect_command(
         list[str] | None,
         typer.Option("--signal", help="The task's NAME=RECORDED, where recorded by another name."),
     ] = None,
-    episodes: Annotated[int, typer.Option("--episodes", "-n", help="Of a policy.")] = 100,
+    episodes: Annotated[
+        int | None, typer.Option("--episodes", "-n", help="Of a policy; 100 unless given.")
+    ] = None,
     seed: Annotated[
         int | None, typer.Option("--seed", help="The first of the episodes' seeds.")
     ] = None,
@@ -52,6 +56,10 @@ def collect_command(
         raise InputInvalid("--signal: names signals of --recorded runs; expected them")
     if ray is not None and recorded:
         raise InputInvalid(f"--ray {ray}: spreads what a policy does; expected no --recorded")
+    drawn = {"--episodes": episodes, "--seed": seed}
+    given = " and ".join(f"{k} {v}" for k, v in drawn.items() if v is not None)
+    if recorded and given:
+        raise InputInvalid(f"{given}: of what a policy does; expected no --recorded")
     if seed is not None and seed < 0:
         raise InputInvalid(f"--seed {seed}: expected 0 or more")
     options = nested("--task-set", task_set or [], "NAME=VALUE, as n_trackers=3")
@@ -72,8 +80,8 @@ def collect_command(
             first = COLLECTING_SEED if seed is None else seed
             with clustered(ray) as cluster:
                 data = collect(
-                    task, policy or "scripted", episodes, options=options, seed=first,
-                    cluster=cluster,
+                    task, policy or "scripted", 100 if episodes is None else episodes,
+                    options=options, seed=first, cluster=cluster,
                 )  # fmt: skip
         written = write_dataset(data, out, overwrite=overwrite)
     returns = data.returns
@@ -81,5 +89,10 @@ def collect_command(
     line(f"{task}: {len(data.episodes)} episodes, {data.steps} actions")
     figures = {"return": returns.mean(), "least": returns.min(), "most": returns.max()}
     table(("figure", "value"), [(k, f"{v:.4g}") for k, v in figures.items()])
+    numbers = {"observations": (data.steps + len(data.episodes)) * len(data.observation),
+               "actions": data.steps * len(data.action)}  # fmt: skip
+    for what, clipped in data.told.get("clipped", {}).items():
+        if clipped:
+            line(f"warning: {clipped} of {numbers[what]} numbers in {what} clipped to their limits")
     line()
     table(("written", "size"), [(tilde(written), size_of(written))])

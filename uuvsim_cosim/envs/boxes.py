@@ -162,7 +162,12 @@ class ObservationBox:
             self.problems.append(Problem("observations", "none", "at least one"))
 
     def of(
-        self, values: Array, extra: Any, blank: NDArray[np.bool_] | None = None
+        self,
+        values: Array,
+        extra: Any,
+        blank: NDArray[np.bool_] | None = None,
+        *,
+        clipped: bool = True,
     ) -> NDArray[np.float32]:
         """Give observations (n, width) of signals (size, n), clipped to the box.
 
@@ -193,7 +198,7 @@ class ObservationBox:
             most = np.finfo(np.float32).max
             np.clip(own, -most, most, out=columns[: self._n_own], casting="same_kind")
             self._refuse_infinite(columns)
-        if self._least is not None:
+        if clipped and self._least is not None:
             np.maximum(columns, self._least, out=columns)
             np.minimum(columns, self._greatest, out=columns)
         return columns.T.copy(order="C")

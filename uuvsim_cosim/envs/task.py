@@ -149,6 +149,10 @@ class Task(_Common, ABC):
         """Give observations that no connector has, after the channels, of shape (n, k)."""
         return None
 
+    def unclipped(self, m: Moment) -> Array | None:
+        """Give `extra` as it is beyond its limits, where that clips by itself."""
+        return self.extra(m)
+
     @property
     def extra_limits(self) -> tuple[Sequence[float], Sequence[float]]:
         """Give the least and the greatest value of each number of `extra`."""
@@ -201,6 +205,10 @@ class TeamTask(_Common, ABC):
     @abstractmethod
     def observe(self, m: Moment) -> Mapping[str, Array]:
         """Give each agent's observation, of shape (n, width)."""
+
+    def unclipped(self, m: Moment) -> Mapping[str, Array]:
+        """Give observations as they are beyond their limits, where `observe` clips by itself."""
+        return self.observe(m)
 
     @abstractmethod
     def reward(self, m: Moment) -> Mapping[str, Array]:

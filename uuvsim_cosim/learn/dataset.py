@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -25,6 +26,7 @@ __all__ = ["Dataset", "Episode", "Stacked", "read_dataset", "refuse_taken", "wri
 
 Array = NDArray[np.float32]
 FORMAT = 1
+VERSIONED = re.compile(r"[-\w]+-v\d+")
 
 
 @dataclass(frozen=True)
@@ -126,12 +128,23 @@ def refuse_taken(path: Path, overwrite: bool = False) -> None:
             raise InputInvalid(f"{path}: is a folder; expected a file")
         if path.exists() and not overwrite:
             raise InputInvalid(f"{path}: exists; expected a new file, or --overwrite")
-    elif path.exists() and (not path.is_dir() or any(path.iterdir())):
-        raise InputInvalid(f"{path}: exists; expected a new folder, or a .npz")
+        return
+    if path.exists() and (not path.is_dir() or any(path.iterdir())):
+        raise InputInvalid(f"{path}: exists; expected a new folder, as NAME-v0, or a .npz")
+    # Minari takes a folder's name for its id; one without a version breaks its tools for all.
+    if not VERSIONED.fullmatch(path.name):
+        right = re.sub(r"[^\w-]+", "-", path.stem).strip("-") or "data"
+        what = f"no dataset is written as {path.suffix}" if path.suffix else "has no version"
+        raise InputInvalid(
+            f"{path}: {what}; expected a .npz, or a folder of Minari's, as {right}-v0"
+        )
 
 
 def write_dataset(given: Dataset, path: str | Path, *, overwrite: bool = False) -> Path:
-    """Write a `.npz`, or a new folder of Minari's; raises InputInvalid where one is already."""
+    """Write a `.npz`, or a new folder of Minari's, as NAME-v0; raises InputInvalid.
+
+    Nothing that is there already is replaced without `overwrite`, and no folder is.
+    """
     path = Path(path).expanduser()
     refuse_taken(path, overwrite)
     if path.suffix.lower() != ".npz":

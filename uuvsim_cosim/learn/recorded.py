@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.boxes import ActionBox, ObservationBox
 from uuvsim_cosim.envs.instant import Instant
-from uuvsim_cosim.envs.signals import Signals
+from uuvsim_cosim.envs.signals import Signals, resolved
 from uuvsim_cosim.envs.task import Task, TeamTask
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.dataset import Dataset, Episode
 from uuvsim_cosim.learn.policy import Named
+from uuvsim_cosim.learn.recorded_signals import Reading, refuse_times
 from uuvsim_cosim.learn.task_ids import make_task
 from uuvsim_cosim.orchestrator.flatten import flatten
 from uuvsim_cosim.orchestrator.recording import read_signals
@@ -39,12 +40,13 @@ def from_recordings(
     """Give a task's observations, actions and rewards in recorded runs, cut at its horizon.
 
     A run is its folder, a .parquet or a .mcap. `renamed` says where a signal of the task is found
-    in the recording. Raises InputInvalid that names what was not recorded.
+    in the recording. `told["clipped"]` counts what lay beyond limits. Raises InputInvalid that
+    names what was not recorded.
     """
     task = make_task(name, options)
     reader = _Reader(task, name, dict(renamed or {}))
     kept = [episode for run in runs for episode in reader.episodes(Path(run))]
-    told = {"recordings": [Path(run).name for run in runs]}
+    told = {"recordings": [Path(run).name for run in runs], "clipped": reader.clipped}
     return Dataset(kept, reader.seen, reader.acts, name, dict(options or {}), told)
 
 
@@ -64,7 +66,8 @@ class _Start(Mapping[str, Any]):
 
 class _Reader:
     def __init__(self, task: Task | TeamTask, name: str, renamed: dict[str, str]) -> None:
-        self.task, self.name, self.renamed = task, name, renamed
+        self.task = task
+        self.clipped = {"observations": 0, "actions": 0}
         plan = flatten(task.system)
         team = isinstance(task, TeamTask)
         self.channels = (
@@ -91,19 +94,17 @@ class _Reader:
             first.name(i).removeprefix(f"{agent}." if team else "") for i in range(first.width)
         ]
         self.acts = tuple(Named(n, -1.0, 1.0) for n in short)
+        keys = [key for box in self.boxes.values() for key, _ in box.targets]
+        self.sizes = {
+            n: resolved(plan, n).variable.size for n in dict.fromkeys([*self.signals.names, *keys])
+        }
+        self.reading = Reading(name, self.sizes, renamed)
 
     def episodes(self, run: Path) -> list[Episode]:
         read = read_signals(run)
         at = self._instants(run, np.asarray(read.time, float))
-        names = [self.renamed.get(n, n) for n in self.signals.names]
-        missing = [n for n in names if n not in read]
-        if missing:
-            raise InputInvalid(
-                f"{run}: {', '.join(missing)} not recorded; expected what {self.name} reads (a "
-                "signal of another name is given by --signal NAME=RECORDED)"
-            )
-        rows = [np.asarray(read[n], float).reshape(len(read.time), -1) for n in names]
-        values = np.concatenate(rows, axis=1)
+        wanted = {n: self.sizes[n] for n in self.signals.names}
+        values = np.concatenate(self.reading.of(run, read, wanted), axis=1)
         # The action of step k: recorded last before step k + 1 begins.
         acted = {a: self._action(run, read, a)[at[1:] - 1] for a in self.channels}
         length, found = int(self.task.horizon / self.task.action_step), []
@@ -114,8 +115,9 @@ class _Reader:
                 found += self._cut(values[piece].T, mine)
         return found
 
-    def _cut(self, values: Array, acted: Mapping[str, Array]) -> list[Episode]:
+    def _cut(self, values: Array, recorded: Mapping[str, Array]) -> list[Episode]:
         n = values.shape[1]
+        acted = {a: np.clip(x, -1.0, 1.0) for a, x in recorded.items()}
         step, before = np.arange(n), np.maximum(np.arange(n) - 1, 0)
         action = {a: x[before] * (step > 0)[:, None] for a, x in acted.items()}
         earlier = {a: x[before] for a, x in action.items()}
@@ -126,12 +128,19 @@ class _Reader:
             before=Instant(about[0], values[:, before], before, about[1], earlier, _Start()),
         )  # fmt: skip
         seen: Mapping[str, NDArray[Any]]
+        beyond: Mapping[str, NDArray[Any]]
         if isinstance(self.task, TeamTask):
             seen, reward, ended = self.task.observe(m), self.task.reward(m), self.task.terminated(m)
+            beyond = self.task.unclipped(m)
         else:
             assert self.box is not None
             extra = self.task.extra(m) if self.box.n_extra else None
-            seen = {"agent": self.box.of(m.values, extra, None)}
+            seen = {"agent": self.box.of(m.values, extra)}
+            raw = self.task.unclipped(m) if self.box.n_extra else None
+            # Who adds to another task's `extra` may leave its `unclipped` as it is.
+            if raw is not None and extra is not None and raw.shape == extra.shape:
+                extra = raw
+            beyond = {"agent": self.box.of(m.values, extra, clipped=False)}
             reward, ended = {"agent": self.task.reward(m)}, {"agent": self.task.terminated(m)}
         made = []
         for agent, a in acted.items():
@@ -142,10 +151,14 @@ class _Reader:
             made.append(
                 Episode(o[: k + 1], a[:k].astype(np.float32), r[1 : k + 1], bool(len(over)))
             )
+            sides = self.low, self.high
+            self.clipped["observations"] += _clipped(beyond[agent][: k + 1], o[: k + 1], *sides)
+            self.clipped["actions"] += _clipped(recorded[agent][:k], made[-1].action, -1.0, 1.0)
         return made
 
     def _instants(self, run: Path, time: Array) -> NDArray[np.intp]:
         """Give the rows where actions begin."""
+        refuse_times(run, time)
         step = float(self.task.action_step)
         count = int((time[-1] - time[0]) / step + 1e-6) if len(time) else 0
         wanted = time[0] + step * np.arange(count + 1) if count else np.zeros(0)
@@ -158,21 +171,31 @@ class _Reader:
         return np.asarray(at)
 
     def _action(self, run: Path, read: Any, agent: str) -> Array:
-        """Give actions in [-1, 1], of shape (instants, width)."""
+        """Give actions in [-1, 1], and what was beyond, of shape (instants, width)."""
         box = self.boxes[agent]
         low, high = (box.scaled(np.full((1, box.width), s))[:, 0] for s in (-1.0, 1.0))
         columns: list[Array] = []
         for i, (key, element) in enumerate(box.targets):
-            place = self.renamed.get(key, key)
             output = f"{key.rpartition('.')[0]}.action"
-            if place in read:
-                own = np.asarray(read[place], float).reshape(len(read.time), -1)
+            if self.reading.finds(read, key):
+                (own,) = self.reading.of(run, read, {key: self.sizes[key]})
                 columns.append((2.0 * own[:, element] - low[i] - high[i]) / (high[i] - low[i]))
-            elif output in read and np.shape(read[output])[1:] == (box.width,):
-                columns.append(np.asarray(read[output], float)[:, i])
+            elif output in read:
+                (own,) = self.reading.of(run, read, {output: box.width})
+                columns.append(own[:, i])
             else:
                 raise InputInvalid(
-                    f"{run}: neither {place} nor {output} recorded; expected the action of "
-                    f"{self.name} (a signal of another name is given by --signal NAME=RECORDED)"
+                    f"{run}: neither {key} nor {output} recorded; expected the action of "
+                    f"{self.reading.task} (a signal of another name is given by --signal "
+                    "NAME=RECORDED)"
                 )
-        return np.clip(np.stack(columns, axis=1), -1.0, 1.0)
+        return np.stack(columns, axis=1)
+
+
+def _clipped(given: NDArray[Any], kept: NDArray[np.float32], low: Any, high: Any) -> int:
+    """Count numbers that clipping changed; none of a task whose `unclipped` is another's."""
+    if given.shape != kept.shape:
+        return 0
+    with np.errstate(over="ignore"):
+        given = given.astype(np.float32)
+    return int(np.count_nonzero((given != kept) & (np.clip(given, low, high) == kept)))

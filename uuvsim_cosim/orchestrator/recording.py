@@ -22,7 +22,8 @@ class Signals(Mapping[str, np.ndarray]):
 
     `time` (n,) [s]; `ticks` (n,); `units` and `descriptions` by the same names, `element_units`
     with one unit for each element; `metadata` says where the recording came from, and holds what
-    components said (``messages``).
+    components said (``messages``). `elements` are those that an array's columns are, from 1, where
+    the recording tells them: a column may have been lost.
     """
 
     time: np.ndarray
@@ -32,6 +33,7 @@ class Signals(Mapping[str, np.ndarray]):
     descriptions: Mapping[str, str] = field(default_factory=dict)
     metadata: Mapping[str, Any] = field(default_factory=dict)
     element_units: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    elements: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> np.ndarray:
         """Give a signal; raises InputInvalid with names that come near."""
@@ -74,16 +76,19 @@ def read_signals(run: Path | str) -> Signals:
     units: dict[str, str] = {}
     descriptions: dict[str, str] = {}
     element_units: dict[str, tuple[str, ...]] = {}
+    elements: dict[str, tuple[int, ...]] = {}
     for name, columns in _grouped(schema).items():
         arrays = [_array(table.column(i)) for i in columns]
         about = _about(schema.field(columns[0]))
         values[name] = np.stack(arrays, axis=1) if about.get("index") else arrays[0]
         element_units[name] = tuple(_about(schema.field(i)).get("unit", "") for i in columns)
+        if about.get("index"):
+            elements[name] = tuple(_index(schema.field(i)) for i in columns)
         units[name] = ", ".join(dict.fromkeys(element_units[name]))
         descriptions[name] = about.get("description", "")
     time, ticks = _array(table.column(0)), _array(table.column(1))
     metadata = metadata_of(schema) | {"messages": messages}
-    return Signals(time, ticks, values, units, descriptions, metadata, element_units)
+    return Signals(time, ticks, values, units, descriptions, metadata, element_units, elements)
 
 
 def _grouped(schema: Any) -> dict[str, list[int]]:
@@ -93,7 +98,15 @@ def _grouped(schema: Any) -> dict[str, list[int]]:
         about = _about(schema.field(i))
         name = f"{about['path']}.{about['variable']}" if "variable" in about else schema.names[i]
         groups.setdefault(name, []).append(i)
+    for columns in groups.values():
+        columns.sort(key=lambda i: _index(schema.field(i)))
     return groups
+
+
+def _index(schema_field: Any) -> int:
+    """Give the number of an array's element, from 1; 0 where none is told."""
+    text = _about(schema_field).get("index", "")
+    return int(text) if text.isdecimal() else 0
 
 
 def _about(schema_field: Any) -> dict[str, str]:

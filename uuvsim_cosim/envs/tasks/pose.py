@@ -133,6 +133,10 @@ class PoseTask(Task, ABC):
 
     def extra(self, m: Moment) -> Array:
         """Give the whole observation; each number is held within its limits."""
+        return np.asarray(np.clip(self.unclipped(m), *self.extra_limits))
+
+    def unclipped(self, m: Moment) -> Array:
+        """Give the whole observation."""
         eta, nu = m[f"{self.known}.eta"], m[f"{self.known}.nu"]
         R = R_zyx(eta[:, 3:])
         wanted = self.seen(m)
@@ -150,8 +154,7 @@ class PoseTask(Task, ABC):
             parts += [in_body(R, m[self._water]), *self.hidden(m, R)]
             if isinstance(self.randomisation, Randomisation):
                 parts.append(self.randomisation.privileged(m.start))
-        low, high = self.extra_limits
-        return np.asarray(np.clip(np.concatenate(parts, axis=1), low, high))
+        return np.concatenate(parts, axis=1)
 
     @property
     def extra_limits(self) -> tuple[Sequence[float], Sequence[float]]:

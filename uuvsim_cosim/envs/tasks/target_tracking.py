@@ -128,13 +128,15 @@ class TargetTracking(TeamTask):
 
     def observe(self, m: Moment) -> Mapping[str, Array]:
         """Give each tracker's egocentric observation, held within its limits."""
+        return {a: np.clip(o, *self.limits(a)) for a, o in self.unclipped(m).items()}
+
+    def unclipped(self, m: Moment) -> Mapping[str, Array]:
+        """Give each tracker's egocentric observation."""
         seen, size = self._seen(m), self.arena.size
-        given = {}
-        for i, agent in enumerate(self.agents):
-            low, high = self.limits(agent)
-            row = egocentric(i, seen, self.slots, (size[0], size[1]), V_MAX, self.stride)
-            given[agent] = np.clip(row, low, high)
-        return given
+        return {
+            agent: egocentric(i, seen, self.slots, (size[0], size[1]), V_MAX, self.stride)
+            for i, agent in enumerate(self.agents)
+        }
 
     def limits(self, agent: str) -> tuple[Array, Array]:
         """Give the limits of an observation."""
