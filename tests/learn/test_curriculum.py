@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.checkpoint import load_checkpoint
+from uuvsim_cosim.learn.claim import held
 from uuvsim_cosim.learn.curricula import CURRICULA, curriculum_of, read_curriculum
 from uuvsim_cosim.learn.curriculum import Curriculum, Promotion, Stage, train_curriculum
 from uuvsim_cosim.learn.curriculum_stage import learner_for
@@ -94,8 +96,40 @@ def test_at_a_switch_each_acts_exactly_as_one_did_that_cannot_see_what_wakes_up(
 def test_a_folder_of_another_curriculum_or_seed_is_refused(whole: Path) -> None:
     with pytest.raises(InputInvalid, match="seed 3; expected 4"):
         train_curriculum(small(), whole, seed=4)
-    with pytest.raises(InputInvalid, match="envs 8; expected 4"):
+    with pytest.raises(InputInvalid, match=r"envs 8; expected 4, .*--restart"):
         train_curriculum(small(envs=4), whole, seed=3)
+    other = replace(small().stages[2], steps=80)
+    with pytest.raises(InputInvalid, match="stage 3, steps 160; expected 80"):
+        train_curriculum(replace(small(), stages=(*small().stages[:2], other)), whole, seed=3)
+
+
+def test_two_processes_do_not_go_through_a_curriculum_in_one_folder(tmp_path: Path) -> None:
+    with held(tmp_path), pytest.raises(InputInvalid, match="another process trains there now"):
+        train_curriculum(small(), tmp_path)
+    assert [p.name for p in tmp_path.iterdir()] == [".in_use"]
+    with pytest.raises(KeyboardInterrupt):  # once it is free, it is taken, and let go of
+        train_curriculum(small(), tmp_path, interrupted=lambda: True)
+    with held(tmp_path):
+        pass
+
+
+def test_a_folder_with_other_things_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("mine")
+    for restart in (False, True):
+        with pytest.raises(InputInvalid, match="holds other things; expected an empty or a new"):
+            train_curriculum(small(), tmp_path, restart=restart)
+    assert [p.name for p in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def test_begun_anew_a_curriculum_is_as_if_it_were_the_first(whole: Path, tmp_path: Path) -> None:
+    folder = shutil.copytree(whole, tmp_path / "copy")
+    (folder / "notes.txt").write_text("mine")
+    with pytest.raises(KeyboardInterrupt):
+        train_curriculum(small(envs=4), folder, restart=True, interrupted=lambda: True)
+    assert sorted(p.name for p in folder.iterdir() if p.is_dir()) == ["1-source"]
+    train_curriculum(small(), folder, seed=3, restart=True)
+    assert policies(folder) == policies(whole)
+    assert (folder / "notes.txt").is_file()
 
 
 def test_what_a_stage_has_lost_is_named(whole: Path, tmp_path: Path) -> None:

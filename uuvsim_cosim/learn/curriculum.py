@@ -12,17 +12,14 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.envs.task import Task, TeamTask
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.algorithms import ALGORITHMS, check_settings
-from uuvsim_cosim.learn.curriculum_stage import (
-    keep_switch,
-    settings_of,
-    switch_of,
-    train_stage,
-)
-from uuvsim_cosim.learn.task_ids import make_task, short_name
+from uuvsim_cosim.learn.claim import held
+from uuvsim_cosim.learn.curriculum_folder import begin_anew, done_in, stage_folder, write_done
+from uuvsim_cosim.learn.curriculum_stage import keep_switch, settings_of, switch_of, train_stage
+from uuvsim_cosim.learn.task_ids import make_task
+from uuvsim_cosim.learn.train import one_thread, widths
 
 if TYPE_CHECKING:
     from uuvsim_cosim.learn.training import TrainingObserver
@@ -34,8 +31,6 @@ __all__ = [
     "StageTrained",
     "train_curriculum",
 ]
-
-ABOUT = "curriculum.json"
 
 
 @dataclass(frozen=True)
@@ -117,6 +112,7 @@ def train_curriculum(
     folder: str | Path,
     *,
     seed: int = 0,
+    restart: bool = False,
     observers: tuple[TrainingObserver, ...] = (),
     interrupted: Callable[[], bool] | None = None,
     stage_begins: Callable[[int, Stage], None] | None = None,
@@ -126,87 +122,44 @@ def train_curriculum(
     """Train through a curriculum, or go on with it, in `folder`; to the same bits.
 
     Each stage is a Training in a folder of its own, "2-transition_1"; switch.pt there is what it
-    began with. A stage that is done is not done again. Torch computes on one thread meanwhile.
-    `first` is of environments' seeds, as `Training` has it.
+    began with. A stage that is done is not done again. The folder is this process's meanwhile, and
+    torch computes on one thread. `restart` begins anew where another curriculum is; `first` is of
+    environments' seeds, as `Training` has it.
     """
-    try:
-        import torch
-    except ModuleNotFoundError as error:
-        raise InputInvalid(
-            f"{error}; learning expects torch: pip install 'uuvsim-cosim[rl]'"
-        ) from None
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        return _through(
-            curriculum, Path(folder), seed, observers, interrupted, stage_begins, stage_ends, first
-        )
-    finally:
-        torch.set_num_threads(threads)
-
-
-def _through(
-    curriculum: Curriculum, folder: Path, seed: int, observers: tuple[TrainingObserver, ...],
-    interrupted: Callable[[], bool] | None, stage_begins: Callable[[int, Stage], None] | None,
-    stage_ends: Callable[[int, StageTrained], None] | None, first: int | None,
-) -> list[StageTrained]:  # fmt: skip
+    folder = Path(folder)
     tasks = [_task(curriculum, k) for k in range(len(curriculum.stages))]  # all mistakes first
     _check_settings(curriculum, tasks)
     _check_widths(curriculum, tasks)
-    done = _claim(folder, curriculum, seed)
+    done_in(folder, curriculum, seed, restart=restart)  # what it refuses, the lock has not touched
     results: list[StageTrained] = []
-    for k, (stage, task) in enumerate(zip(curriculum.stages, tasks, strict=True)):
-        place = folder / f"{k + 1}-{short_name(stage.task)}"
-        last_one = k + 1 == len(tasks)
-        if k < len(done) and (last_one or switch_of(folder, curriculum, k + 1).is_file()):
-            results.append(_result(place, stage, done[k]))
-            continue
-        if stage_begins is not None:
-            stage_begins(k, stage)
-        row, learner = train_stage(curriculum, k, task, place, seed, observers, interrupted, first)
-        done = [*done[:k], row]
-        results.append(_result(place, stage, row))
-        if not last_one:
-            keep_switch(curriculum, k + 1, tasks[k + 1], learner, folder, seed)
-        _write(folder, curriculum, seed, done)
-        if stage_ends is not None:
-            stage_ends(k, results[-1])
+    with one_thread(), held(folder):
+        done = done_in(folder, curriculum, seed, restart=restart)
+        if restart:
+            begin_anew(folder)
+        if not done:
+            write_done(folder, curriculum, seed, done)
+        for k, (stage, task) in enumerate(zip(curriculum.stages, tasks, strict=True)):
+            place = stage_folder(folder, k, stage.task)
+            last_one = k + 1 == len(tasks)
+            if k < len(done) and (last_one or switch_of(folder, curriculum, k + 1).is_file()):
+                results.append(_result(place, stage, done[k]))
+                continue
+            if stage_begins is not None:
+                stage_begins(k, stage)
+            row, learner = train_stage(
+                curriculum, k, task, place, seed, observers, interrupted, first
+            )
+            done = [*done[:k], row]
+            results.append(_result(place, stage, row))
+            if not last_one:
+                keep_switch(curriculum, k + 1, tasks[k + 1], learner, folder, seed)
+            write_done(folder, curriculum, seed, done)
+            if stage_ends is not None:
+                stage_ends(k, results[-1])
     return results
 
 
-# ---- the folder ---------------------------------------------------------------------------
-
-
-def _claim(folder: Path, curriculum: Curriculum, seed: int) -> list[dict[str, Any]]:
-    """Give what stages have left; raises InputInvalid if the folder is another's."""
-    about = folder / ABOUT
-    if not about.is_file():
-        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-            raise InputInvalid(f"{folder}: holds other things; expected an empty or a new folder")
-        _write(folder, curriculum, seed, [])
-        return []
-    try:
-        read = json.loads(about.read_text(encoding="utf-8"))
-        before, done = {**read["curriculum"], "seed": read["seed"]}, list(read["done"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputInvalid(f"{about}: cannot be read ({error}); expected a curriculum's") from None
-    now = {**curriculum.plain(), "seed": seed}
-    for name, wanted in now.items():
-        if wanted != before.get(name):
-            raise InputInvalid(
-                f"{folder}: holds a curriculum with {name} {before.get(name)!r}; expected "
-                f"{wanted!r}, or another folder"
-            )
-    return done
-
-
-def _write(folder: Path, curriculum: Curriculum, seed: int, done: list[dict[str, Any]]) -> None:
-    content = {"curriculum": curriculum.plain(), "seed": seed, "done": done}
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        write_whole(folder / ABOUT, (json.dumps(content, indent=1) + "\n").encode())
-    except OSError as error:
-        raise InputInvalid(f"{folder}: cannot be written ({error.strerror})") from None
+# ---- inside -------------------------------------------------------------------------------
 
 
 def _result(place: Path, stage: Stage, row: Mapping[str, Any]) -> StageTrained:
@@ -234,8 +187,6 @@ def _task(curriculum: Curriculum, k: int) -> Task | TeamTask:
 
 
 def _check_widths(curriculum: Curriculum, tasks: Sequence[Task | TeamTask]) -> None:
-    from uuvsim_cosim.learn.train import widths
-
     seen = [widths(task) for task in tasks]
     for k, (width, acted) in enumerate(seen):
         if (width, acted) != seen[0]:
@@ -248,9 +199,6 @@ def _check_widths(curriculum: Curriculum, tasks: Sequence[Task | TeamTask]) -> N
 
 def _check_settings(curriculum: Curriculum, tasks: Sequence[Task | TeamTask]) -> None:
     """Refuse settings that are none, or that would change the networks' shapes on the way."""
-    from uuvsim_cosim.learn.masac import MasacSettings
-    from uuvsim_cosim.learn.transfer import SHAPES
-
     settings = []
     for k in range(len(curriculum.stages)):
         try:
@@ -263,6 +211,9 @@ def _check_settings(curriculum: Curriculum, tasks: Sequence[Task | TeamTask]) ->
                 "has no symmetry; expected mirror=false"
             )
         settings.append(given)
+    from uuvsim_cosim.learn.masac import MasacSettings
+    from uuvsim_cosim.learn.transfer import SHAPES
+
     for name in SHAPES:
         values = [s.get(name, getattr(MasacSettings, name)) for s in settings]
         for k, value in enumerate(values):

@@ -11,7 +11,7 @@ from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.envs.task import Task, TeamTask
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.algorithms import algorithm_for
-from uuvsim_cosim.learn.task_ids import short_name
+from uuvsim_cosim.learn.curriculum_folder import STAGE, SWITCH, stage_folder
 
 if TYPE_CHECKING:
     from uuvsim_cosim.envs.tasks.evaluation import Evaluation
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from uuvsim_cosim.learn.training import Training, TrainingObserver
 
 __all__ = [
-    "STAGE",
     "keep_switch",
     "learner_for",
     "settings_of",
@@ -29,7 +28,6 @@ __all__ = [
     "train_stage",
 ]
 
-STAGE = "stage.json"  # the CPU seconds of a stage, all calls together
 AFTER_A_SWITCH = {"warm_up": 0, "critic_only": 500}  # docs/tasks.md: no random actions
 
 
@@ -130,7 +128,7 @@ def keep_switch(
 
 def switch_of(folder: Path, curriculum: Curriculum, k: int) -> Path:
     """Name the file that stage k begins with."""
-    return folder / f"{k + 1}-{short_name(curriculum.stages[k].task)}" / "switch.pt"
+    return stage_folder(folder, k, curriculum.stages[k].task) / SWITCH
 
 
 def _scripted(task: Task | TeamTask, curriculum: Curriculum, stage: Stage) -> float | None:

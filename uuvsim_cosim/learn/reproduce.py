@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.learn.curriculum import Curriculum, Stage, StageTrained, train_curriculum
-from uuvsim_cosim.learn.curriculum_stage import STAGE, spent
+from uuvsim_cosim.learn.curriculum_folder import STAGE
+from uuvsim_cosim.learn.curriculum_stage import spent
 from uuvsim_cosim.learn.reproduce_results import Key, is_kept, keep
 from uuvsim_cosim.learn.reproduce_shared import begun
 from uuvsim_cosim.learn.reproduce_ways import (

@@ -17,7 +17,8 @@ from typing import Any
 from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.checkpoint import load_checkpoint
-from uuvsim_cosim.learn.curriculum import ABOUT, Curriculum
+from uuvsim_cosim.learn.curriculum import Curriculum
+from uuvsim_cosim.learn.curriculum_folder import ABOUT, stage_folder
 from uuvsim_cosim.learn.reproduce_ways import (
     Budget,
     Chain,
@@ -26,7 +27,6 @@ from uuvsim_cosim.learn.reproduce_ways import (
     place_of,
     plan_of,
 )
-from uuvsim_cosim.learn.task_ids import short_name
 
 __all__ = ["begun"]
 
@@ -45,7 +45,7 @@ def begun(work: Path, budget: Budget, chain: Chain, seed: int) -> Path:
     found = [(other, *_alike(plan, about, other)) for other in others]
     source, count, done = max(found, key=lambda x: x[1])
     if count:
-        names = [f"{k + 1}-{short_name(s.task)}" for k, s in enumerate(plan.stages[:count])]
+        names = [stage_folder(place, k, s.task).name for k, s in enumerate(plan.stages[:count])]
         _copy(source, place, names, {**about, "done": done})
     return place
 
