@@ -1,5 +1,6 @@
 """A curriculum goes from task to task, unchanged at each switch, and on to the same bits."""
 
+import json
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -8,12 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from uuvsim_cosim.commands.policies import acting_of
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.checkpoint import load_checkpoint
 from uuvsim_cosim.learn.claim import held
 from uuvsim_cosim.learn.curricula import CURRICULA, curriculum_of, read_curriculum
 from uuvsim_cosim.learn.curriculum import Curriculum, Promotion, Stage, train_curriculum
+from uuvsim_cosim.learn.curriculum_folder import write_done
 from uuvsim_cosim.learn.curriculum_stage import learner_for
+from uuvsim_cosim.learn.export_policy import export_policy
+from uuvsim_cosim.learn.loading import load_policies
 from uuvsim_cosim.learn.masac_learner import MasacLearner
 from uuvsim_cosim.learn.task_ids import make_task
 
@@ -205,3 +210,20 @@ def test_mirror_without_a_symmetry_is_refused_with_its_stage_before_anything_run
     with pytest.raises(InputInvalid, match=r"stage 2: mirror: transition_1 has no symmetry"):
         train_curriculum(one_way, tmp_path / "c")
     assert not (tmp_path / "c").exists()
+
+
+def test_a_folder_stands_for_its_last_finished_stage(whole: Path, tmp_path: Path) -> None:
+    found = acting_of([str(whole)], None, {})
+    assert (found.name, found.options) == ("target", {"horizon": 4})
+    best = load_policies(whole / "3-target")
+    assert [p.trained for p in load_policies(whole)] == [p.trained for p in best]
+    folder = shutil.copytree(whole, tmp_path / "copy")
+    about = json.loads((folder / "curriculum.json").read_text())
+    write_done(folder, small(), 3, about["done"][:1])
+    (alone,) = load_policies(folder, "policy")
+    assert (alone.task, alone.trained["step"]) == ("source", 160)
+    (written,) = export_policy(folder, tmp_path / "p.pth")
+    assert written.is_file()
+    write_done(folder, small(), 3, [])
+    with pytest.raises(InputInvalid, match="no stage of this curriculum is done; expected one"):
+        load_policies(folder)

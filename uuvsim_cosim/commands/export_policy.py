@@ -14,7 +14,9 @@ __all__ = ["export_policy_command"]
 
 
 def export_policy_command(
-    policy: Annotated[Path, typer.Argument(help="A policy (.npz), or a training's folder.")],
+    policy: Annotated[
+        Path, typer.Argument(help="A policy (.npz), or the folder of a training or curriculum.")
+    ],
     out: Annotated[
         Path, typer.Option("--out", "-o", help="File to write: .fmu, .onnx, .pth or .py (numpy).")
     ],

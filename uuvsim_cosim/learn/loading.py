@@ -13,6 +13,7 @@ from uuvsim_cosim.content import content
 from uuvsim_cosim.envs.options import near
 from uuvsim_cosim.envs.task import Task, TeamTask
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.curriculum_folder import ABOUT, last_done
 from uuvsim_cosim.learn.policy import Policy
 from uuvsim_cosim.learn.sequence_runner import SequenceRunner
 
@@ -24,9 +25,12 @@ Act = Callable[[NDArray[Any]], NDArray[np.float64]]
 def policy_path(given: str | Path) -> Path:
     """Give a file or folder as it is, or the file of a policy that ships, by its name.
 
-    Raises InputInvalid where there is neither.
+    A curriculum's folder stands for that of its last finished stage. Raises InputInvalid where
+    there is none of these.
     """
     path = Path(given).expanduser()
+    if (path / ABOUT).is_file():
+        return last_done(path)
     if path.exists():
         return path
     ships = {p.stem: p for p in content("models", "policies").glob("*.npz")}
@@ -41,8 +45,9 @@ def policy_path(given: str | Path) -> Path:
 def load_policies(path: str | Path, which: str = "best") -> list[Policy]:
     """Read the policies of a training's folder, or a file and those of the same team beside it.
 
-    `which` is "best" or "policy", the last; a folder with one kind only gives that. One that ships
-    may be given by its name, "target_masac".
+    A curriculum's folder gives those of its last finished stage. `which` is "best" or "policy", the
+    last; a folder with one kind only gives that. One that ships may be given by its name,
+    "target_masac".
     """
     path = policy_path(path)
     if not path.is_dir():
