@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import sys
 from pathlib import Path
@@ -101,6 +102,28 @@ def test_a_folder_of_another_training_is_refused_and_can_be_begun_anew(tmp_path:
         small(tmp_path, seed=3, steps=8, evaluate_every=8)
     again = small(tmp_path, seed=3, steps=8, evaluate_every=8, restart=True)
     assert again.policies()["agent"].trained["seed"] == 3
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "changes", "said"),
+    [
+        ("sac", {"warm_up": 1000}, "no update was made: warm_up is 1000, steps 80; .* 1000 steps"),
+        ("sac", {"updates": 0.01}, "no update was made: updates is 0.01 for each step"),
+        ("sac", {"critic_only": 500}, "no actor was updated: critic_only is 500, updates made 7"),
+        ("dqn", {"batch": 100}, "no update was made: batch is 100, steps 80"),
+        ("ppo", {"samples": 2048}, "no update was made: samples is 2048, steps 80"),
+        ("ppo", {"samples": 80}, None),
+        ("sac", {}, None),
+    ],
+)
+def test_a_training_too_short_for_an_update_says_so(
+    algorithm: str, changes: dict[str, Any], said: str | None, tmp_path: Path
+) -> None:
+    given: dict[str, Any] = {"steps": 80, "evaluate_every": 80}
+    settings = {**SETTINGS[algorithm], **changes}
+    for _ in range(2):  # what was learned before is known where nothing is left to do
+        note = small(tmp_path, algorithm, settings=settings, **given).note
+        assert (note is None) if said is None else re.match(said, note or "")
 
 
 def test_a_folder_with_other_things_is_left_alone(tmp_path: Path) -> None:

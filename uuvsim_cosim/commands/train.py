@@ -151,6 +151,9 @@ def _show(done: Trained, report: Path | None) -> None:
     chosen = [k for k in names if k not in ("r_c", "r_t", "r_a", "p_1", "p_2", "p_3")]
     rows = [[f"{row.get(k, float('nan')):.6g}" for k in chosen] for row in done.evaluations]
     table(chosen, [*rows[:1], *rows[-8:]] if len(rows) > 9 else rows)
+    if done.note is not None:
+        line()
+        line(done.note)
     line()
     files = [done.folder / n for n in ("checkpoint.pt", "evaluations.csv", "episodes.csv")]
     files = [*sorted(done.folder.glob("best*.npz")), *files, *([report] if report else [])]

@@ -116,3 +116,6 @@ def _show(done: Sequence[Trained]) -> None:
              *(f"{best[k]:.4g}" for k in names), tilde(each.folder))
         )  # fmt: skip
     table(("seed", "CPU s", "best at step", "return", *names, "written"), rows)
+    for each in done:
+        if each.note is not None:
+            line(f"seed {each.config.seed}: {each.note}")

@@ -73,7 +73,12 @@ def train_stage(
         place.mkdir(parents=True, exist_ok=True)
         write_whole(about, json.dumps({"cpu": before + training.cpu}).encode())
     promoted = bool(rows[-1]["stopped"])
-    return {"scripted": scripted, "promoted": promoted, "cpu": before + training.cpu}, learner
+    return {
+        "scripted": scripted,
+        "promoted": promoted,
+        "cpu": before + training.cpu,
+        "note": training.note,
+    }, learner
 
 
 def learner_for(curriculum: Curriculum, k: int, task: Task | TeamTask, seed: int) -> MasacLearner:

@@ -39,6 +39,7 @@ class Advanced:
     done: bool
     rows: Sequence[Mapping[str, float]]
     cpu: float  # s
+    note: str | None
 
 
 def train_on(
@@ -61,6 +62,7 @@ def train_on(
         refuse_other(place, config, restart)
     steps, cpu = [0] * len(chosen), [0.0] * len(chosen)
     rows: list[Sequence[Mapping[str, float]]] = [()] * len(chosen)
+    notes: list[str | None] = [None] * len(chosen)
 
     def piece(k: int) -> tuple[TrainingConfig, str, Mapping[str, bytes], float]:
         return chosen[k], str(places[k]), read_files(places[k]), seconds
@@ -69,7 +71,7 @@ def train_on(
         k: int, advanced: Advanced
     ) -> tuple[TrainingConfig, str, Mapping[str, bytes], float] | None:
         write_files(places[k], advanced.files)
-        steps[k], rows[k] = advanced.step, advanced.rows
+        steps[k], rows[k], notes[k] = advanced.step, advanced.rows, advanced.note
         cpu[k] += advanced.cpu
         return None if advanced.done else piece(k)
 
@@ -88,7 +90,7 @@ def train_on(
                 f"there, and loses up to {seconds:g} s of each seed",
                 130,
             ) from None
-    return [Trained(*each) for each in zip(places, chosen, rows, cpu, strict=True)]
+    return [Trained(*each) for each in zip(places, chosen, rows, cpu, notes, strict=True)]
 
 
 def clock(seconds: float) -> Callable[[], bool]:
@@ -127,4 +129,5 @@ def _advance(given: tuple[TrainingConfig, str, Mapping[str, bytes], float]) -> A
             raise UuvsimError(str(error).replace(temporary, name)) from None
         finally:
             training.close()
-        return Advanced(changed_files(place, files), training.step, done, rows, training.cpu)
+        changed = changed_files(place, files)
+        return Advanced(changed, training.step, done, rows, training.cpu, training.note)

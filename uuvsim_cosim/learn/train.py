@@ -40,6 +40,7 @@ class Trained:
     config: TrainingConfig
     evaluations: Sequence[Mapping[str, float]]  # one row each, the first before learning
     cpu: float  # s, of this call
+    note: str | None = None  # why nothing was learned, where that is so
 
     def policies(self, which: str = "best") -> dict[str, Policy]:
         """Give the policies by agent: "best" of the evaluations, or "policy", the last."""
@@ -96,7 +97,7 @@ def train(
                     f"goes on from {training.checkpoint}",
                     interruption.status,
                 ) from None
-        return Trained(place, config, rows, training.cpu)
+        return Trained(place, config, rows, training.cpu, training.note)
 
 
 def training_of(

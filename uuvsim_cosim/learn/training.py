@@ -21,6 +21,7 @@ from uuvsim_cosim.learn.errors import LearningDiverged
 from uuvsim_cosim.learn.learner import Learner
 from uuvsim_cosim.learn.policy import Policy
 from uuvsim_cosim.learn.rollout import Ended, Rollout
+from uuvsim_cosim.learn.too_short import taught_nothing
 from uuvsim_cosim.learn.training_seeds import EVALUATION_SEED, first_of_training
 
 __all__ = ["EVALUATION_SEED", "Progress", "Training", "TrainingObserver", "acting"]
@@ -81,6 +82,7 @@ class Training:
         self._observers, self._stop, self._interrupted = observers, stop, interrupted
         self.rollout = Rollout(task, n, first_of_training(seed) if first is None else first)
         self.step, self.episodes, self.cpu = 0, 0, 0.0
+        self.updates: int | None = 0  # not known of checkpoints that do not say
         self.best = -np.inf
         self.evaluations: list[dict[str, float]] = []
         self._rows: list[dict[str, float]] = []
@@ -90,6 +92,11 @@ class Training:
     def checkpoint(self) -> Path:
         """Name the file that this goes on from."""
         return self.folder / "checkpoint.pt"
+
+    @property
+    def note(self) -> str | None:
+        """Say why nothing was learned so far, where that is so."""
+        return taught_nothing(self.learner.settings, self.step, self.updates)
 
     def run(self) -> list[dict[str, float]]:
         """Train to the end; gives one row an evaluation, the first before anything is learned.
@@ -147,6 +154,9 @@ class Training:
         over = self.rollout.steps == 0
         told = self.learner.learn(lived, over)
         self.step += self.n
+        if told:
+            one_more = None if self.updates is None else self.updates + 1
+            self.updates = int(told["updates"]) if "updates" in told else one_more
         if ended is not None:
             self._count(ended)
         self._tell("step", told)
@@ -233,7 +243,12 @@ class Training:
             "algorithm": self.learner.name,
             "n": self.n,
             "seed": self.seed,
-            "counters": {"step": self.step, "episodes": self.episodes, "best": self.best},
+            "counters": {
+                "step": self.step,
+                "episodes": self.episodes,
+                "best": self.best,
+                "updates": self.updates,
+            },
             "rows": self._rows,
             "evaluations": self.evaluations,
             "rollout": self.rollout.state(),
@@ -269,6 +284,7 @@ class Training:
         self.step, self.episodes, self.best = (
             int(counters["step"]), int(counters["episodes"]), float(counters["best"])
         )  # fmt: skip
+        self.updates = counters.get("updates")
         self._rows, self.evaluations = read["rows"], read["evaluations"]
         if self.step - self.n >= self.steps:
             raise InputInvalid(
