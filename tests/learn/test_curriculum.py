@@ -16,7 +16,7 @@ from uuvsim_cosim.learn.claim import held
 from uuvsim_cosim.learn.curricula import CURRICULA, curriculum_of, read_curriculum
 from uuvsim_cosim.learn.curriculum import Curriculum, Promotion, Stage, train_curriculum
 from uuvsim_cosim.learn.curriculum_folder import write_done
-from uuvsim_cosim.learn.curriculum_stage import learner_for
+from uuvsim_cosim.learn.curriculum_stage import learner_for, settings_of
 from uuvsim_cosim.learn.export_policy import export_policy
 from uuvsim_cosim.learn.loading import load_policies
 from uuvsim_cosim.learn.masac_learner import MasacLearner
@@ -217,6 +217,8 @@ def test_a_folder_stands_for_its_last_finished_stage(whole: Path, tmp_path: Path
     assert (found.name, found.options) == ("target", {"horizon": 4})
     best = load_policies(whole / "3-target")
     assert [p.trained for p in load_policies(whole)] == [p.trained for p in best]
+    with pytest.raises(InputInvalid, match=r"3-target: policies of .*, as best-tracker_1\.npz"):
+        export_policy(whole, tmp_path / "p.pth")
     folder = shutil.copytree(whole, tmp_path / "copy")
     about = json.loads((folder / "curriculum.json").read_text())
     write_done(folder, small(), 3, about["done"][:1])
@@ -227,3 +229,21 @@ def test_a_folder_stands_for_its_last_finished_stage(whole: Path, tmp_path: Path
     write_done(folder, small(), 3, [])
     with pytest.raises(InputInvalid, match="no stage of this curriculum is done; expected one"):
         load_policies(folder)
+
+
+def test_what_is_asked_for_beside_a_curriculum_comes_after_what_its_stages_say() -> None:
+    first = Stage("source", 80, {"rules": {"w_p": 0.1}}, {"lr": 1e-3}, evaluate_every=20)
+    plan = Curriculum("c", (first, Stage("target", 80)), options={"rules": {"credit": "own"}})
+    asked = plan.changed(
+        settings={"critic_only": 10, "lr": 1e-4}, options={"rules": {"w_p": 0.2}, "horizon": 4},
+        evaluate_every=40, envs=8,
+    )  # fmt: skip
+    assert settings_of(asked, 0) == {"lr": 1e-4, "critic_only": 10}
+    assert settings_of(asked, 1) == {"lr": 1e-4, "critic_only": 10, "warm_up": 0}
+    assert settings_of(plan, 1) == {"critic_only": 500, "warm_up": 0}
+    told = [{**asked.options, **s.options} for s in asked.stages]
+    assert told[0] == {"rules": {"w_p": 0.2}, "horizon": 4}
+    assert told[1] == {"rules": {"credit": "own", "w_p": 0.2}, "horizon": 4}
+    assert [s.evaluate_every or asked.evaluate_every for s in asked.stages] == [40, 40]
+    assert asked.envs == 8
+    assert plan.changed() == plan

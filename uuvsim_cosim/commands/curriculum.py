@@ -26,12 +26,16 @@ def train_through(
     task: str | None,
     changes: Mapping[str, Any],
     out: Path | None,
-    refused: Sequence[str] = (),
+    *,
+    restart: bool,
+    report: bool,
+    show: bool,
+    refused: Sequence[str],
 ) -> None:
     """Train through a curriculum, as `uuvsim train`'s options say; those it has not are refused.
 
-    `changes` are fields of TrainingConfig, `refused` options of one training that were given.
-    `task` must be what the curriculum is about.
+    `changes` are fields of TrainingConfig, and come after what the curriculum says; `refused` are
+    options of one training that were given. `task` must be what the curriculum is about.
     """
     if refused:
         raise InputInvalid(f"{refused[0]}: of one training; expected --curriculum without it")
@@ -62,17 +66,30 @@ def train_through(
         try:
             with interruption:
                 done = train_curriculum(
-                    curriculum, folder, seed=seed, observers=(progress,), interrupted=interruption,
+                    curriculum, folder, seed=seed, restart=restart, observers=(progress,),
+                    interrupted=interruption,
                     stage_begins=lambda k, s: progress.say(f"stage {k + 1}, {s.task}"),
                 )  # fmt: skip
+            written = _report(done, folder, progress) if report else None
         except KeyboardInterrupt:
             progress.close()
             sys.stderr.write("uuvsim: interrupted; the same command goes on from there\n")
             raise typer.Exit(interruption.status) from None
-    _show(done, folder)
+    _show(done, folder, written)
+    if show and written is not None:
+        typer.launch(str(written))
 
 
-def _show(done: Sequence[StageTrained], folder: Path) -> None:
+def _report(done: Sequence[StageTrained], folder: Path, progress: TrainingProgress) -> Path:
+    from uuvsim_cosim.commands.training_judged import write_judged
+    from uuvsim_cosim.view.curriculum_report import write_curriculum_report
+
+    progress.say("judging the best policy of the last stage, and drawing it")
+    write_judged(folder)
+    return write_curriculum_report(folder, [stage.folder for stage in done])
+
+
+def _show(done: Sequence[StageTrained], folder: Path, report: Path | None) -> None:
     line()
     rows = []
     for stage in done:
@@ -84,5 +101,8 @@ def _show(done: Sequence[StageTrained], folder: Path) -> None:
              "promoted" if stage.promoted else "all steps"]
         )  # fmt: skip
     table(("stage", "steps", "CPU s", "first", "scripted", *SHOWN, "ended by"), rows)
+    for k, stage in enumerate(done):
+        if stage.note is not None:
+            line(f"stage {k + 1}, {stage.task}: {stage.note}")
     line()
-    line(f"written: {tilde(folder)}")
+    line(f"written: {tilde(report or folder)}")

@@ -80,11 +80,11 @@ def train_command(
     if curriculum is not None:
         from uuvsim_cosim.commands.curriculum import train_through
 
-        unused = {
-            "--config": config, "--restart": restart, "--open": open_, "--seeds": seeds,
-            "--ray": ray,
-        }  # fmt: skip
-        train_through(curriculum, task, changes, out, [k for k, v in unused.items() if v])
+        unused = {"--config": config, "--seeds": seeds, "--ray": ray}
+        train_through(
+            curriculum, task, changes, out, restart=restart, report=not no_report, show=open_,
+            refused=[k for k, v in unused.items() if v is not None],
+        )  # fmt: skip
         return
     asked = _config(task, config, changes)
     if seeds is not None or ray is not None:

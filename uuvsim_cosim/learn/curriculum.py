@@ -16,8 +16,10 @@ from uuvsim_cosim.envs.task import Task, TeamTask
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.algorithms import ALGORITHMS, check_settings
 from uuvsim_cosim.learn.claim import held
+from uuvsim_cosim.learn.config import merged
 from uuvsim_cosim.learn.curriculum_folder import begin_anew, done_in, stage_folder, write_done
 from uuvsim_cosim.learn.curriculum_stage import keep_switch, settings_of, switch_of, train_stage
+from uuvsim_cosim.learn.events import Events
 from uuvsim_cosim.learn.task_ids import make_task
 from uuvsim_cosim.learn.train import one_thread, widths
 
@@ -85,10 +87,20 @@ class Curriculum:
                 _check(place, stage.promotion)
 
     def changed(self, **changes: Any) -> Curriculum:
-        """Give the same with changes; options and settings are added to those that are there."""
-        for name in ("options", "settings"):
-            changes[name] = {**getattr(self, name), **changes.get(name, {})}
-        return replace(self, **changes)
+        """Give the same with changes, which come after what each stage says.
+
+        Options and settings are added to those that are there.
+        """
+        given = {name: changes.pop(name, {}) for name in ("options", "settings")}
+        stages = []
+        for stage in changes.pop("stages", self.stages):
+            before = {**self.options, **stage.options}
+            options = {k: v for k, v in merged(before, given["options"]).items()
+                       if k in stage.options or k in given["options"]}  # fmt: skip
+            every = None if "evaluate_every" in changes else stage.evaluate_every
+            settings = {**stage.settings, **given["settings"]}
+            stages.append(replace(stage, options=options, settings=settings, evaluate_every=every))
+        return replace(self, stages=tuple(stages), **changes)
 
     def plain(self) -> dict[str, Any]:
         """Give it as JSON knows it."""
@@ -105,6 +117,7 @@ class StageTrained:
     scripted: float | None  # return of the hand-written controller, on the same episodes
     promoted: bool
     cpu: float  # s, evaluations included, all calls together
+    note: str | None = None  # why nothing was learned, where that is so
 
 
 def train_curriculum(
@@ -118,6 +131,7 @@ def train_curriculum(
     stage_begins: Callable[[int, Stage], None] | None = None,
     stage_ends: Callable[[int, StageTrained], None] | None = None,
     first: int | None = None,
+    tensorboard: bool = True,
 ) -> list[StageTrained]:
     """Train through a curriculum, or go on with it, in `folder`; to the same bits.
 
@@ -132,7 +146,7 @@ def train_curriculum(
     _check_widths(curriculum, tasks)
     done_in(folder, curriculum, seed, restart=restart)  # what it refuses, the lock has not touched
     results: list[StageTrained] = []
-    with one_thread(), held(folder):
+    with one_thread() as stack, held(folder):
         done = done_in(folder, curriculum, seed, restart=restart)
         if restart:
             begin_anew(folder)
@@ -146,8 +160,11 @@ def train_curriculum(
                 continue
             if stage_begins is not None:
                 stage_begins(k, stage)
+            watching = observers
+            if tensorboard and Events.possible():
+                watching = (*observers, stack.enter_context(Events(place)))
             row, learner = train_stage(
-                curriculum, k, task, place, seed, observers, interrupted, first
+                curriculum, k, task, place, seed, watching, interrupted, first
             )
             done = [*done[:k], row]
             results.append(_result(place, stage, row))
@@ -174,7 +191,13 @@ def _result(place: Path, stage: Stage, row: Mapping[str, Any]) -> StageTrained:
             f"{path}: cannot be read ({error}); expected what a stage that is done has left"
         ) from None
     return StageTrained(
-        place, stage.task, rows, row["scripted"], bool(row["promoted"]), float(row["cpu"])
+        place,
+        stage.task,
+        rows,
+        row["scripted"],
+        bool(row["promoted"]),
+        float(row["cpu"]),
+        row.get("note"),
     )
 
 

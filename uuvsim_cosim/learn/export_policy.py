@@ -113,7 +113,8 @@ def _one(source: str | Path) -> Policy:
     found = load_policies(path)
     if len(found) != 1:
         agents = ", ".join(p.agent for p in found)
-        raise InputInvalid(f"{path}: policies of {agents}; expected the file of one")
+        file = next(p.name for p in sorted(path.glob("*.npz")))
+        raise InputInvalid(f"{path}: policies of {agents}; expected the file of one, as {file}")
     return found[0]
 
 

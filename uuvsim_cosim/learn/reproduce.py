@@ -147,7 +147,7 @@ def _train(
 
     every = train_curriculum(
         made, place, seed=first, observers=observers, interrupted=interrupted, stage_begins=told,
-        stage_ends=ended, first=first,
+        stage_ends=ended, first=first, tensorboard=False,
     )  # fmt: skip
     for k, stage_done in enumerate(every):  # those that an earlier call trained, and did not keep
         ended(k, stage_done)

@@ -2,33 +2,26 @@
 
 from __future__ import annotations
 
-import base64
-import csv
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.view.palette import page_styles
-from uuvsim_cosim.view.plots_svg import escape
-from uuvsim_cosim.view.study_plots import STYLES, Course, card, grid_lines
-from uuvsim_cosim.view.traces import Array
+from uuvsim_cosim.view.training_parts import (
+    CURVES_NOTE,
+    Columns,
+    asked_html,
+    columns_of,
+    curves_html,
+    episodes_html,
+    judged_html,
+    page_html,
+    pictures_of,
+)
 
 __all__ = ["training_html", "write_training_report"]
-
-POINTS = 60  # of a curve of episodes
-HIDDEN = ("step", "episodes", "stopped", "return")
-STYLE = (
-    ".area{stroke:none;opacity:.18}"
-    + "".join(f".area.{s},.point.{s}{{fill:var(--{s})}}" for s in STYLES)
-    + ".point{stroke:none}.wide{overflow-x:auto}.note{color:var(--muted);font-size:13px}"
-    ".episodes img{width:100%;display:block}"
-)
-Columns = Mapping[str, Array]
 
 
 def write_training_report(folder: str | Path) -> Path:
@@ -38,9 +31,8 @@ def write_training_report(folder: str | Path) -> Path:
         about = json.loads((folder / "training.json").read_text(encoding="utf-8"))
         judged = folder / "judged.json"
         figures = json.loads(judged.read_text(encoding="utf-8")) if judged.is_file() else None
-        columns = [_columns(folder / f"{n}.csv") for n in ("evaluations", "episodes")]
-        pictures = [(p.stem, p.read_bytes()) for p in sorted(folder.glob("pictures/*.png"))]
-        page = training_html(about, columns[0], columns[1], figures, pictures)
+        columns = [columns_of(folder / f"{n}.csv") for n in ("evaluations", "episodes")]
+        page = training_html(about, columns[0], columns[1], figures, pictures_of(folder))
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputInvalid(f"{folder}: is no training ({error}); expected one") from None
     path = folder / "report.html"
@@ -57,134 +49,22 @@ def training_html(
 ) -> str:
     """Give the report as one HTML page; `pictures` are PNG files by seed."""
     c = about["config"]
-    title = f"{c['task']}, {c['algorithm']}"
     last = [
         columns["step"][-1] for columns in (evaluations, episodes) if len(columns.get("step", ()))
     ]
     steps = int(max(last, default=0))
     told = f"seed {c['seed']} · {c['envs']} environments · {steps:,} of {c['steps']:,} steps"
     count = len(episodes.get("return", ()))
-    body = [
-        f"<header><h1>{escape(title)}</h1><p>{escape(told)} · {count:,} episodes</p></header>",
-        _judged(judged),
-        _curves(evaluations, episodes, judged),
-        _episodes(pictures),
-        _asked(about),
-    ]
-    return (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width,initial-scale=1">'
-        f"<title>{escape(title)} · uuvsim train</title>\n"
-        f"<style>{page_styles()}{STYLE}</style></head>\n"
-        f"<body><main>{''.join(body)}</main></body></html>\n"
+    scripted = (judged or {}).get("figures", {}).get("scripted", {})
+    return page_html(
+        f"{c['task']}, {c['algorithm']}",
+        f"{told} · {count:,} episodes",
+        [
+            judged_html(judged),
+            "<h2>Curves</h2>",
+            curves_html(evaluations, episodes, {k: v["value"] for k, v in scripted.items()}),
+            CURVES_NOTE,
+            episodes_html(pictures),
+            asked_html({**c, "version": about.get("version", "")}),
+        ],
     )
-
-
-def _columns(path: Path) -> dict[str, Array]:
-    if not path.is_file():
-        return {}
-    with path.open(newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    return {k: np.array([float(row[k] or "nan") for row in rows]) for k in (rows or [{}])[0]}
-
-
-def _curves(evaluations: Columns, episodes: Columns, judged: Mapping[str, Any] | None) -> str:
-    names = [k for k in ("return", *evaluations) if k in evaluations and k not in HIDDEN[:3]]
-    cards, still = [], []
-    for name in dict.fromkeys(names):
-        every = np.concatenate([evaluations[name], episodes.get(name, np.zeros(0))])
-        if len(every) > 1 and np.all(every == every[0]):
-            still.append(f"{name} {every[0]:g}")
-            continue
-        courses = [Course("", *(np.zeros(0),) * 4)]
-        keys = [("truth", "episodes, with exploration"), ("estimate", "evaluations")]
-        if len(episodes.get(name, ())):
-            courses = [_spread(episodes["step"], episodes[name])]
-        courses.append(_plain("evaluations", evaluations["step"], evaluations[name]))
-        scripted = (judged or {}).get("figures", {}).get("scripted", {}).get(name)
-        if scripted is not None and len(evaluations["step"]) > 1:
-            ends = evaluations["step"][[0, -1]]
-            courses.append(_plain("scripted", ends, np.full(2, float(scripted["value"]))))
-            keys.append(("third", "scripted"))
-        cards.append(card(name, "", grid_lines(courses, "environment steps"), keys))
-    rest = f" The same throughout: {', '.join(still)}." if still else ""
-    return f'<h2>Curves</h2><div class="grid3">{"".join(cards)}</div>' + (
-        '<p class="note">Episodes: means of those that ended together, or one after the other, and '
-        "their quartiles. Evaluations: means of episodes without exploration, on seeds never "
-        "trained on; metrics are over the second half of each episode."
-        f"{escape(rest)}</p>"
-    )
-
-
-def _spread(step: Array, values: Array) -> Course:
-    """Give means of episodes that ended together, or are neighbours, with their quartiles."""
-    ends, place = np.unique(step, return_inverse=True)
-    groups = [
-        np.flatnonzero(np.isin(place, part))
-        for part in np.array_split(np.arange(len(ends)), min(POINTS, len(ends)))
-    ]
-    quartiles = np.array([np.quantile(values[g], [0.25, 0.75]) for g in groups])
-    return Course(
-        "episodes",
-        np.array([step[g].mean() for g in groups]),
-        np.array([values[g].mean() for g in groups]),
-        quartiles[:, 0],
-        quartiles[:, 1],
-    )
-
-
-def _plain(label: str, x: Array, y: Array) -> Course:
-    return Course(label, x, y, y, y)
-
-
-def _judged(judged: Mapping[str, Any] | None) -> str:
-    if judged is None:
-        return ""
-    who = list(judged["figures"])
-    head = "".join(f"<th>{escape(w)}</th>" for w in who)
-    rows = "".join(
-        f"<tr><td>{escape(name)}</td>"
-        + "".join(f'<td class="number">{_figure(judged["figures"][w][name])}</td>' for w in who)
-        + "</tr>"
-        for name in judged["figures"][who[0]]
-    )
-    return (
-        "<h2>The best policy, judged</h2>"
-        f'<div class="card wide"><table><thead><tr><th>figure</th>{head}</tr></thead>'
-        f"<tbody>{rows}</tbody></table></div>"
-        f'<p class="note">Means of {judged["episodes"]} episodes from seed {judged["seed"]}, by '
-        "which nothing was chosen, with 95 % bootstrap intervals.</p>"
-    )
-
-
-def _figure(i: Mapping[str, float]) -> str:
-    return f"{i['value']:.4g} [{i['low']:.4g}, {i['high']:.4g}]".replace("-", "−")
-
-
-def _episodes(pictures: Sequence[tuple[str, bytes]]) -> str:
-    if not pictures:
-        return ""
-    cards = "".join(
-        f'<div class="card"><h3>seed {escape(seed)}</h3><img alt="Episode of seed {escape(seed)}" '
-        f'src="data:image/png;base64,{base64.b64encode(data).decode()}"></div>'
-        for seed, data in pictures
-    )
-    title = "Episodes of the best policy, at their end"
-    return f'<h2>{title}</h2><div class="grid2 episodes">{cards}</div>'
-
-
-def _asked(about: Mapping[str, Any]) -> str:
-    rows = "".join(
-        f"<tr><th>{escape(k)}</th><td>{escape(_text(v))}</td></tr>"
-        for k, v in {**about["config"], "version": about.get("version", "")}.items()
-    )
-    return (
-        '<details class="card" open><summary>What was asked</summary>'
-        f"<table><tbody>{rows}</tbody></table></details>"
-    )
-
-
-def _text(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return ", ".join(f"{k} = {_text(v)}" for k, v in value.items()) or "as it is"
-    return "as it is" if value is None else str(value)

@@ -1,0 +1,89 @@
+"""The one-file report of a curriculum, from its folder: the curves of each stage, one by one."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from uuvsim_cosim.cache import write_whole
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.view.plots_svg import escape
+from uuvsim_cosim.view.training_parts import (
+    CURVES_NOTE,
+    Columns,
+    asked_html,
+    columns_of,
+    curves_html,
+    episodes_html,
+    judged_html,
+    page_html,
+    pictures_of,
+)
+
+__all__ = ["write_curriculum_report"]
+
+
+def write_curriculum_report(folder: str | Path, stages: Sequence[Path]) -> Path:
+    """Write report.html into a curriculum's folder; `stages` are those of the finished ones.
+
+    Raises InputInvalid if it is none.
+    """
+    folder = Path(folder)
+    try:
+        about = json.loads((folder / "curriculum.json").read_text(encoding="utf-8"))
+        judged = folder / "judged.json"
+        figures = json.loads(judged.read_text(encoding="utf-8")) if judged.is_file() else None
+        page = _page(about, stages, figures, pictures_of(folder))
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputInvalid(f"{folder}: is no curriculum ({error}); expected one") from None
+    path = folder / "report.html"
+    write_whole(path, page.encode())
+    return path
+
+
+# ---- inside -------------------------------------------------------------------------------
+
+
+def _page(
+    about: Mapping[str, Any], stages: Sequence[Path], judged: Mapping[str, Any] | None,
+    pictures: Sequence[tuple[str, bytes]],
+) -> str:  # fmt: skip
+    c = about["curriculum"]
+    done = list(zip(stages, c["stages"], about["done"], strict=False))
+    sections = []
+    for k, (place, stage, row) in enumerate(done):
+        evaluations, episodes = (
+            columns_of(place / f"{n}.csv") for n in ("evaluations", "episodes")
+        )
+        scripted = {} if row["scripted"] is None else {"return": row["scripted"]}
+        sections += [
+            f"<h2>Stage {k + 1}, {escape(stage['task'])}</h2>",
+            f"<p>{escape(_told(stage, row, evaluations, episodes))}</p>",
+            curves_html(evaluations, episodes, scripted),
+        ]
+    cpu = sum(row["cpu"] for _, _, row in done)
+    asked = {k: v for k, v in c.items() if k != "stages"}
+    asked |= {f"stage {k + 1}": stage for k, stage in enumerate(c["stages"])}
+    return page_html(
+        f"{c['name']}, {c['algorithm']}",
+        f"seed {about['seed']} · {c['envs']} environments · {len(done)} of {len(c['stages'])} "
+        f"stages · {cpu:,.0f} CPU s",
+        [
+            judged_html(judged, "The best policy of the last stage"), *sections, CURVES_NOTE,
+            episodes_html(pictures), asked_html(asked),
+        ],
+    )  # fmt: skip
+
+
+def _told(
+    stage: Mapping[str, Any], row: Mapping[str, Any], evaluations: Columns, episodes: Columns
+) -> str:
+    told = [
+        f"{int(evaluations['step'][-1]):,} of {stage['steps']:,} steps",
+        f"{len(episodes.get('return', ())):,} episodes",
+        f"{row['cpu']:,.0f} CPU s",
+        "promoted" if row["promoted"] else "all steps",
+    ]
+    return " · ".join([*told, row["note"]] if row.get("note") else told)
