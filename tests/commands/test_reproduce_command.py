@@ -35,6 +35,7 @@ def test_a_page_is_made_where_nothing_has_been_run(
         (["reproduce", "fig7", "--budget", "big"], "expected batched or paper"),
         (["reproduce", "fig7", "--seeds", "0"], "expected 1 or more"),
         (["train", "--curriculum", "st"], "expected stt"),
+        (["train", "--curriculum", "stt", "--seed", "-1"], "--seed -1: expected 0"),
         (["train", "--curriculum", "none.yaml"], "no such file; expected a curriculum"),
         (["train", "target", "--curriculum", "stt", "--steps", "9"], "steps of each stage"),
         (["train", "target", "--curriculum", "stt", "--seeds", "2"], "--seeds: of one training"),

@@ -12,6 +12,7 @@ import typer
 from uuvsim_cosim.commands.terminal import line, table, tilde
 from uuvsim_cosim.commands.training_progress import TrainingProgress
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.training_seeds import EVALUATION_SEED
 
 if TYPE_CHECKING:
     from uuvsim_cosim.learn.curriculum import StageTrained
@@ -51,6 +52,8 @@ def train_through(
         )
     given = {k: v for k, v in changes.items() if v not in (None, {})}
     seed = given.pop("seed", 0)
+    if not 0 <= seed < EVALUATION_SEED:
+        raise InputInvalid(f"--seed {seed}: expected 0 … {EVALUATION_SEED - 1}")
     options = dict(given.pop("task_options", {}))
     if given.get("profile"):
         options["profile"] = given.pop("profile")
