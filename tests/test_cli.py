@@ -245,6 +245,16 @@ def test_an_interrupted_run_is_status_130_with_a_closed_recording(
     assert "r/signals.parquet" in out
 
 
+def test_what_cannot_go_on_says_that_it_was_interrupted(
+    uuvsim: Uuvsim, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted() -> list[str]:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("uuvsim_cosim.orchestrator.library.available", interrupted)
+    assert uuvsim("systems") == (130, "", "uuvsim: interrupted\n")
+
+
 def test_an_unexpected_error_asks_to_be_reported(
     uuvsim: Uuvsim, monkeypatch: pytest.MonkeyPatch
 ) -> None:

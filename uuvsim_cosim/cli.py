@@ -8,6 +8,7 @@ import sys
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from uuvsim_cosim._version import __version__
 from uuvsim_cosim.commands import (
@@ -43,8 +44,22 @@ from uuvsim_cosim.errors import UuvsimError
 
 __all__ = ["app", "main"]
 
+
+class _Commands(TyperGroup):
+    """Commands of which those that have nothing to go on from say that they were interrupted."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Do what is asked."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt as interrupted:
+            sys.stderr.write("uuvsim: interrupted\n")
+            raise typer.Exit(130) from interrupted
+
+
 app = typer.Typer(
     name="uuvsim",
+    cls=_Commands,
     help="Simulate unmanned underwater vehicles as a co-simulation of exchangeable FMUs.",
     no_args_is_help=True,
     add_completion=False,
