@@ -141,7 +141,7 @@ def _teams(results: Results) -> list[Verdict]:
     rows = []
     for label, words, wanted in (
         ("one", "two trackers succeed more often than one", "P(improvement) ≥ 0.9"),
-        ("three", "three trackers", "reported"),
+        ("three", "two trackers against three", "reported"),
     ):
         other = results.get(("target", f"stt-masac-{label}"), [])
         if not two or not other:
