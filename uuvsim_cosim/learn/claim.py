@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 import sys
+from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,7 +18,7 @@ from uuvsim_cosim.errors import InputInvalid
 if TYPE_CHECKING:
     from uuvsim_cosim.learn.config import TrainingConfig
 
-__all__ = ["claim", "held", "refuse_other"]
+__all__ = ["claim", "held", "is_told", "refuse_other", "tell"]
 
 ABOUT = "training.json"
 LOCK = ".in_use"
@@ -33,13 +34,7 @@ def refuse_other(folder: Path, config: TrainingConfig, restart: bool) -> None:
     A training may be asked for other numbers of steps; with `restart` for anything.
     """
     about = folder / ABOUT
-    if not about.is_file():
-        if folder.exists() and (
-            not folder.is_dir() or any(p.name != LOCK for p in folder.iterdir())
-        ):
-            raise InputInvalid(f"{folder}: holds other things; expected an empty or a new folder")
-        return
-    if restart:
+    if not is_told(about) or restart:
         return
     try:
         before = json.loads(about.read_text(encoding="utf-8"))["config"]
@@ -63,11 +58,29 @@ def claim(folder: Path, config: TrainingConfig, restart: bool) -> None:
         for path in (p for pattern in OURS if pattern != LOCK for p in folder.glob(pattern)):
             path.unlink()
         shutil.rmtree(folder / "pictures", ignore_errors=True)
-    content = {"config": config.plain(), "version": __version__}
+    tell(folder / ABOUT, {"config": config.plain(), "version": __version__})
+
+
+def is_told(about: Path) -> bool:
+    """Say whether the file that says whose a folder is is there; without it, nothing else may be.
+
+    Raises InputInvalid for a folder with other things.
+    """
+    if about.is_file():
+        return True
+    folder = about.parent
+    if folder.exists() and (not folder.is_dir() or any(p.name != LOCK for p in folder.iterdir())):
+        raise InputInvalid(f"{folder}: holds other things; expected an empty or a new folder")
+    return False
+
+
+def tell(about: Path, content: Mapping[str, Any]) -> None:
+    """Write whose a folder is, whole or not at all; raises InputInvalid."""
     try:
-        write_whole(folder / ABOUT, (json.dumps(content, indent=1) + "\n").encode())
+        about.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(about, (json.dumps(content, indent=1) + "\n").encode())
     except OSError as error:
-        raise InputInvalid(f"{folder}: cannot be written ({error.strerror})") from None
+        raise InputInvalid(f"{about.parent}: cannot be written ({error.strerror})") from None
 
 
 def held(folder: Path) -> ExitStack:

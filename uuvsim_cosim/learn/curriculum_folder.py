@@ -8,10 +8,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.claim import ABOUT as TRAINING
-from uuvsim_cosim.learn.claim import LOCK, OURS
+from uuvsim_cosim.learn.claim import LOCK, OURS, is_told, tell
 from uuvsim_cosim.learn.task_ids import short_name
 
 if TYPE_CHECKING:
@@ -47,13 +46,7 @@ def done_in(
     none is done.
     """
     about = folder / ABOUT
-    if not about.is_file():
-        if folder.exists() and (
-            not folder.is_dir() or any(p.name != LOCK for p in folder.iterdir())
-        ):
-            raise InputInvalid(f"{folder}: holds other things; expected an empty or a new folder")
-        return []
-    if restart:
+    if not is_told(about) or restart:
         return []
     try:
         read = json.loads(about.read_text(encoding="utf-8"))
@@ -74,12 +67,7 @@ def done_in(
 
 def write_done(folder: Path, curriculum: Curriculum, seed: int, done: list[dict[str, Any]]) -> None:
     """Write whose the folder is, and what is kept of the stages that are done."""
-    content = {"curriculum": curriculum.plain(), "seed": seed, "done": done}
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        write_whole(folder / ABOUT, (json.dumps(content, indent=1) + "\n").encode())
-    except OSError as error:
-        raise InputInvalid(f"{folder}: cannot be written ({error.strerror})") from None
+    tell(folder / ABOUT, {"curriculum": curriculum.plain(), "seed": seed, "done": done})
 
 
 def begin_anew(folder: Path) -> None:

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from uuvsim_cosim.cache import write_whole
-from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.view.plots_svg import escape
 from uuvsim_cosim.view.training_parts import (
     CURVES_NOTE,
     Columns,
+    Pictures,
     asked_html,
     columns_of,
     curves_html,
     episodes_html,
     judged_html,
     page_html,
-    pictures_of,
+    write_report,
 )
 
 __all__ = ["write_curriculum_report"]
@@ -30,17 +28,7 @@ def write_curriculum_report(folder: str | Path, stages: Sequence[Path]) -> Path:
 
     Raises InputInvalid if it is none.
     """
-    folder = Path(folder)
-    try:
-        about = json.loads((folder / "curriculum.json").read_text(encoding="utf-8"))
-        judged = folder / "judged.json"
-        figures = json.loads(judged.read_text(encoding="utf-8")) if judged.is_file() else None
-        page = _page(about, stages, figures, pictures_of(folder))
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputInvalid(f"{folder}: is no curriculum ({error}); expected one") from None
-    path = folder / "report.html"
-    write_whole(path, page.encode())
-    return path
+    return write_report(folder, "curriculum", lambda _, about, *shown: _page(about, stages, *shown))
 
 
 # ---- inside -------------------------------------------------------------------------------
@@ -48,7 +36,7 @@ def write_curriculum_report(folder: str | Path, stages: Sequence[Path]) -> Path:
 
 def _page(
     about: Mapping[str, Any], stages: Sequence[Path], judged: Mapping[str, Any] | None,
-    pictures: Sequence[tuple[str, bytes]],
+    pictures: Pictures,
 ) -> str:  # fmt: skip
     c = about["curriculum"]
     done = list(zip(stages, c["stages"], about["done"], strict=False))

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import base64
 import csv
-from collections.abc import Mapping, Sequence
+import json
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from uuvsim_cosim.cache import write_whole
+from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.view.palette import page_styles
 from uuvsim_cosim.view.plots_svg import escape
 from uuvsim_cosim.view.study_plots import STYLES, Course, card, grid_lines
@@ -18,13 +21,14 @@ from uuvsim_cosim.view.traces import Array
 __all__ = [
     "CURVES_NOTE",
     "Columns",
+    "Pictures",
     "asked_html",
     "columns_of",
     "curves_html",
     "episodes_html",
     "judged_html",
     "page_html",
-    "pictures_of",
+    "write_report",
 ]
 
 POINTS = 60  # of a curve of episodes
@@ -41,6 +45,29 @@ CURVES_NOTE = (
     "trained on; metrics are over the second half of each episode.</p>"
 )
 Columns = Mapping[str, Array]
+Pictures = Sequence[tuple[str, bytes]]  # PNG files by seed
+
+
+def write_report(
+    folder: str | Path, what: str, page: Callable[[Path, Any, Any, Pictures], str]
+) -> Path:
+    """Write report.html into the folder of a `what`: "training", whose training.json is there.
+
+    `page` makes it of the folder, of what that file and judged.json hold (None where nothing was
+    judged), and of pictures. Raises InputInvalid if the folder is none of the kind.
+    """
+    folder = Path(folder)
+    try:
+        about = json.loads((folder / f"{what}.json").read_text(encoding="utf-8"))
+        judged = folder / "judged.json"
+        figures = json.loads(judged.read_text(encoding="utf-8")) if judged.is_file() else None
+        pictures = [(p.stem, p.read_bytes()) for p in sorted(folder.glob("pictures/*.png"))]
+        made = page(folder, about, figures, pictures)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputInvalid(f"{folder}: is no {what} ({error}); expected one") from None
+    path = folder / "report.html"
+    write_whole(path, made.encode())
+    return path
 
 
 def page_html(title: str, told: str, body: Sequence[str]) -> str:
@@ -62,11 +89,6 @@ def columns_of(path: Path) -> dict[str, Array]:
     with path.open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     return {k: np.array([float(row[k] or "nan") for row in rows]) for k in (rows or [{}])[0]}
-
-
-def pictures_of(folder: Path) -> list[tuple[str, bytes]]:
-    """Read the pictures of episodes, PNG files by seed."""
-    return [(p.stem, p.read_bytes()) for p in sorted(folder.glob("pictures/*.png"))]
 
 
 def curves_html(evaluations: Columns, episodes: Columns, scripted: Mapping[str, float]) -> str:
@@ -113,8 +135,8 @@ def judged_html(judged: Mapping[str, Any] | None, what: str = "The best policy")
     )
 
 
-def episodes_html(pictures: Sequence[tuple[str, bytes]]) -> str:
-    """Give pictures, PNG files by seed."""
+def episodes_html(pictures: Pictures) -> str:
+    """Give pictures of episodes."""
     if not pictures:
         return ""
     cards = "".join(

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from uuvsim_cosim.cache import write_whole
-from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.view.training_parts import (
     CURVES_NOTE,
     Columns,
+    Pictures,
     asked_html,
     columns_of,
     curves_html,
     episodes_html,
     judged_html,
     page_html,
-    pictures_of,
+    write_report,
 )
 
 __all__ = ["training_html", "write_training_report"]
@@ -26,18 +24,14 @@ __all__ = ["training_html", "write_training_report"]
 
 def write_training_report(folder: str | Path) -> Path:
     """Write report.html into a training's folder; raises InputInvalid if it is none."""
-    folder = Path(folder)
-    try:
-        about = json.loads((folder / "training.json").read_text(encoding="utf-8"))
-        judged = folder / "judged.json"
-        figures = json.loads(judged.read_text(encoding="utf-8")) if judged.is_file() else None
-        columns = [columns_of(folder / f"{n}.csv") for n in ("evaluations", "episodes")]
-        page = training_html(about, columns[0], columns[1], figures, pictures_of(folder))
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputInvalid(f"{folder}: is no training ({error}); expected one") from None
-    path = folder / "report.html"
-    write_whole(path, page.encode())
-    return path
+
+    def page(place: Path, about: Any, judged: Any, pictures: Pictures) -> str:
+        evaluations, episodes = (
+            columns_of(place / f"{n}.csv") for n in ("evaluations", "episodes")
+        )
+        return training_html(about, evaluations, episodes, judged, pictures)
+
+    return write_report(folder, "training", page)
 
 
 def training_html(
@@ -45,7 +39,7 @@ def training_html(
     evaluations: Columns,
     episodes: Columns,
     judged: Mapping[str, Any] | None,
-    pictures: Sequence[tuple[str, bytes]],
+    pictures: Pictures,
 ) -> str:
     """Give the report as one HTML page; `pictures` are PNG files by seed."""
     c = about["config"]
