@@ -17,11 +17,11 @@ import time
 from typing import Any
 
 import uuvsim_cosim as uuv
-from uuvsim_cosim.bridge.desk import Client
-from uuvsim_cosim.fmus.describe import describe
-from uuvsim_cosim.fmus.native import Native
-from uuvsim_cosim.models.model import Model
-from uuvsim_cosim.orchestrator import sources
+from uuvsim_cosim.bridge.calls.service import Client
+from uuvsim_cosim.fmus.codegen.describe import describe
+from uuvsim_cosim.fmus.codegen.native import Native
+from uuvsim_cosim.models.declaration.model import Model
+from uuvsim_cosim.orchestrator.system import resolve
 
 COMPONENTS, SIGNALS = 20, 10
 ME = Client("benchmark", "local")
@@ -61,7 +61,7 @@ class Ten:
     text, kind = "ten:", "model"
 
     def declare(self) -> Model:
-        """Give the declaration."""
+        """Return the declaration."""
         m = Model("ten")
         u = m.input("u", unit="1")
         for i in range(SIGNALS):
@@ -80,7 +80,7 @@ class Ten:
 
 
 def window(bridge: Any, seconds: float) -> tuple[float, float, int]:
-    """Give wall and CPU time of the loop per step [us], and overruns, in a window."""
+    """Return wall and CPU time of the loop per step [us], and overruns, in a window."""
     conductor = bridge.conductor
     clock = time.pthread_getcpuclockid(conductor._thread.ident)
 
@@ -176,7 +176,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=2.0)
     parser.add_argument("--steps", type=int, default=5000)
     options = parser.parse_args()
-    sources.register("ten", lambda text, base: Ten())
+    resolve.register("ten", lambda text, base: Ten())
     system = uuv.System("bench", "0.001")
     for i in range(COMPONENTS):
         system = system.add(f"c{i}", "ten:")

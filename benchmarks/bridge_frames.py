@@ -17,16 +17,16 @@ from typing import Any, ClassVar
 import numpy as np
 
 import uuvsim_cosim as uuv
-from uuvsim_cosim.bridge.shared_memory import SharedMemory
-from uuvsim_cosim.bridge.wrapped_session import WrappedSession, listening
-from uuvsim_cosim.bridge.zenoh_bridge import free_port
-from uuvsim_cosim.orchestrator import sources
-from uuvsim_cosim.orchestrator.python_component import PythonComponent
+from uuvsim_cosim.bridge.zenoh.bridge import free_port
+from uuvsim_cosim.bridge.zenoh.session import WrappedSession, listening
+from uuvsim_cosim.bridge.zenoh.shared_memory import SharedMemory
+from uuvsim_cosim.orchestrator.python.component import PythonComponent
+from uuvsim_cosim.orchestrator.system import resolve
 
 OFF = {"transport/shared_memory/enabled": False}
 TAKES = """
 import sys, time
-from uuvsim_cosim.bridge.wrapped_session import connecting
+from uuvsim_cosim.bridge.zenoh.session import connecting
 shared = sys.argv[3] == "True"
 session = connecting("127.0.0.1", int(sys.argv[1]), {"transport/shared_memory/enabled": shared})
 frames = session.subscribe(sys.argv[2], 8)
@@ -51,7 +51,7 @@ def told(taker: subprocess.Popen[str]) -> tuple[float, float]:
 
 
 def raw(pixels: int, shared: bool, seconds: float) -> float:
-    """Give frames a second of Zenoh alone."""
+    """Return frames a second of Zenoh alone."""
     port = free_port("127.0.0.1")
     memory, frame = SharedMemory(wanted=shared), np.arange(float(pixels))
     with listening(port, settings={} if shared else OFF) as session:
@@ -104,12 +104,12 @@ class Camera:
 
 
 def served(pixels: int, shared: bool, seconds: float) -> tuple[float, int]:
-    """Give frames a second of a running co-simulation, and the bytes of one."""
+    """Return frames a second of a running co-simulation, and the bytes of one."""
     system = uuv.System("frames", "0.001").add("camera", f"camera:{pixels}")
-    with uuv.Bridge(system, port=0, shared_memory=shared) as bridge:
+    with uuv.Bridge(system, port=0, shared_memory=shared, anyone=True) as bridge:
         taker = taking(bridge.port, "uuvsim/frames/state/camera", shared, seconds)
         bridge.stream.wait_until_wanted("camera", 30.0)
-        from uuvsim_cosim.bridge.desk import Client
+        from uuvsim_cosim.bridge.calls.service import Client
 
         bridge.conductor.run(Client("benchmark", "local"), factor=1.0)
         rate, size = told(taker)
@@ -120,7 +120,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=2.0)
     options = parser.parse_args()
-    sources.register("camera", Camera)
+    resolve.register("camera", Camera)
     print(f"{'frame':>10} {'':8} {'without':>11} {'shared':>11} {'ratio':>6}")
     for width, height in ((32, 32), (160, 120), (320, 240), (640, 480)):
         pixels = width * height

@@ -20,17 +20,17 @@ from typing import Any
 import numpy as np
 
 import uuvsim_cosim as uuv
-from uuvsim_cosim.bridge.client_fmu import build_client_fmu
-from uuvsim_cosim.fmus.archive import unpack
-from uuvsim_cosim.fmus.read_description import read_fmu
-from uuvsim_cosim.kernels.system_fmu import build_system_fmu
+from uuvsim_cosim.bridge.clients.client_fmu import build_client_fmu
+from uuvsim_cosim.fmus.importer.archive import unpack
+from uuvsim_cosim.fmus.importer.read_description import read_fmu
+from uuvsim_cosim.kernels.system_fmu.system_fmu import build_system_fmu
 
 SYSTEM, TICK = "bluerov2_hold", 0.01
 INPUTS, OUTPUTS = ("hull.v_c",), ("hull.eta", "hull.nu")
 
 
 def measured(trip: Callable[[int], object], count: int) -> tuple[float, float]:
-    """Give median and 99th percentile [ms]."""
+    """Return median and 99th percentile [ms]."""
     taken = np.empty(count)
     for k in range(count + 20):
         begin = time.perf_counter()

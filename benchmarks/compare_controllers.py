@@ -2,7 +2,7 @@
 
     python benchmarks/compare_controllers.py --pictures docs/images
 
-prints the tables of docs/controllers.md and draws its pictures.
+prints the tables of docs/vehicles/controllers.md and draws its pictures.
 """
 
 import argparse
@@ -16,11 +16,12 @@ import uuvsim_cosim as uuv
 CONTROLLERS = ("pid", "lqr", "feedback_linearisation", "backstepping", "sliding_mode", "mpc")
 WAYPOINTS = [(0, 0, 3), (6, 0, 3), (6, 3, 3), (0, 3, 4)]
 CURRENT = (0.15, 0.25, 0.0)  # m/s in NED, from 10 s on
+START = 5.0  # s, where figures begin
 LOST = ([1.0, 1.0, 0.0] + [1.0] * 5, 30.0)  # health: thruster 3 (rear right, horizontal), from [s]
 
 
 def mission(controller, case, allocation="allocation"):
-    """Give bluerov2_hold with a controller; `case` is calm, current, thruster lost."""
+    """Return bluerov2_hold with a controller; `case` is calm, current, thruster lost."""
     system = uuv.load("bluerov2_hold").replace("controller", controller)
     system = system.replace("allocation", allocation)
     rows = np.array([*WAYPOINTS, *[WAYPOINTS[-1]] * (32 - len(WAYPOINTS))], dtype=float)
@@ -43,8 +44,8 @@ def mission(controller, case, allocation="allocation"):
     return system
 
 
-def figures(signals, start=5.0):
-    """Give errors [m, deg], effort [N] and the force's change a second [N/s], from `start` on."""
+def figures(signals, start=START):
+    """Return errors [m, deg], effort [N] and the force's change a second [N/s], from `start` on."""
     late = signals.time >= start
     e = (signals["hull.eta"] - signals["guidance.eta_d"])[late]
     e[:, 3:] = np.remainder(e[:, 3:] + np.pi, 2 * np.pi) - np.pi
@@ -116,7 +117,7 @@ def guidance(folder):
 
 
 def _plots():
-    """Give pyplot, set so that equal runs give equal files."""
+    """Return pyplot, set so that equal runs give equal files."""
     import matplotlib as mpl
 
     mpl.use("svg")
@@ -158,6 +159,8 @@ def main(argv=None):
     parser.add_argument("--cases", nargs="+", default=["calm", "current", "thruster lost"])
     parser.add_argument("--pictures", help="folder for SVG")
     args = parser.parse_args(argv)
+    if args.until <= START:
+        parser.error(f"--until {args.until:g}: expected more than {START:g}, where figures begin")
     flown = {}
     for case in args.cases:
         flown[case] = {c: run(mission(c, case), args.until) for c in args.controllers}
@@ -175,7 +178,7 @@ def main(argv=None):
         table({n: figures(run(mission(first, c, a), args.until)) for n, (a, c) in kinds.items()})
     print("**survey: true error, flown on the navigation's estimate, seed 0**\n")
     survey = {c: uuv.load("bluerov2_survey").replace("controller", c) for c in args.controllers}
-    table({c: figures(run(system, 100.0)) for c, system in survey.items()})
+    table({c: figures(run(system, 1.25 * args.until)) for c, system in survey.items()})
     guidance(args.pictures)
     if args.pictures:
         draw(args.pictures, flown)

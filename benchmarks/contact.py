@@ -11,17 +11,19 @@ from pathlib import Path
 
 import numpy as np
 
-from uuvsim_cosim.fmus.native import Native
+from uuvsim_cosim.fmus.codegen.native import Native
 from uuvsim_cosim.kernels import fuse
-from uuvsim_cosim.models.library import declare
-from uuvsim_cosim.models.terrain import Terrain, save_terrain
-from uuvsim_cosim.orchestrator.system import System
+from uuvsim_cosim.models.declaration.library import declare
+from uuvsim_cosim.models.worlds.obstacles import Cylinder
+from uuvsim_cosim.models.worlds.scene import Scene, save_scene
+from uuvsim_cosim.models.worlds.terrain import Terrain, save_terrain
+from uuvsim_cosim.orchestrator.system.system import System
 
 STEPS, LANES, BATCH = 20_000, 8, 256
 
 
 def alone(scene: str, vehicle: str, depth: float) -> float:
-    """Give microseconds a call of the component at a depth of the hull's CO."""
+    """Return microseconds a call of the component at a depth of the hull's CO."""
     native = Native(declare("contact", vehicle=vehicle, scene=scene), "contact")
     v = native.description.variables
     native.set(v["eta"], np.array([10.0, 5.0, depth, 0.1, 0.05, 0.3]))
@@ -46,7 +48,7 @@ def alone(scene: str, vehicle: str, depth: float) -> float:
 
 
 def fused(scene: str, vehicle: str, depth: float, contact: bool) -> float:
-    """Give microseconds a step of one environment in a kernel, with or without contact."""
+    """Return microseconds a step of one environment in a kernel, with or without contact."""
     s = System("drop", "0.02").add("hull", f"model:{vehicle}", {"eta_0": (10, 5, depth, 0, 0, 0)})
     if contact:
         s = s.add("contact", f"model:contact?vehicle={vehicle}&scene={scene}&step=0.02")
@@ -79,6 +81,18 @@ def main() -> None:
                     f"{vehicle}, kernel of {LANES} lanes, in {name}: {with_it - without:.2f} us a "
                     f"step of one vehicle beside {without:.2f} for its hull"
                 )
+        places = rng.uniform(-500, 500, (1130, 2)).tolist()
+        piles = tuple(Cylinder((north, east, 10.0), 0.5, 5.0) for north, east in places)
+        save_scene(Scene("piles", None, piles, None, "made-up piles", "made up"), Path(folder))
+        for scene, name in (("tacoma", "over tacoma"), (folder, "among 1,130 piles")):
+            cost = alone(scene, "bluerov2_heavy", 10.0)
+            print(f"bluerov2_heavy, native, in free water {name}: {cost:.2f} us a call")
+        without = fused(folder, "bluerov2_heavy", 10.0, contact=False)
+        with_it = fused(folder, "bluerov2_heavy", 10.0, contact=True)
+        print(
+            f"bluerov2_heavy, kernel of {LANES} lanes, among 1,130 piles: {with_it - without:.2f} "
+            f"us a step of one vehicle beside {without:.2f} for its hull"
+        )
 
 
 if __name__ == "__main__":

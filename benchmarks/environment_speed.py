@@ -19,13 +19,14 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.vector import AutoresetMode
 
 import uuvsim_cosim as uuv
 from uuvsim_cosim.envs import Channel, CosimEnv, CosimVectorEnv, Draws, FunctionTask
-from uuvsim_cosim.fmus.export import build_fmu
+from uuvsim_cosim.fmus.export.export import build_fmu
 from uuvsim_cosim.kernels import fuse
-from uuvsim_cosim.models.library import declare
-from uuvsim_cosim.orchestrator.shipped import bluerov2_hold
+from uuvsim_cosim.models.declaration.library import declare
+from uuvsim_cosim.orchestrator.shipped.shipped import bluerov2_hold
 
 ENVS = (1, 64, 4096)
 
@@ -75,7 +76,7 @@ def median(call: Callable[[], object], repeats: int) -> float:
 
 
 def rate(env: Any, n: int, repeats: int, actions: Any) -> float:
-    """Give environment steps a second."""
+    """Return environment steps a second."""
     calls = max(3, min(2000, 40000 // n))
     env.reset(seed=1)
 
@@ -87,7 +88,7 @@ def rate(env: Any, n: int, repeats: int, actions: Any) -> float:
 
 
 def share_of_python(env: CosimVectorEnv, n: int, actions: Any) -> tuple[float, float, int]:
-    """Give the share of a step that is not in the kernel, the kernel's rate, and its bytes."""
+    """Return the share of a step that is not in the kernel, the kernel's rate, and its bytes."""
     plant: Any = env._stage.episodes.plant  # type: ignore[union-attr]
     own, calls = plant.step, max(10, min(2000, 40000 // n))
     inside = 0.0
@@ -147,7 +148,7 @@ def single(name: str, env: CosimEnv, options: argparse.Namespace) -> None:
 
 
 def compile_time(task: FunctionTask) -> float:
-    """Give the seconds to the first environment with an empty cache."""
+    """Return the seconds to the first environment with an empty cache."""
     import os
 
     with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as stack:
@@ -182,6 +183,9 @@ def main() -> None:
     env = CosimVectorEnv(hold(), 4096)
     env.reset(seed=1)
     every = median(env.reset, options.repeats)
+    env.close()
+    env = CosimVectorEnv(hold(), 4096, autoreset_mode=AutoresetMode.DISABLED)  # allows a mask
+    env.reset(seed=1)
     mask = np.arange(4096) % 200 == 0
     some = median(lambda: env.reset(options={"reset_mask": mask}), options.repeats)
     print(

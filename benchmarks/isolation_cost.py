@@ -19,13 +19,13 @@ from fractions import Fraction
 from pathlib import Path
 
 from uuvsim_cosim.fmus.component import Component
-from uuvsim_cosim.fmus.export import build_fmu
-from uuvsim_cosim.fmus.instantiate import instantiate_here
-from uuvsim_cosim.fmus.isolated import Isolated
-from uuvsim_cosim.fmus.read_description import FmuArchive, read_fmu
-from uuvsim_cosim.models.model import Model
-from uuvsim_cosim.orchestrator.master import Master
-from uuvsim_cosim.orchestrator.plan import Group, Plan, PlannedComponent
+from uuvsim_cosim.fmus.export.export import build_fmu
+from uuvsim_cosim.fmus.importer.read_description import FmuArchive, read_fmu
+from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_here
+from uuvsim_cosim.fmus.isolation.isolated import Isolated
+from uuvsim_cosim.models.declaration.model import Model
+from uuvsim_cosim.orchestrator.master.master import Master
+from uuvsim_cosim.orchestrator.plan.plan import Group, Plan, PlannedComponent
 
 WAYS = ("in process", "shared memory", "pipes")
 
@@ -60,7 +60,7 @@ def ready(archive: FmuArchive, way: str) -> Master:
 
 
 def cpu_clock(master: Master) -> Callable[[], float]:
-    """Give a clock of the CPU time of this process and the child."""
+    """Return a clock of the CPU time of this process and the child."""
     (component,) = master.components
     child = component.process if isinstance(component, Isolated) else None
     if child is None:
@@ -70,7 +70,7 @@ def cpu_clock(master: Master) -> Callable[[], float]:
 
 
 def measure(archive: FmuArchive, steps: int, repeats: int) -> dict[str, tuple[float, float]]:
-    """Give (wall, CPU) seconds of an exchange, by way."""
+    """Return (wall, CPU) seconds of an exchange, by way."""
     wall: dict[str, list[float]] = {way: [] for way in WAYS}
     cpu: dict[str, list[float]] = {way: [] for way in WAYS}
     with ExitStack() as stack:

@@ -17,7 +17,7 @@ from kernel_speed import processor, vehicle
 
 import uuvsim_cosim as uuv
 from uuvsim_cosim.kernels import fuse
-from uuvsim_cosim.kernels.rollout import Rollout, jvp, run, vjp
+from uuvsim_cosim.kernels.derivatives.rollout import Rollout, jvp, run, vjp
 
 OUTPUTS = ["hull.eta", "hull.nu"]
 

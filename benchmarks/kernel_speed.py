@@ -21,9 +21,9 @@ import numpy as np
 
 import uuvsim_cosim as uuv
 from uuvsim_cosim.kernels import fuse
-from uuvsim_cosim.orchestrator.flatten import flatten
-from uuvsim_cosim.orchestrator.master import Master
-from uuvsim_cosim.orchestrator.prepared import prepare
+from uuvsim_cosim.orchestrator.master.master import Master
+from uuvsim_cosim.orchestrator.master.prepared import prepare
+from uuvsim_cosim.orchestrator.plan.flatten import flatten
 
 
 def vehicle(thruster: str = "model:thruster_t200") -> uuv.System:

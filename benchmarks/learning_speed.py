@@ -25,12 +25,12 @@ from stable_baselines3 import SAC
 from uuvsim_cosim.envs.sb3 import Sb3VecEnv
 from uuvsim_cosim.envs.tasks.evaluation import evaluate
 from uuvsim_cosim.envs.tasks.scripted import scripted_policy
-from uuvsim_cosim.learn.masac import MasacSettings
-from uuvsim_cosim.learn.masac_learner import MasacLearner, OffPolicySettings
-from uuvsim_cosim.learn.rollout import Rollout
-from uuvsim_cosim.learn.task_ids import make_task
-from uuvsim_cosim.learn.train import train
-from uuvsim_cosim.learn.training_seeds import JUDGING_SEED
+from uuvsim_cosim.learn.algorithms.masac import MasacSettings
+from uuvsim_cosim.learn.algorithms.masac_learner import MasacLearner, OffPolicySettings
+from uuvsim_cosim.learn.shared.task_ids import make_task
+from uuvsim_cosim.learn.training.rollout import Rollout
+from uuvsim_cosim.learn.training.train import train
+from uuvsim_cosim.learn.training.training_seeds import JUDGING_SEED
 
 ENVS, UPDATES, BATCH = 64, 4, 256
 

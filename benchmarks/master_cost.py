@@ -14,14 +14,14 @@ import time
 from fractions import Fraction
 from pathlib import Path
 
-from uuvsim_cosim.fmus.export import build_fmu
-from uuvsim_cosim.fmus.instantiate import instantiate_fmu
-from uuvsim_cosim.fmus.read_description import read_description
-from uuvsim_cosim.fmus.toolchain import compile_shared
-from uuvsim_cosim.models.model import Model
-from uuvsim_cosim.orchestrator.master import Master
-from uuvsim_cosim.orchestrator.plan import Group, Plan, PlannedComponent, Transfer
-from uuvsim_cosim.orchestrator.recorder import Recorder
+from uuvsim_cosim.fmus.codegen.toolchain import compile_shared
+from uuvsim_cosim.fmus.export.export import build_fmu
+from uuvsim_cosim.fmus.importer.read_description import read_description
+from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_fmu
+from uuvsim_cosim.models.declaration.model import Model
+from uuvsim_cosim.orchestrator.master.master import Master
+from uuvsim_cosim.orchestrator.plan.plan import Group, Plan, PlannedComponent, Transfer
+from uuvsim_cosim.orchestrator.recording.recorder import Recorder
 
 H = Fraction(1, 100)
 
@@ -62,7 +62,7 @@ def chain(fmu: Path, n: int) -> Plan:
 def plain_library() -> ctypes.CDLL:
     import fmpy
 
-    here = Path(__file__).with_name("plain_loop.c")
+    here = Path(__file__).parent / "parts" / "plain_loop.c"
     headers = Path(fmpy.__file__).parent / "c-code"
     return ctypes.CDLL(str(compile_shared([here], name="plain_loop", include=[headers])))
 
@@ -78,7 +78,7 @@ def plain_table(master: Master) -> ctypes.Array[Fmu]:
 
 
 def measure(fmu: Path, n: int, steps: int, repeats: int) -> tuple[float, ...]:
-    """Give CPU seconds: plain loop, master, master with recorder, and the recorder's closing."""
+    """Return CPU seconds: plain loop, master, master with recorder, and the recorder's closing."""
     plan = chain(fmu, n)
     library = plain_library()
     times: list[list[float]] = [[], [], [], []]

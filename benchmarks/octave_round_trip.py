@@ -24,11 +24,12 @@ from pathlib import Path
 import numpy as np
 
 import uuvsim_cosim as uuv
-from uuvsim_cosim.bridge.conductor import Conductor
-from uuvsim_cosim.bridge.desk import Client
-from uuvsim_cosim.bridge.http_door import HttpDoor
-from uuvsim_cosim.bridge.tcp_door import TcpDoor
-from uuvsim_cosim.bridge.wire import frame
+from uuvsim_cosim.bridge.access.token import known_token
+from uuvsim_cosim.bridge.calls.service import Client
+from uuvsim_cosim.bridge.http.server import HttpServer
+from uuvsim_cosim.bridge.server.conductor import Conductor
+from uuvsim_cosim.bridge.tcp.framing import frame
+from uuvsim_cosim.bridge.tcp.server import TcpServer
 
 FORCES = np.array([10.0, 0, 0, 0, 0, 1])
 OUTPUTS = ["hull.eta", "hull.nu"]
@@ -73,7 +74,7 @@ def over_tcp(port: int, count: int) -> tuple[float, float]:
             return file.read(head + body)
 
         answer()
-        hello = {"call": "hello", "protocol": 1}
+        hello = {"call": "hello", "protocol": 1, "token": known_token("127.0.0.1", port)}
         for said in (hello, {"call": "layout", "inputs": ["hull.tau"], "outputs": OUTPUTS}):
             link.sendall(frame(said))
             answer()
@@ -91,9 +92,11 @@ def over_tcp(port: int, count: int) -> tuple[float, float]:
 def over_http(port: int, count: int) -> tuple[float, float]:
     connection = http.client.HTTPConnection("127.0.0.1", port)
     body = json.dumps({"inputs": {"hull.tau": FORCES.tolist()}, "outputs": OUTPUTS})
+    token = known_token("127.0.0.1", port)
+    headers = {"Content-Type": "application/json", "Authorization": f"Bearer {token}"}
 
     def trip() -> object:
-        connection.request("POST", "/step", body, {"Content-Type": "application/json"})
+        connection.request("POST", "/step", body, headers)
         return json.loads(connection.getresponse().read())
 
     found = measured(trip, count)
@@ -133,9 +136,9 @@ def main() -> None:
     conductor = Conductor(uuv.System("hull_alone", "0.01").add("hull", "model:bluerov2_heavy"))
     me = Client("benchmark", "local")
     with (
-        TcpDoor(conductor, 0) as tcp,
-        HttpDoor(conductor, 0) as web,
-        uuv.Bridge(conductor, port=0) as bridge,
+        TcpServer(conductor, 0) as tcp,
+        HttpServer(conductor, 0) as web,
+        uuv.Bridge(conductor, port=0, anyone=True) as bridge,  # zenoh-pico shows no token
     ):
         rows = [
             (

@@ -17,11 +17,11 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from lag_fmu import lag_fmu
 from master_cost import lag
-from peers_engines import ENGINES
+from parts.lag_fmu import lag_fmu
+from parts.peers_engines import ENGINES
 
-from uuvsim_cosim.fmus.export import build_fmu
+from uuvsim_cosim.fmus.export.export import build_fmu
 
 PACKAGES = {
     "uuvsim-cosim": "uuvsim-cosim",
@@ -37,7 +37,7 @@ Key = tuple[str, int, bool]
 def once(engine: str, fmu: Path, n: int, steps: int, record: bool) -> tuple[float, list[str]] | str:
     """Run an engine once: CPU seconds and last values, or why there are none."""
     mode = "record" if record else "step"
-    script = Path(__file__).with_name("peers_engines.py")
+    script = Path(__file__).parent / "parts" / "peers_engines.py"
     command = [sys.executable, str(script), engine, str(fmu), str(n), str(steps), mode]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)

@@ -23,12 +23,12 @@ import onnxruntime
 import torch
 
 from uuvsim_cosim.content import content
-from uuvsim_cosim.fmus.native import Native
+from uuvsim_cosim.fmus.codegen.native import Native
 from uuvsim_cosim.kernels.kernel import fuse
-from uuvsim_cosim.learn.export_policy import export_policy, sequential
-from uuvsim_cosim.learn.policy import Policy
-from uuvsim_cosim.models.library import declare
-from uuvsim_cosim.orchestrator.system import System
+from uuvsim_cosim.learn.deployment.export import export_policy, sequential
+from uuvsim_cosim.learn.policies.policy import Policy
+from uuvsim_cosim.models.declaration.library import declare
+from uuvsim_cosim.orchestrator.system.system import System
 
 FILE = content("models", "policies") / "source_sac.npz"
 N = 512

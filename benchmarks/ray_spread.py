@@ -19,12 +19,12 @@ from pathlib import Path
 from typing import Any
 
 import uuvsim_cosim as uuv
-from uuvsim_cosim.cluster import Cluster
-from uuvsim_cosim.envs.distributions import Uniform
-from uuvsim_cosim.envs.randomisation import Vary
-from uuvsim_cosim.learn.config import TrainingConfig
-from uuvsim_cosim.learn.ray_training import ALIKE, train_on
-from uuvsim_cosim.learn.train import train
+from uuvsim_cosim.cluster.ray_cluster import Cluster
+from uuvsim_cosim.envs.randomisation.distributions import Uniform
+from uuvsim_cosim.envs.randomisation.randomisation import Vary
+from uuvsim_cosim.learn.training.config import TrainingConfig
+from uuvsim_cosim.learn.training.ray_training import ALIKE, train_on
+from uuvsim_cosim.learn.training.train import train
 from uuvsim_cosim.studies import Study
 
 
@@ -66,7 +66,8 @@ def main() -> None:
                 parameters=[Vary("hull.m", Uniform(13.0, 14.0))],
             )  # fmt: skip
 
-        for backend, seeds, jobs in (("master", given.runs, workers), ("kernel", 4096, 1)):
+        studies = (("master", given.runs, workers), ("kernel", 64 * given.runs, 1))
+        for backend, seeds, jobs in studies:
             here, there = [], []
             for k in range(given.repeats + 1):  # the first warms both
                 one, two = place / f"{backend}{k}", place / f"{backend}{k}ray"
@@ -89,7 +90,9 @@ def main() -> None:
         b = seconds(lambda: train_on(cluster, configs, folders))
         for c, folder in zip(configs, folders, strict=True):
             for name in ("best.npz", "policy.npz", "evaluations.csv", "episodes.csv"):
-                assert (folder / name).read_bytes() == (place / f"h{c.seed}" / name).read_bytes()
+                one, other = place / f"h{c.seed}" / name, folder / name
+                assert one.is_file() == other.is_file()  # no episode may have ended
+                assert not one.is_file() or one.read_bytes() == other.read_bytes(), "other bits"
         print(
             f"{workers} trainings of {given.steps} steps: one after the other {a:.1f} s, by Ray "
             f"{b:.1f} s, {a / b:.2f} times as fast; same bits"

@@ -16,9 +16,9 @@ import time
 import numpy as np
 
 import uuvsim_cosim as uuv
-from uuvsim_cosim.bridge.conductor import Conductor
-from uuvsim_cosim.bridge.desk import Client
-from uuvsim_cosim.bridge.http_door import HttpDoor
+from uuvsim_cosim.bridge.calls.service import Client
+from uuvsim_cosim.bridge.http.server import HttpServer
+from uuvsim_cosim.bridge.server.conductor import Conductor
 
 FORCES = [10.0, 0, 0, 0, 0, 1]
 OUTPUTS = ["hull.eta", "hull.nu"]
@@ -42,8 +42,10 @@ with uuv.connect(port=PORT, lockstep=True, lag=60.0) as client:
 """
 HTTP = """
 import http.client, json
+from uuvsim_cosim.bridge.access.token import known_token
 link = http.client.HTTPConnection("127.0.0.1", PORT)
-headers = {"Content-Type": "application/json"}
+token = known_token("127.0.0.1", PORT)
+headers = {"Content-Type": "application/json", "Authorization": f"Bearer {token}"}
 def ask(path, said):
     link.request("POST", path, json.dumps(said), headers)
     answer = json.loads(link.getresponse().read())
@@ -112,7 +114,7 @@ def main() -> None:
     count = parser.parse_args().count
     conductor = Conductor(uuv.System("hull_alone", "0.01").add("hull", "model:bluerov2_heavy"))
     me = Client("benchmark", "local")
-    with uuv.Bridge(conductor, port=0) as bridge, HttpDoor(conductor, 0) as web:
+    with uuv.Bridge(conductor, port=0) as bridge, HttpServer(conductor, 0) as web:
         zenoh, http = (ZENOH, bridge.port), (HTTP, web.port)
         rows = [("in process", in_process(conductor, count))]
         rows.append(("Python, Zenoh", numbers(client(*zenoh, count))))

@@ -16,11 +16,11 @@ from pathlib import Path
 from typing import Any
 
 import uuvsim_cosim as uuv
-from uuvsim_cosim.fmus.export import build_fmu
-from uuvsim_cosim.models.library import declare
-from uuvsim_cosim.orchestrator.flatten import flatten
-from uuvsim_cosim.orchestrator.master import Master
-from uuvsim_cosim.orchestrator.prepared import prepare
+from uuvsim_cosim.fmus.export.export import build_fmu
+from uuvsim_cosim.models.declaration.library import declare
+from uuvsim_cosim.orchestrator.master.master import Master
+from uuvsim_cosim.orchestrator.master.prepared import prepare
+from uuvsim_cosim.orchestrator.plan.flatten import flatten
 
 
 def twelve() -> uuv.System:

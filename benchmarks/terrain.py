@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from uuvsim_cosim.scene.terrain_make import Wishes, make_terrain
+from uuvsim_cosim.scene.terrain.make import Wishes, make_terrain
 
 
 def main() -> None:
@@ -47,9 +47,9 @@ def main() -> None:
 def _scipy(chart: Path, options: Any) -> float:
     from scipy.interpolate import LinearNDInterpolator
 
-    from uuvsim_cosim.scene.chart_read import read_chart
-    from uuvsim_cosim.scene.terrain_grid import grid_over
-    from uuvsim_cosim.scene.terrain_points import known_points
+    from uuvsim_cosim.scene.chart.read import read_chart
+    from uuvsim_cosim.scene.terrain.grid import grid_over
+    from uuvsim_cosim.scene.terrain.points import known_points
 
     read = read_chart(chart)
     points = known_points(read, options.resolution)

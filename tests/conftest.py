@@ -2,21 +2,62 @@
 
 from __future__ import annotations
 
+import os
 import shutil
+import signal
 import subprocess
 import sys
+import tempfile
 import zipfile
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from tests.processor_time import Watch
 from uuvsim_cosim.cache import cache_dir, content_hash
-from uuvsim_cosim.fmus.toolchain import compile_shared, host
+from uuvsim_cosim.fmus.codegen.toolchain import compile_shared, host
+
+# Servers of tests leave nothing in the user's own folder, also when they are killed.
+TOKENS = tempfile.TemporaryDirectory(prefix="uuvsim-tokens-")
+os.environ["UUVSIM_TOKENS"] = TOKENS.name
 
 FOREIGN = Path(__file__).parent / "fmus" / "foreign"
 FIRST_ORDER = {v: FOREIGN / f"first_order_fmi{v}.xml" for v in (2, 3)}
 CFmu = Callable[..., Path]
+Start = Callable[..., "subprocess.Popen[Any]"]
+Uuvsim = Callable[..., tuple[int, str, str]]
+WATCH = Watch()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    """Limit the processor time of each test."""
+    with WATCH.over(item.nodeid):
+        return (yield)
+
+
+@pytest.fixture(autouse=True)
+def interruptible() -> Iterator[None]:
+    """Let Ctrl-C interrupt a test and what it starts, also in a shell's background job."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.fixture
+def start() -> Iterator[Start]:
+    """Start processes, with the arguments of Popen, that end with the test at the latest."""
+    with ExitStack() as stack:
+
+        def started(command: Sequence[str | Path], **more: Any) -> subprocess.Popen[Any]:
+            process = stack.enter_context(subprocess.Popen(command, **{"text": True, **more}))
+            stack.callback(process.kill)
+            return process
+
+        yield started
 
 
 def write_archive(path: Path, members: dict[str, bytes]) -> Path:
@@ -31,6 +72,24 @@ def forget(path: Path) -> None:
     """Take an archive of which there will never be another copy out of the user's cache."""
     if path.is_file():
         shutil.rmtree(cache_dir("archives") / content_hash([path.read_bytes()]), True)
+
+
+@pytest.fixture
+def uuvsim(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> Uuvsim:
+    """Run the command line in an empty folder: return its status, stdout and stderr."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments: str) -> tuple[int, str, str]:
+        from uuvsim_cosim.cli import status_of
+
+        capsys.readouterr()
+        status = status_of(list(arguments))
+        said = capsys.readouterr()
+        return status, said.out, said.err
+
+    return call
 
 
 @pytest.fixture(scope="session")
@@ -82,6 +141,23 @@ def first_order_fmi2(c_fmu: CFmu) -> Path:
 def first_order_fmi3(c_fmu: CFmu) -> Path:
     """dy/dt = (k u - y) / T in C, FMI 3.0: an echo of each type, arrays, faults."""
     return c_fmu(3)
+
+
+@pytest.fixture(scope="session")
+def kinetics(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Robertson's stiff kinetics in C, FMI 3.0: both interfaces, a structural parameter n.
+
+    Its default experiment goes from 5 s to 1e6 s, without a step.
+    """
+    import fmpy
+
+    include = [Path(fmpy.__file__).parent / "c-code"]
+    library = compile_shared([FOREIGN / "kinetics_fmi3.c"], name="kinetics", include=include)
+    members = {
+        "modelDescription.xml": (FOREIGN / "kinetics_fmi3.xml").read_bytes(),
+        f"binaries/{host().fmi3}/kinetics{host().suffix}": library.read_bytes(),
+    }
+    return write_archive(tmp_path_factory.mktemp("kinetics") / "kinetics.fmu", members)
 
 
 def _built_by(tool: str, script: str, folder: Path) -> Path:

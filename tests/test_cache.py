@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
-from uuvsim_cosim.cache import intact, keep, write_whole
+from uuvsim_cosim.cache import intact, keep, whole_file, write_whole
 from uuvsim_cosim.errors import InputInvalid
 
 
@@ -36,3 +37,30 @@ def test_a_file_that_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
     with pytest.raises(InputInvalid, match=r"cache file .*a: cannot be written \(Is a dir"):
         keep(tmp_path / "a", b"1")
     assert [p.name for p in tmp_path.iterdir()] == ["a"]
+
+
+def test_a_writer_that_fails_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("old")
+
+    def write() -> None:
+        with whole_file(path) as scratch:
+            assert (scratch.parent, scratch.suffix) == (tmp_path, ".csv")
+            scratch.write_text("ne")
+            raise ValueError("half way")
+
+    with pytest.raises(ValueError, match="half way"):
+        write()
+    assert path.read_text() == "old"
+    assert [p.name for p in tmp_path.iterdir()] == ["a.csv"]
+
+
+def test_the_data_is_on_the_disk_before_the_name_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: list[str] = []
+    for name in ("fsync", "replace"):
+        whole = getattr(os, name)
+        monkeypatch.setattr(os, name, lambda *a, n=name, f=whole: (calls.append(n), f(*a)))
+    write_whole(tmp_path / "a", b"1")
+    assert calls == ["fsync", "replace"]

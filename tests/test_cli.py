@@ -1,15 +1,15 @@
+import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from uuvsim_cosim.cli import status_of
-from uuvsim_cosim.orchestrator.library import load
-from uuvsim_cosim.orchestrator.ssd import write_ssd
-from uuvsim_cosim.orchestrator.system import System
+from tests.conftest import Uuvsim
+from uuvsim_cosim.orchestrator.running.library import load
+from uuvsim_cosim.orchestrator.ssp.ssd import write_ssd
+from uuvsim_cosim.orchestrator.system.system import System
 
 PARTS = '''
 class Tap:
@@ -37,23 +37,6 @@ class Other:
     def step(self, t, dt, u):
         return {"level": u["stream"]}
 '''
-Uuvsim = Callable[..., tuple[int, str, str]]
-
-
-@pytest.fixture
-def uuvsim(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> Uuvsim:
-    """Run the command line in an empty folder: give its status, stdout and stderr."""
-    monkeypatch.chdir(tmp_path)
-
-    def call(*arguments: str) -> tuple[int, str, str]:
-        capsys.readouterr()
-        status = status_of(list(arguments))
-        said = capsys.readouterr()
-        return status, said.out, said.err
-
-    return call
 
 
 @pytest.fixture
@@ -67,6 +50,14 @@ def tank(tmp_path: Path) -> str:
     )
     write_ssd(system, tmp_path / "tank.ssd")
     return "tank.ssd"
+
+
+@pytest.fixture
+def loop(tmp_path: Path) -> str:
+    """A sum that feeds itself: u = 1 - 6 y, y = u."""
+    system = System("loop", "0.1").add("a", "function:sum?inputs=1")
+    write_ssd(system.connect("a.y", "a.u", factor=-6.0, offset=1.0), tmp_path / "loop.ssd")
+    return "loop.ssd"
 
 
 # ---- what works -----------------------------------------------------------------------------
@@ -109,7 +100,7 @@ def test_a_run_ends_with_a_table_of_what_was_written(uuvsim: Uuvsim, tank: str) 
 
 
 def test_set_rate_and_record_every_reach_the_run(uuvsim: Uuvsim, tank: str) -> None:
-    from uuvsim_cosim.orchestrator.recording import read_signals
+    from uuvsim_cosim.orchestrator.recording.recording import read_signals
 
     options = ("--set", "tap.opening=3", "--rate", "tank=0.2", "--record-every", "2")
     status, _, err = uuvsim("run", tank, "--until", "2", "--out", "r", "--no-report", *options)
@@ -162,7 +153,7 @@ def test_a_slot_is_printed_and_a_diagram_drawn(uuvsim: Uuvsim, tank: str) -> Non
     ("arguments", "said"),
     [
         ("run nosuch", "there is no system 'nosuch'"),
-        ("run bluerov2_surve", "did you mean 'bluerov2_survey'"),
+        ("run bluerov2_surve", "did you mean bluerov2_survey"),
         ("run TANK --set speed", "expected component.parameter=value"),
         ("run TANK --set speed=3", "expected component.parameter=value"),
         ("run TANK --set tap.opening=", "expected component.parameter=value"),
@@ -182,7 +173,20 @@ def test_a_slot_is_printed_and_a_diagram_drawn(uuvsim: Uuvsim, tank: str) -> Non
         ("run TANK --map tank.flow=stream", "--replace tank=SOURCE"),
         ("run TANK --waypoints bad.csv", "bad.csv:2: "),
         ("run TANK --waypoints none.csv", "no such file"),
-        ("run TANK --input x.csv", "single .fmu"),
+        ("run TANK --input x.csv", "x.csv: cannot be read"),
+        ("run TANK --input tank.flow", "[+]component.variable:step"),
+        ("run TANK --input tank.flow:step,value=1", "expected +tank.flow"),
+        ("run TANK --input tank.level:step,value=1", "expected +tank.level"),
+        ("run TANK --input +tank.lvl:step,value=1", "lvl"),
+        ("run TANK --input +tank.flow:ramp,value=1", "step, chirp, prbs"),
+        ("run TANK --input +tank.flow:step", "without value"),
+        ("run TANK --step 0.1", "--rate component=step"),
+        ("run TANK --until ten", "'1.5 min'"),
+        ("run TANK --until 3m", "is in m"),
+        ("run TANK --rate tank=2weeks", "weeks"),
+        ("run TANK --seed ten", "--seed ten: expected a whole number"),
+        ("compare TANK TANK --tol -1", "0 or more"),
+        ("compare nowhere nowhere", "no recording"),
         ("run TANK --out parts.py", "is a file"),
         ("run TANK --out /proc/nowhere/r", "cannot be made"),
         ("run TANK --bogus", "No such option"),
@@ -251,14 +255,14 @@ def test_what_cannot_go_on_says_that_it_was_interrupted(
     def interrupted() -> list[str]:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("uuvsim_cosim.orchestrator.library.available", interrupted)
+    monkeypatch.setattr("uuvsim_cosim.orchestrator.running.library.available", interrupted)
     assert uuvsim("systems") == (130, "", "uuvsim: interrupted\n")
 
 
 def test_an_unexpected_error_asks_to_be_reported(
     uuvsim: Uuvsim, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("uuvsim_cosim.orchestrator.library.available", None)
+    monkeypatch.setattr("uuvsim_cosim.orchestrator.running.library.available", None)
     status, _, err = uuvsim("systems")
     assert status == 1
     assert "please report it" in err
@@ -273,7 +277,7 @@ def test_an_error_in_code_that_is_not_ours_is_told_with_its_line(
     def broken() -> list[str]:
         raise RuntimeError("cause")
 
-    monkeypatch.setattr("uuvsim_cosim.orchestrator.library.available", broken)
+    monkeypatch.setattr("uuvsim_cosim.orchestrator.running.library.available", broken)
     status, _, err = uuvsim("systems")
     assert (status, err) == (
         2,
@@ -299,7 +303,7 @@ def test_a_starting_point_flies_the_survey_as_it_is_written(uuvsim: Uuvsim, kind
     swap = ("--replace", f"controller={source}", "--until", "25", "--no-report", "--out", "r")
     status, out, err = uuvsim("run", "bluerov2_survey", *swap)
     assert (status, err) == (0, ""), out
-    from uuvsim_cosim.orchestrator.recording import read_signals
+    from uuvsim_cosim.orchestrator.recording.recording import read_signals
 
     eta = read_signals("r")["hull.eta"][-1]
     assert abs(eta[1]) < 0.5  # on the first leg, which leads north at 5 m
@@ -318,3 +322,45 @@ def test_the_shipped_systems_are_listed(uuvsim: Uuvsim) -> None:
     _, out, _ = uuvsim("systems")
     assert "bluerov2_survey" in out
     assert load("bluerov2_survey").name == "bluerov2_survey"
+
+
+# ---- algebraic loops --------------------------------------------------------------------------
+
+
+def test_run_iterates_an_algebraic_loop(uuvsim: Uuvsim, loop: str) -> None:
+    status, out, _ = uuvsim("run", loop, "--until", "1", "--native", "--no-report", "-o", "r")
+    assert status == 0
+    assert "iterated loop: a.y -> a.u" in out
+    assert "coupling residual" not in out
+
+
+def test_run_reports_what_a_delayed_loop_becomes(uuvsim: Uuvsim, loop: str) -> None:
+    status, out, _ = uuvsim(
+        "run", loop, "--until", "10", "--native", "--no-report", "-o", "r", "--loops", "delay"
+    )
+    assert status == 0
+    assert "largest coupling residual" in out
+    assert "its estimated gain is -6" in out
+    assert "the loop may diverge" in out
+    written = json.loads(Path("r/run.json").read_text())
+    assert written["coupling_residual"]["target"] == "a.u"
+    assert written["loops"] == "delay"
+
+
+def test_run_refuses_a_loop_by_name_gain_and_remedy(uuvsim: Uuvsim, loop: str) -> None:
+    status, _, err = uuvsim("run", loop, "--until", "1", "--loops", "refuse")
+    assert status == 2
+    assert "algebraic loop a.y -> a.u: its estimated gain is -6" in err
+    assert "--loops iterate" in err
+    status, _, err = uuvsim("run", loop, "--until", "1", "--loops", "dealy")
+    assert status == 2
+    assert "'dealy'; expected iterate, refuse or delay" in err
+
+
+def test_show_says_what_becomes_of_a_loop(uuvsim: Uuvsim, loop: str) -> None:
+    assert "iterated at each communication point: a.y -> a.u" in uuvsim("systems", "show", loop)[1]
+    refused = Path(loop).read_text().replace("<uuvsim:System", '<uuvsim:System loops="refuse"')
+    Path(loop).write_text(refused)
+    status, out, _ = uuvsim("systems", "show", loop)
+    assert status == 0
+    assert 'the loop policy is "refuse"' in out

@@ -5,21 +5,51 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
-from collections.abc import Iterable
+import stat
+import tempfile
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from uuid import uuid4
 
 from uuvsim_cosim.errors import InputInvalid
 
-__all__ = ["cache_dir", "content_hash", "intact", "keep", "write_whole"]
+__all__ = [
+    "cache_dir",
+    "content_hash",
+    "home",
+    "intact",
+    "keep",
+    "whole_file",
+    "write_whole",
+    "written",
+]
+
+
+def home() -> Path | None:
+    """Return the user's home folder; None without HOME and entry in passwd, as in containers."""
+    try:
+        return Path.home()
+    except RuntimeError:
+        return None
 
 
 def cache_dir(*parts: str) -> Path:
-    """Give a folder of the cache, made if missing; ``UUVSIM_CACHE`` overrides its place."""
+    """Return a folder of the cache, made if missing; ``UUVSIM_CACHE`` overrides its place.
+
+    Without a home folder it is in the folder for temporary files, and this user's alone.
+    """
     import platformdirs
 
-    root = os.environ.get("UUVSIM_CACHE") or platformdirs.user_cache_dir("uuvsim-cosim")
-    folder = Path(root).expanduser().joinpath(*parts)
+    asked = os.environ.get("UUVSIM_CACHE")
+    try:
+        root = Path(asked or platformdirs.user_cache_dir("uuvsim-cosim")).expanduser()
+    except RuntimeError:  # no home folder
+        if asked:
+            raise InputInvalid(
+                f"UUVSIM_CACHE={asked}: there is no home folder; expected a path without ~"
+            ) from None
+        root = _private()
+    folder = root.joinpath(*parts)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -30,8 +60,27 @@ def cache_dir(*parts: str) -> Path:
     return folder
 
 
+def _private() -> Path:
+    """Return a folder among the temporary files that nobody else can write: code lies in it."""
+    user = getattr(os, "getuid", lambda: 0)()  # Windows has no numbers of users
+    folder = Path(tempfile.gettempdir()) / f"uuvsim-cosim-{user}"
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        found = folder.lstat()
+    except OSError as error:
+        raise InputInvalid(
+            f"cache folder {folder}: cannot be made ({error.strerror}); "
+            "set UUVSIM_CACHE to a folder that can be written"
+        ) from error
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != user or found.st_mode & 0o022:
+        raise InputInvalid(
+            f"cache folder {folder}: others can write it; set UUVSIM_CACHE to a folder of your own"
+        )
+    return folder
+
+
 def content_hash(parts: Iterable[bytes | str]) -> str:
-    """Give a short hexadecimal hash of a sequence of contents."""
+    """Return a short hexadecimal hash of a sequence of contents."""
     digest = hashlib.blake2b(digest_size=16)
     for part in parts:
         data = part.encode() if isinstance(part, str) else part
@@ -40,16 +89,39 @@ def content_hash(parts: Iterable[bytes | str]) -> str:
     return digest.hexdigest()
 
 
-def write_whole(path: Path, data: bytes) -> None:
-    """Write a file under a name of its own, then rename: others see all of it or nothing."""
-    scratch = path.with_name(f".{path.name}.{uuid4().hex}")
+@contextlib.contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Return a name beside `path`, of its suffix, to write under; then it becomes `path`.
+
+    Others see the old file or all of the new one. If the body raises, the old file stays. The
+    data is on the disk before the rename: else a power failure may leave an empty file.
+    """
+    scratch = path.with_name(f".{path.stem}.{uuid4().hex}{path.suffix}")
     try:
-        scratch.write_bytes(data)
+        yield scratch
+        with scratch.open("rb+") as file:
+            os.fsync(file.fileno())
         os.replace(scratch, path)
-    except BaseException:
+    finally:
         with contextlib.suppress(OSError):
             scratch.unlink()
-        raise
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write a file, whole or not at all; raises OSError."""
+    with whole_file(path) as scratch:
+        scratch.write_bytes(data)
+
+
+def written(path: Path, text: str, *, make_folder: bool = False) -> Path:
+    """Write a text file, whole or not at all, and return its path; raises InputInvalid."""
+    try:
+        if make_folder:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path, text.encode())
+    except OSError as error:
+        raise InputInvalid(f"{path}: cannot be written ({error.strerror})") from None
+    return path
 
 
 def keep(path: Path, data: bytes) -> None:
@@ -65,7 +137,7 @@ def keep(path: Path, data: bytes) -> None:
 
 
 def intact(path: Path) -> bool:
-    """Say whether a file of the cache is there as `keep` wrote it."""
+    """Return whether a file of the cache is there as `keep` wrote it."""
     try:
         return _note(path).read_bytes() == content_hash([path.read_bytes()]).encode()
     except OSError:

@@ -19,7 +19,7 @@ class Closing(ABC):
         """Free everything; a second call does nothing."""
 
     def __enter__(self) -> Self:
-        """Give itself."""
+        """Return itself."""
         return self
 
     def __exit__(

@@ -10,7 +10,7 @@ _PACKAGE = Path(__file__).resolve().parent
 
 
 def content(*parts: str) -> Path:
-    """Give the path of a content file or folder, e.g. ``content("models", "vehicles")``."""
+    """Return the path of a content file or folder, e.g. ``content("models", "vehicles")``."""
     installed = _PACKAGE / "_content"
     root = installed if installed.is_dir() else _PACKAGE.parent
     return root.joinpath(*parts)

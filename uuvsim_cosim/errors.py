@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 __all__ = [
     "ComponentFailed",
@@ -35,8 +36,20 @@ class Problem:
     expected: str
 
     def __str__(self) -> str:
-        """Give the sentence that a user reads."""
+        """Return the sentence that a user reads."""
         return f"{self.place}: {self.read}; expected {self.expected}"
+
+    @classmethod
+    def of(cls, message: str) -> Problem:
+        """Read a sentence "place: what was read; expected what would be right".
+
+        A part that the sentence does not have is empty; "--option value" is place and value.
+        """
+        head, _, expected = message.partition("expected ")
+        head = head.rstrip(" ;,:")
+        separator = " " if head.startswith("--") and ": " not in head else ": "
+        place, found, read = head.partition(separator)
+        return cls(place, read, expected) if found or expected else cls("", head, "")
 
 
 class SystemInvalid(UuvsimError):
@@ -62,27 +75,28 @@ class FmuError(UuvsimError):
 
 
 class ComponentFailed(UuvsimError):
-    """A component that failed while it ran; names its path and the time."""
+    """A component that failed while it ran; names its path and the time.
+
+    `asks_to_end`: it was the component's way to end the simulation, which FMI allows.
+    """
 
     exit_status = 3
+    recording: Path | None = None  # the folder of the run, if it recorded
 
-    def __init__(self, path: str, time: float, reason: str) -> None:
+    def __init__(self, path: str, time: float, reason: str, asks_to_end: bool = False) -> None:
         self.path = path
         self.time = time
         self.reason = reason
+        self.asks_to_end = asks_to_end
         self.partial: object | None = None  # what was computed up to then, if anything
         super().__init__(f"component {path!r} failed at t = {time:.9g} s: {reason}")
-
-    @property
-    def asks_to_end(self) -> bool:
-        """Whether it was the component's way to end the simulation, which FMI allows."""
-        return "asks to end the simulation" in self.reason
 
 
 class LoopNotConverged(UuvsimError):
     """An algebraic loop without a solution that could be found; names its hops."""
 
     exit_status = 3
+    recording: Path | None = None  # the folder of the run, if it recorded
 
 
 class Overrun(UuvsimError):

@@ -6,8 +6,7 @@ from matplotlib.figure import Figure
 
 from uuvsim_cosim import System
 from uuvsim_cosim.kernels import fuse
-from uuvsim_cosim.models.allan import allan_deviation, allan_of_error
-from uuvsim_cosim.models.library import declare
+from uuvsim_cosim.models import allan_deviation, allan_of_error, declare
 
 mpl.rcParams["svg.hashsalt"] = "allan"  # the same file again
 IMUS = ("stim300", "adis16495", "mpu6050")

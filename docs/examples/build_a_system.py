@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import uuvsim_cosim as uuv
-from uuvsim_cosim.orchestrator.ssd import write_ssd
+from uuvsim_cosim.orchestrator import write_ssd
 
 pod = (
     uuv.System("pod", "0.01", "A thruster in a housing")

@@ -5,10 +5,8 @@ from pathlib import Path
 import casadi as ca
 
 from uuvsim_cosim import Model
-from uuvsim_cosim.fmus.export import build_fmu
-from uuvsim_cosim.fmus.native import Native
-from uuvsim_cosim.fmus.simulate_fmu import simulate_fmu
-from uuvsim_cosim.models.simulate import simulate
+from uuvsim_cosim.fmus import Native, build_fmu, simulate_fmu
+from uuvsim_cosim.models import simulate
 
 
 def pendulum() -> Model:

@@ -3,7 +3,7 @@
 import torch
 
 import uuvsim_cosim as uuv
-from uuvsim_cosim.kernels.autograd import rollout
+from uuvsim_cosim.kernels import rollout
 
 system = uuv.System("free", "0.01").add("hull", "model:bluerov2_heavy")
 system = system.add("wrench", "model:wrench").connect("wrench.tau", "hull.tau")

@@ -21,11 +21,11 @@ class Source:
     outputs = {"y": "1"}
 
     def initialize(self, t):
-        """Give the output at the start."""
+        """Return the output at the start."""
         return self.step(t, 0.0, {})
 
     def step(self, t, dt, u):
-        """Give the output at the step's end."""
+        """Return the output at the step's end."""
         return {"y": np.sin(2 * np.pi * (t + dt) / PERIOD)}
 
 
@@ -36,7 +36,7 @@ class Through:
     outputs = {"y": "1"}
 
     def initialize(self, t):
-        """Give 0, which shows where nothing has arrived yet."""
+        """Return 0, which shows where nothing has arrived yet."""
         return {"y": 0.0}
 
     def step(self, t, dt, u):

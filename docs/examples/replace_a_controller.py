@@ -16,7 +16,7 @@ class Hover:
     parameters = {"K_p": ([120.0, 120.0, 160.0, 8.0, 8.0, 16.0], "1")}
 
     def step(self, t, dt, u):
-        """Give the generalised force wanted over the next step."""
+        """Return the generalised force wanted over the next step."""
         e = u["eta_d"] - u["eta"]
         e[3:] = np.remainder(e[3:] + np.pi, 2 * np.pi) - np.pi
         c, s = np.cos(u["eta"][5]), np.sin(u["eta"][5])

@@ -1,8 +1,8 @@
 """Two vehicles that a hand-written controller drives stay with a moving target, as PettingZoo."""
 
+from uuvsim_cosim.envs import CosimParallelEnv
 from uuvsim_cosim.envs.tasks import evaluate, scripted_policy
 from uuvsim_cosim.envs.tasks.tracking_scenarios import target
-from uuvsim_cosim.envs.team import CosimParallelEnv
 
 
 def main() -> None:

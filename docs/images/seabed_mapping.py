@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from uuvsim_cosim import read_signals
-from uuvsim_cosim.scene.mapping import read_map
+from uuvsim_cosim.scene import read_map
 
 run = Path(sys.argv[1] if len(sys.argv) > 1 else "run")
 made = read_map(run)

@@ -1,4 +1,4 @@
-/* Many rays, many heights, for arrays that the caller owns: uuvsim_cosim/scene/cast.py. */
+/* Many rays, many heights, for arrays that the caller owns: uuvsim_cosim/scene/shared/ray_casting.py. */
 #include "uuv_cast.h"
 
 #if defined(_WIN32)

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Every operation that CasADi's expressions are made of, on W lanes of float32.
  *
- * As in fmus/runtime/uuv_math.h all functions are total and keep the edge cases of C99, Annex F.
+ * As in fmus/runtime/math/uuv_math.h all functions are total and keep the edge cases of C99, Annex F.
  * Largest errors found, in ulp of float32: tests/kernels/test_float_math.py.
  */
 #ifndef UUV_FLOAT_MATH_H

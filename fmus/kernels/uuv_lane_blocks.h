@@ -51,7 +51,7 @@ UUV_KERNEL_API int32_t uuv_kernel_reset(V *memory, const V *start, const uint8_t
 }
 
 /* The key of a component's draws: Philox of the system's seed and of the component's path, as
- * uuvsim_cosim/orchestrator/seeds.py has it. */
+ * uuvsim_cosim/orchestrator/plan/seeds.py has it. */
 static void component_seed(uint64_t seed, const uint32_t path[2], uint32_t key[2]) {
     uint64_t w[4] = {seed & 0xffffffffu, seed >> 32, path[0], path[1]};
     uint32_t k0 = 0x75757673u, k1 = 0x696d2e31u;

@@ -5,7 +5,7 @@
 
 #include "uuv_lane_rows.h"
 
-/* A table of one row or two by its bends: see models/bends.py. A bucket's record holds of each row
+/* A table of one row or two by its bends: see models/intrinsics/knots.py. A bucket's record holds of each row
  * a knot, the value there and the slopes on both sides. */
 typedef struct {
     uuv_real first, last, scale, low, high;
@@ -53,7 +53,7 @@ UUV_RECORD_INLINE V uuv_lane_bent2(V x, V y, const uuv_lane_bends *t) {
     return uuv_lane_between_(x, y, p, q, t->low, t->high);
 }
 
-/* Lines of equal length: see models/even.py. A record holds value and slope of one row or two, of
+/* Lines of equal length: see models/intrinsics/even_knots.py. A record holds value and slope of one row or two, of
  * one table or two over the same grid. */
 typedef struct {
     uuv_real first, last, scale, start, per_unit, low, high;

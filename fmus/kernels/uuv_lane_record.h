@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Linear tables on lanes by their intervals, found by buckets; see kernels/interval_text.py.
+/* Linear tables on lanes by their intervals, found by buckets; see kernels/codegen/interval_tables.py.
  *
  * A record holds what an interval needs: its first knot, then for one row of the table, or two
  * neighbouring ones, the value there and the slope. The last record is that of the last knot.

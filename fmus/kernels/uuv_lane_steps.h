@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The communication step of a component on W lanes, each of which has a time of its own.
  *
- * In float64 the lanes see the operations of fmus/runtime/uuv_runtime.c in the same order, so that
+ * In float64 the lanes see the operations of fmus/runtime/component/uuv_runtime.c in the same order, so that
  * each has the bits of an instance that steps alone. All clocks tick at communication points: a
  * clock that is due in some lane is evaluated for all, and its results are selected where it is.
  *

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A running co-simulation as one component: a client of its TCP door (bridge/wire.py).
+/* A running co-simulation as one component: a client of its TCP server (bridge/tcp/framing.py).
  *
  * Included at the end of a generated file that has the requests of this system (LAYOUT, STEPS, …)
  * and the places of the block: inputs, tunable parameters, settings, outputs, in this order. It
@@ -14,6 +14,7 @@
 
 #include "uuv_json.h"
 #include "uuv_socket.h"
+#include "uuv_token.h"
 
 #if defined(__BYTE_ORDER__) && __BYTE_ORDER__ != __ORDER_LITTLE_ENDIAN__
 #error "the client sends its numbers as they lie: little-endian processors only"
@@ -75,7 +76,7 @@ static int take_frame(client *x, double seconds) {
     const double end = socket_clock() + seconds;
     int came = socket_receive(x->socket, (char *)prefix, sizeof prefix, end);
     if (came > 0 && (prefix[0] > 1u << 24 || prefix[1] > 1u << 28 || prefix[1] % 8))
-        return fail(x, "what answers at %s, port %d, is no co-simulation's TCP door, or one behind "
+        return fail(x, "what answers at %s, port %d, is no co-simulation's TCP server, or one behind "
                        "TLS, which this FMU does not speak; expected a port that `uuvsim serve` "
                        "names", x->text[HOST], port_of(x));
     const size_t size = (size_t)prefix[0] + prefix[1] + 1;
@@ -116,7 +117,8 @@ static int ask(client *x, const char *header, const double *numbers, size_t n) {
 /* ---- entering -------------------------------------------------------------------------- */
 
 static int say_hello(client *x, int lockstep) {
-    char user[2 * LONGEST_TEXT], password[2 * LONGEST_TEXT], hello[5 * LONGEST_TEXT];
+    char user[2 * LONGEST_TEXT], password[2 * LONGEST_TEXT], hello[7 * LONGEST_TEXT];
+    char found[LONGEST_TEXT], token[2 * LONGEST_TEXT];
     const char *known = x->text[PASSWORD][0] ? x->text[PASSWORD] : getenv("UUVSIM_PASSWORD");
     const long ms = (long)(x->head.b[LAG] * 1e3);
     hang_up(x);
@@ -132,10 +134,13 @@ static int say_hello(client *x, int lockstep) {
     if (!json_quote(x->text[USER], user, sizeof user) ||
         !json_quote(known ? known : "", password, sizeof password))
         return fail(x, "user or password is too long; expected at most 250 characters");
+    token_for(x->text[HOST], port_of(x), found, sizeof found);
+    if (!json_quote(found, token, sizeof token)) token[0] = '\0';
     snprintf(hello, sizeof hello,
              "{\"call\": \"hello\", \"protocol\": %d, \"name\": \"fmu\", \"user\": %s, "
-             "\"password\": %s, \"lockstep\": %s, \"lag\": %ld.%03ld}",
-             PROTOCOL, user, password, lockstep ? "true" : "false", ms / 1000, ms % 1000);
+             "\"password\": %s, \"token\": %s, \"lockstep\": %s, \"lag\": %ld.%03ld}",
+             PROTOCOL, user, password, token[0] ? token : "null", lockstep ? "true" : "false",
+             ms / 1000, ms % 1000);
     return ask(x, hello, NULL, 0);
 }
 

@@ -16,8 +16,10 @@ classdef Session < handle
     transport = [];
     known = [];         % the signals, once asked for
     agreed = '';        % inputs and outputs of the layout that the server has for structs
+    expected = [];      % the inputs of the layout: name, type, shape
     paths = {};         % where each output of the layout stands in a struct
     shapes = {};
+    formats = {};
     vector = {};        % inputs and outputs of the user's layout, or {}
     in_vector = false;  % the server has the user's layout
     inputs = 0;         % numbers in the user's layout
@@ -31,6 +33,10 @@ classdef Session < handle
       if ~isempty(options.user)
         hello.user = options.user;
         hello.password = options.password;
+      end
+      hello.token = options.token;
+      if isempty(hello.token)
+        hello.token = uuvsim.token(options.host, options.port);
       end
       welcome = self.transport.request(hello, []);
       self.system = welcome.system.system;
@@ -69,7 +75,8 @@ classdef Session < handle
     function varargout = get(self, varargin)
       % The value of a signal; of several, as many values, or a struct of all.
       names = cellstr_of(varargin);
-      [answer, numbers] = self.transport.request(struct('call', 'get', 'names', {names}), []);
+      header = struct('call', 'get', 'names', {names}, 'integers', true);
+      [answer, numbers] = self.transport.request(header, []);
       [found, values] = self.columns(answer, numbers);
       if numel(names) == 1 || nargout > 1
         varargout = cell(1, numel(names));
@@ -89,7 +96,7 @@ classdef Session < handle
       else
         [names, values] = pairs_of(varargin);
       end
-      [header, numbers] = with_values(header, names, values);
+      [header, numbers] = self.with_values(header, names, values);
       self.transport.request(header, numbers);
     end
 
@@ -102,7 +109,7 @@ classdef Session < handle
         return
       end
       self.vector = {cellstr_of({inputs}), cellstr_of({outputs})};
-      self.inputs = self.agree(self.vector);
+      self.inputs = self.agree(self.vector, false);
       self.in_vector = true;
     end
 
@@ -121,7 +128,7 @@ classdef Session < handle
           error('uuvsim:InputInvalid', 'uuvsim: u has %d numbers; the layout has %d (%s).', ...
                 numel(u), self.inputs, strjoin(self.vector{1}, ', '));
         end
-        numbers = self.transport.exchange([n, double(u(:).')]);
+        numbers = self.transport.exchange([n, uuvsim.numbers_of('u', u(:).', [])]);
         self.tick = numbers(1);
         self.time = numbers(2);
         y = numbers(3:end).';
@@ -149,7 +156,8 @@ classdef Session < handle
       if nargin < 4
         patience = 3600;
       end
-      header = struct('call', 'run', 'duration', duration, 'record', {cellstr_of({names})});
+      header = struct('call', 'run', 'duration', duration, 'record', {cellstr_of({names})}, ...
+                      'integers', true);
       [answer, numbers] = self.transport.request(header, [], patience);
       self.now(answer);
       [found, values] = self.columns(answer, numbers);
@@ -178,10 +186,10 @@ classdef Session < handle
       numbers = [];
       if numel(varargin) == 1
         [names, values] = pairs_of(varargin{1});
-        [header, numbers] = with_values(header, names, values);
+        [header, numbers] = self.with_values(header, names, values);
       elseif numel(varargin) > 1
         [names, values] = pairs_of(varargin);
-        [header, numbers] = with_values(header, names, values);
+        [header, numbers] = self.with_values(header, names, values);
       end
       self.now(self.transport.request(header, numbers));
     end
@@ -199,6 +207,24 @@ classdef Session < handle
               'uuvsim: restore needs what s.snapshot gave, as in s.restore(id).');
       end
       self.now(self.transport.request(struct('call', 'restore', 'snapshot', id), []));
+    end
+
+    function discard(self, id)
+      % Forget a snapshot; a client keeps 256.
+      if nargin < 2
+        error('uuvsim:InputInvalid', ...
+              'uuvsim: discard needs what s.snapshot gave, as in s.discard(id).');
+      end
+      self.now(self.transport.request(struct('call', 'discard', 'snapshot', id), []));
+    end
+
+    function dismiss(self, client)
+      % Take the lockstep barrier from another client, as s.describe names it.
+      if nargin < 2
+        error('uuvsim:InputInvalid', ...
+              'uuvsim: dismiss needs the name of a client, as in s.dismiss(''python'').');
+      end
+      self.now(self.transport.request(struct('call', 'dismiss', 'name', client), []));
     end
 
     function replace(self, component, source)
@@ -245,11 +271,18 @@ classdef Session < handle
       names = {list(chosen).name};
     end
 
-    function count = agree(self, wanted)
-      header = struct('call', 'layout', 'inputs', {wanted{1}}, 'outputs', {wanted{2}});
+    function count = agree(self, wanted, integers)
+      % With `integers`, those of 64 bits are sent as such; a vector of the user's holds doubles.
+      header = struct('call', 'layout', 'inputs', {wanted{1}}, 'outputs', {wanted{2}}, ...
+                      'integers', integers);
       answer = self.transport.request(header, []);
       count = total(answer.inputs);
+      self.expected = answer.inputs;
       self.shapes = shapes_of(answer.outputs);
+      self.formats = {};
+      if integers && ~isempty(answer.outputs)
+        self.formats = {answer.outputs.format};
+      end
       self.paths = cellfun(@path_of, wanted{2}, 'UniformOutput', false);
     end
 
@@ -257,11 +290,19 @@ classdef Session < handle
       [names, values] = pairs_of(u);
       wanted = [sprintf('%s\n', names{:}), '>', sprintf('%s\n', outputs{:})];
       if self.in_vector || ~strcmp(self.agreed, wanted)
-        self.agree({names, outputs});
+        self.agree({names, outputs}, true);
         self.agreed = wanted;
         self.in_vector = false;
       end
-      rows = cellfun(@row_major, values, 'UniformOutput', false);
+      rows = cell(1, numel(values));
+      infos = self.expected;
+      for k = 1:numel(values)
+        value = row_major(uuvsim.numbers_of(names{k}, values{k}, infos(k)));
+        if ~strcmp(infos(k).format, 'float64') && isfloat(value)
+          value = integers_of(names{k}, value, infos(k).format);
+        end
+        rows{k} = bits_of(value);
+      end
       numbers = self.transport.exchange([n, rows{:}]);
       self.tick = numbers(1);
       self.time = numbers(2);
@@ -269,10 +310,15 @@ classdef Session < handle
       at = 2;
       all_paths = self.paths;
       all_shapes = self.shapes;
+      all_formats = self.formats;
       for k = 1:numel(all_paths)
         count = prod(all_shapes{k});
         path = all_paths{k};
-        value = shaped(numbers(at + 1:at + count), all_shapes{k});
+        value = numbers(at + 1:at + count);
+        if ~strcmp(all_formats{k}, 'float64')
+          value = typecast(value, all_formats{k});
+        end
+        value = shaped(value, all_shapes{k});
         if numel(path) == 2
           y.(path{1}).(path{2}) = value;
         else
@@ -280,6 +326,36 @@ classdef Session < handle
         end
         at = at + count;
       end
+    end
+
+    function [header, numbers] = with_values(self, header, names, values)
+      % Numbers go as columns, each checked against its variable; texts go in the header.
+      numbers = [];
+      columns = {};
+      texts = containers.Map();
+      for k = 1:numel(names)
+        if ischar(values{k}) || isa(values{k}, 'string')
+          texts(names{k}) = char(values{k});
+        else
+          value = uuvsim.numbers_of(names{k}, values{k}, self.info_of(names{k}));
+          kind = 'float64';
+          if isinteger(value)
+            kind = class(value);
+          end
+          columns{end + 1} = struct('name', names{k}, 'shape', {{numel(value)}}, 'format', kind);
+          numbers = [numbers, bits_of(row_major(value))];
+        end
+      end
+      header.columns = columns;
+      if texts.Count > 0
+        header.values = texts;
+      end
+    end
+
+    function info = info_of(self, name)
+      % What is known of a signal; [] for a name that is not known, which the server refuses.
+      list = self.signals();
+      info = list(strcmp(name, {list.name}));
     end
 
     function n = steps_of(self, dt)
@@ -304,7 +380,11 @@ classdef Session < handle
         column = answer.columns(k);
         shape = reshape(column.shape, 1, []);
         count = prod(shape);
-        value = shaped(numbers(at + 1:at + count), shape);
+        value = reshape(numbers(at + 1:at + count), 1, []);
+        if ~strcmp(column.format, 'float64')
+          value = typecast(value, column.format);
+        end
+        value = shaped(value, shape);
         at = at + count;
         if strcmp(column.type, 'Boolean')
           value = logical(value);
@@ -363,6 +443,10 @@ end
 function [names, values] = flattened(given, prefix)
   names = {};
   values = {};
+  if numel(given) ~= 1
+    error('uuvsim:InputInvalid', 'uuvsim: %s is an array of %d structs; expected one struct.', ...
+          strtrim(['u ' prefix]), numel(given));
+  end
   fields = fieldnames(given);
   for k = 1:numel(fields)
     value = given.(fields{k});
@@ -377,35 +461,29 @@ function [names, values] = flattened(given, prefix)
   end
 end
 
-function [header, numbers] = with_values(header, names, values)
-  numbers = [];
-  columns = {};
-  texts = containers.Map();
-  for k = 1:numel(names)
-    if ischar(values{k}) || isa(values{k}, 'string')
-      texts(names{k}) = char(values{k});
-    elseif (isnumeric(values{k}) || islogical(values{k})) && isreal(values{k})
-      columns{end + 1} = struct('name', names{k}, 'shape', {{numel(values{k})}});
-      numbers = [numbers, row_major(values{k})];
-    else
-      error('uuvsim:InputInvalid', ...
-            'uuvsim: %s: a %s was given; expected real numbers or a text.', ...
-            names{k}, class(values{k}));
-    end
-  end
-  header.columns = columns;
-  if texts.Count > 0
-    header.values = texts;
-  end
-end
-
 function row = row_major(value)
   % A value's numbers, the last index fastest, as the server has them.
-  value = double(value);
   if ndims(value) > 2 || ~isvector(value)
     value = permute(value, ndims(value):-1:1);
   end
   row = reshape(value, 1, []);
+end
+
+function row = bits_of(row)
+  % Numbers as the doubles that are sent: integers of 64 bits as their bits.
+  if isinteger(row)
+    row = typecast(row, 'double');
+  end
+end
+
+function row = integers_of(name, row, kind)
+  % Doubles as the integers that a layout has.
+  exact = cast(row, kind);
+  if ~isequal(double(exact), row)
+    error('uuvsim:InputInvalid', 'uuvsim: %s: %.17g was given; expected whole numbers of %s.', ...
+          name, row(find(double(exact) ~= row, 1)), kind);
+  end
+  row = exact;
 end
 
 function value = shaped(numbers, shape)

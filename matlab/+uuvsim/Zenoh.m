@@ -3,7 +3,8 @@ classdef Zenoh < handle
   %
   % An option for those who want states as a stream beside their calls, or other keys on the same
   % network; uuvsim.connect() needs nothing compiled and does the rest. This needs uuvsim_zenoh,
-  % which matlab/mex/build_zenoh.m compiles. Options, as name and value: 'host', 'port' (7470),
+  % which matlab/mex/build_zenoh.m compiles, and `uuvsim serve --anyone`, because zenoh-pico cannot
+  % say who it is. Options, as name and value: 'host', 'port' (7470),
   % 'system' where there are several, 'name', 'lockstep', 'lag' and 'timeout' [s].
   properties (SetAccess = private)
     system = '';        % its name
@@ -12,7 +13,7 @@ classdef Zenoh < handle
     time = 0;           % of the present communication point [s]
   end
   properties (Access = private)
-    door = [];
+    session = [];
     id = '';
     timeout = 10;
     layouts = [];       % what the blocks of each component hold
@@ -23,23 +24,18 @@ classdef Zenoh < handle
     function self = Zenoh(varargin)
       options = struct('host', '127.0.0.1', 'port', 7470, 'system', '', 'name', 'matlab', ...
                        'lockstep', false, 'lag', 5, 'timeout', 10);
-      for k = 1:2:numel(varargin)
-        if ~ischar(varargin{k}) || ~isfield(options, varargin{k}) || k == numel(varargin)
-          error('uuvsim:option', 'uuvsim: options are pairs of %s and a value.', ...
-                strjoin(fieldnames(options).', ', '));
-        end
-        options.(varargin{k}) = varargin{k + 1};
-      end
+      options = uuvsim.options_of(options, varargin, 'uuvsim.Zenoh');
       if exist('uuvsim_zenoh') ~= 3
         error('uuvsim:zenoh', ['uuvsim: uuvsim_zenoh is not compiled, or not on the path; see ' ...
-              'docs/connect_matlab.md, or use uuvsim.connect(), which needs nothing compiled.']);
+              'docs/connections/connect_matlab.md, or use uuvsim.connect(), which needs ' ...
+              'nothing compiled.']);
       end
       self.timeout = options.timeout;
-      self.door = uuvsim_zenoh('open', sprintf('tcp/%s:%d', options.host, options.port));
+      self.session = uuvsim_zenoh('open', sprintf('tcp/%s:%d', options.host, options.port));
       self.system = self.found(options);
       [~, unique] = fileparts(tempname());  % rand would give each new MATLAB the same
       self.id = [sprintf('%x', floor(864e5 * now())), regexprep(unique, '\W', '')];
-      uuvsim_zenoh('token', self.door, ['uuvsim/' self.system '/live/client/' self.id]);
+      uuvsim_zenoh('token', self.session, ['uuvsim/' self.system '/live/client/' self.id]);
       told = self.call('join', {'name', options.name, 'lockstep', logical(options.lockstep), ...
                                 'lag', options.lag, 'protocol', 1});
       self.name = told.name;
@@ -87,7 +83,7 @@ classdef Zenoh < handle
               component, strjoin(fieldnames(self.layouts.blocks).', ', '));
       end
       key = ['uuvsim/' self.system '/state/' component];
-      stream = uuvsim_zenoh('watch', self.door, key, keep);
+      stream = uuvsim_zenoh('watch', self.session, key, keep);
       self.watched = [self.watched, struct('stream', stream, 'component', component)];
     end
 
@@ -101,7 +97,7 @@ classdef Zenoh < handle
         error('uuvsim:InputInvalid', ...
               'uuvsim: ''%s'' is not watched; call z.watch(''%s'') first.', component, component);
       end
-      bytes = uuvsim_zenoh('take', self.door, self.watched(chosen).stream);
+      bytes = uuvsim_zenoh('take', self.session, self.watched(chosen).stream);
       block = [];
       if ~isempty(bytes)
         block = self.unblocked(component, bytes);
@@ -119,16 +115,16 @@ classdef Zenoh < handle
 
     function close(self)
       % Let the co-simulation go; it runs on without this client.
-      if ~isempty(self.door)
-        door = self.door;
+      if ~isempty(self.session)
+        session = self.session;
         if ~isempty(self.name)
           try
             self.call('leave', {});
           catch
           end
         end
-        self.door = [];
-        uuvsim_zenoh('close', door);
+        self.session = [];
+        uuvsim_zenoh('close', session);
       end
     end
 
@@ -139,7 +135,7 @@ classdef Zenoh < handle
 
   methods (Access = private)
     function [told, values] = asked(self, what, fields, block)
-      if isempty(self.door)
+      if isempty(self.session)
         error('uuvsim:closed', ...
               'uuvsim: this connection is closed; z = uuvsim.Zenoh() opens another.');
       end
@@ -148,7 +144,7 @@ classdef Zenoh < handle
       end
       sent = unicode2native(['{"client":"' self.id '","binary":true' fields '}'], 'UTF-8');
       key = ['uuvsim/' self.system '/call/' what];
-      [answer, attached, ok] = uuvsim_zenoh('get', self.door, key, uint8(sent), block, ...
+      [answer, attached, ok] = uuvsim_zenoh('get', self.session, key, uint8(sent), block, ...
                                             self.timeout);
       told = jsondecode(native2unicode(answer, 'UTF-8'));
       if ~ok
@@ -170,7 +166,7 @@ classdef Zenoh < handle
     end
 
     function name = found(self, options)
-      keys = uuvsim_zenoh('alive', self.door, 'uuvsim/*/live/master', self.timeout);
+      keys = uuvsim_zenoh('alive', self.session, 'uuvsim/*/live/master', self.timeout);
       parts = cellfun(@(key) strsplit(key, '/'), keys, 'UniformOutput', false);
       there = sort(cellfun(@(part) part{2}, parts, 'UniformOutput', false));
       name = options.system;
@@ -217,7 +213,15 @@ function [held, block] = packed(pairs)
   end
   texts = cell(1, numel(pairs) / 2);
   for k = 1:2:numel(pairs)
-    value = double(pairs{k + 1});
+    value = pairs{k + 1};
+    kind = 'f8';
+    if isa(value, 'int64')
+      kind = 'i8';
+    elseif isa(value, 'uint64')
+      kind = 'u8';
+    else
+      value = uuvsim.numbers_of(pairs{k}, value, []);
+    end
     shape = size(value);
     if numel(value) == 1
       shape = [];
@@ -226,8 +230,8 @@ function [held, block] = packed(pairs)
     else
       value = permute(value, ndims(value):-1:1);
     end
-    texts{(k + 1) / 2} = sprintf('%s:{"at":%d,"type":"f8","shape":[%s]}', jsonencode(pairs{k}), ...
-                                 numel(block), commas('%d,', shape));
+    texts{(k + 1) / 2} = sprintf('%s:{"at":%d,"type":"%s","shape":[%s]}', jsonencode(pairs{k}), ...
+                                 numel(block), kind, commas('%d,', shape));
     block = [block, typecast(reshape(value, 1, []), 'uint8')];
   end
   held = ['{' commas('%s,', texts{:}) '}'];
@@ -245,7 +249,11 @@ function value = unpacked(held, block)
   if strcmp(held.type, '?')
     value = logical(block(held.at + 1:held.at + count));
   else
-    value = double(typecast(block(held.at + 1:held.at + 8 * count), classes.(held.type)));
+    exact = typecast(block(held.at + 1:held.at + 8 * count), classes.(held.type));
+    value = double(exact);
+    if isinteger(exact) && any(abs(value(:)) >= 2^53)
+      value = exact;  % doubles are not exact there
+    end
   end
   value = arranged(value, shape);
 end

@@ -2,7 +2,7 @@ function session = connect(varargin)
   % Connect to a running co-simulation:  s = uuvsim.connect()
   %
   % Start one in a terminal first:  uuvsim serve bluerov2_hold --paused
-  % Options, as name and value:
+  % Options, as name and value, in MATLAB also as uuvsim.connect(port=7448):
   %   'host'      '127.0.0.1'
   %   'port'      7448
   %   'timeout'   how long to wait for an answer [s], 10
@@ -10,6 +10,7 @@ function session = connect(varargin)
   %   'lockstep'  true: others wait for this client's steps, and it for theirs; false
   %   'lag'       how long others wait for it in lockstep [s], 5
   %   'user', 'password'   where the server asks for them
+  %   'token'     of a server that is not found by itself: of another user or machine
   %
   % See also uuvsim.Session, uuvsim.selftest, uuvsim.linearize.
   name = 'matlab';
@@ -17,16 +18,12 @@ function session = connect(varargin)
     name = 'octave';
   end
   options = struct('host', '127.0.0.1', 'port', 7448, 'timeout', 10, 'name', name, ...
-                   'lockstep', false, 'lag', 5, 'user', '', 'password', '');
-  known = fieldnames(options);
-  if mod(numel(varargin), 2) ~= 0
-    error('uuvsim:option', 'uuvsim: options come in pairs, as in uuvsim.connect(''port'', 7448).');
-  end
-  for k = 1:2:numel(varargin)
-    if ~ischar(varargin{k}) || ~any(strcmp(varargin{k}, known))
-      error('uuvsim:option', 'uuvsim: an option is one of %s.', strjoin(known.', ', '));
+                   'lockstep', false, 'lag', 5, 'user', '', 'password', '', 'token', '');
+  options = uuvsim.options_of(options, varargin, 'uuvsim.connect');
+  for number = {'port', 'timeout', 'lag'}
+    if ~isnumeric(options.(number{1})) || ~isscalar(options.(number{1}))
+      error('uuvsim:option', 'uuvsim: %s is a number.', number{1});
     end
-    options.(varargin{k}) = varargin{k + 1};
   end
   flag = options.lockstep;
   if ~isscalar(flag) || ~(islogical(flag) || (isnumeric(flag) && any(flag == [0 1])))

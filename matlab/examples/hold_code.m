@@ -6,7 +6,7 @@ function code = hold_code(design)
   % For a MATLAB Function block (build_controller.m), or anything else that takes MATLAB code.
   lines = {
     'function tau_d = station(eta_d, nu_d, eta, nu) %#ok<INUSL>'
-    '% Designed by design_hold; see docs/connect_simulink.md of uuvsim-cosim.'
+    '% Designed by design_hold; see docs/connections/connect_simulink.md of uuvsim-cosim.'
     'persistent f z'
     'if isempty(f)'
     '  f = zeros(6, 1);'

@@ -18,7 +18,8 @@ function file = build_zenoh(zenoh_pico, target)
   end
   if exist(header, 'file') ~= 2 || isempty(library)
     error('uuvsim:zenoh', ['uuvsim: %s: include/zenoh-pico.h and lib/libzenohpico.a are ' ...
-          'expected there; docs/connect_matlab.md says how they are built.'], zenoh_pico);
+          'expected there; docs/connections/connect_matlab.md says how they are built.'], ...
+          zenoh_pico);
   end
   if ispc()
     platform = '-DZENOH_WINDOWS';

@@ -30,34 +30,34 @@ typedef struct {
 
 typedef struct {
     int is_open;
-    z_owned_session_t session;
+    z_owned_session_t zenoh;
     int watches;
     watch_t watch[WATCHES];
     int tokens;
     z_owned_liveliness_token_t token[TOKENS];
-} door_t;
+} client_t;
 
-static door_t doors[SESSIONS];
+static client_t clients[SESSIONS];
 static int at_exit;
 
-static void close_door(door_t *door) {
-    if (!door->is_open) {
+static void close_client(client_t *client) {
+    if (!client->is_open) {
         return;
     }
-    for (int k = 0; k < door->tokens; k++) {
-        z_drop(z_move(door->token[k]));
+    for (int k = 0; k < client->tokens; k++) {
+        z_drop(z_move(client->token[k]));
     }
-    for (int k = 0; k < door->watches; k++) {
-        z_drop(z_move(door->watch[k].subscriber));
-        z_drop(z_move(door->watch[k].ring));
+    for (int k = 0; k < client->watches; k++) {
+        z_drop(z_move(client->watch[k].subscriber));
+        z_drop(z_move(client->watch[k].ring));
     }
-    z_drop(z_move(door->session));
-    memset(door, 0, sizeof *door);
+    z_drop(z_move(client->zenoh));
+    memset(client, 0, sizeof *client);
 }
 
 static void close_all(void) {
     for (int k = 0; k < SESSIONS; k++) {
-        close_door(&doors[k]);
+        close_client(&clients[k]);
     }
 }
 
@@ -78,12 +78,12 @@ static char *text(int n, const mxArray *in[], int k, const char *what) {
     return found;
 }
 
-static door_t *door_of(int n, const mxArray *in[]) {
+static client_t *client_of(int n, const mxArray *in[]) {
     double handle = number(n, in, 1, "what 'open' gave");
-    if (!(handle >= 1 && handle <= SESSIONS) || !doors[(int)handle - 1].is_open) {
+    if (!(handle >= 1 && handle <= SESSIONS) || !clients[(int)handle - 1].is_open) {
         wrong("this connection is closed; expected one that 'open' gave");
     }
-    return &doors[(int)handle - 1];
+    return &clients[(int)handle - 1];
 }
 
 static uint64_t milliseconds(int n, const mxArray *in[], int k) {
@@ -123,30 +123,30 @@ static int copied(int n, const mxArray *in[], int k, z_owned_bytes_t *bytes) {
     return z_bytes_copy_from_buf(bytes, mxGetData(in[k]), mxGetNumberOfElements(in[k])) == 0;
 }
 
-static void open_door(int nout, mxArray *out[], int n, const mxArray *in[]) {
+static void open_session(int nout, mxArray *out[], int n, const mxArray *in[]) {
     char *endpoint = text(n, in, 1, "an address such as tcp/127.0.0.1:7470");
     int k = 0;
-    while (k < SESSIONS && doors[k].is_open) {
+    while (k < SESSIONS && clients[k].is_open) {
         k++;
     }
     if (k == SESSIONS) {
         wrong("16 connections are open; close one first");
     }
-    door_t *door = &doors[k];
-    memset(door, 0, sizeof *door);
+    client_t *client = &clients[k];
+    memset(client, 0, sizeof *client);
     z_owned_config_t config;
     z_config_default(&config);
     zp_config_insert(z_loan_mut(config), Z_CONFIG_MODE_KEY, "client");
     zp_config_insert(z_loan_mut(config), Z_CONFIG_CONNECT_KEY, endpoint);
-    if (z_open(&door->session, z_move(config), NULL) < 0) {
+    if (z_open(&client->zenoh, z_move(config), NULL) < 0) {
         mexErrMsgIdAndTxt("uuvsim:unreachable",
                           "uuvsim: nothing that speaks Zenoh answers at %.200s; start a "
-                          "co-simulation there: uuvsim serve bluerov2_hold --paused; or it asks "
-                          "who you are, which this client cannot say: then uuvsim.connect('user', "
-                          "..., 'password', ...)",
+                          "co-simulation there: uuvsim serve bluerov2_hold --paused --anyone; "
+                          "or it asks for a token or a password, which this client cannot show: "
+                          "then uuvsim.connect()",
                           endpoint);
     }
-    door->is_open = 1;
+    client->is_open = 1;
     if (!at_exit) {
         mexLock(); /* its threads run on: never unload the code under them */
         mexAtExit(close_all);
@@ -156,7 +156,7 @@ static void open_door(int nout, mxArray *out[], int n, const mxArray *in[]) {
 }
 
 static void alive(int nout, mxArray *out[], int n, const mxArray *in[]) {
-    door_t *door = door_of(n, in);
+    client_t *client = client_of(n, in);
     z_view_keyexpr_t key = key_of(text(n, in, 2, "a key"));
     z_liveliness_get_options_t options;
     z_liveliness_get_options_default(&options);
@@ -164,7 +164,7 @@ static void alive(int nout, mxArray *out[], int n, const mxArray *in[]) {
     z_owned_closure_reply_t closure;
     z_owned_fifo_handler_reply_t fifo;
     z_fifo_channel_reply_new(&closure, &fifo, 256);
-    if (z_liveliness_get(z_loan(door->session), z_loan(key), z_move(closure), &options) < 0) {
+    if (z_liveliness_get(z_loan(client->zenoh), z_loan(key), z_move(closure), &options) < 0) {
         z_drop(z_move(fifo));
         wrong("the query could not be sent; the co-simulation is gone");
     }
@@ -190,20 +190,20 @@ static void alive(int nout, mxArray *out[], int n, const mxArray *in[]) {
 }
 
 static void token(int nout, mxArray *out[], int n, const mxArray *in[]) {
-    door_t *door = door_of(n, in);
+    client_t *client = client_of(n, in);
     z_view_keyexpr_t key = key_of(text(n, in, 2, "a key"));
-    if (door->tokens == TOKENS) {
+    if (client->tokens == TOKENS) {
         wrong("16 tokens are declared; open another connection for more");
     }
-    z_owned_liveliness_token_t *slot = &door->token[door->tokens];
-    if (z_liveliness_declare_token(z_loan(door->session), slot, z_loan(key), NULL) < 0) {
+    z_owned_liveliness_token_t *slot = &client->token[client->tokens];
+    if (z_liveliness_declare_token(z_loan(client->zenoh), slot, z_loan(key), NULL) < 0) {
         wrong("the token could not be declared; the co-simulation is gone");
     }
-    door->tokens++;
+    client->tokens++;
 }
 
 static void get(int nout, mxArray *out[], int n, const mxArray *in[]) {
-    door_t *door = door_of(n, in);
+    client_t *client = client_of(n, in);
     z_view_keyexpr_t key = key_of(text(n, in, 2, "a key"));
     z_get_options_t options;
     z_get_options_default(&options);
@@ -219,7 +219,7 @@ static void get(int nout, mxArray *out[], int n, const mxArray *in[]) {
     z_owned_closure_reply_t closure;
     z_owned_fifo_handler_reply_t fifo;
     z_fifo_channel_reply_new(&closure, &fifo, 4);
-    if (z_get(z_loan(door->session), z_loan(key), "", z_move(closure), &options) < 0) {
+    if (z_get(z_loan(client->zenoh), z_loan(key), "", z_move(closure), &options) < 0) {
         z_drop(z_move(fifo));
         mexErrMsgIdAndTxt("uuvsim:disconnected", "uuvsim: the co-simulation is gone; look at the "
                                                  "window where `uuvsim serve` runs");
@@ -254,34 +254,34 @@ static void get(int nout, mxArray *out[], int n, const mxArray *in[]) {
 }
 
 static void watch(int nout, mxArray *out[], int n, const mxArray *in[]) {
-    door_t *door = door_of(n, in);
+    client_t *client = client_of(n, in);
     z_view_keyexpr_t key = key_of(text(n, in, 2, "a key"));
     double keep = number(n, in, 3, "how many blocks may wait");
     if (!(keep >= 1 && keep <= 1e6)) {
         wrong("how many blocks may wait: expected 1 to 1e6");
     }
-    if (door->watches == WATCHES) {
+    if (client->watches == WATCHES) {
         wrong("64 streams are watched; open another connection for more");
     }
-    watch_t *slot = &door->watch[door->watches];
+    watch_t *slot = &client->watch[client->watches];
     z_owned_closure_sample_t closure;
     z_ring_channel_sample_new(&closure, &slot->ring, (size_t)keep);
-    if (z_declare_subscriber(z_loan(door->session), &slot->subscriber, z_loan(key), z_move(closure),
+    if (z_declare_subscriber(z_loan(client->zenoh), &slot->subscriber, z_loan(key), z_move(closure),
                              NULL) < 0) {
         z_drop(z_move(slot->ring));
         wrong("the stream could not be watched; the co-simulation is gone");
     }
-    out[0] = mxCreateDoubleScalar(++door->watches);
+    out[0] = mxCreateDoubleScalar(++client->watches);
 }
 
 static void take(int nout, mxArray *out[], int n, const mxArray *in[]) {
-    door_t *door = door_of(n, in);
+    client_t *client = client_of(n, in);
     double which = number(n, in, 2, "what 'watch' gave");
-    if (!(which >= 1 && which <= door->watches)) {
+    if (!(which >= 1 && which <= client->watches)) {
         wrong("this stream is not watched; expected what 'watch' gave");
     }
     z_owned_sample_t sample;
-    if (z_try_recv(z_loan(door->watch[(int)which - 1].ring), &sample) == Z_OK) {
+    if (z_try_recv(z_loan(client->watch[(int)which - 1].ring), &sample) == Z_OK) {
         out[0] = bytes_of(z_sample_payload(z_loan(sample)));
         z_drop(z_move(sample));
     } else {
@@ -290,14 +290,14 @@ static void take(int nout, mxArray *out[], int n, const mxArray *in[]) {
 }
 
 static void close_one(int nout, mxArray *out[], int n, const mxArray *in[]) {
-    close_door(door_of(n, in));
+    close_client(client_of(n, in));
 }
 
 void mexFunction(int nout, mxArray *out[], int n, const mxArray *in[]) {
     static const struct {
         const char *name;
         void (*act)(int, mxArray *[], int, const mxArray *[]);
-    } acts[] = {{"open", open_door}, {"alive", alive}, {"token", token}, {"get", get},
+    } acts[] = {{"open", open_session}, {"alive", alive}, {"token", token}, {"get", get},
                 {"watch", watch},    {"take", take},   {"close", close_one}};
     char *name = text(n, in, 0, "open, alive, token, get, watch, take or close");
     for (size_t k = 0; k < sizeof acts / sizeof acts[0]; k++) {

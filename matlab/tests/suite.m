@@ -20,6 +20,8 @@ function failed = suite(port)
     'streaming goes on until it is paused',           @streams
     'an unknown name is refused with near names',     @refuses_names
     'a wrong shape is refused with the right one',    @refuses_shapes
+    'an input keeps to its own shape',                @keeps_inputs_apart
+    'a text is no input of a step',                   @refuses_texts
     'not a number is refused',                        @refuses_nan
     'an output cannot be set',                        @refuses_outputs
     'a time that is no whole step is refused',        @refuses_dt
@@ -189,6 +191,29 @@ end
 function refuses_shapes(s, port)
   refused(@() s.set('hull.tau', [1, 2]), '6');
   refused(@() s.step(struct('hull', struct('tau', [1, 2]))), '6');
+end
+
+function keeps_inputs_apart(s, port)
+  % Nine numbers in all, as the two variables have together, but not three and six.
+  u.hull.v_c = [0.1, 0.2];
+  u.hull.tau = [0.3, 10, 0, 0, 0, 0, 0];
+  refused(@() s.step(u), 'hull.v_c: an array of 1 x 2 was given; expected 3 real numbers');
+  refused(@() s.set(u), 'hull.v_c: an array of 1 x 2 was given; expected 3 real numbers');
+  u.hull.v_c = [0.1, 0.2, 0];
+  refused(@() s.step(u), 'hull.tau: an array of 1 x 7');
+  refused(@() s.step({'hull.tau', zeros(2, 3)}), 'hull.tau: an array of 2 x 3');
+  refused(@() s.step({'hull.tau', int64([2^53, 0, 0, 0, 0, 0])}), 'from 2^53');
+  refused(@() s.step(struct('hull', struct('tau', {1, 2}))), 'an array of 2 structs');
+  assert(s.tick == 0 && isequal(s.get('hull.tau'), zeros(6, 1)));
+  s.step({'hull.v_c', int32([1; 2; 3]), 'hull.tau', true(1, 6)});
+  assert(isequal(s.get('hull.v_c'), [1; 2; 3]) && isequal(s.get('hull.tau'), ones(6, 1)));
+end
+
+function refuses_texts(s, port)
+  refused(@() s.step({'hull.v_c', 'abc'}), 'hull.v_c: a char was given; expected 3 real numbers');
+  refused(@() s.set('hull.v_c', 'abc'), 'hull.v_c');
+  refused(@() s.step({'hull.v_c', [1i, 0, 0]}), 'hull.v_c: a complex array');
+  assert(isequal(s.get('hull.v_c'), zeros(3, 1)));
 end
 
 function refuses_nan(s, port)

@@ -30,7 +30,8 @@ UUV_CORE_API uuv_core *uuv_core_new(uint32_t n_members, uint32_t n_slots, uint64
     core->slots = calloc(n_slots + 1, sizeof *core->slots);
     core->fresh = calloc(n_slots + 1, sizeof *core->fresh);
     core->classes = calloc(n_slots + 1, 1);
-    if (core->members && core->slots && core->fresh && core->classes) return core;
+    core->turns = calloc(n_slots + 1, sizeof *core->turns);
+    if (core->members && core->slots && core->fresh && core->classes && core->turns) return core;
     uuv_core_free(core);
     return NULL;
 }
@@ -75,11 +76,15 @@ UUV_CORE_API void uuv_core_free(uuv_core *core) {
     free(core->slots);
     free(core->fresh);
     free(core->classes);
+    free(core->turns);
+    free(core->couplings);
+    free(core->largest);
     free(core);
 }
 
 UUV_CORE_API int uuv_core_member(uuv_core *core, uint32_t i, int which, void *instance,
-                                 void *do_step, void *get, uint64_t step_ticks, int sequential) {
+                                 void *do_step, void *get, int32_t *kept, uint64_t step_ticks,
+                                 int sequential) {
     static const kind *const kinds[] = {&kind_native, &kind_fmi2, &kind_fmi3, &kind_callback,
                                          &kind_shared};
     member *m = &core->members[i];
@@ -87,11 +92,27 @@ UUV_CORE_API int uuv_core_member(uuv_core *core, uint32_t i, int which, void *in
     m->instance = instance;
     m->do_step = do_step;
     m->get = get;
+    m->kept = kept;
     m->step_ticks = step_ticks;
     m->h = (double)(step_ticks * core->num) / (double)core->den;
     m->sequential = sequential;
     m->fresh = sequential ? core->fresh : core->slots;
+    m->at = &core->frame;
     return 1;
+}
+
+UUV_CORE_API void uuv_core_name(uuv_core *core, uint32_t i, const char *name) { core->members[i].name = name; }
+
+UUV_CORE_API void uuv_core_guard(uuv_core *core, uuv_frame_function *enter, uuv_frame_function *leave) {
+    core->enter = enter;
+    core->leave = leave;
+}
+
+const char *type_name(int type, int version) {
+    static const char *const names[] = {"Float64", "Float32", "Int8",   "Int16",  "Int32",   "Int64", "UInt8",
+                                        "UInt16",  "UInt32",  "UInt64", "Boolean", "String", "Binary"};
+    if (version == 3 || type == UUV_CORE_BOOLEAN || type == UUV_CORE_STRING) return names[type];
+    return type == UUV_CORE_FLOAT64 ? "Real" : "Integer";
 }
 
 static int make_blobs(uuv_core *core, uint32_t slot, uint32_t n) {

@@ -21,9 +21,31 @@ static uuv_slot from_double(double x, int class) {
     uuv_slot s = {0};
     if (class == CLASS_FLOAT) s.f = x;
     else if (class == CLASS_BOOLEAN) s.u = x != 0.0;
-    else if (class == CLASS_SIGNED) s.i = (int64_t)(x < 0.0 ? x - 0.5 : x + 0.5);
-    else s.u = x > 0.0 ? (uint64_t)(x + 0.5) : 0;
+    else if (class == CLASS_SIGNED)
+        s.i = x >= 9223372036854775808.0   ? INT64_MAX
+              : x < -9223372036854775808.0 ? INT64_MIN
+              : x <= -4503599627370496.0 || x >= 4503599627370496.0 ? (int64_t)x
+              : (int64_t)(x < 0.0 ? x - 0.5 : x + 0.5);
+    else
+        s.u = x >= 18446744073709551616.0 ? UINT64_MAX
+              : x >= 4503599627370496.0   ? (uint64_t)x
+              : x > 0.0                   ? (uint64_t)(x + 0.5) : 0;
     return s;
+}
+
+/* Adds a number; to integers a whole one, without losing a digit, and within their range. */
+static uuv_slot biased(uuv_slot s, double bias, int class) {
+    uuv_slot sum = {0};
+    if (class == CLASS_FLOAT || class == CLASS_BOOLEAN) return from_double(as_double(s, class) + bias, class);
+    if (class == CLASS_SIGNED) {
+        if (__builtin_add_overflow(s.i, from_double(bias, class).i, &sum.i)) sum.i = bias > 0.0 ? INT64_MAX : INT64_MIN;
+    } else if (bias < 0.0) {
+        const uint64_t less = from_double(-bias, class).u;
+        sum.u = s.u > less ? s.u - less : 0;
+    } else if (__builtin_add_overflow(s.u, from_double(bias, class).u, &sum.u)) {
+        sum.u = UINT64_MAX;
+    }
+    return sum;
 }
 
 /* A number in [0, 1) of (seed, slot, tick) alone (the finalizer of splitmix64, twice). */
@@ -43,7 +65,7 @@ static void apply(const uuv_core *core, fault *f, uuv_slot *slots) {
     uuv_slot *s = slots + f->slot, kept;
     switch (f->kind) {
     case UUV_CORE_OVERRIDE: *s = from_double(f->value, class); break;
-    case UUV_CORE_BIAS: *s = from_double(as_double(*s, class) + f->value, class); break;
+    case UUV_CORE_BIAS: *s = biased(*s, f->value, class); break;
     case UUV_CORE_SCALE: *s = from_double(as_double(*s, class) * f->value, class); break;
     case UUV_CORE_FREEZE: *s = f->past[0]; break;
     case UUV_CORE_DELAY:

@@ -31,7 +31,7 @@ static int set_inputs(uuv_core *core, member *m, uint8_t *known, member **culpri
 }
 
 /* Sets the inputs of the members in `order`, which names one again where more has become known. */
-UUV_CORE_API int32_t uuv_core_propagate(uuv_core *core, uint64_t tick, uint32_t n, const uint32_t *order) {
+static int32_t propagate(uuv_core *core, uint64_t tick, uint32_t n, const uint32_t *order) {
     uint8_t *known = calloc(core->n_members + 1, 1);
     member *culprit = core->members;
     int good = known != NULL || failed(&core->why, UUV_CORE_NO_MEMORY, 0, UUV_CORE_GET);
@@ -43,4 +43,11 @@ UUV_CORE_API int32_t uuv_core_propagate(uuv_core *core, uint64_t tick, uint32_t 
     core->why.member = (uint32_t)(culprit - core->members);
     core->why.tick = tick;
     return core->why.outcome;
+}
+
+UUV_CORE_API int32_t uuv_core_propagate(uuv_core *core, uint64_t tick, uint32_t n, const uint32_t *order) {
+    enter(core);
+    const int32_t outcome = propagate(core, tick, n, order);
+    leave(core);
+    return outcome;
 }

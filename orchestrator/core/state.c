@@ -28,8 +28,10 @@ UUV_CORE_API void uuv_core_set_tick(uuv_core *core, uint64_t tick) {
 }
 
 /* What was kept of the old instance went with it. */
-UUV_CORE_API void uuv_core_instance(uuv_core *core, uint32_t member_, void *instance) {
+UUV_CORE_API void uuv_core_instance(uuv_core *core, uint32_t member_, void *instance,
+                                    int32_t *kept) {
     core->members[member_].instance = instance;
+    core->members[member_].kept = kept;
     core->members[member_].state = NULL;
 }
 

@@ -3,6 +3,7 @@
 #define UUV_CORE_TABLES_H
 
 #include "uuv_core.h"
+#include "uuv_guard.h"
 
 typedef enum { CLASS_FLOAT, CLASS_SIGNED, CLASS_UNSIGNED, CLASS_BOOLEAN, CLASS_BLOB } slot_class;
 
@@ -28,6 +29,14 @@ typedef struct {
     uint32_t n_pairs;
 } transfer;
 
+/* A delayed connection of floating-point numbers (coupling.h). */
+typedef struct {
+    uint32_t source, target, count, to; /* slots, and the member that it feeds */
+    uint64_t delay, since; /* ticks of a step of both ends; from when on it is measured */
+    double most;           /* the largest residual so far */
+    double factor, offset;
+} coupling;
+
 typedef struct member member;
 typedef struct fault fault;
 
@@ -43,18 +52,19 @@ typedef struct {
 
 extern const kind kind_native, kind_fmi2, kind_fmi3, kind_callback, kind_shared;
 
-/* Of a member that is stepped without detours (straight.h): its one setter and its one getter. */
+/* The fast path of a member (fast_path.h): its one setter and its one getter. */
 typedef struct {
     uint32_t version; /* of FMI: 2 or 3; 0: the member is none of these */
     uint32_t alone, alone_source; /* the setter's one value comes from that slot */
     uint32_t set_slot, n_set, n_set_references, get_slot, n_get, n_get_references;
     void *set, *get;
     const uint32_t *set_references, *get_references;
-} straight;
+} fast_path;
 
 struct member { /* what every step reads comes first */
-    straight straight;
+    fast_path fast;
     void *instance, *do_step;
+    int32_t *kept; /* of an FMU: 1 once a state of it is kept (see uuv_core_member) */
     uint64_t due; /* the communication point that its last step reached; its next step's start */
     uint64_t step_ticks;
     double h; /* its communication step [s] */
@@ -71,7 +81,14 @@ struct member { /* what every step reads comes first */
     void *get_state, *set_state, *free_state; /* see uuv_core_state */
     size_t state_size;
     void *state;
+    const char *name; /* the component's path; the caller's */
+    uuv_frame *at;    /* of the core: what is being called */
 };
+
+/* Notes which function of a member is called next, for one that does not return. */
+static inline void calling(const member *m, const char *verb, const char *noun) {
+    uuv_calling(m->at, m->name, verb, noun);
+}
 
 /* A run of recorded slots. */
 typedef struct {
@@ -99,14 +116,31 @@ struct uuv_core {
     uint64_t num, den, tick;
     uuv_slot *slots, *fresh;
     uint8_t *classes;
+    double *turns; /* of a slot that holds an angle: a full turn in its unit; else 0 */
     struct iteration *groups; /* the iterated ones */
     uint32_t n_groups;
+    coupling *couplings; /* by the member that they feed; NULL until the tables are complete */
+    uuv_coupling *largest; /* of each, what was measured */
+    int unmeasured;
+    uint32_t n_couplings, n_plain; /* the first have factor 1 and offset 0 */
     uint32_t n_stepping; /* members whose steps have been posted */
-    int lockstep; /* every member is straight, of one version, and steps at each tick */
+    int lockstep; /* every member has a fast path, of one FMI version, and steps at each tick */
     int iterating; /* inputs inside an iterated group come from the trial's outputs */
     recording record;
     uuv_failure why;
+    uuv_frame frame; /* what is being called, while the core runs */
+    uuv_frame_function *enter, *leave;
 };
+
+static inline void enter(uuv_core *core) {
+    if (core->enter) core->enter(&core->frame);
+}
+
+static inline void leave(uuv_core *core) {
+    if (core->leave) core->leave(&core->frame);
+}
+
+const char *type_name(int type, int version); /* as FMI spells it in its functions */
 
 void apply_faults(const uuv_core *core, member *m, uuv_slot *slots);
 void free_faults(member *m);
@@ -114,6 +148,8 @@ int blob_assign(uuv_blob *blob, const char *data, size_t size);
 int read_outputs(uuv_core *core, member *m);
 int transfer_inputs(uuv_core *core, member *target);
 int failed(uuv_failure *why, int outcome, int status, int action);
+/* FMI's noSetFMUStatePriorToCurrentPoint. */
+static inline int never_goes_back(const member *m) { return !m->kept || !*m->kept; }
 int all_finite(const uuv_slot *slots, uint32_t n, uint32_t *which);
 
 #endif

@@ -24,6 +24,18 @@ static int from_double(double x, int class, uuv_slot *to) {
     return 1;
 }
 
+/* Gives 0 for an integer that no double is. */
+static int is_exact(uuv_slot s, int class) {
+    if (class == CLASS_SIGNED)
+        return (double)s.i < 9223372036854775808.0 && (int64_t)(double)s.i == s.i;
+    if (class == CLASS_UNSIGNED)
+        return (double)s.u < 18446744073709551616.0 && (uint64_t)(double)s.u == s.u;
+    return 1;
+}
+
+/* Gives 0 where a sum or product of integers, in doubles, may have lost digits. */
+static int is_whole(double x) { return x >= -9007199254740992.0 && x <= 9007199254740992.0; }
+
 static int look_up(const transfer *t, uuv_slot from, uuv_slot *to) {
     for (const int64_t *pair = t->pairs; pair < t->pairs + 2 * (size_t)t->n_pairs; pair += 2)
         if (pair[0] == from.i) {
@@ -36,8 +48,12 @@ static int look_up(const transfer *t, uuv_slot from, uuv_slot *to) {
 static int convert(const transfer *t, uuv_slot from, uuv_slot *to) {
     if (t->pairs) return look_up(t, from, to);
     const int integers = t->source_class != CLASS_FLOAT && t->target_class != CLASS_FLOAT;
-    if (t->factor != 1.0 || t->offset != 0.0)
-        return from_double(t->factor * as_double(from, t->source_class) + t->offset, t->target_class, to);
+    const int changes = t->factor != 1.0 || t->offset != 0.0;
+    if ((changes || !integers) && !is_exact(from, t->source_class)) return 0;
+    if (changes) {
+        const double x = t->factor * as_double(from, t->source_class) + t->offset;
+        return (!integers || is_whole(x)) && from_double(x, t->target_class, to);
+    }
     if (!integers) return from_double(as_double(from, t->source_class), t->target_class, to);
     if (t->target_class == CLASS_BOOLEAN)
         to->u = from.u != 0;

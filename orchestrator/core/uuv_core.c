@@ -4,9 +4,10 @@
 #include <string.h>
 
 #include "budget.h"
+#include "coupling.h"
 #include "iterate.h"
 #include "record.h"
-#include "straight.h"
+#include "fast_path.h"
 
 /* Seconds at a communication point: from integers, rounded once, never summed up. */
 static double seconds_at(const uuv_core *core, uint64_t tick) {
@@ -115,13 +116,13 @@ static member *step_due(uuv_core *core, double t) {
     member *const end = core->members + core->n_members;
     const uint64_t now = core->tick, next = now + 1;
     for (member *m = core->members; m < end; m++)
-        if (m->due == now && !(m->straight.version ? straight_step(core, m, t) : step(core, &m, t)))
+        if (m->due == now && !(m->fast.version ? fast_step(core, m, t) : step(core, &m, t)))
             return m;
     member *failed_one = core->n_stepping ? collect_steps(core) : NULL;
     if (failed_one) return failed_one;
     core->tick = next;
     for (member *m = core->members; m < end; m++)
-        if (m->due == next && !(m->straight.version ? straight_show(core, m) : show_outputs(core, m)))
+        if (m->due == next && !(m->fast.version ? fast_show(core, m) : show_outputs(core, m)))
             return m;
     return NULL;
 }
@@ -151,27 +152,50 @@ UUV_CORE_API int32_t uuv_core_run(uuv_core *core, uint64_t n_ticks, double secon
     uint64_t now = core->tick;
     member *culprit = NULL;
     budget wall = budget_of(seconds);
+    if (!find_couplings(core)) return stop(core, core->members);
+    enter(core);
     while (now < last && !record_is_full(core) && !budget_is_spent(&wall)) {
         const double t = seconds_at(core, now);
         culprit = plain ? lockstep(core, t) : step_due(core, t);
+        if (!culprit) measure_couplings(core, plain);
         if (!culprit && !record_row(core)) culprit = core->members;
         if (culprit) break;
         now = core->tick;
     }
     if (plain) settle(core, culprit, now);
+    leave(core);
     return culprit ? stop(core, culprit) : UUV_CORE_GOOD;
 }
 
-UUV_CORE_API int32_t uuv_core_begin(uuv_core *core, uint64_t tick) {
+static int32_t begin(uuv_core *core, uint64_t tick) {
     core->tick = tick;
     core->record.next = tick;
-    find_straight(core);
+    find_fast_paths(core);
+    if (!find_couplings(core)) return stop(core, core->members);
+    clear_couplings(core);
     for (member *m = core->members; m < core->members + core->n_members; m++) {
         m->due = tick;
         if (!read_outputs(core, m)) return stop(core, m);
         if (m->sequential && !make_visible(core, m)) return stop(core, m);
     }
     return record_row(core) ? UUV_CORE_GOOD : stop(core, core->members);
+}
+
+UUV_CORE_API int32_t uuv_core_begin(uuv_core *core, uint64_t tick) {
+    enter(core);
+    const int32_t outcome = begin(core, tick);
+    leave(core);
+    return outcome;
+}
+
+UUV_CORE_API int32_t uuv_core_accept_step(uuv_core *core, uint32_t i) {
+    member *m = core->members + i;
+    if (m->group) return 0;
+    enter(core);
+    m->due += m->step_ticks;
+    if (m->sequential && read_outputs(core, m)) apply_faults(core, m, core->fresh);
+    leave(core);
+    return 1;
 }
 
 int failed(uuv_failure *why, int outcome, int status, int action) {

@@ -47,11 +47,11 @@ enum uuv_core_outcome {
     UUV_CORE_NOT_FINITE,       /* output in `slot` */
     UUV_CORE_STATE_NOT_FINITE, /* native value at offset `status` */
     UUV_CORE_OUT_OF_RANGE,     /* value in `slot` does not fit the input's integer type */
-    UUV_CORE_ENDED,            /* the component asks to end the simulation */
+    UUV_CORE_ENDED,            /* the component asks to end the simulation; status 1: at the step's end */
     UUV_CORE_EARLY_RETURN,     /* the component ended its step before the step's end */
     UUV_CORE_NO_MEMORY,
     UUV_CORE_NOT_CONVERGED     /* an iterated group: `status` iterations leave `residual` at the
-                                  input in `slot` */
+                                  input in `slot`; 0: it is no number, and changes each time */
 };
 
 enum uuv_core_action { UUV_CORE_SET = 1, UUV_CORE_DO_STEP, UUV_CORE_GET, UUV_CORE_GET_STATE,
@@ -65,21 +65,34 @@ typedef struct {
     double residual;
 } uuv_failure;
 
-/* What a callback member offers; both return 0, or a status that stops the loop. `in` and `out`
- * are the member's input and output slots, ordered by type (as above), then as described. */
-typedef int32_t uuv_callback_do_step(void *user, double t, double h, const uuv_slot *in);
-typedef int32_t uuv_callback_get(void *user, uuv_slot *out);
+/* Functions of a callback member, whose instance is its status. The loop sets the status to
+ * UUV_CORE_INCOMPLETE before each call, because a Python function that a signal interrupts cannot
+ * report it; a call that is complete sets it to 0, and any other value stops the loop. `in` and
+ * `out` are the member's input and output slots, ordered by type (as above), then as described. */
+enum { UUV_CORE_INCOMPLETE = 3 };
+typedef void uuv_callback_do_step(int32_t *status, double t, double h, const uuv_slot *in);
+typedef void uuv_callback_get(int32_t *status, uuv_slot *out);
+typedef void uuv_callback_state(int32_t *status);
 
 typedef struct uuv_core uuv_core;
+struct uuv_frame;
 
 /* One tick is num / den seconds. NULL: no memory. */
 UUV_CORE_API uuv_core *uuv_core_new(uint32_t n_members, uint32_t n_slots, uint64_t num, uint64_t den);
 UUV_CORE_API void uuv_core_free(uuv_core *core);
 
 /* Building: 1 is success, 0 no memory. `get`: UpdateOutputs of a native member, the callback's
- * get, else NULL. `sequential`: outputs are read right after the step (Gauss-Seidel). */
+ * get, else NULL. `kept`: of an FMU, becomes 1 once a state of the run is kept, by the caller or
+ * by an iterated group; until then its steps say that the FMU will not be set back. `sequential`:
+ * outputs are read right after the step (Gauss-Seidel). */
 UUV_CORE_API int uuv_core_member(uuv_core *core, uint32_t member, int kind, void *instance,
-                                 void *do_step, void *get, uint64_t step_ticks, int sequential);
+                                 void *do_step, void *get, int32_t *kept, uint64_t step_ticks,
+                                 int sequential);
+/* The path of a component, which must live as long as the core: for `uuv_core_guard`. */
+UUV_CORE_API void uuv_core_name(uuv_core *core, uint32_t member, const char *name);
+/* Where it is noted which function of which component is being called (uuv_guard.h); NULL: nowhere. */
+UUV_CORE_API void uuv_core_guard(uuv_core *core, void (*enter)(struct uuv_frame *),
+                                 void (*leave)(struct uuv_frame *));
 /* One grouped call: `n_values` slots from `slot` on, of one type. `function` is the FMI getter
  * or setter; native members take one offset in their block for each value instead. */
 UUV_CORE_API int uuv_core_access(uuv_core *core, uint32_t member, int action, int type,
@@ -93,7 +106,7 @@ UUV_CORE_API int uuv_core_transfer(uuv_core *core, uint32_t target, uint32_t sou
                                    double factor, double offset, uint32_t n_pairs,
                                    const int64_t *pairs);
 /* How the state of a member is copied, if it is native or of an iterated group: FMI's functions,
- * or `uuv_get_state` and `uuv_set_state` with the size, or callbacks `int32_t (*)(void *user)`. */
+ * or `uuv_get_state` and `uuv_set_state` with the size, or `uuv_callback_state`. */
 UUV_CORE_API int uuv_core_state(uuv_core *core, uint32_t member, void *get, void *set, void *free,
                                 size_t size);
 enum uuv_core_solver { UUV_CORE_NEWTON = 0, UUV_CORE_ANDERSON, UUV_CORE_FIXED_POINT };
@@ -125,18 +138,40 @@ UUV_CORE_API uint32_t uuv_core_rows_used(const uuv_core *core);
 UUV_CORE_API uint64_t uuv_core_texts(const uuv_core *core);
 UUV_CORE_API const char *uuv_core_text(const uuv_core *core, uint64_t index, size_t *size);
 
+/* Coupling residuals. A connection of floating-point numbers that delays feeds its input, over a
+ * step, with what the output was at the step's start. Its residual is the difference between that
+ * input and the value that follows from the output at the step's end. Of each such connection the
+ * largest since `uuv_core_begin` is kept. It is measured from the second exchange on: an output that
+ * no step has produced yet may be a mere start value. */
+typedef struct {
+    uint32_t source_slot, target_slot; /* of the element with the largest residual */
+    double relative, residual;         /* relative to 1 + |input| of then */
+    uint64_t tick; /* the step's end */
+} uuv_coupling;
+/* Slot `slot` holds an angle, and `turn` is a full turn in its unit: values that differ by it are the
+ * same direction, so that an angle that passes +-pi has no residual of 2 pi. */
+UUV_CORE_API void uuv_core_angle(uuv_core *core, uint32_t slot, double turn);
+/* Measures none of them, which a run that nobody asks for residuals is faster by. */
+UUV_CORE_API void uuv_core_measure_nothing(uuv_core *core);
+UUV_CORE_API uint32_t uuv_core_couplings(const uuv_core *core);
+UUV_CORE_API void uuv_core_coupling(const uuv_core *core, uint32_t i, uuv_coupling *coupling);
+
 /* Running. `uuv_core_begin` reads every output at communication point `tick`, and writes the
  * first row; `run` makes at most
  * `n_ticks` steps, fewer when the rows are full or about `seconds` of wall time have passed. */
 UUV_CORE_API int32_t uuv_core_begin(uuv_core *core, uint64_t tick);
 UUV_CORE_API int32_t uuv_core_run(uuv_core *core, uint64_t n_ticks, double seconds);
+/* Lets the step of a member count that `run` stopped at because the member asks to end the
+ * simulation: the next `run` goes on with the members behind it. 0: not in an iterated group. */
+UUV_CORE_API int32_t uuv_core_accept_step(uuv_core *core, uint32_t member);
 UUV_CORE_API void uuv_core_why(const uuv_core *core, uuv_failure *failure);
 
 /* In Initialization Mode, sets the inputs of the members in `order` from their sources, no
  * callbacks among them; a member comes again where more of its inputs have become known. */
 UUV_CORE_API int32_t uuv_core_propagate(uuv_core *core, uint64_t tick, uint32_t n, const uint32_t *order);
 /* Puts another instance of the same FMU in a member's place. */
-UUV_CORE_API void uuv_core_instance(uuv_core *core, uint32_t member, void *instance);
+UUV_CORE_API void uuv_core_instance(uuv_core *core, uint32_t member, void *instance,
+                                    int32_t *kept);
 
 /* State of the loop, for snapshots: its clock, all slots but texts, and the states of the native
  * members that `uuv_core_state` knows, as one run of bytes. `fresh` holds values that exist but

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
-from uuvsim_cosim.bridge.access_passwords import hashed
+from uuvsim_cosim.bridge.access.passwords import hashed
 
 PASSWORDS = {"ann": "rudder amidships", "bob": "periscope", "cy": "ballast", "dee": "sonar ping"}
 ROLES = {"ann": "owner", "bob": "observer", "cy": "controller", "dee": "operator"}

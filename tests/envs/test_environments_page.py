@@ -1,4 +1,4 @@
-"""What docs/environments.md shows does what the page says."""
+"""What docs/learning/environments.md shows does what the page says."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from uuvsim_cosim.envs import CosimEnv, CosimVectorEnv, FunctionTask
-from uuvsim_cosim.envs.channel import Channel
-from uuvsim_cosim.orchestrator.system import System
+from uuvsim_cosim.envs.task.channel import Channel
+from uuvsim_cosim.orchestrator.system.system import System
 
-PAGE = (Path(__file__).parents[2] / "docs" / "environments.md").read_text()
+PAGE = (Path(__file__).parents[2] / "docs" / "learning" / "environments.md").read_text()
 
 
 def block(note: str) -> str:

@@ -13,9 +13,9 @@ from tests.envs.drift import LIMIT, Drift, drifting
 from tests.envs.two import Advance
 from uuvsim_cosim import envs
 from uuvsim_cosim.envs import Channel, CosimEnv, CosimParallelEnv, CosimVectorEnv, Solo
-from uuvsim_cosim.envs.plants import told
+from uuvsim_cosim.envs.plants.choice import told
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.orchestrator.flatten import flatten
+from uuvsim_cosim.orchestrator.plan.flatten import flatten
 
 GOOD: dict[str, Any] = {
     "actions": [Channel("hull.tau[1]", -40, 40)],
@@ -52,7 +52,7 @@ def test_the_seeds_of_a_vector_do_not_wrap() -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"strat": {}}, "'strat': no such option; expected start"),
+        ({"strat": {}}, "'strat': no such option; expected one such as start"),
         ({"zzz": 1}, "'zzz': no such option; expected one of start, reset_mask"),
         ({"start": 5}, "expected start values by name"),
         ({"start": []}, "expected start values by name"),
@@ -69,7 +69,7 @@ def test_options_that_are_none_are_refused(options: dict[str, Any], words: str, 
 
 def test_a_team_refuses_options_that_are_nearly_ours() -> None:
     env = CosimParallelEnv(Advance(1))
-    with pytest.raises(InputInvalid, match="expected start"):
+    with pytest.raises(InputInvalid, match="expected one such as start"):
         env.reset(seed=1, options={"strat": {}})
     with pytest.raises(InputInvalid, match="'Disabled' only"):
         env.reset(seed=1, options={"reset_mask": np.ones(1, bool)})
@@ -170,8 +170,11 @@ def test_what_is_not_finite_of_a_team_names_the_agent() -> None:
         ({"info": lambda m: {"a": 1.0}}, r"info\(\), 'a': of shape \(\); expected 1 rows"),
         ({"reward": lambda m: None}, r"reward\(\): rewards of shape \(\)"),
         ({"reward": lambda m: "x"}, r"reward\(\): 'x'; expected numbers"),
-        ({"foo": 1}, "CosimEnv.of: option 'foo'; expected its own options, one of"),
-        ({"rewrad": 1}, "CosimEnv.of: option 'rewrad'; expected its own options, reward"),
+        ({"foo": 1}, "CosimEnv.of: option 'foo'; expected an option of its own, one of"),
+        (
+            {"rewrad": 1},
+            "CosimEnv.of: option 'rewrad'; expected an option of its own such as reward",
+        ),
         ({"actions": "hull.tau"}, r"actions 'hull.tau'; expected a list of channels, \['hull"),
         ({"observations": "hull.nu"}, r"observations 'hull.nu'; expected a list of channels"),
         ({"signals": "hull.nu"}, r"signals 'hull.nu'; expected a list of names, \['hull.nu'\]"),

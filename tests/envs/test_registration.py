@@ -80,7 +80,7 @@ def test_a_module_that_is_missing_is_refused_when_made() -> None:
 
 
 def test_options_that_the_task_does_not_have_are_refused() -> None:
-    with pytest.raises(InputInvalid, match=r"rech.*expected its own options"):
+    with pytest.raises(InputInvalid, match=r"rech.*expected an option of its own such as reach"):
         gymnasium.make(ID, rech=1.0)
     with pytest.raises(InputInvalid, match="expected horizon="):
         gymnasium.make_vec(ID, num_envs=2, max_episode_steps=5)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.envs.two import Advance
-from uuvsim_cosim.envs.conformance import check
+from uuvsim_cosim.envs.conformance.suite import check
 from uuvsim_cosim.envs.single import CosimEnv
 from uuvsim_cosim.envs.solo import Solo
 from uuvsim_cosim.envs.team import CosimParallelEnv

@@ -11,12 +11,12 @@ from pettingzoo.utils.conversions import parallel_to_aec
 
 from tests.envs.two import Advance, vehicles
 from uuvsim_cosim.envs import Task, TeamTask
-from uuvsim_cosim.envs.channel import Channel
-from uuvsim_cosim.envs.conformance import check
+from uuvsim_cosim.envs.conformance.suite import check
+from uuvsim_cosim.envs.task.channel import Channel
 from uuvsim_cosim.envs.tasks.tracking_scenarios import target
 from uuvsim_cosim.envs.team import CosimParallelEnv
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.orchestrator.system import System
+from uuvsim_cosim.orchestrator.system.system import System
 
 with warnings.catch_warnings():  # of the imports inside
     warnings.simplefilter("ignore")
@@ -213,7 +213,7 @@ def test_two_agents_on_one_input_are_refused() -> None:
 def test_an_unknown_agent_is_refused_with_near_names(make: Make) -> None:
     env = make()
     env.reset(seed=1)
-    with pytest.raises(InputInvalid, match=r"no agent 'rov1'; expected one of rov_1"):
+    with pytest.raises(InputInvalid, match=r"no agent 'rov1'; expected one such as rov_1"):
         env.step({**full(env), "rov1": np.zeros(1)})
     with pytest.raises(InputInvalid, match="no agent 'w'; expected one of rov_1, rov_2"):
         env.action_space("w")

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from uuvsim_cosim.envs.channel import Channel
-from uuvsim_cosim.envs.draws import Draws
-from uuvsim_cosim.envs.task import TeamTask
-from uuvsim_cosim.orchestrator.system import System
+from uuvsim_cosim.envs.task.channel import Channel
+from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.envs.task.task import TeamTask
+from uuvsim_cosim.orchestrator.system.system import System
 
 
 def vehicle() -> System:

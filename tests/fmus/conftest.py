@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from uuvsim_cosim.fmus.description import Variable
-from uuvsim_cosim.fmus.export import build_fmu
-from uuvsim_cosim.fmus.read_description import read_description
-from uuvsim_cosim.models.model import Model
+from uuvsim_cosim.fmus.export.export import build_fmu
+from uuvsim_cosim.fmus.importer.read_description import read_description
+from uuvsim_cosim.models.declaration.model import Model
 
 Fmi = Literal[2, 3]
 
@@ -166,7 +166,7 @@ def declared() -> dict[str, Callable[[], Model]]:
 
 @pytest.fixture(scope="session")
 def exported() -> Iterator[Callable[[str, Fmi], tuple[Path, Path]]]:
-    """Give the .fmu of a declaration, and the folder it is unpacked in."""
+    """Return the .fmu of a declaration, and the folder it is unpacked in."""
     done: dict[tuple[str, Fmi], tuple[Path, Path]] = {}
     with tempfile.TemporaryDirectory() as scratch:
 
@@ -186,7 +186,7 @@ def exported() -> Iterator[Callable[[str, Fmi], tuple[Path, Path]]]:
 def instance(
     exported: Callable[[str, Fmi], tuple[Path, Path]],
 ) -> Iterator[Callable[[str, Fmi], Driven]]:
-    """Give instances of exported FMUs, which are freed at the end."""
+    """Return instances of exported FMUs, which are freed at the end."""
     live: list[Driven] = []
 
     def make(name: str, fmi: Fmi) -> Driven:

@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 
 from uuvsim_cosim.content import content
-from uuvsim_cosim.fmus.emit import NAMED
-from uuvsim_cosim.fmus.toolchain import compile_shared
+from uuvsim_cosim.fmus.codegen.emit import NAMED
+from uuvsim_cosim.fmus.codegen.runtime import runtime
+from uuvsim_cosim.fmus.codegen.toolchain import compile_shared
 
 SHIM = Path(__file__).parent / "float_math_shim.c"
-INCLUDE = [content("fmus", "kernels"), content("fmus", "runtime")]
+INCLUDE = [content("fmus", "kernels"), *runtime()]
 FLAGS = ["-DUUV_FLOAT32", "-Wno-psabi", "-ffp-contract=fast"]
 INF, NAN = np.inf, np.nan
 EDGES = [

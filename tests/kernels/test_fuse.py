@@ -13,11 +13,12 @@ import pytest
 import uuvsim_cosim as uuv
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid, SystemInvalid
 from uuvsim_cosim.kernels import Batch, Kernel, fuse
-from uuvsim_cosim.orchestrator.flatten import flatten
-from uuvsim_cosim.orchestrator.master import Master
-from uuvsim_cosim.orchestrator.plan import Plan
-from uuvsim_cosim.orchestrator.prepared import prepare
-from uuvsim_cosim.orchestrator.seeds import component_seeds
+from uuvsim_cosim.orchestrator.master.master import Master
+from uuvsim_cosim.orchestrator.master.prepared import prepare
+from uuvsim_cosim.orchestrator.plan.flatten import flatten
+from uuvsim_cosim.orchestrator.plan.plan import Plan
+from uuvsim_cosim.orchestrator.plan.seeds import component_seeds
+from uuvsim_cosim.orchestrator.running.library import available
 
 STEPS = 2000  # 20 s
 N_ENVS = 9
@@ -108,6 +109,25 @@ def test_every_environment_has_the_bits_of_a_master_of_its_own(
             if k == SET_AT:
                 batch.set("guidance.speed", 0.25)
             np.testing.assert_array_equal(seen(batch, names), wanted[:, k])
+            batch.step()
+
+
+@pytest.mark.parametrize("name", available())
+def test_each_shipped_system_has_the_bits_of_its_master(name: str) -> None:
+    kernel = fuse(uuv.load(name))
+    plan = flatten(uuv.load(name), seed=3)
+    paths = [(c.path, v) for c in plan.components for v in c.description.of("output")]
+    with (
+        Master(plan, prepare(plan, "native")) as master,
+        kernel.batch(2, seeds=[5, 3]) as batch,
+    ):
+        master.initialize()
+        for k in range(101):
+            for path, variable in paths:
+                seen_here = batch.get(f"{path}.{variable.name}")[1]
+                wanted = np.asarray(master.get(path, variable.name)).reshape(seen_here.shape)
+                np.testing.assert_array_equal(seen_here, wanted, f"{path}.{variable.name}, {k}")
+            master.step()
             batch.step()
 
 
@@ -202,7 +222,9 @@ def test_wrong_lanes_seeds_names_and_values_are_refused(hold: Kernel) -> None:
         batch.step(-1)
     with pytest.raises(InputInvalid, match="environment 3; expected one of 0 to 2"):
         batch.failure(3)
-    with pytest.raises(InputInvalid, match=r"no variable 'hull\.etta'; expected one of hull\.eta"):
+    with pytest.raises(
+        InputInvalid, match=r"no variable 'hull\.etta'; expected one such as hull\.eta"
+    ):
         batch.get("hull.etta")
     with pytest.raises(InputInvalid, match=r"hull\.tau: is connected"):
         batch.set("hull.tau", np.zeros(6))
@@ -257,13 +279,18 @@ def test_variables_are_known_by_their_full_names(hold: Kernel) -> None:
 
 def test_seeds_are_those_of_the_master() -> None:
     system = uuv.load("bluerov2_survey")
-    seeds = [0, 3, 2**63 + 5, 2**64 - 1, -1]
+    seeds = [0, 3, 2**63 + 5, 2**64 - 1, 7]
     batch = fuse(system).batch(len(seeds), seeds=seeds)
     mask = np.array([False, True, False, True, False])
     batch.reset(mask, seeds=[1, 2, 3, 4, 5])
     for path in ("imu", "dvl"):
-        wanted = component_seeds([0, 2, 2**63 + 5, 4, -1], [path])[:, 0]
+        wanted = component_seeds([0, 2, 2**63 + 5, 4, 7], [path])[:, 0]
         np.testing.assert_array_equal(batch.get(f"{path}.seed"), wanted)
         single = fuse(system, dtype="float32").batch(len(seeds), seeds=seeds)
         single.reset(mask, seeds=[1, 2, 3, 4, 5])
         np.testing.assert_array_equal(single.get(f"{path}.seed"), wanted)
+    for seed in (-1, 2**64):
+        with pytest.raises(
+            InputInvalid, match=rf"seed {seed}: expected an integer of 0 … 2\^64 - 1"
+        ):
+            batch.reset(seeds=[0, 1, 2, 3, seed])

@@ -9,20 +9,21 @@ import pytest
 
 from uuvsim_cosim.cache import cache_dir, content_hash, keep
 from uuvsim_cosim.content import content
-from uuvsim_cosim.fmus.emit import emit_function
-from uuvsim_cosim.fmus.equations import equations
-from uuvsim_cosim.fmus.table_data import table_call, table_data
-from uuvsim_cosim.fmus.toolchain import compile_shared
-from uuvsim_cosim.kernels.declaration_text import declaration_text
-from uuvsim_cosim.kernels.held import split
-from uuvsim_cosim.kernels.memory import aligned
-from uuvsim_cosim.kernels.table_text import tables_in_lanes
-from uuvsim_cosim.models.bends import bends
-from uuvsim_cosim.models.even import even
-from uuvsim_cosim.models.library import declare
-from uuvsim_cosim.models.table import TABLES, Table, table1, table2
+from uuvsim_cosim.fmus.codegen.emit import emit_function
+from uuvsim_cosim.fmus.codegen.equations import equations
+from uuvsim_cosim.fmus.codegen.runtime import runtime
+from uuvsim_cosim.fmus.codegen.table_data import table_call, table_data
+from uuvsim_cosim.fmus.codegen.toolchain import compile_shared
+from uuvsim_cosim.kernels.batch.memory import aligned
+from uuvsim_cosim.kernels.codegen.declaration import declaration_text
+from uuvsim_cosim.kernels.codegen.held_values import split
+from uuvsim_cosim.kernels.codegen.tables import tables_in_lanes
+from uuvsim_cosim.models.declaration.library import declare
+from uuvsim_cosim.models.intrinsics.even_knots import even
+from uuvsim_cosim.models.intrinsics.knots import bends
+from uuvsim_cosim.models.intrinsics.table import TABLES, Table, table1, table2
 
-INCLUDE = [content("fmus", "kernels"), content("fmus", "runtime")]
+INCLUDE = [content("fmus", "kernels"), *runtime()]
 
 
 def read_by_kernel(table: Table, dtype: str, width: int, calls: list[str]) -> ctypes.CDLL:

@@ -12,14 +12,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uuvsim_cosim.errors import ParameterInvalid
-from uuvsim_cosim.fmus.lowering import lower
-from uuvsim_cosim.fmus.native import Native
+from uuvsim_cosim.fmus.codegen.lowering import lower
+from uuvsim_cosim.fmus.codegen.native import Native
 from uuvsim_cosim.kernels.kernel import fuse
-from uuvsim_cosim.models.model import Model
-from uuvsim_cosim.models.network import Activation, Layer, network, sums
-from uuvsim_cosim.orchestrator import sources
-from uuvsim_cosim.orchestrator.sources import ModelSource
-from uuvsim_cosim.orchestrator.system import System
+from uuvsim_cosim.models.declaration.model import Model
+from uuvsim_cosim.models.intrinsics.network import Activation, Layer, network, sums
+from uuvsim_cosim.orchestrator.system import resolve
+from uuvsim_cosim.orchestrator.system.sources import ModelSource
+from uuvsim_cosim.orchestrator.system.system import System
 
 N_IN = 5
 
@@ -56,7 +56,7 @@ def declared() -> Model:
 
 
 class Declared(ModelSource):
-    def declare(self) -> Model:
+    def declaration(self) -> Model:
         return declared()
 
 
@@ -88,7 +88,7 @@ def test_c_gives_the_bits_of_the_callback(native: Native, x: list[float]) -> Non
 def test_lanes_of_a_kernel_give_the_bits_of_the_component(
     native: Native, dtype: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(sources._factories, "networks", lambda text, _: Declared(text))
+    monkeypatch.setitem(resolve._factories, "networks", lambda text, _: Declared(text))
     kernel = fuse(System("one", "0.05").add("n", "networks:one"), dtype=dtype)
     x = np.random.default_rng(3).normal(size=(11, N_IN))
     with kernel.batch(11, start={"n.x": x}) as batch:
@@ -124,7 +124,7 @@ def test_forward_derivatives_in_c_are_those_of_casadi(native: Native) -> None:
 
 def test_a_kernel_with_networks_has_tangents_and_adjoints(monkeypatch: pytest.MonkeyPatch) -> None:
     """Tangents as finite differences (float32, away from kinks), adjoints as their transposes."""
-    monkeypatch.setitem(sources._factories, "networks", lambda text, _: Declared(text))
+    monkeypatch.setitem(resolve._factories, "networks", lambda text, _: Declared(text))
     kernel = fuse(System("one", "0.05").add("n", "networks:one"), lanes=4)
     r = np.random.default_rng(11)
     start = {"n.x": r.normal(size=(3, N_IN)), "n.gain": np.array([0.5, 0.6, 0.7])}
@@ -195,9 +195,9 @@ def test_layers_that_do_not_fit_are_refused(given_layers: list[Layer], words: st
 
 def test_an_instance_needs_neither_heap_nor_libm(tmp_path: Path, native: Native) -> None:
     """Everything is linked without libc; memcpy and memset are given, and nothing is missing."""
-    from uuvsim_cosim.fmus.lowering import runtime
-    from uuvsim_cosim.fmus.native import generated_source
-    from uuvsim_cosim.fmus.toolchain import compile_shared
+    from uuvsim_cosim.fmus.codegen.native import generated_source
+    from uuvsim_cosim.fmus.codegen.runtime import runtime, runtime_file
+    from uuvsim_cosim.fmus.codegen.toolchain import compile_shared
 
     code = tmp_path / "main.c"
     (tmp_path / "string.h").write_text(
@@ -232,9 +232,9 @@ def test_an_instance_needs_neither_heap_nor_libm(tmp_path: Path, native: Native)
     )
     lowered = lower(declared())
     library = compile_shared(
-        [generated_source(lowered), runtime() / "uuv_runtime.c", code],
+        [generated_source(lowered), runtime_file("uuv_runtime.c"), code],
         name="embedded",
-        include=[runtime(), tmp_path],
+        include=[*runtime(), tmp_path],
         flags=["-DUUV_NO_HEAP", "-nostdlib", "-Wl,-z,defs", "-fno-builtin"],
     )
     c = ctypes.CDLL(str(library))

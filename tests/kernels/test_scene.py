@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 
 from uuvsim_cosim.kernels import fuse
-from uuvsim_cosim.models.obstacles import Box, Cylinder
-from uuvsim_cosim.models.scene import Scene, save_scene
-from uuvsim_cosim.models.terrain import Terrain
-from uuvsim_cosim.orchestrator.flatten import flatten
-from uuvsim_cosim.orchestrator.master import Master
-from uuvsim_cosim.orchestrator.prepared import prepare
-from uuvsim_cosim.orchestrator.system import System
+from uuvsim_cosim.models.worlds.obstacles import Box, Cylinder
+from uuvsim_cosim.models.worlds.placed_mesh import placed_mesh
+from uuvsim_cosim.models.worlds.scene import Scene, save_scene
+from uuvsim_cosim.models.worlds.terrain import Terrain
+from uuvsim_cosim.orchestrator.master.master import Master
+from uuvsim_cosim.orchestrator.master.prepared import prepare
+from uuvsim_cosim.orchestrator.plan.flatten import flatten
+from uuvsim_cosim.orchestrator.system.system import System
+from uuvsim_cosim.scene.shared.ray_casting import SOLID, Caster
 
 STEPS, SEEDS = 300, [3, 14, 159]
 
@@ -27,8 +29,16 @@ def system(tmp_path_factory: pytest.TempPathFactory) -> System:
     z = 6 + 0.3 * x[:, None] + 0.4 * np.sin(x[None, :])
     terrain = Terrain(z.astype(np.float32), 1.0, (-15.0, -15.0))
     solids = (Box((2.5, 0, 5), (0.3, 4, 3)), Cylinder((0, 3, 5), 0.5, 3))
-    save_scene(Scene("slope", terrain, solids, None, "a slope", "made up"), folder)
+    (folder / "keel.obj").write_text(
+        "v 0 0 0\nv 4 0 0\nv 0 5 0\nv 0 0 3\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+    )
+    keel = placed_mesh(
+        folder / "keel.obj", (0, 0, 7.5), (0.1, 0.2, 0.3), "m", 1.0, "ENU", contact=False
+    )
+    save_scene(Scene("slope", terrain, solids, None, "a slope", "made up", (keel,)), folder)
     scene = f"scene={folder}"
+    below = Caster(str(folder)).cast((0, 1, 4.5), [(0, 0, 1)])[1][0]
+    assert below == SOLID + len(solids)  # the mesh is what the altimeter sees first
     sensors = {
         "altimeter": f"model:altimeter?{scene}",
         "multibeam": f"model:multibeam?{scene}&beams=24",

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from uuvsim_cosim.kernels import Kernel, fuse
-from uuvsim_cosim.orchestrator.flatten import flatten
-from uuvsim_cosim.orchestrator.master import Master
-from uuvsim_cosim.orchestrator.prepared import prepare
-from uuvsim_cosim.orchestrator.system import System
+from uuvsim_cosim.orchestrator.master.master import Master
+from uuvsim_cosim.orchestrator.master.prepared import prepare
+from uuvsim_cosim.orchestrator.plan.flatten import flatten
+from uuvsim_cosim.orchestrator.system.system import System
 
 STEPS = 400  # 4 s
 N_ENVS = 3

@@ -9,12 +9,12 @@ import pytest
 
 import uuvsim_cosim as uuv
 from uuvsim_cosim.kernels import fuse
-from uuvsim_cosim.kernels.fusible import fused_of
+from uuvsim_cosim.kernels.codegen.fusible import fused_of
 from uuvsim_cosim.kernels.kernel import Kernel
-from uuvsim_cosim.orchestrator.flatten import flatten
-from uuvsim_cosim.orchestrator.master import Master
-from uuvsim_cosim.orchestrator.plan import Group, Plan
-from uuvsim_cosim.orchestrator.prepared import prepare
+from uuvsim_cosim.orchestrator.master.master import Master
+from uuvsim_cosim.orchestrator.master.prepared import prepare
+from uuvsim_cosim.orchestrator.plan.flatten import flatten
+from uuvsim_cosim.orchestrator.plan.plan import Group, Plan
 
 STEPS = 160
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from uuvsim_cosim.kernels import fuse
-from uuvsim_cosim.orchestrator.flatten import flatten
-from uuvsim_cosim.orchestrator.master import Master
-from uuvsim_cosim.orchestrator.prepared import prepare
-from uuvsim_cosim.orchestrator.system import System
+from uuvsim_cosim.orchestrator.master.master import Master
+from uuvsim_cosim.orchestrator.master.prepared import prepare
+from uuvsim_cosim.orchestrator.plan.flatten import flatten
+from uuvsim_cosim.orchestrator.system.system import System
 
 STEPS = 400
 

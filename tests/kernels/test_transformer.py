@@ -11,12 +11,12 @@ import torch
 from torch import Tensor, nn
 
 from uuvsim_cosim.errors import InputInvalid, ParameterInvalid
-from uuvsim_cosim.fmus.native import Native
+from uuvsim_cosim.fmus.codegen.native import Native
 from uuvsim_cosim.kernels.kernel import fuse
-from uuvsim_cosim.learn.export_policy import policy_model
-from uuvsim_cosim.learn.policy import Named, Policy
-from uuvsim_cosim.models.transformer import transformer
-from uuvsim_cosim.orchestrator.system import System
+from uuvsim_cosim.learn.deployment.export import policy_model
+from uuvsim_cosim.learn.policies.policy import Named, Policy
+from uuvsim_cosim.models.intrinsics.transformer import transformer
+from uuvsim_cosim.orchestrator.system.system import System
 
 OBSERVED, ACTED, HIDDEN, HEADS, K, TIMES = 5, 2, 24, 3, 4, 9
 
@@ -97,7 +97,7 @@ def lived(net: Decision, seen: np.ndarray, rewards: np.ndarray) -> np.ndarray:
 def test_it_acts_as_torch_within_1e_6_along_its_history(net: Decision, policy: Policy) -> None:
     r = np.random.default_rng(1)
     seen, rewards = r.uniform(-2, 2, (14, OBSERVED)), r.uniform(0, 4, 14)
-    component = Native(policy_model(policy), "p")
+    component = Native(policy_model(policy, plain=True), "p")
     v = component.description.variables
     component.enter_initialization_mode(0.0, None)
     component.exit_initialization_mode()
@@ -112,13 +112,13 @@ def test_it_acts_as_torch_within_1e_6_along_its_history(net: Decision, policy: P
 
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
 def test_lanes_act_as_the_component_does(policy: Policy, dtype: str, tmp_path: Path) -> None:
-    source = f"policy:{policy.save(tmp_path / 'dt.npz')}"
+    source = f"policy:{policy.save(tmp_path / 'dt.npz')}?plain=1"
     seen = np.random.default_rng(2).uniform(-2, 2, (9, OBSERVED))
     kernel = fuse(System("one", "0.1").add("p", source), dtype=dtype)
     with kernel.batch(9, start={"p.observation": seen}) as batch:
         batch.step(6)
         got = batch.get("p.action")
-    one = Native(policy_model(policy), "p")
+    one = Native(policy_model(policy, plain=True), "p")
     for i, row in enumerate(seen):
         c = one.another("p")
         c.enter_initialization_mode(0.0, None)
@@ -153,4 +153,4 @@ def test_what_does_not_fit_is_refused(policy: Policy, tmp_path: Path) -> None:
     from dataclasses import replace
 
     with pytest.raises(InputInvalid, match="'context'"):
-        policy_model(replace(policy, settings={}))
+        policy_model(replace(policy, settings={}), plain=True)

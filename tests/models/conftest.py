@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from uuvsim_cosim.models.evaluation import Evaluation
-from uuvsim_cosim.models.model import Model
+from uuvsim_cosim.models.declaration.evaluation import Evaluation
+from uuvsim_cosim.models.declaration.model import Model
 
 Array = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ class Mapped:
         self.buffer.set_res(0, memoryview(out))
 
     def __call__(self, *values: ArrayLike) -> Array:
-        """Give f, one column for each lane."""
+        """Return f, one column for each lane."""
         for a, value in zip(self.arguments, values, strict=True):
             a[:] = value
         self.evaluate()
@@ -90,7 +90,7 @@ class Lanes:
         return self
 
     def __getitem__(self, name: str) -> Array:
-        """Give an output or a discrete state: (size, n), or (size,) of a single lane."""
+        """Return an output or a discrete state: (size, n), or (size,) of a single lane."""
         for kind, values in (("output", self.y), ("discrete", self.z)):
             if (kind, name) in self.places:
                 rows = values[self.places[kind, name]]

@@ -8,19 +8,22 @@ from typing import Any
 
 import pytest
 
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.fmus.codegen.native import Native
 from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.description import Description, Variable
-from uuvsim_cosim.fmus.instantiate import instantiate_fmu
-from uuvsim_cosim.fmus.native import Native
-from uuvsim_cosim.models.model import Model
-from uuvsim_cosim.models.units import parse_unit
-from uuvsim_cosim.orchestrator import sources
-from uuvsim_cosim.orchestrator.initialization import initialization_order
-from uuvsim_cosim.orchestrator.observer import Chunk, Column
-from uuvsim_cosim.orchestrator.plan import Group, Plan, PlannedComponent, Transfer
-from uuvsim_cosim.orchestrator.python_component import PythonComponent
-from uuvsim_cosim.orchestrator.seeds import component_seed
-from uuvsim_cosim.orchestrator.system import System
+from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_fmu
+from uuvsim_cosim.models.declaration.model import Model
+from uuvsim_cosim.models.declaration.units import parse_unit
+from uuvsim_cosim.orchestrator.master.observer import Chunk, Column
+from uuvsim_cosim.orchestrator.plan.initialization import initialization_order
+from uuvsim_cosim.orchestrator.plan.loop_policy import settled
+from uuvsim_cosim.orchestrator.plan.plan import Group, Plan, PlannedComponent, Transfer
+from uuvsim_cosim.orchestrator.plan.seeds import component_seed
+from uuvsim_cosim.orchestrator.python.component import PythonComponent
+from uuvsim_cosim.orchestrator.system import resolve
+from uuvsim_cosim.orchestrator.system.sources import Backend
+from uuvsim_cosim.orchestrator.system.system import System
 
 
 def var(name: str, causality: Any, shape: tuple[int, ...] = (), **more: Any) -> Variable:
@@ -148,21 +151,21 @@ class FakeSource:
     def describe(self) -> Description:
         name = self.text.removeprefix("fake:")
         if name not in FAKES:
-            raise sources.InputInvalid(f"no fake {name!r}; expected one of {', '.join(FAKES)}")
+            raise InputInvalid(f"no fake {name!r}; expected one of {', '.join(FAKES)}")
         return FAKES[name]
 
-    def instantiate(self, path: str, *, backend: sources.Backend = "fmu") -> Component:
+    def instantiate(self, path: str, *, backend: Backend = "fmu") -> Component:
         raise NotImplementedError
 
 
 @pytest.fixture(autouse=True)
 def fake_sources(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sources, "_factories", {})
+    monkeypatch.setattr(resolve, "_factories", {})
 
     def factory(source: str, base: Path) -> FakeSource:
         return FakeSource(source)
 
-    sources.register("fake", factory)
+    resolve.register("fake", factory)
 
 
 @pytest.fixture
@@ -260,9 +263,10 @@ def wire(
                 paths.index(source), out, these, paths.index(target), into, those, factor, offset
             )
         )
-    order, warnings = initialization_order(components, transfers)
+    order = initialization_order(components, transfers)
     every = (*groups,) or (Group("jacobi", tuple(range(len(paths)))),)
-    return Wired(Plan(Fraction(tick), components, tuple(transfers), every, order, warnings), makers)
+    plan = Plan(Fraction(tick), components, tuple(transfers), every, order)
+    return Wired(settled(plan, frozenset()), makers)
 
 
 @pytest.fixture

@@ -137,7 +137,9 @@ class Cell:
         head += name + UT + self.edition.encode() + UT + str(self.update).encode() + UT
         head += b"20260101" + b"20260102" + b"03.1" + struct.pack("<B", 1) + UT + b"2.0" + UT
         head += struct.pack("<BH", 1, 550) + UT
-        counts = struct.pack("<3B8I", 2, 1, 1, 0, 0, len(self.records), 0, 0, 0, 0, 0)
+        kinds = [fields[0][1][0] for fields in self.vectors]
+        spatial = [kinds.count(kind) for kind in (110, 120, 130, 140)]
+        counts = struct.pack("<3B8I", 2, 1, 1, 0, 0, len(self.records), 0, *spatial)
         records = [[("DSID", head), ("DSSI", counts)]]
         if not self.is_update:
             records.append([("DSPM", struct.pack(
@@ -189,14 +191,14 @@ def _record(
 
 
 def rectangle(west: float, south: float, east: float, north: float) -> list[Place]:
-    """Give a closed ring."""
+    """Return a closed ring."""
     return [(west, south), (east, south), (east, north), (west, north), (west, south)]
 
 
 def slope(
     west: float = 10.0, south: float = 54.0, size: float = 0.02, count: int = 12, **said: object
 ) -> Cell:
-    """Give a cell over a plane: land in the west, 0 m at the shore, 40 m at the eastern edge.
+    """Return a cell over a plane: land in the west, 0 m at the shore, 40 m at the eastern edge.
 
     The plane in degrees is depth = 40 (longitude - shore) / (east - shore); contours are exact.
     """

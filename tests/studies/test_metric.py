@@ -6,8 +6,8 @@ import pytest
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.description import Description
-from uuvsim_cosim.orchestrator.flatten import flatten
-from uuvsim_cosim.orchestrator.library import load
+from uuvsim_cosim.orchestrator.plan.flatten import flatten
+from uuvsim_cosim.orchestrator.running.library import load
 from uuvsim_cosim.studies.metric import Metric, read_metric
 
 TIME = np.arange(11) / 10
@@ -82,11 +82,11 @@ def test_a_metrics_unit_is_known_where_it_has_a_name(
 @pytest.mark.parametrize(
     ("expression", "says"),
     [
-        ("rms(hull.etta)", "character 5: no variable 'etta'.*'eta'"),
-        ("rms(hul.eta)", "'hull'"),
+        ("rms(hull.etta)", "character 5: no variable 'etta'.*such as eta"),
+        ("rms(hul.eta)", "such as hull"),
         ("hull.eta[1]", r"rms\(hull.eta\[1\]\)"),
         ("max(abs(hull.eta[3])", "character 21: the end; expected '\\)'"),
-        ("rsm(hull.eta)", "function 'rsm'; expected one of rms"),
+        ("rsm(hull.eta)", "function 'rsm'; expected one such as rms"),
         ("quantile(hull.eta[1], 3)", r"a number in \[0, 1\]"),
         ("quantile(hull.eta[1])", "expected ','"),
         ("rms(hull.eta - hull.nu[1:3])", "6 - 3 elements"),

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 import uuvsim_cosim as uuv
-from uuvsim_cosim.envs.distributions import Choice, Normal, Uniform
-from uuvsim_cosim.envs.randomisation import Vary
+from uuvsim_cosim.envs.randomisation.distributions import Choice, Normal, Uniform
+from uuvsim_cosim.envs.randomisation.randomisation import Vary
 from uuvsim_cosim.errors import InputInvalid, SystemInvalid
-from uuvsim_cosim.fmus.export import build_fmu
-from uuvsim_cosim.orchestrator.flatten import flatten
-from uuvsim_cosim.orchestrator.master import Master
-from uuvsim_cosim.orchestrator.prepared import prepare
-from uuvsim_cosim.orchestrator.sources import ModelSource
-from uuvsim_cosim.orchestrator.system import System
+from uuvsim_cosim.fmus.export.export import build_fmu
+from uuvsim_cosim.orchestrator.master.master import Master
+from uuvsim_cosim.orchestrator.master.prepared import prepare
+from uuvsim_cosim.orchestrator.plan.flatten import flatten
+from uuvsim_cosim.orchestrator.system.sources import ModelSource
+from uuvsim_cosim.orchestrator.system.system import System
 from uuvsim_cosim.studies import Study, StudyInterrupted
 
 METRICS = {
@@ -196,6 +196,16 @@ def test_another_study_is_refused_in_the_same_folder_unless_it_restarts(
         study(hold.set("controller.Kp[1]", 81), duration="2").run(tmp_path / "s")
 
 
+def test_a_study_that_cannot_be_read_is_refused_unless_it_restarts(
+    hold: System, tmp_path: Path
+) -> None:
+    study(hold).run(tmp_path / "s")
+    (tmp_path / "s" / "study.json").write_text("{")
+    with pytest.raises(InputInvalid, match=r"study.json: cannot be read as a study; --restart"):
+        study(hold).run(tmp_path / "s")
+    assert study(hold).run(tmp_path / "s", restart=True).resumed == 0
+
+
 def test_a_folder_of_something_else_is_never_touched(hold: System, tmp_path: Path) -> None:
     (tmp_path / "thesis.txt").write_text("years of work")
     for restart in (False, True):
@@ -244,7 +254,7 @@ def test_a_grid_over_vectors_and_instances_has_a_column_a_number(hold: System) -
         ({"seeds": 0}, "at least 1"),
         ({"seeds": [1, 1]}, "distinct whole numbers"),
         ({"metrics": {}}, "at least one"),
-        ({"metrics": {"m": "rms(hull.etta)"}}, "'eta'"),
+        ({"metrics": {"m": "rms(hull.etta)"}}, "such as eta"),
         ({"metrics": {"hull.m": "rms(hull.eta[1])"}}, "names a parameter too"),
         ({"grid": [Vary("hull.m", Choice([13.0]))]}, "each element drawn once"),
         ({"grid": [Vary("hull.v_c", Choice([0.0]))]}, "a grid over 3 numbers at once"),

@@ -14,12 +14,12 @@ from pathlib import Path
 
 import pytest
 
-from uuvsim_cosim.orchestrator.system import System
+from tests.conftest import Start
+from uuvsim_cosim.orchestrator.system.system import System
 from uuvsim_cosim.studies import Study
 from uuvsim_cosim.studies.simulate_runs import Script
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="named pipes")
-PATIENCE = 30  # s, far more than is needed and far less than a run takes
 
 # A run that never ends, and that holds the pipe's end as long as its process is there.
 HELD = '''
@@ -52,8 +52,8 @@ class Watched:
         self.workers: list[int] = []
 
     def read(self) -> bytes:
-        """Give what comes; b"" where nobody holds the other end any more."""
-        assert select.select([self.end], [], [], PATIENCE)[0], "a worker is still there"
+        """Return what comes; b"" where nobody holds the other end any more."""
+        select.select([self.end], [], [])
         return os.read(self.end, 4096)
 
     def wait_for(self, n: int) -> None:
@@ -79,35 +79,40 @@ def watched(tmp_path: Path) -> Iterator[Watched]:
     ("number", "status"), [(signal.SIGTERM, 143), (signal.SIGINT, 130), (signal.SIGKILL, -9)]
 )
 def test_workers_end_with_a_study_that_a_signal_ends(
-    watched: Watched, tmp_path: Path, number: signal.Signals, status: int
+    watched: Watched, tmp_path: Path, number: signal.Signals, status: int, start: Start
 ) -> None:
     command = [sys.executable, "-m", "uuvsim_cosim.cli", "study", "s.yaml", "-o", "out", "-j", "2"]
-    process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    process = start(command, cwd=tmp_path, stderr=subprocess.PIPE)
     watched.wait_for(2)
     process.send_signal(number)
-    said = process.communicate(timeout=PATIENCE)[1]
+    said = process.communicate()[1]
     assert process.returncode == status
     if number != signal.SIGKILL:
         assert said.count("0 of 2 runs are kept") == 1
     assert watched.read() == b""
 
 
-def test_a_study_in_its_own_process_ends_amid_a_run(watched: Watched, tmp_path: Path) -> None:
+def test_a_study_in_its_own_process_ends_amid_a_run(
+    watched: Watched, tmp_path: Path, start: Start
+) -> None:
     command = [sys.executable, "-m", "uuvsim_cosim.cli", "study", "s.yaml", "-o", "out", "-j", "1"]
-    process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    process = start(command, cwd=tmp_path, stderr=subprocess.PIPE)
     watched.wait_for(1)
     process.terminate()
-    assert "0 of 2 runs are kept" in process.communicate(timeout=PATIENCE)[1]
+    assert "0 of 2 runs are kept" in process.communicate()[1]
     assert process.returncode == 143
 
 
-def test_a_worker_ends_amid_a_run_where_its_input_ends(watched: Watched, tmp_path: Path) -> None:
+def test_a_worker_ends_amid_a_run_where_its_input_ends(
+    watched: Watched, tmp_path: Path, start: Start
+) -> None:
     script: Script = Study.read(tmp_path / "s.yaml").script
     # No process number is given: so nothing but the input's end can tell it.
-    worker = subprocess.Popen(
+    worker = start(
         [sys.executable, "-m", "uuvsim_cosim.studies.worker"],
         stdin=subprocess.PIPE,
         stdout=subprocess.DEVNULL,
+        text=False,
     )
     assert worker.stdin is not None
     pickle.dump(script, worker.stdin)
@@ -115,5 +120,5 @@ def test_a_worker_ends_amid_a_run_where_its_input_ends(watched: Watched, tmp_pat
     worker.stdin.flush()
     watched.wait_for(1)
     worker.stdin.close()
-    assert worker.wait(PATIENCE) == 0
+    assert worker.wait() == 0
     assert watched.read() == b""

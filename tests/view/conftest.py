@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from uuvsim_cosim.view.traces import Traces, joined
+from uuvsim_cosim.view.recorded.traces import Traces, joined
 
 WAYPOINTS = [[0, 0, 4], [40, 0, 4], [40, 8, 4], [0, 8, 4], [0, 16, 4], [40, 16, 4], [40, 24, 4],
              [0, 24, 4]]  # fmt: skip

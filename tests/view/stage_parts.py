@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from uuvsim_cosim.orchestrator.library import load
-from uuvsim_cosim.orchestrator.recording import Signals
-from uuvsim_cosim.orchestrator.recording_mcap import write_mcap
-from uuvsim_cosim.orchestrator.ssd import write_ssd
+from uuvsim_cosim.orchestrator.recording.mcap import write_mcap
+from uuvsim_cosim.orchestrator.recording.signals import Signals
+from uuvsim_cosim.orchestrator.running.library import load
+from uuvsim_cosim.orchestrator.ssp.ssd import write_ssd
 
 BOTTOM = 25.0  # m, of the survey's DVL
 

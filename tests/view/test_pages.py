@@ -1,6 +1,7 @@
 """The pages: viser's by what its server is told, the report's in a browser."""
 
 import base64
+import http.client
 import json
 import re
 import shutil
@@ -20,22 +21,23 @@ import pytest
 from PIL import Image
 
 from tests.view.stage_parts import survey_folder, survey_signals
+from uuvsim_cosim.bridge.access.token import known_token, token_file
 from uuvsim_cosim.cli import status_of
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.models.terrain import Terrain
-from uuvsim_cosim.orchestrator.flatten import flatten
-from uuvsim_cosim.orchestrator.library import load
-from uuvsim_cosim.orchestrator.observer import Chunk, Column
-from uuvsim_cosim.view.live import History, LiveView
-from uuvsim_cosim.view.replay import Replay
-from uuvsim_cosim.view.report import report_html
-from uuvsim_cosim.view.scene_html import scene_data, scene_html
-from uuvsim_cosim.view.stage import Body, Stage
-from uuvsim_cosim.view.stage_motion import Motion, motion_of
-from uuvsim_cosim.view.stage_plan import ANYTHING
-from uuvsim_cosim.view.stage_run import placed
-from uuvsim_cosim.view.traces import Traces
-from uuvsim_cosim.view.viser_server import address, close_server, open_server
+from uuvsim_cosim.models.worlds.terrain import Terrain
+from uuvsim_cosim.orchestrator.master.observer import Chunk, Column
+from uuvsim_cosim.orchestrator.plan.flatten import flatten
+from uuvsim_cosim.orchestrator.running.library import load
+from uuvsim_cosim.view.recorded.traces import Traces
+from uuvsim_cosim.view.reports.report import report_html
+from uuvsim_cosim.view.scene3d.live import History, LiveView
+from uuvsim_cosim.view.scene3d.motion import Motion, motion_of
+from uuvsim_cosim.view.scene3d.recording_page import Replay
+from uuvsim_cosim.view.scene3d.scene import Body, Stage
+from uuvsim_cosim.view.scene3d.scene_html import scene_data, scene_html
+from uuvsim_cosim.view.scene3d.scene_of_plan import ANYTHING
+from uuvsim_cosim.view.scene3d.scene_of_run import placed
+from uuvsim_cosim.view.scene3d.viser_server import close_server, entry, open_server
 
 Placed = tuple[Stage, Motion, Traces]
 
@@ -58,12 +60,58 @@ def server() -> Iterator[Any]:
 def test_the_page_is_served_and_its_port_is_free_again_afterwards(recorded: Placed) -> None:
     server = open_server(None)
     Replay(server, *recorded)
-    with urllib.request.urlopen(address(server).replace("localhost", "127.0.0.1")) as page:
+    opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
+    with opener.open(entry(server).replace("localhost", "127.0.0.1")) as page:
         assert b"<html" in page.read()
+        assert "token" not in page.url  # the address loses it; the browser keeps a cookie
     port = server.get_port()
     close_server(server)
     again = open_server(port)
     close_server(again)
+
+
+def asked(server: Any, path: str = "/", **headers: str) -> int:
+    """Ask the page for a path as it is written, and return the status."""
+    page = http.client.HTTPConnection("127.0.0.1", server.get_port())
+    page.request("GET", path, headers={k.replace("_", "-"): v for k, v in headers.items()})
+    status = page.getresponse().status
+    page.close()
+    return status
+
+
+UPGRADE = {
+    "Upgrade": "websocket", "Connection": "Upgrade", "Sec_WebSocket_Version": "13",
+    "Sec_WebSocket_Key": "dGhlIHNhbXBsZSBub25jZQ==",
+}  # fmt: skip
+
+
+def test_the_page_and_its_socket_require_the_token(server: Any) -> None:
+    port = server.get_port()
+    token = known_token("127.0.0.1", port)
+    assert token is not None
+    assert entry(server).endswith(f"?token={token}")
+    allowed = {"Authorization": f"Bearer {token}"}
+    assert asked(server) == asked(server, "/?token=wrong") == asked(server, **UPGRADE) == 401
+    assert asked(server, Cookie=f"uuvsim-{port}={token}") == 401  # the cookie is another secret
+    assert asked(server, f"/?token={token}") == 303
+    assert asked(server, **allowed) == 200
+    mine, other = f"http://127.0.0.1:{port}", "http://evil.example"
+    assert asked(server, **UPGRADE, **allowed, Origin=other) == 403
+    assert asked(server, **UPGRADE, **allowed, Origin=mine) == 101
+
+
+def test_the_page_serves_no_other_files(server: Any) -> None:
+    token = known_token("127.0.0.1", server.get_port())
+    for path in ("/" + "../" * 12 + "etc/passwd", "/assets/../../x", "/..\\..\\x", "/C:/x"):
+        assert asked(server, path, Authorization=f"Bearer {token}") == 404
+
+
+def test_the_token_of_a_page_ends_with_it() -> None:
+    server = open_server(None)
+    file = token_file(server.get_port())
+    assert file.stat().st_mode & 0o777 == 0o600
+    close_server(server)
+    assert not file.exists()
 
 
 def test_a_port_in_use_is_said() -> None:
@@ -240,6 +288,17 @@ def test_the_scene_s_data_hold_what_was_recorded(recorded: Placed) -> None:
     assert lengths == pytest.approx(motion.thrusts["hull"] * motion.scales["hull"], abs=1e-4)
 
 
+def test_a_flat_bottom_is_drawn_where_there_is_no_terrain() -> None:
+    body = Body("hull", ANYTHING, "e")
+    terrain = Terrain(np.full((2, 2), 9.0, np.float32), 5.0, (0.0, 0.0))
+    motion = motion_of(Stage("x", (body,)), Traces(np.arange(2.0), {"e": np.zeros((2, 6))}))
+    drawn = [
+        len(scene_data(Stage("x", (body,), bottom=bottom, terrain=under), motion)["solids"])
+        for bottom, under in ((None, None), (20.0, None), (None, terrain), (20.0, terrain))
+    ]
+    assert drawn == [0, 2, 1, 1]  # the bottom and the surface; a terrain is no solid
+
+
 def test_depths_of_a_terrain_survive_their_16_bits() -> None:
     z = np.array([[3.0, 177.25], [np.nan, 60.5]], np.float32)
     stage = Stage("x", (Body("hull", ANYTHING, "e"),), terrain=Terrain(z, 5.0, (1.0, 2.0)))
@@ -283,7 +342,7 @@ def test_a_browser_draws_the_report_s_scene(recorded: Placed, tmp_path: Path) ->
          "--enable-unsafe-swiftshader", "--hide-scrollbars", "--window-size=900,640",
          f"--user-data-dir={tmp_path / 'profile'}", "--virtual-time-budget=2000",
          f"--screenshot={picture}", page.as_uri()],
-        check=True, capture_output=True, timeout=120,
+        check=True, capture_output=True,
     )  # fmt: skip
     pixels = np.asarray(Image.open(picture).convert("RGB"), int)
     red, green, blue = pixels[..., 0], pixels[..., 1], pixels[..., 2]

@@ -1,1 +1,35 @@
-"""A running co-simulation is reached from elsewhere, and components may be there."""
+"""Servers and clients: a running co-simulation is read, set and stepped from elsewhere.
+
+Transports are Zenoh (`zenoh/`), TCP for MATLAB and Octave (`tcp/`) and HTTP (`http/`); the Python
+clients and remote components are in `clients/`, tokens and users in `access/`. It may import
+`orchestrator`, `fmus`, `models`. Start with `server/conductor.py`, then `zenoh/bridge.py`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from uuvsim_cosim.lazy import lazy
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.bridge.clients.async_client import connect_async
+    from uuvsim_cosim.bridge.clients.client import connect
+    from uuvsim_cosim.bridge.clients.remote import serve_component
+    from uuvsim_cosim.bridge.zenoh.bridge import Bridge
+
+__all__ = [
+    "Bridge",
+    "connect",
+    "connect_async",
+    "serve_component",
+]
+
+__getattr__, __dir__ = lazy(
+    __name__,
+    {
+        "Bridge": "zenoh.bridge",
+        "connect": "clients.client",
+        "connect_async": "clients.async_client",
+        "serve_component": "clients.remote",
+    },
+)

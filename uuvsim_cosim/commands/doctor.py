@@ -4,62 +4,100 @@ from __future__ import annotations
 
 import os
 import platform
-import shutil
+import re
 import sys
-import tempfile
 import time
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from uuvsim_cosim._version import __version__
-from uuvsim_cosim.commands.terminal import line, size_of
+from uuvsim_cosim.commands.shared.answer import answer
+from uuvsim_cosim.commands.shared.terminal import line, put, size_of
 from uuvsim_cosim.errors import UuvsimError
 
-__all__ = ["doctor_command", "findings"]
+__all__ = ["doctor_command", "facts", "packages"]
 
-NEEDED = (
-    "numpy", "scipy", "casadi", "fmpy", "ziglang", "rich", "typer", "pyarrow", "mcap",
-    "ruamel.yaml", "jsonschema", "platformdirs",
-)  # fmt: skip
-# Each package that may be missing, and what does not work without it.
+# Each extra of pyproject.toml: what it is for; the packages and their versions are in it.
 EXTRAS = {
-    "pythonfmu3": "building what `uuvsim new --as pythonfmu3` writes",
-    "pythonfmu": "the tests of FMI 2.0 FMUs made by another tool",
-    "matplotlib": "the plots of the examples in docs/",
-    "pytest": "the tests",
-    "mpmath": "the tests of the runtime's own math functions",
-    "sphinx": "the documentation",
+    "rl": "`uuvsim train`, `train-offline`, export to ONNX, Minari's data sets",
+    "scene": "`uuvsim terrain` of charts and grids, LAZ clouds, meshes, gridded currents",
+    "view": "`uuvsim view`, `--view`",
+    "rerun": "`uuvsim export -o FILE.rrd`",
+    "mavlink": "ArduSub's logs in `uuvsim identify`",
+    "distributed": "`--ray`",
+    "security": "`uuvsim access certificates`",
+    "bench": "benchmarks against other simulators",
+    "dev": "tests, documentation, other FMU tools",
 }
+_REQUIREMENT = re.compile(r"(?P<name>[A-Za-z0-9._-]+)")
+_EXTRA = re.compile(r"extra\s*==\s*['\"]([^'\"]+)")
 PROBE = "double probe(double x) { return 2.0 * x; }\n"
 
 
 def doctor_command() -> None:
     """Say what this installation consists of and whether its compiler works."""
-    for text in findings():
-        line(text)
+    found = facts()
+    for name, text in found.items():
+        line(f"{name:13} {text}")
+    put("installation", found)
+    core = packages()[""]
+    line()
+    for name, number in core.items():
+        line(f"{name:13} {number or 'MISSING: pip install uuvsim-cosim'}")
+    put("packages", core)
+    line()
+    line("extras: pip install 'uuvsim-cosim[EXTRA]'; one that is missing leaves out what it is for")
+    put("extras", {})
+    for extra, wanted in packages().items():
+        if extra:
+            _show_extra(extra, wanted)
 
 
-def findings() -> list[str]:
-    """Give the lines of the report; no paths but those below ~."""
-    lines = [
-        f"uuvsim-cosim  {__version__}",
-        f"python        {platform.python_version()} ({platform.python_implementation()})",
-        f"platform      {platform.system()} {platform.release()}, {platform.machine()}"
+def _show_extra(extra: str, wanted: dict[str, str | None]) -> None:
+    missing = [name for name, number in wanted.items() if number is None]
+    there = ", ".join(f"{name} {number}" for name, number in wanted.items() if number)
+    said = there if not missing else f"without {', '.join(missing)}"
+    purpose = EXTRAS.get(extra, "")
+    line(f"{extra:13} {'installed' if not missing else 'MISSING'}: {purpose} ({said})")
+    entry = {"installed": not missing, "for": purpose, "packages": wanted}
+    put("extras", {**answer().fields["extras"], extra: entry})
+
+
+def facts() -> dict[str, str]:
+    """Return version, platform, compiler and cache; no paths but those below ~."""
+    return {
+        "uuvsim-cosim": __version__,
+        "python": f"{platform.python_version()} ({platform.python_implementation()})",
+        "platform": f"{platform.system()} {platform.release()}, {platform.machine()}"
         f"{_libc()}, {os.cpu_count()} processors",
-        f"compiler      {_compiler()}",
-        f"cache         {_cache()}",
-        "",
-    ]
-    for name in NEEDED:
-        found = _version(name)
-        lines.append(f"{name:13} {found or 'MISSING: pip install uuvsim-cosim'}")
-    lines += ["", "extras: `pip install 'uuvsim-cosim[dev]'` has them all"]
-    for name, cost in EXTRAS.items():
-        lines.append(f"{name:13} {_version(name) or f'missing; needed for {cost}'}")
-    return lines
+        "compiler": _compiler(),
+        "cache": _cache(),
+    }
+
+
+def packages() -> dict[str, dict[str, str | None]]:
+    """Return the packages of each extra ("": always needed) with their versions, None: missing.
+
+    They are what the installed package asks for, so that this list cannot be out of date.
+    """
+    found: dict[str, dict[str, str | None]] = {"": {}}
+    from importlib.metadata import PackageNotFoundError, requires
+
+    try:
+        wanted = requires("uuvsim-cosim") or []
+    except PackageNotFoundError:  # run from a checkout that is not installed
+        wanted = []
+    for text in wanted:
+        match = _REQUIREMENT.match(text)
+        if match is None or match["name"] == "uuvsim-cosim":
+            continue
+        extra = _EXTRA.search(text)
+        found.setdefault(extra[1] if extra else "", {})[match["name"]] = _version(match["name"])
+    return found
 
 
 def _version(name: str) -> str | None:
+    from importlib.metadata import PackageNotFoundError, version
+
     try:
         return version(name)
     except PackageNotFoundError:
@@ -72,8 +110,12 @@ def _libc() -> str:
 
 
 def _hidden(text: str) -> str:
-    """Give a text with the home and temporary folders' names left out."""
-    for folder, short in ((str(Path.home()), "~"), (tempfile.gettempdir(), "<tmp>"),
+    """Return a text with the home and temporary folders' names left out."""
+    import tempfile
+
+    from uuvsim_cosim.cache import home
+
+    for folder, short in ((str(home() or ""), "~"), (tempfile.gettempdir(), "<tmp>"),
                           (sys.prefix, "<python>")):  # fmt: skip
         if len(folder) > 1:
             text = text.replace(folder, short)
@@ -82,7 +124,7 @@ def _hidden(text: str) -> str:
 
 def _compiler() -> str:
     try:
-        from uuvsim_cosim.fmus.toolchain import compiler, host
+        from uuvsim_cosim.fmus.codegen.toolchain import compiler, host
 
         identity = compiler()[1]
         begun = time.perf_counter()
@@ -99,8 +141,10 @@ def _compiler() -> str:
 def _compiles() -> bool:
     """Compile a function, load it, and look at what it gives."""
     import ctypes
+    import shutil
+    import tempfile
 
-    from uuvsim_cosim.fmus.toolchain import compile_shared
+    from uuvsim_cosim.fmus.codegen.toolchain import compile_shared
 
     with tempfile.TemporaryDirectory() as folder:
         source = Path(folder) / "probe.c"
@@ -117,12 +161,13 @@ def _compiles() -> bool:
 
 
 def _cache() -> str:
-    from uuvsim_cosim.cache import cache_dir
+    from uuvsim_cosim.cache import cache_dir, home
 
     try:
         folder = cache_dir()
     except UuvsimError as error:
         return _hidden(f"DOES NOT WORK: {error}")
     set_by = ", set by UUVSIM_CACHE" if os.environ.get("UUVSIM_CACHE") else ""
-    shown = _hidden(str(folder)) if not set_by else "UUVSIM_CACHE"
+    set_by += "" if home() else ", because there is no home folder"
+    shown = _hidden(str(folder)) if not os.environ.get("UUVSIM_CACHE") else "UUVSIM_CACHE"
     return f"{shown} ({size_of(folder)}{set_by})"

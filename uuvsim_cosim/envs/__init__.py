@@ -1,23 +1,29 @@
-"""A system becomes an environment: Gymnasium, PettingZoo, and tasks over arrays.
+"""Gymnasium and PettingZoo environments over any system, and the tasks that ship.
 
-Importing this registers the tasks that ship with Gymnasium.
+Importing this registers the tasks with Gymnasium. `single.py`, `vector.py`, `team.py` and
+`team_vector.py` are the four interfaces; `tasks/` holds the tasks, `plants/` what steps. It may
+import `kernels`, `scene`, `orchestrator` and below. Start with `single.py`, then `task/task.py`.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from uuvsim_cosim.envs.channel import Channel
-from uuvsim_cosim.envs.draws import Draws
 from uuvsim_cosim.envs.registration import register, register_shipped
-from uuvsim_cosim.envs.symmetry import Symmetry
-from uuvsim_cosim.envs.task import Moment, Randomised, Task, TeamTask
+from uuvsim_cosim.envs.task.channel import Channel
+from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.envs.task.symmetry import Symmetry
+from uuvsim_cosim.envs.task.task import Moment, Randomised, Task, TeamTask
+from uuvsim_cosim.lazy import lazy
 
 if TYPE_CHECKING:
-    from uuvsim_cosim.envs.function_task import FunctionTask
-    from uuvsim_cosim.envs.randomisation_sets import published
+    from uuvsim_cosim.envs.randomisation.distributions import Uniform
+    from uuvsim_cosim.envs.randomisation.privileged import with_privileged
+    from uuvsim_cosim.envs.randomisation.published import current, published
+    from uuvsim_cosim.envs.randomisation.randomisation import Randomisation, Vary
     from uuvsim_cosim.envs.single import CosimEnv
     from uuvsim_cosim.envs.solo import Solo
+    from uuvsim_cosim.envs.task.function_task import FunctionTask
     from uuvsim_cosim.envs.team import CosimParallelEnv
     from uuvsim_cosim.envs.team_vector import CosimTeamVectorEnv
     from uuvsim_cosim.envs.vector import CosimVectorEnv
@@ -31,35 +37,36 @@ __all__ = [
     "Draws",
     "FunctionTask",
     "Moment",
+    "Randomisation",
     "Randomised",
     "Solo",
     "Symmetry",
     "Task",
     "TeamTask",
+    "Uniform",
+    "Vary",
+    "current",
     "published",
     "register",
+    "with_privileged",
 ]
 
-_HOME = {
-    "CosimEnv": "single",
-    "CosimParallelEnv": "team",
-    "CosimTeamVectorEnv": "team_vector",
-    "CosimVectorEnv": "vector",
-    "FunctionTask": "function_task",
-    "Solo": "solo",
-    "published": "randomisation_sets",
-}
-
-
-def __getattr__(name: str) -> Any:
-    """Import a public name on first use."""
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from importlib import import_module
-
-    value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
-    globals()[name] = value
-    return value
-
+__getattr__, __dir__ = lazy(
+    __name__,
+    {
+        "CosimEnv": "single",
+        "CosimParallelEnv": "team",
+        "CosimTeamVectorEnv": "team_vector",
+        "CosimVectorEnv": "vector",
+        "FunctionTask": "task.function_task",
+        "Randomisation": "randomisation.randomisation",
+        "Solo": "solo",
+        "Uniform": "randomisation.distributions",
+        "Vary": "randomisation.randomisation",
+        "current": "randomisation.published",
+        "published": "randomisation.published",
+        "with_privileged": "randomisation.privileged",
+    },
+)
 
 register_shipped()

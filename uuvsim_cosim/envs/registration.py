@@ -6,12 +6,12 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from uuvsim_cosim.envs.options import refuse_options
+from uuvsim_cosim.envs.task.argument_checks import refuse_options
 from uuvsim_cosim.errors import InputInvalid
 
 if TYPE_CHECKING:
     from uuvsim_cosim.envs.single import CosimEnv
-    from uuvsim_cosim.envs.task import Task
+    from uuvsim_cosim.envs.task.task import Task
     from uuvsim_cosim.envs.vector import CosimVectorEnv
 
 __all__ = ["SHIPPED", "make_env", "make_vector_env", "register", "register_shipped"]
@@ -32,7 +32,7 @@ SHIPPED = {f"uuvsim/{id}": f"uuvsim_cosim.envs.tasks.{name}" for id, name in _TA
 
 
 def register(id: str, make_task: str | Callable[..., Task], **options: Any) -> None:
-    """Give a task an id: ``register("mine/Dock-v0", "my_package.dock:Dock", depth=3.0)``.
+    """Register a task under an id: ``register("mine/Dock-v0", "my_package.dock:Dock", depth=3.0)``.
 
     `make_task`, or what "module:name" names, is called with `options` and those given to
     gymnasium.make, and returns a task. By name it is imported when first used, and the id's spec
@@ -101,7 +101,7 @@ def make_vector_env(
 
 
 def _task(make_task: str | Callable[..., Task], options: dict[str, Any]) -> Task:
-    from uuvsim_cosim.envs.task import TeamTask
+    from uuvsim_cosim.envs.task.task import TeamTask
 
     steps = options.pop("max_episode_steps", None)  # make_vec gives what a spec says
     make = _found(make_task) if isinstance(make_task, str) else make_task

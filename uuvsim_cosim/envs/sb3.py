@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.task import Task, TeamTask
+from uuvsim_cosim.envs.task.task import Task, TeamTask
 from uuvsim_cosim.envs.vector import CosimVectorEnv
 from uuvsim_cosim.errors import InputInvalid
 
@@ -89,7 +89,7 @@ class Sb3VecEnv(VecEnv):
         self.vector.close()
 
     def get_attr(self, attr_name: str, indices: Indices = None) -> list[Any]:
-        """Give an attribute, the same for all environments."""
+        """Return an attribute, the same for all environments."""
         return [getattr(self.vector, attr_name)] * len(list(self._get_indices(indices)))
 
     def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:

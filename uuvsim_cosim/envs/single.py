@@ -11,14 +11,14 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.limit import limited
-from uuvsim_cosim.envs.options import base_seed, refuse_options, start_of
-from uuvsim_cosim.envs.plants import Backend
-from uuvsim_cosim.envs.screen import Screen
-from uuvsim_cosim.envs.stage import Stage
-from uuvsim_cosim.envs.task import Task
+from uuvsim_cosim.envs.episodes.single_agent import Stage
+from uuvsim_cosim.envs.episodes.time_limit import limited
+from uuvsim_cosim.envs.pictures.screen import Screen
+from uuvsim_cosim.envs.plants.choice import Backend
+from uuvsim_cosim.envs.task.argument_checks import base_seed, refuse_options, start_of
+from uuvsim_cosim.envs.task.task import Task
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.orchestrator.system import System
+from uuvsim_cosim.orchestrator.system.system import System
 
 __all__ = ["CosimEnv"]
 
@@ -63,7 +63,7 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[Any]]):
         **task: Any,
     ) -> CosimEnv:
         """Make an environment of a system, or a file of one, and functions; see `FunctionTask`."""
-        from uuvsim_cosim.envs.function_task import FunctionTask
+        from uuvsim_cosim.envs.task.function_task import FunctionTask
 
         refuse_options("CosimEnv.of", FunctionTask, {"system": system, **task})
         return cls(FunctionTask(system, **task), render_mode=render_mode, backend=backend)
@@ -106,7 +106,7 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[Any]]):
 
     @property
     def spec(self) -> EnvSpec | None:
-        """Give the spec of gymnasium.make, with the steps of an episode, which ends by itself."""
+        """The spec of gymnasium.make, with the steps of an episode, which ends by itself."""
         return self._spec
 
     @spec.setter
@@ -115,7 +115,7 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[Any]]):
 
     @property
     def time(self) -> float:
-        """Give the seconds since the reset."""
+        """The seconds since the reset."""
         return float(self._live().episodes.moment.time[0])
 
     def render(self) -> Any:
@@ -131,7 +131,7 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[Any]]):
             stage.episodes.close()
 
     def __getstate__(self) -> dict[str, Any]:
-        """Give what makes an equal environment, which goes on with the next episode."""
+        """Return what makes an equal environment, which goes on with the next episode."""
         state: dict[str, Any] = {
             "made": (self.task, self.render_mode, self.backend),
             "spec": self.spec,
@@ -164,5 +164,5 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[Any]]):
 
 
 def _row(info: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-    """Give the infos of one environment, copied."""
+    """Return the infos of one environment, copied."""
     return {k: v[0].copy() for k, v in info.items()}

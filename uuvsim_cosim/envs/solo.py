@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.boxes import ActionBox
-from uuvsim_cosim.envs.draws import Draws
-from uuvsim_cosim.envs.task import Array, Mask, Moment, Task, TeamTask
-from uuvsim_cosim.orchestrator.flatten import flatten
+from uuvsim_cosim.envs.episodes.spaces import ActionBox
+from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.envs.task.task import Array, Mask, Moment, Task, TeamTask
+from uuvsim_cosim.orchestrator.plan.flatten import flatten
 
 if TYPE_CHECKING:
-    from uuvsim_cosim.envs.picture import View
+    from uuvsim_cosim.envs.pictures.picture import View
 
 __all__ = ["Solo"]
 
@@ -59,12 +59,12 @@ class Solo(Task):
 
     @property
     def extra_limits(self) -> tuple[Sequence[float], Sequence[float]]:
-        """Give the limits of the observations."""
+        """The limits of the observations."""
         low, high = self._limits
         return low.tolist(), high.tolist()
 
     def extra(self, m: Moment) -> Array:
-        """Give the observations of all, of shape (n, width)."""
+        """Return the observations of all, of shape (n, width)."""
         seen = self.team.observe(self._split(m))
         parts = [np.asarray(seen[agent], float) for agent in self.team.agents]
         if len(parts) > 1:
@@ -74,7 +74,7 @@ class Solo(Task):
         return np.concatenate(parts, axis=1)
 
     def reward(self, m: Moment) -> Array:
-        """Give the sum of the rewards of those who are there, or the team's."""
+        """Return the sum of the rewards of those who are there, or the team's."""
         given = self.team.reward(self._split(m))
         rewards = np.stack([given[agent] for agent in self.team.agents], axis=1)
         here = self._present(m)
@@ -89,7 +89,7 @@ class Solo(Task):
         return np.asarray((ended & self._present(m)).any(axis=1))
 
     def info(self, m: Moment) -> Mapping[str, NDArray[Any]]:
-        """Give what the team's task gives."""
+        """Return what the team's task gives."""
         return self.team.info(self._split(m))
 
     def view(self, m: Moment, row: int) -> View | None:

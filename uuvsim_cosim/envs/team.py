@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from difflib import get_close_matches
 from typing import Any, final
 
 import gymnasium
@@ -12,12 +11,13 @@ from gymnasium.utils import seeding
 from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
-from uuvsim_cosim.envs.options import base_seed, start_of
-from uuvsim_cosim.envs.plants import Backend
-from uuvsim_cosim.envs.screen import Screen
-from uuvsim_cosim.envs.task import TeamTask
-from uuvsim_cosim.envs.team_stage import TeamMoment, TeamStage
+from uuvsim_cosim.envs.episodes.multi_agent import TeamMoment, TeamStage
+from uuvsim_cosim.envs.pictures.screen import Screen
+from uuvsim_cosim.envs.plants.choice import Backend
+from uuvsim_cosim.envs.task.argument_checks import base_seed, start_of
+from uuvsim_cosim.envs.task.task import TeamTask
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.near_names import expected_names
 
 __all__ = ["CosimParallelEnv"]
 
@@ -65,11 +65,11 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[Any]]):  # type: ig
         self.state_space = stage.state_space
 
     def observation_space(self, agent: str) -> gymnasium.spaces.Box:
-        """Give an agent's space of observations, the same object each time."""
+        """Return an agent's space of observations, the same object each time."""
         return self.observation_spaces[self._known(agent)]
 
     def action_space(self, agent: str) -> gymnasium.spaces.Box:
-        """Give an agent's space of actions, the same object each time."""
+        """Return an agent's space of actions, the same object each time."""
         return self.action_spaces[self._known(agent)]
 
     def reset(
@@ -115,12 +115,12 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[Any]]):  # type: ig
         return result
 
     def state(self) -> NDArray[np.float32]:
-        """Give the whole as a central critic sees it."""
+        """Return the whole as a central critic sees it."""
         return np.asarray(self._live().state()[0])
 
     @property
     def time(self) -> float:
-        """Give the seconds since the reset."""
+        """The seconds since the reset."""
         return float(self._live().episodes.moment.time[0])
 
     def render(self) -> Any:
@@ -135,7 +135,7 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[Any]]):  # type: ig
             stage.episodes.close()
 
     def __getstate__(self) -> dict[str, Any]:
-        """Give what makes an equal environment, which goes on with the next episode."""
+        """Return what makes an equal environment, which goes on with the next episode."""
         state: dict[str, Any] = {
             "task": self.task,
             "render_mode": self.render_mode,
@@ -185,7 +185,8 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[Any]]):  # type: ig
 
     def _known(self, agent: str) -> str:
         if agent not in self.possible_agents:
-            raise InputInvalid(f"{self._place()}: no agent {agent!r}; {self._near(agent)}")
+            known = expected_names(agent, self.possible_agents)
+            raise InputInvalid(f"{self._place()}: no agent {agent!r}; expected {known}")
         return agent
 
     def _check(self, actions: Mapping[str, Any]) -> None:
@@ -207,10 +208,6 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[Any]]):  # type: ig
                 f"{place}: no action for {', '.join(map(repr, missing))}; expected one for each "
                 f"of {', '.join(self.agents)}"
             )
-
-    def _near(self, agent: Any) -> str:
-        near = get_close_matches(str(agent), self.possible_agents, 3) or self.possible_agents
-        return f"expected one of {', '.join(near)}"
 
     def _place(self) -> str:
         return f"task {type(self.task).__name__}"

@@ -12,10 +12,10 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs import vector_info
-from uuvsim_cosim.envs.options import base_seed, mask_of, start_of, whole
-from uuvsim_cosim.envs.plants import Backend, DType
-from uuvsim_cosim.envs.task import TeamTask
-from uuvsim_cosim.envs.team_stage import TeamMoment, TeamStage
+from uuvsim_cosim.envs.episodes.multi_agent import TeamMoment, TeamStage
+from uuvsim_cosim.envs.plants.choice import Backend, DType
+from uuvsim_cosim.envs.task.argument_checks import base_seed, mask_of, start_of, whole
+from uuvsim_cosim.envs.task.task import TeamTask
 from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["CosimTeamVectorEnv"]
@@ -84,7 +84,7 @@ class CosimTeamVectorEnv:
         return self._live().now.present.copy()
 
     def state(self) -> NDArray[np.float32]:
-        """Give the central states, of shape (n, s)."""
+        """Return the central states, of shape (n, s)."""
         return self._live().state()
 
     def reset(
@@ -178,7 +178,7 @@ class CosimTeamVectorEnv:
 
 
 def _observations(stage: TeamStage, team: TeamMoment) -> NDArray[np.float32]:
-    """Give the observations of those who are told, of shape (n, N, d); zeros of the others."""
+    """Return the observations of those who are told, of shape (n, N, d); zeros of the others."""
     every = np.stack([team.observation[a] for a in stage.agents], axis=1)
     return np.where(team.seen[:, :, None], every, np.float32(0))
 

@@ -13,13 +13,13 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs import vector_info
-from uuvsim_cosim.envs.instant import Instant
-from uuvsim_cosim.envs.limit import limited
-from uuvsim_cosim.envs.options import base_seed, mask_of, start_of, whole
-from uuvsim_cosim.envs.plants import Backend, DType
-from uuvsim_cosim.envs.screen import Screen
-from uuvsim_cosim.envs.stage import Stage
-from uuvsim_cosim.envs.task import Task
+from uuvsim_cosim.envs.episodes.single_agent import Stage
+from uuvsim_cosim.envs.episodes.time_limit import limited
+from uuvsim_cosim.envs.pictures.screen import Screen
+from uuvsim_cosim.envs.plants.choice import Backend, DType
+from uuvsim_cosim.envs.task.argument_checks import base_seed, mask_of, start_of, whole
+from uuvsim_cosim.envs.task.instant import Instant
+from uuvsim_cosim.envs.task.task import Task
 from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["CosimVectorEnv"]
@@ -156,7 +156,7 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
 
     @property
     def spec(self) -> EnvSpec | None:
-        """Give the spec of gymnasium.make_vec, with the steps of an episode."""
+        """The spec of gymnasium.make_vec, with the steps of an episode."""
         return self._spec
 
     @spec.setter
@@ -179,7 +179,7 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
             stage.episodes.close()
 
     def __getstate__(self) -> dict[str, Any]:
-        """Give what makes equal environments, which go on with the next episodes."""
+        """Return what makes equal environments, which go on with the next episodes."""
         spaces = (self.action_space, self.single_action_space,
                   self.observation_space, self.single_observation_space)  # fmt: skip
         state: dict[str, Any] = {
@@ -208,7 +208,7 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
             self.close()
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> NDArray[np.uint64] | None:
-        """Give a seed for each environment, or None to go on."""
+        """Return a seed for each environment, or None to go on."""
         n = self.num_envs
         if seed is None and self._live().episodes.seeded:
             return None

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.episodes import Episodes
+from uuvsim_cosim.envs.episodes.episodes import Episodes
 
 __all__ = ["add_failures", "final", "of"]
 
@@ -16,7 +16,7 @@ Mask = NDArray[np.bool_]
 
 
 def of(info: Mapping[str, NDArray[Any]], mask: Mask | None, n: int) -> dict[str, Any]:
-    """Give a task's infos, of the environments of the mask."""
+    """Return a task's infos, of the environments of the mask."""
     infos: dict[str, Any] = {}
     for key, values in info.items():
         infos[key] = np.array(values)

@@ -28,8 +28,8 @@ class Binding:
 
     `functions` maps FMI names without prefix (``DoStep``, ``GetFloat64``, ``SetReal``, …; only
     those that the binary has) to addresses. Native: ``DoStep`` is ``uuv_do_step`` and
-    ``instance`` a ``uuv_instance *``; ``StateSize`` is no address but bytes. Callback: see the
-    core.
+    ``instance`` a ``uuv_instance *``; ``StateSize`` is no address but bytes. FMUs: ``StateKept``
+    is the address of an int32, 1 once a state of the run is kept. Callback: see the core.
     """
 
     kind: BindingKind
@@ -73,7 +73,7 @@ class Component(Protocol):
     def directional_derivative(
         self, unknowns: list[Variable], knowns: list[Variable], seed: Any
     ) -> Any:
-        """Give d(unknowns)/d(knowns) · seed, flat; raises FmuError if not provided."""
+        """Return d(unknowns)/d(knowns) · seed, flat; raises FmuError if not provided."""
 
     def reset(self) -> None:
         """Go back to the state after instantiation; never a reload."""
@@ -85,4 +85,4 @@ class Component(Protocol):
         """Free everything; a second call does nothing."""
 
     def binding(self) -> Binding:
-        """Give the addresses that the stepping loop in C calls."""
+        """Return the addresses that the stepping loop in C calls."""

@@ -1,4 +1,4 @@
-"""What a component says of itself, in FMI 3.0's words, whatever kind it is."""
+"""Description of a component's interface in the terms of FMI 3.0, for every kind of component."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from uuvsim_cosim.models.units import Unit
+from uuvsim_cosim.models.declaration.element_names import element_name, element_names
+from uuvsim_cosim.models.declaration.units import Unit
 
 __all__ = [
     "UNITS_ANNOTATION",
@@ -59,24 +60,33 @@ class Variable:
 
     @property
     def size(self) -> int:
-        """Give the number of scalar elements."""
+        """Return the number of scalar elements."""
         n = 1
         for extent in self.shape:
             n *= extent
         return n
 
+    @property
+    def element_names(self) -> list[str]:
+        """Return the names of its elements, from 1 and row by row; a scalar's is its own."""
+        return element_names(self.name, self.shape)
+
+    def element_name(self, i: int) -> str:
+        """Return the name of element i, from 0, in the array's flat order: ``x[2]``, ``M[1,2]``."""
+        return element_name(self.name, self.shape, i)
+
     def unit_of_element(self, i: int) -> str | None:
-        """Give the unit of element i, from 0, in the array's flat order."""
+        """Return the unit of element i, from 0, in the array's flat order."""
         return self.element_units[i] if self.element_units else self.unit
 
     @property
     def units(self) -> tuple[str | None, ...]:
-        """Give the unit of every element, in the array's flat order."""
+        """Return the unit of every element, in the array's flat order."""
         return self.element_units or (self.unit,) * self.size
 
     @property
     def unit_text(self) -> str:
-        """Give the unit for a reader: ``m, rad`` where the elements' units differ."""
+        """Return the unit for a reader: ``m, rad`` where the elements' units differ."""
         return ", ".join(dict.fromkeys(u or "?" for u in self.element_units)) or self.unit or ""
 
 
@@ -97,7 +107,7 @@ class Description:
     can_be_instantiated_only_once: bool = False
     provides_directional_derivatives: bool = False
     needs_execution_tool: bool = False
-    peers: Mapping[str, str] = field(default_factory=dict)  # see orchestrator/peers.py
+    peers: Mapping[str, str] = field(default_factory=dict)  # see orchestrator/system/peers.py
 
     def of(self, *causalities: Causality) -> list[Variable]:
         """List the variables of the given causalities, in the order of the description."""

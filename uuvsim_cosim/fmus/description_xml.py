@@ -1,7 +1,8 @@
-"""What model descriptions of FMI 2.0 and 3.0 have in common: values, units, place of a fault."""
+"""Values, units and errors that model descriptions of FMI 2.0 and 3.0 have in common."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, get_args
@@ -11,7 +12,7 @@ import numpy as np
 
 from uuvsim_cosim.errors import FmuError
 from uuvsim_cosim.fmus.description import Causality, Variability, VariableType
-from uuvsim_cosim.models.units import BASE, Unit, parse_unit
+from uuvsim_cosim.models.declaration.units import BASE, Unit, parse_unit
 
 __all__ = ["DTYPES", "SimpleType", "Source", "flag", "read_units"]
 
@@ -22,6 +23,7 @@ DTYPES: Mapping[str, type[np.generic]] = {
     "Enumeration": np.int64, "Boolean": np.bool_, "Clock": np.bool_,
     "String": np.object_, "Binary": np.object_,
 }  # fmt: skip
+_WHOLE = re.compile(r"[-+]?\d+")
 _TRUE, _FALSE = ("true", "1"), ("false", "0")
 
 
@@ -40,7 +42,7 @@ class Source:
     place: str
 
     def fault(self, where: str, read: str, expected: str) -> FmuError:
-        """Give the error for one fault."""
+        """Return the error for one fault."""
         return FmuError(f"{self.place}: {where}: {read}; expected {expected}")
 
     def required(self, element: Element, attribute: str, where: str) -> str:
@@ -63,6 +65,15 @@ class Source:
     ) -> float | None:
         """Read a number, or None where the attribute is missing."""
         return None if element.get(attribute) is None else self.number(element, attribute, where)
+
+    def bound(
+        self, element: Element | Mapping[str, str], attribute: str, kind: VariableType, where: str
+    ) -> float | None:
+        """Read a minimum or a maximum; of integers all digits, or None where it is missing."""
+        text = element.get(attribute, "")
+        if kind not in ("Float32", "Float64") and _WHOLE.fullmatch(text.strip()):
+            return int(text)
+        return self.optional_number(element, attribute, where)
 
     def natural(self, text: str | None, what: str, where: str) -> int:
         """Read a value reference, an index or an extent."""
@@ -128,7 +139,7 @@ _CONVERT: Mapping[str, Callable[[str], Any]] = {
 
 
 def flag(element: Element, *names: str) -> bool:
-    """Say whether a capability flag is set, under any of its names."""
+    """Return whether a capability flag is set, under any of its names."""
     return any(element.get(name, "false").lower() in _TRUE for name in names)
 
 

@@ -1,4 +1,4 @@
-"""A value given for a variable becomes an array of its type and shape, or is refused."""
+"""Conversion of a value to an array of its variable's type and shape, or its refusal."""
 
 from __future__ import annotations
 
@@ -11,25 +11,27 @@ from uuvsim_cosim.errors import FmuError, ParameterInvalid
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.description_xml import DTYPES
 
-__all__ = ["checked_start", "flat_array", "parse_value"]
+__all__ = [
+    "checked_start", "flat_array", "is_within", "parse_value", "range_text", "split_array",
+]  # fmt: skip
 
 
 def flat_array(variable: Variable, value: Any, place: str) -> np.ndarray:
-    """Give the value's elements, row by row, as an array of the variable's type.
+    """Return the value's elements, row by row, as an array of the variable's type.
 
     Raises FmuError for another shape, for what is no number, for an integer out of range.
     """
     if variable.type in ("String", "Binary"):
         return _objects(variable, value, place)
-    try:
-        given = np.asarray(value)
-        numeric = given.dtype.kind in "fiub"
-    except ValueError:
-        numeric = False
-    if not numeric:
+    given = _numbers(value)
+    if given is None:
         raise FmuError(f"{place}: {value!r}; expected {_expected(variable)}")
     if given.shape != variable.shape:
-        raise FmuError(f"{place}: shape {given.shape}; expected {variable.shape}")
+        raise FmuError(
+            f"{place}: shape {given.shape}; expected {variable.shape}, {_expected(variable)}"
+            if variable.shape
+            else f"{place}: shape {given.shape}; expected {variable.shape}"
+        )
     dtype = DTYPES[variable.type]
     if variable.type in ("Float32", "Float64"):
         return given.astype(dtype).ravel()
@@ -37,11 +39,30 @@ def flat_array(variable: Variable, value: Any, place: str) -> np.ndarray:
         fits = bool(np.isin(given, (0, 1)).all())
     else:
         limits = np.iinfo(np.dtype(dtype).name)
-        whole = given.dtype.kind != "f" or bool(np.all(np.mod(given, 1) == 0))
-        fits = whole and all(limits.min <= int(x) <= limits.max for x in given.ravel())
+        fits = all(x % 1 == 0 and limits.min <= x <= limits.max for x in given.ravel().tolist())
     if not fits:
         raise FmuError(f"{place}: {value!r}; expected {_expected(variable)}")
     return given.astype(dtype).ravel()
+
+
+def _numbers(value: Any) -> np.ndarray | None:
+    """Return numbers as an array that holds them exactly; None for anything else.
+
+    NumPy makes floats of integers of which some do not fit Int64; they stay Python's here.
+    """
+    try:
+        given = np.asarray(value)
+        if given.dtype.kind in "fO" and not isinstance(value, (float, np.ndarray, np.generic)):
+            kept = np.asarray(value, dtype=object)
+            numeric = (bool, int, float, np.bool_, np.integer, np.floating)
+            if not all(isinstance(x, numeric) for x in kept.ravel()):
+                return None
+            if any(isinstance(x, (int, np.integer)) for x in kept.ravel()):
+                return kept
+            return given if given.dtype.kind == "f" else None
+    except (ValueError, OverflowError):
+        return None
+    return given if given.dtype.kind in "fiub" else None
 
 
 def _objects(variable: Variable, value: Any, place: str) -> np.ndarray:
@@ -68,22 +89,77 @@ def _expected(variable: Variable) -> str:
 def parse_value(
     variable: Variable, text: str, place: str, items: Mapping[int, str] | None = None
 ) -> Any:
-    """Read a value as a user types it; array elements are separated by commas or spaces.
+    """Read a value as a user types it: ``5``, ``5,6,7``, ``[5, 6, 7]`` or ``[[1, 2], [3, 4]]``.
 
-    `items` are the names of an enumeration. Raises ParameterInvalid.
+    Elements of an array are separated by commas or blanks; brackets may stand around them, and
+    around each row of a matrix. `items` are the names of an enumeration. Raises ParameterInvalid.
     """
     if variable.type == "String" and not variable.shape:
         return text
-    words = text.replace(",", " ").split() if variable.shape else [text.strip()]
     try:
+        if not variable.shape:
+            value = _parse(variable, text.strip(), items or {})
+            np.asarray(value, dtype=DTYPES[variable.type])
+            return value
+        words, shape = split_array(text)
+        if shape not in (None, variable.shape):
+            raise ValueError(text)
         values = [_parse(variable, word, items or {}) for word in words]
-        flat = np.asarray(values, dtype=DTYPES[variable.type])
-        return flat.reshape(variable.shape) if variable.shape else values[0]
+        return np.array(values, dtype=DTYPES[variable.type]).reshape(variable.shape)
     except (ValueError, OverflowError):
         names = f" or one of {', '.join(items.values())}" if items else ""
         raise ParameterInvalid(
-            f"{place}: {text!r}; expected {_expected(variable)}{names}"
+            f"{place}: {text!r}; expected {_expected(variable)}{names}{_form(variable)}"
         ) from None
+
+
+def split_array(text: str) -> tuple[list[str], tuple[int, ...] | None]:
+    """Split ``1,2``, ``1 2``, ``[1, 2]`` or ``[[1, 2], [3, 4]]`` into its elements, row by row.
+
+    The shape is that which nested brackets make; None where at most one pair stands around all.
+    Raises ValueError for brackets that do not match, or rows of uneven length.
+    """
+    stripped = text.strip()
+    if not stripped.startswith("["):
+        if "[" in stripped or "]" in stripped:
+            raise ValueError(text)
+        return stripped.replace(",", " ").split(), None
+    words, shape, rest = _bracket(stripped)
+    if rest.strip():
+        raise ValueError(text)
+    return words, shape if len(shape) > 1 else None
+
+
+def _bracket(text: str) -> tuple[list[str], tuple[int, ...], str]:
+    """Read what one pair of brackets holds; the text begins with the first."""
+    inner = text[1:].lstrip()
+    if not inner.startswith("["):
+        content, close, rest = inner.partition("]")
+        if not close or "[" in content:
+            raise ValueError(text)
+        words = content.replace(",", " ").split()
+        return words, (len(words),), rest
+    words, shapes = [], []
+    while inner.startswith("["):
+        row, shape, inner = _bracket(inner)
+        words += row
+        shapes.append(shape)
+        inner = inner.lstrip().removeprefix(",").lstrip()
+    if not inner.startswith("]") or len(set(shapes)) != 1:
+        raise ValueError(text)
+    return words, (len(shapes), *shapes[0]), inner[1:]
+
+
+def _form(variable: Variable) -> str:
+    """Show how an array is written, for the end of an error."""
+    if not variable.shape or variable.type in ("String", "Binary"):
+        return ""
+    flat = ["true" if variable.type == "Boolean" else str(i) for i in range(variable.size)]
+    if len(flat) > 9 or not flat:
+        return ", separated by commas, row by row"
+    nested = np.array(flat, object).reshape(variable.shape).tolist()
+    shown = str(nested).replace("'", "")
+    return f", such as {','.join(flat)!r} or {shown!r}"
 
 
 def _parse(variable: Variable, word: str, items: Mapping[int, str]) -> Any:
@@ -105,7 +181,7 @@ def _parse(variable: Variable, word: str, items: Mapping[int, str]) -> Any:
 
 
 def checked_start(variable: Variable, value: Any, place: str) -> Any:
-    """Give a start value of the variable's type and shape; raises ParameterInvalid.
+    """Return a start value of the variable's type and shape; raises ParameterInvalid.
 
     Beyond `flat_array`, refuses numbers that are not finite or outside [min, max].
     """
@@ -114,13 +190,24 @@ def checked_start(variable: Variable, value: Any, place: str) -> Any:
     except FmuError as error:
         raise ParameterInvalid(str(error)) from None
     if flat.dtype != object:
-        low = -np.inf if variable.min is None else variable.min
-        high = np.inf if variable.max is None else variable.max
         if not np.all(np.isfinite(flat)):
             raise ParameterInvalid(f"{place}: {value!r}; expected a finite number")
-        if np.any(flat < low) or np.any(flat > high):
+        if not all(is_within(variable, x) for x in flat.tolist()):
             unit = f" {variable.unit_text}" if variable.unit_text else ""
             raise ParameterInvalid(
-                f"{place}: {value!r} is out of range; expected [{low:g}, {high:g}]{unit}"
+                f"{place}: {value!r} is out of range; expected {range_text(variable)}{unit}"
             )
     return flat.reshape(variable.shape) if variable.shape else flat[0]
+
+
+def is_within(variable: Variable, value: Any) -> bool:
+    """Return whether an element lies in [min, max]; integers are compared as such."""
+    low = variable.min is None or value >= variable.min
+    return low and (variable.max is None or value <= variable.max)
+
+
+def range_text(variable: Variable) -> str:
+    """Return ``[min, max]`` for a reader, with all digits of integers."""
+    ends = (-np.inf if variable.min is None else variable.min,
+            np.inf if variable.max is None else variable.max)  # fmt: skip
+    return f"[{', '.join(str(e) if isinstance(e, int) else f'{e:g}' for e in ends)}]"

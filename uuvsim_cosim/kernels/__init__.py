@@ -1,9 +1,34 @@
-"""A plan becomes one function: a system of declarations compiled over lanes of environments.
+"""Fused kernels: a system of declarations compiled into one function over many environments.
 
-The C around what is generated lies in the folder ``fmus/kernels/`` at the top.
+Its text is written in `codegen/`, its derivatives are in `derivatives/`; a whole system as one FMU
+is in `system_fmu/`. The C around what is generated lies in ``fmus/kernels/`` at the top. It may
+import `orchestrator`, `fmus`, `models`. Start with `kernel.py`, then `batch/batch.py`.
 """
 
-from uuvsim_cosim.kernels.batch import Batch
-from uuvsim_cosim.kernels.kernel import Kernel, fuse
+from __future__ import annotations
 
-__all__ = ["Batch", "Kernel", "fuse"]
+from typing import TYPE_CHECKING
+
+from uuvsim_cosim.lazy import lazy
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.kernels.batch.batch import Batch
+    from uuvsim_cosim.kernels.derivatives.autograd import rollout
+    from uuvsim_cosim.kernels.kernel import Kernel, fuse
+
+__all__ = [
+    "Batch",
+    "Kernel",
+    "fuse",
+    "rollout",
+]
+
+__getattr__, __dir__ = lazy(
+    __name__,
+    {
+        "Batch": "batch.batch",
+        "Kernel": "kernel",
+        "fuse": "kernel",
+        "rollout": "derivatives.autograd",
+    },
+)

@@ -4,32 +4,27 @@ from __future__ import annotations
 
 import ctypes
 import os
-import platform
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from functools import cached_property, lru_cache
+from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, final
+from typing import Any, final
 
 import numpy as np
 
-from uuvsim_cosim.cache import cache_dir, content_hash, intact, keep
-from uuvsim_cosim.content import content
+from uuvsim_cosim.cache import content_hash
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.description import Variable
-from uuvsim_cosim.fmus.lowering import runtime
-from uuvsim_cosim.fmus.toolchain import compile_shared, compiler
-from uuvsim_cosim.kernels.declaration_text import declaration_text
-from uuvsim_cosim.kernels.driver_text import driver_text
-from uuvsim_cosim.kernels.fusible import Fused, fused_of
-from uuvsim_cosim.orchestrator.flatten import flatten
-from uuvsim_cosim.orchestrator.system import System
-
-if TYPE_CHECKING:
-    from uuvsim_cosim.kernels.batch import Batch, Seeds
-    from uuvsim_cosim.kernels.derivative import Derivative
-    from uuvsim_cosim.kernels.derivative_text import Mode
-    from uuvsim_cosim.kernels.rollout import Values
+from uuvsim_cosim.kernels.batch.batch import Batch, Seeds
+from uuvsim_cosim.kernels.codegen.compilation import compiled, compiled_draws, processor_flags
+from uuvsim_cosim.kernels.codegen.declaration import declaration_text
+from uuvsim_cosim.kernels.codegen.derivative import Mode
+from uuvsim_cosim.kernels.codegen.driver import driver_text
+from uuvsim_cosim.kernels.codegen.fusible import Fused, fused_of
+from uuvsim_cosim.kernels.derivatives.derivative import Derivative
+from uuvsim_cosim.kernels.derivatives.rollout import Rollout, Values, jvp, vjp
+from uuvsim_cosim.orchestrator.plan.flatten import flatten
+from uuvsim_cosim.orchestrator.system.system import System
+from uuvsim_cosim.share import compute_in_threads
 
 __all__ = ["Kernel", "fuse"]
 
@@ -76,19 +71,19 @@ class Kernel:
         texts = [declaration_text(fused.equations[s], dtype) for s in fused.sources]
         names = [fused.equations[s].layout.model.name for s in fused.sources]
         driver = driver_text(fused, [content_hash([t, *flags]) for t in texts])
-        workers = max(1, min(len(texts) + 1, os.cpu_count() or 1))
-        with ThreadPoolExecutor(workers) as pool:
-            longest_first = sorted(range(len(texts)), key=lambda i: -len(texts[i]))
-            built = {i: pool.submit(_compiled, names[i], texts[i], flags) for i in longest_first}
-            driven = pool.submit(_compiled, "kernel", driver, flags)
-            drawn = pool.submit(_compiled_draws, draws_flags) if single else None
-            path = driven.result()
-            paths = [built[i].result() for i in range(len(texts))]
-        self.c = ctypes.CDLL(str(path))
+        jobs: dict[int | str, Callable[[], Path]] = {
+            i: partial(compiled, names[i], texts[i], flags) for i in range(len(texts))
+        }
+        jobs["driver"] = partial(compiled, "kernel", driver, flags)
+        if single:
+            jobs["draws"] = partial(compiled_draws, draws_flags)
+        longest_first = sorted(jobs, key=lambda i: -len(texts[i]) if isinstance(i, int) else 0)
+        built = dict(compute_in_threads(lambda i: jobs[i](), longest_first, os.cpu_count() or 1))
+        self.c = ctypes.CDLL(str(built["driver"]))
         _declare(self.c)
-        self._libraries = [ctypes.CDLL(str(p)) for p in paths]
-        if drawn is not None:
-            draws = ctypes.CDLL(str(drawn.result()))
+        self._libraries = [ctypes.CDLL(str(built[i])) for i in range(len(texts))]
+        if single:
+            draws = ctypes.CDLL(str(built["draws"]))
             for library in self._libraries:
                 place = ctypes.c_void_p.in_dll(library, "uuv_the_lane_draws")
                 place.value = ctypes.cast(draws.uuv_float_draws, ctypes.c_void_p).value
@@ -99,7 +94,7 @@ class Kernel:
 
     @cached_property
     def variables(self) -> Mapping[str, Variable]:
-        """Give every variable by its full name, "hull.eta"."""
+        """Return every variable by its full name, "hull.eta"."""
         return {
             f"{c.path}.{name}": v
             for c in self.fused.plan.components
@@ -119,8 +114,6 @@ class Kernel:
         `seeds` is a system seed for each, or one s for s, s + 1, …; by default 0, 1, …. `start`
         names start values ("hull.eta_0"): of the variable's shape, or one row an environment.
         """
-        from uuvsim_cosim.kernels.batch import Batch
-
         return Batch(self, n_envs, seeds=seeds, start=start, threads=threads)
 
     def jvp(
@@ -132,68 +125,26 @@ class Kernel:
         steps: int,
         **more: Any,
     ) -> tuple[Values, Values]:
-        """Give outputs at the end of every step, and their derivative along `tangents`.
+        """Return outputs at the end of every step, and their derivative along `tangents`.
 
         `start` and `more` are what `Rollout` takes: n_envs, inputs, seeds, threads.
         """
-        from uuvsim_cosim.kernels.rollout import Rollout, jvp
-
         return jvp(Rollout(self, start, outputs, steps=steps, **more), tangents)
 
     def vjp(
         self, start: Mapping[str, Any], outputs: Sequence[str], *, steps: int, **more: Any
     ) -> tuple[Values, Callable[[Mapping[str, Any]], Values]]:
-        """Give outputs at the end of every step, and a function that pulls gradients back.
+        """Return outputs at the end of every step, and a function that pulls gradients back.
 
         `start` and `more` are what `Rollout` takes: n_envs, inputs, seeds, threads.
         """
-        from uuvsim_cosim.kernels.rollout import Rollout, vjp
-
         return vjp(Rollout(self, start, outputs, steps=steps, **more))
 
     def derivative(self, mode: Mode) -> Derivative:
         """Compile the tangents, or adjoints, of a step; once, when first asked for."""
-        from uuvsim_cosim.kernels.derivative import Derivative
-
         if mode not in self._derivatives:
             self._derivatives[mode] = Derivative(self, mode)
         return self._derivatives[mode]
-
-
-def _compiled(name: str, text: str, flags: tuple[str, ...]) -> Path:
-    folder = cache_dir("generated", content_hash([text]))
-    path = folder / f"{name}.c"
-    if not intact(path):
-        keep(path, text.encode())
-    include = [content("fmus", "kernels"), runtime()]
-    return compile_shared([path], name=f"{name}_lanes", include=include, flags=flags)
-
-
-def _compiled_draws(flags: tuple[str, ...]) -> Path:
-    source = content("fmus", "kernels") / "float_draws.c"
-    include = [content("fmus", "kernels"), runtime()]
-    return compile_shared([source], name="float_draws", include=include, flags=flags)
-
-
-@lru_cache
-def _processor() -> str:
-    """Identify this machine's processor: what is compiled for it runs on no other."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().split("\n\n", 1)[0].splitlines()
-    except OSError:
-        return content_hash([platform.machine(), platform.processor(), platform.node()])[:16]
-    wanted = ("model name", "flags", "Features", "CPU part", "CPU implementer", "isa")
-    return content_hash([line for line in lines if line.startswith(wanted)])[:16]
-
-
-def processor_flags(baseline: bool) -> tuple[str, ...]:
-    """Give the compiler's options for this machine's processor, or none for every one."""
-    if baseline:
-        return ()
-    zig = "ziglang" in compiler()[0]
-    arm = platform.machine().lower() in ("aarch64", "arm64")
-    option = "-mcpu=native" if zig or arm else "-march=native"
-    return option, f"-DUUV_PROCESSOR=0x{_processor()}"  # the latter for the cache's key alone
 
 
 def _declare(c: ctypes.CDLL) -> None:

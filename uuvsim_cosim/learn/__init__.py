@@ -1,32 +1,59 @@
-"""Agents that learn in the environments, and policies that leave as components."""
+"""Learning: algorithms, trainings, curricula, datasets, and policies that leave as components.
+
+It may import `envs`, `bridge`, `kernels`, `scene`, `orchestrator` and below; torch comes with the
+extra `learn` and is imported where it is used. Start with `training/train.py`, then
+`algorithms/ppo.py` and `policies/policy.py`.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from uuvsim_cosim.lazy import lazy
 
 if TYPE_CHECKING:
-    from uuvsim_cosim.learn.curricula import CURRICULA
-    from uuvsim_cosim.learn.curriculum import Curriculum, Promotion, Stage, train_curriculum
-    from uuvsim_cosim.learn.policy import Policy
+    from uuvsim_cosim.learn.data.collect import collect
+    from uuvsim_cosim.learn.offline.offline import train_offline
+    from uuvsim_cosim.learn.paper.anticipation import Anticipating
+    from uuvsim_cosim.learn.policies.policy import Policy
+    from uuvsim_cosim.learn.shared.task_ids import make_task
+    from uuvsim_cosim.learn.training.curricula import CURRICULA
+    from uuvsim_cosim.learn.training.curriculum import Curriculum, Promotion, Stage
+    from uuvsim_cosim.learn.training.loading import acting_in, load_policies
+    from uuvsim_cosim.learn.training.train import train
+    from uuvsim_cosim.learn.training.train_curriculum import train_curriculum
 
-__all__ = ["CURRICULA", "Curriculum", "Policy", "Promotion", "Stage", "train_curriculum"]
+__all__ = [
+    "CURRICULA",
+    "Anticipating",
+    "Curriculum",
+    "Policy",
+    "Promotion",
+    "Stage",
+    "acting_in",
+    "collect",
+    "load_policies",
+    "make_task",
+    "train",
+    "train_curriculum",
+    "train_offline",
+]
 
-_HOME = {
-    "CURRICULA": "curricula",
-    "Curriculum": "curriculum",
-    "Policy": "policy",
-    "Promotion": "curriculum",
-    "Stage": "curriculum",
-    "train_curriculum": "curriculum",
-}
-
-
-def __getattr__(name: str) -> Any:
-    """Import a public name on first use."""
-    from importlib import import_module
-
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
-    globals()[name] = value
-    return value
+__getattr__, __dir__ = lazy(
+    __name__,
+    {
+        "Anticipating": "paper.anticipation",
+        "CURRICULA": "training.curricula",
+        "Curriculum": "training.curriculum",
+        "Policy": "policies.policy",
+        "Promotion": "training.curriculum",
+        "Stage": "training.curriculum",
+        "acting_in": "training.loading",
+        "collect": "data.collect",
+        "load_policies": "training.loading",
+        "make_task": "shared.task_ids",
+        "train": "training.train",
+        "train_curriculum": "training.train_curriculum",
+        "train_offline": "offline.offline",
+    },
+)

@@ -1,12 +1,16 @@
-"""Many runs of one system: grids, Monte Carlo, and how sure their means are."""
+"""Studies: many runs of one system (grids, Monte Carlo), and how sure their means are.
+
+Parameters are fitted to recordings in `identification/`. It may import `envs`, `bridge`, `kernels`,
+`scene`, `orchestrator` and below. Start with `study.py`, then `metric.py`.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
+from uuvsim_cosim.studies.result import StudyResult
 from uuvsim_cosim.studies.study import Study, StudyInterrupted
-from uuvsim_cosim.studies.study_result import StudyResult
 
 __all__ = ["Study", "StudyInterrupted", "StudyResult", "study"]
 

@@ -29,7 +29,7 @@ class Interval:
 
 
 def interval(values: Sequence[float] | Array) -> Interval:
-    """Give the mean and its percentile bootstrap interval (Efron 1979), 2000 resamples."""
+    """Return the mean and its percentile bootstrap interval (Efron 1979), 2000 resamples."""
     x = np.sort(np.asarray(values, dtype=float))
     x = x[np.isfinite(x)]
     n = len(x)
@@ -52,7 +52,7 @@ def interval(values: Sequence[float] | Array) -> Interval:
 
 
 def rank_correlation(x: Array, y: Array, point: NDArray[np.int64]) -> float:
-    """Give Spearman's correlation within grid points, pooled; NaN if one of them never varies.
+    """Return Spearman's correlation within grid points, pooled; NaN if one of them never varies.
 
     Ranks are taken among the finite pairs of a point, so that differences between points do not
     count. `point` never falls.

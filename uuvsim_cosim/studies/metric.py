@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from fractions import Fraction
 from typing import Any, final
 
@@ -14,8 +13,10 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.description import Description
-from uuvsim_cosim.orchestrator.endpoints import resolve_endpoint
-from uuvsim_cosim.orchestrator.values import Misfit
+from uuvsim_cosim.models.declaration.element_names import element_names
+from uuvsim_cosim.models.declaration.near_names import expected_names
+from uuvsim_cosim.orchestrator.values.endpoints import resolve_endpoint
+from uuvsim_cosim.orchestrator.values.values import Misfit
 from uuvsim_cosim.studies.metric_nodes import (
     POINTWISE,
     REDUCTIONS,
@@ -58,12 +59,11 @@ class ReadMetric:
     @property
     def columns(self) -> tuple[str, ...]:
         """Name its numbers: by its name, and by the element if there are several."""
-        if self.root.size == 1:
-            return (self.name,)
-        return tuple(f"{self.name}[{i + 1}]" for i in range(self.root.size))
+        n = self.root.size
+        return tuple(element_names(self.name, (n,) if n > 1 else ()))
 
     def value(self, time: NDArray[np.float64], courses: Courses) -> list[float]:
-        """Give its numbers from the courses of one run; NaN if no sample is in its window."""
+        """Return its numbers from the courses of one run; NaN if no sample is in its window."""
         end = time[-1] if self.metric.until is None else float(self.metric.until)
         inside = (time >= float(self.metric.after)) & (time <= end)
         if not inside.any():
@@ -152,8 +152,7 @@ class _Parser:
 
     def _call(self, name: str) -> Node:
         if name not in FUNCTIONS:
-            near = get_close_matches(name, FUNCTIONS, 1, 0.5) or FUNCTIONS
-            raise self._wrong(f"function {name!r}", f"one of {', '.join(near)}")
+            raise self._wrong(f"function {name!r}", expected_names(name, FUNCTIONS))
         begin = self.at
         self._next()
         self._must("(")

@@ -31,15 +31,15 @@ class Node(ABC):
 
     @abstractmethod
     def value(self, time: Array, courses: Courses) -> Array:
-        """Give its value, of shape (T, size), or (size,) if it is no course."""
+        """Return its value, of shape (T, size), or (size,) if it is no course."""
 
     @property
     def parts(self) -> tuple[Node, ...]:
-        """Give what it is made of."""
+        """Return what it is made of."""
         return ()
 
     def signals(self) -> Iterator[str]:
-        """Give the variables that it reads."""
+        """Return the variables that it reads."""
         for part in self.parts:
             yield from part.signals()
 
@@ -52,7 +52,7 @@ class Number(Node):
     number: float = 0.0
 
     def value(self, time: Array, courses: Courses) -> Array:
-        """Give the number."""
+        """Return the number."""
         return np.array([self.number])
 
 
@@ -65,11 +65,11 @@ class Signal(Node):
     elements: tuple[int, ...] = ()
 
     def value(self, time: Array, courses: Courses) -> Array:
-        """Give its course."""
+        """Return its course."""
         return courses[self.name][:, list(self.elements)]
 
     def signals(self) -> Iterator[str]:
-        """Give its name."""
+        """Return its name."""
         yield self.name
 
 
@@ -94,11 +94,11 @@ class Operation(Node):
 
     @property
     def parts(self) -> tuple[Node, ...]:
-        """Give both."""
+        """Return both."""
         return self.left, self.right
 
     def value(self, time: Array, courses: Courses) -> Array:
-        """Give the result."""
+        """Return the result."""
         a, b = self.left.value(time, courses), self.right.value(time, courses)
         with np.errstate(all="ignore"):
             return np.asarray(OPERATIONS[self.sign](a, b))
@@ -129,11 +129,11 @@ class Pointwise(Node):
 
     @property
     def parts(self) -> tuple[Node, ...]:
-        """Give its argument."""
+        """Its argument."""
         return (self.of,)
 
     def value(self, time: Array, courses: Courses) -> Array:
-        """Give the function's value."""
+        """Return the function's value."""
         with np.errstate(all="ignore"):
             return POINTWISE[self.function](self.of.value(time, courses))
 
@@ -176,11 +176,11 @@ class Reduction(Node):
 
     @property
     def parts(self) -> tuple[Node, ...]:
-        """Give its argument."""
+        """Its argument."""
         return (self.of,)
 
     def value(self, time: Array, courses: Courses) -> Array:
-        """Give the numbers."""
+        """Return the numbers."""
         x = np.broadcast_to(self.of.value(time, courses), (len(time), self.of.size))
         columns = (np.ascontiguousarray(x[:, i]) for i in range(self.of.size))
         try:

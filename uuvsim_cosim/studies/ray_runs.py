@@ -7,7 +7,7 @@ import pickle
 from collections.abc import Sequence
 from typing import Any, Literal, final
 
-from uuvsim_cosim.cluster import Cluster
+from uuvsim_cosim.cluster.ray_cluster import Cluster
 from uuvsim_cosim.studies.simulate_runs import (
     KernelRuns,
     MasterRuns,
@@ -27,7 +27,7 @@ _made: dict[tuple[str, str, int], Simulated] = {}  # of a worker's process
 def ray_runs(
     cluster: Cluster, script: Script, by: Literal["kernel", "master"], n: int
 ) -> list[Simulated]:
-    """Give as many as keep the cluster busy; a kernel's batch has `n` places."""
+    """Return as many as keep the cluster busy; a kernel's batch has `n` places."""
     content = pickle.dumps(script)
     key = (hashlib.blake2b(content, digest_size=16).hexdigest(), by, n)
     kept = cluster.put(content)

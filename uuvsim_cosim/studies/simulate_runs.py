@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import ComponentFailed, LoopNotConverged, UuvsimError
-from uuvsim_cosim.orchestrator.flatten import flatten
-from uuvsim_cosim.orchestrator.master import Master
-from uuvsim_cosim.orchestrator.prepared import prepare
-from uuvsim_cosim.orchestrator.system import System
+from uuvsim_cosim.fmus.description_xml import DTYPES
+from uuvsim_cosim.orchestrator.master.master import Master
+from uuvsim_cosim.orchestrator.master.prepared import prepare
+from uuvsim_cosim.orchestrator.plan.flatten import flatten
+from uuvsim_cosim.orchestrator.system.system import System
 from uuvsim_cosim.studies.metric import ReadMetric
 
 __all__ = ["KernelRuns", "MasterRuns", "Outcome", "Script", "Simulated"]
@@ -39,22 +40,22 @@ class Script:
 
     @property
     def ticks(self) -> list[int]:
-        """Give the communication points that are sampled; the last is the end."""
+        """The communication points that are sampled; the last is the end."""
         return [*range(0, self.steps, self.every), self.steps]
 
     @property
     def time(self) -> Array:
-        """Give their times [s], as the master labels them."""
+        """Return their times [s], as the master labels them."""
         tick = Fraction(self.system.tick)
         return np.array([k * tick.numerator for k in self.ticks]) / float(tick.denominator)
 
     def judged(self, courses: Mapping[str, Array]) -> list[float]:
-        """Give the numbers of all metrics from the courses of one run."""
+        """Return the numbers of all metrics from the courses of one run."""
         return [x for m in self.metrics for x in m.value(self.time, courses)]
 
     @property
     def n_numbers(self) -> int:
-        """Give how many numbers a run is judged by."""
+        """Return how many numbers a run is judged by."""
         return sum(m.root.size for m in self.metrics)
 
 
@@ -104,7 +105,7 @@ class MasterRuns:
         script = self.script
         try:
             if self._master is None:
-                self._master = Master(self._plan, self._instantiate)
+                self._master = Master(self._plan, self._instantiate, measured=False)
                 self._master.initialize()
             master = self._master
             master.reset(seed, self._by_component(start))
@@ -135,8 +136,7 @@ class MasterRuns:
         for name, value in start.items():
             path, own = self._split(name)
             kind = variables[path][own].type
-            dtype = {"Float64": float, "Float32": np.float32, "Boolean": bool}.get(kind, np.int64)
-            array = np.asarray(value).astype(dtype)
+            array = np.asarray(value).astype(DTYPES[kind])
             found.setdefault(path, {})[own] = array if array.ndim else array.item()
         return found
 

@@ -25,21 +25,25 @@ import numpy as np
 
 from uuvsim_cosim._version import __version__
 from uuvsim_cosim.cache import content_hash
-from uuvsim_cosim.envs.distributions import Choice
-from uuvsim_cosim.envs.randomisation import Randomisation, Vary
-from uuvsim_cosim.envs.randomisation_targets import Places, varies
-from uuvsim_cosim.errors import InputInvalid, SystemInvalid
-from uuvsim_cosim.orchestrator.snapshot import plan_hash
-from uuvsim_cosim.orchestrator.system import System
+from uuvsim_cosim.envs.randomisation.distributions import Choice
+from uuvsim_cosim.envs.randomisation.randomisation import Randomisation, Vary
+from uuvsim_cosim.envs.randomisation.targets import Places, varies
+from uuvsim_cosim.errors import InputInvalid, SystemInvalid, UuvsimError
+from uuvsim_cosim.orchestrator.master.snapshot import plan_hash
+from uuvsim_cosim.orchestrator.plan.loop_gain import delay_remark, estimated_gain
+from uuvsim_cosim.orchestrator.plan.loop_policy import hops_of
+from uuvsim_cosim.orchestrator.system.elements import Loops
+from uuvsim_cosim.orchestrator.system.system import System
+from uuvsim_cosim.studies.folder import StudyFolder
 from uuvsim_cosim.studies.metric import Metric, read_metric
+from uuvsim_cosim.studies.result import StudyResult, result_of
+from uuvsim_cosim.studies.run_table import Runs
 from uuvsim_cosim.studies.simulate_runs import KernelRuns, MasterRuns, Script, Simulated
-from uuvsim_cosim.studies.study_folder import StudyFolder
-from uuvsim_cosim.studies.study_result import StudyResult, result_of
-from uuvsim_cosim.studies.study_runs import Runs
-from uuvsim_cosim.studies.study_size import check_runs, check_samples
+from uuvsim_cosim.studies.size import check_samples, check_seeds
+from uuvsim_cosim.studies.yaml_file import read_study
 
 if TYPE_CHECKING:
-    from uuvsim_cosim.cluster import Cluster
+    from uuvsim_cosim.cluster.ray_cluster import Cluster
 
 __all__ = ["Study", "StudyInterrupted"]
 
@@ -87,7 +91,7 @@ class Study:
                     f"{what}: {float(value):g} s; expected a whole number of communication steps "
                     f"of {float(tick):g} s"
                 )
-        self.seeds = _seeds(seeds)
+        self.seeds = check_seeds(seeds)
         drawn = parameters if isinstance(parameters, Randomisation) else Randomisation(parameters)
         self.drawn = drawn.bound(system)
         self.grid = varies(grid, "grid")
@@ -111,11 +115,16 @@ class Study:
             raise InputInvalid(f"metrics: {twice[0]!r} names a parameter too; expected a new name")
 
     @classmethod
-    def read(cls, path: str | Path) -> Study:
-        """Read a study file; raises InputInvalid with every mistake and its line."""
-        from uuvsim_cosim.studies.study_file import read_study
+    def read(cls, path: str | Path, loops: Loops | None = None) -> Study:
+        """Read a study file; raises InputInvalid with every mistake and its line.
 
-        return read_study(Path(path))
+        `loops` is the policy for algebraic loops instead of the file's.
+        """
+        options = read_study(Path(path), loops)
+        try:
+            return cls(**options)
+        except UuvsimError as error:
+            raise InputInvalid(f"{path}: {error}") from None
 
     def run(
         self,
@@ -165,13 +174,16 @@ class Study:
             finally:
                 for each in simulated:
                     each.close()
-        remarks = list(dict.fromkeys([*remarks, *self._places.plan.warnings]))
+        remarks = list(dict.fromkeys([*remarks, *self._places.plan.warnings, *self._delayed()]))
         wall = time.perf_counter() - began
-        return result_of(self, folder, remarks, backend=used, resumed=resumed, wall_time=wall)
+        return result_of(
+            folder, self.runs, self.script, remarks, name=self.name, backend=used, resumed=resumed,
+            wall_time=wall,
+        )  # fmt: skip
 
     @property
     def asked(self) -> dict[str, Any]:
-        """Give what makes it this study and no other."""
+        """Return what makes it this study and no other."""
         plan = self._places.plan
         start = [
             f"{c.path} {v.name} {np.asarray(c.start.get(v.name, v.start)).tolist()!r}"
@@ -198,6 +210,13 @@ class Study:
 
     # ---- inside ---------------------------------------------------------------------------
 
+    def _delayed(self) -> list[str]:
+        """Say which delayed loops do not converge, by their gain at the system's start values."""
+        plan = self._places.plan
+        loops = [x for x in plan.algebraic_loops if not (x.iterated or x.undeclared)]
+        said = [delay_remark(hops_of(plan, x), estimated_gain(plan, x)) for x in loops]
+        return [s for s in said if s]
+
     def _check_windows(self) -> None:
         for name, m in self.metrics.items():
             end = self.duration if m.until is None else m.until
@@ -209,22 +228,22 @@ class Study:
 
     @property
     def _width(self) -> int:
-        """Give how many numbers metrics read of each sample."""
+        """Return how many numbers metrics read of each sample."""
         return sum(self._places.variables[s].size for s in self.script.signals)
 
     @cached_property
     def _most(self) -> int:
-        """Give how many runs fit into memory at once."""
+        """Return how many runs fit into memory at once."""
         return max(8, int(MEMORY / (8 * len(self.script.ticks) * max(self._width, 1))) // 8 * 8)
 
     def _batch(self, n: int, batch: int | None, parts: int) -> int:
-        """Give how many runs a kernel simulates at once."""
+        """Return how many runs a kernel simulates at once."""
         return batch or min(self._most, max(8, 8 * math.ceil(n / max(PARTS, parts) / 8)), 512)
 
     def _simulated(
         self, backend: Backend, jobs: int, n: int, size: int, cluster: Cluster | None
     ) -> tuple[list[Simulated], str, str]:
-        """Give what simulates, its name, and why it is not a kernel."""
+        """Return what simulates, its name, and why it is not a kernel."""
         why = ""
         if backend != "master":
             try:
@@ -246,8 +265,8 @@ class Study:
             return ray_runs(cluster, self.script, "master", n), "master", why
         if min(jobs, n) == 1:
             return [MasterRuns(self.script)], "master", why
-        from uuvsim_cosim.orchestrator.master import Master
-        from uuvsim_cosim.orchestrator.prepared import prepare
+        from uuvsim_cosim.orchestrator.master.master import Master
+        from uuvsim_cosim.orchestrator.master.prepared import prepare
         from uuvsim_cosim.studies.worker import ProcessRuns
 
         plan = self._places.plan
@@ -266,7 +285,7 @@ class Study:
         self, simulated: list[Simulated], left: list[int], folder: StudyFolder, most: int,
         progress: Progress | None,
     ) -> None:  # fmt: skip
-        from uuvsim_cosim.studies.share import share
+        from uuvsim_cosim.share import share
 
         chunks = [left[i : i + most] for i in range(0, len(left), most)]
         count = self.runs.n - len(left)
@@ -283,21 +302,3 @@ class Study:
             count += len(chunk)
             if progress is not None:
                 progress("running", count, self.runs.n)
-
-
-def _seeds(given: int | Sequence[int]) -> tuple[int, ...]:
-    if isinstance(given, int) and not isinstance(given, bool):
-        if given < 1:
-            raise InputInvalid(f"seeds: {given}; expected at least 1, or a list of seeds")
-        check_runs(1, given)
-        return tuple(range(given))
-    listed: tuple[int, ...] = ()
-    if isinstance(given, Sequence) and not isinstance(given, str):
-        check_runs(1, len(given))
-        listed = tuple(given)
-    whole = [s for s in listed if isinstance(s, int) and not isinstance(s, bool)]
-    if not listed or len(whole) != len(listed) or len(set(listed)) != len(listed):
-        raise InputInvalid(
-            f"seeds: {given!r}; expected a number of them, or distinct whole numbers"
-        )
-    return listed

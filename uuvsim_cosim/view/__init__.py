@@ -1,1 +1,5 @@
-"""What a person looks at: figures of merit, plots, the one-file report and block diagrams."""
+"""Views: figures of merit, plots, reports, block diagrams, and runs in three dimensions.
+
+It may import `envs`, `bridge`, `kernels`, `scene`, `orchestrator` and below. Start with
+`reports/report.py`, `scene3d/scene.py`, `diagram/diagram.py`.
+"""

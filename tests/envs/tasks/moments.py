@@ -38,7 +38,7 @@ class ArrayMoment:
         return self.signals[name]
 
     def rows(self, chosen: Any) -> ArrayMoment:
-        """Give the moment of some of the environments."""
+        """Return the moment of some of the environments."""
         return ArrayMoment(
             {k: v[chosen] for k, v in self.signals.items()},
             {k: v[chosen] for k, v in self.action.items()},

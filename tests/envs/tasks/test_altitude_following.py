@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from tests.envs.tasks.moments import ArrayMoment
-from uuvsim_cosim.envs.draws import Draws
+from uuvsim_cosim.envs.task.draws import Draws
 from uuvsim_cosim.envs.tasks import AltitudeFollowing, evaluate, scripted_policy
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.scene.cast import Caster
+from uuvsim_cosim.scene.shared.ray_casting import Caster
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +20,7 @@ def task() -> AltitudeFollowing:
 
 
 def moment(task: AltitudeFollowing, above: float, echo: float, ahead: float) -> ArrayMoment:
-    """Give a level vehicle, `above` the seabed of the origin, and its echoes."""
+    """Return a level vehicle, `above` the seabed of the origin, and its echoes."""
     eta = np.zeros((1, 6))
     eta[0, 2] = Caster(task.scene).height(0.0, 0.0) - above
     one = np.ones(1)
@@ -73,7 +73,7 @@ def test_the_yardstick_follows_the_hills_and_knows_the_slope_ahead(task: Altitud
         ({"scene": 3}, "scene: 3; expected the name of a scene"),
         ({"altitude": 0.5}, r"altitude \[m\]: 0.5; expected a number, 1 to 20"),
         ({"speed": 1}, r"speed \[m/s\]: 1; expected \(least, greatest\)"),
-        ({"altitud": 3}, "option 'altitud'; expected one of altitude"),
+        ({"altitud": 3}, "option 'altitud'; expected one such as altitude"),
     ],
 )
 def test_options_that_cannot_be_meant_are_refused(options: dict[str, Any], words: str) -> None:

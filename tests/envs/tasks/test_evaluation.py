@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from uuvsim_cosim.envs import Channel, FunctionTask
-from uuvsim_cosim.envs.task import Task, TeamTask
+from uuvsim_cosim.envs.task.task import Task, TeamTask
 from uuvsim_cosim.envs.tasks import (
     DisturbanceRejection,
     StationKeeping,
@@ -15,11 +15,11 @@ from uuvsim_cosim.envs.tasks import (
     scripted_policy,
 )
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.orchestrator.shipped_tasks import task_system
+from uuvsim_cosim.orchestrator.shipped.tasks import task_system
 
 
 def counting(limit: float = np.inf) -> FunctionTask:
-    """Give 1 for each action; an episode ends after `limit` seconds, or those of its seed."""
+    """Return 1 for each action; an episode ends after `limit` seconds, or those of its seed."""
     return FunctionTask(
         task_system(),
         actions=[Channel("allocation.tau_d", -10, 10)],

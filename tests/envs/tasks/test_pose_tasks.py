@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 import uuvsim_cosim.envs  # noqa: F401  (registers the ids)
 from tests.envs.tasks.moments import ArrayMoment
-from uuvsim_cosim.envs.draws import Draws
-from uuvsim_cosim.envs.stage import Stage
+from uuvsim_cosim.envs.episodes.single_agent import Stage
+from uuvsim_cosim.envs.task.draws import Draws
 from uuvsim_cosim.envs.tasks import (
     DisturbanceRejection,
     StationKeeping,
@@ -20,7 +20,7 @@ from uuvsim_cosim.envs.tasks import (
     evaluate,
     scripted_policy,
 )
-from uuvsim_cosim.envs.tasks.frames import R_zyx, in_body, level, wrap
+from uuvsim_cosim.envs.tasks.coordinates import R_zyx, in_body, level, wrap
 from uuvsim_cosim.envs.tasks.pose import PoseTask
 from uuvsim_cosim.errors import InputInvalid
 
@@ -29,7 +29,7 @@ TASKS: list[type[PoseTask]] = [StationKeeping, TrajectoryFollowing, DisturbanceR
 
 
 def a_moment(n: int = 30, width: int = 6, seed: int = 0, turn: float = 0.0) -> ArrayMoment:
-    """Give random poses and a random reference; `turn` turns the world about D."""
+    """Return random poses and a random reference; `turn` turns the world about D."""
     rng = np.random.default_rng(seed)
     Q = R_zyx(np.array([[0.0, 0.0, turn]]))[0]
     near = [1.0, 1.0, 1.0, 0.3, 0.3, 3.0]
@@ -228,11 +228,11 @@ def test_the_ids_make_environments_of_one_and_of_many(id: str) -> None:
         (StationKeeping, {"current": "fast"}, r"current \[m/s\]: 'fast'; expected \(least, gre"),
         (StationKeeping, {"privileged": "no"}, "privileged: 'no'; expected True or False"),
         (StationKeeping, {"randomisation": ["hull.m"]}, "expected a Randomisation"),
-        (StationKeeping, {"awya": 1}, "StationKeeping: option 'awya'; expected one of away"),
+        (StationKeeping, {"awya": 1}, "StationKeeping: option 'awya'; expected one such as away"),
         (StationKeeping, {"xxx": 1}, "option 'xxx'; expected one of away, action, observation, "),
         (DisturbanceRejection, {"faults": 9}, "faults: 9; expected a whole number from 0 to 8"),
         (DisturbanceRejection, {"faults": 1.5}, "faults: 1.5; expected a whole number from 0 to 8"),
-        (DisturbanceRejection, {"guts": 1}, "option 'guts'; expected one of gust"),
+        (DisturbanceRejection, {"guts": 1}, "option 'guts'; expected one such as gust"),
         (TrajectoryFollowing, {"curves": ("circle",)}, r"\['circle'\]; expected some of lemnis"),
         (TrajectoryFollowing, {"curves": "line"}, "curves: 'line'; expected some of lemnis"),
         (TrajectoryFollowing, {"speed": 0.5}, r"speed \[m/s\]: 0.5; expected \(least, greatest\)"),

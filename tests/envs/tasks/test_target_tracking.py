@@ -12,19 +12,19 @@ from numpy.typing import NDArray
 
 import uuvsim_cosim.envs  # noqa: F401  (registers the ids)
 from tests.envs.tasks.moments import ArrayMoment
-from uuvsim_cosim.envs.draws import Draws
+from uuvsim_cosim.envs.episodes.multi_agent import TeamStage
 from uuvsim_cosim.envs.solo import Solo
+from uuvsim_cosim.envs.task.draws import Draws
 from uuvsim_cosim.envs.tasks import TargetTracking, evaluate, scripted_policy
 from uuvsim_cosim.envs.tasks.tracking_scenarios import SCENARIOS
 from uuvsim_cosim.envs.team import CosimParallelEnv
-from uuvsim_cosim.envs.team_stage import TeamStage
 from uuvsim_cosim.errors import InputInvalid
 
 Array = NDArray[np.float64]
 
 
 def a_moment(task: TargetTracking, n: int = 20, seed: int = 0, turn: float = 0.0) -> ArrayMoment:
-    """Give random poses; `turn` turns the world about D."""
+    """Return random poses; `turn` turns the world about D."""
     rng = np.random.default_rng(seed)
     c, s = np.cos(turn), np.sin(turn)
     R = np.array([[c, s], [-s, c]])
@@ -53,7 +53,7 @@ def a_moment(task: TargetTracking, n: int = 20, seed: int = 0, turn: float = 0.0
 
 
 def renamed(m: ArrayMoment, order: Mapping[str, str]) -> ArrayMoment:
-    """Give the moment with vehicles exchanged."""
+    """Return the moment with vehicles exchanged."""
 
     def own(signals: Mapping[str, Array]) -> dict[str, Array]:
         return {".".join([order.get(k.split(".")[0], k.split(".")[0]), *k.split(".")[1:]]): v
@@ -264,7 +264,7 @@ def test_the_start_values_of_all_parts_agree() -> None:
         ({"rules": {"edges": "near"}}, "rules, edges 'near'; expected one of range, exponential"),
         ({"rules": {"end_on_collision": 1}}, "rules, end_on_collision: 1; expected True or False"),
         ({"rules": 3}, "rules: 3; expected values by name"),
-        ({"trackers": 3}, "TargetTracking: option 'trackers'; expected one of n_trackers"),
+        ({"trackers": 3}, "TargetTracking: option 'trackers'; expected one such as n_trackers"),
     ],
 )
 def test_wrong_options_are_refused_in_a_sentence(options: dict[str, Any], message: str) -> None:
@@ -273,9 +273,9 @@ def test_wrong_options_are_refused_in_a_sentence(options: dict[str, Any], messag
 
 
 def test_a_scenario_says_which_options_there_are() -> None:
-    with pytest.raises(InputInvalid, match="option 'motoin'; expected one of motion"):
+    with pytest.raises(InputInvalid, match="option 'motoin'; expected one such as motion"):
         SCENARIOS["target"](motoin="flee")
-    with pytest.raises(InputInvalid, match="option 'motoin'; expected one of motion"):
+    with pytest.raises(InputInvalid, match="option 'motoin'; expected one such as motion"):
         gymnasium.make("uuvsim/TargetTrackingTarget-v0", motoin="flee")
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from uuvsim_cosim.envs.conformance import check
+from uuvsim_cosim.envs.conformance.suite import check
 from uuvsim_cosim.envs.tasks.tracking_scenarios import target, transition_2
 from uuvsim_cosim.envs.team import CosimParallelEnv
 

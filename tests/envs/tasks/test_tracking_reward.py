@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.draws import Draws
+from uuvsim_cosim.envs.task.draws import Draws
 from uuvsim_cosim.envs.tasks.tracking_reward import Scene, Terms, lambda_2, reward_terms
 from uuvsim_cosim.envs.tasks.tracking_rules import PROFILES, TrackingRules, rules_of
 from uuvsim_cosim.envs.tasks.tracking_start import Arena, legal_start
@@ -165,7 +165,7 @@ def test_a_heavy_vehicle_keeps_a_greater_distance() -> None:
 def test_wrong_names_are_refused_with_the_right_ones() -> None:
     with pytest.raises(InputInvalid, match="profile 'table2'; expected one of default, table1"):
         rules_of("table2", "pool8")
-    with pytest.raises(InputInvalid, match="no rule 'd_tt'; expected one of d_"):
+    with pytest.raises(InputInvalid, match="no rule 'd_tt'; expected one such as d_"):
         rules_of("default", "pool8", d_tt=1.0)
 
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.draws import Draws
+from uuvsim_cosim.envs.episodes.multi_agent import TeamStage
+from uuvsim_cosim.envs.task.draws import Draws
 from uuvsim_cosim.envs.tasks.pool_tracking import PoolTracking
 from uuvsim_cosim.envs.tasks.target_tracking import TargetTracking
-from uuvsim_cosim.envs.team_stage import TeamStage
 
 Array = NDArray[np.float64]
 SIGNS = {"mirror": (1.0, -1.0), "half turn": (-1.0, -1.0), "mirror and half turn": (-1.0, 1.0)}
@@ -38,7 +38,7 @@ class Seen(TargetTracking):
 
 
 def lived(image: str, signs: Array, **options: Any) -> tuple[Array, Array]:
-    """Give observations (k, N, n, d) and rewards of eight random actions, seen in the image."""
+    """Return observations (k, N, n, d) and rewards of eight random actions, seen in the image."""
     task = Seen(2, 2, motion="rest", rules={"credit": "own"}, **options)
     task.image = image
     stage, random = TeamStage(task, 6), np.random.default_rng(3)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from uuvsim_cosim.envs.draws import Draws
+from uuvsim_cosim.envs.task.draws import Draws
 from uuvsim_cosim.envs.tasks.disturbed import LATE, NOISE, THRUST, Disturbed
 from uuvsim_cosim.envs.tasks.evaluation import Evaluation, evaluate
 from uuvsim_cosim.envs.tasks.pool_tracking import PoolTracking
@@ -13,7 +13,7 @@ from uuvsim_cosim.envs.tasks.scripted import scripted_policy
 from uuvsim_cosim.envs.tasks.tracking_scenarios import transition_1
 from uuvsim_cosim.envs.team_vector import CosimTeamVectorEnv
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.learn.anticipation import Anticipating
+from uuvsim_cosim.learn.paper.anticipation import Anticipating
 
 N = 24
 
@@ -82,7 +82,7 @@ def test_wrong_options_are_refused() -> None:
         (Disturbed, {"thrust": 0.0}, "thrust"),
         (Disturbed, {"noise": float("nan")}, "noise"),
         (Disturbed, {"randomise": 1}, "expected True or False"),
-        (Disturbed, {"nois": 0.1}, "nois.*expected one of noise"),
+        (Disturbed, {"nois": 0.1}, "nois.*expected one such as noise"),
         (PoolTracking, {"loss": 1.5}, "loss"),
         (PoolTracking, {"n_trackers": 2}, "the system's own"),
     ):

@@ -1,8 +1,9 @@
 /* A first-order lag as an FMI 2.0 FMU, dy/dt = (k u - y) / T by Euler, that can also misbehave.
  *
  * From t >= fault_time on, `fault` makes do_step: 1 give NaN, 2 return error with a formatted
- * message, 3 abort, 4 discard, 5 return fatal, 6 never return, 9 write to address 0. BARE leaves
- * out all that a plain simulation does not need.
+ * message, 3 abort, 4 discard, 5 return fatal, 6 never return, 7 ask to end after the step, 9 write
+ * to address 0, 10 exit(0). With 11, fmi2GetFMUstate returns error. BARE leaves out all that a
+ * plain simulation does not need.
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -25,6 +26,7 @@ typedef struct {
     values v;
     fmi2CallbackFunctions callbacks;
     char name[64];
+    double reached;
 } instance;
 
 static void start(values *v) {
@@ -100,6 +102,10 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real h, fmi2Boolean final
 #endif
     instance *s = c;
     values *v = &s->v;
+#ifdef SHOWS_NO_RETURN
+    v->real[Y] = final; /* noSetFMUStatePriorToCurrentPoint */
+    return fmi2OK;
+#endif
     int fault = t >= v->real[FAULT_TIME] - 1e-12 ? v->integer[FAULT] : 0;
     if (fault == 1) v->real[Y] = 0.0 / (v->real[T] - v->real[T]);
     if (fault == 2)
@@ -109,6 +115,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real h, fmi2Boolean final
     if (fault == 2) return fmi2Error;
     if (fault == 3) abort();
     if (fault == 9) *(volatile int *)(size_t)(fault - 9) = 1; /* a segmentation fault */
+    if (fault == 10) exit(0);
     if (fault == 4) return fmi2Discard;
     if (fault == 5) return fmi2Fatal;
     while (fault == 6) {
@@ -117,7 +124,8 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real h, fmi2Boolean final
     }
     if (fault != 1 && v->on) v->real[Y] += h * (v->real[K] * v->real[U] - v->real[Y]) / v->real[T];
     v->integer[STEPS]++;
-    return fmi2OK;
+    s->reached = t + h;
+    return fault == 7 ? fmi2Discard : fmi2OK;
 }
 
 #ifndef BARE
@@ -169,6 +177,7 @@ fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference r[], size_t n
 }
 
 fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state) {
+    if (((instance *)c)->v.integer[FAULT] == 11) return fmi2Error;
     if (*state == NULL) *state = malloc(sizeof(values));
     memcpy(*state, &((instance *)c)->v, sizeof(values));
     return fmi2OK;
@@ -223,9 +232,17 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
         return fmi2Discard;                                                                  \
     }
 STATUS(, fmi2Status)
-STATUS(Real, fmi2Real)
 STATUS(Integer, fmi2Integer)
-STATUS(Boolean, fmi2Boolean)
+fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind k, fmi2Real *x) {
+    if (k != fmi2LastSuccessfulTime) return fmi2Discard;
+    *x = ((instance *)c)->reached;
+    return fmi2OK;
+}
+fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind k, fmi2Boolean *x) {
+    if (k != fmi2Terminated) return fmi2Discard;
+    *x = ((instance *)c)->v.integer[FAULT] == 7;
+    return fmi2OK;
+}
 STATUS(String, fmi2String)
 fmi2Status fmi2CancelStep(fmi2Component c) { return c ? fmi2Discard : fmi2Error; }
 fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference r[], size_t n,

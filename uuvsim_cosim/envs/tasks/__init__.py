@@ -1,8 +1,14 @@
-"""Tasks that ship: a vehicle at a pose, on a curve, against disturbances; target tracking."""
+"""Tasks that ship: a vehicle at a pose, on a curve, against disturbances; target tracking.
+
+It may import `envs.episodes`, `envs.randomisation`, `envs.plants`, `envs.task`, `envs.pictures`.
+Start reading with `pose.py`.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from uuvsim_cosim.lazy import lazy
 
 if TYPE_CHECKING:
     from uuvsim_cosim.envs.tasks.altitude_following import AltitudeFollowing
@@ -25,24 +31,16 @@ __all__ = [
     "scripted_policy",
 ]
 
-_HOME = {
-    "AltitudeFollowing": "altitude_following",
-    "DisturbanceRejection": "disturbance",
-    "StationKeeping": "station_keeping",
-    "TargetTracking": "target_tracking",
-    "TrackingRules": "tracking_rules",
-    "TrajectoryFollowing": "trajectory",
-    "evaluate": "evaluation",
-    "scripted_policy": "scripted",
-}
-
-
-def __getattr__(name: str) -> Any:
-    """Import a public name on first use."""
-    from importlib import import_module
-
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
-    globals()[name] = value
-    return value
+__getattr__, __dir__ = lazy(
+    __name__,
+    {
+        "AltitudeFollowing": "altitude_following",
+        "DisturbanceRejection": "disturbance",
+        "StationKeeping": "station_keeping",
+        "TargetTracking": "target_tracking",
+        "TrackingRules": "tracking_rules",
+        "TrajectoryFollowing": "trajectory",
+        "evaluate": "evaluation",
+        "scripted_policy": "scripted",
+    },
+)

@@ -10,15 +10,15 @@ from urllib.parse import quote
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.draws import Draws
-from uuvsim_cosim.envs.task import Moment
-from uuvsim_cosim.envs.tasks.frames import in_body
+from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.envs.task.task import Moment
+from uuvsim_cosim.envs.tasks.coordinates import in_body
 from uuvsim_cosim.envs.tasks.pose import PoseTask
 from uuvsim_cosim.envs.tasks.ranges import pair, within
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.orchestrator.shipped_tasks import ActedOn, Observed, task_system
-from uuvsim_cosim.orchestrator.system import System
-from uuvsim_cosim.scene.cast import Caster
+from uuvsim_cosim.orchestrator.shipped.tasks import ActedOn, Observed, task_system
+from uuvsim_cosim.orchestrator.system.system import System
+from uuvsim_cosim.scene.shared.ray_casting import Caster
 
 __all__ = ["FIRST", "AltitudeFollowing"]
 
@@ -70,7 +70,7 @@ class AltitudeFollowing(PoseTask):
         return _with_echoes(action, observation, reference, disturbances, self.scene)
 
     def wanted(self, m: Moment) -> Array:
-        """Give the moving point, at its height above the true seabed."""
+        """Return the moving point, at its height above the true seabed."""
         point = m["reference.eta_d"][:, [0, 1, 2, 5]].copy()
         depth = self._height(point) - self.altitude
         # Off the terrain's edge there is no height to keep: as deep as the vehicle is.
@@ -78,7 +78,7 @@ class AltitudeFollowing(PoseTask):
         return point
 
     def seen(self, m: Moment) -> Array:
-        """Give the point as the vehicle knows it: its depth by the echo from below."""
+        """Return the point as the vehicle knows it: its depth by the echo from below."""
         eta, point = m[f"{self.known}.eta"], m["reference.eta_d"][:, [0, 1, 2, 5]].copy()
         heard = m["echo_down.altitude"] * np.cos(eta[:, 3]) * np.cos(eta[:, 4])
         beyond = heard + PLACE[2] - self.altitude
@@ -86,7 +86,7 @@ class AltitudeFollowing(PoseTask):
         return point
 
     def more(self, m: Moment, R: Array) -> list[Array]:
-        """Give the course's velocity, and what the beam ahead says."""
+        """Return the course's velocity, and what the beam ahead says."""
         psi, U = m["reference.eta_d"][:, 5], m["reference.nu_d"][:, 0]
         v = np.column_stack([U * np.cos(psi), U * np.sin(psi), np.zeros(m.n)])
         down, ahead = (m[f"{e}.altitude"] for e in ECHOES)
@@ -95,16 +95,16 @@ class AltitudeFollowing(PoseTask):
         return [in_body(R, v), np.zeros((m.n, 1)), beyond[:, None], np.column_stack(heard)]
 
     def more_limits(self) -> list[float]:
-        """Give their limits."""
+        """Return their limits."""
         return [1.0] * 3 + [2.0, 20.0, 1.0, 1.0]
 
     def info(self, m: Moment) -> Mapping[str, NDArray[Any]]:
-        """Give the errors of `PoseTask`, and the altitude [m]."""
+        """Return the errors of `PoseTask`, and the altitude [m]."""
         eta = m["hull.eta"]
         return {**super().info(m), "altitude": self._height(eta) - eta[:, 2]}
 
     def _height(self, place: Array) -> Array:
-        """Give the seabed's depth below N and E (n, 2 or more) [m]."""
+        """Return the seabed's depth below N and E (n, 2 or more) [m]."""
         return _caster(self.scene).height(place[:, 0], place[:, 1])
 
     def start(self, draws: Draws) -> Mapping[str, Array]:
@@ -152,7 +152,7 @@ def _caster(scene: str) -> Caster:
 
 @lru_cache(maxsize=8)
 def _begins(scene: str, least: float) -> Array:
-    """Give the nodes (n, 2) where a course may begin: deep enough, and far from the edges."""
+    """Return the nodes (n, 2) where a course may begin: deep enough, and far from the edges."""
     g = _caster(scene).ground
     if min(g.z.shape) < 2:
         raise InputInvalid(f"scene {scene!r}: has no terrain; expected one to follow")

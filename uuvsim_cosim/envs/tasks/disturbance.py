@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.draws import Draws
-from uuvsim_cosim.envs.task import Moment
+from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.envs.task.task import Moment
 from uuvsim_cosim.envs.tasks.ranges import whole, within
 from uuvsim_cosim.envs.tasks.station_keeping import StationKeeping
 
@@ -36,11 +36,11 @@ class DisturbanceRejection(StationKeeping):
         super().__init__(disturbances=True, signals=("faults.health",), away=away, **options)
 
     def hidden(self, m: Moment, R: Array) -> list[Array]:
-        """Give each thruster's share of its thrust."""
+        """Return each thruster's share of its thrust."""
         return [m["faults.health"]]
 
     def hidden_limits(self) -> list[float]:
-        """Give their limits."""
+        """Return their limits."""
         return [2.0] * THRUSTERS
 
     def start(self, draws: Draws) -> Mapping[str, Array]:

@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.distributions import Uniform
-from uuvsim_cosim.envs.draws import Draws
-from uuvsim_cosim.envs.randomisation import Randomisation, Vary
+from uuvsim_cosim.envs.randomisation.distributions import Uniform
+from uuvsim_cosim.envs.randomisation.randomisation import Randomisation, Vary
+from uuvsim_cosim.envs.task.draws import Draws
 from uuvsim_cosim.envs.tasks.ranges import flag, within
 from uuvsim_cosim.envs.tasks.target_tracking import TargetTracking
-from uuvsim_cosim.models.preset import preset
-from uuvsim_cosim.orchestrator.shipped_tracking import LATENCY, target_tracking
-from uuvsim_cosim.orchestrator.system import System
+from uuvsim_cosim.models.declaration.preset import preset
+from uuvsim_cosim.orchestrator.shipped.tracking import LATENCY, target_tracking
+from uuvsim_cosim.orchestrator.system.system import System
 
 __all__ = ["Disturbed"]
 
@@ -90,7 +90,7 @@ class Disturbed(TargetTracking):
 
 @lru_cache(maxsize=8)
 def _system(n: int, vehicle: str, motion: str, obstacles: int) -> System:
-    """Give the task's system with links of every tick: what is not late is seen at once."""
+    """Return the task's system with links of every tick: what is not late is seen at once."""
     return target_tracking(
         n, vehicle=vehicle, motion=motion, obstacles=obstacles, links=True, link_period="0.02"
     )

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.plants import Backend
-from uuvsim_cosim.envs.stage import Stage
-from uuvsim_cosim.envs.task import Task, TeamTask
+from uuvsim_cosim.envs.episodes.multi_agent import TeamStage
+from uuvsim_cosim.envs.episodes.single_agent import Stage
+from uuvsim_cosim.envs.plants.choice import Backend
+from uuvsim_cosim.envs.task.task import Task, TeamTask
 from uuvsim_cosim.envs.tasks.scripted import Policy
-from uuvsim_cosim.envs.team_stage import TeamStage
 from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["Evaluation", "evaluate"]
@@ -31,7 +31,7 @@ class Evaluation:
     metrics: Mapping[str, Array]
 
     def summary(self) -> dict[str, float]:
-        """Give means over the episodes; of tracking, also `clean` and `success` as shares.
+        """Return means over the episodes; of tracking, also `clean` and `success` as shares.
 
         `clean` is the share of episodes without a penalty, `success` of those with track >= 0.9.
         """

@@ -13,19 +13,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.channel import Channel
-from uuvsim_cosim.envs.draws import Draws
-from uuvsim_cosim.envs.symmetry import Symmetry
-from uuvsim_cosim.envs.task import Moment
+from uuvsim_cosim.envs.task.channel import Channel
+from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.envs.task.symmetry import Symmetry
+from uuvsim_cosim.envs.task.task import Moment
 from uuvsim_cosim.envs.tasks.ranges import flag, within
 from uuvsim_cosim.envs.tasks.target_tracking import A_MAX, OMEGA_MAX, TargetTracking
 from uuvsim_cosim.envs.tasks.tracking_observation import Seen
 from uuvsim_cosim.envs.tasks.tracking_reward import Scene
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.models.preset import preset
-from uuvsim_cosim.orchestrator.shipped_pool import PACKET, pool_tracking
-from uuvsim_cosim.orchestrator.shipped_tracking import DEPTH, NOISE
-from uuvsim_cosim.orchestrator.system import System
+from uuvsim_cosim.models.declaration.preset import preset
+from uuvsim_cosim.orchestrator.shipped.pool import PACKET, pool_tracking
+from uuvsim_cosim.orchestrator.shipped.tracking import DEPTH, NOISE
+from uuvsim_cosim.orchestrator.system.system import System
 
 __all__ = ["PoolTracking"]
 
@@ -93,11 +93,11 @@ class PoolTracking(TargetTracking):
         }
 
     def symmetries(self) -> tuple[Symmetry, ...]:
-        """Give none: sensors stand where they stand."""
+        """Return none: sensors stand where they stand."""
         return ()
 
     def state(self, m: Moment) -> Array:
-        """Give (5), as it is."""
+        """Return (5), as it is."""
         eta, nu = m["hull.eta"], m["hull.nu"]
         flat = np.concatenate([eta[:, [0, 1, 5]], nu[:, [0, 1, 5]], m["quarry.hull.eta"][:, :2]], 1)
         low, high = self.state_limits()
@@ -131,6 +131,6 @@ class PoolTracking(TargetTracking):
 
 @lru_cache(maxsize=4)
 def _system(motion: str) -> System:
-    """Give the system with a plain pilot, the same for equal arguments: its kernel is made once."""
+    """Return the system with a plain pilot, cached by arguments: its kernel is made once."""
     moves = "random_heading" if motion == "rest" else motion
     return pool_tracking("model:pilot?vehicle=pool8&period=1/50", moves)

@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING, Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.channel import Channel
-from uuvsim_cosim.envs.draws import Draws
-from uuvsim_cosim.envs.randomisation import Randomisation
-from uuvsim_cosim.envs.randomisation_sets import published, thruster_strength
-from uuvsim_cosim.envs.task import Moment, Randomised, Task
-from uuvsim_cosim.envs.tasks.frames import R_zyx, in_body, wrap
+from uuvsim_cosim.envs.randomisation.published import published, thruster_strength
+from uuvsim_cosim.envs.randomisation.randomisation import Randomisation
+from uuvsim_cosim.envs.task.channel import Channel
+from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.envs.task.task import Moment, Randomised, Task
+from uuvsim_cosim.envs.tasks.coordinates import R_zyx, in_body, wrap
 from uuvsim_cosim.envs.tasks.ranges import flag, known_options, one_of, pair, randomised, within
-from uuvsim_cosim.orchestrator.shipped_tasks import THRUSTERS, ActedOn, Observed, task_system
-from uuvsim_cosim.orchestrator.system import System
+from uuvsim_cosim.orchestrator.shipped.tasks import THRUSTERS, ActedOn, Observed, task_system
+from uuvsim_cosim.orchestrator.system.system import System
 
 if TYPE_CHECKING:
-    from uuvsim_cosim.envs.picture import View
+    from uuvsim_cosim.envs.pictures.picture import View
 
 __all__ = ["FORCE", "SPEED", "PoseTask", "published_vehicle"]
 
@@ -102,41 +102,41 @@ class PoseTask(Task, ABC):
     def made_of(
         self, action: ActedOn, observation: Observed, reference: bool, disturbances: bool
     ) -> System:
-        """Give the system of the task; equal arguments give the same one."""
+        """Return the system of the task; equal arguments give the same one."""
         return task_system(action, observation, reference, disturbances)
 
     @abstractmethod
     def wanted(self, m: Moment) -> Array:
-        """Give the wanted N E D psi [m, rad], of shape (n, 4)."""
+        """Return the wanted N E D psi [m, rad], of shape (n, 4)."""
 
     def seen(self, m: Moment) -> Array:
-        """Give the wanted pose as the vehicle knows it; the reward is of the true one."""
+        """Return the wanted pose as the vehicle knows it; the reward is of the true one."""
         return self.wanted(m)
 
     def more(self, m: Moment, R: Array) -> list[Array]:
-        """Give observations of the task's own, each of shape (n, k), in units of about 1."""
+        """Return observations of the task's own, each of shape (n, k), in units of about 1."""
         return []
 
     def more_limits(self) -> list[float]:
-        """Give the largest size of each of them."""
+        """Return the largest size of each of them."""
         return []
 
     def hidden(self, m: Moment, R: Array) -> list[Array]:
-        """Give what only a privileged observer sees, beside the water."""
+        """Return what only a privileged observer sees, beside the water."""
         return []
 
     def hidden_limits(self) -> list[float]:
-        """Give the largest size of each of them."""
+        """Return the largest size of each of them."""
         return []
 
     # ---- what an environment asks ---------------------------------------------------------
 
     def extra(self, m: Moment) -> Array:
-        """Give the whole observation; each number is held within its limits."""
+        """Return the whole observation; each number is held within its limits."""
         return np.asarray(np.clip(self.unclipped(m), *self.extra_limits))
 
     def unclipped(self, m: Moment) -> Array:
-        """Give the whole observation."""
+        """Return the whole observation."""
         eta, nu = m[f"{self.known}.eta"], m[f"{self.known}.nu"]
         R = R_zyx(eta[:, 3:])
         wanted = self.seen(m)
@@ -158,7 +158,7 @@ class PoseTask(Task, ABC):
 
     @property
     def extra_limits(self) -> tuple[Sequence[float], Sequence[float]]:
-        """Give the limits; an error of more than twice the region ends the episode before."""
+        """The limits; an error of more than twice the region ends the episode before."""
         high = [2 * self.region] * 3 + [1.0] * 5 + [NU_LIMIT] * 6 + self.more_limits()
         high += [1.0] * self._width
         if self.privileged:
@@ -168,7 +168,7 @@ class PoseTask(Task, ABC):
         return [-h for h in high], high
 
     def reward(self, m: Moment) -> Array:
-        """Give the reward of the class's docstring, of the true pose, of shape (n,)."""
+        """Return the reward of the class's docstring, of the true pose, of shape (n,)."""
         distance, e_psi, tilt = self._errors(m)
         near = 1.0 / (1.0 + (distance / LENGTH) ** 2)
         upright = (1.0 + np.cos(e_psi)) * (1.0 + tilt) / 4.0
@@ -180,7 +180,7 @@ class PoseTask(Task, ABC):
         return np.asarray(self._errors(m)[0] > self.region)
 
     def info(self, m: Moment) -> Mapping[str, NDArray[Any]]:
-        """Give the errors: of position [m], of heading [rad]."""
+        """Return the errors: of position [m], of heading [rad]."""
         distance, e_psi, _ = self._errors(m)
         return {"position_error": distance, "heading_error": np.abs(e_psi)}
 
@@ -198,7 +198,7 @@ class PoseTask(Task, ABC):
 
     def view(self, m: Moment, row: int) -> View:
         """Say what to draw of one environment: vehicle, wanted pose, what is ahead, current."""
-        from uuvsim_cosim.envs import picture_view as p
+        from uuvsim_cosim.envs.pictures import drawn as p
 
         wanted = self.wanted(m)[row]
         ahead = self.path(m)
@@ -211,11 +211,11 @@ class PoseTask(Task, ABC):
         )
 
     def path(self, m: Moment) -> Array | None:
-        """Give points that are still to come, of shape (n, k, 3), to be drawn."""
+        """Return points that are still to come, of shape (n, k, 3), to be drawn."""
         return None
 
     def at(self, draws: Draws, pose: Array) -> dict[str, Array]:
-        """Give start values that put the hull, and its estimate, at poses (n, 6)."""
+        """Return start values that put the hull, and its estimate, at poses (n, 6)."""
         if self.known == "hull":
             return {"hull.eta_0": pose}
         error = draws.normal("task/estimate", (6,)) * (0.1, 0.1, 0.02, 0.0, 0.0, 0.03)
@@ -229,7 +229,7 @@ class PoseTask(Task, ABC):
 
 
 def published_vehicle(system: System) -> Randomisation:
-    """Give what `randomise` draws: a hull within all published figures, and weaker thrusters."""
+    """Return what `randomise` draws: a hull within all published figures, and weaker thrusters."""
     return published("bluerov2_heavy").bound(system) + thruster_strength(system).bound(system)
 
 

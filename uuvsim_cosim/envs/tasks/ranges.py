@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Mapping, Sequence
-from difflib import get_close_matches
 from math import inf, isnan
 from numbers import Real
 from operator import index
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.near_names import expected_names
 
 __all__ = [
     "flag", "known_options", "numbers", "one_of", "pair", "randomised", "whole", "within",
@@ -22,7 +22,7 @@ _OF_SHIPPED = ("self", "signals", "reference", "disturbances")  # what tasks tel
 
 
 def within(name: str, value: Any, low: float, high: float) -> float:
-    """Give a number; raises InputInvalid unless low <= value <= high."""
+    """Return a number; raises InputInvalid unless low <= value <= high."""
     if _is_number(value) and low <= value <= high:
         return float(value)
     expected = f"a number of at least {low:g}" if high == inf else f"a number, {low:g} to {high:g}"
@@ -30,7 +30,7 @@ def within(name: str, value: Any, low: float, high: float) -> float:
 
 
 def whole(name: str, value: Any, low: int, high: int | None = None) -> int:
-    """Give a whole number; raises InputInvalid unless low <= value <= high."""
+    """Return a whole number; raises InputInvalid unless low <= value <= high."""
     try:
         number = index(value)
     except TypeError:
@@ -42,7 +42,7 @@ def whole(name: str, value: Any, low: int, high: int | None = None) -> int:
 
 
 def numbers(name: str, value: Any, expected: Sequence[str], low: float = 0.0) -> tuple[float, ...]:
-    """Give as many numbers of at least `low` as `expected` names; raises InputInvalid."""
+    """Return as many numbers of at least `low` as `expected` names; raises InputInvalid."""
     right = isinstance(value, Sequence | np.ndarray) and not isinstance(value, str)
     if right and len(value) == len(expected) and all(_is_number(v) for v in value):
         given = tuple(float(v) for v in value)
@@ -54,7 +54,7 @@ def numbers(name: str, value: Any, expected: Sequence[str], low: float = 0.0) ->
 
 
 def pair(name: str, value: Any) -> tuple[float, float]:
-    """Give the least and the greatest value of a range that begins at 0 or above."""
+    """Return the least and the greatest value of a range that begins at 0 or above."""
     least, greatest = numbers(name, value, ("least", "greatest"))
     if least > greatest:
         raise InputInvalid(f"{name}: {value!r}; expected the least first")
@@ -62,7 +62,7 @@ def pair(name: str, value: Any) -> tuple[float, float]:
 
 
 def flag(name: str, value: Any) -> bool:
-    """Give a Boolean; raises InputInvalid."""
+    """Return a Boolean; raises InputInvalid."""
     if not isinstance(value, bool | np.bool_):
         raise InputInvalid(f"{name}: {value!r}; expected True or False")
     return bool(value)
@@ -92,8 +92,7 @@ def known_options(make: type, unknown: Mapping[str, Any]) -> None:
         if p.kind is not p.VAR_KEYWORD and p.name not in _OF_SHIPPED
     ]
     name = next(iter(unknown))
-    near = get_close_matches(name, known, 3) or known
-    raise InputInvalid(f"{make.__name__}: option {name!r}; expected one of {', '.join(near)}")
+    raise InputInvalid(f"{make.__name__}: option {name!r}; expected {expected_names(name, known)}")
 
 
 def _is_number(value: Any) -> bool:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.task import Task, TeamTask
+from uuvsim_cosim.envs.task.task import Task, TeamTask
 from uuvsim_cosim.envs.tasks.altitude_following import FIRST, AltitudeFollowing
 from uuvsim_cosim.envs.tasks.pose import FORCE, SPEED, PoseTask
 from uuvsim_cosim.envs.tasks.target_tracking import A_MAX, OMEGA_MAX, V_MAX, TargetTracking
@@ -35,7 +35,7 @@ D_Q = np.array([141.0, 217.0, 190.0])  # N.s2/m2
 
 
 def scripted_policy(task: Task | TeamTask) -> Policy | Mapping[str, Policy]:
-    """Give a task's controller: one, or one for each agent."""
+    """Return a task's controller: one, or one for each agent."""
     if isinstance(task, TargetTracking):
         d_safe = max(task.rules.d_su, task.rules.d_st, task.rules.d_so)
         wanted = task.rules.d_st + SHARE * (task.rules.d_m - task.rules.d_st)
@@ -62,7 +62,7 @@ def scripted_policy(task: Task | TeamTask) -> Policy | Mapping[str, Policy]:
 
 
 def hold_pose(observation: NDArray[Any], moves: bool = False) -> Array:
-    """Give forces: PD on the pose, with the drag of the wanted velocity fed forward."""
+    """Return forces: PD on the pose, with the drag of the wanted velocity fed forward."""
     o = np.asarray(observation, float)
     down = o[:, 5:8]
     turn = np.arctan2(o[:, 3], o[:, 4])
@@ -78,7 +78,7 @@ def hold_pose(observation: NDArray[Any], moves: bool = False) -> Array:
 
 
 def hold_velocity(observation: NDArray[Any], moves: bool = False) -> Array:
-    """Give velocities towards the wanted pose, beside the wanted one's own."""
+    """Return velocities towards the wanted pose, beside the wanted one's own."""
     o = np.asarray(observation, float)
     v = 1.2 * o[:, :3] + (o[:, 14:17] if moves else 0.0)
     r = 1.5 * np.arctan2(o[:, 3], o[:, 4]) + (o[:, 17] if moves else 0.0)
@@ -106,7 +106,7 @@ def track_target(
     d_safe: float,
     arena: tuple[float, ...],
 ) -> Array:
-    """Give (a, omega): go to `wanted` m from the target, away from what is close.
+    """Return (a, omega): go to `wanted` m from the target, away from what is close.
 
     A wanted velocity is summed up in the vehicle's own axes; who would have to turn by more than
     a right angle for it drives backwards.
@@ -139,7 +139,7 @@ def track_target(
 
 
 def _around(o: Array, slots: tuple[int, int], d_safe: float) -> Iterator[tuple[Array, ...]]:
-    """Give each slot's flag, direction and distance beyond d_safe."""
+    """Return each slot's flag, direction and distance beyond d_safe."""
     first = OWN + TARGET
     for i in range(sum(slots)):
         other = i < slots[0]
@@ -152,7 +152,7 @@ def _around(o: Array, slots: tuple[int, int], d_safe: float) -> Iterator[tuple[A
 
 
 def _braked(u: Array, hazards: list[tuple[Array, ...]]) -> Array:
-    """Give the surge speed that closes no gap faster than it can still be kept."""
+    """Return the surge speed that closes no gap faster than it can still be kept."""
     low, high = np.full(len(u), -V_MAX), np.full(len(u), V_MAX)
     for there, place, gap in hazards:
         along = place[:, 0]
@@ -163,7 +163,7 @@ def _braked(u: Array, hazards: list[tuple[Array, ...]]) -> Array:
 
 
 def _from_walls(o: Array, arena: tuple[float, ...]) -> Array:
-    """Give a velocity away from walls nearer than 0.35 m, in body axes."""
+    """Return a velocity away from walls nearer than 0.35 m, in body axes."""
     half = np.array(arena[:2]) / 2
     room = half - np.abs(o[:, :2]) * half
     push = -np.sign(o[:, :2]) * 0.5 * np.clip(1.0 - room / WALL, 0.0, 1.0)

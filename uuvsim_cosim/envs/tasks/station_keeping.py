@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.draws import Draws
-from uuvsim_cosim.envs.task import Moment
+from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.envs.task.task import Moment
 from uuvsim_cosim.envs.tasks.pose import PoseTask
 from uuvsim_cosim.envs.tasks.ranges import within
 
@@ -31,7 +31,7 @@ class StationKeeping(PoseTask):
         self.away = within("away [m]", away, 0, np.inf)
 
     def wanted(self, m: Moment) -> Array:
-        """Give the goal, n times."""
+        """Return the goal, n times."""
         return np.tile(self.GOAL, (m.n, 1))
 
     def start(self, draws: Draws) -> Mapping[str, Array]:

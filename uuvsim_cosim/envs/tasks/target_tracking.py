@@ -1,7 +1,7 @@
 """Target tracking: N vehicles in a pool stay with a moving target, apart from all else.
 
 State (5), action (6) and reward (7) of the UUVSim paper; `tracking_rules` holds its numbers, and
-docs/tasks.md says where the paper is silent and what is done here.
+docs/learning/tasks.md says where the paper is silent and what is done here.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.channel import Channel
-from uuvsim_cosim.envs.draws import Draws
-from uuvsim_cosim.envs.symmetry import Symmetry
-from uuvsim_cosim.envs.task import Moment, Randomised, TeamTask
+from uuvsim_cosim.envs.task.channel import Channel
+from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.envs.task.symmetry import Symmetry
+from uuvsim_cosim.envs.task.task import Moment, Randomised, TeamTask
 from uuvsim_cosim.envs.tasks.ranges import known_options, numbers, one_of, randomised, whole, within
 from uuvsim_cosim.envs.tasks.tracking_observation import Seen, egocentric, largest, symmetries
 from uuvsim_cosim.envs.tasks.tracking_reward import Scene, Terms, reward_terms
 from uuvsim_cosim.envs.tasks.tracking_rules import rules_of
 from uuvsim_cosim.envs.tasks.tracking_start import Arena, drawn_scene, waypoints
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.orchestrator.shipped_tracking import (
+from uuvsim_cosim.orchestrator.shipped.tracking import (
     ARENA,
     DEPTH,
     LATENCY,
@@ -32,10 +32,10 @@ from uuvsim_cosim.orchestrator.shipped_tracking import (
     TRACKERS_MAX,
     target_tracking,
 )
-from uuvsim_cosim.orchestrator.system import System
+from uuvsim_cosim.orchestrator.system.system import System
 
 if TYPE_CHECKING:
-    from uuvsim_cosim.envs.picture import View
+    from uuvsim_cosim.envs.pictures.picture import View
 
 __all__ = ["TargetTracking"]
 
@@ -78,7 +78,6 @@ class TargetTracking(TeamTask):
         **unknown: Any,
     ) -> None:
         known_options(type(self), unknown)
-        one_of("vehicle", vehicle, list(TRACKED))
         one_of("motion", motion, get_args(Motion))
         one_of("frame", frame, ("body", "world"))
         randomised(randomisation)
@@ -127,11 +126,11 @@ class TargetTracking(TeamTask):
     # ---- what an environment asks ---------------------------------------------------------
 
     def observe(self, m: Moment) -> Mapping[str, Array]:
-        """Give each tracker's egocentric observation, held within its limits."""
+        """Return each tracker's egocentric observation, held within its limits."""
         return {a: np.clip(o, *self.limits(a)) for a, o in self.unclipped(m).items()}
 
     def unclipped(self, m: Moment) -> Mapping[str, Array]:
-        """Give each tracker's egocentric observation."""
+        """Return each tracker's egocentric observation."""
         seen, size = self._seen(m), self.arena.size
         return {
             agent: egocentric(i, seen, self.slots, (size[0], size[1]), V_MAX, self.stride)
@@ -139,18 +138,18 @@ class TargetTracking(TeamTask):
         }
 
     def limits(self, agent: str) -> tuple[Array, Array]:
-        """Give the limits of an observation."""
+        """Return the limits of an observation."""
         high = largest(self.slots, (self.arena.size[0], self.arena.size[1]))
         return -high, high
 
     def symmetries(self) -> tuple[Symmetry, ...]:
-        """Give the arena's; none where waypoints go round it one way, or starts are drawn."""
+        """Return the arena's; none where waypoints go round it one way, or starts are drawn."""
         if self.motion == "path" or self.randomisation is not None:
             return ()
         return symmetries(self.slots)
 
     def reward(self, m: Moment) -> Mapping[str, Array]:
-        """Give each tracker's reward, equation (7)."""
+        """Return each tracker's reward, equation (7)."""
         rewards = self.terms(m).rewards(self.rules)
         return {agent: rewards[:, i] for i, agent in enumerate(self.agents)}
 
@@ -163,7 +162,7 @@ class TargetTracking(TeamTask):
         return dict.fromkeys(self.agents, ended)
 
     def state(self, m: Moment) -> Array:
-        """Give (5): x y theta of each, then v_x v_y omega of each, target, obstacles (x y r h)."""
+        """Return (5): x y theta of each, v_x v_y omega of each, target, obstacles (x y r h)."""
         eta, nu = self._of_all(m, "hull.eta"), self._of_all(m, "hull.nu")
         v = nu[:, :, [0, 1, 5]]
         if self.frame == "world":
@@ -176,14 +175,14 @@ class TargetTracking(TeamTask):
         return np.asarray(np.clip(flat, low, high))
 
     def state_limits(self) -> tuple[Array, Array]:
-        """Give the limits of (5) [m, rad, m/s, rad/s]."""
+        """Return the limits of (5) [m, rad, m/s, rad/s]."""
         x, y, z = self.arena.size
         high = [x, y, np.pi] * self.n_trackers + [2.0, 2.0, 10.0] * self.n_trackers + [x, y]
         high += [x, y, max(x, y), z] * self.n_obstacles
         return -np.array(high), np.array(high)
 
     def info(self, m: Moment) -> Mapping[str, NDArray[Any]]:
-        """Give track, dist [m], viol and clean of this step, and each weighted term's mean."""
+        """Return track, dist [m], viol and clean of this step, and each weighted term's mean."""
         t, rules = self.terms(m), self.rules
         viol = t.violated.any(axis=1)
         return {
@@ -230,7 +229,7 @@ class TargetTracking(TeamTask):
 
     def view(self, m: Moment, row: int) -> View:
         """Say what to draw of one environment."""
-        from uuvsim_cosim.envs import picture_view as p
+        from uuvsim_cosim.envs.pictures import drawn as p
 
         x, y, z = self.arena.size
         size = 2.0 * TRACKED[self.vehicle].radius
@@ -247,7 +246,7 @@ class TargetTracking(TeamTask):
     # ---- inside ---------------------------------------------------------------------------
 
     def terms(self, m: Moment) -> Terms:
-        """Give the terms of the reward of the action that led to this moment."""
+        """Return the terms of the reward of the action that led to this moment."""
         return reward_terms(self._scene(m), self._scene(m.before), self.rules, self.stride)
 
     def _scene(self, m: Moment) -> Scene:
@@ -331,7 +330,7 @@ class TargetTracking(TeamTask):
 def _system(
     n: int, vehicle: str, motion: str, obstacles: int, links: bool, arena: tuple[float, ...]
 ) -> System:
-    """Give the same system for equal arguments, so that its kernel is made once."""
+    """Return the same system for equal arguments, so that its kernel is made once."""
     return target_tracking(
         n, vehicle=vehicle, motion=motion, obstacles=obstacles, links=links, arena=arena
     )

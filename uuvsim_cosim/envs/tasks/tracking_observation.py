@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.symmetry import Symmetry
-from uuvsim_cosim.envs.tasks.frames import level
+from uuvsim_cosim.envs.task.symmetry import Symmetry
+from uuvsim_cosim.envs.tasks.coordinates import level
 
 __all__ = ["OBSTACLE", "OTHER", "OWN", "TARGET", "Seen", "egocentric", "largest", "symmetries"]
 
@@ -36,7 +36,7 @@ class Seen:
 
 
 def largest(slots: tuple[int, int], arena: tuple[float, float]) -> Array:
-    """Give the largest size of each number of an observation with such slots."""
+    """Return the largest size of each number of an observation with such slots."""
     far = float(np.hypot(*arena))
     own = [1.5, 1.5, 1.0, 1.0, 3.0, 3.0, 5.0, 1.5]
     target = [1.0, far, far, far, 5.0, 5.0]
@@ -46,7 +46,7 @@ def largest(slots: tuple[int, int], arena: tuple[float, float]) -> Array:
 
 
 def symmetries(slots: tuple[int, int]) -> tuple[Symmetry, ...]:
-    """Give the mirror on which East changes its sign, and the half turn of the arena, and both.
+    """Return the mirror on which East changes its sign, and the half turn of the arena, and both.
 
     An action is a surge acceleration and a yaw rate.
     """
@@ -69,7 +69,7 @@ def symmetries(slots: tuple[int, int]) -> tuple[Symmetry, ...]:
 def egocentric(
     i: int, seen: Seen, slots: tuple[int, int], arena: tuple[float, float], v: float, stride: float
 ) -> Array:
-    """Give tracker i's observation (n, width); nearest first in the slots of others and obstacles.
+    """Return tracker i's observation (n, width); the slots of others and obstacles: nearest first.
 
     `slots` are those of other trackers and of obstacles, `arena` its size [m], `v` the largest
     surge speed [m/s], `stride` what one covers at it in an action [m].
@@ -111,7 +111,7 @@ def egocentric(
 
 
 def _slots(there: Mask, rows: list[Array], key: Array, count: int, n: int) -> Array:
-    """Give the `count` nearest that are there, each a flag and its rows, flat."""
+    """Return the `count` nearest that are there, each a flag and its rows, flat."""
     table = np.stack([there.astype(float), *rows], axis=2) * there[:, :, None]
     order = np.argsort(np.where(there, key, np.inf), axis=1, kind="stable")[:, :count]
     chosen = np.take_along_axis(table, order[:, :, None], axis=1)

@@ -44,7 +44,7 @@ class Terms:
         return np.asarray((self.p_1 != 0) | (self.p_2 != 0) | (self.p_3 != 0))
 
     def rewards(self, rules: TrackingRules) -> Array:
-        """Give each tracker's reward, of shape (n, N)."""
+        """Return each tracker's reward, of shape (n, N)."""
         own = rules.w_t * self.r_t + rules.w_a * self.r_a
         own = own + rules.w_p * (self.p_1 + self.p_2 + self.p_3)
         if rules.credit == "team":
@@ -53,13 +53,13 @@ class Terms:
 
 
 def distances(a: Array, b: Array) -> Array:
-    """Give distances (n, A, B) between points (n, A, 2) and (n, B, 2)."""
+    """Return distances (n, A, B) between points (n, A, 2) and (n, B, 2)."""
     d = a[:, :, None, :2] - b[:, None, :, :2]
     return np.sqrt(d[..., 0] ** 2 + d[..., 1] ** 2)
 
 
 def lambda_2(trackers: Array, rules: TrackingRules) -> Array:
-    """Give the second smallest eigenvalue of the team graph's Laplacian, (n,); 0 for one."""
+    """Return the second smallest eigenvalue of the team graph's Laplacian, (n,); 0 for one."""
     n, N, _ = trackers.shape
     if N == 1:
         return np.zeros(n)
@@ -79,7 +79,7 @@ def lambda_2(trackers: Array, rules: TrackingRules) -> Array:
 
 
 def reward_terms(now: Scene, before: Scene, rules: TrackingRules, stride: float) -> Terms:
-    """Give the terms of the action that led from `before` to `now`; `stride` is v_max dt [m]."""
+    """Return the terms of the action that led from `before` to `now`; `stride` is v_max dt [m]."""
     N = now.trackers.shape[1]
     d = distances(now.trackers, now.target[:, None])[:, :, 0]
     earlier = distances(before.trackers, before.target[:, None])[:, :, 0]

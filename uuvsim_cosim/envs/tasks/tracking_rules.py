@@ -7,6 +7,7 @@ from typing import Any, Literal, get_args, get_type_hints
 
 from uuvsim_cosim.envs.tasks.ranges import flag, one_of, within
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.near_names import expected_names
 
 __all__ = ["PROFILES", "TrackingRules", "rules_of"]
 
@@ -54,16 +55,13 @@ HEAVY = {"d_su": 0.75, "d_st": 0.75, "d_so": 0.75}  # two BlueROV2 Heavy hulls, 
 
 
 def rules_of(profile: str, vehicle: str, **changes: Any) -> TrackingRules:
-    """Give a profile's rules, with the distances that the vehicle needs, and changes by name."""
-    from difflib import get_close_matches
-
+    """Return a profile's rules, with the distances that the vehicle needs, and changes by name."""
     one_of("profile", profile, list(PROFILES))
     rules = PROFILES[profile]
     unknown = [name for name in changes if name not in TrackingRules.__dataclass_fields__]
     if unknown:
         known = list(TrackingRules.__dataclass_fields__)
-        near = get_close_matches(unknown[0], known, 3) or known
-        raise InputInvalid(f"no rule {unknown[0]!r}; expected one of {', '.join(near)}")
+        raise InputInvalid(f"no rule {unknown[0]!r}; expected {expected_names(unknown[0], known)}")
     for name, value in changes.items():
         _check(name, value)
     return replace(rules, **{**(HEAVY if vehicle == "bluerov2_heavy" else {}), **changes})

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.draws import Draws
+from uuvsim_cosim.envs.task.draws import Draws
 from uuvsim_cosim.envs.tasks.tracking_rules import TrackingRules
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.models.target import WAYPOINTS
+from uuvsim_cosim.models.guidance.target import WAYPOINTS
 
 __all__ = ["Arena", "Drawn", "drawn_scene", "legal_start", "waypoints"]
 
@@ -112,7 +112,7 @@ def legal_start(
 
 
 def _gap(a: int, b: int, arena: Arena, rules: TrackingRules) -> float:
-    """Give what must lie between two kinds: 0 a tracker, 1 the target, 2 an obstacle."""
+    """Return what must lie between two kinds: 0 a tracker, 1 the target, 2 an obstacle."""
     pair: Sequence[int] = sorted((a, b))
     gaps = {
         (0, 0): rules.d_su + arena.clearance,

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.draws import Draws
-from uuvsim_cosim.envs.task import Moment
-from uuvsim_cosim.envs.tasks.frames import in_body
+from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.envs.task.task import Moment
+from uuvsim_cosim.envs.tasks.coordinates import in_body
 from uuvsim_cosim.envs.tasks.pose import PoseTask
 from uuvsim_cosim.envs.tasks.ranges import pair, within
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.models.reference import AHEAD
+from uuvsim_cosim.models.guidance.reference import AHEAD
 
 __all__ = ["CURVES", "TrajectoryFollowing"]
 
@@ -50,11 +50,11 @@ class TrajectoryFollowing(PoseTask):
         self.curves = tuple(curves)
 
     def wanted(self, m: Moment) -> Array:
-        """Give where the reference is, and its heading."""
+        """Return where the reference is, and its heading."""
         return m["reference.eta_d"][:, [0, 1, 2, 5]]
 
     def more(self, m: Moment, R: Array) -> list[Array]:
-        """Give the reference's velocity, and its points to come."""
+        """Return the reference's velocity, and its points to come."""
         psi = m["reference.eta_d"][:, 5]
         nu_d = m["reference.nu_d"]
         moves = np.stack([nu_d[:, 0] * np.cos(psi), nu_d[:, 0] * np.sin(psi), nu_d[:, 2]], axis=1)
@@ -63,12 +63,12 @@ class TrajectoryFollowing(PoseTask):
         return [in_body(R, moves), nu_d[:, 5:], ahead.reshape(m.n, -1)]
 
     def path(self, m: Moment) -> Array:
-        """Give the reference and its points to come."""
+        """Return the reference and its points to come."""
         here = m["reference.eta_d"][:, None, :3]
         return np.concatenate([here, m["reference.ahead"].reshape(m.n, AHEAD, 3)], axis=1)
 
     def more_limits(self) -> list[float]:
-        """Give their limits."""
+        """Return their limits."""
         return [1.0] * 3 + [2.0] + [2 * self.region] * (3 * AHEAD)
 
     def start(self, draws: Draws) -> Mapping[str, Array]:

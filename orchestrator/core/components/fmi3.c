@@ -1,0 +1,63 @@
+/* FMI 3.0 for Co-Simulation, without Event Mode and without early return. */
+#include "fmi3FunctionTypes.h"
+#include "pack.h"
+#include "fast_path.h"
+
+typedef fmi3Status get_function(fmi3Instance, const fmi3ValueReference[], size_t, void *, size_t);
+typedef fmi3Status set_function(fmi3Instance, const fmi3ValueReference[], size_t, const void *, size_t);
+
+static int accept(fmi3Status status, int action, uuv_failure *why) {
+    if (status == fmi3OK || status == fmi3Warning) return 1;
+    return failed(why, UUV_CORE_BAD_STATUS, (int)status, action);
+}
+
+static fmi3Status call_set(const member *m, const access *a, const void *values) {
+    if (a->type == UUV_CORE_BINARY)
+        return ((fmi3SetBinaryTYPE *)a->function)(m->instance, a->references, a->n_references, a->sizes,
+                                                  (const fmi3Binary *)values, a->n_values);
+    return ((set_function *)a->function)(m->instance, a->references, a->n_references, values, a->n_values);
+}
+
+static fmi3Status call_get(const member *m, const access *a, void *values) {
+    if (a->type == UUV_CORE_BINARY)
+        return ((fmi3GetBinaryTYPE *)a->function)(m->instance, a->references, a->n_references, a->sizes,
+                                                  (fmi3Binary *)values, a->n_values);
+    return ((get_function *)a->function)(m->instance, a->references, a->n_references, values, a->n_values);
+}
+
+static int fmi3_set(member *m, const uuv_slot *slots, uuv_failure *why) {
+    for (uint32_t i = 0; i < m->n_sets; i++) {
+        const access *a = &m->sets[i];
+        why->slot = a->slot; /* says which function failed, if one does */
+        calling(m, "fmi3Set", type_name(a->type, 3));
+        const void *values = pack(a, slots, BOOLEAN_BOOL, why);
+        if (!values || !accept(call_set(m, a, values), UUV_CORE_SET, why)) return 0;
+    }
+    return 1;
+}
+
+static int fmi3_do_step(member *m, const uuv_slot *slots, double t, double h, uuv_failure *why) {
+    fmi3Boolean event = fmi3False, terminate = fmi3False, early = fmi3False;
+    fmi3Float64 reached = t + h;
+    (void)slots;
+    calling(m, "fmi3DoStep", "");
+    const fmi3Status status = ((fmi3DoStepTYPE *)m->do_step)(m->instance, t, h, never_goes_back(m),
+                                                             &event, &terminate, &early, &reached);
+    if (!accept(status, UUV_CORE_DO_STEP, why)) return 0;
+    if (terminate) return failed(why, UUV_CORE_ENDED, is_whole(t, h, reached), UUV_CORE_DO_STEP);
+    if (early) return failed(why, UUV_CORE_EARLY_RETURN, (int)status, UUV_CORE_DO_STEP);
+    return 1;
+}
+
+static int fmi3_get(member *m, uuv_slot *slots, uuv_failure *why) {
+    for (uint32_t i = 0; i < m->n_gets; i++) {
+        const access *a = &m->gets[i];
+        why->slot = a->slot;
+        calling(m, "fmi3Get", type_name(a->type, 3));
+        if (!accept(call_get(m, a, unpack_buffer(a, slots)), UUV_CORE_GET, why)) return 0;
+        if (!unpack(a, slots, BOOLEAN_BOOL)) return failed(why, UUV_CORE_NO_MEMORY, 0, UUV_CORE_GET);
+    }
+    return 1;
+}
+
+const kind kind_fmi3 = {fmi3_set, fmi3_do_step, fmi3_get};

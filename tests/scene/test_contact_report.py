@@ -1,0 +1,78 @@
+"""What a run reports of contact: starts inside something, and steps that are too long."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from uuvsim_cosim.models.worlds.obstacles import Cylinder, Sphere
+from uuvsim_cosim.models.worlds.scene import Scene, save_scene
+from uuvsim_cosim.orchestrator.running.run import run
+from uuvsim_cosim.orchestrator.system.system import System
+from uuvsim_cosim.scene.contact_report import contact_warnings
+
+
+@pytest.fixture
+def ssd(tmp_path: Path) -> Path:
+    solids = (Sphere((9, 9, 9), 1.0), Cylinder((0, 0, 10), 0.5, 5, name="pile"))
+    save_scene(Scene("piles", None, solids, None, "two piles", "made up"), tmp_path / "piles")
+    file = tmp_path / "system.ssd"
+    source = f"model:contact?vehicle=sphere&amp;scene={tmp_path / 'piles'}&amp;step=0.02"
+    file.write_text(f'<c source="{source}"/>', encoding="utf-8")
+    return file
+
+
+def signals(depth: float, touched: int) -> dict[str, np.ndarray]:
+    return {
+        "contact.depth": np.array([depth, 0.0]),
+        "contact.touched": np.array([touched, -1]),
+        "sonar.depth": np.array([3.0, 3.0]),
+    }
+
+
+def test_a_start_inside_an_obstacle_is_named_with_its_depth(ssd: Path) -> None:
+    (said,) = contact_warnings(ssd, 0.02, signals(0.31, 2))
+    assert "the hull of contact starts 0.31 m deep in obstacle 2 of the scene (pile)" in said
+    (said,) = contact_warnings(ssd, 0.02, signals(0.31, 1))
+    assert "obstacle 1 of the scene:" in said
+    (said,) = contact_warnings(ssd, 0.02, signals(0.31, 3))
+    assert "another vehicle" in said
+    (said,) = contact_warnings(ssd, 0.02, signals(0.31, 0))
+    assert "in the seabed" in said
+
+
+def test_a_start_in_the_water_is_not_reported(ssd: Path) -> None:
+    assert contact_warnings(ssd, 0.02, signals(0.0, -1)) == []
+    assert contact_warnings(ssd, 0.02, signals(0.001, 0)) == []
+
+
+def test_a_hull_that_is_pressed_deep_into_a_pile_is_named_with_the_right_step(ssd: Path) -> None:
+    came = {"contact.depth": np.array([0.0, 0.8]), "contact.touched": np.array([-1, 2])}
+    (said,) = contact_warnings(ssd, 0.02, came)  # the radius of `sphere` is 0.2 m
+    assert "comes 0.8 m deep into obstacle 2 of the scene (pile)" in said
+    assert "a step of at most 0.01 s instead of 0.02 s" in said
+    came["contact.depth"][1] = 0.15
+    assert contact_warnings(ssd, 0.02, came) == []
+
+
+def test_a_system_with_longer_steps_than_stated_is_reported(ssd: Path) -> None:
+    (said,) = contact_warnings(ssd, 0.05, signals(0.0, -1))
+    assert "steps of at most 0.02 s, and the system's is 0.05 s" in said
+    assert "step=0.05" in said
+
+
+def test_a_run_records_what_is_reported(ssd: Path, tmp_path: Path) -> None:
+    from uuvsim_cosim.view.recorded.run_folder import traces_of
+
+    scene = tmp_path / "piles"
+    s = System("in", "0.02").add("hull", "model:sphere", {"eta_0": (0.2, 0, 10, 0, 0, 0)})
+    s = s.add("contact", f"model:contact?vehicle=sphere&scene={scene}&step=0.01")
+    for name in ("eta", "q", "nu"):
+        s = s.connect(f"hull.{name}", f"contact.{name}")
+    made = run(s.connect("contact.tau", "hull.tau"), until=0.1, out=tmp_path / "run")
+    said = contact_warnings(made.folder / "system.ssd", made.tick, traces_of(made.folder).values)
+    assert len(said) == 2
+    assert "at most 0.01 s" in said[0]
+    assert "0.5 m deep in obstacle 2 of the scene (pile)" in said[1]

@@ -1,0 +1,4 @@
+"""Who may do what at a server: tokens, access files, passwords, certificates, roles.
+
+It may import `bridge.calls`. Start reading with `authentication.py`.
+"""

@@ -1,0 +1,164 @@
+"""The token of a server without an access file: a secret in a file that only its user can read.
+
+A server writes its token to ``FOLDER/PORT@MACHINE``, a file for each of its ports, with mode 0600
+in a folder with mode 0700, and removes the files when it ends. Clients of the same user read the
+file of the port that they connect to. On Windows the mode says nothing; there the folder lies in
+the user's profile, whose permissions hold.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hmac
+import os
+import re
+import secrets
+import socket
+import stat
+from pathlib import Path
+from typing import final
+
+from uuvsim_cosim.bridge.access.access_file import Access, is_loopback
+from uuvsim_cosim.bridge.access.authentication import Admission, Authenticator
+from uuvsim_cosim.bridge.calls.at_exit import close_at_exit
+from uuvsim_cosim.cache import whole_file
+from uuvsim_cosim.closing import Closing
+from uuvsim_cosim.errors import InputInvalid
+
+__all__ = ["TokenFile", "guarded_by_token", "known_token", "token_file", "token_folder"]
+
+_TOKEN = re.compile(r"[A-Za-z0-9_-]{16,200}")
+_POSIX = os.name == "posix"
+
+
+def token_folder() -> Path:
+    """Return the folder of the user's token files; ``UUVSIM_TOKENS`` overrides it.
+
+    Raises InputInvalid where a user without a home directory has not set it.
+    """
+    import platformdirs
+
+    named = os.environ.get("UUVSIM_TOKENS")
+    state = Path(platformdirs.user_state_dir("uuvsim-cosim", appauthor=False))
+    folder = Path(named).expanduser() if named else state / "tokens"
+    if not folder.is_absolute():
+        raise InputInvalid(
+            f"token folder {folder}: there is no home directory to keep it in; expected the "
+            "environment variable UUVSIM_TOKENS with the absolute path of a folder of your own"
+        )
+    return folder
+
+
+def token_file(port: int) -> Path:
+    """Return the file with the token of the server that listens on a port of this machine."""
+    return token_folder() / f"{port}@{socket.gethostname().lower()}"
+
+
+def guarded_by_token() -> Authenticator:
+    """Return an `Admission` that gives the owner's role to clients with its token.
+
+    The token is the environment variable ``UUVSIM_TOKEN`` if that is set, else random. Raises
+    InputInvalid for one that is short or has other characters than a URL may have.
+    """
+    token = os.environ.get("UUVSIM_TOKEN") or secrets.token_urlsafe(32)
+    if not _TOKEN.fullmatch(token):
+        raise InputInvalid(
+            f"UUVSIM_TOKEN has {len(token)} characters; expected 16 to 200 letters, digits, _ and -"
+        )
+    return Authenticator(Access(token=token), place=str(token_folder()))
+
+
+def known_token(host: str, port: int) -> str | None:
+    """Return the token for a server, or None if this user has none for it.
+
+    It is that of the port's file if the host is this machine, else ``UUVSIM_TOKEN``. Raises
+    InputInvalid for a file that others may have read or written.
+    """
+    file = None
+    if is_loopback(host):
+        with contextlib.suppress(InputInvalid):  # no home directory, where a server has none either
+            file = token_file(port)
+    if file is not None:
+        with contextlib.suppress(FileNotFoundError):
+            return _read(file)
+    return os.environ.get("UUVSIM_TOKEN") or None
+
+
+@final
+class TokenFile(Closing):
+    """The file of one port, from construction to `close`; none where no token is asked for."""
+
+    def __init__(self, admit: Admission | None, port: int) -> None:
+        self._token = admit.access.token if isinstance(admit, Authenticator) else None
+        self._process = os.getpid()
+        if self._token is None:
+            return
+        self._file = token_file(port)
+        try:
+            self._file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            _refuse_others(self._file.parent, self._file.parent.lstat())
+            _write(self._file, self._token)
+        except OSError as error:
+            raise InputInvalid(
+                f"token file {self._file}: cannot be written ({error.strerror}); expected the "
+                "environment variable UUVSIM_TOKENS with a folder of your own, or `uuvsim serve "
+                "--anyone`, which asks for no token"
+            ) from None
+        close_at_exit(self)
+
+    def close(self) -> None:
+        """Remove the file, unless another server has written its own token there."""
+        token, self._token = self._token, None
+        if token is None or self._process != os.getpid():  # a forked child is no server
+            return
+        with contextlib.suppress(OSError, InputInvalid):
+            if hmac.compare_digest(_read(self._file), token):
+                self._file.unlink()
+
+
+def _write(file: Path, token: str) -> None:
+    """Write a file of this user's under a name of its own, then rename: a link is replaced."""
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0)
+    with (
+        whole_file(file) as scratch,
+        open(os.open(scratch, flags, 0o600), "w", encoding="ascii") as opened,
+    ):
+        opened.write(f"{token}\n")
+
+
+def _read(file: Path) -> str:
+    """Read a token; raises FileNotFoundError, or InputInvalid for a file that is not only mine."""
+    flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+    try:
+        _refuse_others(file.parent, file.parent.lstat())
+        with open(os.open(file, flags), "rb") as opened:
+            _refuse_others(file, os.fstat(opened.fileno()))
+            text = opened.read(256).decode("ascii", "replace").strip()
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        raise InputInvalid(
+            f"token file {file}: cannot be read ({error.strerror}); expected a file of your own"
+        ) from None
+    if not _TOKEN.fullmatch(text):
+        raise InputInvalid(f"token file {file}: holds no token; expected what a server writes")
+    return text
+
+
+def _refuse_others(path: Path, found: os.stat_result) -> None:
+    """Raise InputInvalid for a file or folder that anybody else may have read or written."""
+    expected, mode = ("a folder", 0o700) if stat.S_ISDIR(found.st_mode) else ("a file", 0o600)
+    if not stat.S_ISDIR(found.st_mode) and not stat.S_ISREG(found.st_mode):
+        why = "it is a link or no file"
+    elif not _POSIX:
+        return
+    elif found.st_uid != os.geteuid():
+        why = f"it belongs to user {found.st_uid}"
+    elif found.st_mode & 0o077:
+        why = f"its mode {stat.S_IMODE(found.st_mode):o} lets other users in"
+    else:
+        return
+    raise InputInvalid(
+        f"{path}: {why}, so that a token there may be known to others; expected {expected} of your "
+        f"own with mode {mode:o}"
+    )

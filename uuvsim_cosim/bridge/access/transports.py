@@ -1,0 +1,83 @@
+"""What all servers of one co-simulation open with: addresses, authentication, and TLS."""
+
+from __future__ import annotations
+
+import ssl
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from uuvsim_cosim.bridge.access.access_file import LOOPBACK, Access, is_loopback
+from uuvsim_cosim.bridge.access.access_text import read_access
+from uuvsim_cosim.bridge.access.authentication import Admission, Authenticator, everybody
+from uuvsim_cosim.bridge.access.tls import server_context
+from uuvsim_cosim.bridge.access.token import guarded_by_token
+from uuvsim_cosim.errors import InputInvalid
+
+__all__ = ["Opening", "opening"]
+
+
+@dataclass(frozen=True)
+class Opening:
+    """Addresses of the servers, and who may enter; without `authenticator` everybody may do all."""
+
+    hosts: tuple[str, ...]
+    authenticator: Authenticator | None
+
+    @property
+    def admit(self) -> Admission:
+        """Who says what a client may do."""
+        return self.authenticator or everybody
+
+    @property
+    def tls(self) -> ssl.SSLContext | None:
+        """A context for a server, if TLS is spoken."""
+        tls = None if self.authenticator is None else self.authenticator.access.tls
+        return None if tls is None else server_context(tls)
+
+    @property
+    def zenoh_hosts(self) -> tuple[str, ...]:
+        """Where Zenoh listens: it refuses an address that a machine lacks, as ::1 may be."""
+        return self.hosts if self.hosts != LOOPBACK else LOOPBACK[:1]
+
+    @property
+    def words(self) -> str:
+        """Say who may enter, in a line."""
+        if self.authenticator is None:
+            return "to anybody who can reach it, who may do everything"
+        access = self.authenticator.access
+        if access.token is not None:
+            return "on this machine to programs of this user"
+        roles = {} if access.tls is None else access.tls.roles
+        named = [f"{user.name} ({user.role})" for user in access.users.values()]
+        named += [f"certificate {name} ({role})" for name, role in roles.items()]
+        return "to " + ", ".join([*named, f"others: {access.anyone or 'nothing'}"])
+
+
+def opening(
+    access: str | Path | None = None, hosts: Sequence[str] = (), *, anyone: bool = False
+) -> Opening:
+    """Read an access file; raises InputInvalid for servers that would be open unguarded.
+
+    Without a file clients need the token that only this user can read. `hosts` stand in place of
+    those of the file; `anyone` opens them without file and token, also beyond this machine.
+    """
+    if access is not None and anyone:
+        raise InputInvalid("--anyone lets everybody in, and --access does not; expected one")
+    said: Access | None = None if access is None else read_access(access)
+    chosen = tuple(dict.fromkeys(hosts)) or (said.listen if said is not None else LOOPBACK)
+    far = ", ".join(host for host in chosen if not is_loopback(host))
+    if far and said is None and not anyone:
+        raise InputInvalid(
+            f"{far} is beyond this machine, where anybody could step and change the "
+            "co-simulation; expected --access FILE that says who may "
+            "(see docs/connections/security.md), or --anyone to let everybody in"
+        )
+    if far and said is not None and said.tls is None and not said.plain:
+        raise InputInvalid(
+            f"{far} is beyond this machine, and {access} has no tls, so that passwords and values "
+            "can be read on the way; expected tls there, or `tls: none` to do it nevertheless"
+        )
+    if anyone:
+        return Opening(chosen, None)
+    return Opening(chosen, guarded_by_token() if said is None else Authenticator(said))

@@ -1,0 +1,286 @@
+"""The table of calls: the permission that each call needs, and the fields that it takes.
+
+TCP, HTTP and Zenoh look up each request here. So the same request is right or wrong over each of
+them, and is refused with the same message.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import Any
+
+from uuvsim_cosim.bridge.calls.values import shown
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.near_names import did_you_mean
+
+__all__ = ["CALLS", "LAG_MAX", "Call", "arguments", "checked", "read_object", "steps_of", "whole"]
+
+STEPS_MAX = 1e12
+LAG_MAX = 3600.0  # s
+NAME_MAX = 64  # letters of a client's name
+
+
+@dataclass(frozen=True)
+class Field:
+    """One field of a call: how its value is read, and whether it must be given.
+
+    `read` returns the value, or raises ValueError. `expected` completes the message. In an empty
+    list, MATLAB's JSON says that a number is not given.
+    """
+
+    read: Callable[[Any], Any]
+    expected: str
+    required: bool = False
+
+
+@dataclass(frozen=True)
+class Call:
+    """One call: the permission that it needs, its fields, and which of them holds values."""
+
+    needs: str | None = None
+    fields: Mapping[str, Field] = field(default_factory=dict)
+    values: str | None = None
+
+
+def _names(read: Any) -> list[str]:
+    names = [read] if isinstance(read, str) else read
+    if not isinstance(names, list) or not all(isinstance(n, str) for n in names):
+        raise ValueError
+    return names
+
+
+def _number(read: Any) -> float:
+    if isinstance(read, bool) or not isinstance(read, int | float):
+        raise ValueError
+    number = float(read)  # OverflowError for an integer beyond float64
+    if not math.isfinite(number):
+        raise ValueError
+    return number
+
+
+def _integer(read: Any) -> int:
+    if isinstance(read, bool) or not isinstance(read, int | float) or read != int(read):
+        raise ValueError
+    return int(read)
+
+
+def whole(read: Any) -> int:
+    """Return a number of communication steps; raises ValueError if it is none."""
+    if not 1 <= _integer(read) <= STEPS_MAX:
+        raise ValueError
+    return int(read)
+
+
+def _text(read: Any) -> str:
+    if not isinstance(read, str):
+        raise ValueError
+    return read
+
+
+def _client_name(read: Any) -> str:
+    if not isinstance(read, str) or not 0 < len(read) <= NAME_MAX:
+        raise ValueError
+    return read
+
+
+def _truth(read: Any) -> bool:
+    if not isinstance(read, bool):
+        raise ValueError
+    return read
+
+
+def _lag(read: Any) -> float:
+    lag = _number(read)
+    if not 0 < lag <= LAG_MAX:
+        raise ValueError
+    return lag
+
+
+def _values(read: Any) -> dict[str, Any]:
+    if not isinstance(read, Mapping) or not all(isinstance(name, str) for name in read):
+        raise ValueError
+    return dict(read)
+
+
+def _mapping(read: Any) -> dict[str, str]:
+    mapping = _values(read)
+    if not all(isinstance(name, str) for name in mapping.values()):
+        raise ValueError
+    return mapping
+
+
+NAMES = Field(_names, "a list of names")
+VALUES = Field(_values, "an object of names and values")
+NUMBER = Field(_number, "a number")
+NAME = f"a text of 1 to {NAME_MAX} letters"
+
+CALLS: dict[str, Call] = {
+    "describe": Call(),
+    "schema": Call(),
+    "get": Call("read", {"names": NAMES}),
+    "set": Call("set", {"values": Field(_values, VALUES.expected, required=True)}, "values"),
+    "step": Call(
+        "step",
+        {
+            "n": Field(whole, "a whole number of steps from 1"),
+            "dt": NUMBER,
+            "inputs": VALUES,
+            "outputs": NAMES,
+        },
+        "inputs",
+    ),
+    "run": Call(
+        "step",
+        {
+            "until": NUMBER,
+            "duration": NUMBER,
+            "factor": Field(_number, "a number more than 0"),
+            "record": NAMES,
+        },
+    ),
+    "pause": Call("step"),
+    "reset": Call("step", {"seed": Field(_integer, "a whole number"), "start": VALUES}, "start"),
+    "snapshot": Call("step"),
+    "restore": Call("step", {"snapshot": Field(_text, "the name of a snapshot", required=True)}),
+    "discard": Call("step", {"snapshot": Field(_text, "the name of a snapshot", required=True)}),
+    "replace": Call(
+        "manage",
+        {
+            "component": Field(_text, "the name of a component", required=True),
+            "source": Field(_text, "a source, such as a file", required=True),
+            "mapping": Field(_mapping, "an object of name: name"),
+        },
+    ),
+    "dismiss": Call("manage", {"name": Field(_text, "a client's name", required=True)}),
+    "join": Call(
+        None,
+        {
+            "name": Field(_client_name, NAME),
+            "lockstep": Field(_truth, "true or false"),
+            "lag": Field(_lag, f"seconds, more than 0 and at most {LAG_MAX:g}"),
+        },
+    ),
+    "leave": Call(),
+}
+"""All calls. A field that is null counts as not given."""
+
+
+def checked(name: object, request: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields that a request gives, each in its type.
+
+    Raises InputInvalid for an unknown call, an unknown or missing field, and a wrong value.
+    """
+    if not isinstance(name, str) or name not in CALLS:
+        raise InputInvalid(
+            f"call {shown(name)} does not exist{did_you_mean(str(name), CALLS)}; "
+            f"expected one of {', '.join(CALLS)}"
+        )
+    fields = CALLS[name].fields
+    for given in request:
+        if given not in fields:
+            raise InputInvalid(
+                f"{name}: field {shown(given)} does not exist{did_you_mean(given, fields)}; "
+                f"expected some of {', '.join(fields) or 'none'}"
+            )
+    found: dict[str, Any] = {}
+    for key, kind in fields.items():
+        value = request.get(key)
+        if value is None or (isinstance(value, list) and not value and kind.read is not _names):
+            if kind.required:
+                raise InputInvalid(f"{name}: {key} is missing; expected {kind.expected}")
+            continue
+        try:
+            found[key] = kind.read(value)
+        except (ValueError, OverflowError):
+            raise InputInvalid(
+                f"{name}: {key} {shown(value)} was read; expected {kind.expected}"
+            ) from None
+    return found
+
+
+def arguments(
+    name: object,
+    request: Mapping[str, Any],
+    tick: Callable[[], Fraction],
+    now: Callable[[], int],
+) -> tuple[Any, ...]:
+    """Return what the service takes for a call behind the client.
+
+    `tick` returns the communication step [s], `now` the present communication point. Raises
+    InputInvalid as `checked` does, and for a time that is no multiple of the communication step.
+    """
+    found = checked(name, request)
+    match name:
+        case "get":
+            return (found.get("names", []),)
+        case "set":
+            return (found["values"],)
+        case "step":
+            _one_of("step", found, "n", "dt")
+            n = found.get("n", 1)
+            if "dt" in found:
+                n = steps_of(found["dt"], tick())
+                if n == 0:
+                    raise InputInvalid(f"step: dt 0 was read; expected {float(tick()):g} s or more")
+            return n, found.get("inputs", {}), found.get("outputs", [])
+        case "run":
+            _one_of("run", found, "until", "duration")
+            until = found.get("until")
+            if "duration" in found:
+                until = float((now() + steps_of(found["duration"], tick())) * tick())
+            return until, found.get("factor"), found.get("record", [])
+        case "reset":
+            return found.get("seed"), found.get("start", {})
+        case "replace":
+            return found["component"], found["source"], found.get("mapping")
+    return tuple(found.values())
+
+
+def _one_of(name: str, found: Mapping[str, Any], one: str, other: str) -> None:
+    if one in found and other in found:
+        raise InputInvalid(f"{name}: both {one} and {other} were given; expected one of them")
+
+
+def steps_of(dt: float, tick: Fraction) -> int:
+    """Return the number of communication steps in a time [s]; raises InputInvalid if not whole."""
+    count = round(dt / tick) if abs(dt) < STEPS_MAX else 0
+    if count < 0 or (count == 0 and dt != 0) or abs(count * float(tick) - dt) > 1e-9 + 1e-6 * tick:
+        raise InputInvalid(
+            f"dt = {dt:g} s was read; expected a whole multiple of the communication step, "
+            f"{float(tick):g} s"
+        )
+    return count
+
+
+def read_object(data: bytes, what: str) -> dict[str, Any]:
+    """Read a JSON object that a client sent; no bytes are an empty one.
+
+    Raises InputInvalid for another text, for NaN and infinity, which JSON does not have, and for a
+    name that occurs twice in one object.
+    """
+    try:
+        read = (
+            json.loads(data, parse_constant=_no_constant, object_pairs_hook=_once) if data else {}
+        )
+    except (ValueError, RecursionError) as error:
+        raise InputInvalid(f"{what}: not JSON ({error}); expected a JSON object") from None
+    if not isinstance(read, dict):
+        raise InputInvalid(f"{what}: a JSON {type(read).__name__} was read; expected an object")
+    return read
+
+
+def _no_constant(name: str) -> float:
+    raise ValueError(f"{name} is no JSON")
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    read: dict[str, Any] = {}
+    for name, value in pairs:
+        if name in read:
+            raise ValueError(f"{name[:80]!r} is given twice")
+        read[name] = value
+    return read

@@ -1,0 +1,164 @@
+"""What a client may ask of a running co-simulation, over any transport.
+
+Every transport (Zenoh, TCP, HTTP) turns a request into one of these calls, and the result into its
+own form. Names are those of a local master, "hull.eta"; values are numpy arrays of the
+variable's shape and type, in its unit.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import Any, Protocol, final, overload
+
+import numpy as np
+
+__all__ = ["Client", "Moment", "Schema", "Service", "SignalInfo"]
+
+
+@dataclass(frozen=True)
+class SignalInfo:
+    """One variable: `settable` if it is an unconnected input or a tunable parameter."""
+
+    name: str
+    type: str  # FMI 3's: Float64, Int32, Boolean, String, …
+    shape: tuple[int, ...]
+    unit: str  # one, or one for each element joined by ", "
+    causality: str
+    settable: bool
+    description: str = ""
+
+
+@final
+class Schema(Sequence[SignalInfo]):
+    """All variables; it does not change, so what follows from it is built once."""
+
+    def __init__(self, signals: Iterable[SignalInfo]) -> None:
+        self._signals = tuple(signals)
+
+    @overload
+    def __getitem__(self, index: int) -> SignalInfo: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[SignalInfo]: ...
+    def __getitem__(self, index: int | slice) -> SignalInfo | Sequence[SignalInfo]:
+        """Return one variable, or several."""
+        return self._signals[index]
+
+    def __len__(self) -> int:
+        """Return the number of variables."""
+        return len(self._signals)
+
+    @cached_property
+    def by_name(self) -> Mapping[str, SignalInfo]:
+        """Return the variables by name."""
+        return {info.name: info for info in self._signals}
+
+    @cached_property
+    def text(self) -> str:
+        """Return the variables as a JSON list."""
+        return json.dumps([asdict(info) for info in self._signals])
+
+
+@dataclass(frozen=True)
+class Client:
+    """Who asks: a name of its own choice (made unique), the transport, and what its role allows.
+
+    `answer_bytes` is the largest recording of a run that its connection can carry; None for a
+    client in this process.
+    """
+
+    name: str
+    transport: str  # "zenoh", "tcp", "http", "local"
+    allowed: frozenset[str] = frozenset({"read", "set", "step", "manage"})
+    answer_bytes: int | None = None
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Where a co-simulation is: every answer and every published block carries it."""
+
+    tick: int
+    time: float  # s
+    running: bool  # streaming against the wall clock
+
+
+class Service(Protocol):
+    """The calls. Each may come from any thread; they are carried out one after another.
+
+    Every call raises UuvsimError for what cannot be done, in words that name the place, what was
+    read and what would be right (near names for unknown ones), also when a role does not allow it.
+    """
+
+    def moment(self) -> Moment:
+        """Say where the co-simulation is."""
+
+    def describe(self) -> Mapping[str, Any]:
+        """Return the system: name, version, tick, components with kind and step, clients, mode."""
+
+    def schema(self) -> Sequence[SignalInfo]:
+        """List all variables."""
+
+    def get(self, client: Client, names: Sequence[str]) -> Mapping[str, Any]:
+        """Read variables at the present communication point."""
+
+    def set(self, client: Client, values: Mapping[str, Any]) -> Moment:
+        """Set unconnected inputs and tunable parameters, all or none."""
+
+    def step(
+        self,
+        client: Client,
+        n: int = 1,
+        inputs: Mapping[str, Any] | None = None,
+        outputs: Sequence[str] = (),
+    ) -> tuple[Moment, Mapping[str, Any]]:
+        """Set inputs, make n communication steps, and give outputs.
+
+        In lockstep with other clients this waits until all who hold the barrier have asked for
+        their step; the smallest request is made for all, and who asked for more waits on.
+        """
+
+    def run(
+        self,
+        client: Client,
+        until: float | None = None,
+        factor: float | None = None,
+        record: Sequence[str] = (),
+    ) -> Mapping[str, np.ndarray]:
+        """Run to a time [s] as fast as can be (factor None) or at a factor of real time.
+
+        Gives the time and the recorded signals, one row a communication point. Without `until`
+        it streams on until `pause`, and gives nothing.
+        """  # fmt: skip
+
+    def pause(self, client: Client) -> Moment:
+        """Stop streaming at a communication point."""
+
+    def reset(
+        self, client: Client, seed: int | None = None, start: Mapping[str, Any] | None = None
+    ) -> Moment:
+        """Go back to the start, with another seed or other start values."""
+
+    def snapshot(self, client: Client) -> str:
+        """Keep the whole state, under a name that is given, until it is discarded."""
+
+    def restore(self, client: Client, snapshot: str) -> Moment:
+        """Go back to a snapshot."""
+
+    def discard(self, client: Client, snapshot: str) -> Moment:
+        """Forget a snapshot."""
+
+    def replace(
+        self, client: Client, component: str, source: str, mapping: Mapping[str, str] | None = None
+    ) -> Moment:
+        """Put another source in a component's place; the run begins anew."""
+
+    def join(self, client: Client, *, lockstep: bool = False, lag: float = 5.0) -> Client:
+        """Enter a client; with `lockstep` it holds the barrier, and is dropped after `lag` s."""
+
+    def leave(self, client: Client) -> None:
+        """Let a client go; the barrier no longer waits for it."""
+
+    def dismiss(self, client: Client, name: str) -> Moment:
+        """Take the barrier from another client, which is told so at its next step."""

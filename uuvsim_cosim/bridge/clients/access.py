@@ -1,0 +1,125 @@
+"""A client shows at the Zenoh server who it is, and is told in words why it may not enter."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import ssl
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from uuvsim_cosim.bridge.access.tls import client_context, common_names, why_refused
+from uuvsim_cosim.bridge.access.token import known_token, token_folder
+from uuvsim_cosim.bridge.access.zenoh import GUEST, client_settings
+from uuvsim_cosim.bridge.zenoh.session import (
+    Disconnected,
+    NoSession,
+    WrappedSession,
+    connecting,
+)
+from uuvsim_cosim.errors import InputInvalid
+
+__all__ = ["Credentials"]
+
+Told = tuple[dict[str, Any], dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Credentials:
+    """What a client shows of itself; all may lack.
+
+    User and password, the CA that is trusted, a certificate with its key, and the token of a
+    server without an access file; `token` None: the one that this user's programs find.
+    """
+
+    user: str | None = None
+    password: str | None = None
+    ca: str | Path | None = None
+    certificate: str | Path | None = None
+    key: str | Path | None = None
+    token: str | None = None
+
+    @property
+    def tls(self) -> bool:
+        """Whether to speak TLS."""
+        return self.ca is not None or self.certificate is not None
+
+    def opened(
+        self, host: str, port: int, user: str | None = None, password: str | None = None
+    ) -> WrappedSession:
+        """Open a session; raises Disconnected, or InputInvalid with what does not fit.
+
+        Who serves with an access file asks for one of Zenoh's users, which others do not know.
+        """
+        if (self.password is not None) and self.user is None:
+            raise InputInvalid("connect: a password without user; expected both")
+        context = client_context(self.ca, self.certificate, self.key) if self.tls else None
+        if context is not None:
+            self._refuse(host, port, why_refused(host, port, context, listen=0.0))
+        files = (self.ca, self.certificate, self.key)
+        token = self._token(host, port)
+        tries = [(user, password)] if user else [(None, None), (GUEST, GUEST)]
+        if user is None and token is not None:
+            tries.insert(0, (GUEST, token))
+        for one in tries:
+            try:
+                return connecting(host, port, client_settings(*one, *files), tls=self.tls)
+            except Disconnected as error:
+                refused = error
+        why = _wants_tls(host, port) if context is None else why_refused(host, port, context)
+        self._refuse(host, port, why)
+        if user is None and isinstance(refused, NoSession):
+            required = "a token" if token is None else "another token than this client has"
+            place = "their folder of tokens"
+            with contextlib.suppress(InputInvalid):  # no home directory
+                place = str(token_folder())
+            raise InputInvalid(
+                f"{host}, port {port}, opens no session to this client: it requires {required}, or "
+                "is not the port that `uuvsim serve` names for Python. Programs of the user who "
+                f"serves find the token in {place}; other programs pass it as token= or in the "
+                "environment variable UUVSIM_TOKEN"
+            )
+        raise refused
+
+    def _token(self, host: str, port: int) -> str | None:
+        return (known_token(host, port) if self.token is None else self.token) or None
+
+    @staticmethod
+    def _refuse(host: str, port: int, why: str | None) -> None:
+        if why is not None:
+            raise InputInvalid(f"connect to {host}, port {port}: {why}")
+
+    def join(
+        self, ask: Callable[..., Told], joining: dict[str, Any], address: tuple[str, int]
+    ) -> Told:
+        """Join by `ask(key, call, …)`: with user and password, by certificate, or by a token."""
+        token = self._token(*address)
+        if token is not None:
+            joining = {**joining, "token": token}
+        if self.user is not None:
+            joining = {**joining, "user": self.user, "password": self.password or ""}
+        elif self.certificate is not None:
+            for name in common_names(self.certificate):
+                if "/" in name or "*" in name or not name:
+                    continue  # no key of Zenoh's
+                try:  # nobody answers where a certificate has another name, or no role
+                    return ask(f"certificate/{name}", **joining)
+                except Disconnected:
+                    continue
+        return ask("call/join", **joining)
+
+
+def _wants_tls(host: str, port: int) -> str | None:
+    """Say so if a server speaks TLS."""
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+    try:
+        with (
+            socket.create_connection((host, port), timeout=2.0) as plain,
+            context.wrap_socket(plain, server_hostname=host),
+        ):
+            return "it speaks TLS; expected ca=, the file ca.pem of who serves"
+    except (OSError, ValueError):
+        return None

@@ -1,0 +1,167 @@
+"""The Python client for asyncio: the same calls, awaited."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from types import TracebackType
+from typing import Any, Self, TypeVar, final
+
+import numpy as np
+
+from uuvsim_cosim.bridge.calls.service import Moment, SignalInfo
+from uuvsim_cosim.bridge.clients.client import Connection, connect
+from uuvsim_cosim.bridge.clients.subscription import Block
+
+__all__ = ["AsyncConnection", "connect_async"]
+
+T = TypeVar("T")
+
+
+async def connect_async(system: str | None = None, **options: Any) -> AsyncConnection:
+    """Connect as `connect` does, with its options."""
+    calls = ThreadPoolExecutor(1, "uuvsim-client")
+    made = partial(connect, system, **options)
+    try:
+        connection = await asyncio.get_running_loop().run_in_executor(calls, made)
+    except BaseException:
+        calls.shutdown(wait=False)
+        raise
+    return AsyncConnection(connection, calls)
+
+
+@final
+class AsyncConnection:
+    """A `Connection` whose calls are awaited; they are made in order, one at a time."""
+
+    def __init__(self, connection: Connection, calls: ThreadPoolExecutor) -> None:
+        self.connection = connection
+        self._calls = calls
+
+    @property
+    def moment(self) -> Moment:
+        """Say where the co-simulation was at the last answer."""
+        return self.connection.moment
+
+    @property
+    def system(self) -> str:
+        """The name of the system."""
+        return self.connection.system
+
+    @property
+    def name(self) -> str:
+        """The name that others see of this client."""
+        return self.connection.name
+
+    @property
+    def time(self) -> float:
+        """Time at the last answer [s]."""
+        return self.connection.time
+
+    @property
+    def tick(self) -> int:
+        """Communication point at the last answer."""
+        return self.connection.tick
+
+    async def schema(self) -> tuple[SignalInfo, ...]:
+        """List all variables."""
+        return await self._made(lambda: self.connection.schema)
+
+    async def signals(self) -> tuple[str, ...]:
+        """List the names of all variables."""
+        return await self._made(lambda: self.connection.signals)
+
+    async def describe(self) -> dict[str, Any]:
+        """Return system, version, tick, components, clients and mode."""
+        return await self._made(self.connection.describe)
+
+    async def get(self, names: str | Sequence[str]) -> Any:
+        """Read a variable, or several by name."""
+        return await self._made(partial(self.connection.get, names))
+
+    async def set(self, name: str | Mapping[str, Any], value: Any = None, /) -> Moment:
+        """Set unconnected inputs and tunable parameters, all or none."""
+        values = {name: value} if isinstance(name, str) else name
+        return await self._made(partial(self.connection.set, values))
+
+    async def step(
+        self,
+        n: int = 1,
+        inputs: Mapping[str, Any] | None = None,
+        outputs: str | Sequence[str] = (),
+    ) -> dict[str, Any]:
+        """Set inputs, make n communication steps, and give outputs."""
+        return await self._made(partial(self.connection.step, n, inputs, outputs))
+
+    async def run(
+        self,
+        until: float | None = None,
+        factor: float | None = None,
+        record: str | Sequence[str] = (),
+    ) -> dict[str, np.ndarray]:
+        """Run to a time [s], or stream on until `pause`."""
+        return await self._made(partial(self.connection.run, until, factor, record))
+
+    async def pause(self) -> Moment:
+        """Stop streaming at a communication point; also a run that is awaited meanwhile."""
+        return await asyncio.to_thread(self.connection.pause)
+
+    async def reset(
+        self, seed: int | None = None, start: Mapping[str, Any] | None = None
+    ) -> Moment:
+        """Go back to the start, with another seed or other start values."""
+        return await self._made(partial(self.connection.reset, seed, start))
+
+    async def snapshot(self) -> str:
+        """Keep the whole state, under a name that is given."""
+        return await self._made(self.connection.snapshot)
+
+    async def restore(self, snapshot: str) -> Moment:
+        """Go back to a snapshot."""
+        return await self._made(partial(self.connection.restore, snapshot))
+
+    async def discard(self, snapshot: str) -> Moment:
+        """Forget a snapshot."""
+        return await self._made(partial(self.connection.discard, snapshot))
+
+    async def dismiss(self, name: str) -> Moment:
+        """Take the lockstep barrier from another client."""
+        return await self._made(partial(self.connection.dismiss, name))
+
+    async def replace(
+        self, component: str, source: str, mapping: Mapping[str, str] | None = None
+    ) -> Moment:
+        """Put another source in a component's place; the run begins anew."""
+        return await self._made(partial(self.connection.replace, component, source, mapping))
+
+    async def subscribe(self, *names: str, keep: int = 1024) -> AsyncIterator[Block]:
+        """Return the blocks of states as they come."""
+        blocks = await self._made(partial(self.connection.subscribe, *names, keep=keep))
+        try:
+            while (block := await asyncio.to_thread(next, blocks, None)) is not None:
+                yield block
+        finally:
+            blocks.close()
+
+    async def close(self) -> None:
+        """Leave; a second call does nothing."""
+        await asyncio.to_thread(self.connection.close)
+        self._calls.shutdown(wait=False)
+
+    async def __aenter__(self) -> Self:
+        """Return the connection."""
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Leave."""
+        await self.close()
+
+    async def _made(self, call: Callable[[], T]) -> T:
+        return await asyncio.get_running_loop().run_in_executor(self._calls, call)

@@ -1,0 +1,342 @@
+"""The Python client: a running co-simulation elsewhere, with the names of a local one."""
+
+from __future__ import annotations
+
+import json
+import secrets
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, final, overload
+
+import numpy as np
+
+from uuvsim_cosim._version import __version__
+from uuvsim_cosim.bridge.calls.call_table import checked
+from uuvsim_cosim.bridge.calls.service import Moment, SignalInfo
+from uuvsim_cosim.bridge.clients.access import Credentials
+from uuvsim_cosim.bridge.clients.queries import Asking
+from uuvsim_cosim.bridge.clients.subscription import Subscription
+from uuvsim_cosim.bridge.zenoh.codec import PROTOCOL, error_of, packed, read_message, unpacked
+from uuvsim_cosim.bridge.zenoh.session import PORT, Disconnected, WrappedSession
+from uuvsim_cosim.closing import Closing
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.near_names import expected_names
+
+__all__ = ["Connection", "connect"]
+
+
+def connect(
+    system: str | None = None,
+    *,
+    host: str = "127.0.0.1",
+    port: int = PORT,
+    name: str = "python",
+    lockstep: bool = False,
+    lag: float = 5.0,
+    user: str | None = None,
+    password: str | None = None,
+    ca: str | Path | None = None,
+    certificate: str | Path | None = None,
+    key: str | Path | None = None,
+    token: str | None = None,
+) -> Connection:
+    """Connect to a co-simulation that `uuvsim serve` or a `Bridge` runs.
+
+    `system` need not be given where there is one only. With `lockstep`, time moves only when this
+    client and all others in lockstep have asked for their step; after `lag` seconds of silence
+    the others go on as the co-simulation is configured. `user` and `password`, the PEM files `ca`
+    (then TLS is spoken), `certificate` and `key` where who serves asks for them. `token` is that of
+    a server without an access file; a server of this user on this machine needs none here, because
+    its token is found. Raises Disconnected if nobody is there, InputInvalid in words if it may not
+    enter.
+    """
+    if isinstance(port, bool) or not isinstance(port, int) or not 0 < port < 1 << 16:
+        raise InputInvalid(f"connect: port {port!r}; expected a whole number, 1 to 65535")
+    checked("join", {"name": name, "lockstep": lockstep, "lag": lag})
+    credentials = Credentials(user, password, ca, certificate, key, token)
+    session = credentials.opened(host, port)
+    try:
+        found = _found(session, system, host, port)
+        return Connection(session, found, name, lockstep, lag, credentials, (host, port))
+    except BaseException:
+        session.close()
+        raise
+
+
+@final
+class Connection(Closing):
+    """One client of a running co-simulation; leaves when it is closed, or the program ends."""
+
+    def __init__(
+        self,
+        session: WrappedSession,
+        system: str,
+        name: str,
+        lockstep: bool,
+        lag: float,
+        credentials: Credentials | None = None,
+        address: tuple[str, int] = ("127.0.0.1", PORT),
+    ) -> None:
+        self.system = system
+        self._session = session
+        self._credentials = credentials or Credentials()
+        self._address = address
+        self._states: WrappedSession | None = None
+        self._proof: dict[str, str] = {}
+        self._base = f"uuvsim/{system}"
+        self._asking = Asking(session, lambda: self._credentials.opened(*address))
+        self._schema: tuple[SignalInfo, ...] | None = None
+        self._subscriptions: list[Subscription] = []
+        self._id = secrets.token_hex(8)
+        self._token = session.token(f"{self._base}/live/client/{self._id}")
+        joining = {
+            "name": name, "lockstep": lockstep, "lag": lag, "protocol": PROTOCOL,
+            "version": __version__,
+        }  # fmt: skip
+        told, _ = self._credentials.join(self._ask_at, joining, address)
+        if told.get("protocol") != PROTOCOL:
+            raise InputInvalid(
+                f"the co-simulation (uuvsim-cosim {told.get('version', 'unknown')}) speaks "
+                f"protocol {told.get('protocol')}; expected protocol {PROTOCOL}, as uuvsim-cosim "
+                f"{__version__} has, which connects"
+            )
+        self.name = str(told["name"])
+        self.allowed = frozenset(told.get("allowed", ("read", "set", "step", "manage")))
+        self._proof = {"proof": told["proof"]} if "proof" in told else {}
+        self._reader: list[str] | None = told.get("reader")
+        self._watching = session.watch(f"{self._base}/live/master", self._master_lives)
+
+    # ---- what there is --------------------------------------------------------------------
+
+    @property
+    def moment(self) -> Moment:
+        """Say where the co-simulation was at the last answer."""
+        return self._moment
+
+    @property
+    def time(self) -> float:
+        """Time at the last answer [s]."""
+        return self._moment.time
+
+    @property
+    def tick(self) -> int:
+        """Communication point at the last answer."""
+        return self._moment.tick
+
+    def describe(self) -> dict[str, Any]:
+        """Return system, version, tick, components, clients and mode."""
+        return dict(self._ask("describe")[0]["result"])
+
+    @property
+    def schema(self) -> tuple[SignalInfo, ...]:
+        """List all variables; asked for once, and again after a replacement."""
+        if self._schema is None:
+            signals = self._ask("schema")[0]["signals"]
+            self._schema = tuple(SignalInfo(**{**s, "shape": tuple(s["shape"])}) for s in signals)
+        return self._schema
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """List the names of all variables."""
+        return tuple(s.name for s in self.schema)
+
+    # ---- values ---------------------------------------------------------------------------
+
+    @overload
+    def get(self, names: str) -> Any: ...
+    @overload
+    def get(self, names: Sequence[str]) -> dict[str, Any]: ...
+    def get(self, names: str | Sequence[str]) -> Any:
+        """Read a variable, or several by name."""
+        wanted = _names("get", names)
+        _, values = self._ask("get", names=wanted)
+        return values[names] if isinstance(names, str) else values
+
+    @overload
+    def set(self, name: str, value: Any, /) -> Moment: ...
+    @overload
+    def set(self, name: Mapping[str, Any], /) -> Moment: ...
+    def set(self, name: str | Mapping[str, Any], value: Any = None, /) -> Moment:
+        """Set unconnected inputs and tunable parameters, all or none."""
+        values = {name: value} if isinstance(name, str) else name
+        self._ask("set", {"values": _values("set", values)})
+        return self._moment
+
+    # ---- time -----------------------------------------------------------------------------
+
+    def step(
+        self,
+        n: int = 1,
+        inputs: Mapping[str, Any] | None = None,
+        outputs: str | Sequence[str] = (),
+    ) -> dict[str, Any]:
+        """Set inputs, make n communication steps, and give outputs; `time` is where it is then."""
+        given, wanted = _values("step", inputs or {}), _names("step", outputs)
+        return self._ask("step", {"inputs": given}, n=n, outputs=wanted)[1]
+
+    def run(
+        self,
+        until: float | None = None,
+        factor: float | None = None,
+        record: str | Sequence[str] = (),
+    ) -> dict[str, np.ndarray]:
+        """Run to a time [s], as fast as can be or at a factor of real time; gives what is recorded.
+
+        Without `until` it streams on, in real time, until `pause`, and gives nothing.
+        """
+        return self._ask("run", until=until, factor=factor, record=_names("run", record))[1]
+
+    def pause(self) -> Moment:
+        """Stop streaming at a communication point."""
+        self._ask("pause")
+        return self._moment
+
+    def reset(self, seed: int | None = None, start: Mapping[str, Any] | None = None) -> Moment:
+        """Go back to the start, with another seed or other start values."""
+        self._ask("reset", {"start": _values("reset", start or {})}, seed=seed)
+        return self._moment
+
+    def snapshot(self) -> str:
+        """Keep the whole state, under a name that is given, until it is discarded.
+
+        Raises InputInvalid if this client keeps as many as it may.
+        """
+        return str(self._ask("snapshot")[0]["result"])
+
+    def restore(self, snapshot: str) -> Moment:
+        """Go back to a snapshot."""
+        self._ask("restore", snapshot=snapshot)
+        return self._moment
+
+    def discard(self, snapshot: str) -> Moment:
+        """Forget a snapshot."""
+        self._ask("discard", snapshot=snapshot)
+        return self._moment
+
+    def replace(
+        self, component: str, source: str, mapping: Mapping[str, str] | None = None
+    ) -> Moment:
+        """Put another source in a component's place; the run begins anew."""
+        given = None if mapping is None else dict(mapping)
+        self._ask("replace", component=component, source=source, mapping=given)
+        self._schema = None
+        return self._moment
+
+    def dismiss(self, name: str) -> Moment:
+        """Take the lockstep barrier from another client, as `describe` names it."""
+        self._ask("dismiss", name=name)
+        return self._moment
+
+    def subscribe(self, *names: str, keep: int = 1024) -> Subscription:
+        """Return the blocks of states as they come; the newest `keep` wait to be taken."""
+        paths = {c["path"] for c in self.describe()["components"]}
+        if "read" not in self.allowed:
+            may = ", ".join(sorted(self.allowed)) or "nothing"
+            raise InputInvalid(f"subscribe: this client may {may}, and this needs 'read'")
+        session = self._reading()
+        subscription = Subscription(session, self._base, names, paths, self._blocks, keep)
+        self._subscriptions.append(subscription)
+        return subscription
+
+    # ---- the end --------------------------------------------------------------------------
+
+    def close(self) -> None:
+        """Leave; a second call does nothing."""
+        if not self._session.is_open:
+            return
+        try:
+            self._ask("leave")
+        except Disconnected:
+            pass
+        finally:
+            self._asking.close()
+            if self._states is not None:
+                self._states.close()
+            self._session.close()
+
+    # ---- inside ---------------------------------------------------------------------------
+
+    def _ask(
+        self, call: str, values: Mapping[str, Mapping[str, Any]] | None = None, /, **rest: Any
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        return self._ask_at(f"call/{call}", values, **self._proof, **rest)
+
+    def _ask_at(
+        self, key: str, values: Mapping[str, Mapping[str, Any]] | None = None, /, **rest: Any
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        call = key.rpartition("/")[2]
+        message: dict[str, Any] = {"client": self._id, "binary": True, **rest}
+        block = b""
+        for field, given in (values or {}).items():
+            message[field], block = packed(given)
+        if not self._session.is_open:
+            raise Disconnected(f"{call}: this connection is closed; expected an open one")
+        try:
+            text = json.dumps(message, allow_nan=False)
+        except (TypeError, ValueError) as error:
+            raise InputInvalid(
+                f"{call}: cannot be sent ({error}); expected numbers, texts and lists of them"
+            ) from None
+        reply = self._answer(key, text, block)
+        if reply.ok is None:
+            raise error_of(read_message(reply.err.payload.to_bytes()))
+        told = read_message(reply.ok.payload.to_bytes())
+        attached = reply.ok.attachment
+        if "moment" in told:
+            self._moment = Moment(**told["moment"])
+        held = told.get("values", {})
+        return told, unpacked(held, b"" if attached is None else attached.to_bytes())
+
+    def _answer(self, key: str, message: str, block: bytes) -> Any:
+        reply = self._asking.ask(f"{self._base}/{key}", message, block)
+        if reply is not None:
+            return reply
+        call = key.rpartition("/")[2]
+        raise Disconnected(f"{call}: the co-simulation {self.system!r} is gone; expected it to run")
+
+    def _reading(self) -> WrappedSession:
+        """Return the session that receives states: another one where Zenoh guards them."""
+        if self._reader is None:
+            return self._session
+        if self._states is None:
+            user, password = self._reader
+            self._states = self._credentials.opened(*self._address, user, password)
+        return self._states
+
+    def _blocks(self) -> dict[str, Any]:
+        return self._ask("schema")[0]
+
+    def _master_lives(self, key: str, lives: bool) -> None:
+        if not lives:
+            for subscription in self._subscriptions:
+                subscription.close()
+
+
+def _found(session: WrappedSession, system: str | None, host: str, port: int) -> str:
+    there = sorted(key.split("/")[1] for key in session.alive("uuvsim/*/live/master"))
+    if system is not None and system not in there:
+        raise InputInvalid(
+            f"no co-simulation {system!r} at {host}, port {port}; expected "
+            f"{expected_names(system, there)}"
+        )
+    if len(there) != 1 and system is None:
+        raise InputInvalid(
+            f"{len(there)} co-simulations at {host}, port {port}; expected "
+            f"{expected_names('', there)}"
+        )
+    return there[0] if system is None else system
+
+
+def _names(call: str, names: object) -> list[str]:
+    given = [names] if isinstance(names, str) else names
+    if not isinstance(given, Iterable) or isinstance(given, Mapping):
+        raise InputInvalid(f"{call}: {names!r} was read; expected names, such as 'hull.eta'")
+    return list(given)
+
+
+def _values(call: str, values: object) -> Mapping[str, Any]:
+    if not isinstance(values, Mapping):
+        raise InputInvalid(
+            f"{call}: {values!r} was read; expected values by name, such as {{'hull.tau': [0.0]}}"
+        )
+    return values

@@ -1,0 +1,201 @@
+"""The far end of a remote component: a Python class that steps here, for a master elsewhere."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import secrets
+import threading
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any, final
+
+import numpy as np
+
+from uuvsim_cosim._version import __version__
+from uuvsim_cosim.bridge.access.authentication import everybody
+from uuvsim_cosim.bridge.access.token import TokenFile, guarded_by_token
+from uuvsim_cosim.bridge.access.zenoh import guarded_component
+from uuvsim_cosim.bridge.zenoh.codec import PROTOCOL, message_of, read_message, unpacked
+from uuvsim_cosim.bridge.zenoh.session import listening
+from uuvsim_cosim.closing import Closing
+from uuvsim_cosim.errors import FmuError, InputInvalid
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.orchestrator.python.class_file import load
+from uuvsim_cosim.orchestrator.python.component import PythonComponent
+
+__all__ = ["COMPONENT_PORT", "ComponentServer", "serve_component"]
+
+COMPONENT_PORT = 7480
+
+
+def serve_component(
+    component: type[Any] | str,
+    name: str | None = None,
+    *,
+    port: int = COMPONENT_PORT,
+    host: str = "127.0.0.1",
+    anyone: bool = False,
+) -> ComponentServer:
+    """Let masters use a Python class of this process as ``remote:NAME``.
+
+    `component` has `inputs`, `outputs` and ``step(t, dt, u)``, or names such a class,
+    ``FILE.py:Class``. Each master gets an object of its own. Port 0 is any free one. Masters need
+    the token of this user, which they find on this machine; `anyone` lets in all who reach it.
+    """
+    cls = load(component) if isinstance(component, str) else component
+    return ComponentServer(cls, name or cls.__name__, port, host, anyone=anyone)
+
+
+@final
+class ComponentServer(Closing):
+    """Serves from construction to `close`; `wait` holds the program until Ctrl-C."""
+
+    def __init__(
+        self, cls: type[Any], name: str, port: int, host: str, *, anyone: bool = False
+    ) -> None:
+        if not name.replace("_", "").replace("-", "").isalnum():
+            raise InputInvalid(f"component name {name!r}; expected letters, digits, _ and -")
+        from uuvsim_cosim.bridge.zenoh.bridge import free_port
+
+        self.name, self.host, self.port = name, host, port or free_port(host)
+        self._class = cls
+        self._description = PythonComponent(cls, name).description
+        self._instances: dict[str, PythonComponent] = {}
+        self._over = threading.Event()
+        authenticator = None if anyone else guarded_by_token()
+        self._admit = authenticator or everybody
+        token = None if authenticator is None else authenticator.access.token
+        guard: AbstractContextManager[dict[str, Any]]
+        guard = nullcontext({}) if token is None else guarded_component(token)
+        with guard as settings:
+            self._session = listening(self.port, [host], settings)
+        try:
+            self._token_file = TokenFile(self._admit, self.port)
+        except BaseException:
+            self._session.close()
+            raise
+        base = f"uuvsim-component/{name}"
+        self._answering = self._session.answer(f"{base}/*", self._asked)
+        self._token = self._session.token(f"{base}/live")
+
+    @property
+    def source(self) -> str:
+        """The source that a system names it by."""
+        return f"remote:{self.name}@{self.host}:{self.port}"
+
+    def wait(self) -> None:
+        """Wait until it is closed, or for Ctrl-C."""
+        with contextlib.suppress(KeyboardInterrupt):
+            self._over.wait()
+        self.close()
+
+    def close(self) -> None:
+        """Serve no more."""
+        self._over.set()
+        self._session.close()
+        self._token_file.close()
+
+    # ---- inside ---------------------------------------------------------------------------
+
+    def _asked(self, query: Any) -> None:
+        call = str(query.key_expr).rpartition("/")[2]
+        try:
+            payload, attached = query.payload, query.attachment
+            message = read_message(b"" if payload is None else payload.to_bytes())
+            block = b"" if attached is None else attached.to_bytes()
+            told, values = self._told(call, message, block)
+            query.reply(
+                query.key_expr, json.dumps(told), attachment=values or None, express=True,
+                encoding="application/json",
+            )  # fmt: skip
+        except BaseException as error:
+            query.reply_err(json.dumps(message_of(error)), encoding="application/json")
+        finally:
+            query.drop()
+
+    def _told(self, call: str, message: dict[str, Any], block: bytes) -> tuple[Any, bytes]:
+        if call in ("describe", "instantiate"):
+            token = message.get("token")
+            self._admit(None, None, None, token if isinstance(token, str) else None)
+        if call == "describe":
+            return self._described(), b""
+        if call == "instantiate":
+            made = secrets.token_urlsafe(16)  # later calls show it in the token's place
+            self._instances[made] = PythonComponent(self._class, str(message["path"]))
+            return {"instance": made}, b""
+        number = message.get("instance")
+        if not isinstance(number, str) or number not in self._instances:
+            raise InputInvalid(f"{self.name}: no instance {number!r}; it was served anew meanwhile")
+        component = self._instances[number]
+        if call == "get_state":
+            return {}, component.serialize_fmu_state(component.get_fmu_state())
+        if call == "set_state":
+            component.set_fmu_state(component.deserialize_fmu_state(block))
+            return {}, b""
+        values = message.get("values", {})
+        inputs = component.description.of("input")
+        if call == "step":
+            times, numbers = np.frombuffer(block, "<f8", 2), np.frombuffer(block, "<f8", -1, 16)
+            _take(component, inputs, numbers)
+            component.do_step(float(times[0]), float(times[1]))
+            return {}, _outputs(component)
+        for name, value in unpacked(values, block).items():
+            component.set(component.description.variables[name], value)
+        match call:
+            case "set":
+                return {}, b""
+            case "enter":
+                component.enter_initialization_mode(message["start"], message.get("stop"))
+            case "exit":
+                component.exit_initialization_mode()
+            case "reset":
+                component.reset()
+            case "free":
+                component.free()
+                del self._instances[number]
+                return {}, b""
+            case _:
+                raise InputInvalid(f"no call {call!r}")
+        return {}, _outputs(component)
+
+    def _described(self) -> dict[str, Any]:
+        variables = []
+        for v in self._description.variables.values():
+            start = {} if v.start is None else {"start": np.asarray(v.start).tolist()}
+            variables.append(
+                {
+                    "name": v.name, "type": v.type, "causality": v.causality,
+                    "variability": v.variability, "shape": list(v.shape), "unit": v.unit,
+                    "description": v.description, "element_units": list(v.element_units), **start,
+                }
+            )  # fmt: skip
+        return {
+            "name": self._description.name,
+            "description": self._description.description,
+            "protocol": PROTOCOL,
+            "version": __version__,
+            "variables": variables,
+            "can_copy_state": self._can_copy_state(),
+        }
+
+    def _can_copy_state(self) -> bool:
+        """Return whether objects of the class can be copied and sent: tried on a fresh one."""
+        fresh = PythonComponent(self._class, self.name)
+        try:
+            fresh.serialize_fmu_state(fresh.get_fmu_state())
+        except FmuError:
+            return False
+        return True
+
+
+def _take(component: PythonComponent, inputs: list[Variable], numbers: np.ndarray) -> None:
+    at = 0
+    for v in inputs:
+        part = numbers[at : at + v.size]
+        component.set(v, part.reshape(v.shape) if v.shape else float(part[0]))
+        at += v.size
+
+
+def _outputs(component: PythonComponent) -> bytes:
+    parts = [np.ravel(component.get(v)) for v in component.description.of("output")]
+    return np.concatenate(parts).astype("<f8").tobytes() if parts else b""

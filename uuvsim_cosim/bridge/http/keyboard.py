@@ -1,0 +1,197 @@
+"""The source `keyboard`: a person at the page /pilot, in the place of a pilot or guidance.
+
+The axes s of a page, each from -1 to 1, become wanted velocities that change by at most `a_max`,
+nu_d -> s nu_max; the wanted pose moves with them from where the vehicle was,
+
+    d eta_d/dt = J(psi_d) nu_d,    |p_d - p| <= lead,   |psi_d - psi| <= lead_psi,
+
+and a policy's outputs follow: a = k_u (u_d - u), omega = r_d. Without a person's input it stops.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import cos, hypot, pi, sin
+from pathlib import Path
+from typing import Any
+
+from uuvsim_cosim.bridge.http.keyboard_pilot import Over
+from uuvsim_cosim.bridge.http.manual_axes import ManualAxes, manual_axes_of
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.fmus.component import Component
+from uuvsim_cosim.fmus.description import Description
+from uuvsim_cosim.orchestrator.plan.flatten import flatten
+from uuvsim_cosim.orchestrator.plan.plan import PlannedComponent
+from uuvsim_cosim.orchestrator.python.component import PythonComponent
+from uuvsim_cosim.orchestrator.system.resolve import register, resolve
+from uuvsim_cosim.orchestrator.system.sources import Backend, Source
+from uuvsim_cosim.orchestrator.system.system import System
+
+__all__ = ["KeyboardSource", "piloted", "source", "with_keyboards"]
+
+_ETA = (6, ("m", "m", "m", "rad", "rad", "rad"))
+_NU = (6, ("m/s", "m/s", "m/s", "rad/s", "rad/s", "rad/s"))
+
+
+class Piloted:
+    """A person at a page: wanted pose and velocity, and a policy's accelerations."""
+
+    inputs = {"eta": _ETA, "nu": _NU}  # noqa: RUF012
+    outputs = {"eta_d": _ETA, "nu_d": _NU, "a": "m/s2", "omega": "rad/s"}  # noqa: RUF012
+    parameters = {  # noqa: RUF012
+        "surge_max": (0.5, "m/s"),
+        "sway_max": (0.3, "m/s"),
+        "heave_max": (0.3, "m/s"),
+        "yaw_max": (0.6, "rad/s"),
+        "a_max": (0.5, "m/s2"),
+        "r_dot_max": (1.0, "rad/s2"),
+        "lead": (1.0, "m"),
+        "lead_psi": (0.6, "rad"),
+        "k_u": (2.0, "1/s"),
+    }
+    manual_axes = ManualAxes("nobody")
+
+    def __init__(self) -> None:
+        self.pose: list[float] = []  # N E D psi wanted; none before the first step
+        self.velocity = [0.0, 0.0, 0.0, 0.0]  # u v w r wanted
+
+    def step(self, t: float, dt: float, u: dict[str, Any]) -> dict[str, Any]:
+        """Move the wanted pose by the manual axes."""
+        eta, nu = [float(x) for x in u["eta"]], u["nu"]
+        if not self.pose:
+            self.pose = [*eta[:3], eta[5]]
+        largest = (self.surge_max, self.sway_max, self.heave_max, self.yaw_max)
+        changes = (self.a_max, self.a_max, self.a_max, self.r_dot_max)
+        for i, s in enumerate(self.manual_axes.now()):
+            most = changes[i] * dt
+            self.velocity[i] += _within(s * largest[i] - self.velocity[i], most)
+        self._move(eta, dt)
+        n, e, d, psi = self.pose
+        u_d, v_d, w_d, r_d = self.velocity
+        return {
+            "eta_d": [n, e, d, 0.0, 0.0, psi],
+            "nu_d": [u_d, v_d, w_d, 0.0, 0.0, r_d],
+            "a": _within(self.k_u * (u_d - float(nu[0])), self.a_max),
+            "omega": r_d,
+        }
+
+    def _move(self, eta: list[float], dt: float) -> None:
+        n, e, d, psi = self.pose
+        u, v, w, r = self.velocity
+        n += dt * (cos(psi) * u - sin(psi) * v)
+        e += dt * (sin(psi) * u + cos(psi) * v)
+        d += dt * w
+        away = hypot(n - eta[0], e - eta[1], d - eta[2])
+        share = min(1.0, self.lead / away) if away > 0.0 else 1.0
+        near = [at + share * (to - at) for at, to in zip(eta, (n, e, d), strict=False)]
+        turn = _within(_wrapped(psi + dt * r - eta[5]), self.lead_psi)
+        self.pose = [*near, _wrapped(eta[5] + turn)]
+
+    # set as attributes by PythonComponent
+    surge_max: float
+    sway_max: float
+    heave_max: float
+    yaw_max: float
+    a_max: float
+    r_dot_max: float
+    lead: float
+    lead_psi: float
+    k_u: float
+
+
+def source(text: str, base: Path) -> KeyboardSource:
+    """Resolve ``keyboard:`` or ``keyboard:SOURCE``; the entry point of the scheme."""
+    over = text.partition(":")[2]
+    return KeyboardSource(resolve(over, base) if over else None)
+
+
+@dataclass(frozen=True)
+class KeyboardSource:
+    """A person in a component's place, or at the inputs `a` and `omega` of another (`over`)."""
+
+    over: Source | None = None
+    kind: str = "keyboard"
+
+    @property
+    def text(self) -> str:
+        """The source string."""
+        return "keyboard:" + (self.over.text if self.over is not None else "")
+
+    def describe(self) -> Description:
+        """Return the interface."""
+        if self.over is None:
+            return PythonComponent(Piloted, "keyboard").description
+        return Over.described(self.over.describe())
+
+    def instantiate(self, path: str, *, backend: Backend = "fmu") -> Component:
+        """Let the page pilot the component `path`."""
+        if self.over is not None:
+            return Over(self.over.instantiate(path, backend=backend), manual_axes_of(path))
+        return PythonComponent(
+            type("Piloted", (Piloted,), {"manual_axes": manual_axes_of(path)}), path
+        )
+
+
+def piloted(system: System, name: str) -> tuple[str, str]:
+    """Return the component that ``--replace NAME=keyboard`` means, and the source for its place.
+
+    `pilot` means the one component of that name at any depth, else what gives eta_d and nu_d.
+    Raises InputInvalid if there is none, several, or one that a person cannot stand for.
+    """
+    components = {c.path: c for c in flatten(system, 0).components}
+    found = [name] if name in components else [
+        path for path in components if path.rpartition(".")[2] == name
+    ]  # fmt: skip
+    if not found and name == "pilot":
+        found = [p for p, c in components.items() if {"eta_d", "nu_d"} <= _outputs(c)]
+    if len(found) != 1:
+        fit = [p for p, c in components.items() if _source_for(c) is not None]
+        many = f"{len(found)} of them ({', '.join(found)})" if found else "no such component"
+        expected = f"one such as {', '.join(fit)}" if fit else "a system with a pilot or guidance"
+        raise InputInvalid(f"--replace {name}=keyboard: {many}; expected {expected}")
+    wanted = _source_for(components[found[0]])
+    if wanted is None:
+        raise InputInvalid(
+            f"--replace {name}=keyboard: {found[0]} has outputs "
+            f"{', '.join(sorted(_outputs(components[found[0]]))) or 'none'}; expected a component "
+            "with outputs eta_d and nu_d, or a and omega, or inputs a and omega and output nu_d"
+        )
+    return found[0], wanted
+
+
+def with_keyboards(system: str, swaps: dict[str, str]) -> None:
+    """Turn ``NAME: keyboard`` among swaps into the component and the source that are meant."""
+    named = [name for name, source_ in swaps.items() if source_ == "keyboard"]
+    if not named:
+        return
+    from uuvsim_cosim.orchestrator.running.library import load
+
+    register("keyboard", source)
+    loaded = load(system)
+    for name in named:
+        path, wanted = piloted(loaded, name)
+        del swaps[name]
+        swaps[path] = wanted
+
+
+def _source_for(component: PlannedComponent) -> str | None:
+    gives = _outputs(component)
+    if {"eta_d", "nu_d"} <= gives or {"a", "omega"} <= gives:
+        return "keyboard:"
+    takes = {v.name for v in component.description.of("input")}
+    fits = {"a", "omega"} <= takes and "nu_d" in gives
+    return f"keyboard:{component.source}" if fits else None
+
+
+def _outputs(component: PlannedComponent) -> set[str]:
+    outputs: Mapping[str, Any] = component.description.variables
+    return {name for name, v in outputs.items() if v.causality == "output"}
+
+
+def _within(x: float, most: float) -> float:
+    return max(-most, min(most, x))
+
+
+def _wrapped(angle: float) -> float:
+    return (angle + pi) % (2.0 * pi) - pi

@@ -1,0 +1,207 @@
+"""The HTTP server: JSON for webread, curl and browsers, and a page with live values."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import socket
+import ssl
+import threading
+import time
+from collections.abc import Sequence
+from http.server import ThreadingHTTPServer
+from typing import Any
+
+from uuvsim_cosim.bridge.access.access_file import is_loopback
+from uuvsim_cosim.bridge.access.authentication import Admission
+from uuvsim_cosim.bridge.access.tls import secured
+from uuvsim_cosim.bridge.access.token import TokenFile, guarded_by_token
+from uuvsim_cosim.bridge.calls.connection_limits import Limits
+from uuvsim_cosim.bridge.calls.service import Service
+from uuvsim_cosim.bridge.http.answers import Endpoint, Handler
+from uuvsim_cosim.bridge.tcp.framing import HTTP_PORT
+from uuvsim_cosim.bridge.tcp.server import LOOPBACK, listening
+from uuvsim_cosim.closing import Closing
+from uuvsim_cosim.errors import UuvsimError
+
+__all__ = ["HttpServer"]
+
+_PLAIN = (
+    b"HTTP/1.1 400 Bad Request\r\nContent-Type: application/json\r\n"
+    b"Content-Length: %d\r\nConnection: close\r\n\r\n%s"
+)
+_FULL = (
+    b"HTTP/1.1 503 Service Unavailable\r\nContent-Type: application/json\r\n"
+    b"Content-Length: %d\r\nConnection: close\r\n\r\n%s"
+)
+
+
+class HttpServer(Closing):
+    """Listens from construction to `close`; each connection has a thread, and its limits.
+
+    Without `admit` clients need the token of this user.
+    """
+
+    def __init__(
+        self,
+        service: Service,
+        port: int = HTTP_PORT,
+        hosts: Sequence[str] = LOOPBACK,
+        *,
+        admit: Admission | None = None,
+        limits: Limits | None = None,
+        tls: ssl.SSLContext | None = None,
+    ) -> None:
+        local = all(is_loopback(host) for host in hosts)
+        admit = admit or guarded_by_token()
+        endpoint = Endpoint(service, admit, limits or Limits(), local=local)
+        self._tls = tls
+        self._endpoint = endpoint
+        self._servers = [_Server(one, endpoint, tls) for one in listening(hosts, port, "HTTP")]
+        self.port: int = self._servers[0].server_address[1]
+        try:
+            self._token_file = TokenFile(admit, self.port)
+        except BaseException:
+            for server in self._servers:
+                server.server_close()
+            raise
+        self._threads = [
+            threading.Thread(
+                target=server.serve_forever, args=(0.05,), name="uuvsim-http", daemon=True
+            )
+            for server in self._servers
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    @property
+    def addresses(self) -> tuple[str, ...]:
+        """Where a browser finds it."""
+        hosts = [str(server.socket.getsockname()[0]) for server in self._servers]
+        shown = (f"[{host}]" if ":" in host else host for host in hosts)
+        kind = "http" if self._tls is None else "https"
+        return tuple(f"{kind}://{host}:{self.port}/" for host in shown)
+
+    def close(self) -> None:
+        """Let all clients go and stop listening."""
+        self._endpoint.closed.set()
+        self._token_file.close()
+        with contextlib.suppress(UuvsimError):  # the service may have ended before
+            self._endpoint.sessions.close()
+        for server in self._servers:
+            server.shutdown()
+            server.server_close()
+        self._endpoint.places.close()
+        for thread in self._threads:
+            thread.join(timeout=2.0)
+
+
+class _Server(ThreadingHTTPServer):
+    """The standard library's, on a socket that listens already, with a limit of connections."""
+
+    daemon_threads = True
+    block_on_close = False
+
+    def __init__(
+        self, listener: socket.socket, endpoint: Endpoint, tls: ssl.SSLContext | None = None
+    ) -> None:
+        self.address_family = listener.family
+        self._accepted = 0.0
+        self.endpoint = endpoint
+        self.tls = tls
+        super().__init__(listener.getsockname(), _Connection, bind_and_activate=False)
+        self.socket.close()
+        self.socket = listener
+        self.server_address = listener.getsockname()[:2]
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Take a connection, or say that there are too many."""
+        endpoint = self.endpoint
+        pause = self._accepted + 1 / endpoint.limits.connections_per_s - time.monotonic()
+        if pause > 0:
+            time.sleep(pause)
+        self._accepted = time.monotonic()
+        if endpoint.places.enter(request):
+            super().process_request(request, client_address)
+            return
+        text = json.dumps({"ok": False, "error": endpoint.full}).encode()
+        request.setblocking(False)
+        with contextlib.suppress(OSError):
+            request.send(_FULL % (len(text), text))
+        self.shutdown_request(request)
+
+    def shutdown_request(self, request: Any) -> None:
+        """Forget a connection that has ended."""
+        self.endpoint.places.leave(request)
+        super().shutdown_request(request)
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Say nothing: a client that breaks off is no error of this side."""
+
+
+class _Connection(Handler):
+    """One connection; a request that has begun must be whole within its time."""
+
+    def setup(self) -> None:
+        assert isinstance(self.server, _Server)
+        self.endpoint = self.server.endpoint
+        self.request.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        if self.server.tls is not None:
+            self._secure(self.request, self.server.tls)
+        super().setup()
+        self._raw = _Timed(self.connection, self.endpoint.limits)
+        self.rfile = io.BufferedReader(self._raw)
+
+    def handle_one_request(self) -> None:
+        """Answer a request, with a fresh allowance of time for the next."""
+        self._raw.end = None
+        self.endpoint.places.idle(self.connection)
+        super().handle_one_request()
+
+    def finish(self) -> None:
+        """End what TLS has begun."""
+        super().finish()
+        if isinstance(self.request, ssl.SSLSocket):
+            self._forget(self.request)
+
+    def _secure(self, plain: socket.socket, context: ssl.SSLContext) -> None:
+        try:
+            self.request = secured(plain, context, self.endpoint.limits.hello_s)
+        except UuvsimError as error:
+            text = json.dumps({"ok": False, "error": f"{error}: https://"}).encode()
+            plain.sendall(_PLAIN % (len(text), text))
+            raise
+        if not self.endpoint.places.swap(plain, self.request):
+            self._forget(self.request)
+            raise ConnectionAbortedError
+
+    def _forget(self, client: socket.socket) -> None:
+        self.endpoint.places.leave(client)
+        client.close()
+
+
+class _Timed(io.RawIOBase):
+    """Bytes of a socket, all of one request within the time that a frame has."""
+
+    IDLE_S = 60.0
+
+    def __init__(self, connection: socket.socket, limits: Limits) -> None:
+        self._connection = connection
+        self._limits = limits
+        self.end: float | None = None
+
+    def readable(self) -> bool:
+        """Tell that it can be read."""
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        """Read what has come; raises TimeoutError when the request takes too long."""
+        now = time.monotonic()
+        wait = self.IDLE_S if self.end is None else self.end - now
+        self._connection.settimeout(max(wait, 0.001))
+        count = self._connection.recv_into(buffer)
+        if self.end is None:
+            self.end = time.monotonic() + self._limits.frame_s
+        self._connection.settimeout(self._limits.frame_s)  # for what is written
+        return count

@@ -1,0 +1,187 @@
+"""A run that is under way: to an instant or on and on, as fast as can be or against the clock."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from math import ceil
+from typing import Any, final
+
+import numpy as np
+
+from uuvsim_cosim.bridge.server.call_queue import Answer
+from uuvsim_cosim.bridge.server.recorded_rows import Store
+from uuvsim_cosim.bridge.server.signal_names import Place
+from uuvsim_cosim.bridge.server.stepped import Stepped
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.orchestrator.master.core import Type
+from uuvsim_cosim.orchestrator.master.observer import Chunk, Column
+from uuvsim_cosim.orchestrator.plan.plan import Plan
+
+__all__ = ["Record", "Running"]
+
+_SECONDS = 0.01  # of wall time between two looks at the queue, when as fast as can be
+_WAKES = 1000.0  # [1/s] at most: shorter ticks are stepped several at a time
+_MOST = 1000  # steps that are due at once; calls wait for so many
+_MEMORY = 8 << 20  # bytes of recorded signals that are kept in memory
+_IN_PROCESS = 1 << 30  # bytes of `time` that a run without signals keeps for this process
+_HOPELESS = 1.0  # [s] behind the clock, from which on the schedule moves instead
+
+
+@final
+class Record:
+    """Signals of a run, one row a communication point; an observer of its rows.
+
+    Their room is counted before the run: more than `most` bytes are refused, and beyond `_MEMORY`
+    bytes they lie in a temporary file, for a client that asks from elsewhere (`most` is given).
+    """
+
+    def __init__(
+        self,
+        places: Mapping[str, Place],
+        columns: Sequence[Column],
+        read: Callable[[Place], Any],
+        master: Stepped,
+        rows: int,
+        most: int | None = None,
+    ) -> None:
+        found = {(c.path, c.variable.name, c.index): i for i, c in enumerate(columns)}
+        self._columns: dict[str, list[int]] = {}
+        self._read, self._places = read, places
+        for name, place in places.items():
+            v = place.variable
+            elements = range(v.size) if place.element is None else [place.element]
+            keys = [(place.path, v.name, e + 1 if v.shape else None) for e in elements]
+            if all(key in found for key in keys):
+                self._columns[name] = [found[key] for key in keys]
+        row = 1 + sum(_size(place) for place in places.values())
+        size = 8 * rows * row
+        if most is not None and places and size > most:
+            raise InputInvalid(
+                f"run: {rows} rows of {row} numbers are {size} bytes; expected at most {most}: "
+                "record fewer signals, run in pieces, or read the recording of the server"
+            )
+        kinds = {name: _row(place) for name, place in places.items()}
+        if places or size <= (_MEMORY if most is not None else _IN_PROCESS):
+            kinds = {"time": (np.dtype("f8"), ()), **kinds}
+        self._store = Store(rows, kinds, in_file=most is not None and size > _MEMORY)
+        self._has_time, self._rows = "time" in kinds, 0
+        self._first = self._last = master.time
+        self._put(1, np.array([master.time]), {})
+
+    @property
+    def each_step(self) -> bool:
+        """Whether values have to be read one step at a time: those that no row holds."""
+        return len(self._columns) < len(self._places)
+
+    def begin(self, plan: Plan, columns: Sequence[Column]) -> None:
+        """Nothing to learn: the columns are known."""
+
+    def observe(self, chunk: Chunk) -> None:
+        """Keep the rows."""
+        values = {
+            name: np.stack([chunk.values(i) for i in columns], 1)
+            for name, columns in self._columns.items()
+        }
+        self._put(len(chunk.ticks), chunk.time, values)
+
+    def _put(self, n: int, time_: np.ndarray, values: dict[str, np.ndarray]) -> None:
+        """Keep n rows; values that no row holds are read as they are now."""
+        for name, place in self._places.items():
+            if name not in values:
+                value = np.array(self._read(place), object if _is_text(place) else None)
+                values[name] = np.broadcast_to(value, (n, *value.shape))
+        if self._has_time:
+            values["time"] = time_
+        self._store.put(self._rows, values)
+        self._rows += n
+        self._last = float(time_[-1])
+
+    def end(self) -> None:
+        """Nothing to close."""
+
+    def taken(self) -> dict[str, np.ndarray]:
+        """Return the time and the signals.
+
+        A run that records nothing has a row of `time` for each communication point, or the first
+        and the last where these are too many to be kept.
+        """
+        given = self._store.taken(self._rows)
+        return given if self._has_time else {"time": np.array([self._first, self._last]), **given}
+
+
+def _size(place: Place) -> int:
+    size = place.variable.size if place.element is None else 1
+    return 8 * size if _is_text(place) else size  # an object of Python, and some letters
+
+
+def _is_text(place: Place) -> bool:
+    return Type.of(place.variable).is_blob
+
+
+def _row(place: Place) -> tuple[np.dtype[Any], tuple[int, ...]]:
+    """Return type and shape of a variable's row."""
+    type_ = Type.of(place.variable)
+    kind = "O" if type_.is_blob else "?" if type_ == Type.Boolean else type_.dtype
+    return np.dtype(kind), place.variable.shape if place.element is None else ()
+
+
+@final
+class Running:
+    """Steps towards `end` (a tick; None: on and on), at `factor` of real time if that is given."""
+
+    def __init__(
+        self,
+        master: Stepped,
+        end: int | None,
+        factor: float | None,
+        answer: Answer | None,
+        record: Record | None,
+        finish: Callable[[], Any],
+    ) -> None:
+        if factor is not None and not 0.0 < factor < float("inf"):
+            raise InputInvalid(f"run: factor {factor:g}; expected more than 0")
+        self.answer, self.record, self.finish = answer, record, finish
+        self.factor = factor
+        self.overruns = 0
+        self.hurries = factor is None  # steps do not wait for the clock
+        self.busy = 0.0  # [s] of wall time in steps
+        self._master, self._end = master, end
+        self._first, self._begun = master.tick, time.perf_counter()
+        self._period = 0.0 if factor is None else float(master.plan.tick) / factor
+        due = ceil(min(_MOST, 1.0 / (_WAKES * self._period))) if self._period else 8
+        self._each = max(1, due)
+        if record is not None and record.each_step:
+            self._each = 1
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the end has been reached."""
+        return self._end is not None and self._master.tick >= self._end
+
+    @property
+    def wait(self) -> float:
+        """The time until the next step is due [s of wall time]."""
+        if not self._period:
+            return 0.0
+        due = self._begun + (self._master.tick - self._first) * self._period
+        return due - time.perf_counter()
+
+    def advance(self) -> None:
+        """Make the steps that are due now."""
+        begun = time.perf_counter()
+        n = self._each if self._end is None else min(self._each, self._end - self._master.tick)
+        self._master.step(n)
+        took = time.perf_counter() - begun
+        self.busy += took
+        if not self._period:
+            if self.record is None or not self.record.each_step:
+                wanted = int(self._each * _SECONDS / max(took, 1e-6))
+                self._each = max(1, min(4 * self._each, wanted))
+            return
+        behind = -self.wait
+        self.hurries = behind > 0.0
+        if behind > 0.0:
+            self.overruns += 1
+            if behind > _HOPELESS:
+                self._begun += behind

@@ -1,0 +1,92 @@
+"""Rows of the running master go to whoever listens at the moment, and into a recording if wanted.
+
+Each run, from a start to the next reset, restore or replacement, is a recording of its own: time
+never goes back inside one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, final
+
+from uuvsim_cosim.errors import RecordingError
+from uuvsim_cosim.orchestrator.master.observer import Chunk, Column, Observer
+from uuvsim_cosim.orchestrator.plan.plan import Plan
+from uuvsim_cosim.orchestrator.recording.recorder import Recorder
+from uuvsim_cosim.orchestrator.running.run_folder import claim
+
+__all__ = ["Tap"]
+
+
+@final
+class Tap:
+    """The one observer of each master in turn, which hands on to `listeners`.
+
+    `record` is the folder for recordings, the first of NAME, NAME-2, … that is free for each.
+    """
+
+    def __init__(self, record: Path | None, provenance: Mapping[str, Any]) -> None:
+        self._record = record
+        self._provenance = dict(provenance)
+        self._listeners: list[Observer] = []
+        self._recorder: Recorder | None = None
+        self._plan: Plan | None = None
+        self._columns: Sequence[Column] = ()
+        self.folders: list[Path] = []
+
+    def listen(self, observer: Observer) -> None:
+        """Hand rows to an observer from now on."""
+        if self._plan is not None:
+            observer.begin(self._plan, self._columns)
+        self._listeners.append(observer)
+
+    def leave(self, observer: Observer) -> None:
+        """Hand it no more, and let it close."""
+        if observer in self._listeners:
+            self._listeners.remove(observer)
+            observer.end()
+
+    @property
+    def columns(self) -> Sequence[Column]:
+        """Return what the rows hold."""
+        return self._columns
+
+    def fresh(self) -> None:
+        """Close the recording, and begin the next in a folder of its own."""
+        self.close()
+        if self._record is None or self._plan is None:
+            return
+        folder = claim(self._record)
+        self.folders.append(folder.path)
+        self._recorder = Recorder(folder.path, provenance=self._provenance)
+        self._recorder.begin(self._plan, self._columns)
+
+    def close(self) -> None:
+        """Complete the recording."""
+        recorder, self._recorder = self._recorder, None
+        if recorder is not None:
+            recorder.end()
+
+    # ---- the observer ---------------------------------------------------------------------
+
+    def begin(self, plan: Plan, columns: Sequence[Column]) -> None:
+        """Learn what a master's rows hold."""
+        self._plan, self._columns = plan, columns
+        self.fresh()
+        for listener in self._listeners:
+            listener.begin(plan, columns)
+
+    def observe(self, chunk: Chunk) -> None:
+        """Hand the rows on, the recording first."""
+        if self._recorder is not None:
+            try:
+                self._recorder.observe(chunk)
+            except RecordingError:
+                self._recorder = None  # a full disk: told once, by whom it is raised to
+                raise
+        for listener in self._listeners:
+            listener.observe(chunk)
+
+    def end(self) -> None:
+        """The master is at its end; what it recorded is completed by `close`."""

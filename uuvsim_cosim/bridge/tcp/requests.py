@@ -1,0 +1,150 @@
+"""A request over TCP or HTTP becomes a call at the service, and its result an answer."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, TypeVar
+
+from uuvsim_cosim.bridge.calls.call_table import arguments
+from uuvsim_cosim.bridge.calls.service import Client, Moment, Schema, Service, SignalInfo
+from uuvsim_cosim.bridge.calls.values import json_of
+from uuvsim_cosim.bridge.tcp.framing import Disconnected
+from uuvsim_cosim.errors import InputInvalid, UuvsimError
+
+__all__ = ["Answer", "Calls", "failure"]
+
+_LOOK = 0.2  # [s] between two looks whether who waits for steps is there still
+
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The result of a call: JSON for the header, and values of variables.
+
+    `text` is the header without its braces, for what is built once.
+    """
+
+    header: Mapping[str, Any]
+    values: Mapping[str, Any]
+    text: str = ""
+
+    @property
+    def words(self) -> str:
+        """Return the header in JSON, with `ok`, without the brace at its end."""
+        if self.text:
+            return f'{{"ok": true, {self.text}'
+        return json.dumps({"ok": True, **self.header}, ensure_ascii=False)[:-1]
+
+
+class Calls:
+    """Carries out requests of one client; keeps the schema, which `replace` changes."""
+
+    def __init__(self, service: Service, client: Client) -> None:
+        self.service = service
+        self.client = client
+        self._tick: Fraction | None = None
+        self._asking = threading.local()
+        self.refresh()
+
+    def attended(self, gone: Callable[[], bool]) -> None:
+        """Have the calls of this thread end once `gone` says that nobody waits for them."""
+        self._asking.gone = gone
+
+    def waited(self, call: str, *arguments: Any) -> Any:
+        """Carry out a call that may take long; raises Disconnected if nobody waits any more."""
+        gone, ask = getattr(self._asking, "gone", None), getattr(self.service, "ask", None)
+        if gone is None or ask is None:
+            return getattr(self.service, call)(self.client, *arguments)
+        answer = ask(call, self.client, *arguments)
+        while True:
+            try:
+                return answer.result(_LOOK)
+            except TimeoutError:
+                if answer.done():
+                    raise
+            if gone():
+                self.service.abandon(answer)  # type: ignore[attr-defined]
+                raise Disconnected(f"{call}: who asked is gone")
+
+    @property
+    def tick(self) -> Fraction:
+        """The communication step [s], which no call changes."""
+        if self._tick is None:
+            self._tick = Fraction(str(self.service.describe()["tick"]))
+        return self._tick
+
+    @property
+    def schema(self) -> Mapping[str, SignalInfo]:
+        """All variables by name."""
+        return self._schema.by_name
+
+    def refresh(self) -> bool:
+        """Read the schema anew; returns whether it has changed."""
+        before, schema = getattr(self, "_schema", None), self.service.schema()
+        if schema is before:
+            return False
+        self._schema = schema if isinstance(schema, Schema) else Schema(schema)
+        return before is not None and list(before) != list(self._schema)
+
+    def knowing(self, work: Callable[[], _T]) -> _T:
+        """Do what looks names up; once more if another client has replaced a component since."""
+        try:
+            return work()
+        except InputInvalid:
+            if not self.refresh():
+                raise
+            return work()
+
+    def answer(self, name: object, request: Mapping[str, Any]) -> Answer:
+        """Carry out a call with the fields of a request.
+
+        Raises UuvsimError for a request that is wrong and for what cannot be done.
+        """
+        given = arguments(name, request, lambda: self.tick, lambda: self.service.moment().tick)
+        assert isinstance(name, str)
+        match name:
+            case "describe":
+                described = json_of(self.service.describe())
+                return Answer({"system": described, **_at(self.service.moment())}, {})
+            case "schema":
+                self.refresh()
+                return Answer({}, {}, f'"signals": {self._schema.text}')
+            case "step":
+                moment, found = self.waited("step", *given)
+                return Answer(_at(moment), found)
+            case "run":
+                found = self.waited("run", *given)
+                return Answer(_at(self.service.moment()), found)
+            case "get":
+                found = self.service.get(self.client, *given)
+                return Answer(_at(self.service.moment()), found)
+            case "snapshot":
+                kept = self.service.snapshot(self.client)
+                return Answer({"snapshot": kept, **_at(self.service.moment())}, {})
+            case "join" | "leave":
+                raise InputInvalid(f"{name}: this connection has joined; expected another call")
+        moment = getattr(self.service, name)(self.client, *given)
+        if name == "replace":
+            self.refresh()
+        return Answer(_at(moment), {})
+
+
+def failure(error: BaseException) -> dict[str, Any]:
+    """Return the answer that names the error."""
+    if isinstance(error, UuvsimError):
+        return {"ok": False, "error": str(error), "kind": type(error).__name__}
+    return {
+        "ok": False,
+        "error": f"unexpected {type(error).__name__}: {error}; this is a mistake in "
+        "uuvsim-cosim, please report it with the output of `uuvsim doctor`",
+        "kind": "Unexpected",
+    }
+
+
+def _at(moment: Moment) -> dict[str, Any]:
+    return {"tick": moment.tick, "time": moment.time, "running": moment.running}

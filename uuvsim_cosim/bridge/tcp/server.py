@@ -1,0 +1,224 @@
+"""The TCP server, for MATLAB, Octave and other programs that exchange frames of float64."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import select
+import socket
+import ssl
+import threading
+import time
+from collections.abc import Sequence
+from functools import partial
+
+from uuvsim_cosim.bridge.access.access_file import LOOPBACK
+from uuvsim_cosim.bridge.access.tls import common_name, secured
+from uuvsim_cosim.bridge.access.token import TokenFile, guarded_by_token
+from uuvsim_cosim.bridge.calls.connection_limits import Limits, Places
+from uuvsim_cosim.bridge.calls.service import Service
+from uuvsim_cosim.bridge.tcp.framing import TCP_PORT, Disconnected, frame
+from uuvsim_cosim.bridge.tcp.requests import failure
+from uuvsim_cosim.bridge.tcp.session import Admission, serve
+from uuvsim_cosim.closing import Closing
+from uuvsim_cosim.errors import InputInvalid, UuvsimError
+
+__all__ = ["LOOPBACK", "TcpServer", "hung_up", "listening"]
+
+_PIECE = 1 << 20
+
+
+class TcpServer(Closing):
+    """Listens from construction to `close`; each client has a thread, and its limits.
+
+    Without `admit` clients need the token of this user.
+    """
+
+    def __init__(
+        self,
+        service: Service,
+        port: int = TCP_PORT,
+        hosts: Sequence[str] = LOOPBACK,
+        *,
+        admit: Admission | None = None,
+        limits: Limits | None = None,
+        tls: ssl.SSLContext | None = None,
+    ) -> None:
+        self._service = service
+        self._admit = admit or guarded_by_token()
+        self._limits = limits or Limits()
+        self._tls = tls
+        self._places = Places(self._limits)
+        self._serving: set[threading.Thread] = set()
+        self._closed = False
+        self._listeners = listening(hosts, port, "TCP")
+        self.port: int = self._listeners[0].getsockname()[1]
+        try:
+            self._token_file = TokenFile(self._admit, self.port)
+        except BaseException:
+            for one in self._listeners:
+                one.close()
+            raise
+        self._threads = [
+            threading.Thread(target=self._accept, args=(one,), name="uuvsim-tcp", daemon=True)
+            for one in self._listeners
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    @property
+    def addresses(self) -> tuple[str, ...]:
+        """Where it listens, as `host:port`."""
+        return tuple(
+            f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+            for host, port, *_ in (one.getsockname() for one in self._listeners)
+        )
+
+    def close(self) -> None:
+        """Let all clients go and stop listening."""
+        self._closed = True
+        self._token_file.close()
+        self._places.close()
+        for one in self._listeners:
+            with contextlib.suppress(OSError):
+                one.shutdown(socket.SHUT_RDWR)
+            one.close()
+        for thread in (*self._threads, *list(self._serving)):
+            thread.join(timeout=2.0)
+
+    def _accept(self, listener: socket.socket) -> None:
+        pause = 1.0 / self._limits.connections_per_s
+        while not self._closed:
+            try:
+                client, _ = listener.accept()
+            except OSError:
+                if self._closed:
+                    return
+                time.sleep(0.05)  # too many open files, say: others go on
+                continue
+            client.settimeout(self._limits.hello_s)
+            if self._places.enter(client):
+                thread = threading.Thread(
+                    target=self._serve, args=(client,), name="uuvsim-tcp-client", daemon=True
+                )
+                self._serving.add(thread)
+                thread.start()
+            else:
+                client.setblocking(False)
+                with client, contextlib.suppress(OSError):
+                    client.send(frame(failure(self._full())))
+            time.sleep(pause)
+
+    def _full(self) -> InputInvalid:
+        return InputInvalid(
+            f"{self._limits.clients} clients are connected, which is all that may be; close one"
+        )
+
+    def _serve(self, plain: socket.socket) -> None:
+        client = plain
+        try:
+            client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            _keep_alive(client)
+            if self._tls is not None:
+                client = secured(plain, self._tls, self._limits.hello_s)
+                if not self._places.swap(plain, client):
+                    return  # let go meanwhile
+            self._talk(client)
+        except (Disconnected, OSError):
+            pass  # it has gone: nobody is there to be told
+        except UuvsimError as error:
+            with contextlib.suppress(OSError):
+                client.settimeout(1.0)
+                client.sendall(frame(failure(error)))
+                client.shutdown(socket.SHUT_WR)
+        finally:
+            for one in (plain, client):
+                self._places.leave(one)
+            client.close()
+            self._serving.discard(threading.current_thread())
+
+    def _talk(self, client: socket.socket) -> None:
+        limits = self._limits
+        entered = False
+        deadline = time.monotonic() + limits.hello_s
+
+        def receive(size: int, begun: bool) -> bytes:
+            if not entered:  # drops of bytes do not lengthen the time for the first frame
+                client.settimeout(max(deadline - time.monotonic(), 0.001))
+            else:
+                client.settimeout(limits.frame_s if begun else None)
+            return client.recv(size)
+
+        def send(data: bytes) -> None:
+            client.settimeout(limits.frame_s)  # a client that does not read is let go
+            for begin in range(0, len(data), _PIECE):
+                client.sendall(data[begin : begin + _PIECE] if len(data) > _PIECE else data)
+
+        def admitted() -> None:
+            nonlocal entered
+            entered = True
+            if not self._places.let_in(client):
+                raise self._full()
+
+        name = common_name(client)
+        gone = partial(hung_up, client)
+        serve(self._service, self._admit, self._limits, receive, send, admitted, name, gone)
+
+
+def _keep_alive(client: socket.socket) -> None:
+    """Have the system find out within a minute that a client's machine has gone."""
+    client.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for option, value in (("TCP_KEEPIDLE", 20), ("TCP_KEEPINTVL", 10), ("TCP_KEEPCNT", 4)):
+        if hasattr(socket, option):
+            client.setsockopt(socket.IPPROTO_TCP, getattr(socket, option), value)
+
+
+def hung_up(client: socket.socket) -> bool:
+    """Return whether the other end has closed its connection; nothing that it sent is taken."""
+    try:
+        looking = select.poll() if hasattr(select, "poll") else None
+        if looking is not None:
+            looking.register(client, select.POLLIN)
+            if not looking.poll(0):
+                return False
+        elif not select.select([client], [], [], 0.0)[0]:
+            return False
+        return not socket.socket.recv(client, 1, socket.MSG_PEEK)  # below TLS, which cannot peek
+    except (OSError, ValueError):
+        return True
+
+
+def listening(hosts: Sequence[str], port: int, what: str) -> list[socket.socket]:
+    """Open listening sockets, all on one port (0: a free one); raises InputInvalid in words."""
+    found: list[socket.socket] = []
+    for host in hosts:
+        try:
+            found.append(_listener(host, port))
+        except OSError as error:
+            absent = error.errno in (errno.EADDRNOTAVAIL, errno.EAFNOSUPPORT)
+            if host == "::1" and absent and found:
+                continue  # a machine without IPv6
+            for one in found:
+                one.close()
+            reason = "it is in use" if error.errno == errno.EADDRINUSE else error.strerror
+            raise InputInvalid(
+                f"{what} port {port} at {host} cannot be opened: {reason}; another "
+                "co-simulation may be served there: end it, or choose another port (0: any free)"
+            ) from None
+        port = port or found[0].getsockname()[1]
+    return found
+
+
+def _listener(host: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listener = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        if family == socket.AF_INET6:
+            listener.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind((host, port))
+        listener.listen(1024)
+    except OSError:
+        listener.close()
+        raise
+    return listener

@@ -1,0 +1,266 @@
+"""One client on the TCP server: it says who it is, then each frame it sends is answered by one."""
+
+from __future__ import annotations
+
+import json
+import struct
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from functools import partial
+from itertools import chain
+from typing import Any
+
+import numpy as np
+
+from uuvsim_cosim._version import __version__
+from uuvsim_cosim.bridge.access.authentication import Admission, everybody
+from uuvsim_cosim.bridge.calls.call_table import CALLS, checked, whole
+from uuvsim_cosim.bridge.calls.connection_limits import Limits
+from uuvsim_cosim.bridge.calls.service import Client, Service, SignalInfo
+from uuvsim_cosim.bridge.calls.signal_hash import entry, interface_hash
+from uuvsim_cosim.bridge.calls.time_sharing import READS, Pace, share_of
+from uuvsim_cosim.bridge.calls.values import (
+    columns_of,
+    find,
+    format_of,
+    json_of,
+    numbers_of,
+    pieces,
+    shaped,
+    shown,
+    unpacked,
+)
+from uuvsim_cosim.bridge.tcp.framing import PROTOCOL, Disconnected, Reader, begun, frame
+from uuvsim_cosim.bridge.tcp.requests import Calls, failure
+from uuvsim_cosim.errors import InputInvalid, UuvsimError
+
+__all__ = ["Admission", "everybody", "serve"]
+
+_SMALL = 1 << 16  # bytes of numbers that are sent with their header at once
+_HELLO = ("call", "protocol", "user", "password", "token")  # beside the fields of `join`
+
+
+class _Layout:
+    """Where each input and output of the compact step lies, and in which format."""
+
+    def __init__(self, calls: Calls, request: Mapping[str, Any]) -> None:
+        for field in request:
+            if field not in ("call", "inputs", "outputs", "integers"):
+                raise InputInvalid(
+                    f"layout: field {field!r} does not exist; expected some of inputs, outputs, "
+                    "integers"
+                )
+        self._exact = _integers(request)
+        self.inputs = [find(calls.schema, n) for n in _list(request, "inputs")]
+        self.outputs = [find(calls.schema, n) for n in _list(request, "outputs")]
+        for info in (*self.inputs, *self.outputs):
+            if info.type in ("String", "Binary"):
+                raise InputInvalid(f"layout: {info.name} is a {info.type}; expected numbers")
+        sizes = [int(np.prod(info.shape, dtype=int)) for info in self.inputs]
+        self.ends = np.cumsum([1, *sizes]).tolist()
+        self.names = [info.name for info in self.outputs]
+        self.formats = [self._format(info) for info in self.inputs]
+
+    def _format(self, info: SignalInfo) -> str:
+        return (format_of(info.type) if self._exact else None) or "float64"
+
+    def header(self) -> dict[str, Any]:
+        interface = interface_hash(self.inputs, self.outputs)
+        return {
+            "inputs": [self._entry(i) for i in self.inputs],
+            "outputs": [self._entry(i) for i in self.outputs],
+            "interface": interface,
+        }
+
+    def _entry(self, info: SignalInfo) -> dict[str, Any]:
+        return {**entry(info), **({"format": self._format(info)} if self._exact else {})}
+
+    def outputs_of(self, found: Mapping[str, Any], schema: Mapping[str, SignalInfo]) -> bytes:
+        """Return the numbers of all outputs; a layout may have one of them twice."""
+        arrays = columns_of(found, schema, integers=self._exact)[2]
+        parts = dict(zip(found, map(numbers_of, arrays), strict=True))
+        return b"".join(parts[name] for name in self.names)
+
+
+def serve(
+    service: Service,
+    admit: Admission,
+    limits: Limits,
+    receive: Callable[[int, bool], bytes],
+    send: Callable[[bytes], None],
+    admitted: Callable[[], None],
+    certificate: str | None = None,
+    gone: Callable[[], bool] = lambda: False,
+) -> None:
+    """Answer one client until it goes; raises Disconnected then, InputInvalid for no frame."""
+    moment = service.moment()
+    greeting = {"uuvsim": __version__, "protocol": PROTOCOL, "tick": moment.tick}
+    send(frame({"ok": True, **greeting, "time": moment.time}))
+    least = limits.unknown_bytes
+    reader = Reader(receive, replace(limits, header_bytes=least, payload_bytes=0))
+    client = _hello(service, admit, reader, certificate, limits, admitted)
+    reader.limits = limits
+    try:
+        calls = Calls(service, client)
+        calls.attended(gone)
+        allowed = sorted(client.allowed)
+        header = {"client": client.name, "allowed": allowed, "step_size": float(calls.tick)}
+        send(frame({"ok": True, **header, "system": json_of(service.describe())}))
+        _answer_all(calls, reader, send, limits)
+    except (Disconnected, OSError):  # gone without a word: in lockstep the fail-safe decides
+        getattr(service, "lost", service.leave)(client)
+        raise
+    except BaseException:
+        service.leave(client)
+        raise
+    service.leave(client)
+    send(frame({"ok": True}))  # after it: who has said bye, and was answered, holds nobody up
+
+
+def _hello(
+    service: Service,
+    admit: Admission,
+    reader: Reader,
+    certificate: str | None,
+    limits: Limits,
+    admitted: Callable[[], None],
+) -> Client:
+    header, _ = reader.frame()
+    if header is None or header.get("call") != "hello":
+        raise InputInvalid('the first frame must be {"call": "hello", "protocol": 1}')
+    if header.get("protocol") != PROTOCOL:
+        raise InputInvalid(
+            f"protocol {header.get('protocol')!r} was read; this is uuvsim-cosim {__version__}, "
+            f"protocol {PROTOCOL}: use the client that `uuvsim matlab` of this version names"
+        )
+    user, password, token = (header.get(k) or None for k in ("user", "password", "token"))
+    for what, read in (("user", user), ("password", password), ("token", token)):
+        if read is not None and not isinstance(read, str):
+            raise InputInvalid(f"hello: {what} must be a text")
+    allowed = admit(user, password, certificate, token)
+    admitted()
+    joining = {k: v for k, v in header.items() if k not in _HELLO}
+    said = checked("join", joining)
+    wanted = Client(said.get("name", "matlab"), "tcp", allowed, limits.answer_bytes)
+    return service.join(wanted, lockstep=said.get("lockstep", False), lag=said.get("lag", 5.0))
+
+
+def _answer_all(
+    calls: Calls, reader: Reader, send: Callable[[bytes], None], limits: Limits
+) -> None:
+    layout: _Layout | None = None
+    pace, share, mark = Pace(limits.calls_per_s), share_of(calls.service), time.thread_time()
+    while True:
+        header, payload = reader.frame()
+        name = "step" if header is None else header.get("call")
+        if name != "step":
+            pace.wait()  # who steps sets the pace; all other calls have a rate
+        reads = isinstance(name, str) and name in READS
+        if reads:
+            share.wait(calls.client, share.turn(calls.client))
+        try:
+            if header is None:
+                data: Iterable[bytes] = (_compact(calls, layout, payload),)
+            elif header.get("call") == "layout":
+                layout = calls.knowing(partial(_Layout, calls, header))
+                data = (frame({"ok": True, **layout.header()}),)
+            elif header.get("call") == "bye":
+                return
+            else:
+                if header.get("call") == "replace":
+                    layout = None
+                data = _called(calls, header, payload)
+        except Disconnected:
+            raise
+        except UuvsimError as error:
+            data = (frame(failure(error)),)
+        except Exception as error:  # a mistake of ours must not take the others down
+            data = (frame(failure(error)),)
+        for part in data:
+            send(part)
+        before, mark = mark, time.thread_time()
+        if reads:
+            share.took(calls.client, mark - before)
+
+
+def _request(calls: Calls, header: Mapping[str, Any], payload: bytes) -> dict[str, Any]:
+    """Return the fields of a call; `columns` and `values` become its field that holds values."""
+    name = header.get("call")
+    request = {k: v for k, v in header.items() if k not in ("call", "columns", "integers")}
+    if "columns" not in header:
+        if payload:
+            raise InputInvalid(f"payload of {len(payload)} bytes without columns that name it")
+        columns = {}
+    else:
+        columns = unpacked(header["columns"], payload, calls.schema)
+    call = CALLS.get(name) if isinstance(name, str) else None
+    if call is None or call.values is None:
+        if call is not None and (columns or "values" in request):
+            raise InputInvalid(f"{name}: values were given; only set, step and reset take them")
+        return request
+    if "values" in request and call.values in request and call.values != "values":
+        raise InputInvalid(f"{name}: both values and {call.values} were given; expected one")
+    given = request.pop("values", None) if "values" in request else request.pop(call.values, None)
+    if isinstance(given, dict) and (both := columns.keys() & given.keys()):
+        raise InputInvalid(f"{name}: {', '.join(sorted(both))} is given twice; expected it once")
+    if columns and (given is None or isinstance(given, dict)):
+        given = {**columns, **(given or {})}
+    elif given is None and "columns" in header:
+        given = {}
+    return {**request, call.values: given}
+
+
+def _called(calls: Calls, header: Mapping[str, Any], payload: bytes) -> Iterable[bytes]:
+    integers = _integers(header)
+    request = calls.knowing(lambda: _request(calls, header, payload))
+    answer = calls.answer(header.get("call"), request)
+    columns, texts, arrays = columns_of(answer.values, calls.schema, integers=integers)
+    told = json.dumps({"columns": columns, "texts": texts}, ensure_ascii=False)
+    size = sum(8 * array.size for array in arrays)
+    first = begun(f"{answer.words}, {told[1:]}", size)
+    if size < _SMALL:
+        return (b"".join((first, *map(numbers_of, arrays))),)
+    return chain((first,), (numbers_of(piece) for array in arrays for piece in pieces(array)))
+
+
+def _integers(header: Mapping[str, Any]) -> bool:
+    read = header.get("integers", False)
+    if not isinstance(read, bool):
+        raise InputInvalid(f"integers: {shown(read)} was read; expected true or false")
+    return read
+
+
+def _compact(calls: Calls, layout: _Layout | None, payload: bytes) -> bytes:
+    if layout is None:
+        raise InputInvalid("a frame without header is a compact step; ask for a layout first")
+    count = len(payload) // 8
+    if count != layout.ends[-1]:
+        raise InputInvalid(
+            f"step: {count - 1} input numbers were read; the layout has "
+            f"{layout.ends[-1] - 1}: {', '.join(i.name for i in layout.inputs) or 'none'}"
+        )
+    (n,) = struct.unpack_from("<d", payload)
+    try:
+        steps = whole(n)
+    except (ValueError, OverflowError):
+        raise InputInvalid(
+            f"step: n = {n:g} was read; expected a whole number of steps from 1"
+        ) from None
+    inputs = {
+        info.name: shaped(info, np.frombuffer(payload, kind, end - begin, 8 * begin))
+        for info, kind, begin, end in zip(
+            layout.inputs, layout.formats, layout.ends, layout.ends[1:], strict=False
+        )
+    }
+    moment, found = calls.waited("step", steps, inputs, layout.names)
+    at = struct.pack("<dd", moment.tick, moment.time)
+    return frame(None, at + layout.outputs_of(found, calls.schema))
+
+
+def _list(request: Mapping[str, Any], field: str) -> list[str]:
+    read = request.get(field, [])
+    read = [read] if isinstance(read, str) else read
+    if not isinstance(read, list) or not all(isinstance(n, str) for n in read):
+        raise InputInvalid(f"{field}: {read!r} was read; expected a list of names")
+    return read

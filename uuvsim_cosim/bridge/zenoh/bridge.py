@@ -1,0 +1,359 @@
+"""The Zenoh server: calls are queries, states are blocks, and who lives is said by liveliness.
+
+Keys, below ``uuvsim/<system>/``: ``call/<name>`` for the service's calls, ``state/<component>``
+for its blocks, ``live/master``, ``live/component/<component>`` and ``live/client/<id>``.
+"""
+
+from __future__ import annotations
+
+import concurrent.futures
+import contextlib
+import json
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
+from fractions import Fraction
+from functools import partial
+from pathlib import Path
+from typing import Any, final
+
+from uuvsim_cosim._version import __version__
+from uuvsim_cosim.bridge.access.authentication import Authenticator
+from uuvsim_cosim.bridge.access.token import TokenFile, guarded_by_token
+from uuvsim_cosim.bridge.access.zenoh import guarded
+from uuvsim_cosim.bridge.calls.at_exit import close_at_exit
+from uuvsim_cosim.bridge.calls.call_table import CALLS, arguments, checked, read_object
+from uuvsim_cosim.bridge.calls.service import Client, Moment
+from uuvsim_cosim.bridge.calls.time_sharing import READS
+from uuvsim_cosim.bridge.server.call_queue import Answer
+from uuvsim_cosim.bridge.server.conductor import Conductor
+from uuvsim_cosim.bridge.zenoh.codec import (
+    PROTOCOL,
+    message_of,
+    packed,
+    plain,
+    unpacked,
+)
+from uuvsim_cosim.bridge.zenoh.joined_clients import MOST_BYTES, JoinedClients, Lane
+from uuvsim_cosim.bridge.zenoh.session import PORT, listening
+from uuvsim_cosim.bridge.zenoh.shared_memory import SharedMemory
+from uuvsim_cosim.bridge.zenoh.stream import Stream
+from uuvsim_cosim.closing import Closing
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.orchestrator.master.master import Master
+from uuvsim_cosim.orchestrator.plan.plan import Plan
+from uuvsim_cosim.orchestrator.system.system import System
+
+__all__ = ["Bridge", "free_port"]
+
+_EACH = ("client", "proof", "binary", "token")  # beside the fields of every call
+_JOIN = ("protocol", "version", "user", "password")  # and of `join`
+_ANSWER = 48 << 20  # bytes of a recorded run: Zenoh takes messages of 64 MiB
+_JSON, _BLOCK = "application/json", "application/octet-stream;uuvsim-state"
+
+
+@final
+class Bridge(Closing):
+    """Lets a running co-simulation be reached by Zenoh, on this machine unless told otherwise.
+
+    Given a system, it conducts it, and ends it when it is closed; a `Conductor` goes on. Port 0
+    is any free one; `port` says which. Clients need the token of this user, which `connect` finds
+    on this machine; with `access` they say who they are; with `anyone` everybody who reaches the
+    port may do everything, which includes running code as this user. Large blocks reach clients
+    on this machine by shared memory, unless told otherwise.
+    """
+
+    def __init__(
+        self,
+        system: Conductor | System | Plan | Master | str | Path,
+        *,
+        port: int = PORT,
+        host: str | Sequence[str] = "127.0.0.1",
+        access: Authenticator | None = None,
+        anyone: bool = False,
+        shared_memory: bool = True,
+        **conducting: Any,
+    ) -> None:
+        self.hosts = (host,) if isinstance(host, str) else tuple(host)
+        self.host = self.hosts[0]
+        self.port = port if port else free_port(self.host)
+        if access is None and not anyone:
+            access = guarded_by_token()
+        self._joined = JoinedClients(access)
+        said = None if access is None else access.access
+        self.tls = said is not None and said.tls is not None
+        self._guests: dict[Client, Client] = {}
+        self._waiting: dict[str, Answer] = {}  # the last run or steps that each client asked for
+        self._own: Conductor | None = None
+        with contextlib.ExitStack() as ending:  # in the opposite order, whatever one of them raises
+            ending.callback(self._joined.close)
+            ending.callback(self._end_own)
+            with guarded(said, self._joined.reader) as settings:
+                settings = {"transport/shared_memory/enabled": shared_memory, **settings}
+                self._session = listening(self.port, self.hosts, settings, tls=self.tls)
+            ending.callback(self._session.close)
+            ending.callback(TokenFile(access, self.port).close)
+            if not isinstance(system, Conductor):
+                system = self._own = Conductor(system, **conducting)
+            self.conductor = system
+            self.stream = Stream(
+                lambda path: self._session.publisher(f"{self._base}/state/{path}", _BLOCK),
+                SharedMemory(wanted=shared_memory),
+            )
+            ending.callback(self._end_stream)
+            self._serve()
+            self._ending = ending.pop_all()
+        close_at_exit(self)
+
+    def close(self) -> None:
+        """Let all clients go; ends the co-simulation if the bridge began it."""
+        self._ending.close()
+
+    # ---- inside ---------------------------------------------------------------------------
+
+    def _end_own(self) -> None:
+        if self._own is not None:
+            self._own.close()
+
+    def _end_stream(self) -> None:
+        with contextlib.suppress(InputInvalid):  # the co-simulation has ended itself
+            self.conductor.unwatch(self.stream)
+        self.stream.end()
+
+    def _serve(self) -> None:
+        described = self.conductor.describe()
+        self._tick = Fraction(str(described["tick"]))
+        self._schema: tuple[Any, int, str] = (None, 0, "")
+        self._base = f"uuvsim/{described['system']}"
+        session = self._session
+        self.conductor.watch(self.stream)
+        self._answering = [
+            session.answer(f"{self._base}/call/*", self._asked),
+            session.answer(f"{self._base}/certificate/*", self._shown),
+        ]
+        self._watching = session.watch(f"{self._base}/live/client/*", self._lives)
+        paths = [c["path"] for c in described["components"]]
+        keys = ["master", *(f"component/{path}" for path in paths)]
+        self._tokens = [session.token(f"{self._base}/live/{key}") for key in keys]
+
+    def _lives(self, key: str, lives: bool) -> None:
+        if lives:
+            return
+        token = key.rpartition("/")[2]
+        if (waiting := self._waiting.pop(token, None)) is not None:
+            self.conductor.abandon(waiting)
+        client = self._joined.leave(token)
+        if client is not None:
+            try:
+                self.conductor.ask("lost", client)
+            except InputInvalid:
+                return  # it has ended itself
+
+    def _asked(self, query: Any) -> None:
+        self._take(query, str(query.key_expr).rpartition("/")[2], None)
+
+    def _shown(self, query: Any) -> None:
+        """Join one whose certificate Zenoh has verified: it lets nobody else ask this key."""
+        self._take(query, "join", str(query.key_expr).rpartition("/")[2])
+
+    def _take(self, query: Any, call: str, certificate: str | None) -> None:
+        """Ask for a call, or refuse it; all that is answered leaves by the client's lane."""
+        wrong: Exception | None = None
+        message: dict[str, Any] = {}
+        begun = time.thread_time()
+        try:
+            message, block = _read(query)
+        except Exception as error:
+            wrong = error
+        lane = self._joined.lane(call, message)
+        taken = lane.take()
+        if taken is None:
+            query.drop()
+            return
+        try:
+            if wrong is not None:
+                raise wrong
+            if not taken:
+                raise InputInvalid(f"{call}: too many calls wait for their answer; expected fewer")
+            if call == "join":
+                lane.put(lambda: self._join(query, message, certificate))
+                return
+            client = self._client(call, message)
+            turn = self.conductor.share.turn(client) if call in READS else None
+            if turn is not None:
+                lane.put(lambda: self._delayed(client, query, call, message, block, turn))
+                return
+            answer = self._asking(client, call, message, block)
+        except Exception as error:
+            lane.put(partial(_refuse, query, error))
+            return
+        finally:
+            spent = time.thread_time() - begun
+        reply = partial(self._reply, query, call, message, client, spent)
+        answer.add_done_callback(lambda done: self._answered(lane, reply, done))
+
+    def _asking(self, client: Client, call: str, message: dict[str, Any], block: bytes) -> Answer:
+        given = self._arguments(call, message, block)
+        token = str(message.get("client", ""))
+        if call == "leave":
+            self._joined.leave(token)
+        answer = self.conductor.ask(call, client, *given)
+        if call in ("run", "step"):
+            self._waiting[token] = answer
+            answer.add_done_callback(partial(self._done, token))
+        return answer
+
+    def _done(self, token: str, answer: Answer) -> None:
+        """Let go of an answer: it may be large."""
+        if self._waiting.get(token) is answer:
+            self._waiting.pop(token, None)
+
+    def _arguments(self, call: str, message: dict[str, Any], block: bytes) -> tuple[Any, ...]:
+        request = {k: v for k, v in message.items() if k not in _EACH}
+        values = CALLS[call].values if call in CALLS else None
+        if values is not None and isinstance(request.get(values), dict):
+            request[values] = unpacked(request[values], block)
+        return arguments(call, request, lambda: self._tick, lambda: self.conductor.moment().tick)
+
+    def _delayed(
+        self,
+        client: Client,
+        query: Any,
+        call: str,
+        message: dict[str, Any],
+        block: bytes,
+        turn: float,
+    ) -> None:
+        """Ask a reading call at its turn, in the lane of its client, where others step."""
+        self.conductor.share.wait(client, turn)
+        try:
+            answer = self._asking(client, call, message, block)
+            concurrent.futures.wait([answer])
+        except Exception as error:
+            _refuse(query, error)
+        else:
+            self._reply(query, call, message, client, 0.0, self.conductor.moment(), answer)
+
+    def _client(self, call: str, message: dict[str, Any]) -> Client:
+        """Return who asks; all that have not joined are one client."""
+        client = self._joined.client(call, message)
+        if client.answer_bytes is None:
+            client = replace(client, answer_bytes=_ANSWER)
+            client = self._guests.setdefault(client, client)
+        return client
+
+    def _join(self, query: Any, message: dict[str, Any], certificate: str | None) -> None:
+        """Enter a client; in a thread of its own, for passwords take a while."""
+        try:
+            theirs, version = message.get("protocol", PROTOCOL), message.get("version", "unknown")
+            if theirs != PROTOCOL:
+                raise InputInvalid(
+                    f"the client (uuvsim-cosim {version}) speaks protocol {theirs}; expected "
+                    f"protocol {PROTOCOL}, as uuvsim-cosim {__version__} has, which serves here"
+                )
+            said = checked("join", {k: v for k, v in message.items() if k not in (*_EACH, *_JOIN)})
+            allowed = self._joined.allowed(message, certificate)
+            wanted = Client(said.get("name", "zenoh"), "zenoh", allowed, _ANSWER)
+            lockstep, lag = said.get("lockstep", False), said.get("lag", 5.0)
+            client = self.conductor.join(wanted, lockstep=lockstep, lag=lag)
+            told = {
+                "moment": asdict(self.conductor.moment()), "name": client.name,
+                "protocol": PROTOCOL, "version": __version__, **self._joined.enter(message, client),
+            }  # fmt: skip
+            query.reply(query.key_expr, json.dumps(told), express=True, encoding=_JSON)
+        except Exception as error:
+            _refuse(query, error)
+        finally:
+            query.drop()
+
+    def _answered(self, lane: Lane, reply: Callable[[Moment, Answer], None], done: Answer) -> None:
+        """Hand an answer on, in the conductor's thread: it never waits for a client."""
+        moment = self.conductor.moment()
+        lane.put(lambda: reply(moment, done))
+
+    def _reply(
+        self,
+        query: Any,
+        call: str,
+        message: dict[str, Any],
+        client: Client,
+        spent: float,
+        moment: Moment,
+        done: Answer,
+    ) -> None:
+        error = done.exception()
+        if error is not None:
+            _refuse(query, error)
+            return
+        begun = time.thread_time()
+        try:
+            text, block = self._told(call, message, done.result(), moment)
+            query.reply(
+                query.key_expr, text, attachment=block or None, express=True, encoding=_JSON
+            )
+        except Exception as wrong:  # told, rather than a client that waits
+            _refuse(query, wrong)
+        finally:
+            query.drop()
+            if call in READS:
+                self.conductor.share.took(client, spent + time.thread_time() - begun)
+
+    def _told(
+        self, call: str, message: dict[str, Any], result: Any, at: Moment
+    ) -> tuple[str, bytes]:
+        """Return the answer in JSON, and the block of its numbers."""
+        if call == "schema":
+            return self._schema_text(result), b""
+        if call == "step":
+            at, result = result
+        if isinstance(result, Moment):
+            return json.dumps({"moment": asdict(result)}), b""
+        told: dict[str, Any] = {"moment": asdict(at)}
+        block = b""
+        if call not in ("get", "step", "run"):
+            told["result"] = result
+        elif message.get("binary"):
+            told["values"], block = packed(result)
+        else:
+            told["values"] = plain(result)
+        return json.dumps(told), block
+
+    def _schema_text(self, schema: Any) -> str:
+        """Return the answer of `schema`, built once for each replacement."""
+        held, layout, text = self._schema
+        if held is not schema or layout != self.stream.layout:
+            layout = self.stream.layout
+            blocks = {p: list(one.names) for p, one in self.stream.layouts.items()}
+            rest = json.dumps({"layout": layout, "blocks": blocks})
+            text = f'{{"signals": {schema.text}, {rest[1:]}'
+            self._schema = (schema, layout, text)
+        return text
+
+
+def _read(query: Any) -> tuple[dict[str, Any], bytes]:
+    payload, attached = query.payload, query.attachment
+    for what, read in (("message", payload), ("block of numbers", attached)):
+        if read is not None and len(read) > (most := MOST_BYTES[what]):
+            raise InputInvalid(f"a {what} of {len(read)} bytes; expected at most {most}")
+    message = read_object(b"" if payload is None else payload.to_bytes(), "message")
+    return message, b"" if attached is None else attached.to_bytes()
+
+
+def _refuse(query: Any, error: BaseException) -> None:
+    with contextlib.suppress(Exception):  # whoever asked is gone
+        query.reply_err(json.dumps(message_of(error)), encoding=_JSON)
+        query.drop()
+
+
+def free_port(host: str) -> int:
+    """Find a port that nobody listens on; raises InputInvalid for a host of others."""
+    import socket
+
+    with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as s:
+        try:
+            s.bind((host, 0))
+        except OSError as error:
+            raise InputInvalid(
+                f"cannot listen at {host}: {error.strerror}; expected an address of this machine"
+            ) from None
+        return int(s.getsockname()[1])

@@ -1,0 +1,138 @@
+"""One episode of a policy as a stage and its motion, for `uuvsim play --view`."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from uuvsim_cosim.errors import InputInvalid
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.view.recorded.traces import Traces
+    from uuvsim_cosim.view.scene3d.motion import Motion
+    from uuvsim_cosim.view.scene3d.scene import Solid, Stage
+
+__all__ = ["Page", "episode_of"]
+
+GOAL = "goal"
+
+
+class Page:
+    """The page of an episode, where it was `asked` for; its port is taken at once."""
+
+    def __init__(self, port: int | None, asked: bool) -> None:
+        self._server: Any = None
+        self._recorded: Any = None
+        if port is not None and not asked:
+            raise InputInvalid(f"--port {port}: is where --view shows it; expected --view")
+        if asked:
+            from uuvsim_cosim.view.scene3d.viser_server import open_server
+
+            self._server = open_server(port)
+
+    def record(self, task: Any, policy: Any, seed: int, name: str) -> None:
+        """Play the episode, and keep what moved."""
+        from uuvsim_cosim.learn.shared.task_ids import short_name
+
+        self._recorded = episode_of(task, policy, seed, short_name(name))
+
+    def serve(self, what: str, *, show: bool) -> None:
+        """Replay what was recorded until Ctrl-C; nothing where no page is."""
+        if self._server is None:
+            return
+        from uuvsim_cosim.commands.run.view import serve
+        from uuvsim_cosim.view.scene3d.viser_server import close_server
+
+        try:
+            serve(self._server, what, self._recorded, show=show)
+        finally:
+            close_server(self._server)
+
+
+def episode_of(task: Any, policy: Any, seed: int, name: str) -> tuple[Stage, Motion, Traces]:
+    """Play episode 0 of a seed and give what moved; raises InputInvalid where nothing has a pose.
+
+    The task is not changed: a copy of it reads the signals that move its stage as well.
+    """
+    from uuvsim_cosim.learn.policies.playing import frames_of
+    from uuvsim_cosim.orchestrator.plan.flatten import flatten
+    from uuvsim_cosim.view.scene3d.motion import motion_of
+    from uuvsim_cosim.view.scene3d.scene import Marker
+    from uuvsim_cosim.view.scene3d.scene_of_plan import stage_of_plan
+
+    plan = flatten(task.system)
+    stage = stage_of_plan(plan, name)
+    if not stage.bodies:
+        raise InputInvalid(
+            f"--view: no component of {name} has a pose (eta) that tau moves; expected a task with "
+            "a vehicle, or no --view"
+        )
+    watched = copy.copy(task)
+    watched.signals = tuple(dict.fromkeys((*task.signals, *stage.signals)))
+    seen = _Seen(task, stage)
+    watched.view = seen.view
+    for _ in frames_of(watched, policy, seed):
+        pass
+    if seen.goals:
+        stage = replace(stage, markers=(*stage.markers, Marker(GOAL, f"{GOAL}.position", 0.08)))
+    stage = replace(stage, solids=tuple(_solids(plan, seen.start, stage)))
+    units = {
+        f"{c.path}.{v.name}": ", ".join(dict.fromkeys(u or "1" for u in v.units))
+        for c in plan.components
+        for v in c.description.variables.values()
+    }
+    traces = seen.traces(units)
+    return stage, motion_of(stage, traces), traces
+
+
+class _Seen:
+    """What a task's moments held when their picture was drawn."""
+
+    def __init__(self, task: Any, stage: Stage) -> None:
+        self._task, self._names = task, stage.signals
+        self.time: list[float] = []
+        self.rows: dict[str, list[Any]] = {name: [] for name in self._names}
+        self.goals: list[Any] = []
+        self.start: dict[str, Any] = {}
+
+    def view(self, m: Any, row: int) -> Any:
+        """Note a moment, and draw it as the task does."""
+        import numpy as np
+
+        self.time.append(float(m.time[row]))
+        for name in self._names:
+            self.rows[name].append(np.array(m[name][row], float))
+        if not self.start:
+            self.start = {key: np.array(value[row]) for key, value in m.start.items()}
+        view = self._task.view(m, row)
+        if view is not None and view.goals and len(view.goals[0].position) == 3:
+            self.goals.append(np.array(view.goals[0].position))
+        return view
+
+    def traces(self, units: dict[str, str]) -> Traces:
+        """Return what was noted; a moment may have been drawn twice, and counts once."""
+        import numpy as np
+
+        from uuvsim_cosim.view.recorded.traces import Traces
+
+        time, picks = np.unique(np.array(self.time), return_index=True)
+        values = {name: np.array(rows)[picks] for name, rows in self.rows.items()}
+        if len(self.goals) == len(self.time):
+            values[f"{GOAL}.position"] = np.array(self.goals)[picks]
+        return Traces(time, values, units)
+
+
+def _solids(plan: Any, start: dict[str, Any], stage: Stage) -> Iterator[Solid]:
+    """Return what stands still in this episode: pools and obstacles may be drawn by lot."""
+    from uuvsim_cosim.view.scene3d.scene_of_plan import pool_solids
+
+    found: dict[str, Solid] = {}
+    for c in plan.components:
+        if {"origin", "size", "obstacles"} & set(c.description.variables):
+            names = ("origin", "size", "obstacles")
+            keys = {n: f"{c.path}.{n}" for n in names if f"{c.path}.{n}" in start}
+            found |= {s.name: s for s in pool_solids(c, {n: start[k] for n, k in keys.items()})}
+    pools = list(found.values())
+    yield from pools or stage.solids

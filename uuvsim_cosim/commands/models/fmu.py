@@ -1,0 +1,133 @@
+"""`uuvsim fmu`: build FMUs from declarations, look into any, check any."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from uuvsim_cosim.commands.models.fmu_system import client_command, system_command
+from uuvsim_cosim.commands.shared.answer import answer
+from uuvsim_cosim.commands.shared.completion import models
+from uuvsim_cosim.commands.shared.fmu_options import fmi_version, platform_names
+from uuvsim_cosim.commands.shared.out_option import folder_option
+from uuvsim_cosim.commands.shared.terminal import (
+    console,
+    file_line,
+    line,
+    put,
+    range_of,
+    table,
+    tilde,
+)
+from uuvsim_cosim.errors import InputInvalid
+
+__all__ = ["app"]
+
+app = typer.Typer(help="Build, inspect and check FMUs.", no_args_is_help=True)
+app.command("system")(system_command)
+app.command("client")(client_command)
+
+
+@app.command("build")
+def build(
+    names: Annotated[
+        list[str],
+        typer.Argument(
+            autocompletion=models,
+            help="As `uuvsim models` lists them; with options: 'dvl?scene=tacoma'.",
+        ),
+    ],
+    fmi: Annotated[int, typer.Option(help="FMI version: 2 or 3.")] = 3,
+    platform: Annotated[
+        str, typer.Option(help="Comma-separated: host, linux64, win64, darwin64, …")
+    ] = "host",
+    out: Annotated[Path, folder_option("Folder to write into.")] = Path("fmus/dist"),
+) -> None:
+    """Build an FMU of each named model, with a binary for each platform."""
+    version = fmi_version(fmi)
+    platforms = platform_names(platform)
+    from uuvsim_cosim.fmus.export.export import build_many
+
+    with console(stderr=True).status(f"building {', '.join(names)} for {', '.join(platforms)}"):
+        built = build_many(names, fmi=version, platforms=platforms, target_dir=out)
+    for path in built:
+        file_line(path)
+
+
+@app.command("inspect")
+def inspect(
+    file: Annotated[Path, typer.Argument(help="An .fmu.")],
+) -> None:
+    """Say what is inside an FMU: variables, units, capabilities, platforms."""
+    from uuvsim_cosim.fmus.check.inspect_fmu import inspect as look
+
+    found = look(file).as_dict()
+    if answer().mode == "json":
+        for key, value in found.items():
+            put(key, value)
+        return
+    words = {"CoSimulation": "Co-Simulation", "ModelExchange": "Model Exchange"}
+    able = [name.replace("_", " ") for name, yes in found["capabilities"].items() if yes]
+    rows = [
+        ("file", tilde(file)),
+        ("name", found["name"]),
+        ("FMI", f"{found['fmi']}, {' and '.join(words[i] for i in found['interfaces'])}"),
+        ("description", found["description"]),
+        ("written by", found["tool"] or "not said"),
+        ("platforms", ", ".join(found["platforms"]) or "none (sources only)"),
+        ("can", ", ".join(able) or "only step"),
+        ("step size", found["step_size"] if found["step_size"] is not None else "not said"),
+    ]
+    table(("", ""), rows)
+    line()
+    table(("a master may rely on", ""), list(found["a_master_may_rely_on"].items()))
+    line()
+    wanted = ("input", "output", "parameter", "structuralParameter")
+    table(
+        ("causality", "variable", "size", "type", "unit", "start", "range", "description"),
+        [
+            (v["causality"], v["name"], " x ".join(map(str, v["shape"])) or "1", v["type"],
+             v["unit"] or "-", _short(v["start"]), range_of(v["min"], v["max"]),
+             v["description"] or "")
+            for v in sorted(
+                (v for v in found["variables"] if v["causality"] in wanted),
+                key=lambda v: wanted.index(v["causality"]),
+            )
+        ],
+    )  # fmt: skip
+
+
+def _short(value: Any) -> str:
+    if value is None:
+        return ""
+    text = f"{value:.6g}" if isinstance(value, float) else str(value)
+    return text if len(text) <= 32 else text[:31] + "…"
+
+
+@app.command("check")
+def check(files: Annotated[list[Path], typer.Argument(help="One .fmu, or several.")]) -> None:
+    """Check FMUs: rules, run, reset, state, reference result; status 2 if something is wrong."""
+    from uuvsim_cosim.fmus.check.check_fmu import examine, relied_on
+
+    wrong = []
+    for file in files:
+        with console(stderr=True).status(f"checking {file.name}"):
+            looks = examine(file)
+        line(tilde(file))
+        for look in looks:
+            line(f"  {look.check}: {look.result}{': ' if look.text else ''}{look.text}")
+        relied = relied_on(file, looks)
+        checks = [{"check": k.check, "result": k.result, "text": k.text} for k in looks]
+        put("files", [*answer().fields.get("files", []),
+                      {"file": str(file), "checks": checks, "relied_on": relied}])  # fmt: skip
+        line()
+        table(("a master may rely on", ""), list(relied.items()))
+        found = sum(look.result == "finding" for look in looks)
+        if found:
+            wrong.append(f"{file}: {found} finding(s)")
+        else:
+            line(f"{tilde(file)}: nothing wrong was found")
+    if wrong:
+        raise InputInvalid(f"{'; '.join(wrong)}; expected none")

@@ -1,0 +1,129 @@
+"""`uuvsim models import`: a surface and a mass, or a robot's description, become a vehicle."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from uuvsim_cosim.commands.shared.out_option import folder_option
+from uuvsim_cosim.commands.shared.terminal import file_line, line, number, remark, table, tilde
+from uuvsim_cosim.errors import InputInvalid
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.models.importing.vehicle_draft import Draft
+
+__all__ = ["import_command"]
+
+_DESCRIPTIONS = (".urdf", ".sdf", ".xacro", ".xml", ".world")
+
+
+def import_command(
+    file: Annotated[
+        Path, typer.Argument(help="A closed surface (.stl), or a .urdf, .sdf or .xacro.")
+    ],
+    mass: Annotated[float | None, typer.Option("--mass", help="Mass in kg; for a surface.")] = None,
+    scale: Annotated[
+        float | None, typer.Option("--scale", help="m per unit of the file; mm: 0.001.")
+    ] = None,
+    axes: Annotated[
+        str | None, typer.Option("--axes", help="What x, y, z are: FLU (default), FRD, RFU or LBU.")
+    ] = None,
+    volume: Annotated[
+        float | None,
+        typer.Option("--volume", help="m3 that displace water, where the hull floods."),
+    ] = None,
+    z_g: Annotated[
+        float | None,
+        typer.Option("--z-g", help="m of the centre of gravity below that of buoyancy."),
+    ] = None,
+    rho: Annotated[
+        float | None, typer.Option("--rho", help="Density of the water in kg/m3; 1025.")
+    ] = None,
+    out: Annotated[Path | None, folder_option("Folder to write; its name is the id.")] = None,
+) -> None:
+    """Estimate a vehicle from its surface and mass, or read it from a robot's description.
+
+    Writes the folder of a vehicle: each number with its unit and source, estimates marked so.
+    """
+    from uuvsim_cosim.models.importing.vehicle_draft import check_id, write_draft
+
+    if not file.is_file():
+        raise InputInvalid(
+            f"{file}: no such file; expected a surface (.stl), .urdf, .sdf or .xacro"
+        )
+    folder = out if out is not None else Path(_id_of(file))
+    check_id(folder.name)
+    if file.suffix.lower() in _DESCRIPTIONS:
+        options = {"--mass": mass, "--volume": volume, "--z-g": z_g, "--scale": scale,
+                   "--axes": axes, "--rho": rho}  # fmt: skip
+        for name, given in options.items():
+            if given is not None:
+                raise InputInvalid(f"{name}: is for a surface; {file.name} says its own")
+        draft, notes = _described(file)
+    else:
+        if mass is None:
+            raise InputInvalid(f"{file}: a surface has no mass; expected --mass and kg")
+        draft, notes = _surface(
+            file, mass, 1.0 if scale is None else scale, axes or "FLU", volume, z_g,
+            1025.0 if rho is None else rho,
+        )  # fmt: skip
+    written = write_draft(draft, folder)
+    table(
+        ("number", "value", "unit", "source"),
+        [(n, number(q.value, ".5g"), q.unit, q.source) for n, q in draft.quantities.items()],
+        key="numbers",
+    )
+    for note in notes:
+        remark("note", note)
+    line()
+    for path in sorted(written.iterdir()):
+        file_line(path, tilde(path))
+    line()
+    line(f"check it with  uuvsim models check {tilde(written)}")
+    line(f"use it as      model:{tilde(written)}")
+
+
+def _id_of(file: Path) -> str:
+    name = re.sub(r"[^a-z0-9_]+", "_", file.name.split(".")[0].lower()).strip("_")
+    return name if name[:1].isalpha() else f"vehicle_{name}"
+
+
+def _described(file: Path) -> tuple[Draft, tuple[str, ...]]:
+    from uuvsim_cosim.models.importing.import_description import import_description
+
+    found = import_description(file)
+    return found.draft, found.notes
+
+
+def _surface(
+    file: Path, mass: float, scale: float, axes: str, volume: float | None, z_g: float | None,
+    rho: float,
+) -> tuple[Draft, tuple[str, ...]]:  # fmt: skip
+    from uuvsim_cosim.models.importing.import_mesh import import_mesh
+
+    found = import_mesh(file, mass, scale=scale, axes=axes, rho=rho, volume=volume, z_g=z_g)
+    solid = found.solid
+    line(f"{file.name}: a closed surface of {solid.surface:.4g} m2")
+    names = ("length", "breadth", "height")
+    table(
+        ("axis", "extent [m]", "area seen [m2]", "C_D"),
+        [
+            (
+                f"{a} ({n})",
+                number(solid.extent[i], ".4g"),
+                number(solid.areas[i], ".4g"),
+                number(found.C_D[i], ".3g"),
+            )
+            for i, (a, n) in enumerate(zip("xyz", names, strict=True))
+        ],
+        key="extents",
+    )
+    where = ", ".join(f"{v:.4g}" for v in found.origin)
+    line(
+        f"volume {solid.volume:.5g} m3; CO is its centre, the file's origin is at ({where}) m (FRD)"
+    )
+    line()
+    return found.draft, found.notes

@@ -1,0 +1,235 @@
+"""`uuvsim models`: list the declarations, show one, check them, start a vehicle of one's own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from uuvsim_cosim.commands.models.import_vehicle import import_command
+from uuvsim_cosim.commands.shared.completion import models, of
+from uuvsim_cosim.commands.shared.out_option import folder_option
+from uuvsim_cosim.commands.shared.terminal import (
+    Shown,
+    file_line,
+    line,
+    number,
+    range_of,
+    remark,
+    table,
+    tilde,
+)
+from uuvsim_cosim.errors import InputInvalid
+
+__all__ = ["app"]
+
+app = typer.Typer(help="List the models, show one, check vehicles, or start one of your own.")
+
+
+@app.callback(invoke_without_command=True)
+def every(context: typer.Context) -> None:
+    """List the models that can be simulated and built as FMUs."""
+    if context.invoked_subcommand is not None:
+        return
+    from uuvsim_cosim.models.declaration.library import IN_PROCESS, available, declare
+
+    rows = []
+    for name in available():
+        model = declare(name)
+        rows.append((name, " ".join(model.description.split())))
+    rows += [(name, f"Python component, in process only: {where}")
+             for name, where in IN_PROCESS.items()]  # fmt: skip
+    table(("model", "what it is"), rows, key="models")
+
+
+@app.command("show")
+def show(
+    name: Annotated[
+        str,
+        typer.Argument(
+            autocompletion=models, help="A name, a vehicle as id@set, a preset as imu@stim300."
+        ),
+    ],
+) -> None:
+    """Show a model's variables with units, values and meaning."""
+    from uuvsim_cosim.fmus.codegen.describe import describe
+    from uuvsim_cosim.models.declaration.library import declare
+    from uuvsim_cosim.models.declaration.parameters import is_vehicle, split_address
+    from uuvsim_cosim.models.declaration.preset import presets_of
+
+    model = declare(name)
+    wanted: tuple[str, ...] = ("input", "output", "parameter")
+    if is_vehicle(split_address(name)[0]):
+        from uuvsim_cosim.commands.models.show_vehicle import show_vehicle
+
+        show_vehicle(name)
+        wanted = ("input", "output")
+    else:
+        line(f"{model.name}: {' '.join(model.description.split())}")
+    line()
+    table(
+        ("causality", "variable", "size", "unit", "start", "range", "meaning"),
+        [
+            (v.causality, v.name, " x ".join(map(str, v.shape)) or "1", v.unit_text or "-",
+             _start(v.start) if v.causality != "output" else "", range_of(v.min, v.max),
+             v.description)
+            for causality in wanted
+            for v in describe(model).of(causality)  # type: ignore[arg-type]
+        ],
+        key="variables",
+    )  # fmt: skip
+    presets = presets_of(model.name)
+    if presets:
+        line()
+        table(("preset", "what it is"), [(f"{model.name}@{k}", v) for k, v in presets.items()],
+              key="presets")  # fmt: skip
+
+
+def _start(value: Any) -> Shown | str:
+    import numpy as np
+
+    if value is None:
+        return ""
+    flat = np.asarray(value, dtype=float).ravel()
+    text = " ".join(f"{x:.6g}" for x in flat[:6])
+    return Shown(value, text + (" …" if flat.size > 6 else ""))
+
+
+@app.command("check")
+def check(
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            autocompletion=models,
+            help="A vehicle, as id, id@set or its folder, or a component such as thruster_t200; "
+            "everything, if left out.",
+        ),
+    ] = None,
+    source: Annotated[
+        list[str] | None,
+        typer.Option(help="Whose numbers: mss, fossen, prestero, gz_sim, ...; may be repeated."),
+    ] = None,
+    against: Annotated[
+        Path | None,
+        typer.Option("--against", "--reference", help="CSV of one trajectory to compare with."),
+    ] = None,
+    tolerance: Annotated[float, typer.Option(help="With --against: what passes.")] = 1e-5,
+    relative: Annotated[
+        bool, typer.Option("--relative", help="With --against: of each column's greatest value.")
+    ] = False,
+) -> None:
+    """Compare with trajectories, published values and closed forms; say how far off each is."""
+    from uuvsim_cosim.models.checks.comparison import known_groups
+
+    groups = known_groups(source or ())
+    if against is None:
+        _check_all(name, groups)
+        return
+    if groups:
+        raise InputInvalid("--source and --against: expected one of them")
+    if name is None:
+        raise InputInvalid("--against needs a vehicle before it, such as bluerov2_heavy@wu_2018")
+    if not tolerance >= 0:
+        raise InputInvalid(f"--tolerance {tolerance:g}; expected a number from 0")
+    if not against.is_file():
+        raise InputInvalid(f"{against}: no such file; expected a CSV of a trajectory")
+    _check_against(name, against, tolerance, relative)
+
+
+def _check_against(name: str, path: Path, tolerance: float, relative: bool) -> None:
+    from uuvsim_cosim.models.checks.reference_trajectory import deviations, read_reference
+
+    reference = read_reference(path)
+    found = deviations(name, reference)
+    for note in reference.notes:
+        line(note)
+    table(
+        ("column", "largest deviation", "of its greatest value", "at t [s]"),
+        [(d.column, number(d.max, ".3g"), _share(d.relative), number(d.t, "g")) for d in found],
+        key="deviations",
+    )
+
+    def off(d: Any) -> float:
+        return float(min(d.max, d.relative) if relative else d.max)
+
+    worst = max(found, key=off)
+    kind = "relative to its greatest value" if relative else "off"
+    if not off(worst) <= tolerance:
+        raise InputInvalid(
+            f"{name} against {path}: {worst.column} is {off(worst):.3g} {kind} at "
+            f"t = {worst.t:g} s; expected at most {tolerance:g}"
+        )
+    line(f"{name} agrees with {path.name} within {tolerance:g}{' relative' if relative else ''}")
+
+
+def _share(relative: float) -> Shown:
+    return Shown(relative, f"{relative:.3g}" if relative < 1e3 else "-")
+
+
+def _check_all(name: str | None, groups: set[str]) -> None:
+    from uuvsim_cosim.models.checks.checks import checks_of, every_check, groups_of
+    from uuvsim_cosim.models.checks.comparison import GROUPS
+
+    done = list(every_check(groups) if name is None else checks_of(name, groups))
+    if not done:
+        there = ", ".join(groups_of(name or ""))
+        raise InputInvalid(
+            f"{name}: nothing of {', '.join(sorted(groups))} is compared with it; expected {there}"
+        )
+    table(
+        ("source", "vehicle", "quantity", "difference", "tolerance", "verdict"),
+        [
+            (
+                c.group,
+                c.address or "-",
+                c.what,
+                number(c.off, ".2g"),
+                number(c.tolerance, "g"),
+                c.verdict,
+            )
+            for c in done
+        ],
+        key="checks",
+    )
+    for c in done:
+        if c.verdict == "known":
+            where = f"{c.address}: " if c.address else ""
+            remark("known", f"{where}{c.what}: {c.known}")
+    for group in sorted({c.group for c in done} & set(GROUPS)):
+        line(f"{group}: {GROUPS[group]}")
+    failed = [c for c in done if c.verdict == "FAILS"]
+    if failed:
+        raise InputInvalid(
+            "; ".join(
+                f"{c.address or c.group}: {c.what} is {c.off:.3g} off; expected at most "
+                f"{c.tolerance:g} ({c.source})"
+                for c in failed
+            )
+        )
+    kept = sum(c.holds for c in done)
+    rest = ", the cause of the rest is known" if kept < len(done) else ""
+    line(f"{kept} of {len(done)} comparisons hold{rest}")
+
+
+@app.command("new")
+def new(
+    name: Annotated[str, typer.Argument(help="Its id: lower case, digits and _.")],
+    out: Annotated[Path, folder_option("Folder to write into.")] = Path(),
+    shape: Annotated[
+        str, typer.Option(autocompletion=of("box", "torpedo"), help="box or torpedo.")
+    ] = "box",
+) -> None:
+    """Write the folder of a vehicle of your own, which can be run at once, and say how."""
+    from uuvsim_cosim.models.importing.new_vehicle import write_vehicle
+
+    folder = write_vehicle(name, out, shape)
+    for path in sorted(folder.iterdir()):
+        file_line(path, tilde(path))
+    line()
+    line(f"see it with    uuvsim models show {tilde(folder)}")
+    line(f"check it with  uuvsim models check {tilde(folder)}")
+    line(f"use it as      model:{tilde(folder)}")
+
+
+app.command("import")(import_command)

@@ -1,0 +1,147 @@
+"""`uuvsim terrain`: a nautical chart or a surveyed grid becomes a terrain, or a scene's folder."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from uuvsim_cosim.commands.shared.terminal import file_line, line, remark, table
+from uuvsim_cosim.errors import InputInvalid
+
+__all__ = ["terrain_command"]
+
+
+def terrain_command(
+    chart: Annotated[
+        Path,
+        typer.Argument(help="An S-57 cell (.000), BAG, GeoTIFF, S-102, a terrain or scene."),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", "-o", help="seabed.tif, .png, .glb, .sdf, .npz, or a scene's folder."
+        ),
+    ] = None,
+    resolution: Annotated[
+        float | None,
+        typer.Option(
+            "--resolution",
+            "-r",
+            help="Distance of the nodes in m; default: 10 for a chart, a grid's own cells.",
+        ),
+    ] = None,
+    around: Annotated[
+        str | None, typer.Option("--around", help="Middle of a piece: LAT,LON in degrees.")
+    ] = None,
+    size: Annotated[
+        str | None, typer.Option("--size", help="Its size in km: 3, or N x E as 3x5.")
+    ] = None,
+    land: Annotated[
+        str | None,
+        typer.Option("--land", help="Height of land in m above the datum, or unknown."),
+    ] = None,
+    relief: Annotated[
+        int | None,
+        typer.Option("--relief", help="Seed of an invented relief below the soundings' spacing."),
+    ] = None,
+    datum: Annotated[
+        str | None, typer.Option("--datum", help="Datum that depths have to be from, as MLLW.")
+    ] = None,
+    unit: Annotated[
+        str | None, typer.Option("--unit", help="Unit of a grid that does not say it: m, ft.")
+    ] = None,
+    positive: Annotated[
+        str | None, typer.Option("--positive", help="Whether a grid's values grow up or down.")
+    ] = None,
+    fill: Annotated[
+        float, typer.Option("--fill", help="Bridge a grid's holes up to so many m from data.")
+    ] = 0.0,
+    crs: Annotated[
+        str | None,
+        typer.Option(
+            "--crs", help="Coordinate reference system of a grid without one: EPSG:32632."
+        ),
+    ] = None,
+    local: Annotated[
+        bool,
+        typer.Option("--local", help="A grid without one has x east and y north, m, local frame."),
+    ] = False,
+) -> None:
+    """Make a terrain of a chart (with the updates beside it) or a grid; without -o, show it.
+
+    Not for navigation.
+    """
+    from uuvsim_cosim.models.worlds.scene import Scene
+    from uuvsim_cosim.scene.terrain.grid import TooManyNodes
+    from uuvsim_cosim.scene.terrain.make import Wishes, make_large, make_terrain
+    from uuvsim_cosim.scene.terrain.write import check_target, write_terrain
+
+    if not fill >= 0:
+        raise InputInvalid(f"--fill {fill:g}; expected 0 m or more")
+    if relief is not None and relief < 0:
+        raise InputInvalid(f"--relief {relief}; expected a seed of 0 or more")
+    if out is not None:
+        check_target(out)
+    wishes = Wishes(
+        resolution,
+        around,
+        size,
+        land,
+        relief,
+        datum,
+        unit,
+        positive,
+        fill,
+        crs,
+        local,
+    )
+    try:
+        made = make_terrain(chart, wishes)
+    except OSError as error:
+        raise InputInvalid(f"{chart}: cannot be read: {error.strerror or error}") from None
+    except TooManyNodes as many:
+        try:
+            large = make_large(chart, out, wishes) if out is not None else None
+        except OSError as error:
+            raise InputInvalid(f"{out}: cannot be written: {error.strerror or error}") from None
+        if large is not None and out is not None:
+            table(("", ""), large.facts.items(), key="facts")
+            for note in large.notes:
+                remark("note", note)
+            file_line(out, f"wrote {out}")
+            return
+        if resolution is not None:
+            raise
+        line(
+            f"note: at {many.fits:g} m, because the default resolution has too many nodes (of a "
+            "chart, -o FILE.tif has them all)"
+        )
+        made = make_terrain(chart, replace(wishes, resolution=many.fits))
+    table(("", ""), made.facts.items(), key="facts")
+    for note in made.notes:
+        remark("note", note)
+    if out is None:
+        return
+    sizes = "; sizes of obstacles are assumed" if made.obstacles else ""
+    scene = Scene(
+        out.stem,
+        made.terrain,
+        made.obstacles,
+        description=f"Seabed of {chart.stem} at {made.terrain.spacing:g} m",
+        source=(made.terrain.source or f"{chart.name}") + sizes,
+        meshes=made.meshes,
+    )
+    try:
+        files = write_terrain(scene, out)
+    except OSError as error:
+        raise InputInvalid(f"{out}: cannot be written: {error.strerror or error}") from None
+    for file in files:
+        file_line(file, f"wrote {file}")
+    if (made.obstacles or made.meshes) and out.suffix in (".tif", ".tiff", ".png", ".npz"):
+        what = " or ".join(
+            name for name, some in (("obstacles", made.obstacles), ("meshes", made.meshes)) if some
+        )
+        remark("note", f"{out.suffix} holds no {what}; a scene's folder, .sdf and .glb do")

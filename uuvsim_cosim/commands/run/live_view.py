@@ -1,0 +1,70 @@
+"""`--view`: a run, or an episode, on a page while it goes on, and replayed when it is over."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from uuvsim_cosim.commands.run.view import announce, serve
+from uuvsim_cosim.commands.shared.terminal import notice
+from uuvsim_cosim.errors import InputInvalid
+
+__all__ = ["Watched"]
+
+
+class Watched:
+    """The page of a run, where it was `asked` for; what fails there does not stop the run."""
+
+    def __init__(self, name: str, port: int | None, asked: bool) -> None:
+        self._name, self._server, self._live = name, None, None
+        self.observers: list[Any] = []
+        if not asked:
+            if port is not None:
+                raise InputInvalid(f"--port {port}: is where --view shows it; expected --view")
+            return
+        from uuvsim_cosim.view.scene3d.live import LiveView
+        from uuvsim_cosim.view.scene3d.viser_server import open_server
+
+        self._server = open_server(port, label=name)
+        self._live = LiveView(self._server, name)
+        self.observers = [self._live]
+
+    def __enter__(self) -> Self:
+        """Say where the page is."""
+        if self._server is not None:
+            announce(self._server, f"{self._name}, live", show=False)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:  # fmt: skip
+        """End the page of a run that has failed; of another it becomes the replay."""
+        if error is not None:
+            self.close()
+
+    def replay(self, folder: Path) -> None:
+        """Replay the recording on the same page until Ctrl-C; nothing where no page is."""
+        if self._server is None:
+            return
+        from uuvsim_cosim.view.scene3d.scene_of_run import placed
+
+        live: Any = self._live
+        if live is not None and live.failure is not None:
+            notice(f"the live view stopped: {live.failure}")
+        try:
+            recorded = placed(folder)
+            self._server.scene.reset()
+            self._server.gui.reset()
+            serve(self._server, "replay", recorded, show=False)
+        finally:
+            self.close()
+
+    def close(self) -> None:
+        """End the page; a second call does nothing."""
+        from uuvsim_cosim.view.scene3d.viser_server import close_server
+
+        server, self._server = self._server, None
+        if server is not None:
+            close_server(server)

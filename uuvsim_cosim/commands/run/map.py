@@ -1,0 +1,73 @@
+"""`uuvsim map`: the map of the seabed of a run, or the points of it, as a file."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from uuvsim_cosim.commands.run.summary import figure_table
+from uuvsim_cosim.commands.shared.completion import of
+from uuvsim_cosim.commands.shared.terminal import file_table, line, number
+from uuvsim_cosim.errors import InputInvalid
+
+__all__ = ["map_command"]
+
+
+def map_command(
+    run: Annotated[Path, typer.Argument(help="Folder that `uuvsim run` wrote.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="map.tif; points as .laz, .las or .ply.")
+    ] = None,
+    pose: Annotated[
+        str,
+        typer.Option(autocompletion=of("true", "navigation"), help="Whose: true, or navigation."),
+    ] = "true",
+    every: Annotated[int, typer.Option(help="Of points, those of every N-th frame.")] = 10,
+    settings: Annotated[
+        Path | None, typer.Option(help="YAML of scene and sensors, if not those of the run.")
+    ] = None,
+    scene: Annotated[str, typer.Option(help="Another scene, or a terrain (.npz).")] = "",
+    cell: Annotated[float | None, typer.Option(help="Of the map, in metres.")] = None,
+) -> None:
+    """Map the seabed that a run surveyed, and write the map or its points."""
+    from uuvsim_cosim.scene.mapping.map_files import check_target
+    from uuvsim_cosim.scene.mapping.mapping import read_map, write_map
+    from uuvsim_cosim.scene.mapping.survey import FORMATS, survey_of
+    from uuvsim_cosim.scene.mapping.survey_settings import FILE, keep_settings, read_settings
+    from uuvsim_cosim.view.reports.survey_map import map_figures
+
+    if every < 1:
+        raise InputInvalid(f"--every {every}: expected 1 or more")
+    if out is not None and out.suffix.lower() not in FORMATS:
+        raise InputInvalid(f"--out {out}: expected a name that ends with {', '.join(FORMATS)}")
+    if out is not None:
+        check_target(out)
+    if not run.is_dir():
+        raise InputInvalid(f"{run}: no such folder; expected one that `uuvsim run` wrote")
+    given = None if settings is None else read_settings(settings)
+    if given is None and (scene or cell is not None) and (run / FILE).is_file():
+        given = read_settings(run / FILE)
+    survey = survey_of(run, given if given is None else given.changed(scene, cell))
+    if out is not None:
+        check_target(out, survey.crs)
+    if pose not in survey.track.poses:
+        raise InputInvalid(f"--pose {pose}: expected {' or '.join(survey.track.poses)}")
+    made = None
+    if given is None:
+        with suppress(InputInvalid):  # one that was cut short is made again
+            made = read_map(run)
+    if made is None:
+        made = survey.map()
+        if given is None or settings is not None:
+            write_map(made, run)
+        if settings is not None and settings.absolute() != (run / FILE).absolute():
+            keep_settings(settings, run)
+    figure_table(map_figures(made))
+    if out is not None:
+        n = survey.write(out, made, pose, every)
+        what = "cells" if out.suffix.lower() in (".tif", ".tiff") else "points"
+        line()
+        file_table([out], **{what: number(n, ",")})

@@ -1,0 +1,41 @@
+"""`uuvsim pack`: a system as plain SSP, with its FMUs inside."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from uuvsim_cosim.commands.shared.completion import systems
+from uuvsim_cosim.commands.shared.fmu_options import fmi_version, platform_names
+from uuvsim_cosim.commands.shared.terminal import console, file_line
+from uuvsim_cosim.errors import InputInvalid
+
+__all__ = ["pack_command"]
+
+
+def pack_command(
+    system: Annotated[
+        str,
+        typer.Argument(autocompletion=systems, help="Name of a system, or an .ssd or .ssp file."),
+    ],
+    out: Annotated[Path, typer.Option("--out", "-o", help="The .ssp to write.")],
+    fmi: Annotated[int, typer.Option(help="2: FMI 2 in SSP 1.0; 3: FMI 3 in SSP 2.0.")] = 2,
+    seed: Annotated[int, typer.Option(help="Seed that the packed values come from.")] = 0,
+    platform: Annotated[
+        str, typer.Option(help="Comma-separated: host, linux64, win64, darwin64, …")
+    ] = "host",
+) -> None:
+    """Write a system as SSP that other tools can simulate: FMUs, values and units inside."""
+    version = fmi_version(fmi)
+    platforms = platform_names(platform)
+    if out.suffix.lower() != ".ssp":
+        raise InputInvalid(f"{out}: ending {out.suffix!r} was read; expected .ssp")
+    from uuvsim_cosim.orchestrator.running.library import load
+    from uuvsim_cosim.orchestrator.ssp.pack import pack
+
+    found = load(system)
+    with console(stderr=True).status(f"packing {system}"):
+        pack(found, out, fmi=version, seed=seed, platforms=platforms)
+    file_line(out)

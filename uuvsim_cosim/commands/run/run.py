@@ -1,0 +1,306 @@
+"""`uuvsim run`: simulate a system, or a single FMU, and write what came out."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from uuvsim_cosim.commands.run.live_view import Watched
+from uuvsim_cosim.commands.run.summary import show_run, summary
+from uuvsim_cosim.commands.run.survey_map import mapped
+from uuvsim_cosim.commands.shared.completion import components, of, replacements, systems
+from uuvsim_cosim.commands.shared.name_value_options import (
+    assignments,
+    rates,
+    seconds,
+    step_text,
+)
+from uuvsim_cosim.commands.shared.out_option import expect_folder
+from uuvsim_cosim.commands.shared.run_progress import RunProgress
+from uuvsim_cosim.commands.shared.system_options import MAP, SET, edited_system
+from uuvsim_cosim.commands.shared.terminal import file_line, line, notice, put, remark, tilde
+from uuvsim_cosim.errors import ComponentFailed, InputInvalid, LoopNotConverged
+from uuvsim_cosim.fmus.isolation.watchdog import check_watchdog
+
+__all__ = ["run_command"]
+
+INPUT = "CSV of inputs over time, or [+]component.variable:step, chirp or prbs"
+
+
+def run_command(
+    system: Annotated[
+        str, typer.Argument(autocompletion=systems, help="A name, or a path to .ssd, .ssp or .fmu.")
+    ],
+    waypoints: Annotated[
+        Path | None,
+        typer.Option(help="CSV of north, east, down in m, or lat, lon, depth; or a .plan of QGC."),
+    ] = None,
+    origin: Annotated[
+        str | None,
+        typer.Option(help="LAT,LON of the local frame's origin, for --waypoints in degrees."),
+    ] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", help=f"{SET}; again for more.")] = None,
+    until: Annotated[
+        float | None,
+        typer.Option(
+            help="Simulated time: seconds, or '2 min'.", parser=seconds("--until"), metavar="TIME"
+        ),
+    ] = None,
+    start: Annotated[
+        float | None,
+        typer.Option(
+            help="Simulated time of the start; by default that of the file, else 0.",
+            parser=seconds("--start"),
+            metavar="TIME",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Folder to write (for an .fmu: a CSV file).")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 0,
+    replace: Annotated[
+        list[str] | None,
+        typer.Option(
+            autocompletion=replacements, help="component=source: an .fmu, FILE.py:Class, model:…"
+        ),
+    ] = None,
+    map_: Annotated[
+        list[str] | None, typer.Option("--map", help=f"{MAP}, or component=FILE.ssm.")
+    ] = None,
+    rate: Annotated[
+        list[str] | None,
+        typer.Option(help="component=step: 0.02, or 20ms; its communication step."),
+    ] = None,
+    native: Annotated[
+        bool, typer.Option("--native", help="Run models in process instead of as FMUs.")
+    ] = False,
+    record_every: Annotated[int, typer.Option(help="Record every N-th step.")] = 1,
+    real_time: Annotated[
+        float | None, typer.Option(help="Keep to this factor of real time, such as 1.")
+    ] = None,
+    overruns: Annotated[
+        str,
+        typer.Option(
+            autocompletion=of("catch-up", "slip", "fail"),
+            help="When a step takes too long: catch-up, slip or fail.",
+        ),
+    ] = "catch-up",
+    scenario: Annotated[
+        Path | None, typer.Option(help="What happens meanwhile: YAML, or libcosim's JSON.")
+    ] = None,
+    isolate: Annotated[
+        list[str] | None,
+        typer.Option(
+            autocompletion=components, help="Component in a process of its own; * for all."
+        ),
+    ] = None,
+    watchdog: Annotated[
+        float, typer.Option(help="Seconds that an isolated component has to answer.")
+    ] = 30.0,
+    loops: Annotated[
+        str | None,
+        typer.Option(
+            autocompletion=of("iterate", "refuse", "delay"),
+            help="Algebraic loops: iterate, refuse or delay.",
+        ),
+    ] = None,
+    trace_fmi: Annotated[
+        Path | None, typer.Option(help="CSV of every FMI call of every FMU; slow.")
+    ] = None,
+    no_report: Annotated[bool, typer.Option("--no-report", help="Write no report.html.")] = False,
+    open_: Annotated[bool, typer.Option("--open", help="Open the report in a browser.")] = False,
+    view: Annotated[
+        bool, typer.Option("--view", help="Show it live in a browser, then replay it; Ctrl-C ends.")
+    ] = False,
+    port: Annotated[int | None, typer.Option(help="Of --view; by default 8080 or near.")] = None,
+    input_: Annotated[
+        list[str] | None,
+        typer.Option("--input", help=f"{INPUT}; again for more. For an .fmu: one CSV."),
+    ] = None,
+    step: Annotated[
+        str | None, typer.Option(help="For an .fmu: communication step, 0.01 or 10ms.")
+    ] = None,
+    interface: Annotated[
+        str | None,
+        typer.Option(
+            autocompletion=of("CoSimulation", "ModelExchange"),
+            help="For an .fmu that offers both: CoSimulation (cs) or ModelExchange (me).",
+        ),
+    ] = None,
+) -> None:
+    """Simulate a system and write signals.parquet and report.html into a folder.
+
+    With an .fmu, simulate that one FMU and write its outputs as CSV.
+    """
+    values = assignments("--set", set_ or [], SET, dotted=not _is_fmu(system))
+    if until is not None and not (0 < until < float("inf")):
+        raise InputInvalid(f"--until {until:g}: expected more than 0 seconds")
+    if start is not None and not math.isfinite(start):
+        raise InputInvalid(f"--start {start:g}: expected seconds")
+    if record_every < 1:
+        raise InputInvalid(f"--record-every {record_every}: expected 1 or more")
+    check_watchdog(watchdog, "--watchdog")
+    if _is_fmu(system):
+        refused = {
+            "--waypoints": waypoints, "--origin": origin, "--replace": replace, "--map": map_,
+            "--rate": rate,
+            "--real-time": real_time, "--isolate": isolate, "--scenario": scenario,
+            "--view": view, "--loops": loops,
+        }  # fmt: skip
+        for option, given in refused.items():
+            if given:
+                raise InputInvalid(f"{option}: is for systems; expected a system, not one FMU")
+        if len(input_ or []) > 1:
+            raise InputInvalid(f"--input {' '.join(input_ or [])}: expected one CSV for an .fmu")
+        table = Path(input_[0]) if input_ else None
+        asked = None if step is None else step_text(step, "--step")
+        _run_fmu(system, table, until, asked, out, values, trace_fmi, start, interface)
+        return
+    if step is not None:
+        raise InputInvalid("--step is for a single .fmu; expected --rate component=step")
+    if interface is not None:
+        raise InputInvalid(
+            f"--interface {interface} is for a single .fmu; expected SYSTEM to be one"
+        )
+    changes = {
+        "replace": assignments("--replace", replace or [], "component=source", dotted=False),
+        "map": assignments("--map", map_ or [], MAP, dotted=False),
+        "rate": rates(rate or []),
+        "set": values,
+        "input": {f"{n}": text for n, text in enumerate(input_ or [], start=1)},
+    }
+    if waypoints is not None:
+        changes["waypoints"] = {"file": waypoints.name} | ({"origin": origin} if origin else {})
+    elif origin is not None:
+        raise InputInvalid(f"--origin {origin}: places --waypoints; expected them as well")
+    if scenario is not None:
+        changes["scenario"] = {"file": scenario.name}
+    if out is not None:
+        expect_folder(out)
+    edited = edited_system(system, waypoints, changes, loops, origin)
+    _run_system(
+        edited, changes, name=system, until=until, start_time=start, out=out, seed=seed,
+        native=native,
+        record_every=record_every, report=not no_report, show=open_,
+        pace=_pace(real_time, overruns), isolate=isolate or [], watchdog=watchdog,
+        scenario=scenario, trace_fmi=trace_fmi, watched=Watched(edited.name, port, view),
+        inputs=input_ or [],
+    )  # fmt: skip
+
+
+def _pace(factor: float | None, overruns: str) -> Any:
+    from uuvsim_cosim.orchestrator.master.real_time import Pace
+
+    if factor is None:
+        if overruns != "catch-up":
+            raise InputInvalid(f"--overruns {overruns}: expected --real-time FACTOR with it")
+        return None
+    return Pace(factor, overruns)  # type: ignore[arg-type]
+
+
+def _is_fmu(system: str) -> bool:
+    return Path(system).suffix.lower() == ".fmu"
+
+
+def _run_system(
+    system: Any, changes: dict[str, dict[str, str]], *, name: str, until: float | None,
+    start_time: float | None, out: Path | None, seed: int, native: bool, record_every: int,
+    report: bool, show: bool, pace: Any, isolate: list[str], watchdog: float, scenario: Path | None,
+    trace_fmi: Path | None, watched: Watched, inputs: list[str],
+) -> None:  # fmt: skip
+    from uuvsim_cosim.orchestrator.running.run import Interrupted, run
+    from uuvsim_cosim.view.reports.run_report import write_metrics, write_report
+
+    about = {
+        "source": Path(name).name,
+        "changes": {kind: given for kind, given in changes.items() if given},
+    }
+    report_file: Path | None = None
+    with watched, RunProgress() as progress:
+        try:
+            done = run(
+                system, until=until, start_time=start_time, out=out, seed=seed,
+                backend="native" if native else "fmu",
+                record_every=record_every, progress=progress, about=about, real_time=pace,
+                isolate=isolate, watchdog=watchdog, scenario=scenario, trace_fmi=trace_fmi,
+                observers=watched.observers, inputs=inputs,
+            )  # fmt: skip
+        except Interrupted as interrupted:
+            done = interrupted.run
+        except (ComponentFailed, LoopNotConverged) as error:
+            progress.close()
+            if error.recording is not None:
+                notice(f"the recording up to then is in {tilde(error.recording)}")
+            raise
+        surveyed = None if done.interrupted else mapped(name, done.folder, progress)
+        figures, left = summary(done, surveyed)
+        write_metrics(done.folder, figures)
+        if report:
+            progress.say("writing the report")
+            report_file = write_report(done.folder)
+    show_run(done, report_file, figures, left)
+    if show and report_file is not None:
+        typer.launch(str(report_file))
+    if done.interrupted:
+        notice(f"{done.interrupted}; the recording is complete up to then")
+        watched.close()
+        raise typer.Exit(130)
+    watched.replay(done.folder)
+
+
+def _run_fmu(
+    fmu: str, inputs: Path | None, until: float | None, step: str | None, out: Path | None,
+    values: dict[str, str], trace_fmi: Path | None, start: float | None, interface: str | None,
+) -> None:  # fmt: skip
+    from contextlib import nullcontext
+
+    from uuvsim_cosim.fmus.check.simulate_fmu import (
+        SimulationFile,
+        SimulationInterrupted,
+        simulate_fmu_to_csv,
+    )
+
+    target = out if out is not None else Path(f"{Path(fmu).stem}.csv")
+    if target.suffix.lower() not in ("", ".csv"):
+        raise InputInvalid(f"--out {target}: ending {target.suffix!r} was read; expected .csv")
+    if not target.absolute().parent.is_dir():
+        raise InputInvalid(f"{target}: its folder does not exist; expected a file in a folder")
+    chosen = None if interface is None else _interface(interface)
+    traced: Any = nullcontext()
+    if trace_fmi is not None:
+        from uuvsim_cosim.fmus.tracing.trace import Trace
+
+        traced = Trace(trace_fmi)
+    try:
+        with traced as trace:
+            done = simulate_fmu_to_csv(
+                Path(fmu), target, until=until, step=step, inputs=inputs, start=values,
+                trace=trace, start_time=start, interface=chosen,
+            )  # fmt: skip
+    except ComponentFailed as error:
+        if isinstance(error.partial, SimulationFile):
+            notice(f"the values up to then are in {tilde(target)}")
+        raise
+    except SimulationInterrupted as interrupted:
+        end = interrupted.partial.end
+        notice(f"interrupted; the values up to t = {end:g} s are in {tilde(target)}")
+        raise typer.Exit(130) from None
+    for key in ("rows", "outputs", "begin", "end", "asked_to_end"):
+        put(key, getattr(done, key))
+    why = ", when it asked to end the simulation" if done.asked_to_end else ""
+    begun = f"from {done.begin:g} s " if done.begin else ""
+    line(f"{done.rows} rows, {done.outputs} outputs, {begun}until {done.end:g} s{why}")
+    for note in done.notes:
+        remark("note", note)
+    file_line(target)
+
+
+def _interface(text: str) -> str:
+    known = {"cs": "CoSimulation", "me": "ModelExchange"}
+    for short, name in known.items():
+        if text.lower() in (short, name.lower()):
+            return name
+    raise InputInvalid(f"--interface {text}: expected CoSimulation (cs) or ModelExchange (me)")

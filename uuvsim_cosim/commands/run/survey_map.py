@@ -1,0 +1,40 @@
+"""After `uuvsim run` of a survey: the map of the seabed that it made."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from uuvsim_cosim.commands.shared.run_progress import RunProgress
+from uuvsim_cosim.commands.shared.terminal import notice
+from uuvsim_cosim.errors import UuvsimError
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.scene.mapping.mapping import SeabedMap
+
+__all__ = ["mapped"]
+
+
+def mapped(system: str, folder: Path, progress: RunProgress) -> SeabedMap | None:
+    """Make and keep the map of a run whose system says what it maps with; None for any other.
+
+    Where there is nothing to be mapped, a sentence on stderr says why: the run itself went well.
+    """
+    from uuvsim_cosim.scene.mapping.survey_settings import keep_settings, settings_of_system
+
+    settings = settings_of_system(system)
+    if settings is None:
+        return None
+    from uuvsim_cosim.scene.mapping.mapping import write_map
+    from uuvsim_cosim.scene.mapping.survey import survey_of
+
+    progress.say("mapping the seabed")
+    try:
+        keep_settings(settings, folder)
+        made = survey_of(folder).map()
+        write_map(made, folder)
+    except UuvsimError as error:
+        progress.close()
+        notice(f"no map was made: {error}")
+        return None
+    return made

@@ -1,0 +1,77 @@
+"""`uuvsim view`: a recording replayed in a browser, in three dimensions."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from uuvsim_cosim.commands.shared.answer import answer
+from uuvsim_cosim.commands.shared.terminal import line, put, tilde
+
+__all__ = ["HOST", "PORT", "announce", "serve", "view_command"]
+
+PORT = "Port of the page; by default the first free one from 8080 on."
+HOST = "Where others may reach the page: 0.0.0.0 is everywhere."
+
+
+def view_command(
+    run: Annotated[
+        Path | None,
+        typer.Argument(help="A run's folder, .parquet or .mcap; by default the newest below runs."),
+    ] = None,
+    port: Annotated[int | None, typer.Option(help=PORT)] = None,
+    host: Annotated[str, typer.Option(help=HOST)] = "127.0.0.1",
+    open_: Annotated[bool, typer.Option("--open", help="Open it in a browser.")] = False,
+) -> None:
+    """Replay a run in a browser: vehicles, thrusts, tracks, terrain, rays and plots.
+
+    Ctrl-C ends it.
+    """
+    from uuvsim_cosim.view.scene3d.scene_of_run import newest_run, placed
+    from uuvsim_cosim.view.scene3d.viser_server import close_server, open_server
+
+    found = run if run is not None else newest_run()
+    stage, motion, traces = placed(found)
+    server = open_server(port, host, stage.name)
+    try:
+        serve(server, tilde(found), (stage, motion, traces), show=open_)
+    finally:
+        close_server(server)
+
+
+def serve(server: Any, what: str, recorded: tuple[Any, Any, Any], *, show: bool) -> None:
+    """Serve a replay until Ctrl-C, which is its good end."""
+    from uuvsim_cosim.view.scene3d.recording_page import Replay
+
+    stage, motion, traces = recorded
+    replay = Replay(server, stage, motion, traces)
+    announce(server, f"{what}, {motion.time[-1] - motion.time[0]:g} s", show=show)
+    for note in stage.notes:
+        line(f"not drawn: {note}")
+    answer().write_early()
+    try:
+        replay.serve()
+    except KeyboardInterrupt:
+        line()
+
+
+def announce(server: Any, what: str, *, show: bool) -> None:
+    """Say where the page is, and how to reach it from a machine that has a screen."""
+    from uuvsim_cosim.view.scene3d.viser_server import address, entry, has_screen
+
+    where, port = address(server), server.get_port()
+    put("address", where)
+    # A log is read by others more easily than a terminal: the token is not written there.
+    is_terminal = answer().mode == "text" and sys.stdout.isatty()
+    line(f"{what}: {entry(server) if is_terminal else where} in a browser; Ctrl-C ends it")
+    if not is_terminal:
+        line(f"the page asks for a token: add ?token= and what `uuvsim access token --port {port}` "
+             "prints")  # fmt: skip
+    if not has_screen():
+        line(f"no screen here; elsewhere: ssh -L {port}:localhost:{port} THIS_MACHINE")
+    elif show:
+        typer.launch(entry(server))
+    sys.stdout.flush()

@@ -1,0 +1,312 @@
+"""`uuvsim serve`: a system runs, and clients elsewhere read, set and step it."""
+
+from __future__ import annotations
+
+import errno
+import signal
+import sys
+import time
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from types import FrameType
+from typing import Annotated, Any
+
+import typer
+
+from uuvsim_cosim.commands.shared.answer import answer
+from uuvsim_cosim.commands.shared.completion import of, replacements, systems
+from uuvsim_cosim.commands.shared.name_value_options import assignments, rates, seconds
+from uuvsim_cosim.commands.shared.out_option import folder_option
+from uuvsim_cosim.commands.shared.system_options import MAP, SET, edited_system
+from uuvsim_cosim.commands.shared.terminal import line, notice, put, tilde
+from uuvsim_cosim.errors import InputInvalid
+
+__all__ = ["serve_command"]
+
+_LOOK = 0.1  # [s] between two looks whether the end has come
+
+
+def serve_command(
+    system: Annotated[
+        str,
+        typer.Argument(autocompletion=systems, help="System, .ssd, .ssp, .fmu; or a recording."),
+    ],
+    real_time: Annotated[
+        float, typer.Option(help="Factor of real time at which it streams.")
+    ] = 1.0,
+    paused: Annotated[
+        bool, typer.Option("--paused", help="Wait for clients to run or step it.")
+    ] = False,
+    until: Annotated[
+        float | None,
+        typer.Option(
+            help="End at this simulated time: seconds, or '2 min'.",
+            parser=seconds("--until"),
+            metavar="TIME",
+        ),
+    ] = None,
+    port: Annotated[int | None, typer.Option(help="Zenoh's port (7470); 0 for any.")] = None,
+    tcp_port: Annotated[
+        int | None, typer.Option(help="Port for MATLAB and Octave; 0 for any, -1 for none.")
+    ] = None,
+    http_port: Annotated[
+        int | None, typer.Option(help="Port for browsers and curl; 0 for any, -1 for none.")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        folder_option("Folder of the recording."),
+    ] = None,
+    no_record: Annotated[bool, typer.Option("--no-record", help="Record nothing.")] = False,
+    seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 0,
+    replace: Annotated[
+        list[str] | None,
+        typer.Option(
+            autocompletion=replacements, help="component=source: .fmu, FILE.py:Class, keyboard"
+        ),
+    ] = None,
+    map_: Annotated[
+        list[str] | None, typer.Option("--map", help=f"{MAP}, or component=FILE.ssm.")
+    ] = None,
+    rate: Annotated[
+        list[str] | None,
+        typer.Option(help="component=step: 0.02, or 20ms; its communication step."),
+    ] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", help=f"{SET}; again for more.")] = None,
+    loops: Annotated[
+        str | None,
+        typer.Option(
+            autocompletion=of("iterate", "refuse", "delay"),
+            help="Algebraic loops: iterate, refuse or delay.",
+        ),
+    ] = None,
+    fmu: Annotated[bool, typer.Option("--fmu", help="Run models as FMUs, as `run` does.")] = False,
+    fail_safe: Annotated[
+        str,
+        typer.Option(
+            autocompletion=of("drop", "pause", "go-on"),
+            help="A client late or gone in lockstep: drop, pause or go-on.",
+        ),
+    ] = "drop",
+    access: Annotated[
+        Path | None,
+        typer.Option(help="YAML that says who may do what: see docs/connections/security.md."),
+    ] = None,
+    host: Annotated[
+        list[str] | None, typer.Option(help="Address to listen at; again for more. 0.0.0.0: all.")
+    ] = None,
+    anyone: Annotated[
+        bool,
+        typer.Option("--anyone", help="Without token and --access: everybody may do everything."),
+    ] = False,
+    no_code: Annotated[
+        bool, typer.Option("--no-code", help="Clients may not replace components.")
+    ] = False,
+) -> None:
+    """Serve a running system to clients on this machine, until Ctrl-C.
+
+    Python: uuvsim_cosim.connect(). MATLAB and Octave: uuvsim.connect(). Clients need the server's
+    token, which programs of the same user find; --access lets others in, --anyone everybody.
+    """
+    from uuvsim_cosim.bridge.access.transports import opening
+    from uuvsim_cosim.bridge.http.keyboard import with_keyboards
+    from uuvsim_cosim.bridge.server.conductor import Conductor
+    from uuvsim_cosim.bridge.server.playback import is_recording
+
+    if until is not None and not 0.0 < until < float("inf"):
+        raise InputInvalid(f"--until {until:g}: expected more than 0 seconds")
+    if not 0.0 < real_time < float("inf"):
+        raise InputInvalid(f"--real-time {real_time:g}: expected a factor of more than 0")
+    _raise_limit_of_files()
+    opened = opening(access, host or (), anyone=anyone)
+    _check_ports(opened.hosts, port, tcp_port, http_port)
+    changes = {
+        "replace": assignments("--replace", replace or [], "component=source", dotted=False),
+        "map": assignments("--map", map_ or [], MAP, dotted=False),
+        "rate": rates(rate or []),
+        "set": assignments("--set", set_ or [], SET, dotted=True),
+    }
+    recorded = is_recording(system)
+    if recorded:
+        _refuse_changes(system, changes, fmu=fmu, seed=seed, out=out, loops=loops)
+    else:
+        with_keyboards(system, changes["replace"])
+    edited: Any = system if recorded else edited_system(system, None, changes, loops)
+    folder = None
+    if not no_record and not recorded:
+        folder = out if out is not None else Path("runs") / f"{edited.name}-{seed}"
+    conductor = Conductor(
+        edited, seed, "fmu" if fmu else "native", record=folder,
+        fail_safe=fail_safe, loads_code=not no_code,  # type: ignore[arg-type]
+    )  # fmt: skip
+    before = signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        with ExitStack() as stack:
+            for warning in conductor.warnings:
+                line(f"warning: {warning}")
+            stack.callback(_told, conductor, conductor.warnings)
+            stack.callback(conductor.close)
+            _open_servers(stack, conductor, opened, port, tcp_port, http_port)
+            _wait(conductor, real_time, paused, until)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _open_servers(
+    stack: ExitStack,
+    conductor: Any,
+    opened: Any,
+    port: int | None,
+    tcp: int | None,
+    http: int | None,
+) -> None:
+    """Open the servers, and print where they are once all are open."""
+    from uuvsim_cosim.bridge.access.token import token_file
+    from uuvsim_cosim.bridge.http.server import HttpServer
+    from uuvsim_cosim.bridge.tcp.framing import HTTP_PORT, TCP_PORT
+    from uuvsim_cosim.bridge.tcp.server import TcpServer
+    from uuvsim_cosim.bridge.zenoh.bridge import Bridge
+    from uuvsim_cosim.bridge.zenoh.session import PORT
+
+    number = PORT if port is None else port
+    bridge = stack.enter_context(
+        Bridge(
+            conductor, port=number, host=opened.zenoh_hosts, access=opened.authenticator,
+            anyone=opened.authenticator is None,
+        )
+    )  # fmt: skip
+    lines = [f"{conductor.describe()['system']} is served {opened.words}:"]
+    if opened.authenticator is None:
+        sys.stderr.write(
+            "uuvsim: --anyone: everybody who reaches these ports may do everything, which includes "
+            "running code as this user\n"
+        )
+    kind = "tls" if bridge.tls else "tcp"
+    said = [f"port={bridge.port}"] if bridge.port != PORT else []
+    said += ['ca="ca.pem"'] if bridge.tls else []
+    where = ", ".join(f"{kind}/{host}:{bridge.port}" for host in bridge.hosts)
+    endpoints: dict[str, list[str]] = {"zenoh": where.split(", ")}
+    lines.append(f"  Zenoh  {where}  Python: uuvsim_cosim.connect({', '.join(said)})")
+    guard = {"admit": opened.admit, "tls": opened.tls}
+    if tcp != -1:
+        number = TCP_PORT if tcp is None else tcp
+        server = stack.enter_context(TcpServer(conductor, number, opened.hosts, **guard))
+        endpoints["tcp"] = list(server.addresses)
+        whom = "TLS" if bridge.tls else "MATLAB, Octave: uuvsim.connect()"
+        lines.append(f"  TCP    {', '.join(server.addresses)}  {whom}")
+    if http != -1:
+        page = HttpServer(conductor, HTTP_PORT if http is None else http, opened.hosts, **guard)
+        stack.callback(page.close)
+        endpoints["http"] = list(page.addresses)
+        token = None if opened.authenticator is None else opened.authenticator.access.token
+        # A log is read by others more easily than a terminal: the token is not written there.
+        entry = f"?token={token}" if token is not None and sys.stdout.isatty() else ""
+        lines.append(f"  HTTP   {page.addresses[0]}{entry}  curl, webread, a page for browsers")
+        if any(c["kind"] == "keyboard" for c in conductor.describe()["components"]):
+            lines.append(f"  Pilot  {page.addresses[0]}pilot{entry}  keyboard and gamepad")
+        if token is not None:
+            other = "" if page.port == HTTP_PORT else f" --port {page.port}"
+            lines.append(f"  Token  {tilde(token_file(page.port))}  uuvsim access token{other}")
+    for one in lines:
+        line(one)
+    put("system", conductor.describe()["system"])
+    put("endpoints", endpoints)
+
+
+def _check_ports(hosts: Sequence[str], port: int | None, tcp: int | None, http: int | None) -> None:
+    """Refuse ports that cannot be had before anything is built or recorded."""
+    import socket
+
+    from uuvsim_cosim.bridge.tcp.framing import HTTP_PORT, TCP_PORT
+    from uuvsim_cosim.bridge.zenoh.session import PORT
+
+    wanted = {
+        "--port": (port, PORT),
+        "--tcp-port": (tcp, TCP_PORT),
+        "--http-port": (http, HTTP_PORT),
+    }
+    taken: dict[int, str] = {}
+    for option, (given, usual) in wanted.items():
+        number = usual if given is None else given
+        if number == 0 or (number == -1 and option != "--port"):
+            continue
+        if not 0 < number < 1 << 16:
+            raise InputInvalid(f"{option} {number}: expected a port, 1 to 65535, or 0 for any")
+        if number in taken:
+            raise InputInvalid(f"{option} {number}: is {taken[number]} as well; expected another")
+        taken[number] = option
+        for host in hosts:
+            with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as trial:
+                trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                try:
+                    trial.bind((host, number))
+                except OSError as error:
+                    if error.errno == errno.EADDRINUSE:
+                        raise InputInvalid(
+                            f"port {number} on {host} is in use; expected a free one, such as "
+                            f"by {option} {number % 65435 + 100}, or 0 for any"
+                        ) from None
+
+
+def _wait(conductor: Any, factor: float, paused: bool, until: float | None) -> None:
+    """Run until the end, or until somebody interrupts."""
+    from uuvsim_cosim.bridge.calls.service import Client
+
+    told = None
+    try:
+        line("paused: clients run or step it; Ctrl-C ends it" if paused else
+             f"streams at {factor:g} times real time; Ctrl-C ends it")  # fmt: skip
+        asked = None
+        if not paused:
+            asked = conductor.ask("run", Client("serve", "local"), until, factor, ())
+        answer().write_early()
+        sys.stdout.flush()
+        while until is None or conductor.moment().time < until - 1e-9:
+            if (failed := conductor.failed) is not None and failed is not told:
+                if until is not None:
+                    raise failed
+                notice(f"{failed}; paused, clients may reset it")
+                told = failed
+            elif asked is not None and asked.done():
+                asked.result()  # raises what it refused, such as a time after a recording's end
+                asked = None
+            time.sleep(_LOOK)
+    except KeyboardInterrupt:
+        line()
+        line(f"interrupted at t = {conductor.moment().time:.6g} s")
+        if until is not None:
+            raise
+
+
+def _raise_limit_of_files() -> None:
+    """Let connections that others hold open leave files for the recording and for clients."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    most = 8192 if hard == resource.RLIM_INFINITY else min(hard, 8192)
+    if soft != resource.RLIM_INFINITY and soft < most:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
+
+
+def _refuse_changes(system: str, changes: dict[str, Any], **others: Any) -> None:
+    """A recording is as it was."""
+    given = [f"--{name}" for name, value in {**changes, **others}.items() if value]
+    if given:
+        raise InputInvalid(
+            f"{system}: is a recording, which nothing can change; expected it without "
+            f"{', '.join(given)}"
+        )
+
+
+def _told(conductor: Any, warned: Sequence[str]) -> None:
+    for warning in conductor.warnings:
+        if warning not in warned:
+            line(f"warning: {warning}")
+    for folder in conductor.folders:
+        line(f"recording  {tilde(folder)}")
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt

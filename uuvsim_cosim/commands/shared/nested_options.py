@@ -1,0 +1,41 @@
+"""Options NAME=VALUE whose names may be dotted and whose values are as in YAML: nested mappings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from uuvsim_cosim.commands.shared.name_value_options import assignments, value_of
+from uuvsim_cosim.errors import InputInvalid
+
+__all__ = ["nested"]
+
+
+def nested(option: str, texts: Iterable[str], expected: str) -> dict[str, Any]:
+    """Return {"rules": {"credit": "own"}} of ``rules.credit=own``; raises InputInvalid."""
+    found: dict[str, Any] = {}
+    for name, text in assignments(option, texts, expected, dotted=False).items():
+        *parents, last = name.split(".")
+        place = found
+        for parent in parents:
+            place = place.setdefault(parent, {})
+            if not isinstance(place, dict):
+                raise InputInvalid(f"{option} {name}: {parent} has a value already; expected one")
+        place[last] = _value(option, name, text)
+    return found
+
+
+def _value(option: str, name: str, text: str) -> Any:
+    """Return a number, truth value, list or mapping for a text that is one, else the text."""
+    value = value_of(text)
+    if not isinstance(value, str):
+        return value
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import YAMLError
+
+    try:
+        return YAML(typ="safe", pure=True).load(text)
+    except YAMLError:
+        raise InputInvalid(
+            f"{option} {name}={text}: cannot be read; expected a value as in YAML"
+        ) from None

@@ -1,0 +1,203 @@
+"""`uuvsim identify`: parameters of a vehicle from a recording, with how sure they are."""
+
+from __future__ import annotations
+
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from uuvsim_cosim.cache import written
+from uuvsim_cosim.commands.shared.answer import answer
+from uuvsim_cosim.commands.shared.completion import replacements, systems_and_models
+from uuvsim_cosim.commands.shared.name_value_options import assignments, seconds, value_of
+from uuvsim_cosim.commands.shared.terminal import (
+    file_line,
+    line,
+    number,
+    put,
+    remark,
+    table,
+    tilde,
+)
+from uuvsim_cosim.errors import InputInvalid
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.studies.identification.experiment import Proposal
+    from uuvsim_cosim.studies.identification.identify import Identified
+
+__all__ = ["identify_command"]
+
+_SHOWN = 3
+
+
+def identify_command(
+    recording: Annotated[
+        Path, typer.Argument(help="Folder of a run, .parquet, .mcap, .csv, ArduSub's .BIN, .tlog.")
+    ],
+    system: Annotated[
+        str,
+        typer.Option(
+            "--system",
+            autocompletion=systems_and_models,
+            help="A system by name or file, or a hull, model:bluerov2.",
+        ),
+    ],
+    parameters: Annotated[
+        str,
+        typer.Option(
+            "--parameters", "-p", help="D_q_11,M_A_11,thruster_*.K_n: separated by commas."
+        ),
+    ],
+    replace: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--replace", autocompletion=replacements, help="component=source; again for more."
+        ),
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="component.parameter=value, where a fit begins."),
+    ] = None,
+    map_: Annotated[
+        list[str] | None, typer.Option("--map", help="component.variable=signal of the recording.")
+    ] = None,
+    hull: Annotated[
+        str | None, typer.Option("--hull", help="Path of the hull, if several.")
+    ] = None,
+    first: Annotated[
+        float,
+        typer.Option(
+            "--from",
+            help="Time to begin at: seconds, or '2 min'.",
+            parser=seconds("--from"),
+            metavar="TIME",
+        ),
+    ] = 0.0,
+    last: Annotated[
+        float | None,
+        typer.Option("--to", help="Time to end at.", parser=seconds("--to"), metavar="TIME"),
+    ] = None,
+    step: Annotated[
+        float | None,
+        typer.Option(
+            "--step",
+            help="Time between points of the fit.",
+            parser=seconds("--step"),
+            metavar="TIME",
+        ),
+    ] = None,
+    save_as: Annotated[
+        str | None, typer.Option("--save-as", help="Name of a new set, or FOLDER@NAME for a copy.")
+    ] = None,
+    manoeuvre: Annotated[
+        Path | None, typer.Option("--manoeuvre", help="CSV to write: force of the best manoeuvre.")
+    ] = None,
+    no_proposals: Annotated[
+        bool, typer.Option("--no-proposals", help="Do not look for a manoeuvre that tells more.")
+    ] = False,
+) -> None:
+    """Fit parameters to a recording, and say what the recording cannot tell.
+
+    Multiple shooting on the declared equations; 95 % intervals; a manoeuvre that would tell more.
+    """
+    from uuvsim_cosim.studies.identification.identify import identify
+    from uuvsim_cosim.studies.identification.save import save_as as save
+
+    if manoeuvre is not None and no_proposals:
+        raise InputInvalid("--manoeuvre: together with --no-proposals there is none to write")
+    found = identify(
+        recording,
+        _edited(system, replace or [], set_ or []),
+        parameters.split(","),
+        mapped=assignments("--map", map_ or [], "component.variable=signal", dotted=True),
+        hull=hull,
+        step=step,
+        first=first,
+        last=last,
+        proposals=not no_proposals,
+    )
+    _show(found)
+    if manoeuvre is not None:
+        if not found.proposals:
+            raise InputInvalid(
+                "--manoeuvre: nothing pushes in what is identified; none can be flown"
+            )
+        written(manoeuvre, _csv(found.proposals[0]))
+        file_line(manoeuvre, f"written: {tilde(manoeuvre)}")
+    if save_as is not None:
+        for saved in save(found, save_as):
+            name = save_as.rpartition("@")[2]
+            said = f"written: set {name} in {tilde(saved.file)}; use it as {saved.source}"
+            file_line(saved.file, said)
+    if not found.converged:
+        remark("note", f"ipopt ended with {found.status} after {found.iterations} iterations")
+
+
+def _edited(name: str, replace: list[str], set_: list[str]) -> Any:
+    if name.startswith("model:"):
+        from uuvsim_cosim.orchestrator.system.system import System
+
+        system = System("identified").add("hull", name)
+    else:
+        from uuvsim_cosim.orchestrator.running.library import load
+
+        system = load(name)
+    for pattern, source in assignments(
+        "--replace", replace, "component=source", dotted=False
+    ).items():
+        hits = [c for c in system.components if fnmatchcase(c, pattern)] or [pattern]
+        for component in hits:
+            system = system.replace(component, source)
+    for path, value in assignments("--set", set_, "component.parameter=value", dotted=True).items():
+        system = system.set(path, value_of(value))
+    return system
+
+
+def _show(found: Identified) -> None:
+    line(
+        f"{found.recording}: {found.samples} samples of {found.seconds:.4g} s, "
+        f"step {found.step:.4g} s, "
+        f"{found.iterations} iterations"
+    )
+    table(
+        ("parameter", "value", "± (95 %)", "began at", "unit"),
+        [
+            (
+                n.name,
+                number(n.value, ".5g"),
+                number(n.half_width, ".2g"),
+                number(n.start, ".5g"),
+                n.unit,
+            )
+            for n in found.numbers
+        ],
+        key="parameters",
+    )
+    put("residuals", found.residuals)
+    put("converged", found.converged)
+    rms = ", ".join(f"{n} {s:.2g}" for n, s in found.residuals.items())
+    line(f"residuals (rms, SI): {rms}")
+    for text in found.notes:
+        remark("note", text)
+    for text in found.open:
+        answer().add("open", text)
+        line(f"open: {text}")
+    if found.proposals:
+        line()
+        table(
+            ("manoeuvre of 40 s that would tell more", *(f"± {n.name}" for n in found.numbers)),
+            [
+                (p.name, *(number(w, ".2g") for w in p.half_widths))
+                for p in found.proposals[:_SHOWN]
+            ],
+            key="manoeuvres",
+        )
+
+
+def _csv(p: Proposal) -> str:
+    rows = [f"# {p.name}: generalised force in b, held from row to row (zero-order hold)"]
+    rows.append("time,tau[1],tau[2],tau[3],tau[4],tau[5],tau[6]")
+    rows += [",".join(f"{v:.6g}" for v in (t, *force)) for t, force in zip(p.t, p.tau, strict=True)]
+    return "\n".join(rows) + "\n"

@@ -1,0 +1,126 @@
+"""`uuvsim study`: many runs of a system by a study file, into one table and a report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from uuvsim_cosim.commands.shared.completion import of
+from uuvsim_cosim.commands.shared.out_option import folder_option
+from uuvsim_cosim.commands.shared.ray_option import RAY, clustered
+from uuvsim_cosim.commands.shared.study_progress import StudyProgress
+from uuvsim_cosim.commands.shared.terminal import (
+    file_table,
+    line,
+    notice,
+    number,
+    put,
+    remark,
+    table,
+)
+from uuvsim_cosim.commands.shared.termination import Termination
+from uuvsim_cosim.errors import InputInvalid
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.studies import StudyResult
+
+__all__ = ["study_command"]
+
+MOST_POINTS = 24
+
+
+def study_command(
+    file: Annotated[
+        Path, typer.Argument(help="A study: system, parameters, seeds, metrics; YAML.")
+    ],
+    out: Annotated[Path | None, folder_option("Folder to write, or to go on with.")] = None,
+    jobs: Annotated[
+        int | None, typer.Option("--jobs", "-j", help="Threads or processes; as many as cores.")
+    ] = None,
+    restart: Annotated[
+        bool, typer.Option("--restart", help="Begin anew in a folder that another study began.")
+    ] = False,
+    master: Annotated[
+        bool, typer.Option("--master", help="Run by masters even where a kernel could.")
+    ] = False,
+    loops: Annotated[
+        str | None,
+        typer.Option(
+            autocompletion=of("iterate", "refuse", "delay"),
+            help="Algebraic loops: iterate, refuse or delay; instead of the file's.",
+        ),
+    ] = None,
+    ray: Annotated[
+        str | None,
+        typer.Option("--ray", help=RAY),
+    ] = None,
+    no_report: Annotated[bool, typer.Option("--no-report", help="Write no report.html.")] = False,
+    open_: Annotated[bool, typer.Option("--open", help="Open the report in a browser.")] = False,
+) -> None:
+    """Run a study: one row a run in runs.parquet, intervals and pictures in report.html.
+
+    A study that was interrupted goes on where it was.
+    """
+    if not file.is_file():
+        raise InputInvalid(f"{file}: no such file; expected a study file (.yaml)")
+    if jobs is not None and jobs < 1:
+        raise InputInvalid(f"--jobs {jobs}: expected 1 or more")
+    with Termination() as termination, StudyProgress() as progress:
+        try:
+            done, report = _run(file, out, jobs, restart, master, ray, no_report, progress, loops)
+        except KeyboardInterrupt as interrupted:
+            progress.close()
+            said = str(interrupted) or "interrupted; the same command goes on from there"
+            notice(said)
+            raise typer.Exit(termination.status) from None
+    _show(done, report)
+    if open_ and report is not None:
+        typer.launch(str(report))
+
+
+def _run(
+    file: Path, out: Path | None, jobs: int | None, restart: bool, master: bool, ray: str | None,
+    no_report: bool, progress: StudyProgress, loops: str | None,
+) -> tuple[StudyResult, Path | None]:  # fmt: skip
+    from uuvsim_cosim.studies import Study
+
+    study = Study.read(file, loops)  # type: ignore[arg-type]  # refused if there is no such policy
+    with clustered(ray, jobs) as cluster:
+        done = study.run(
+            out, jobs=jobs, restart=restart, backend="master" if master else "auto",
+            progress=progress, cluster=cluster,
+        )  # fmt: skip
+    if no_report:
+        return done, None
+    from uuvsim_cosim.view.reports.study_report import write_study_report
+
+    progress.say("writing the report")
+    return done, write_study_report(done.folder)
+
+
+def _show(done: StudyResult, report: Path | None) -> None:
+    line()
+    by = {"kernel": "by a fused kernel", "master": "by masters"}.get(done.backend, "")
+    counts = [f"{done.runs} runs {by}".rstrip(), f"{done.wall_time:.2f} s"]
+    counts += [f"{done.resumed} were there"] if done.resumed else []
+    counts += [f"{done.failed} failed"] if done.failed else []
+    line(f"{done.name}: {', '.join(counts)}")
+    axes = list(done.intervals[0]["at"]) if done.intervals else []
+    rows = [
+        (i["metric"], *(number(i['at'][a], "g") for a in axes), i["n"], number(i['mean'], ".4g"),
+         "" if i["low"] != i["low"] else f"{i['low']:.4g} … {i['high']:.4g}")
+        for i in sorted(done.intervals, key=lambda i: i["metric"])
+    ]  # fmt: skip
+    table(("metric", *axes, "runs", "mean", "95 % interval"), rows[:MOST_POINTS],
+          key="intervals")  # fmt: skip
+    put("intervals", done.intervals)
+    put("runs", {"done": done.runs, "failed": done.failed, "resumed": done.resumed})
+    if len(rows) > MOST_POINTS:
+        line(f"and {len(rows) - MOST_POINTS} more, in study.json")
+    for text in done.remarks:
+        remark("note", text)
+    line()
+    files = [done.file, *([report] if report else []), done.folder / "study.json"]
+    file_table(files)

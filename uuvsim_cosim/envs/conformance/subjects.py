@@ -1,0 +1,143 @@
+"""From what a user has, an id or a function, to the environments that are examined."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from fractions import Fraction
+from typing import Any
+
+import gymnasium
+from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv, VectorEnv
+
+from uuvsim_cosim.envs.conformance.failures import failing_of, start_of
+from uuvsim_cosim.envs.conformance.subject import Make, Subject
+from uuvsim_cosim.envs.vector import CosimVectorEnv
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.near_names import expected_names
+
+__all__ = ["subjects_of"]
+
+
+def subjects_of(
+    env: Any,
+    *,
+    vector: Callable[[int], Any] | None = None,
+    single: Make | None = None,
+    failing: Make | None = None,
+    start: dict[str, Any] | None = None,
+    time: Callable[[Any], float] | None = None,
+    action_step: Fraction | str | float | None = None,
+    time_limit: int | None = None,
+    num_envs: int = 3,
+    steps: int = 64,
+    seed: int = 7,
+    strict: bool = False,
+) -> tuple[str, list[Subject]]:
+    """Return a name, and what is examined under it: the environment, and its vector."""
+    if steps < 8 or num_envs < 1:
+        raise InputInvalid(f"{steps} steps of {num_envs} environments; expected at least 8 and 1")
+    title, make, bare, batch = _makes(env)
+    promised = vector is not None
+    vector = vector or batch
+    sample = make()
+    kind = _kind(sample)
+    try:
+        limit, step = _time_of(sample)
+        failing = failing or failing_of(sample)
+        start = start or start_of(sample, seed)
+    finally:
+        sample.close()
+    common: dict[str, Any] = {
+        "steps": steps,
+        "seed": seed,
+        "time": time,
+        "start": start,
+        "strict": strict,
+        "action_step": step if action_step is None else Fraction(str(action_step)),
+        "limit": limit if time_limit is None else time_limit,
+    }
+    if kind == "vector":
+        seeds = single is not None
+        return title, [Subject("vector", make, single=single, row_seeds=seeds, **common)]
+    found = [Subject(kind, make, bare=bare, failing=failing, **common)]  # type: ignore[arg-type]
+    if kind == "single" and vector is not None:
+        batch_of = vector
+        sample = batch_of(num_envs)
+        known = SyncVectorEnv | AsyncVectorEnv | CosimVectorEnv
+        seeds = promised or isinstance(sample, known)
+        seeds = seeds or sample.metadata.get("row_seeds") == "seed + row"
+        sample.close()
+        many = Subject("vector", lambda: batch_of(num_envs), single=make, row_seeds=seeds, **common)
+        found.append(many)
+    return title, found
+
+
+def _makes(env: Any) -> tuple[str, Make, Make | None, Callable[[int], Any] | None]:
+    """Return a title and functions that make it, it without wrappers, and a vector of it."""
+    if isinstance(env, gymnasium.Env | VectorEnv) and env.spec is not None:
+        env = env.spec.id
+    if isinstance(env, str):
+        return _registered(env)
+    if not callable(env):
+        raise InputInvalid(
+            f"an environment of type {type(env).__name__} without a spec; expected a registered "
+            f"id, or a function that makes a new one (several are compared)"
+        )
+    title = getattr(env, "__name__", type(env).__name__)
+    return title, env, lambda: _bare(env()), None
+
+
+def _bare(env: Any) -> Any:
+    return env.unwrapped
+
+
+def _registered(name: str) -> tuple[str, Make, Make | None, Callable[[int], Any] | None]:
+    import uuvsim_cosim.envs  # noqa: F401  (registers)
+
+    module, colon, function = name.partition(":")
+    if colon and "/" not in function and function not in gymnasium.registry:
+        try:
+            make = getattr(importlib.import_module(module), function)
+        except (ImportError, AttributeError) as error:
+            raise InputInvalid(f"{name!r}: {error}; expected module:function") from None
+        return name, make, lambda: _bare(make()), None
+    if colon:
+        importlib.import_module(module)
+    own = function if colon else name
+    if own not in gymnasium.registry:
+        ours_first = sorted(gymnasium.registry, key=lambda i: (not i.startswith("uuvsim/"), i))
+        raise InputInvalid(f"no environment {name!r}; expected {expected_names(own, ours_first)}")
+    return (
+        name,
+        lambda: gymnasium.make(own),
+        lambda: gymnasium.make(own, disable_env_checker=True).unwrapped,
+        lambda n: gymnasium.make_vec(own, num_envs=n),
+    )
+
+
+def _kind(env: Any) -> str:
+    if isinstance(env, gymnasium.Env):
+        return "single"
+    if isinstance(env, VectorEnv):
+        return "vector"
+    from pettingzoo import ParallelEnv
+
+    if isinstance(env, ParallelEnv):
+        return "parallel"
+    raise InputInvalid(
+        f"an object of type {type(env).__name__}; expected a gymnasium.Env, a "
+        f"gymnasium.vector.VectorEnv or a pettingzoo.ParallelEnv"
+    )
+
+
+def _time_of(env: Any) -> tuple[int | None, Fraction | None]:
+    """Return an episode's steps and an action's duration, where the environment says so."""
+    spec = getattr(env, "spec", None)
+    limit = getattr(spec, "max_episode_steps", None)
+    task = getattr(env.unwrapped, "task", None)
+    step, horizon = getattr(task, "action_step", None), getattr(task, "horizon", None)
+    if not isinstance(step, Fraction) or not isinstance(horizon, Fraction):
+        return limit, None
+    own = -int(-horizon // step)
+    return own if limit is None else min(limit, own), step

@@ -1,0 +1,265 @@
+"""Episodes of a task in a plant: seeds and counters, moments, time limits and failures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.envs.episodes.spaces import ActionBox
+from uuvsim_cosim.envs.episodes.start_values import rows_of
+from uuvsim_cosim.envs.plants.plant import Plant
+from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.envs.task.instant import Instant, mixed
+from uuvsim_cosim.envs.task.signals import Signals, refuse
+from uuvsim_cosim.envs.task.task import Task, TeamTask
+from uuvsim_cosim.errors import ComponentFailed, InputInvalid, Problem
+
+__all__ = ["AGENT", "Episodes", "check_times"]
+
+AGENT = "agent"  # the agent of a task of one
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+def check_times(task: Task | TeamTask, tick: Fraction) -> list[Problem]:
+    """Find what is wrong with a task's action step and horizon."""
+    problems = []
+    step, horizon = task.action_step, task.horizon
+    if step <= 0 or (step / tick).denominator != 1:
+        problems.append(
+            Problem(
+                "action_step",
+                f"{_seconds(step)}, where a communication step takes {_seconds(tick)}",
+                "a whole multiple of it",
+            )
+        )
+    elif horizon <= 0 or (horizon / step).denominator != 1:
+        problems.append(
+            Problem(
+                "horizon",
+                f"{_seconds(horizon)}, where an action takes {_seconds(step)}",
+                "a whole multiple of it",
+            )
+        )
+    return problems
+
+
+@final
+class Episodes:
+    """n episodes side by side; episode k of seed s depends on (s, k) and the actions alone.
+
+    Frees the plant when closed.
+    """
+
+    def __init__(
+        self,
+        task: Task | TeamTask,
+        plant: Plant,
+        signals: Signals,
+        boxes: Mapping[str, ActionBox],
+    ) -> None:
+        refuse(f"task {type(task).__name__}", check_times(task, plant.tick))
+        self.task, self.plant, self.signals = task, plant, signals
+        self.n = n = plant.n
+        self._boxes = dict(boxes)
+        self._ticks = int(task.action_step / plant.tick)
+        self._steps = int(task.horizon / task.action_step)
+        self._step_seconds = task.action_step.numerator, task.action_step.denominator
+        self.seeds = np.zeros(n, np.uint64)
+        self.episodes = np.zeros(n, np.int64)
+        self._start: dict[str, Array] = {}
+        self._moment: Instant | None = None
+        self.any_failed = False  # whether a component of any has failed
+        self.seeded = False  # whether seeds and counters are those of a reset
+        self.stillborn: Mask | None = None  # whose start has failed, if any
+        self._every = np.ones(n, bool)
+        self._idle = {agent: np.zeros((n, box.width)) for agent, box in self._boxes.items()}
+
+    # ---- life -----------------------------------------------------------------------------
+
+    @property
+    def moment(self) -> Instant:
+        """The present moment."""
+        if self._moment is None:
+            raise InputInvalid(
+                "no episode has begun, or a call was interrupted; expected reset() first"
+            )
+        return self._moment
+
+    @property
+    def begun(self) -> bool:
+        """Whether there has been a reset."""
+        return self._moment is not None
+
+    def reset(
+        self,
+        mask: Mask | None = None,
+        *,
+        seeds: Sequence[int] | NDArray[np.uint64] | None = None,
+        start: Mapping[str, Any] | None = None,
+    ) -> Instant:
+        """Begin the next episodes where the mask is true, or the first of other seeds (n rows).
+
+        `start` gives start values instead of those drawn, of the variable's shape or with an axis
+        of n rows. Where a start fails the first step says so; raises ComponentFailed if without a
+        mask all fail.
+        """
+        old = self._moment
+        chosen = self._every if mask is None or old is None else mask
+        self._begin(chosen, seeds, start or {})
+        if mask is None and self.stillborn is not None and self.stillborn.all():
+            raise self._none_began()
+        values, rows = self._living(self.plant.gather()), np.flatnonzero(chosen)
+        if old is None or len(rows) == self.n:
+            self._moment = Instant(
+                self.signals, values, np.zeros(self.n, np.int64), self._step_seconds,
+                self._idle, self._start,
+            )  # fmt: skip
+            return self._moment
+        self._moment = Instant(
+            self.signals,
+            mixed(old.values, values, rows),
+            _cleared(old.step, rows),
+            self._step_seconds,
+            {agent: _cleared(a.T, rows).T for agent, a in old.action.items()},
+            self._start,
+            old.before,
+            rows,
+        )
+        return self._moment
+
+    def count(self, seeds: NDArray[np.uint64], episodes: NDArray[np.int64]) -> None:
+        """Go on after the given episodes of seeds."""
+        self.seeds, self.episodes, self.seeded = seeds, episodes, True
+
+    def step(self, actions: Mapping[str, Array], again: Mask | None = None) -> Instant:
+        """Act for one action step; `actions` by agent are checked, of shape (n, width).
+
+        Where `again` is true the next episodes begin instead.
+        """
+        before = self.moment.alone()
+        self._moment = None  # there is none if this is interrupted
+        plant, steps, rows = self.plant, before.step + 1, None
+        scaled = [box.scaled(actions[agent]) for agent, box in self._boxes.items()]
+        plant.scatter(scaled[0] if len(scaled) == 1 else np.concatenate(scaled))
+        plant.step(self._ticks)
+        if again is not None:
+            self._begin(again, None, {})
+            rows = np.flatnonzero(again)
+            steps = _cleared(steps, rows)
+            actions = {agent: _cleared(a.T, rows).T for agent, a in actions.items()}
+        values = plant.gather()
+        failed = plant.failed
+        self.any_failed = bool(failed.any())
+        if self.any_failed:
+            values = self._living(np.where(failed, before.values, values))
+        self._moment = Instant(
+            self.signals, values, steps, self._step_seconds, actions, self._start, before, rows
+        )
+        return self._moment
+
+    def close(self) -> None:
+        """Free everything; a second call does nothing."""
+        self.plant.close()
+
+    # ---- how episodes end -----------------------------------------------------------------
+
+    @property
+    def over(self) -> Mask:
+        """Say which episodes have reached the horizon."""
+        return np.asarray(self.moment.step >= self._steps)
+
+    @property
+    def failed(self) -> Mask:
+        """Say in which environments a component has failed."""
+        return self.plant.failed
+
+    def failure(self, row: int) -> str:
+        """Say what failed, in a sentence that names the environment if there are several."""
+        failure = self.plant.failure(row)
+        if failure is None:
+            return ""
+        return str(failure) if self.n == 1 else f"environment {row}: {failure}"
+
+    def rewarded(self, reward: Array) -> Array:
+        """Put the task's reward of a failure where a component has failed; 0 for a failed start."""
+        if not self.any_failed:
+            return reward
+        reward = np.where(self.failed, self.task.failure_reward, reward)
+        return reward if self.stillborn is None else np.where(self.stillborn, 0.0, reward)
+
+    # ---- inside ---------------------------------------------------------------------------
+
+    def _begin(
+        self,
+        chosen: Mask,
+        seeds: Sequence[int] | NDArray[np.uint64] | None,
+        start: Mapping[str, Any],
+    ) -> None:
+        """Count, draw, and reset the plant."""
+        whole = bool(chosen.all())
+        counted = self.seeds, self.episodes + chosen
+        if seeds is not None:
+            given = np.array([int(s) % 2**64 for s in seeds], np.uint64)
+            counted = np.where(chosen, given, self.seeds), np.where(chosen, 0, self.episodes)
+        draws = Draws(*counted)
+        if not whole:
+            draws = draws.rows(chosen)
+        given_by_task = self.task.start(draws)
+        if not isinstance(given_by_task, Mapping):
+            raise InputInvalid(
+                f"task {type(self.task).__name__}: start(): {given_by_task!r}; expected start "
+                "values by name"
+            )
+        variables = self.plant.variables
+        drawn = {k: rows_of(variables, k, v, draws.n) for k, v in given_by_task.items()}
+        for name, value in start.items():
+            wide = rows_of(variables, name, value, self.n)
+            drawn[name] = wide if whole else wide[chosen]
+        system_seeds = draws.seeds()
+        if not whole:
+            drawn = {k: self._spread(k, v, chosen) for k, v in drawn.items()}
+            few, system_seeds = system_seeds, np.zeros(self.n, np.uint64)
+            system_seeds[chosen] = few
+        self._moment = None  # there is none if this is interrupted
+        self.plant.reset(chosen, system_seeds, drawn)
+        self.count(*counted)
+        self._start = drawn if whole else {**self._start, **drawn}
+        failed = self.plant.failed
+        self.any_failed = bool(failed.any())
+        dead = failed & (chosen if self.stillborn is None else chosen | self.stillborn)
+        self.stillborn = dead if self.any_failed and dead.any() else None
+
+    def _living(self, values: Array) -> Array:
+        """Put zeros where a start has failed, whatever the plant has there."""
+        return values if self.stillborn is None else np.where(self.stillborn, 0.0, values)
+
+    def _none_began(self) -> ComponentFailed:
+        failure = self.plant.failure(0)
+        assert failure is not None
+        more = f" in environment 0, and all others of {self.n} fail" if self.n > 1 else ""
+        return ComponentFailed(failure.path, failure.time, failure.reason + more)
+
+    def _spread(self, name: str, rows: Array, chosen: Mask) -> Array:
+        """Put rows of some environments among those of all."""
+        old = self._start.get(name)
+        wide = np.zeros((self.n, *rows.shape[1:])) if old is None else old.copy()
+        if old is None:
+            wide[:] = rows[0]
+        wide[chosen] = rows
+        return wide
+
+
+def _cleared(values: NDArray[Any], rows: NDArray[np.intp]) -> NDArray[Any]:
+    """Copy values (…, n) of all environments, with zeros for some."""
+    both = values.copy()
+    both[..., rows] = 0
+    return both
+
+
+def _seconds(time: Fraction) -> str:
+    return f"{float(time):g} s" if time == Fraction(str(float(time))) else f"{time} s"

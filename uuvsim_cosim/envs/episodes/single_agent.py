@@ -1,0 +1,126 @@
+"""A task of one agent on its episodes: observations, rewards, ends and infos of n environments."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.envs.episodes.episodes import AGENT, Episodes, check_times
+from uuvsim_cosim.envs.episodes.spaces import ActionBox, ObservationBox
+from uuvsim_cosim.envs.pictures.every_hull import hulls
+from uuvsim_cosim.envs.plants.choice import Backend, DType, plant_of
+from uuvsim_cosim.envs.task.instant import Instant
+from uuvsim_cosim.envs.task.signals import Signals, refuse
+from uuvsim_cosim.envs.task.task import Task
+from uuvsim_cosim.envs.task.task_checks import (
+    check_failure_reward,
+    infos_of,
+    refuse_infinite,
+    rewards_of,
+)
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.orchestrator.plan.flatten import flatten
+
+__all__ = ["Stage"]
+
+Array = NDArray[np.float64]
+
+
+@final
+class Stage:
+    """What CosimEnv and CosimVectorEnv share; refuses a task that does not fit its system."""
+
+    def __init__(
+        self,
+        task: Task,
+        n: int,
+        *,
+        backend: Backend = "auto",
+        threads: int = 1,
+        dtype: DType = "float64",
+        processes: int | None = None,
+        drawn: bool = False,
+    ) -> None:
+        if not isinstance(task, Task):
+            raise InputInvalid(
+                f"task {task!r}; expected a Task (for a TeamTask: CosimParallelEnv, or Solo)"
+            )
+        self.task = task
+        self.place = f"task {type(task).__name__}"
+        plan = flatten(task.system)
+        names = [*(c.name for c in task.observations), *task.signals]
+        names += [f"{path}.eta" for path in hulls(plan)] if drawn else []
+        signals = Signals(plan, names)
+        self.action_box = ActionBox(plan, task.actions)
+        observed = [c for c in task.observations if not _bad(signals, c.name)]
+        self.observation_box = ObservationBox(plan, signals, observed, task.extra_limits)
+        none = [] if observed == list(task.observations) else ["observations"]
+        observations = [p for p in self.observation_box.problems if p.place not in none]
+        refuse(
+            self.place,
+            [
+                *check_times(task, plan.tick),
+                *self.action_box.problems,
+                *signals.problems,
+                *observations,
+                *check_failure_reward(task),
+            ],
+        )
+        plant = plant_of(
+            task.system,
+            n,
+            reads=signals.names,
+            acts=self.action_box.targets,
+            backend=backend,
+            threads=threads,
+            dtype=dtype,
+            processes=processes,
+        )
+        self.episodes = Episodes(task, plant, signals, {AGENT: self.action_box})
+
+    def act(
+        self, actions: Any, again: NDArray[np.bool_] | None = None, *, alone: bool = False
+    ) -> Instant:
+        """Check actions and act, or begin anew where `again` is true; raises InputInvalid.
+
+        Those of an environment `alone` have no axis of environments.
+        """
+        n = None if alone else self.episodes.n
+        checked = self.action_box.checked(actions, n, self.place)
+        return self.episodes.step({AGENT: checked}, again)
+
+    def observe(self, m: Instant) -> NDArray[np.float32]:
+        """Return the observations, of shape (n, width)."""
+        extra = self.task.extra(m) if self.observation_box.n_extra else None
+        try:
+            return self.observation_box.of(m.values, extra, self.episodes.stillborn)
+        except InputInvalid as error:
+            raise InputInvalid(f"{self.place}: {error}") from None
+
+    def reward(self, m: Instant) -> Array:
+        """Return the rewards, of shape (n,); the task's `failure_reward` where one has failed."""
+        reward = rewards_of(self.task.reward(m), m.n, f"{self.place}: reward()")
+        reward = self.episodes.rewarded(reward)
+        refuse_infinite(reward, f"{self.place}: reward()")
+        return reward
+
+    def terminated(self, m: Instant) -> NDArray[np.bool_]:
+        """Say which episodes have ended by themselves, or by a failure."""
+        ended = np.asarray(self.task.terminated(m))
+        if ended.shape != (m.n,) or ended.dtype != bool:
+            raise InputInvalid(
+                f"{self.place}: terminated() of type {ended.dtype} and shape {ended.shape}; "
+                f"expected Booleans of shape {(m.n,)}"
+            )
+        return ended | self.episodes.failed if self.episodes.any_failed else ended
+
+    def info(self, m: Instant) -> Mapping[str, NDArray[Any]]:
+        """Return the task's infos, of shape (n, …)."""
+        return infos_of(self.task.info(m), m.n, self.place)
+
+
+def _bad(signals: Signals, name: str) -> bool:
+    return any(p.place == f"signal {name!r}" for p in signals.problems)

@@ -1,0 +1,302 @@
+"""Channels become boxes: limits in any unit become [-1, 1]; what cannot be is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.envs.task.channel import Channel
+from uuvsim_cosim.envs.task.signals import Named, Signals, resolved
+from uuvsim_cosim.errors import InputInvalid, Problem
+from uuvsim_cosim.orchestrator.plan.plan import Plan
+from uuvsim_cosim.orchestrator.values.values import Misfit, conversion
+
+__all__ = ["ActionBox", "ObservationBox"]
+
+Array = NDArray[np.float64]
+
+
+@final
+class ActionBox:
+    """Actions in [-1, 1] of some channels, which are free inputs; `width` numbers in order.
+
+    What is wrong with the channels stands in `problems`.
+    """
+
+    def __init__(self, plan: Plan, channels: Sequence[Channel]) -> None:
+        self.problems: list[Problem] = []
+        self.targets: list[tuple[str, int]] = []  # variable and element, by number of the action
+        lows: list[float] = []
+        highs: list[float] = []
+        taken: dict[tuple[str, int], str] = {}
+        for channel in channels:
+            try:
+                named = resolved(plan, channel.name)
+                _check_free(plan, named)
+                low, high = _limits(plan, channel, named)
+                if channel.sin_cos:
+                    raise Misfit("an action as sine and cosine", "sin_cos in observations only")
+                if low is None or high is None:
+                    raise Misfit("an action without limits", "low= and high=")
+                for i in named.elements:
+                    if (named.key, i) in taken:
+                        raise Misfit("an element acted on twice", "each in one channel")
+                    taken[named.key, i] = channel.name
+            except Misfit as misfit:
+                self.problems.append(misfit.at(f"action {channel.name!r}"))
+                continue
+            self.targets += [(named.key, i) for i in named.elements]
+            lows += low.tolist()
+            highs += high.tolist()
+        if not channels:
+            self.problems.append(Problem("actions", "no channel", "at least one"))
+        self.width = len(self.targets)
+        low, high = np.array(lows), np.array(highs)
+        self._middle = (low / 2 + high / 2)[:, None]
+        self._half = _inside(self._middle[:, 0], high / 2 - low / 2, low, high)[:, None]
+
+    def checked(self, actions: Any, n: int | None, place: str) -> Array:
+        """Return actions of shape (n, width), clipped to [-1, 1]; raises InputInvalid.
+
+        With n None those of one environment are given without the first axis.
+        """
+        try:
+            given = np.asarray(actions)
+        except ValueError:
+            given = np.empty(0, object)
+        expected = (self.width,) if n is None else (n, self.width)
+        if given.dtype.kind not in "fiu" or given.shape != expected:
+            wanted = f"{self.width} numbers" if n is None else f"numbers of shape {expected}"
+            raise InputInvalid(
+                f"{place}: an action of type {given.dtype} and shape {given.shape}; "
+                f"expected {wanted} in [-1, 1]"
+            )
+        clipped = np.array(given.reshape(-1, self.width).T, np.float64, order="C")  # (width, n)
+        np.maximum(clipped, -1.0, out=clipped)
+        np.minimum(clipped, 1.0, out=clipped)
+        total = np.add.reduce(clipped, axis=None)
+        if np.isnan(total):
+            row, column = np.argwhere(np.isnan(clipped.T))[0]
+            raise InputInvalid(
+                f"{place}: the action for {self.name(column)!r}"
+                + (f" in environment {row}" if n is not None else "")
+                + " is not a number; expected one in [-1, 1]"
+            )
+        return clipped.T
+
+    def name(self, column: int) -> str:
+        """Name an element that is acted on."""
+        key, i = self.targets[column]
+        return f"{key}[{i + 1}]"
+
+    def scaled(self, actions: Array) -> Array:
+        """Return what the inputs get, in their units, of shape (width, n)."""
+        return np.asarray(self._middle + self._half * actions.T)
+
+
+@final
+class ObservationBox:
+    """Observations of some channels, then `extra`: `low` and `high` are the box."""
+
+    def __init__(
+        self,
+        plan: Plan,
+        signals: Signals,
+        channels: Sequence[Channel],
+        extra: tuple[Sequence[float], Sequence[float]] = ((), ()),
+    ) -> None:
+        self.problems: list[Problem] = []
+        rows: list[NDArray[np.intp]] = [np.zeros(0, np.intp)]
+        factor: list[float] = []
+        offset: list[float] = []
+        sines: list[int] = []
+        scaled: list[bool] = []
+        for channel in channels:
+            try:
+                named = resolved(plan, channel.name)
+                low, high = _limits(plan, channel, named, angle=channel.sin_cos)
+            except Misfit as misfit:
+                self.problems.append(misfit.at(f"observation {channel.name!r}"))
+                continue
+            mine = signals.rows(named)
+            if channel.sin_cos:
+                sines += range(len(factor), len(factor) + 2 * len(mine), 2)
+                to_rad = np.repeat(_factors(plan, named, "rad"), 2)
+                factor += to_rad.tolist()
+                offset += [0.0] * len(to_rad)
+                scaled += [True] * len(to_rad)
+                rows.append(np.repeat(mine, 2))
+                continue
+            rows.append(mine)
+            if low is None or high is None:
+                own = _conversions(plan, channel, named)
+                factor += [f for f, _ in own]
+                offset += [o for _, o in own]
+                scaled += [False] * len(mine)
+            else:
+                factor += (2.0 / (high - low)).tolist()
+                offset += (-(high + low) / (high - low)).tolist()
+                scaled += [True] * len(mine)
+        self._rows = np.concatenate(rows)
+        self._factor, self._offset = np.array(factor)[:, None], np.array(offset)[:, None]
+        self._sines = sines
+        self._rooms: dict[int, tuple[Array, NDArray[np.float32]]] = {}
+        low_extra, high_extra = (np.asarray(e, np.float32).ravel() for e in extra)
+        self.n_extra = len(low_extra)
+        if len(low_extra) != len(high_extra) or not np.all(low_extra <= high_extra):
+            self.problems.append(
+                Problem("extra_limits", f"{extra[0]} and {extra[1]}", "a least and a greatest each")
+            )
+        edge = np.where(scaled, np.float32(1), np.float32(np.inf)).astype(np.float32)
+        self.low = np.concatenate([-edge, low_extra]).astype(np.float32)
+        self.high = np.concatenate([edge, high_extra]).astype(np.float32)
+        self._n_own = len(self._rows)
+        self.width = len(self.low)
+        self._least = self.low[:, None] if np.any(np.isfinite(self.low)) else None
+        self._greatest = self.high[:, None]
+        self._middle = np.clip(np.zeros_like(self.low), self.low, self.high)[:, None]
+        if not self.width and not self.problems:
+            self.problems.append(Problem("observations", "none", "at least one"))
+
+    def of(
+        self,
+        values: Array,
+        extra: Any,
+        blank: NDArray[np.bool_] | None = None,
+        *,
+        clipped: bool = True,
+    ) -> NDArray[np.float32]:
+        """Return observations (n, width) of signals (size, n), clipped to the box.
+
+        Those of `blank` environments are zeros. Raises InputInvalid if one is not finite.
+        """
+        n = values.shape[1]
+        own, columns = self._room(n)
+        values.take(self._rows, axis=0, out=own, mode="clip")
+        own *= self._factor
+        for i in self._sines:
+            np.sin(own[i], out=own[i])
+            np.cos(own[i + 1], out=own[i + 1])
+        own += self._offset
+        with np.errstate(over="ignore"):
+            columns[: self._n_own] = own
+        if self.n_extra:
+            given = None if extra is None else np.asarray(extra)
+            if given is None or given.shape != (n, self.n_extra) or given.dtype.kind not in "fiub":
+                shape = None if given is None else f"{given.dtype}, {given.shape}"
+                raise InputInvalid(
+                    f"extra(): observations of type and shape {shape}; expected numbers of shape "
+                    f"{(n, self.n_extra)}, as extra_limits says"
+                )
+            columns[self._n_own :] = given.T
+        if blank is not None:
+            np.copyto(columns, self._middle, where=blank)
+        if not np.isfinite(np.add.reduce(columns, axis=None)):
+            most = np.finfo(np.float32).max
+            np.clip(own, -most, most, out=columns[: self._n_own], casting="same_kind")
+            self._refuse_infinite(columns)
+        if clipped and self._least is not None:
+            np.maximum(columns, self._least, out=columns)
+            np.minimum(columns, self._greatest, out=columns)
+        return columns.T.copy(order="C")
+
+    def _refuse_infinite(self, columns: NDArray[np.float32]) -> None:
+        bad = np.argwhere(~np.isfinite(columns.T))
+        if len(bad):
+            row, column = bad[0].tolist()
+            own = column - self._n_own
+            which = f"observation {column}" + (f", extra()[:, {own}]," if own >= 0 else "")
+            raise InputInvalid(
+                f"{which} in environment {row} is {columns[column, row]}; expected a finite number"
+            )
+
+    def _room(self, n: int) -> tuple[Array, NDArray[np.float32]]:
+        """Return room for intermediate values, which is the same each time."""
+        if n not in self._rooms:
+            own = np.empty((self._n_own, n)), np.empty((self.width, n), np.float32)
+            self._rooms = {n: own}
+        return self._rooms[n]
+
+
+def _check_free(plan: Plan, named: Named) -> None:
+    v = named.variable
+    if v.causality != "input":
+        raise Misfit(f"a variable of causality {v.causality}", "an unconnected input")
+    if v.type not in ("Float64", "Float32"):
+        raise Misfit(f"an input of type {v.type}", "a Float64 input")
+    for t in plan.transfers:
+        target = f"{plan.components[t.target].path}.{t.target_variable.name}"
+        if target == named.key and set(t.target_elements) & set(named.elements):
+            source = f"{plan.components[t.source].path}.{t.source_variable.name}"
+            raise Misfit(f"an input that is connected to {source}", "an unconnected input")
+
+
+def _limits(
+    plan: Plan, channel: Channel, named: Named, *, angle: bool = False
+) -> tuple[Array | None, Array | None]:
+    """Return the limits, in the variable's unit for an action; raises Misfit."""
+    size = len(named.elements)
+    _conversions(plan, channel, named)
+    if angle:
+        _factors(plan, named, "rad")
+        return None, None
+    v = named.variable
+    sides: list[Array | None] = []
+    for given, own in ((channel.low, v.min), (channel.high, v.max)):
+        if given is None:
+            sides.append(None if own is None else np.full(size, own))
+            continue
+        values = np.asarray(given, dtype=float)
+        if values.shape not in ((), (size,)) or not np.all(np.isfinite(values)):
+            raise Misfit(f"limit {given!r}", f"a finite number, or {size} of them")
+        wide = np.broadcast_to(values, (size,))
+        back = _conversions(plan, channel, named)
+        sides.append(np.array([(x - o) / f for x, (f, o) in zip(wide, back, strict=True)]))
+    low, high = sides
+    if channel.low is None and channel.high is None and (low is None or high is None):
+        return None, None
+    if low is None or high is None:
+        raise Misfit(f"limits {channel.low!r} and {channel.high!r}", "both low= and high=")
+    if not np.all(low < high):
+        raise Misfit(f"limits {channel.low!r} and {channel.high!r}", "low= less than high=")
+    if v.causality == "input":
+        least, most = -np.inf if v.min is None else v.min, np.inf if v.max is None else v.max
+        if np.any(low < least) or np.any(high > most):
+            raise Misfit(
+                f"limits {low.min():g} and {high.max():g}", f"limits in [{least:g}, {most:g}]"
+            )
+    return low, high
+
+
+def _conversions(plan: Plan, channel: Channel, named: Named) -> list[tuple[float, float]]:
+    """Return (factor, offset) from the variable's unit to the channel's, for each element."""
+    if channel.unit is None:
+        return [(1.0, 0.0)] * len(named.elements)
+    return _to(plan, named, channel.unit)
+
+
+def _factors(plan: Plan, named: Named, unit: str) -> Array:
+    return np.array([factor for factor, _ in _to(plan, named, unit)])
+
+
+def _to(plan: Plan, named: Named, unit: str) -> list[tuple[float, float]]:
+    units = next(c.description.units for c in plan.components if c.path == named.path)
+    found = []
+    for i in named.elements:
+        own = named.variable.unit_of_element(i)
+        pair = (1.0, 0.0) if own is None else conversion(own, unit, units)
+        if pair is None:
+            raise Misfit(f"unit {unit!r} for a variable in {own!r}", "a unit of its kind")
+        found.append(pair)
+    return found
+
+
+def _inside(middle: Array, half: Array, low: Array, high: Array) -> Array:
+    """Lessen halves until rounding cannot lead out of the limits."""
+    for _ in range(4):
+        out = (middle - half < low) | (middle + half > high)
+        half = np.where(out, np.nextafter(half, 0.0), half)
+    return half

@@ -1,0 +1,20 @@
+"""The spec of Gymnasium says how long an episode is, although no wrapper ends it."""
+
+from __future__ import annotations
+
+from copy import copy
+
+from gymnasium.envs.registration import EnvSpec
+
+from uuvsim_cosim.envs.task.task import Task
+
+__all__ = ["limited"]
+
+
+def limited(spec: EnvSpec | None, task: Task) -> EnvSpec | None:
+    """Return a spec with the task's number of steps, unless it has one."""
+    if spec is None or spec.max_episode_steps is not None:
+        return spec
+    told = copy(spec)
+    told.max_episode_steps = int(task.horizon / task.action_step)
+    return told

@@ -1,0 +1,75 @@
+"""What render() shows of environments: pictures, or a window."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol, final
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.orchestrator.plan.flatten import flatten
+
+__all__ = ["Screen"]
+
+MODES = ("rgb_array", "human")
+
+
+class Rendered(Protocol):
+    """An environment, as far as its screen knows it."""
+
+    def render(self) -> Any:
+        """Draw the present moment."""
+
+
+@final
+class Screen:
+    """Draws moments of environments in one of Gymnasium's render modes, if any."""
+
+    def __init__(self, mode: str | None) -> None:
+        if mode is not None and mode not in MODES:
+            raise InputInvalid(f"render_mode {mode!r}; expected one of {', '.join(MODES)}, or None")
+        self.mode = mode
+        self._pictures: dict[int, Any] = {}
+        self._window: Any = None
+        self._hulls: list[str] | None = None
+
+    def changed(self, env: Rendered) -> None:
+        """Show what has changed, if a window shows it."""
+        if self.mode == "human":
+            env.render()
+
+    def frame(self, task: Any, moment: Any, row: int) -> Any:
+        """Draw one environment: pixels (height, width, 3), or None in a window or without mode."""
+        if self.mode is None:
+            import gymnasium
+
+            gymnasium.logger.warn(
+                "render() without a render_mode draws nothing; give render_mode='rgb_array' "
+                "when making the environment"
+            )
+            return None
+        from uuvsim_cosim.envs.pictures.picture import Picture
+
+        picture = self._pictures.get(row)
+        if picture is None:
+            picture = self._pictures[row] = Picture()
+        view = task.view(moment, row)
+        if view is None:
+            from uuvsim_cosim.envs.pictures.every_hull import every_hull, hulls
+
+            if self._hulls is None:
+                self._hulls = hulls(flatten(task.system))
+            view = every_hull(self._hulls, moment, row)
+        pixels = picture.draw(view)
+        if self.mode == "rgb_array":
+            return pixels
+        if self._window is None:
+            from uuvsim_cosim.envs.pictures.window import Window
+
+            self._window = Window(type(task).__name__, render_fps=float(1 / task.action_step))
+        self._window.show(pixels)
+        return None
+
+    def close(self) -> None:
+        """Close the window; a second call does nothing."""
+        window, self._window = self._window, None
+        if window is not None:
+            window.close()

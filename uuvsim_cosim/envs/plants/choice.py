@@ -1,0 +1,106 @@
+"""Which plant a system gets: a kernel when it can be fused, else masters, in processes if many."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal
+
+from uuvsim_cosim.envs.plants.memory_limit import LEAST_MASTER, refuse_beyond
+from uuvsim_cosim.envs.plants.plant import Plant
+from uuvsim_cosim.envs.task.argument_checks import whole
+from uuvsim_cosim.errors import InputInvalid, SystemInvalid
+from uuvsim_cosim.kernels import Kernel, fuse
+from uuvsim_cosim.orchestrator.master.prepared import prepare
+from uuvsim_cosim.orchestrator.plan.flatten import flatten
+from uuvsim_cosim.orchestrator.plan.plan import Plan as SystemPlan
+from uuvsim_cosim.orchestrator.system.system import System
+
+__all__ = ["Backend", "DType", "check_backend", "plant_of"]
+
+_log = logging.getLogger(__name__)
+
+Backend = Literal["auto", "kernel", "master"]
+DType = Literal["float64", "float32"]
+
+_kernels: list[tuple[System, int, str, Kernel]] = []  # the last few, so that each is made once
+_KEPT = 8
+_SIGNALS = 64  # bytes of a number that is read or acted on: it lies in several arrays
+_told: set[str] = set()  # notes of systems, which are logged once
+
+
+def check_backend(backend: str, dtype: str) -> None:
+    """Refuse words that are none; raises InputInvalid."""
+    if backend not in ("auto", "kernel", "master"):
+        raise InputInvalid(f"backend {backend!r}; expected 'auto', 'kernel' or 'master'")
+    if dtype not in ("float64", "float32"):
+        raise InputInvalid(f"dtype {dtype!r}; expected 'float64' or 'float32'")
+    if backend == "master" and dtype == "float32":
+        raise InputInvalid("dtype 'float32' with backend 'master'; expected backend 'kernel'")
+
+
+def plant_of(
+    system: System,
+    n: int,
+    *,
+    reads: Sequence[str],
+    acts: Sequence[tuple[str, int]],
+    backend: Backend = "auto",
+    threads: int = 1,
+    dtype: DType = "float64",
+    processes: int | None = None,
+) -> Plant:
+    """Make n copies of a system.
+
+    "auto" takes a kernel unless the system cannot be fused; "kernel" says why it cannot
+    (SystemInvalid). Masters of more than one copy run in `processes` (0: in this one).
+    Refuses more copies than memory holds. Raises ToolchainError.
+    """
+    check_backend(backend, dtype)
+    threads = whole(threads, "threads")
+    if processes is not None:
+        processes = whole(processes, "processes", 0)
+    if backend != "master":
+        try:
+            kernel = _kernel(system, n, dtype)
+        except SystemInvalid:
+            if backend == "kernel" or dtype == "float32":
+                raise
+        else:
+            from uuvsim_cosim.envs.plants.kernel_plant import KernelPlant
+
+            fused = kernel.fused
+            cells = (fused.n_cells + fused.n_start) * kernel.dtype.itemsize
+            refuse_beyond(n, cells + _SIGNALS * (len(reads) + len(acts)), least=True)
+            return KernelPlant(kernel, n, reads=reads, acts=acts, threads=threads)
+    plan = flatten(system)
+    refuse_beyond(n, LEAST_MASTER * len(plan.components), least=True)
+    plan = told(plan)
+    if n > 1 and processes != 0:
+        from uuvsim_cosim.envs.plants.process_plant import ProcessPlant
+
+        return ProcessPlant(plan, n, reads=reads, acts=acts, processes=processes)
+    from uuvsim_cosim.envs.plants.master_plant import MasterPlant
+
+    return MasterPlant(plan, prepare(plan, "native"), n, reads=reads, acts=acts)
+
+
+def told(plan: SystemPlan) -> SystemPlan:
+    """Log the notes of a plan, once in a process, not with each master of it."""
+    for note in plan.warnings:
+        if note not in _told:
+            _told.add(note)
+            _log.warning("%s", note)
+    return replace(plan, warnings=())
+
+
+def _kernel(system: System, n: int, dtype: DType) -> Kernel:
+    lanes = 1 if n == 1 else 16 if dtype == "float32" else 8
+    for known, width, kind, kernel in _kernels:
+        if known is system and (width, kind) == (lanes, dtype):
+            return kernel
+    made = fuse(system, lanes=lanes, dtype=dtype)
+    _kernels.append((system, lanes, dtype, made))
+    del _kernels[:-_KEPT]
+    return made

@@ -1,0 +1,143 @@
+"""A plant that is a fused kernel: all environments in one call."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.envs.plants.plant import Seeds
+from uuvsim_cosim.errors import ComponentFailed
+from uuvsim_cosim.kernels import Kernel
+
+__all__ = ["KernelPlant"]
+
+Array = NDArray[np.float64]
+
+
+@final
+class KernelPlant:
+    """The `Plant` protocol over a batch of environments.
+
+    `reads` names the variables of `gather`, `acts` the inputs (and their elements, flat, from 0)
+    of `scatter`.
+    """
+
+    def __init__(
+        self,
+        kernel: Kernel,
+        n: int,
+        *,
+        reads: Sequence[str],
+        acts: Sequence[tuple[str, int]],
+        threads: int = 1,
+    ) -> None:
+        self.n = n
+        self.tick = kernel.fused.plan.tick
+        self._batch = kernel.batch(n, threads=threads)
+        self.variables = self._batch.variables
+        self._given: dict[str, Array] = {}  # variables that `start` has named, with their own
+        self._kernel = kernel
+        self._cells = self._batch.cells
+        self._out = np.array([c for name in reads for c in self._places(name)], np.intp)
+        self._in = np.array([self._places(name)[i] for name, i in acts], np.intp)
+        self._runs = _runs(self._out)
+        self._width = self._cells.shape[2]
+
+    def read(self, name: str) -> NDArray[Any]:
+        """Copy a variable: of shape (n, *shape)."""
+        return self._batch.get(name)
+
+    def write(self, name: str, values: NDArray[Any]) -> None:
+        """Set an unconnected input or a tunable parameter in all copies: (n, *shape)."""
+        self._batch.set(name, values)
+
+    def gather(self) -> Array:
+        """Copy what is read: of shape (size, n)."""
+        cells = self._cells
+        if len(cells) == 1:
+            rows = cells[0].take(self._out, axis=0)
+            return np.asarray(rows[:, : self.n], np.float64)
+        rows = np.empty((len(self._out), len(cells), self._width))
+        at = 0
+        for first, count in self._runs:
+            rows[at : at + count] = cells[:, first : first + count, :].swapaxes(0, 1)
+            at += count
+        return rows.reshape(len(self._out), -1)[:, : self.n]
+
+    def scatter(self, values: Array) -> None:
+        """Set what is acted on: of shape (width, n)."""
+        cells = self._cells
+        if len(cells) == 1:
+            cells[0, self._in, : self.n] = values
+            return
+        blocks, rest = divmod(self.n, self._width)
+        whole = values[:, : blocks * self._width].reshape(len(self._in), blocks, self._width)
+        for row, cell in enumerate(self._in):
+            cells[:blocks, cell, :] = whole[row]
+        if rest:
+            cells[blocks, self._in, :rest] = values[:, -rest:]
+
+    def step(self, ticks: int) -> None:
+        """Make communication steps in all copies."""
+        self._batch.step(ticks, check=False)
+
+    def reset(
+        self, mask: NDArray[np.bool_], seeds: Seeds, start: Mapping[str, NDArray[Any]]
+    ) -> None:
+        """Go back to time 0 where the mask is true."""
+        for name in start:
+            if name not in self._given:
+                self._given[name] = self._declared(name)
+        values = {name: start.get(name, own) for name, own in self._given.items()}
+        every = None if mask.all() else mask
+        self._batch.reset(every, seeds=np.asarray(seeds, np.uint64), start=values, check=False)
+
+    @property
+    def failed(self) -> NDArray[np.bool_]:
+        """Say which copies have failed since their reset."""
+        return self._batch.failed
+
+    def failure(self, row: int) -> ComponentFailed | None:
+        """Say what failed in a copy."""
+        failure = self._batch.failure(row)
+        if failure is None:
+            return None
+        reason = failure.reason.removesuffix(f" in environment {row}")  # a copy knows no others
+        return ComponentFailed(failure.path, failure.time, reason)
+
+    def close(self) -> None:
+        """End the threads; a second call does nothing."""
+        self._batch.close()
+
+    def _places(self, name: str) -> range:
+        """Return the cells of a variable."""
+        path, _, own = name.rpartition(".")
+        fused = self._kernel.fused
+        i = fused.index[path]
+        v = fused.plan.components[i].description.variables[own]
+        first = fused.members[i].cell + v.value_references[0]
+        return range(first, first + v.size)
+
+    def _declared(self, name: str) -> Array:
+        """Return a variable's start value as the plan and the declaration have it."""
+        path, _, own = name.rpartition(".")
+        fused = self._kernel.fused
+        if path not in fused.index:
+            return np.zeros(0)  # the batch refuses the name
+        planned = fused.plan.components[fused.index[path]]
+        v = planned.description.variables.get(own)
+        if v is None:
+            return np.zeros(0)
+        value = np.asarray(planned.start.get(own, v.start), float)
+        return np.ascontiguousarray(np.broadcast_to(value.reshape(v.shape), (self.n, *v.shape)))
+
+
+def _runs(cells: NDArray[np.intp]) -> list[tuple[int, int]]:
+    """Return consecutive cells as (first, count)."""
+    if not len(cells):
+        return []
+    ends = np.flatnonzero(np.diff(cells) != 1) + 1
+    return [(int(part[0]), len(part)) for part in np.split(cells, ends)]

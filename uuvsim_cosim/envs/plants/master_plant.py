@@ -1,0 +1,232 @@
+"""A plant that is a master for each copy, in this process: any system, FMUs included."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.envs.plants.memory_limit import refuse_beyond, resident
+from uuvsim_cosim.envs.plants.plant import Seeds
+from uuvsim_cosim.errors import ComponentFailed, InputInvalid, UuvsimError
+from uuvsim_cosim.fmus.codegen.native import Native
+from uuvsim_cosim.fmus.component import Component
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.orchestrator.master.master import Master
+from uuvsim_cosim.orchestrator.plan.plan import Plan, PlannedComponent
+
+__all__ = ["MasterPlant"]
+
+Array = NDArray[np.float64]
+_TRIED = 64  # masters after which it is known how much memory one takes
+
+
+@final
+class MasterPlant:
+    """The `Plant` protocol over masters of one plan, stepped one after the other.
+
+    `reads` names the variables of `gather`, `acts` the inputs (and their elements, flat, from 0)
+    of `scatter`.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        instantiate: Callable[[PlannedComponent], Component],
+        n: int,
+        *,
+        reads: Sequence[str],
+        acts: Sequence[tuple[str, int]],
+    ) -> None:
+        self.n = n
+        self.tick = plan.tick
+        self.variables: Mapping[str, Variable] = {
+            f"{c.path}.{v.name}": v
+            for c in plan.components
+            for v in c.description.variables.values()
+        }
+        self._plan, self._first = plan, instantiate
+        self._known: dict[str, Native] = {}  # an instance of each declaration
+        self._reads, self._acts = tuple(reads), tuple(acts)
+        self._failures: list[ComponentFailed | None] = [None] * n
+        self._failed = np.zeros(n, bool)
+        self._rows: list[_Row] = []
+        try:
+            before = None
+            for i in range(n):
+                self._rows.append(self._row())
+                if n > _TRIED and i == _TRIED // 2:
+                    before = resident()
+                elif i == _TRIED and before is not None and (now := resident()) is not None:
+                    refuse_beyond(n - i, (now - before) // (_TRIED // 2))
+        except BaseException:
+            self.close()
+            raise
+
+    def read(self, name: str) -> NDArray[Any]:
+        """Copy a variable: of shape (n, *shape)."""
+        path, _, own = name.rpartition(".")
+        return np.array([row.master.get(path, own) for row in self._rows])
+
+    def write(self, name: str, values: NDArray[Any]) -> None:
+        """Set an unconnected input or a tunable parameter in all copies: (n, *shape)."""
+        path, _, own = name.rpartition(".")
+        for row, value in zip(self._rows, values, strict=True):
+            row.master.set(path, own, value)
+
+    def gather(self) -> Array:
+        """Copy what is read: of shape (size, n)."""
+        if self.n == 1:
+            return self._rows[0].gather()[:, None]
+        return np.stack([row.gather() for row in self._rows], axis=1)
+
+    def scatter(self, values: Array) -> None:
+        """Set what is acted on: of shape (width, n)."""
+        for row, column in zip(self._rows, values.T, strict=True):
+            row.scatter(column)
+
+    def step(self, ticks: int) -> None:
+        """Make communication steps in all copies that have not failed."""
+        for i, row in enumerate(self._rows):
+            if self._failures[i] is None:
+                try:
+                    row.master.step(ticks)
+                except ComponentFailed as failure:
+                    self._fail(i, failure)
+                except UuvsimError as error:
+                    self._fail(i, ComponentFailed("", row.master.time, str(error)))
+
+    def reset(
+        self, mask: NDArray[np.bool_], seeds: Seeds, start: Mapping[str, NDArray[Any]]
+    ) -> None:
+        """Go back to time 0 where the mask is true."""
+        places = [(*name.rpartition(".")[::2], values) for name, values in start.items()]
+        for i in np.flatnonzero(mask).tolist():
+            values: dict[str, dict[str, Any]] = {}
+            for path, own, rows in places:
+                values.setdefault(path, {})[own] = _one(rows[i])
+            if self._failures[i] is not None:  # what has failed may not answer
+                self._rows[i].master.free()
+                self._rows[i] = self._row()
+                self._failures[i], self._failed[i] = None, False
+            try:
+                self._rows[i].master.reset(int(seeds[i]), values)
+                self._rows[i].check_start()
+            except ComponentFailed as failure:
+                self._fail(i, failure)
+            except InputInvalid as error:
+                self._fail(i, ComponentFailed("", 0.0, str(error)))
+                raise
+            except UuvsimError as error:
+                self._fail(i, ComponentFailed("", 0.0, str(error)))
+
+    @property
+    def failed(self) -> NDArray[np.bool_]:
+        """Say which copies have failed since their reset."""
+        return self._failed
+
+    def failure(self, row: int) -> ComponentFailed | None:
+        """Say what failed in a copy."""
+        return self._failures[row]
+
+    def close(self) -> None:
+        """Free the masters; a second call does nothing."""
+        rows, self._rows = self._rows, []
+        for row in rows:
+            row.master.free()
+
+    def _fail(self, row: int, failure: ComponentFailed) -> None:
+        self._failures[row], self._failed[row] = failure, True
+
+    def _instance(self, planned: PlannedComponent) -> Component:
+        known = self._known.get(planned.source)
+        if known is not None:
+            return known.another(planned.path)
+        made = self._first(planned)
+        if isinstance(made, Native):
+            self._known[planned.source] = made
+        return made
+
+    def _row(self) -> _Row:
+        live = [_split(name) for name in self._reads]
+        held = list(dict.fromkeys(_split(name) for name, _ in self._acts))
+        master = Master(self._plan, self._instance, live=live, held=held, measured=False)
+        try:
+            master.initialize()
+            return _Row(master, live, self._acts)
+        except BaseException:
+            master.free()
+            raise
+
+
+class _Row:
+    """One master, with the places of what is read and acted on in its loop's slots."""
+
+    def __init__(
+        self, master: Master, reads: Sequence[tuple[str, str]], acts: Sequence[tuple[str, int]]
+    ) -> None:
+        self.master = master
+        shown = [(path, name, master.slots(path, name)) for path, name in reads]
+        self._parts = [
+            _asked(master, path, name) if view is None else _shown(view)
+            for path, name, view in shown
+        ]
+        base = next((v for _, _, v in shown if v is not None), None)
+        self._all: NDArray[Any] | None = None
+        self._index = np.zeros(0, np.intp)
+        if base is not None and all(v is not None and v.dtype == float for _, _, v in shown):
+            self._all = master.all_slots
+            views = [v for _, _, v in shown if v is not None]
+            self._index = np.concatenate([_places(v, self._all) for v in views])
+        self._held = master.all_slots
+        at = [_places(_held(master, name), self._held)[i] for name, i in acts]
+        self._at = np.array(at, np.intp)
+
+    def gather(self) -> Array:
+        if self._all is not None:
+            return self._all.take(self._index)
+        if not self._parts:
+            return np.zeros(0)
+        return np.concatenate([np.asarray(part(), float).ravel() for part in self._parts])
+
+    def check_start(self) -> None:
+        """Raise ComponentFailed for a start that is not finite, as a kernel finds it."""
+        for component in self.master.components:
+            if isinstance(component, Native):
+                component.check_outputs(0.0)
+        values = self.gather()
+        if not np.isfinite(values).all():
+            raise ComponentFailed("", 0.0, "a signal that is read is not finite")
+
+    def scatter(self, values: Array) -> None:
+        self._held[self._at] = values
+
+
+def _asked(master: Master, path: str, name: str) -> Callable[[], Any]:
+    return lambda: master.get(path, name)
+
+
+def _shown(view: NDArray[Any]) -> Callable[[], Any]:
+    return lambda: view
+
+
+def _held(master: Master, name: str) -> NDArray[Any]:
+    view = master.slots(*_split(name))
+    assert view is not None
+    return view
+
+
+def _places(view: NDArray[Any], base: NDArray[Any]) -> NDArray[np.intp]:
+    first = (view.ctypes.data - base.ctypes.data) // 8
+    return np.arange(first, first + view.size)
+
+
+def _split(name: str) -> tuple[str, str]:
+    path, _, own = name.rpartition(".")
+    return path, own
+
+
+def _one(value: Any) -> Any:
+    return value.item() if np.ndim(value) == 0 else value

@@ -1,0 +1,201 @@
+"""A plant that is masters in worker processes: systems that no kernel runs, on all cores."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.envs.plants.plant import Seeds
+from uuvsim_cosim.envs.plants.shared_memory import Shared
+from uuvsim_cosim.envs.plants.worker_pipe import WorkerProcess
+from uuvsim_cosim.errors import ComponentFailed, InputInvalid, UuvsimError
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.orchestrator.plan.plan import Plan
+
+__all__ = ["ProcessPlant"]
+
+Array = NDArray[np.float64]
+
+
+@final
+class ProcessPlant:
+    """The `Plant` protocol over `MasterPlant`s, each with some of the rows in a process.
+
+    Signals and actions lie in shared memory. A worker ends when this process does; when a worker
+    ends before, the next call says so and the plant is closed. After a call that an exception has
+    interrupted a reset of all is the only call; it makes workers anew that it finds in the midst
+    of a message.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        n: int,
+        *,
+        reads: Sequence[str],
+        acts: Sequence[tuple[str, int]],
+        processes: int | None = None,
+    ) -> None:
+        count = (os.cpu_count() or 1) if processes is None else processes
+        if count < 1:
+            raise InputInvalid(f"processes {processes}; expected at least 1, or None")
+        self.n = n
+        self.tick = plan.tick
+        self.variables: Mapping[str, Variable] = {
+            f"{c.path}.{v.name}": v
+            for c in plan.components
+            for v in c.description.variables.values()
+        }
+        self._owner = os.getpid()
+        self._failures: dict[int, ComponentFailed] = {}
+        self._acted = False  # whether there are actions that the workers have not seen
+        self._broken = False  # whether a call has begun and not ended
+        bounds = np.linspace(0, n, min(count, n) + 1).astype(int).tolist()
+        size = sum(self.variables[name].size for name in reads)
+        self._memory = Shared(None, size, len(acts), n)
+        self._workers: list[WorkerProcess] = []
+        self._job = {"plan": plan, "reads": tuple(reads), "acts": tuple(acts),
+                     "memory": self._memory.key, "shape": (size, len(acts), n)}  # fmt: skip
+        try:
+            for first, end in pairwise(bounds):
+                worker = self._begun(first, end)
+                self._workers.append(worker)
+                if first == 0:  # compiles what the others load
+                    worker.answer()
+            for worker in self._workers[1:]:
+                worker.answer()
+        except BaseException:
+            self._end(now=True)
+            raise
+
+    def read(self, name: str) -> NDArray[Any]:
+        """Copy a variable: of shape (n, *shape)."""
+        return np.concatenate(self._call("read", name))
+
+    def write(self, name: str, values: NDArray[Any]) -> None:
+        """Set an unconnected input or a tunable parameter in all copies: (n, *shape)."""
+        self._each("write", [(name, values[worker.rows]) for worker in self._live()])
+
+    def gather(self) -> Array:
+        """Copy what is read: of shape (size, n)."""
+        self._live()
+        return self._memory.signals.copy()
+
+    def scatter(self, values: Array) -> None:
+        """Set what is acted on: of shape (width, n)."""
+        self._live()
+        self._memory.actions[...] = values
+        self._acted = True
+
+    def step(self, ticks: int) -> None:
+        """Make communication steps in all copies that have not failed."""
+        acted, self._acted = self._acted, False
+        self._took_failures(self._call("step", ticks, acted))
+
+    def reset(
+        self, mask: NDArray[np.bool_], seeds: Seeds, start: Mapping[str, NDArray[Any]]
+    ) -> None:
+        """Go back to time 0 where the mask is true."""
+        if self._broken and mask.all():
+            self._settle()
+        workers = self._live()
+        self._memory.mask[...] = mask
+        self._memory.seeds[...] = np.asarray(seeds, np.uint64)
+        starts = [({name: v[w.rows] for name, v in start.items()},) for w in workers]
+        self._took_failures(self._each("reset", starts))
+        self._acted = self._acted and not mask.all()
+
+    @property
+    def failed(self) -> NDArray[np.bool_]:
+        """Say which copies have failed since their reset."""
+        return self._memory.failed.copy()
+
+    def failure(self, row: int) -> ComponentFailed | None:
+        """Say what failed in a copy."""
+        return self._failures.get(row)
+
+    def close(self) -> None:
+        """End the processes; a second call does nothing."""
+        self._end()
+
+    # ---- inside ---------------------------------------------------------------------------
+
+    def _begun(self, first: int, end: int) -> WorkerProcess:
+        """Start a worker and tell it its rows; its answer is to be taken."""
+        worker = WorkerProcess(first, end, self._memory.handles)
+        worker.send("begin", {**self._job, "n": end - first, "first": first})
+        return worker
+
+    def _call(self, name: str, *arguments: Any) -> list[Any]:
+        return self._each(name, [arguments] * len(self._live()))
+
+    def _each(self, name: str, arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
+        """Ask all, take the answers of all, then raise the first error; one gone closes all."""
+        workers, results, errors = self._live(), [], []
+        self._broken = True
+        try:
+            for worker, given in zip(workers, arguments, strict=True):
+                worker.send(name, *given)
+        except UuvsimError:
+            self._end()
+            raise
+        for worker in workers:
+            try:
+                results.append(worker.answer())
+            except UuvsimError as error:
+                errors.append(error)
+        self._broken = False
+        if any(worker.is_gone for worker in workers):
+            self._end()
+        if errors:
+            raise errors[0]
+        return results
+
+    def _settle(self) -> None:
+        """Make all workers ready after an interruption."""
+        for i, worker in enumerate(self._workers):
+            try:
+                worker.settle()
+            except UuvsimError:
+                self._end()
+                raise
+            if worker.torn:
+                worker.end(now=True)
+                self._workers[i] = self._begun(worker.rows.start, worker.rows.stop)
+                self._workers[i].answer()
+        self._broken = False
+
+    def _took_failures(self, told: Sequence[Mapping[int, tuple[str, float, str]]]) -> None:
+        self._failures = {
+            worker.rows.start + row: ComponentFailed(*failure)
+            for worker, failures in zip(self._workers, told, strict=True)
+            for row, failure in failures.items()
+        }
+
+    def _live(self) -> list[WorkerProcess]:
+        if os.getpid() != self._owner:
+            raise UuvsimError(
+                "the worker processes are those of another process, which this one was forked "
+                "from; expected new environments"
+            )
+        if not self._workers:
+            raise UuvsimError("the worker processes have ended; expected new environments")
+        if self._broken:
+            raise UuvsimError("a call was interrupted; expected reset() of all environments")
+        return self._workers
+
+    def _end(self, *, now: bool = False) -> None:
+        workers, self._workers = self._workers, []
+        if workers and os.getpid() == self._owner:
+            for worker in workers:
+                worker.hang_up()
+            for worker in workers:
+                worker.end(now=now)
+        for worker in workers:
+            worker.forget()
+        self._memory.release()

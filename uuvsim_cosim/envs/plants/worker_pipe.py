@@ -1,0 +1,156 @@
+"""Questions and answers between a plant and a worker process, each with its number."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import pickle
+import select
+import subprocess
+import sys
+from collections.abc import Sequence
+from typing import Any, BinaryIO, final
+
+from uuvsim_cosim.errors import (
+    ComponentFailed,
+    FmuError,
+    InputInvalid,
+    LoopNotConverged,
+    UuvsimError,
+)
+
+__all__ = ["WorkerProcess", "receive", "send"]
+
+_ERRORS: dict[str, type[UuvsimError]] = {
+    c.__name__: c for c in (ComponentFailed, FmuError, InputInvalid, LoopNotConverged)
+}
+_GRACE = 5.0  # [s] that a worker is given to free its components
+
+
+def send(pipe: BinaryIO, message: Any) -> None:
+    """Write a message."""
+    data = pickle.dumps(message, protocol=pickle.HIGHEST_PROTOCOL)
+    left = memoryview(len(data).to_bytes(8, "little") + data)
+    while left:
+        left = left[pipe.write(left) :]
+    pipe.flush()
+
+
+def receive(pipe: BinaryIO) -> Any:
+    """Read a message; raises EOFError when the other side has gone."""
+    return pickle.loads(_read(pipe, int.from_bytes(_read(pipe, 8), "little")))
+
+
+def _read(pipe: BinaryIO, size: int) -> bytes:
+    parts = []
+    while size:
+        part = pipe.read(size)
+        if not part:
+            raise EOFError
+        parts.append(part)
+        size -= len(part)
+    return b"".join(parts)
+
+
+@final
+class WorkerProcess:
+    """One worker, with the rows from `first` to before `end`, and its pipes.
+
+    Any call may be interrupted by an exception of a signal handler. What it asked is answered
+    nevertheless, and `settle` passes the answer over; in the midst of a message the worker is
+    `torn`, and fit for nothing.
+    """
+
+    def __init__(self, first: int, end: int, handles: Sequence[int]) -> None:
+        self.rows = slice(first, end)
+        self.is_gone = False
+        self.torn = True  # until it has been asked to begin
+        self._asked = self._answered = 0
+        search = os.pathsep.join(p for p in sys.path if p)
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "uuvsim_cosim.envs.plants.worker"],
+            bufsize=0,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            pass_fds=tuple(handles),
+            env={**os.environ, "PYTHONPATH": search},
+        )
+
+    def send(self, name: str, *arguments: Any) -> None:
+        """Ask for something."""
+        try:
+            self.torn = True
+            self._asked += 1
+            send(self._pipe(self._process.stdin), (self._asked, name, arguments))
+            self.torn = False
+        except (BrokenPipeError, ValueError):
+            raise self._gone(name) from None
+
+    def answer(self) -> Any:
+        """Wait for the answer to what was asked last; raises what the worker has raised."""
+        while True:
+            number, kind, result = self._next()
+            if number == self._asked:
+                break
+        if kind is not None:
+            raise _ERRORS.get(kind, UuvsimError)(*result)
+        return result
+
+    def settle(self) -> None:
+        """Wait until the worker has nothing to do."""
+        while not self.torn and self._answered < self._asked:
+            self._next()
+
+    def hang_up(self) -> None:
+        """Tell the worker to end."""
+        if self._process.stdin is not None:
+            with contextlib.suppress(OSError):
+                self._process.stdin.close()
+
+    def end(self, *, now: bool = False) -> None:
+        """Wait until it has ended, or make it end `now`."""
+        try:
+            if now:
+                self._process.kill()
+            self._process.wait(_GRACE)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self.forget()
+
+    def forget(self) -> None:
+        """Close the pipes."""
+        for pipe in (self._process.stdin, self._process.stdout):
+            if pipe is not None:
+                with contextlib.suppress(OSError):
+                    pipe.close()
+
+    def _next(self) -> tuple[int, str | None, Any]:
+        try:
+            pipe = self._pipe(self._process.stdout)
+            if os.name == "posix":  # what waits here may be interrupted
+                ready = select.poll()
+                ready.register(pipe, select.POLLIN)
+                ready.poll()
+            self.torn = True
+            number, kind, result = receive(pipe)
+            self._answered, self.torn = number, False
+        except (EOFError, ValueError):
+            raise self._gone("answering") from None
+        return number, kind, result
+
+    def _gone(self, doing: str) -> UuvsimError:
+        self.is_gone = True
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(_GRACE)
+        code = self._process.returncode
+        how = f"by signal {-code}" if code is not None and code < 0 else f"with status {code}"
+        return UuvsimError(
+            f"the worker process of environments {self.rows.start} to {self.rows.stop - 1} ended "
+            f"{how} ({doing}); expected new environments, or a component that does not crash"
+        )
+
+    @staticmethod
+    def _pipe(pipe: Any) -> BinaryIO:
+        stream: BinaryIO = pipe
+        return stream

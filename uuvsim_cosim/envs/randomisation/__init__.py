@@ -1,0 +1,4 @@
+"""Domain randomisation: parameters drawn anew for every episode.
+
+It may import `envs.task`, `envs.pictures`. Start reading with `randomisation.py`.
+"""

@@ -1,0 +1,163 @@
+"""What a critic may know and a vehicle cannot: a task that shows the drawn parameters as well."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, final, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.envs.randomisation.randomisation import Randomisation
+from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.envs.task.task import Moment, Task, TeamTask
+from uuvsim_cosim.errors import InputInvalid
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.envs.pictures.picture import View
+
+__all__ = ["with_privileged"]
+
+Array = NDArray[np.float64]
+
+
+@overload
+def with_privileged(task: Task) -> PrivilegedTask: ...
+@overload
+def with_privileged(task: TeamTask) -> PrivilegedTeamTask: ...
+
+
+def with_privileged(task: Task | TeamTask) -> PrivilegedTask | PrivilegedTeamTask:
+    """Return a task whose observation ends with the drawn parameters, scaled by their range.
+
+    These are its last `privileged_width` numbers, so that an actor can be kept from seeing them.
+    Of a team, each agent's observation and the state end so.
+    Raises InputInvalid if the task draws nothing by a Randomisation.
+    """
+    return PrivilegedTeamTask(task) if isinstance(task, TeamTask) else PrivilegedTask(task)
+
+
+def _drawn(task: Task | TeamTask) -> Randomisation:
+    drawn = task.randomisation
+    if not isinstance(drawn, Randomisation):
+        raise InputInvalid(
+            f"{type(task).__name__}: draws nothing by a Randomisation; expected a task with one"
+        )
+    return drawn.bound(task.system)
+
+
+@final
+class PrivilegedTask(Task):
+    """Another task, with `extra` longer by what its Randomisation draws."""
+
+    def __init__(self, task: Task) -> None:
+        self.task, self.drawn = task, _drawn(task)
+        self.privileged_width = len(self.drawn.privileged_names)
+        self.failure_reward = task.failure_reward
+        super().__init__(
+            task.system,
+            actions=task.actions,
+            observations=task.observations,
+            action_step=task.action_step,
+            horizon=task.horizon,
+            signals=task.signals,
+            randomisation=self.drawn,
+        )
+
+    def extra(self, m: Moment) -> Array:
+        """Return the task's own, then the drawn parameters."""
+        own = self.task.extra(m)
+        seen = self.drawn.privileged(m.start)
+        return seen if own is None else np.concatenate([own, seen], axis=1)
+
+    @property
+    def extra_limits(self) -> tuple[Sequence[float], Sequence[float]]:
+        """The task's own, then -1 and 1."""
+        low, high = self.task.extra_limits
+        least, most = self.drawn.privileged_limits
+        return [*low, *least.tolist()], [*high, *most.tolist()]
+
+    def start(self, draws: Draws) -> Mapping[str, Array]:
+        """Draw what the task draws."""
+        return self.task.start(draws)
+
+    def reward(self, m: Moment) -> Array:
+        """Return the task's reward."""
+        return self.task.reward(m)
+
+    def terminated(self, m: Moment) -> NDArray[np.bool_]:
+        """Say what the task says."""
+        return self.task.terminated(m)
+
+    def info(self, m: Moment) -> Mapping[str, NDArray[Any]]:
+        """Return the task's info."""
+        return self.task.info(m)
+
+    def view(self, m: Moment, row: int) -> View | None:
+        """Draw what the task draws."""
+        return self.task.view(m, row)
+
+
+@final
+class PrivilegedTeamTask(TeamTask):
+    """Another team's task, with observations and state longer by what its Randomisation draws."""
+
+    def __init__(self, task: TeamTask) -> None:
+        self.task, self.drawn = task, _drawn(task)
+        self.privileged_width = len(self.drawn.privileged_names)
+        self.failure_reward, self.team_reward = task.failure_reward, task.team_reward
+        super().__init__(
+            task.system,
+            agents=task.agents,
+            actions=task.actions,
+            action_step=task.action_step,
+            horizon=task.horizon,
+            signals=task.signals,
+            randomisation=self.drawn,
+        )
+
+    def limits(self, agent: str) -> tuple[Array, Array]:
+        """Return the task's own, then -1 and 1."""
+        return self._longer(self.task.limits(agent))
+
+    def observe(self, m: Moment) -> Mapping[str, Array]:
+        """Return each agent's own observation, then the drawn parameters."""
+        seen = self.drawn.privileged(m.start)
+        own = self.task.observe(m)
+        return {agent: np.concatenate([own[agent], seen], axis=1) for agent in self.agents}
+
+    def state(self, m: Moment) -> Array:
+        """Return the task's own, then the drawn parameters."""
+        return np.concatenate([self.task.state(m), self.drawn.privileged(m.start)], axis=1)
+
+    def state_limits(self) -> tuple[Array, Array]:
+        """Return the task's own, then -1 and 1."""
+        return self._longer(self.task.state_limits())
+
+    def start(self, draws: Draws) -> Mapping[str, Array]:
+        """Draw what the task draws."""
+        return self.task.start(draws)
+
+    def reward(self, m: Moment) -> Mapping[str, Array]:
+        """Return the task's rewards."""
+        return self.task.reward(m)
+
+    def terminated(self, m: Moment) -> Mapping[str, NDArray[np.bool_]]:
+        """Say what the task says."""
+        return self.task.terminated(m)
+
+    def present(self, m: Moment) -> Mapping[str, NDArray[np.bool_]]:
+        """Say what the task says."""
+        return self.task.present(m)
+
+    def info(self, m: Moment) -> Mapping[str, NDArray[Any]]:
+        """Return the task's info."""
+        return self.task.info(m)
+
+    def view(self, m: Moment, row: int) -> View | None:
+        """Draw what the task draws."""
+        return self.task.view(m, row)
+
+    def _longer(self, own: tuple[Array, Array]) -> tuple[Array, Array]:
+        (low, high), (least, most) = own, self.drawn.privileged_limits
+        return np.concatenate([low, least]), np.concatenate([high, most])

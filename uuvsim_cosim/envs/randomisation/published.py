@@ -1,0 +1,64 @@
+"""Ready-made randomisations: published intervals of a hull, sensors, current, thrusters, delays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from uuvsim_cosim.envs.randomisation import sets
+from uuvsim_cosim.envs.randomisation.distributions import Distribution, Uniform
+from uuvsim_cosim.envs.randomisation.randomisation import Randomisation
+from uuvsim_cosim.orchestrator.system.system import System
+
+__all__ = ["current", "delays", "published", "sensor_noise", "thruster_strength"]
+
+
+def published(
+    vehicle: str,
+    prefix: str = "hull",
+    set: str | None = None,
+    distribution: Callable[[float, float], Distribution] = Uniform,
+) -> Randomisation:
+    """Draw each number of a hull from the interval of all its published values.
+
+    A set that was identified (`uuvsim identify --save-as`) has intervals of its own, and draws from
+    those alone.
+
+    `prefix` is the hull's path in the system; `vehicle` and `set` are those that it is declared
+    with, since what a set leaves out is structurally zero and cannot be drawn. Values and sources:
+    models/vehicles/<vehicle>/published.yaml.
+    """
+    return Randomisation(*sets.published_intervals(vehicle, prefix, set, distribution))
+
+
+def sensor_noise(system: System, low: float = 0.5, high: float = 2.0) -> Randomisation:
+    """Scale the noise of every sensor: its densities, deviations and biases, each by itself.
+
+    A sensor is a component that says when its reading was taken (an output ``t_sample``), and
+    reads no other sensor.
+    """
+    return Randomisation(*sets.noise_of_sensors(system, low, high))
+
+
+def current(system: System, speed: float = 0.5) -> Randomisation:
+    """Draw a current of up to `speed` [m/s] from any direction.
+
+    Components that make currents get speed and direction; a hull whose `v_c` is free gets a
+    velocity with each horizontal part within ± speed / sqrt(2).
+    """
+    return Randomisation(*sets.current_of_any_direction(system, speed))
+
+
+def thruster_strength(
+    system: System, low: float = 0.8, high: float = 1.1, voltage: tuple[float, float] = (13.0, 16.0)
+) -> Randomisation:
+    """Scale each thruster's `K_n`; where strength follows the supply, draw the supply's voltage.
+
+    A voltage that no battery feeds is one for all thrusters; a battery's state of charge is drawn
+    from 0.3 to 1.
+    """
+    return Randomisation(*sets.strength_of_thrusters(system, low, high, voltage))
+
+
+def delays(system: System, most: float = 0.2) -> Randomisation:
+    """Draw every delay from 0 to `most` [s], or to what its component allows."""
+    return Randomisation(*sets.delays_of_components(system, most))

@@ -1,0 +1,219 @@
+"""Domain randomisation: parameters of a system that are drawn anew for every episode.
+
+>>> Randomisation(
+...     [
+...         Vary("hull.m", Uniform(12.5, 14.5)),
+...         Vary("hull.nabla", Uniform(0.0124, 0.0144)),
+...         Vary("thruster_*.T_n", LogUniform(0.5, 2.0), relative=True, together=True),
+...     ],
+...     correlation={("hull.m", "hull.nabla"): 0.95},
+...     system=system,
+... )  # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.envs.randomisation.copula import Copula, copula_problems
+from uuvsim_cosim.envs.randomisation.mass import hulls_of
+from uuvsim_cosim.envs.randomisation.targets import Places, Quantity, Vary, resolved, varies
+from uuvsim_cosim.envs.randomisation.yaml_text import read_declared
+from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.errors import InputInvalid, SystemInvalid
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.orchestrator.system.system import System
+
+__all__ = ["Randomisation", "Vary"]
+
+Array = NDArray[np.float64]
+Correlation = Mapping[tuple[str, str], float] | Sequence[Sequence[float]] | Array
+TRIES = 100
+
+
+@final
+class Randomisation:
+    """What is drawn, and how draws move together; of use once it is bound to a system.
+
+    `correlation` is of the normals behind the draws (a Gaussian copula): by pairs of names, or a
+    matrix over `parameters`, each of which must then be one draw. Names are those of `labels`:
+    "hull.m", "hull.D_l[1]", "thruster_3.T_n", or a pattern that is drawn together.
+    Raises SystemInvalid with every problem.
+    """
+
+    def __init__(
+        self,
+        parameters: Iterable[Vary],
+        correlation: Correlation | None = None,
+        system: System | None = None,
+    ) -> None:
+        self.parameters = varies(parameters)
+        self.correlation = _pairs(correlation, self.parameters)
+        self.system = system
+        self.rejected: dict[str, int] = {}  # by hull: draws that were no possible body
+        self.drawn = 0
+        if system is None:
+            return
+        self._places = Places(system)
+        self.quantities, problems = resolved(self._places, self.parameters)
+        if not problems:
+            problems = copula_problems(self.correlation, self.labels)
+        if problems:
+            raise SystemInvalid(problems)
+        self._copula = Copula(self.correlation)
+        self._hulls = list(hulls_of(self._places, self.names))
+
+    def bound(self, system: System) -> Randomisation:
+        """Return the same randomisation for a system."""
+        same = self.system is system
+        return self if same else Randomisation(self.parameters, self.correlation, system)
+
+    def __add__(self, other: Randomisation) -> Randomisation:
+        """Return both together."""
+        pairs = {**self.correlation, **other.correlation}
+        system = self.system if self.system is not None else other.system
+        return Randomisation((*self.parameters, *other.parameters), pairs, system)
+
+    @classmethod
+    def read(cls, path: str | Path, system: System) -> Randomisation:
+        """Read a YAML file of `parameters`, `sets`, `correlation` (docs/systems/studies.md)."""
+        return cls(*read_declared(Path(path), system), system)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Name the draws."""
+        self._bound()
+        return tuple(q.label for q in self.quantities)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Name the variables that are drawn."""
+        self._bound()
+        return tuple(dict.fromkeys(t.name for q in self.quantities for t in q.targets))
+
+    def draw(self, draws: Draws) -> Mapping[str, Array]:
+        """Draw start values by variable, of shape (n, *shape).
+
+        A draw that is no possible body (M not positive definite, or moments of inertia that break
+        their triangle rule) is drawn again, and counted in `rejected`.
+        """
+        start = self._once(draws, "")
+        self.drawn += draws.n
+        attempt = 1
+        while len(wrong := self._impossible(start, draws.n)):
+            attempt += 1
+            if attempt > TRIES:
+                hulls = ", ".join(h.path for h in self._hulls)
+                raise InputInvalid(
+                    f"{hulls}: {TRIES} draws one after the other gave no possible body "
+                    "(M not positive definite, or inertia against its triangle rule); "
+                    "expected distributions of mass and inertia that agree with each other"
+                )
+            for name, values in self._once(draws.rows(wrong), f"/{attempt}").items():
+                start[name][wrong] = values
+        return start
+
+    def _impossible(self, start: Mapping[str, Array], n: int) -> NDArray[np.int64]:
+        """Count and give the rows in which a hull is no possible body."""
+        good = np.ones(n, bool)
+        for hull in self._hulls:
+            right = hull.right(start, n)
+            if not right.all():
+                self.rejected[hull.path] = self.rejected.get(hull.path, 0) + int((~right).sum())
+            good &= right
+        return np.flatnonzero(~good)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Say how many draws were no possible body."""
+        return tuple(
+            f"{path}: {count} draws beside the {self.drawn} used were no possible body (M not "
+            "positive definite, or inertia against its triangle rule) and were drawn again"
+            for path, count in self.rejected.items()
+        )
+
+    def _once(self, draws: Draws, attempt: str) -> dict[str, Array]:
+        self._bound()
+        u = {label: draws.uniform(f"randomisation/{label}{attempt}") for label in self.labels}
+        return self._places.assembled(self.quantities, self._copula.correlated(u))
+
+    # ---- what a critic may see ------------------------------------------------------------
+
+    @property
+    def privileged_names(self) -> tuple[str, ...]:
+        """Name the numbers of `privileged`: the draws that can differ."""
+        self._bound()
+        return tuple(q.label for q in self._seen)
+
+    def privileged(self, start: Mapping[str, Array]) -> Array:
+        """Return the drawn values, each scaled by its range to [-1, 1], of shape (n, k).
+
+        A normal without limits is scaled by three deviations, and what lies beyond is cut.
+        """
+        self._bound()
+        columns = []
+        for q in self._seen:
+            t, (low, high) = q.targets[0], q.limits
+            if t.name not in start:
+                raise InputInvalid(
+                    f"{t.name}: not among the start values {', '.join(start) or '(none)'}; "
+                    "expected the moment's `start`, of a task with this randomisation"
+                )
+            given = np.asarray(start[t.name], dtype=float)
+            value = given.reshape(len(given), -1)[:, t.element]
+            columns.append(np.clip(2.0 * (value - low) / (high - low) - 1.0, -1.0, 1.0))
+        n = len(next(iter(start.values()))) if start else 0
+        return np.stack(columns, axis=1) if columns else np.zeros((n, 0))
+
+    @property
+    def privileged_limits(self) -> tuple[Array, Array]:
+        """The least and the greatest value of each number of `privileged`."""
+        k = len(self.privileged_names)
+        return -np.ones(k), np.ones(k)
+
+    @property
+    def _seen(self) -> list[Quantity]:
+        return [q for q in self.quantities if q.limits[0] < q.limits[1]]
+
+    def _bound(self) -> None:
+        if self.system is None:
+            raise InputInvalid(
+                "the randomisation belongs to no system yet; expected .bound(system), or a task "
+                "that it is given to"
+            )
+
+
+def _pairs(given: Correlation | None, parameters: tuple[Vary, ...]) -> dict[tuple[str, str], float]:
+    if given is None:
+        return {}
+    if isinstance(given, Mapping):
+        wrong = [key for key in given if not (isinstance(key, tuple) and len(key) == 2)]
+        if wrong:
+            raise InputInvalid(f"correlation: {wrong[0]!r}; expected pairs of names")
+        return {(str(a), str(b)): rho for (a, b), rho in given.items()}
+    k = len(parameters)
+    try:
+        matrix: Any = np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        raise InputInvalid(
+            f"correlation: {given!r}; expected numbers by pairs of names, or a matrix {k} x {k}"
+        ) from None
+    if matrix.shape != (k, k) or not np.isfinite(matrix).all():
+        raise InputInvalid(
+            f"correlation: numbers of shape {matrix.shape}; expected a finite matrix {k} x {k}, "
+            "over the parameters"
+        )
+    if not np.array_equal(matrix, matrix.T) or not np.all(np.diag(matrix) == 1.0):
+        raise InputInvalid("correlation: expected a symmetric matrix with ones on its diagonal")
+    return {
+        (parameters[i].name, parameters[j].name): float(matrix[i, j])
+        for i in range(k)
+        for j in range(i)
+        if matrix[i, j] != 0.0
+    }

@@ -1,0 +1,285 @@
+"""What a name of a randomisation stands for in a system: elements of variables, and their draws."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from types import MappingProxyType
+from typing import NamedTuple, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.envs.randomisation.distributions import Choice, Constant, Distribution
+from uuvsim_cosim.errors import InputInvalid, Problem
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.models.declaration.near_names import expected_names
+from uuvsim_cosim.orchestrator.plan.flatten import flatten
+from uuvsim_cosim.orchestrator.plan.plan import Plan
+from uuvsim_cosim.orchestrator.system.system import System
+from uuvsim_cosim.orchestrator.values.endpoints import Endpoint, resolve_endpoint
+from uuvsim_cosim.orchestrator.values.values import Misfit, conversion, flat
+
+__all__ = ["Declared", "Places", "Quantity", "Target", "Vary", "resolved", "varies"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Vary:
+    """A parameter, an unconnected input or a start value, and how it is drawn.
+
+    `name` is a variable ("hull.m"), one element or a slice of it ("hull.D_l[1]"), or a pattern over
+    instances ("thruster_*.T_n"). `unit` is that of the distribution, by default the variable's.
+    `relative`: the distribution is of a factor on the value that the system gives. `together`: one
+    draw decides all that is named; otherwise every element of every instance has its own.
+    """
+
+    name: str
+    distribution: Distribution
+    unit: str | None = None
+    relative: bool = False
+    together: bool = False
+
+    def __post_init__(self) -> None:
+        """Check what kinds of things are given."""
+        if not isinstance(self.name, str):
+            raise InputInvalid(f"Vary: name {self.name!r}; expected a text, such as 'hull.m'")
+        if not isinstance(self.distribution, Distribution):
+            number = isinstance(self.distribution, int | float)
+            expected = f"Constant({self.distribution})" if number else "Uniform(low, high)"
+            raise InputInvalid(
+                f"{self.name}: {self.distribution!r}; expected a distribution, such as {expected}"
+            )
+        if self.unit is not None and not isinstance(self.unit, str):
+            raise InputInvalid(f"{self.name}: unit {self.unit!r}; expected a text, or None")
+        for option in ("relative", "together"):
+            value = getattr(self, option)
+            if not isinstance(value, bool):
+                raise InputInvalid(f"{self.name}: {option} {value!r}; expected True or False")
+
+
+class Declared(NamedTuple):
+    """Parameters to draw, and the correlation of their draws by pairs of labels; of no system."""
+
+    parameters: Sequence[Vary]
+    correlation: Mapping[tuple[str, str], float] = MappingProxyType({})
+
+
+def varies(given: object, name: str = "parameters") -> tuple[Vary, ...]:
+    """Return what is to be varied; raises InputInvalid for anything but a list of Vary."""
+    if isinstance(given, str | Vary) or not isinstance(given, Iterable):
+        raise InputInvalid(f"{name}: {given!r}; expected a list of Vary")
+    listed = tuple(given)
+    for each in listed:
+        if not isinstance(each, Vary):
+            raise InputInvalid(
+                f"{name}: {each!r}; expected a Vary, such as Vary('hull.m', Uniform(13, 14))"
+            )
+    return listed
+
+
+@dataclass(frozen=True)
+class Target:
+    """One element that is set to  offset + factor · quantile(u)."""
+
+    name: str
+    element: int  # flat, from 0
+    distribution: Distribution
+    factor: float = 1.0
+    offset: float = 0.0
+
+    def value(self, u: Array) -> Array:
+        """Return the value that a draw decides, of the shape of u."""
+        return self.offset + self.factor * self.distribution.quantile(u)
+
+    def between(self, pair: tuple[float, float]) -> tuple[float, float]:
+        """Return limits of the distribution as limits of the value."""
+        a, b = (self.offset + self.factor * x if self.factor else self.offset for x in pair)
+        return min(a, b), max(a, b)
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One draw: a label, and the elements that it decides."""
+
+    label: str
+    targets: tuple[Target, ...]
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Return finite limits of its first element's value."""
+        first = self.targets[0]
+        return first.between(first.distribution.range)
+
+
+@final
+class Places:
+    """The variables of a system by path and name, and what may be drawn of them."""
+
+    def __init__(self, system: System) -> None:
+        self.system = system
+        self.plan: Plan = flatten(system)
+        self._descriptions = {c.path: c.description for c in self.plan.components}
+        self._given = {
+            f"{c.path}.{name}": value
+            for c in self.plan.components
+            for name, value in c.start.items()
+        }
+        self.variables: dict[str, Variable] = {
+            f"{c.path}.{v.name}": v
+            for c in self.plan.components
+            for v in c.description.variables.values()
+        }
+        self._fed: dict[str, dict[int, str]] = {}
+        for t in self.plan.transfers:
+            source = f"{self.plan.components[t.source].path}.{t.source_variable.name}"
+            name = f"{self.plan.components[t.target].path}.{t.target_variable.name}"
+            self._fed.setdefault(name, {}).update(dict.fromkeys(t.target_elements, source))
+
+    def start(self, name: str) -> Array:
+        """Return what the system starts a variable with, of its shape; NaN where nothing says."""
+        variable = self.variables[name]
+        value = self._given.get(name, variable.start)
+        elements = [np.nan] * variable.size if value is None else flat(value)
+        if len(elements) == 1 != variable.size:
+            elements *= variable.size
+        return np.array(elements, dtype=float).reshape(variable.shape)
+
+    def quantities(self, vary: Vary) -> list[Quantity]:
+        """Return the draws of a parameter; Misfit or InputInvalid if it cannot be drawn."""
+        points = list(self._points(vary.name))
+        own = [[self._target(vary, p, i, k) for k, i in enumerate(p.elements)] for p in points]
+        if vary.together:
+            return [Quantity(vary.name, tuple(t for targets in own for t in targets))]
+        found: list[Quantity] = []
+        for point, targets in zip(points, own, strict=True):
+            if vary.distribution.joint or len(targets) == 1:
+                stem = f"{point.element}.{point.variable.name}"
+                label = stem if point.whole or len(targets) > 1 else point.texts()[0]
+                found.append(Quantity(label, tuple(targets)))
+            else:
+                found += [
+                    Quantity(text, (t,)) for text, t in zip(point.texts(), targets, strict=True)
+                ]
+        return found
+
+    def assembled(self, quantities: Sequence[Quantity], u: Mapping[str, Array]) -> dict[str, Array]:
+        """Return start values by variable, of shape (n, *shape), from draws by label."""
+        names = list(dict.fromkeys(t.name for q in quantities for t in q.targets))
+        n = len(next(iter(u.values()))) if u else 0
+        flat_ = {m: np.tile(self.start(m).reshape(-1), (n, 1)) for m in names}
+        for q in quantities:
+            for t in q.targets:
+                flat_[t.name][:, t.element] = t.value(u[q.label])
+        return {m: a.reshape(n, *self.variables[m].shape) for m, a in flat_.items()}
+
+    # ---- inside ---------------------------------------------------------------------------
+
+    def _points(self, name: str) -> Iterator[Endpoint]:
+        stem, bracket, index = name.partition("[")
+        if "*" not in stem and "?" not in stem:
+            yield resolve_endpoint(name, self._descriptions)
+            return
+        matching = [n for n in self.variables if fnmatchcase(n, stem) and self._may(n) is None]
+        if not matching:
+            settable = [n for n in self.variables if self._may(n) is None]
+            own = [n for n in settable if n.rpartition(".")[2] == stem.rpartition(".")[2]]
+            raise Misfit(f"no variable matches {name!r}",
+                         expected_names(stem, own or settable, "a pattern of names"))  # fmt: skip
+        for found in matching:
+            yield resolve_endpoint(f"{found}{bracket}{index}", self._descriptions)
+
+    def _may(self, name: str) -> Misfit | None:
+        v = self.variables[name]
+        fed = self._fed.get(name, {})
+        if v.causality not in ("parameter", "input"):
+            return Misfit(f"a {v.variability} {v.causality}",
+                          "a parameter, a start value or an unconnected input")  # fmt: skip
+        if v.variability == "constant" or v.type in ("String", "Binary", "Clock"):
+            return Misfit(f"a {v.variability} of type {v.type}", "a number that may be set")
+        if len(fed) == v.size:
+            return Misfit(f"is fed by {next(iter(fed.values()))}",
+                          "a parameter, or an unconnected input")  # fmt: skip
+        return None
+
+    def _target(self, vary: Vary, point: Endpoint, i: int, k: int) -> Target:
+        """Return what element i, the k-th of those named, is set to."""
+        name = f"{point.element}.{point.variable.name}"
+        v = point.variable
+        text = f"{point.element}.{v.element_name(i)}"
+        wrong = self._may(name)
+        if wrong is not None:
+            raise wrong
+        if i in self._fed.get(name, {}):
+            raise Misfit(f"is fed by {self._fed[name][i]}", "an unconnected element")
+        size = vary.distribution.size
+        if size not in (None, len(point.elements)):
+            raise Misfit(f"a distribution over {size} elements",
+                         f"one over {len(point.elements)}, or of one number")  # fmt: skip
+        distribution = vary.distribution if size is None else vary.distribution.element(k)
+        if v.type not in ("Float64", "Float32"):
+            values = distribution.values if isinstance(distribution, Choice) else ()
+            values = distribution.limits if isinstance(distribution, Constant) else values
+            if vary.relative or not values or any(x != int(x) for x in values):
+                raise Misfit(f"{distribution!r} for a {v.type}", "a Choice of whole numbers")
+        target = self._scaled(vary, Target(name, i, distribution), v, i)
+        self._check_limits(target, v, text)
+        return target
+
+    def _scaled(self, vary: Vary, t: Target, v: Variable, i: int) -> Target:
+        if vary.relative:
+            if vary.unit is not None:
+                raise Misfit(f"relative, with the unit {vary.unit!r}", "a factor without unit")
+            base = float(self.start(t.name).reshape(-1)[i])
+            if not np.isfinite(base):
+                raise Misfit("relative to a start value that nothing says", "a distribution of it")
+            return Target(t.name, i, t.distribution, base)
+        wanted = v.unit_of_element(i)
+        if vary.unit is None or wanted is None or vary.unit == wanted:
+            return t
+        element = t.name.removesuffix(f".{v.name}")
+        pair = conversion(vary.unit, wanted, self._descriptions[element].units)
+        if pair is None:
+            raise Misfit(f"the unit {vary.unit!r}", f"{wanted!r} or a unit of its kind")
+        return Target(t.name, i, t.distribution, *pair)
+
+    def _check_limits(self, t: Target, v: Variable, text: str) -> None:
+        low, high = t.between(t.distribution.limits)
+        least = -np.inf if v.min is None else v.min
+        most = np.inf if v.max is None else v.max
+        if low >= least and high <= most:
+            return
+        unit = f" {v.unit}" if v.unit not in (None, "1") else ""
+        raise Misfit(f"{text} is drawn from [{low:g}, {high:g}]{unit}",
+                     f"values in its range [{least:g}, {most:g}]{unit}")  # fmt: skip
+
+
+def resolved(places: Places, parameters: Iterable[Vary]) -> tuple[list[Quantity], list[Problem]]:
+    """Return the draws that parameters stand for in a system, and every problem."""
+    quantities: list[Quantity] = []
+    problems: list[Problem] = []
+    owner: dict[tuple[str, int], tuple[int, str]] = {}
+    for i, vary in enumerate(parameters):
+        try:
+            found = places.quantities(vary)
+        except (Misfit, InputInvalid) as error:
+            problems.append(problem_of(vary.name, error))
+            continue
+        for t in (t for q in found for t in q.targets):
+            before, other = owner.setdefault((t.name, t.element), (i, vary.name))
+            if before != i:
+                where = f"also drawn by {other!r}: {t.name}"
+                problems.append(Problem(vary.name, where, "each element drawn once"))
+                break
+        quantities += found
+    return quantities, problems
+
+
+def problem_of(name: str, error: Misfit | InputInvalid) -> Problem:
+    """Return the problem of a parameter that cannot be drawn."""
+    if isinstance(error, Misfit):
+        return error.at(name)
+    read, _, expected = str(error).partition("; expected ")
+    return Problem(name, read, expected or "another value")

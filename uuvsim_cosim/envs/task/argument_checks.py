@@ -1,0 +1,112 @@
+"""What users give to reset and to constructors: refused in a sentence if wrong."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from fractions import Fraction
+from operator import index
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.near_names import did_you_mean, expected_names
+
+__all__ = ["base_seed", "mask_of", "refuse_options", "seconds", "start_of", "whole"]
+
+_KNOWN = ("start", "reset_mask")
+_SEEDS = 2**64
+
+
+def base_seed(seed: Any, n: int = 1) -> int:
+    """Return a seed, of n environments in a row, as a whole number; raises InputInvalid."""
+    try:
+        number = index(seed)
+    except TypeError:
+        number = -1
+    if not 0 <= number <= _SEEDS - n or isinstance(seed, bool | np.bool_):
+        most = "2^64 - 1" if n == 1 else f"2^64 - {n}, for {n} environments"
+        raise InputInvalid(f"seed {seed!r}; expected a whole number from 0 to {most}, or None")
+    return number
+
+
+def start_of(
+    options: Mapping[str, Any] | None, *, mask: str | None = None, others: bool = False
+) -> Mapping[str, Any]:
+    """Return the start values of reset's options; raises InputInvalid for unknown options.
+
+    `mask` says, if it must not be there, what would take a reset_mask. `others` may be there
+    (PettingZoo's own tests give some), but for names that are nearly those of ours.
+    """
+    if options is None:
+        return {}
+    if not isinstance(options, Mapping):
+        raise InputInvalid(f"options {options!r}; expected a dictionary")
+    for key in options:
+        if key not in _KNOWN and not (others and not did_you_mean(key, _KNOWN)):
+            raise InputInvalid(
+                f"options, {key!r}: no such option; expected {expected_names(key, _KNOWN)}"
+            )
+    if mask is not None and options.get("reset_mask") is not None:
+        raise InputInvalid(f"options, reset_mask; expected it with {mask} only")
+    start = options.get("start")
+    if start is None:
+        return {}
+    if not isinstance(start, Mapping):
+        raise InputInvalid(f"options, start: {start!r}; expected start values by name")
+    return start
+
+
+def mask_of(options: Mapping[str, Any] | None, n: int) -> NDArray[np.bool_] | None:
+    """Return the environments to reset, from reset's options; None is all."""
+    mask = None if options is None else options.get("reset_mask")
+    if mask is None:
+        return None
+    chosen = np.asarray(mask)
+    if chosen.dtype != bool or chosen.shape != (n,) or not chosen.any():
+        raise InputInvalid(
+            f"options, reset_mask: {chosen.dtype} of shape {chosen.shape}; expected {n} "
+            "Booleans, at least one of them true"
+        )
+    return chosen.copy()
+
+
+def whole(value: Any, name: str, least: int = 1) -> int:
+    """Return a whole number; raises InputInvalid."""
+    try:
+        number = index(value)
+    except TypeError:
+        number = least - 1
+    if number < least or isinstance(value, bool | np.bool_):
+        raise InputInvalid(f"{name} {value!r}; expected a whole number from {least}")
+    return number
+
+
+def seconds(value: Any, name: str) -> Fraction:
+    """Return a time as the fraction that is written; raises InputInvalid."""
+    try:
+        return Fraction(str(value))
+    except (ValueError, ZeroDivisionError):
+        raise InputInvalid(
+            f"{name} {value!r}; expected seconds, such as '0.1', 20 or '1/3'"
+        ) from None
+
+
+def refuse_options(place: str, make: Callable[..., Any], given: Mapping[str, Any]) -> None:
+    """Refuse keyword arguments that a function does not take; raises InputInvalid."""
+    try:
+        parameters = inspect.signature(make).parameters.values()
+    except (TypeError, ValueError):
+        return
+    named = [p for p in parameters if p.kind in (p.KEYWORD_ONLY, p.POSITIONAL_OR_KEYWORD)]
+    known = [p.name for p in named]
+    if not any(p.kind is p.VAR_KEYWORD for p in parameters):
+        for name in given:
+            if name not in known:
+                expected = expected_names(name, known, "an option of its own")
+                raise InputInvalid(f"{place}: option {name!r}; expected {expected}")
+    missing = [p.name for p in named if p.default is p.empty and p.name not in given]
+    if missing:
+        raise InputInvalid(f"{place}: no {', '.join(missing)}; expected a value for each")

@@ -1,0 +1,111 @@
+"""Random numbers of many episodes, each of which depends on its seed and episode alone."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import struct
+from functools import lru_cache
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from uuvsim_cosim.models.declaration.draws import WORD, philox
+
+__all__ = ["Draws"]
+
+Array = NDArray[np.float64]
+_AHEAD = 64  # episodes that are drawn at once for an environment alone
+_KEPT = 256
+_ahead: dict[tuple[int, str, int], tuple[int, NDArray[Any]]] = {}  # seed, name, size: first, rows
+
+
+@final
+class Draws:
+    """Draws for n episodes; row e depends on (seeds[e], episodes[e], name) and nothing else.
+
+    So an environment sees the same numbers alone and among ten thousand, in any order. Seeds are
+    whole numbers, counted modulo 2^64; episodes count from 0.
+    """
+
+    def __init__(self, seeds: ArrayLike, episodes: ArrayLike) -> None:
+        self._seeds = np.asarray(seeds, dtype=np.uint64)
+        self._episodes = np.asarray(episodes, dtype=np.uint64)
+
+    @property
+    def n(self) -> int:
+        """The number of episodes."""
+        return len(self._seeds)
+
+    def rows(self, chosen: ArrayLike) -> Draws:
+        """Return the draws of some of the episodes, by a mask or by indices."""
+        chosen = np.asarray(chosen)
+        return Draws(self._seeds[chosen], self._episodes[chosen])
+
+    def seeds(self, name: str = "system") -> NDArray[np.uint64]:
+        """Return a seed for each episode, of shape (n,): of the system, by default."""
+        kept = self._kept(name, 0)
+        if kept is not None:
+            return kept
+        a, b, _, _ = self._words(name, 1)
+        return (a << np.uint64(32) | b)[:, 0]
+
+    def uniform(
+        self, name: str, low: ArrayLike = 0.0, high: ArrayLike = 1.0, shape: tuple[int, ...] = ()
+    ) -> Array:
+        """Return numbers in (low, high), of shape (n, *shape).
+
+        The name tells draws apart: "start", "start/2" for a second try.
+        """
+        unit = self._unit(name, math.prod(shape)).reshape(self.n, *shape)
+        low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
+        return np.asarray(low + (high - low) * unit)
+
+    def normal(self, name: str, shape: tuple[int, ...] = ()) -> Array:
+        """Return standard normals of shape (n, *shape)."""
+        from scipy.special import ndtri  # element by element: numpy's log differs with alignment
+
+        return np.asarray(ndtri(self.uniform(name, shape=shape)))
+
+    def _unit(self, name: str, size: int) -> Array:
+        kept = self._kept(name, size) if size else None
+        if kept is not None:
+            return kept
+        a, b, c, d = self._words(name, (size + 1) // 2)
+        pairs = np.stack([a << np.uint64(20) | b >> np.uint64(12),
+                          c << np.uint64(20) | d >> np.uint64(12)], axis=-1)  # fmt: skip
+        return np.asarray((pairs.reshape(self.n, -1)[:, :size] + 0.5) * 2.0**-52)
+
+    def _kept(self, name: str, size: int) -> NDArray[Any] | None:
+        """Return `_unit`, or with size 0 `seeds`, of an environment alone, drawn ahead.
+
+        An environment alone asks for one episode after the other; many at once cost no more.
+        """
+        if self.n != 1:
+            return None
+        seed, episode = int(self._seeds[0]), int(self._episodes[0])
+        first, rows = _ahead.get((seed, name, size), (0, None))
+        if rows is None or not first <= episode < first + len(rows):
+            if episode == 0:  # another seed each time, perhaps
+                return None
+            several = Draws([seed] * _AHEAD, np.arange(episode, episode + _AHEAD, dtype=np.uint64))
+            first, rows = episode, several._unit(name, size) if size else several.seeds(name)
+            if len(_ahead) >= _KEPT:
+                _ahead.clear()
+            rows.flags.writeable = False
+            _ahead[seed, name, size] = first, rows
+        place = episode - first
+        return rows[place : place + 1]
+
+    def _words(self, name: str, blocks: int) -> tuple[NDArray[np.uint64], ...]:
+        block = np.arange(max(blocks, 1), dtype=np.uint64)[None, :]
+        seed, episode = self._seeds[:, None], self._episodes[:, None]
+        counter = (seed & WORD, seed >> 32, episode + 0 * block, block + 0 * seed)
+        return philox(counter, _key(name))
+
+
+@lru_cache(maxsize=4096)
+def _key(name: str) -> tuple[int, int]:
+    first, second = struct.unpack("<II", hashlib.blake2b(name.encode(), digest_size=8).digest())
+    return first, second

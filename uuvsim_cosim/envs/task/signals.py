@@ -1,0 +1,120 @@
+"""The variables that a task reads lie one below another in an array: signals by name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.errors import InputInvalid, Problem
+from uuvsim_cosim.fmus.description import Description, Variable
+from uuvsim_cosim.orchestrator.plan.plan import Plan
+from uuvsim_cosim.orchestrator.values.endpoints import resolve_endpoint
+from uuvsim_cosim.orchestrator.values.values import Misfit
+
+__all__ = ["Named", "Signals", "refuse", "resolved"]
+
+Array = NDArray[np.float64]
+_TYPES: dict[str, Any] = {"Boolean": bool, "Int32": np.int32, "Int64": np.int64}
+
+
+@dataclass(frozen=True)
+class Named:
+    """What a name such as "hull.eta[1:3]" means: elements (flat, from 0) of a variable."""
+
+    key: str  # the variable's full name, "hull.eta"
+    path: str
+    variable: Variable
+    elements: tuple[int, ...]
+    shape: tuple[int, ...]
+
+
+def resolved(plan: Plan, name: str) -> Named:
+    """Find the elements that a name means; raises Misfit with the near names."""
+    if not isinstance(name, str):
+        raise Misfit(f"{name!r}", "a name such as 'hull.eta'")
+    point = resolve_endpoint(name, _descriptions(plan))
+    if point.variable.type in ("String", "Binary", "Clock"):
+        raise Misfit(f"a variable of type {point.variable.type}", "a number")
+    single = len(point.elements) == 1 and ":" not in name.rpartition("[")[2]
+    shape = point.variable.shape if point.whole else () if single else (len(point.elements),)
+    key = f"{point.element}.{point.variable.name}"
+    return Named(key, point.element, point.variable, point.elements, shape)
+
+
+def refuse(place: str, problems: Sequence[Problem]) -> None:
+    """Raise InputInvalid with every problem, if there are any."""
+    if problems:
+        head = "" if len(problems) == 1 else f"{len(problems)} problems:\n  "
+        raise InputInvalid(f"{place}: {head}" + "\n  ".join(str(p) for p in problems))
+
+
+@final
+class Signals:
+    """Variables in rows of an array of shape (size, n), and views of them by name."""
+
+    def __init__(self, plan: Plan, names: Iterable[str]) -> None:
+        self._plan = plan
+        self._first: dict[str, int] = {}
+        self.size = 0
+        self.problems: list[Problem] = []
+        for name in names:
+            try:
+                named = resolved(plan, name)
+            except Misfit as misfit:
+                self.problems.append(misfit.at(f"signal {name!r}"))
+                continue
+            if named.key not in self._first:
+                self._first[named.key] = self.size
+                self.size += named.variable.size
+        self._views: dict[str, tuple[slice | NDArray[np.intp], tuple[int, ...], Any]] = {}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The variables in order."""
+        return tuple(self._first)
+
+    def rows(self, named: Named) -> NDArray[np.intp]:
+        """Return the rows of elements."""
+        return self._first[named.key] + np.array(named.elements, np.intp)
+
+    def view(self, values: Array, name: str) -> NDArray[Any]:
+        """Return a signal, of shape (n, *shape); raises InputInvalid for one that is not read."""
+        found = self._views.get(name)
+        if found is None:
+            found = self._views[name] = self._found(name)
+        rows, shape, type_ = found
+        n = values.shape[1]
+        part = values[rows]
+        if shape == ():
+            part = part[0]
+        elif len(shape) == 1:
+            part = part.T
+        else:
+            part = np.moveaxis(part.reshape(*shape, n), -1, 0)
+        return part if type_ is None else part.astype(type_)
+
+    def _found(self, name: str) -> tuple[slice | NDArray[np.intp], tuple[int, ...], Any]:
+        try:
+            named = resolved(self._plan, name)
+        except Misfit as misfit:
+            raise InputInvalid(str(misfit.at(f"signal {name!r}"))) from None
+        if named.key not in self._first:
+            raise InputInvalid(
+                f"signal {name!r}: is not read by this task, which reads "
+                f"{', '.join(self._first) or 'none'}; expected it among the task's signals="
+            )
+        rows = self.rows(named)
+        whole = slice(int(rows[0]), int(rows[-1]) + 1) if _consecutive(rows) else rows
+        return whole, named.shape, _TYPES.get(named.variable.type)
+
+
+def _consecutive(rows: NDArray[np.intp]) -> bool:
+    return len(rows) > 0 and bool(np.all(np.diff(rows) == 1))
+
+
+def _descriptions(plan: Plan) -> Mapping[str, Description]:
+    return {c.path: c.description for c in plan.components}

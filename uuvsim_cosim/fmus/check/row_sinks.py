@@ -1,0 +1,159 @@
+"""Sinks for the rows of a single FMU's simulation: memory, or a CSV file."""
+
+from __future__ import annotations
+
+import csv
+import shutil
+import time
+from collections.abc import Sequence
+from decimal import Decimal
+from pathlib import Path
+from typing import Any, Protocol, final
+
+import numpy as np
+
+from uuvsim_cosim.closing import Closing
+from uuvsim_cosim.errors import InputInvalid, RecordingError
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.fmus.description_xml import DTYPES
+
+__all__ = ["ColumnRows", "CsvRows", "Rows", "check_room"]
+
+_FLUSH = 0.2  # s between two flushes: what a process that is killed may lose
+_CELL = 20  # bytes of a number in a CSV file, about
+_SMALL = 1e8  # bytes that no disk is asked for
+
+
+class Rows(Protocol):
+    """Takes the values of one communication point after the other."""
+
+    count: int
+    last_time: float
+
+    def add(self, t: float, values: Sequence[np.ndarray]) -> None:
+        """Take the values at time `t` [s], one for each variable."""
+
+
+@final
+class ColumnRows:
+    """Rows in memory, as one array for each variable, of shape (count, *shape)."""
+
+    def __init__(self, variables: Sequence[Variable]) -> None:
+        self._variables = variables
+        self._time = np.empty(64)
+        self._columns = [np.empty((64, *v.shape), DTYPES[v.type]) for v in variables]
+        self.count = 0
+        self.last_time = -np.inf
+
+    @property
+    def time(self) -> np.ndarray:
+        """Times [s], of shape (count,)."""
+        return self._time[: self.count].copy()
+
+    @property
+    def columns(self) -> dict[str, np.ndarray]:
+        """Values by name."""
+        pairs = zip(self._variables, self._columns, strict=True)
+        return {v.name: column[: self.count].copy() for v, column in pairs}
+
+    def add(self, t: float, values: Sequence[np.ndarray]) -> None:
+        """Take a row; raises RecordingError if there is no memory for more."""
+        if self.count == len(self._time):
+            try:
+                self._time = _doubled(self._time)
+                self._columns = [_doubled(column) for column in self._columns]
+            except MemoryError:
+                raise RecordingError(
+                    f"no memory for more than {self.count} rows, at t = {t:g} s; expected an "
+                    "earlier end, a longer step, or simulate_fmu_to_csv, which keeps no rows"
+                ) from None
+        self._time[self.count] = t
+        for column, value in zip(self._columns, values, strict=True):
+            column[self.count] = value
+        self.count += 1
+        self.last_time = t
+
+
+def _doubled(column: np.ndarray) -> np.ndarray:
+    longer = np.empty((2 * len(column), *column.shape[1:]), column.dtype)
+    longer[: len(column)] = column
+    return longer
+
+
+@final
+class CsvRows(Closing):
+    """Rows in a CSV file, which is begun with the first; `shown` is its name in messages.
+
+    Numbers are written so that they read back to the last bit. A row is on the disk 0.2 s later,
+    also if the process dies then.
+    """
+
+    def __init__(
+        self, path: Path, variables: Sequence[Variable], shown: Path | None = None
+    ) -> None:
+        self._path, self._shown = path, shown or path
+        self._names = ["time", *(n for v in variables for n in v.element_names)]
+        self._file: Any = None
+        self._writer: Any = None
+        self._flushed = 0.0
+        self.count = 0
+        self.last_time = -np.inf
+
+    def add(self, t: float, values: Sequence[np.ndarray]) -> None:
+        """Write a row; raises InputInvalid for a file that cannot be made, RecordingError later."""
+        if self._file is None:
+            self._begin()
+        try:
+            cells = (x for value in values for x in np.asarray(value).ravel().tolist())
+            self._writer.writerow([repr(t), *map(_text, cells)])
+            if time.monotonic() - self._flushed > _FLUSH:
+                self._flush()
+        except OSError as error:
+            raise RecordingError(
+                f"{self._shown}: {error.strerror or error} at t = {t:g} s; expected room on the "
+                "disk; it holds the rows up to then, and the last may be incomplete"
+            ) from None
+        self.count += 1
+        self.last_time = t
+
+    def close(self) -> None:
+        """Write what is left; a second call does nothing."""
+        file, self._file = self._file, None
+        if file is not None:
+            file.close()
+
+    def _begin(self) -> None:
+        try:
+            self._file = self._path.open("w", newline="", encoding="utf-8")
+        except OSError as error:
+            raise InputInvalid(f"{self._shown}: cannot be written ({error.strerror})") from None
+        self._writer = csv.writer(self._file)
+        self._writer.writerow(self._names)
+        self._flush()
+
+    def _flush(self) -> None:
+        self._file.flush()
+        self._flushed = time.monotonic()
+
+
+def check_room(target: Path, rows: int, variables: Sequence[Variable]) -> None:
+    """Refuse a CSV file of `rows` rows that the disk cannot hold; raises InputInvalid."""
+    wanted = rows * _CELL * (1 + sum(v.size for v in variables))
+    try:
+        free = shutil.disk_usage(target.absolute().parent).free
+    except OSError:
+        return  # refused when it is begun
+    if wanted > _SMALL and wanted > 0.9 * free:
+        raise InputInvalid(
+            f"{target}: its {Decimal(rows):.3g} rows would take about "
+            f"{Decimal(wanted) / 10**9:.3g} GB, and {free / 1e9:.3g} GB are free; expected an "
+            "earlier end (--until) or a longer step (--step)"
+        )
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bytes):
+        return value.hex()
+    if isinstance(value, bool):
+        return str(int(value))
+    return value if isinstance(value, str) else repr(value)

@@ -1,0 +1,135 @@
+"""Dependencies of outputs on inputs and parameters, read off the equations' sparsity."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Literal
+
+import casadi as ca
+
+from uuvsim_cosim.fmus.codegen.equations import Equations
+from uuvsim_cosim.fmus.codegen.layout import Layout
+
+__all__ = ["KINDS", "derivative_knowns", "direct_kinds", "initial_knowns"]
+
+# From the most to the least that an importer may take for granted of a partial derivative.
+KINDS = ("constant", "fixed", "tunable", "dependent")
+_STEPS = (
+    "floor ceil sign lt le eq ne not and or fmod remainder copysign if_else_zero fmin fmax fabs"
+)
+
+
+def direct_kinds(eq: Equations) -> list[dict[int, str]]:
+    """Give, for each element of the outputs, the places it depends on and FMI's dependenciesKind.
+
+    Places are offsets in the block, of inputs, continuous states and time (0). A kind better than
+    ``dependent`` is given only for inputs, and where the outputs hold no operation with a step or
+    a kink: there the partial derivative alone does not say how the output depends on the input.
+    """
+    layout = eq.layout
+    first, count = layout.offset["input"], layout.count["input"]
+    known = _known(layout)
+    kinds: list[dict[int, str]] = [
+        dict.fromkeys(sorted(filter(known, row)), "dependent") for row in _rows(eq.outputs, 0)
+    ]
+    smooth = _smooth_rows(eq) if count else set()
+    for (row, column), factors in (_factors(eq) if smooth else {}).items():
+        if row in smooth and first + column in kinds[row]:
+            kinds[row][first + column] = _kind(layout, factors)
+    return kinds
+
+
+def derivative_knowns(eq: Equations) -> list[list[int]]:
+    """Give, for each state's derivative, the inputs, states and time (0) that it depends on."""
+    known = _known(eq.layout)
+    return [sorted(filter(known, row)) for row in _rows(eq.rhs, 0)]
+
+
+def _known(layout: Layout) -> Callable[[int], bool]:
+    """Tell apart what an importer sets between events: time, inputs, continuous states."""
+    o, n = layout.offset, layout.count
+    known = {0, *(o[kind] + i for kind in ("input", "state") for i in range(n[kind]))}
+    return known.__contains__
+
+
+def initial_knowns(
+    eq: Equations, of: Literal["outputs", "initial", "rhs"] = "outputs"
+) -> list[list[int]]:
+    """Give, for each element of a function, the inputs and parameters it depends on initially.
+
+    States count through their start values, and derived values through their equations.
+    """
+    layout = eq.layout
+    through: dict[int, set[int]] = {}
+    for function, kind in ((eq.derived, "derived"), (eq.initial, "state")):
+        at = layout.offset["derived" if kind == "derived" else "state"]
+        through.update({at + i: known for i, known in enumerate(_rows(function, 0))})
+    return [sorted(_closed(known, through)) for known in _rows(getattr(eq, of), 0)]
+
+
+def _closed(known: set[int], through: Mapping[int, set[int]]) -> set[int]:
+    """Replace what is itself computed by what it is computed from."""
+    ends: set[int] = set()
+    seen: set[int] = set()
+    waiting = list(known)
+    while waiting:
+        k = waiting.pop()
+        if k in seen:
+            continue
+        seen.add(k)
+        if k in through:
+            waiting.extend(through[k])
+        else:
+            ends.add(k)
+    return ends
+
+
+def _rows(function: Any, argument: int) -> list[set[int]]:
+    """Return the columns of each row in a function's Jacobian to one argument."""
+    rows: list[set[int]] = [set() for _ in range(function.numel_out(0))]
+    if rows:
+        for row, column in zip(*function.jac_sparsity(0, argument).get_triplet(), strict=True):
+            rows[row].add(column)
+    return rows
+
+
+def _smooth_rows(eq: Equations) -> set[int]:
+    """Return the elements of those outputs whose equations have neither steps nor kinks."""
+    steps = {getattr(ca, f"OP_{name.upper()}") for name in _STEPS.split()} | {ca.OP_CALL}
+    b = eq.layout.block
+    values = eq.outputs(b)
+    smooth: set[int] = set()
+    for p in eq.layout.placed:
+        if p.variable.kind == "output":
+            low = p.offset - eq.layout.offset["output"]
+            rows = range(low, low + p.variable.size)
+            f = ca.Function("output", [b], [values[list(rows)]])
+            if steps.isdisjoint(f.instruction_id(k) for k in range(f.n_instructions())):
+                smooth.update(rows)
+    return smooth
+
+
+def _factors(eq: Equations) -> dict[tuple[int, int], set[int]]:
+    """Return what each entry of d(outputs)/d(inputs) depends on, by (row, column)."""
+    b = eq.layout.block
+    jacobian = ca.jacobian(eq.outputs(b), eq.layout.symbols("input"))
+    entries = ca.vertcat(*jacobian.nonzeros())
+    if entries.numel() == 0:
+        return {}
+    depends = _rows(ca.Function("factors", [b], [ca.densify(entries)]), 0)
+    places: Sequence[tuple[int, int]] = list(zip(*jacobian.sparsity().get_triplet(), strict=True))
+    return dict(zip(places, depends, strict=True))
+
+
+def _kind(layout: Layout, factors: set[int]) -> str:
+    fixed: set[int] = set()
+    tunable: set[int] = set()
+    for p in layout.placed:
+        if p.variable.kind in ("parameter", "derived"):
+            which = fixed if p.variable.variability == "fixed" else tunable
+            which.update(range(p.offset, p.offset + p.variable.size))
+    if not factors:
+        return "constant"
+    if factors <= fixed:
+        return "fixed"
+    return "tunable" if factors <= fixed | tunable else "dependent"

@@ -1,0 +1,289 @@
+"""One CasADi function becomes one C function on W-lane values, instruction by instruction."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+
+from uuvsim_cosim.cache import content_hash
+from uuvsim_cosim.errors import UuvsimError
+from uuvsim_cosim.fmus.codegen.branches import Block, Node, flat, nodes_of, scheduled
+from uuvsim_cosim.fmus.codegen.network_data import HEADER, network_call, network_data, network_of
+from uuvsim_cosim.fmus.codegen.optimiser_code import optimiser_call
+from uuvsim_cosim.fmus.codegen.table_data import table_call, table_data
+from uuvsim_cosim.models.intrinsics.network import NETWORKS
+from uuvsim_cosim.models.intrinsics.optimiser import OPTIMISERS
+from uuvsim_cosim.models.intrinsics.table import TABLES
+
+__all__ = ["emit_function", "emit_networks", "emit_tables", "emit_update", "literal"]
+
+# CasADi operation -> function of fmus/runtime/math/uuv_math.h; arithmetic is written as operators.
+INFIX = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
+NAMES = (
+    "neg exp log pow constpow sqrt sq twice sin cos tan asin acos atan lt le eq ne not and or "
+    "floor ceil fmod fabs sign copysign if_else_zero fmin fmax inv sinh cosh tanh asinh acosh "
+    "atanh atan2 log1p expm1 hypot remainder"
+)
+NAMED = {getattr(ca, f"OP_{name.upper()}"): f"uuv_{name}" for name in NAMES.split()}
+
+
+def literal(value: float) -> str:
+    """Write a double so that C reads the same bits."""
+    if math.isnan(value):
+        return '__builtin_nan("")'
+    if math.isinf(value):
+        return "-__builtin_inf()" if value < 0 else "__builtin_inf()"
+    return repr(float(value))
+
+
+@dataclass(frozen=True)
+class _Same:
+    """A function by its contents: equal ones have equal instructions."""
+
+    contents: str
+    f: Any = field(compare=False)
+
+
+def _once(write: Callable[..., str], f: Any, *more: Any) -> str:
+    """Write the text of a function once: masters, kernels and FMUs ask again for the same.
+
+    A function's contents name what it calls, and a table's or network's name holds its contents.
+    """
+    return _written(write, _Same(content_hash([f.name(), f.serialize()]), f), *more)
+
+
+@lru_cache(maxsize=1024)
+def _written(write: Callable[..., str], same: _Same, *more: Any) -> str:
+    return write(same.f, *more)
+
+
+def emit_function(
+    f: Any, signature: str, targets: tuple[str, ...], *, branches: bool = True
+) -> str:
+    """Return the C text of `f`: its inputs are the C arrays in `targets` before the last one.
+
+    ``targets`` names the arrays of f's inputs, then the one that its output is written to.
+    Branches that no lane takes are skipped (see `branches`); a right-hand side stays flat,
+    because kernels move what it computes from held values out of it. So does what is emitted
+    without `branches`: to find them takes long in a large function.
+    """
+    return _once(_function_text, f, signature, targets, branches)
+
+
+def _function_text(f: Any, signature: str, targets: tuple[str, ...], branches: bool) -> str:
+    *sources, result = targets
+    nodes = nodes_of(f)
+    items = scheduled(nodes) if branches and f.name() != "rhs" else flat(nodes)
+    text = _Text(f, nodes, sources, result)
+    lines = [*(f"(void){s};" for s in targets), *text.lines(items)]
+    lines += text.stores if f.name() == "rhs" else _looped(text.stores)
+    body = "\n    ".join(lines)
+    return f"static void {signature} {{\n    {body}\n}}\n"
+
+
+_COPY = re.compile(r"^(\w+)\[(\d+)\] = ([\w.]+)(?:\[(\d+)\])?;$")
+_LONG = 32  # copies in a row that are worth a loop: a compiler takes long over thousands of lines
+
+
+def _looped(stores: Sequence[str]) -> Iterator[str]:
+    """Write stores of consecutive elements, from consecutive ones or one value, as loops."""
+    read = [_COPY.match(store) for store in stores]
+    k = 0
+    while k < len(stores):
+        m, n = read[k], 1
+        while m and k + n < len(stores) and (o := read[k + n]) and _follows(m, o, n):
+            n += 1
+        if m and n >= _LONG:
+            source = m[3] if m[4] is None else f"{m[3]}[{m[4]} + i]"
+            yield f"for (int i = 0; i < {n}; i++) {m[1]}[{m[2]} + i] = {source};"
+        else:
+            yield from stores[k : k + n]
+        k += n
+
+
+def _follows(m: re.Match[str], o: re.Match[str], n: int) -> bool:
+    if (o[1], int(o[2]), o[3]) != (m[1], int(m[2]) + n, m[3]):
+        return False
+    return o[4] is None if m[4] is None else o[4] is not None and int(o[4]) == int(m[4]) + n
+
+
+def emit_update(f: Any, signature: str, first: int) -> str:
+    """Return the C text of an update in place:  ``(V *b, const V *draws, uuv_mask due)``.
+
+    The new values of the cells of `b` from `first` on are written where `due` holds, after all
+    have been computed. Cells that keep their value are not touched; nor are, where no lane takes
+    a branch, those that only this branch changes.
+    """
+    return _once(_update_text, f, signature, first)
+
+
+def _update_text(f: Any, signature: str, first: int) -> str:
+    nodes = nodes_of(f)
+    items = scheduled(nodes)
+    text = _Text(f, nodes, ["b", "draws"], "b")
+    last = _last_block(nodes, items)
+    before = [*text.lines([i for i in items if i is not last])]
+    stored = [(first + f.instruction_output(n.k)[1], n.inputs[0]) for n in nodes if _stores(n)]
+    once = Counter(source for _, source in stored)
+    late = set() if last is None else set(last.selections)
+    within: list[tuple[int, tuple[int, int]]] = []
+    after: list[str] = []
+    for cell, source in stored:
+        node = nodes[source[0]]
+        own = f"b[{cell}]"
+        if last is not None and node.k in late:
+            keeps = len(node.inputs) == 3 and text.value[node.inputs[2]] == own
+            if keeps and once[source] == 1:
+                within.append((cell, node.inputs[1]))
+                last.selections.remove(node.k)
+                continue
+            after.append(f"{own} = uuv_select(due, t{node.k}, {own});")
+        elif text.value[source] != own:
+            before.append(f"const V s{cell} = {text.value[source]};")
+            after.append(f"{own} = uuv_select(due, s{cell}, {own});")
+    if last is not None:
+        *lines, end = text.lines([last])
+        lines += [f"    const V s{cell} = {text.value[source]};" for cell, source in within]
+        lines.append(
+            f"    const uuv_mask taken = due & uuv_mask_true({text.value[last.condition]});"
+        )
+        lines += [f"    b[{cell}] = uuv_select(taken, s{cell}, b[{cell}]);" for cell, _ in within]
+        before += [*lines, end]
+    body = "\n    ".join(["(void)b;", "(void)draws;", "(void)due;", *before, *after])
+    return f"static void {signature} {{\n    {body}\n}}\n"
+
+
+def _stores(node: Node) -> bool:
+    return node.op == ca.OP_OUTPUT
+
+
+def _last_block(nodes: list[Node], items: Sequence[int | Block]) -> Block | None:
+    """Return the largest block whose results are only stored: it can be the last to be computed."""
+    read = {i for n in nodes if not _stores(n) for i, _ in n.inputs}
+    blocks = [b for b in items if isinstance(b, Block) and read.isdisjoint(b.selections)]
+    return max(blocks, key=lambda b: len(b.selections), default=None)
+
+
+class _Text:
+    """The lines of C that compute the instructions of a function."""
+
+    def __init__(self, f: Any, nodes: list[Node], sources: list[str], result: str) -> None:
+        self.f, self.nodes, self.sources, self.result = f, nodes, sources, result
+        self.value: dict[tuple[int, int], str] = {}  # C expressions of what is computed
+        self.stores: list[str] = []
+        self.calls: Any = None
+
+    def lines(self, items: Sequence[int | Block]) -> Iterator[str]:
+        """Write instructions and blocks, in this order."""
+        for item in items:
+            if isinstance(item, Block):
+                yield from self._block(item)
+            else:
+                yield from self._instruction(item)
+
+    def _arguments(self, k: int) -> list[str]:
+        return [self.value.get(source, "") for source in self.nodes[k].inputs]
+
+    def _instruction(self, k: int) -> Iterator[str]:
+        f, op = self.f, self.nodes[k].op
+        if op == ca.OP_INPUT:
+            i = f.instruction_input(k)
+            self.value[k, 0] = f"{self.sources[i[0]]}[{i[1]}]"
+        elif op == ca.OP_OUTPUT:
+            place = f.instruction_output(k)[1]
+            self.stores.append(f"{self.result}[{place}] = {self._arguments(k)[0]};")
+        elif op == ca.OP_CALL:
+            self.calls = f.instructions_sx() if self.calls is None else self.calls
+            called = self.calls[k].which_function()
+            name = called.name()
+            if network_of(name) in NETWORKS or name in OPTIMISERS:
+                call = optimiser_call if name in OPTIMISERS else network_call
+                line, *texts = call(k, name, self._arguments(k))
+                yield line
+                self.value.update({(k, place): text for place, text in enumerate(texts)})
+                return
+            texts = _call(called, self._arguments(k))
+            for place, text in enumerate(texts):
+                yield f"const V t{k}_{place} = {text};"
+                self.value[k, place] = f"t{k}_{place}"
+        else:
+            yield f"const V t{k} = {self._operation(k, op)};"
+            self.value[k, 0] = f"t{k}"
+
+    def _operation(self, k: int, op: int) -> str:
+        a = self._arguments(k)
+        if self.nodes[k].selects:
+            return f"uuv_if_else{'_zero' if len(a) == 2 else ''}({', '.join(a)})"
+        if op == ca.OP_CONST:
+            return f"uuv_const({literal(self.f.instruction_constant(k))})"
+        if op == ca.OP_ASSIGN:
+            return a[0]
+        if op in INFIX:
+            return f"{a[0]} {INFIX[op]} {a[1]}"
+        if op in NAMED:
+            return f"{NAMED[op]}({', '.join(a)})"
+        raise UuvsimError(f"{self.f.name()}: CasADi operation {op} has no lowering to C")
+
+    def _block(self, block: Block) -> Iterator[str]:
+        """Write the branch not taken, then the other one where the condition holds in any lane."""
+        for k in block.selections:
+            otherwise = self._arguments(k)[2:] or ["uuv_const(0.0)"]
+            yield f"V t{k} = {otherwise[0]};"
+        yield f"if (uuv_any(uuv_mask_true({self.value[block.condition]}))) {{"
+        for line in self.lines(block.body):
+            yield f"    {line}"
+        for k in block.selections:
+            c, a = self._arguments(k)[:2]
+            yield f"    t{k} = uuv_if_else({c}, {a}, t{k});"
+            self.value[k, 0] = f"t{k}"
+        yield "}"
+
+
+Lowering = Callable[[list[str]], str]
+
+
+def _call(f: Any, a: list[str]) -> list[str]:
+    """Lower a call of a table, of its partial derivative, or of its forward or adjoint one."""
+    name = f.name()
+    if name in TABLES:
+        return [table_call(name, "", a)]
+    for suffix in ("_dx", "_dy", "_d"):
+        if name.endswith(suffix) and name[: -len(suffix)] in TABLES:
+            return [table_call(name[: -len(suffix)], suffix, a)]
+    wrapped = name.removeprefix("adj1_wrap_")
+    if wrapped != name and wrapped in TABLES:
+        x, seed = a[: TABLES[wrapped].n_in], a[-1]
+        suffixes = ("_d",) if len(x) == 1 else ("_dx", "_dy")
+        return [f"{table_call(wrapped, s, x)} * {seed}" for s in suffixes]
+    wrapped = name.removeprefix("fwd1_wrap_")
+    if wrapped in TABLES:
+        n = TABLES[wrapped].n_in
+        x, seeds = a[:n], a[-n:]
+        suffixes = ("_d",) if n == 1 else ("_dx", "_dy")
+        terms = [
+            f"{table_call(wrapped, s, x)} * {seed}"
+            for s, seed in zip(suffixes, seeds, strict=True)
+            if seed
+        ]
+        return [" + ".join(terms)]
+    raise UuvsimError(f"{name}: this function is called in equations, but is no known intrinsic")
+
+
+def emit_tables(functions: list[Any]) -> str:
+    """Write the data of every table that the functions call, in the order of their names."""
+    names = {g.name() for f in functions for g in f.find_functions()}
+    return "".join(table_data(name) for name in sorted(names & set(TABLES)))
+
+
+def emit_networks(functions: list[Any]) -> str:
+    """Write the data of every network that the functions call, in the order of their names."""
+    called = (g.name() for f in functions for g in f.find_functions())
+    names = {network_of(name) for name in called} & set(NETWORKS)
+    return "".join([HEADER if names else "", *map(network_data, sorted(names))])

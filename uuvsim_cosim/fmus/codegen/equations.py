@@ -1,0 +1,89 @@
+"""A declaration's equations as CasADi functions of the block: what is lowered and compared."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+from uuvsim_cosim.errors import ParameterInvalid
+from uuvsim_cosim.fmus.codegen.layout import Layout
+from uuvsim_cosim.models.declaration.model import Model
+
+__all__ = ["Equations", "equations"]
+
+
+@dataclass(frozen=True)
+class Equations:
+    """Functions of the block `b` (see `Layout`); updates also take the clock's draws."""
+
+    layout: Layout
+    derived: Any
+    initial: Any
+    rhs: Any
+    outputs: Any
+    forward: Any
+    updates: tuple[Any, ...]
+
+
+def equations(model: Model) -> Equations:
+    """Collect a model's equations; raises ParameterInvalid where one is missing."""
+    layout = Layout(model)
+    b = layout.block
+    for state in model.of_kind("state"):
+        if state.name not in model.derivatives:
+            raise ParameterInvalid(f"{model.name}.{state.name}: state without der()")
+
+    derived = [ca.vertcat(*v.start.nonzeros()) for v in model.of_kind("derived")]
+    start = [ca.vec(ca.densify(ca.SX(v.start))) for v in model.of_kind("state", "discrete")]
+    dx = _column([model.derivatives[v.name] for v in model.of_kind("state")])
+    y = _column([ca.vec(v.symbol) for v in model.of_kind("output")])
+    u, x = layout.symbols("input"), layout.symbols("state")
+    seed = ca.SX.sym("seed", u.numel() + x.numel())
+    known = ca.vertcat(u, x)
+    result = ca.vertcat(y, dx)
+    sensitivity = ca.jtimes(result, known, seed) if known.numel() else ca.SX(result.shape)
+
+    def function(name: str, value: Any, *more: Any) -> Any:
+        f = ca.Function(name, [b, *more], [ca.densify(value)], {"allow_free": True, "cse": True})
+        if f.has_free():
+            raise ParameterInvalid(
+                f"{model.name}: its {name} depend on {', '.join(f.get_free())}, "
+                "which this model does not declare"
+            )
+        return f
+
+    return Equations(
+        layout,
+        _in_order(layout, function, derived),
+        function("initial", _column(start)),
+        function("rhs", dx),
+        function("outputs", y),
+        function("forward", ca.densify(sensitivity), seed),
+        tuple(_update(layout, function, clock) for clock in model.clocks),
+    )
+
+
+def _column(parts: list[Any]) -> Any:
+    return ca.densify(ca.vertcat(*parts)) if parts else ca.SX(0, 1)
+
+
+def _in_order(layout: Layout, function: Any, derived: list[Any]) -> Any:
+    """Derived values may use earlier ones: substitute, so that one pass computes all."""
+    symbols: list[Any] = []
+    values: list[Any] = []
+    for variable, value in zip(layout.model.of_kind("derived"), derived, strict=True):
+        if symbols:
+            value = ca.substitute([value], symbols, values)[0]
+        symbols.append(ca.vertcat(*variable.symbol.nonzeros()))
+        values.append(value)
+    return function("derived", _column(values))
+
+
+def _update(layout: Layout, function: Any, clock: Any) -> Any:
+    """The new values of all discrete states after a tick; those without update stay."""
+    new = {v.name: expression for v, expression in clock.updates}
+    z = _column([new.get(v.name, v.symbol) for v in layout.model.of_kind("discrete")])
+    draws = ca.vertcat(*clock.draws) if clock.draws else ca.SX.sym("no_draws", 0)
+    return function(f"update_{clock.index}", z, draws)

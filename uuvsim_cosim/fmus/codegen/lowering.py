@@ -1,0 +1,143 @@
+"""A declaration becomes the C text of a component, for every backend the same."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+from uuvsim_cosim.cache import content_hash
+from uuvsim_cosim.fmus.codegen.emit import emit_function, emit_networks, emit_tables, literal
+from uuvsim_cosim.fmus.codegen.equations import Equations, equations
+from uuvsim_cosim.fmus.codegen.layout import Layout, Placed
+from uuvsim_cosim.fmus.codegen.optimiser_code import emit_optimisers
+from uuvsim_cosim.fmus.codegen.runtime import runtime_files
+from uuvsim_cosim.models.declaration.model import Model
+
+__all__ = [
+    "Lowered",
+    "lower",
+]
+
+
+@dataclass(frozen=True)
+class Lowered:
+    """The generated C of a component, and the token that identifies its contents."""
+
+    model: Model
+    equations: Equations
+    source: str
+    token: str
+
+    @property
+    def layout(self) -> Layout:
+        """Return the layout of the block."""
+        return self.equations.layout
+
+
+@lru_cache
+def _runtime_hash() -> str:
+    return content_hash([f.read_bytes() for f in runtime_files()])
+
+
+def lower(model: Model) -> Lowered:
+    """Lower a declaration to C; the text is a pure function of the declaration."""
+    eq = equations(model)
+    functions = [eq.derived, eq.initial, eq.rhs, eq.outputs, eq.forward, *eq.updates]
+    at = eq.layout.offset
+    parts = [
+        f"/* Generated from the declaration of {model.name!r}: do not edit. */\n",
+        '#include "uuv_component.h"\n#include "uuv_table.h"\n\n',
+        emit_tables(functions),
+        emit_networks(functions),
+        emit_optimisers(functions),
+        _writing(eq.derived, "derived", at["derived"]),
+        _writing(eq.initial, "initial", at["state"]),
+        emit_function(eq.rhs, "rhs(const V *b, V *dx)", ("b", "dx")),
+        _writing(eq.outputs, "outputs", at["output"]),
+        emit_function(
+            eq.forward,
+            "forward(const V *b, const V *seed, V *sensitivity)",
+            ("b", "seed", "sensitivity"),
+        ),
+        *(
+            emit_function(
+                f, f"update_{i}(const V *b, const V *draws, V *z_new)", ("b", "draws", "z_new")
+            )
+            for i, f in enumerate(eq.updates)
+        ),
+    ]
+    body = "\n".join(parts)
+    token = content_hash([body, _tables_of(eq, "TOKEN"), _runtime_hash()])
+    return Lowered(model, eq, body + _tables_of(eq, token), token)
+
+
+def _writing(f: object, name: str, offset: int) -> str:
+    """Emit a function that writes a section of the block which it does not read."""
+    inner = emit_function(f, f"{name}_at(const V *b, V *out)", ("b", "out"))
+    return inner + f"static void {name}(V *b) {{ {name}_at(b, b + {offset}); }}\n"
+
+
+def _tables_of(eq: Equations, token: str) -> str:
+    layout = eq.layout
+    model = layout.model
+    start = ["0.0"] * layout.size
+    for p in layout.placed:
+        if p.variable.kind in ("input", "parameter"):
+            for i, value in enumerate(p.variable.start):
+                start[p.offset + i] = literal(float(value))
+    rows = [_row(p) for p in layout.placed if p.variable.kind != "derived"]
+    rows += [_derivative_row(layout, p) for p in layout.placed if p.variable.kind == "state"]
+    clocks = [
+        f"    {{{c.period.numerator}u, {c.period.denominator}u, "
+        f"{sum(d.numel() for d in c.draws)}, {c.index}, update_{c.index}}},"
+        for c in model.clocks
+    ]
+    o, n = layout.offset, layout.count
+    seed = layout.offset_of("seed") if "seed" in model.variables else -1
+    lines = [
+        f"static const double start[] = {{{', '.join(start)}}};",
+        "static const uuv_variable variables[] = {",
+        '    {"time", 0, 1, UUV_FLOAT64, UUV_TIME, 0, -__builtin_inf(), __builtin_inf()},',
+        *rows,
+        "};",
+        *(["static const uuv_clock clocks[] = {", *clocks, "};"] if clocks else []),
+        "const uuv_component uuv_the_component = {",
+        f'    .name = "{model.name}", .token = "{token}", .n_block = {layout.size},',
+        f"    .off_x = {o['state']}, .n_x = {n['state']}, .off_z = {o['discrete']}, "
+        f".n_z = {n['discrete']},",
+        f"    .off_y = {o['output']}, .n_y = {n['output']}, .off_u = {o['input']}, "
+        f".n_u = {n['input']},",
+        f"    .off_seed = {seed}, .n_clocks = {len(clocks)},",
+        f"    .clocks = {'clocks' if clocks else '0'}, .h_max = {literal(model.h_max)},",
+        f"    .start = start, .n_variables = {len(rows) + 1}, .variables = variables,",
+        "    .derived = derived, .initial = initial, .rhs = rhs, .outputs = outputs,",
+        "    .forward = forward,",
+        "};",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _derivative_row(layout: Layout, p: Placed) -> str:
+    """A state's derivative has its references after the block."""
+    v = p.variable
+    return (
+        f'    {{"der({v.name})", {layout.derivative_of(p)}, {v.size}, UUV_FLOAT64, '
+        f"UUV_DERIVATIVE, {1 if v.shape else 0}, -__builtin_inf(), __builtin_inf()}},"
+    )
+
+
+def _row(p: Placed) -> str:
+    v = p.variable
+    kind = {
+        "input": "UUV_INPUT",
+        "parameter": "UUV_TUNABLE" if v.variability == "tunable" else "UUV_FIXED",
+        "state": "UUV_LOCAL",
+        "discrete": "UUV_LOCAL",
+        "output": "UUV_OUTPUT",
+    }[v.kind]
+    low = literal(-float("inf") if v.min is None else v.min)
+    high = literal(float("inf") if v.max is None else v.max)
+    return (
+        f'    {{"{v.name}", {p.offset}, {v.size}, UUV_{v.type.upper()}, {kind}, '
+        f"{1 if v.shape else 0}, {low}, {high}}},"
+    )

@@ -1,0 +1,75 @@
+"""A table in C: its numbers, and the call of the function that reads them (uuv_table.h)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from uuvsim_cosim.models.intrinsics.even_knots import Even, even
+from uuvsim_cosim.models.intrinsics.knots import Bends, bends
+from uuvsim_cosim.models.intrinsics.table import TABLES, Table
+
+__all__ = ["table_call", "table_data"]
+
+
+def table_call(name: str, suffix: str, a: list[str]) -> str:
+    """Return the call of a table, or of its derivative `suffix`, at the arguments `a`."""
+    table = TABLES[name]
+    n, at = table.n_in, ", ".join(a)
+    if not suffix and even(table):
+        return f"uuv_even{n}({at}, &{name}_even)"
+    if not suffix and bends(table):
+        return f"uuv_bent{n}({at}, &{name}_bent)"
+    nx = len(table.x)
+    if n == 1:
+        return f"uuv_table1{suffix}({at}, {name}_x, {name}_values, {nx})"
+    ny = len(table.y)
+    return f"uuv_table2{suffix}({at}, {name}_x, {nx}, {name}_y, {ny}, {name}_values)"
+
+
+def table_data(name: str) -> str:
+    """Return the numbers of a table: those of its derivatives, and those of its own form."""
+    table = TABLES[name]
+    arrays = {"x": table.x, "values": table.values}
+    if table.n_in == 2:
+        arrays["y"] = table.y
+    text = [
+        f"static const double {name}_{part}[] = {{{_numbers(numbers)}}};\n"
+        for part, numbers in arrays.items()
+    ]
+    e, b = even(table), bends(table)
+    if e is not None:
+        text += _even(table, e)
+    elif b is not None:
+        text += _bent(table, b)
+    return "".join(text)
+
+
+def _even(table: Table, e: Even) -> Iterator[str]:
+    name = table.name
+    for i, row in enumerate(e.rows):
+        yield f"static const uuv_line {name}_lines_{i}[] = {{{_structs(row)}}};\n"
+    numbers = _numbers((e.first, e.last, e.scale, e.start, e.per_unit, e.low, e.high))
+    lines = ", ".join(f"{name}_lines_{i}" for i in range(len(e.rows)))
+    yield f"static const uuv_even {name}_even = {{{numbers}, {{{lines}}}}};\n"
+
+
+def _bent(table: Table, b: Bends) -> Iterator[str]:
+    name = table.name
+    for i, (row, at) in enumerate(zip(b.rows, b.at, strict=True)):
+        yield f"static const uuv_bend {name}_bends_{i}[] = {{{_structs(row)}}};\n"
+        places = ", ".join(str(int(k)) for k in at)
+        yield f"static const unsigned short {name}_at_{i}[] = {{{places}}};\n"
+    numbers = _numbers((b.first, b.last, b.scale, b.low, b.high))
+    ats, rows = (
+        ", ".join(f"{name}_{what}_{i}" for i in range(len(b.rows))) for what in ("at", "bends")
+    )
+    yield f"static const uuv_bent {name}_bent = {{{numbers}, {{{ats}}}, {{{rows}}}}};\n"
+
+
+def _structs(rows: Any) -> str:
+    return ", ".join(f"{{{_numbers(row)}}}" for row in rows)
+
+
+def _numbers(values: Iterable[Any]) -> str:
+    return ", ".join(repr(float(v)) for v in values)

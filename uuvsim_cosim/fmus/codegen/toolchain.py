@@ -1,0 +1,228 @@
+"""C becomes a shared library: zig from PyPI by default, ``CC`` instead where it is set."""
+
+from __future__ import annotations
+
+import logging
+import os
+import platform as host_platform
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.util import find_spec
+from pathlib import Path
+
+from uuvsim_cosim.cache import cache_dir, content_hash, intact, keep
+from uuvsim_cosim.errors import ToolchainError
+from uuvsim_cosim.fmus.codegen.windows import linked_lightly, windows_files
+
+__all__ = [
+    "PLATFORMS",
+    "Platform",
+    "compile_shared",
+    "compiler",
+    "component_flags",
+    "fmi_headers",
+    "host",
+    "platform_named",
+]
+
+log = logging.getLogger("uuvsim_cosim.toolchain")
+
+
+@dataclass(frozen=True)
+class Platform:
+    """A platform to compile for, with its folder names in FMI 2.0 and FMI 3.0 archives."""
+
+    fmi2: str
+    fmi3: str
+    target: str  # of zig
+    suffix: str
+
+
+PLATFORMS = (
+    Platform("linux64", "x86_64-linux", "x86_64-linux-gnu.2.17", ".so"),
+    Platform("win64", "x86_64-windows", "x86_64-windows-gnu", ".dll"),
+    Platform("darwin64", "x86_64-darwin", "x86_64-macos", ".dylib"),
+    Platform("aarch64-linux", "aarch64-linux", "aarch64-linux-gnu.2.17", ".so"),
+    Platform("aarch64-darwin", "aarch64-darwin", "aarch64-macos", ".dylib"),
+)
+
+# No FMA contraction: FMU, native component and kernel agree to the last bit.
+FLAGS = ("-std=c11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fvisibility=hidden")
+
+
+_ZIG_CACHES = ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR")
+_DIAGNOSTIC = re.compile(r":\d+:\d+: (fatal )?error: ")
+_EXPECTED = "a C compiler in CC, or CC unset (then zig, which comes with this package, is used)"
+
+
+def platform_named(name: str) -> Platform:
+    """Find a platform by its FMI 2.0 or FMI 3.0 folder name; ``host`` is this machine's."""
+    if name == "host":
+        return host()
+    for p in PLATFORMS:
+        if name in (p.fmi2, p.fmi3):
+            return p
+    raise ToolchainError(
+        f"unknown platform {name!r}; expected one of {', '.join(p.fmi2 for p in PLATFORMS)}"
+    )
+
+
+def component_flags(platform: Platform) -> list[str]:
+    """Return the options of a component's library beyond those of every library."""
+    flags = ["-g0", "-s"]  # no folder of this machine inside
+    if platform.suffix == ".so":
+        # Else an importer that loads with RTLD_GLOBAL would mix up two components.
+        flags.append("-Wl,-Bsymbolic")
+    return flags
+
+
+def fmi_headers() -> Path:
+    """Return the folder of FMI's own headers, which come with fmpy."""
+    spec = find_spec("fmpy")
+    places = (spec.submodule_search_locations or []) if spec else []
+    for place in places:
+        folder = Path(place) / "c-code"
+        if (folder / "fmi3Functions.h").is_file():
+            return folder
+    raise ToolchainError("FMI's C headers are missing; expected them with `pip install fmpy`")
+
+
+@lru_cache
+def host() -> Platform:
+    """Return this machine's platform."""
+    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(
+        host_platform.machine().lower(), host_platform.machine().lower()
+    )
+    return platform_named(f"{machine}-{host_platform.system().lower()}")
+
+
+def compiler() -> tuple[list[str], str]:
+    """Return the compiler's command line, and a text that identifies it for the cache."""
+    override = os.environ.get("CC", "").strip()
+    if override:
+        command = shlex.split(override)
+        if shutil.which(command[0]) is None:
+            raise ToolchainError(
+                f"CC={override!r}: no such program; expected a C compiler, or CC unset "
+                "(then zig, which is installed with this package, is used)"
+            )
+        return command, f"{override} {_version(tuple(command))}"
+    try:
+        from importlib.metadata import version
+
+        identity = f"zig {version('ziglang')}"
+    except ModuleNotFoundError:
+        raise ToolchainError(
+            "no C compiler: the package 'ziglang' is missing; expected `pip install ziglang`, "
+            "or CC set to a C compiler"
+        ) from None
+    return [sys.executable, "-m", "ziglang", "cc"], identity
+
+
+@lru_cache
+def _version(command: tuple[str, ...]) -> str:
+    done = subprocess.run([*command, "--version"], capture_output=True, text=True, check=False)
+    return (done.stdout or done.stderr).split("\n", 1)[0]
+
+
+def compile_shared(
+    sources: Sequence[Path],
+    *,
+    name: str,
+    platform: str = "host",
+    include: Sequence[Path] = (),
+    flags: Sequence[str] = (),
+) -> Path:
+    """Compile C files into one shared library in the cache, and give its path.
+
+    The cache's key holds the contents of the sources and of every header in the `include`
+    folders, the flags, and the compiler. Sources that many libraries have in common come first:
+    zig keeps their objects, but by the first source's name. Raises ToolchainError with the
+    compiler's own words.
+    """
+    target = platform_named(platform)
+    command, identity = compiler()
+    zig = "ziglang" in command
+    if not zig and target is not host():
+        raise ToolchainError(
+            f"CC={os.environ['CC']!r} compiles for this machine only; expected CC unset to "
+            f"compile for {target.fmi2}"
+        )
+    arguments = [*(["-target", target.target] if zig else []), *FLAGS, *flags]
+    if target.suffix != ".dll":
+        arguments.append("-fPIC")
+    headers = [h for folder in include for h in sorted(folder.glob("*.h"))]
+    headers += windows_files() if target.suffix == ".dll" else []
+
+    def contents() -> str:
+        return content_hash(
+            [name, identity, target.target, *arguments]
+            + [f.name for f in sources]
+            + [f.read_bytes() for f in [*sources, *headers]]
+        )
+
+    key = contents()
+    library = cache_dir("compiled", key) / f"{name}{target.suffix}"
+    if intact(library):
+        return library
+    log.info("compiling %s for %s", name, target.fmi2)
+    with tempfile.TemporaryDirectory(dir=library.parent) as scratch:
+        fresh = Path(scratch) / library.name
+        includes = [f"-I{folder}" for folder in include]
+        light = zig and target.suffix == ".dll"
+        if not (
+            light
+            and linked_lightly(_ran, command, arguments, includes, sources, Path(scratch), fresh)
+        ):
+            _run([*command, *arguments, "-shared", *includes, *map(str, sources), "-o", str(fresh)])
+        try:
+            data = fresh.read_bytes()
+        except FileNotFoundError:
+            raise ToolchainError(
+                f"the C compiler {_named(command)} reports no error, but wrote no library; "
+                f"expected {_EXPECTED}"
+            ) from None
+    if contents() != key:  # else the library of other contents would lie under this key for good
+        raise ToolchainError(
+            f"{name}: its C was changed while it was compiled; expected files that rest"
+        )
+    keep(library, data)
+    return library
+
+
+def _run(command: list[str]) -> None:
+    done = _ran(command)
+    own = "ziglang" in command and not set(_ZIG_CACHES) & set(os.environ)
+    if done.returncode != 0 and own and not _DIAGNOSTIC.search(done.stderr):
+        # Not the source's fault: zig trusts the objects in its cache, which may be damaged.
+        shutil.rmtree(cache_dir("zig"), ignore_errors=True)
+        done = _ran(command)
+    if done.returncode != 0:
+        words = (done.stderr.strip() or done.stdout.strip()).splitlines()
+        reason = (
+            f": {' | '.join(words[:6])}" if words else f" and said nothing; expected {_EXPECTED}"
+        )
+        raise ToolchainError(
+            f"the C compiler {_named(command)} failed with status {done.returncode}{reason}"
+        )
+
+
+def _ran(command: list[str]) -> subprocess.CompletedProcess[str]:
+    environment = {**{name: str(cache_dir("zig")) for name in _ZIG_CACHES}, **os.environ}
+    try:
+        return subprocess.run(
+            command, capture_output=True, text=True, errors="replace", env=environment, check=False
+        )
+    except OSError as error:
+        raise ToolchainError(f"{command[0]}: cannot be run ({error.strerror})") from error
+
+
+def _named(command: Sequence[str]) -> str:
+    return "zig" if "ziglang" in command else command[0]

@@ -1,0 +1,201 @@
+"""An FMU or SSP archive is unpacked once, into a cache folder keyed by its content, or refused."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import stat
+import tempfile
+import zipfile
+import zlib
+from collections.abc import Iterator
+from pathlib import Path, PurePosixPath
+
+from uuvsim_cosim.cache import cache_dir, content_hash
+from uuvsim_cosim.errors import FmuError
+
+__all__ = ["shown", "unpack"]
+
+MAX_MEMBERS = 50_000
+MAX_BYTES = 4 * 1024**3
+# Text packs 50 to 1, zeros pack 1000 to 1; small archives are left alone.
+MAX_RATIO = 200
+RATIO_MATTERS_FROM_BYTES = 64 * 1024**2
+_CHUNK = 1 << 20
+_DRIVE = re.compile(r"^[A-Za-z]:")
+
+
+def unpack(path: Path, *, must_contain: str | None = None) -> Path:
+    """Return the folder with the archive's members; unpacks on first sight of this content.
+
+    `must_contain` is the member that makes the archive what it should be; by default
+    ``SystemStructure.ssd`` for .ssp, else ``modelDescription.xml``. Raises FmuError if the
+    archive is missing, corrupt, would leave its folder, or is out of all proportion.
+    """
+    if must_contain is None:
+        is_ssp = path.suffix.lower() == ".ssp"
+        must_contain = "SystemStructure.ssd" if is_ssp else "modelDescription.xml"
+    data_hash = content_hash([_read(path)])
+    folder = cache_dir("archives") / data_hash
+    _came_from[folder] = path
+    try:
+        with zipfile.ZipFile(path) as archive:
+            members = list({m.filename: m for m in _checked(archive, path, must_contain)}.values())
+            if not all(_intact(m, folder) for m in members):
+                _extract(archive, members, folder, path)
+    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, ValueError) as error:
+        raise FmuError(
+            f"{shown(path)}: a corrupt archive ({error}); expected a zip file"
+        ) from error
+    return folder
+
+
+_came_from: dict[Path, Path] = {}
+
+
+def shown(path: Path) -> str:
+    """Name a file for the user: one of an unpacked archive by the archive that it came from."""
+    for folder in path.parents:
+        if folder in _came_from:
+            return f"{shown(_came_from[folder])}/{path.relative_to(folder).as_posix()}"
+    return str(path)
+
+
+def _read(path: Path) -> bytes:
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise FmuError(f"{shown(path)}: no such file; expected an .fmu or .ssp archive") from None
+    except OSError as error:
+        raise FmuError(
+            f"{shown(path)}: cannot be read ({error.strerror}); expected an .fmu or .ssp archive"
+        ) from None
+    if not data.startswith((b"PK\x03\x04", b"PK\x05\x06")):
+        raise FmuError(
+            f"{shown(path)}: not a zip archive; expected an .fmu or .ssp, which are zip files"
+        )
+    return data
+
+
+def _checked(archive: zipfile.ZipFile, path: Path, must_contain: str) -> Iterator[zipfile.ZipInfo]:
+    members = archive.infolist()
+    if len(members) > MAX_MEMBERS:
+        raise FmuError(f"{shown(path)}: {len(members)} members; expected at most {MAX_MEMBERS}")
+    total = sum(m.file_size for m in members)
+    packed = max(path.stat().st_size, 1)
+    if total > MAX_BYTES:
+        raise FmuError(
+            f"{shown(path)}: an archive bomb, {total} bytes unpacked; expected at most {MAX_BYTES}"
+        )
+    if total > RATIO_MATTERS_FROM_BYTES and total > MAX_RATIO * packed:
+        raise FmuError(
+            f"{shown(path)}: an archive bomb, unpacks to {total // packed} times its size; "
+            f"expected at most {MAX_RATIO} times"
+        )
+    for member in members:  # archives made on Windows, by tools that do not care
+        member.filename = member.filename.replace("\\", "/")
+    if not any(m.filename == must_contain for m in members):
+        raise FmuError(
+            f"{shown(path)}: has no {must_contain}; expected it at the top of the archive"
+        )
+    for member in members:
+        _refuse_outside(member, path)
+        yield member
+
+
+def _refuse_outside(member: zipfile.ZipInfo, path: Path) -> None:
+    name = member.orig_filename.replace("\\", "/")
+    expected = "a relative name that stays in the archive's folder"
+    outside = (
+        not name
+        or name.startswith("/")
+        or "\0" in name
+        or _DRIVE.match(name) is not None
+        or ".." in PurePosixPath(name).parts
+    )
+    if outside:
+        raise FmuError(
+            f"{shown(path)}: member {name!r} would leave its folder; expected {expected}"
+        )
+    kind = stat.S_IFMT(member.external_attr >> 16)
+    if kind not in (0, stat.S_IFREG, stat.S_IFDIR):
+        raise FmuError(
+            f"{shown(path)}: member {name!r} is a symbolic link or a device; "
+            "expected files and folders"
+        )
+    if member.flag_bits & 0x1:
+        raise FmuError(
+            f"{shown(path)}: member {name!r} is encrypted; expected an archive without password"
+        )
+
+
+def _extract(
+    archive: zipfile.ZipFile, members: list[zipfile.ZipInfo], folder: Path, path: Path
+) -> None:
+    """Extract beside `folder`, then rename: other processes see all of it or nothing.
+
+    Where the folder is there already, but damaged, it is moved aside before.
+    """
+    try:
+        with tempfile.TemporaryDirectory(dir=folder.parent, prefix="unpacking-") as scratch:
+            fresh, damaged = Path(scratch) / "fresh", Path(scratch) / "damaged"
+            fresh.mkdir()
+            for member in members:
+                _extract_member(archive, member, fresh, path)
+            with contextlib.suppress(FileNotFoundError):
+                os.rename(folder, damaged)
+            try:
+                os.rename(fresh, folder)
+            except OSError:
+                if not folder.is_dir():  # else another process was faster, with the same content
+                    raise
+    except OSError as error:
+        raise FmuError(
+            f"{shown(path)}: cannot be unpacked into {folder.parent} ({error})"
+        ) from error
+
+
+def _intact(member: zipfile.ZipInfo, folder: Path) -> bool:
+    """Return whether a member lies in the folder as the archive has it."""
+    target = _target(member, folder)
+    if member.is_dir():
+        return target.is_dir()
+    try:
+        if target.stat().st_size != member.file_size:
+            return False
+        crc = 0
+        with target.open("rb") as file:
+            while chunk := file.read(_CHUNK):
+                crc = zlib.crc32(chunk, crc)
+    except OSError:
+        return False
+    return crc == member.CRC
+
+
+def _target(member: zipfile.ZipInfo, folder: Path) -> Path:
+    return folder.joinpath(*PurePosixPath(member.filename).parts)
+
+
+def _extract_member(
+    archive: zipfile.ZipFile, member: zipfile.ZipInfo, scratch: Path, path: Path
+) -> None:
+    target = _target(member, scratch)
+    if member.is_dir():
+        target.mkdir(parents=True, exist_ok=True)
+        return
+    target.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        with archive.open(member) as source, target.open("wb") as sink:
+            remaining = member.file_size
+            while chunk := source.read(_CHUNK):
+                remaining -= len(chunk)
+                if remaining < 0:
+                    raise FmuError(
+                        f"{shown(path)}: member {member.filename!r} is larger than the archive says"
+                    )
+                sink.write(chunk)
+    except RuntimeError as error:
+        raise FmuError(f"{shown(path)}: member {member.filename!r}: {error}") from error
+    if member.external_attr >> 16 & stat.S_IXUSR:
+        target.chmod(0o755)

@@ -1,0 +1,180 @@
+"""An instance of an FMI 2.0 FMU in this process."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping
+from typing import Any, ClassVar, final
+
+import numpy as np
+
+from uuvsim_cosim.errors import ComponentFailed
+from uuvsim_cosim.fmus.component import BindingKind
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.fmus.importer.fmu_access import Access, NumericAccess, StringAccess
+from uuvsim_cosim.fmus.importer.fmu_binary import FmuBinary
+from uuvsim_cosim.fmus.importer.fmu_library import Signatures
+from uuvsim_cosim.fmus.importer.fmu_state import Phase
+
+__all__ = ["Fmu2"]
+
+_P, _I, _D, _Z, _S = (
+    ctypes.c_void_p,
+    ctypes.c_int,
+    ctypes.c_double,
+    ctypes.c_size_t,
+    ctypes.c_char_p,
+)
+_VALUES = (_I, (_P, _P, _Z, _P))
+_TYPES = {"ModelExchange": 0, "CoSimulation": 1}
+_LAST_SUCCESSFUL_TIME, _TERMINATED, _DISCARD = 2, 3, 2
+
+
+class _Callbacks(ctypes.Structure):
+    """``fmi2CallbackFunctions``."""
+
+    _fields_ = (
+        ("logger", _P),
+        ("allocate_memory", _P),
+        ("free_memory", _P),
+        ("step_finished", _P),
+        ("environment", _P),
+    )
+
+
+@final
+class Fmu2(FmuBinary):
+    """The `Component` protocol over FMI 2.0's functions."""
+
+    prefix = "fmi2"
+    kind = BindingKind.FMI2
+    state_word = "FMUstate"
+    deserialize = "DeSerializeFMUstate"
+    signatures: ClassVar[Signatures] = {
+        "Instantiate": (_P, (_S, _I, _S, _S, _P, _I, _I)),
+        "FreeInstance": (None, (_P,)),
+        "SetupExperiment": (_I, (_P, _I, _D, _D, _I, _D)),
+        "EnterInitializationMode": (_I, (_P,)),
+        "ExitInitializationMode": (_I, (_P,)),
+        "Terminate": (_I, (_P,)),
+        "Reset": (_I, (_P,)),
+        **{f"Get{t}": _VALUES for t in ("Real", "Integer", "Boolean", "String")},
+        **{f"Set{t}": _VALUES for t in ("Real", "Integer", "Boolean", "String")},
+        "GetFMUstate": (_I, (_P, _P)),
+        "SetFMUstate": (_I, (_P, _P)),
+        "FreeFMUstate": (_I, (_P, _P)),
+        "SerializedFMUstateSize": (_I, (_P, _P, _P)),
+        "SerializeFMUstate": (_I, (_P, _P, _P, _Z)),
+        "DeSerializeFMUstate": (_I, (_P, _P, _Z, _P)),
+        "GetDirectionalDerivative": (_I, (_P, _P, _Z, _P, _Z, _P, _P)),
+        "DoStep": (_I, (_P, _D, _D, _I)),
+        "GetBooleanStatus": (_I, (_P, _I, _P)),
+        "GetRealStatus": (_I, (_P, _I, _P)),
+        "SetTime": (_I, (_P, _D)),
+        "GetContinuousStates": (_I, (_P, _P, _Z)),
+        "SetContinuousStates": (_I, (_P, _P, _Z)),
+        "GetDerivatives": (_I, (_P, _P, _Z)),
+        "GetEventIndicators": (_I, (_P, _P, _Z)),
+        "GetNominalsOfContinuousStates": (_I, (_P, _P, _Z)),
+        "EnterEventMode": (_I, (_P,)),
+        "EnterContinuousTimeMode": (_I, (_P,)),
+        "NewDiscreteStates": (_I, (_P, _P)),
+        "CompletedIntegratorStep": (_I, (_P, _I, _P, _P)),
+    }
+
+    def _instantiate(self, logging_on: bool) -> int | None:
+        log = self._log
+        self._before: dict[str, tuple[Variable, Any]] = {}
+        # The FMU keeps the pointer, so the structure lives as long as the instance.
+        self._callbacks = _Callbacks(
+            log.address("uuv_log_fmi2"),
+            log.address("uuv_allocate"),
+            log.address("uuv_release"),
+            None,
+            log.environment,
+        )
+        instance: int | None = self._library.function("Instantiate")(
+            self.path.encode(),
+            _TYPES[self.archive.interface],
+            self.description.token.encode(),
+            (self.archive.folder / "resources").as_uri().encode(),
+            ctypes.addressof(self._callbacks),
+            0,
+            int(logging_on),
+        )
+        return instance
+
+    def set(self, variable: Variable, value: Any) -> None:
+        """Set a value; one that is set before Initialization Mode is set again (see there)."""
+        super().set(variable, value)
+        if self._phase is Phase.INSTANTIATED:
+            self._before[variable.name] = (variable, value)
+
+    def _enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
+        """Enter, with the values that were set: some foreign FMUs lose them in SetupExperiment."""
+        stop = (0, 0.0) if stop_time is None else (1, stop_time)
+        self._call("SetupExperiment", 0, 0.0, start_time, *stop)
+        for variable, value in self._before.values():
+            super().set(variable, value)
+        self._before.clear()
+        self._call("EnterInitializationMode")
+
+    def _do_step(self, time: float, step_size: float) -> None:
+        status = self._library.function("DoStep")(
+            self._live(), time, step_size, int(self.never_goes_back)
+        )
+        if status > 1 or status < 0:
+            raise self.failure("DoStep", status, time)
+        self._log.drain()
+
+    def failure(self, function: str, status: int, time: float) -> ComponentFailed:
+        """Return the error for a status; a discarded step may be the way to end the simulation."""
+        error = super().failure(function, status, time)
+        if function != "DoStep" or status != _DISCARD or not self._asks_to_end():
+            return error
+        reason = f"{error.reason} (it asks to end the simulation)"
+        return ComponentFailed(self.path, self._last_time(time), reason, asks_to_end=True)
+
+    def _last_time(self, time: float) -> float:
+        """Return the time that a discarded step reached; `time` where the FMU does not tell it."""
+        if not self._library.has("GetRealStatus"):
+            return time
+        reached = ctypes.c_double(time)
+        status = self._library.function("GetRealStatus")(
+            self._live(), _LAST_SUCCESSFUL_TIME, ctypes.byref(reached)
+        )
+        return reached.value if status == 0 and reached.value >= time else time
+
+    def _asks_to_end(self) -> bool:
+        if not self._library.has("GetBooleanStatus"):
+            return False
+        answer = ctypes.c_int(0)
+        status = self._library.function("GetBooleanStatus")(
+            self._live(), _TERMINATED, ctypes.byref(answer)
+        )
+        return status == 0 and answer.value != 0
+
+    def _access(self, variable: Variable) -> Access:
+        if variable.type == "String":
+            return StringAccess(variable, "String", counts_values=False)
+        suffix, dtype = _NUMERIC[variable.type]
+        return NumericAccess(variable, suffix, dtype, counts_values=False)
+
+    def _differentiate(self, unknowns: Any, knowns: Any, seed: Any, result: Any) -> None:
+        self._call(
+            "GetDirectionalDerivative",
+            unknowns,
+            len(unknowns),
+            knowns,
+            len(knowns),
+            seed.ctypes.data,
+            result.ctypes.data,
+        )
+
+
+_NUMERIC: Mapping[str, tuple[str, Any]] = {
+    "Float64": ("Real", np.float64),
+    "Int32": ("Integer", np.int32),
+    "Enumeration": ("Integer", np.int32),
+    "Boolean": ("Boolean", np.int32),
+}

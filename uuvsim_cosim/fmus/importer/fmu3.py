@@ -1,0 +1,152 @@
+"""An instance of an FMI 3.0 FMU in this process."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from typing import Any, ClassVar, final
+
+import numpy as np
+
+from uuvsim_cosim.errors import ComponentFailed
+from uuvsim_cosim.fmus.component import BindingKind
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.fmus.description_xml import DTYPES
+from uuvsim_cosim.fmus.importer.fmu_access import Access, BinaryAccess, NumericAccess, StringAccess
+from uuvsim_cosim.fmus.importer.fmu_binary import FmuBinary
+from uuvsim_cosim.fmus.importer.fmu_library import Signatures
+
+__all__ = ["Fmu3"]
+
+_P, _I, _D, _Z, _S, _B = (
+    ctypes.c_void_p,
+    ctypes.c_int,
+    ctypes.c_double,
+    ctypes.c_size_t,
+    ctypes.c_char_p,
+    ctypes.c_bool,
+)
+_TYPES = (
+    "Float32", "Float64", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64",
+    "UInt64", "Boolean", "String",
+)  # fmt: skip
+_VALUES = (_I, (_P, _P, _Z, _P, _Z))
+
+
+@final
+class Fmu3(FmuBinary):
+    """The `Component` protocol over FMI 3.0's functions; without Event Mode and early return."""
+
+    prefix = "fmi3"
+    kind = BindingKind.FMI3
+    state_word = "FMUState"
+    deserialize = "DeserializeFMUState"
+    signatures: ClassVar[Signatures] = {
+        "InstantiateCoSimulation": (_P, (_S, _S, _S, _B, _B, _B, _B, _P, _Z, _P, _P, _P)),
+        "InstantiateModelExchange": (_P, (_S, _S, _S, _B, _B, _P, _P)),
+        "FreeInstance": (None, (_P,)),
+        "EnterInitializationMode": (_I, (_P, _B, _D, _D, _B, _D)),
+        "ExitInitializationMode": (_I, (_P,)),
+        "EnterConfigurationMode": (_I, (_P,)),
+        "ExitConfigurationMode": (_I, (_P,)),
+        "Terminate": (_I, (_P,)),
+        "Reset": (_I, (_P,)),
+        **{f"Get{t}": _VALUES for t in _TYPES},
+        **{f"Set{t}": _VALUES for t in _TYPES},
+        "GetBinary": (_I, (_P, _P, _Z, _P, _P, _Z)),
+        "SetBinary": (_I, (_P, _P, _Z, _P, _P, _Z)),
+        "GetClock": (_I, (_P, _P, _Z, _P)),
+        "SetClock": (_I, (_P, _P, _Z, _P)),
+        "GetFMUState": (_I, (_P, _P)),
+        "SetFMUState": (_I, (_P, _P)),
+        "FreeFMUState": (_I, (_P, _P)),
+        "SerializedFMUStateSize": (_I, (_P, _P, _P)),
+        "SerializeFMUState": (_I, (_P, _P, _P, _Z)),
+        "DeserializeFMUState": (_I, (_P, _P, _Z, _P)),
+        "GetDirectionalDerivative": (_I, (_P, _P, _Z, _P, _Z, _P, _Z, _P, _Z)),
+        "DoStep": (_I, (_P, _D, _D, _B, _P, _P, _P, _P)),
+        "SetTime": (_I, (_P, _D)),
+        "GetNumberOfContinuousStates": (_I, (_P, _P)),
+        "GetNumberOfEventIndicators": (_I, (_P, _P)),
+        "GetContinuousStates": (_I, (_P, _P, _Z)),
+        "SetContinuousStates": (_I, (_P, _P, _Z)),
+        "GetContinuousStateDerivatives": (_I, (_P, _P, _Z)),
+        "GetEventIndicators": (_I, (_P, _P, _Z)),
+        "GetNominalsOfContinuousStates": (_I, (_P, _P, _Z)),
+        "EnterEventMode": (_I, (_P,)),
+        "EnterContinuousTimeMode": (_I, (_P,)),
+        "UpdateDiscreteStates": (_I, (_P, _P, _P, _P, _P, _P, _P)),
+        "CompletedIntegratorStep": (_I, (_P, _B, _P, _P)),
+    }
+
+    def _instantiate(self, logging_on: bool) -> int | None:
+        resources = self.archive.folder / "resources"
+        path = f"{resources}{os.sep}".encode() if resources.is_dir() else None
+        name, token = self.path.encode(), self.description.token.encode()
+        log = self._log.environment, self._log.address("uuv_log_fmi3")
+        instance: int | None
+        if self.archive.interface == "ModelExchange":
+            instantiate = self._library.function("InstantiateModelExchange")
+            instance = instantiate(name, token, path, False, logging_on, *log)
+            return instance
+        instance = self._library.function("InstantiateCoSimulation")(
+            name,
+            token,
+            path,
+            False,  # visible
+            logging_on,
+            False,  # eventModeUsed
+            False,  # earlyReturnAllowed
+            None,
+            0,
+            *log,
+            None,
+        )
+        return instance
+
+    def _enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
+        stop = (False, 0.0) if stop_time is None else (True, stop_time)
+        self._call("EnterInitializationMode", False, 0.0, start_time, *stop)
+
+    def _do_step(self, time: float, step_size: float) -> None:
+        event, end, early = ctypes.c_bool(), ctypes.c_bool(), ctypes.c_bool()
+        reached = ctypes.c_double(time + step_size)
+        self._call(
+            "DoStep",
+            time,
+            step_size,
+            self.never_goes_back,  # noSetFMUStatePriorToCurrentPoint
+            ctypes.byref(event),
+            ctypes.byref(end),
+            ctypes.byref(early),
+            ctypes.byref(reached),
+        )
+        if end.value:
+            raise ComponentFailed(self.path, reached.value, "it asks to end the simulation", True)
+        if early.value:
+            raise ComponentFailed(
+                self.path, reached.value, "fmi3DoStep returned early, which was not allowed"
+            )
+
+    def _access(self, variable: Variable) -> Access:
+        if variable.type == "Binary":
+            return BinaryAccess(variable)
+        if variable.type == "String":
+            return StringAccess(variable, "String", counts_values=True)
+        if variable.type == "Clock":
+            return NumericAccess(variable, "Clock", np.bool_, counts_values=False)
+        suffix = "Int64" if variable.type == "Enumeration" else variable.type
+        return NumericAccess(variable, suffix, DTYPES[variable.type], counts_values=True)
+
+    def _differentiate(self, unknowns: Any, knowns: Any, seed: Any, result: Any) -> None:
+        self._call(
+            "GetDirectionalDerivative",
+            unknowns,
+            len(unknowns),
+            knowns,
+            len(knowns),
+            seed.ctypes.data,
+            seed.size,
+            result.ctypes.data,
+            result.size,
+        )

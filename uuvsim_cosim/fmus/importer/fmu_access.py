@@ -1,0 +1,123 @@
+"""The buffers through which one variable is read and written, made once and used again."""
+
+from __future__ import annotations
+
+import ctypes
+from abc import ABC, abstractmethod
+from typing import Any
+
+import numpy as np
+
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.fmus.description_xml import DTYPES
+
+__all__ = ["Access", "BinaryAccess", "NumericAccess", "StringAccess"]
+
+
+class Access(ABC):
+    """One variable's way in and out; `suffix` is that of the Get and Set functions."""
+
+    def __init__(self, variable: Variable, suffix: str, *, counts_values: bool) -> None:
+        self.suffix = suffix
+        self._variable = variable
+        references = variable.value_references
+        self._references = (ctypes.c_uint32 * len(references))(*references)
+        self._count = (variable.size,) if counts_values else ()
+
+    @abstractmethod
+    def fill(self, flat: np.ndarray) -> None:
+        """Put the elements into the buffer."""
+
+    @abstractmethod
+    def elements(self) -> np.ndarray:
+        """Copy the elements out of the buffer."""
+
+    @abstractmethod
+    def buffers(self, direction: str) -> tuple[Any, ...]:
+        """Return the arguments that stand for the values."""
+
+    def arguments(self, direction: str) -> tuple[Any, ...]:
+        """Return the arguments after the instance."""
+        references = self._references
+        return (references, len(references), *self.buffers(direction), *self._count)
+
+    def value(self) -> Any:
+        """Return the buffer's value in Python's terms."""
+        flat = self.elements()
+        if self._variable.shape:
+            return flat.reshape(self._variable.shape)
+        return flat[0] if flat.dtype == object else flat[0].item()
+
+
+class NumericAccess(Access):
+    """Numbers and Booleans, as the C type that FMI gives them."""
+
+    def __init__(self, variable: Variable, suffix: str, dtype: Any, *, counts_values: bool) -> None:
+        super().__init__(variable, suffix, counts_values=counts_values)
+        self._buffer = np.zeros(max(variable.size, 1), dtype=dtype)
+        self._pointer = self._buffer.ctypes.data
+
+    def fill(self, flat: np.ndarray) -> None:
+        """Put the elements into the buffer."""
+        self._buffer[: flat.size] = flat
+
+    def elements(self) -> np.ndarray:
+        """Copy the elements out of the buffer."""
+        return self._buffer[: self._variable.size].astype(DTYPES[self._variable.type])
+
+    def buffers(self, direction: str) -> tuple[Any, ...]:
+        """Return the buffer's address."""
+        return (self._pointer,)
+
+
+class StringAccess(Access):
+    """Zero-terminated UTF-8 texts."""
+
+    def __init__(self, variable: Variable, suffix: str, *, counts_values: bool) -> None:
+        super().__init__(variable, suffix, counts_values=counts_values)
+        self._buffer = (ctypes.c_char_p * max(variable.size, 1))()
+
+    def fill(self, flat: np.ndarray) -> None:
+        """Put the elements into the buffer."""
+        for i, text in enumerate(flat):
+            self._buffer[i] = text.encode()
+
+    def elements(self) -> np.ndarray:
+        """Copy the elements out of the buffer."""
+        flat = np.empty(self._variable.size, dtype=object)
+        flat[:] = [(b or b"").decode(errors="replace") for b in self._buffer[: flat.size]]
+        return flat
+
+    def buffers(self, direction: str) -> tuple[Any, ...]:
+        """Return the array of texts."""
+        return (self._buffer,)
+
+
+class BinaryAccess(Access):
+    """Byte strings with their sizes (FMI 3.0)."""
+
+    def __init__(self, variable: Variable) -> None:
+        super().__init__(variable, "Binary", counts_values=True)
+        self._sizes = (ctypes.c_size_t * max(variable.size, 1))()
+        self._pointers = (ctypes.c_void_p * max(variable.size, 1))()
+        self._owned: list[Any] = []
+
+    def fill(self, flat: np.ndarray) -> None:
+        """Put the elements into the buffer."""
+        self._owned = [ctypes.create_string_buffer(data, len(data) + 1) for data in flat]
+        for i, (owned, data) in enumerate(zip(self._owned, flat, strict=True)):
+            self._sizes[i] = len(data)
+            self._pointers[i] = ctypes.addressof(owned)
+
+    def elements(self) -> np.ndarray:
+        """Copy the elements out of the buffer."""
+        flat = np.empty(self._variable.size, dtype=object)
+        flat[:] = [
+            ctypes.string_at(pointer, size) if pointer else b""
+            for pointer, size in zip(self._pointers, self._sizes, strict=True)
+        ][: flat.size]
+        return flat
+
+    def buffers(self, direction: str) -> tuple[Any, ...]:
+        """Return sizes and pointers."""
+        return (self._sizes, self._pointers)

@@ -1,0 +1,344 @@
+"""Base of FMI 2.0 and 3.0 instances: life cycle, values, states, and failures."""
+
+from __future__ import annotations
+
+import ctypes
+from abc import ABC, abstractmethod
+from collections import Counter
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from uuvsim_cosim.errors import ComponentFailed, FmuError
+from uuvsim_cosim.fmus.component import Binding, BindingKind
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.fmus.importer.fmu_access import Access
+from uuvsim_cosim.fmus.importer.fmu_library import FmuLibrary, Signatures
+from uuvsim_cosim.fmus.importer.fmu_state import FmuState, Phase
+from uuvsim_cosim.fmus.importer.message_log import STATUS, MessageLog
+from uuvsim_cosim.fmus.importer.read_description import FmuArchive
+from uuvsim_cosim.fmus.values import flat_array
+
+__all__ = ["FmuBinary", "lives_here"]
+
+_OK, _WARNING, _ERROR, _FATAL = 0, 1, 3, 4
+_living: Counter[Path] = Counter()  # instances in this process, by library
+
+
+def lives_here(archive: FmuArchive) -> bool:
+    """Return whether this process holds a living instance of the FMU."""
+    return any(count and file.is_relative_to(archive.folder) for file, count in _living.items())
+
+
+class FmuBinary(ABC):
+    """An instance of an FMU in this process; `Fmu2` and `Fmu3` say how FMI spells each call."""
+
+    prefix: ClassVar[str]
+    kind: ClassVar[BindingKind]
+    signatures: ClassVar[Signatures]
+    state_word: ClassVar[str]  # FMUstate or FMUState
+    deserialize: ClassVar[str]
+
+    def __init__(
+        self,
+        archive: FmuArchive,
+        path: str,
+        *,
+        logging_on: bool = True,
+        library: Callable[..., FmuLibrary] = FmuLibrary,
+    ) -> None:
+        self.path = path
+        self.description = archive.description
+        self.archive = archive
+        self._time = 0.0
+        self._phase = Phase.FREED
+        self._instance: int | None = None
+        self._accesses: dict[str, Access] = {}
+        self._states: set[int] = set()
+        self._orphans: list[int] = []
+        # Shared with the stepping loop in C, which sets it for states that it keeps itself.
+        self._has_kept = ctypes.c_int32(0)
+        self._library = library(archive, self.prefix, self.signatures)
+        self._library.component = path.encode()
+        once = self.description.can_be_instantiated_only_once
+        if once and _living[self._library.file]:
+            raise FmuError(
+                f"{path}: {archive.path.name} may exist only once per process; expected each "
+                "further instance to be isolated in a process of its own (isolate=True)"
+            )
+        self._log = MessageLog(path, self._variable_named)
+        self.messages = self._log.kept
+        instance = self._instantiate(logging_on)
+        taken = self._log.drain()
+        if not instance:
+            words = self._log.last(taken)
+            self._log.free()
+            raise FmuError(
+                f"{path}: {archive.path.name} could not be instantiated"
+                + (f": {words}" if words else "")
+            )
+        _living[self._library.file] += 1
+        self._instance = instance
+        self._phase = Phase.INSTANTIATED
+        try:
+            self._configure()
+        except BaseException:
+            self.free()
+            raise
+
+    # ---- what FMI 2.0 and 3.0 spell differently -----------------------------------------------
+
+    @abstractmethod
+    def _instantiate(self, logging_on: bool) -> int | None: ...
+
+    @abstractmethod
+    def _enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None: ...
+
+    @abstractmethod
+    def _do_step(self, time: float, step_size: float) -> None: ...
+
+    @abstractmethod
+    def _access(self, variable: Variable) -> Access: ...
+
+    @abstractmethod
+    def _differentiate(self, unknowns: Any, knowns: Any, seed: Any, result: Any) -> None: ...
+
+    # ---- values -------------------------------------------------------------------------------
+
+    def get(self, variable: Variable) -> Any:
+        """Read a value; an array is a new one of the variable's shape."""
+        access = self._accessed(variable)
+        self._call(f"Get{access.suffix}", *access.arguments("Get"))
+        return access.value()
+
+    def set(self, variable: Variable, value: Any) -> None:
+        """Set a value of the variable's shape; raises FmuError for another shape or type."""
+        if variable.causality == "structuralParameter":
+            if np.array_equal(np.asarray(value), np.asarray(variable.start)):
+                return
+            raise FmuError(
+                f"{self.path}.{variable.name}: a structural parameter keeps its start value "
+                f"{variable.start}; expected another value only before the component is made"
+            )
+        access = self._accessed(variable)
+        access.fill(flat_array(variable, value, f"{self.path}.{variable.name}"))
+        self._call(f"Set{access.suffix}", *access.arguments("Set"))
+
+    def _configure(self) -> None:
+        """Set the structural parameters, in Configuration Mode."""
+        if not self.archive.structure:
+            return
+        self._call("EnterConfigurationMode")
+        for name, value in self.archive.structure.items():
+            variable = self.description.variables[name]
+            access = self._accessed(variable)
+            access.fill(flat_array(variable, value, f"{self.path}.{name}"))
+            self._call(f"Set{access.suffix}", *access.arguments("Set"))
+        self._call("ExitConfigurationMode")
+
+    def _accessed(self, variable: Variable) -> Access:
+        access = self._accesses.get(variable.name)
+        if access is None:
+            access = self._accesses[variable.name] = self._access(variable)
+        return access
+
+    # ---- life ---------------------------------------------------------------------------------
+
+    def enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
+        """Enter Initialization Mode, after start values have been set."""
+        self._time = start_time
+        self._enter_initialization_mode(start_time, stop_time)
+        self._phase = Phase.INITIALIZATION
+
+    def exit_initialization_mode(self) -> None:
+        """Leave Initialization Mode; stepping may begin."""
+        self._call("ExitInitializationMode")
+        self._phase = Phase.STEP
+
+    def do_step(self, current_communication_point: float, step_size: float) -> None:
+        """Advance by one communication step; raises ComponentFailed with the FMU's own words."""
+        self._time = current_communication_point
+        self._do_step(current_communication_point, step_size)
+
+    def reset(self) -> None:
+        """Go back to the state after instantiation; the library stays loaded."""
+        self._call("Reset")
+        self._phase = Phase.INSTANTIATED
+        self._configure()
+
+    def terminate(self) -> None:
+        """End stepping; does nothing if stepping never began, has ended or has failed."""
+        if self._phase is Phase.STEP:
+            self._phase = Phase.TERMINATED
+            self._call("Terminate")
+
+    def free(self) -> None:
+        """Free the instance and its states; a second call does nothing."""
+        if self._phase is Phase.FREED:
+            return
+        instance, self._instance = self._instance, None
+        if self._phase is not Phase.FATAL:  # then FMI allows no further call
+            self._free_states(instance, list(self._states))
+            self._library.function("FreeInstance")(instance)
+        self._phase = Phase.FREED
+        _living[self._library.file] -= 1
+        self._log.free()
+
+    # ---- states -------------------------------------------------------------------------------
+
+    @property
+    def never_goes_back(self) -> bool:
+        """Whether no state of this run is kept: FMI's ``noSetFMUStatePriorToCurrentPoint``."""
+        return not self._has_kept.value
+
+    def get_fmu_state(self) -> FmuState:
+        """Copy the state; raises FmuError if the FMU cannot."""
+        self._require(self.description.can_get_and_set_state, "copy its state")
+        self._free_states(self._instance, self._orphans)
+        pointer = ctypes.c_void_p()
+        self._call(f"Get{self.state_word}", ctypes.byref(pointer))
+        return self._state(pointer, self._phase)
+
+    def set_fmu_state(self, state: FmuState) -> None:
+        """Restore a state of this instance, and with it the phase of life it was taken in."""
+        if state.pointer not in self._states:
+            raise FmuError(f"{self.path}: the state is of another instance")
+        self._call(f"Set{self.state_word}", state.pointer)
+        self._phase = state.phase
+
+    def serialize_fmu_state(self, state: FmuState) -> bytes:
+        """Turn a state into bytes, which another instance of this FMU can read."""
+        self._require(self.description.can_serialize_state, "serialise its state")
+        size = ctypes.c_size_t()
+        self._call(f"Serialized{self.state_word}Size", state.pointer, ctypes.byref(size))
+        buffer = ctypes.create_string_buffer(size.value)
+        self._call(f"Serialize{self.state_word}", state.pointer, buffer, size.value)
+        return bytes([state.phase.value]) + buffer.raw
+
+    def deserialize_fmu_state(self, data: bytes) -> FmuState:
+        """Turn bytes into a state of this instance."""
+        self._require(self.description.can_serialize_state, "serialise its state")
+        if not data or data[0] not in (1, 2, 3, 4):
+            raise FmuError(f"{self.path}: {len(data)} bytes that are no serialised state")
+        pointer = ctypes.c_void_p()
+        body = ctypes.create_string_buffer(data[1:], len(data) - 1)
+        self._call(self.deserialize, body, len(data) - 1, ctypes.byref(pointer))
+        return self._state(pointer, Phase(data[0]))
+
+    def _state(self, pointer: ctypes.c_void_p, phase: Phase) -> FmuState:
+        address = pointer.value or 0
+        self._states.add(address)
+        if phase is not Phase.INITIALIZATION:  # restoring that one begins another run
+            self._has_kept.value = 1
+        return FmuState(address, phase, self._orphans)
+
+    def _free_states(self, instance: int | None, addresses: list[int]) -> None:
+        while addresses:
+            address = addresses.pop()
+            if address in self._states:
+                self._states.discard(address)
+                pointer = ctypes.c_void_p(address)
+                self._library.function(f"Free{self.state_word}")(instance, ctypes.byref(pointer))
+
+    # ---- the rest -----------------------------------------------------------------------------
+
+    @property
+    def phase(self) -> Phase:
+        """Where in its life the instance is."""
+        return self._phase
+
+    @property
+    def time(self) -> float:
+        """The time of the last call that has one [s]; named by errors."""
+        return self._time
+
+    @time.setter
+    def time(self, time: float) -> None:
+        self._time = time
+
+    def call(self, name: str, *arguments: Any) -> None:
+        """Call a function of the FMU by its name without prefix; raises for a bad status."""
+        self._call(name, *arguments)
+
+    def directional_derivative(
+        self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: Any
+    ) -> Any:
+        """Return d(unknowns)/d(knowns) · seed, flat; raises FmuError if not provided."""
+        self._require(
+            self.description.provides_directional_derivatives, "give directional derivatives"
+        )
+        flat = np.ascontiguousarray(seed, dtype=float).ravel()
+        expected = sum(v.size for v in knowns)
+        if flat.size != expected:
+            raise FmuError(f"{self.path}: a seed of {flat.size} numbers; expected {expected}")
+        result = np.zeros(sum(v.size for v in unknowns))
+        self._differentiate(_references(unknowns), _references(knowns), flat, result)
+        return result
+
+    def binding(self) -> Binding:
+        """Return the addresses that the stepping loop in C calls."""
+        if not self._library.addressable:
+            return Binding(BindingKind.CALLBACK, 0, {})
+        functions = {**self._library.addresses(), "StateKept": ctypes.addressof(self._has_kept)}
+        return Binding(self.kind, self._live(), functions)
+
+    def drain_messages(self) -> None:
+        """Take over what the FMU has said since; for a loop that steps it from C."""
+        self._log.drain()
+
+    def remark(self, text: str) -> None:
+        """Keep a note on how the instance is run, beside its own messages."""
+        self._log.remark(text)
+
+    @property
+    def waiting_messages(self) -> int:
+        """Return the address of the count of messages that nobody has taken yet."""
+        return self._log.environment
+
+    def failure(self, function: str, status: int, time: float) -> ComponentFailed:
+        """Return the error for a status that the stepping loop in C got from a function."""
+        taken = self._log.drain()
+        if status == _FATAL:
+            self._phase = Phase.FATAL
+        elif status == _ERROR and self._phase is Phase.STEP:
+            self._phase = Phase.FAILED
+        name = STATUS[status] if 0 <= status < len(STATUS) else f"the unknown status {status}"
+        words = self._log.last(taken)
+        reason = f"{self.prefix}{function} returned {name}" + (f": {words}" if words else "")
+        return ComponentFailed(self.path, time, reason)
+
+    def _call(self, name: str, *arguments: Any) -> None:
+        """Call a function of the FMU; raises if its status is neither ok nor warning."""
+        status = self._library.function(name)(self._live(), *arguments)
+        if status not in (_OK, _WARNING):
+            failed = self.failure(name, status, self._time)
+            if self._phase in (Phase.INSTANTIATED, Phase.INITIALIZATION):
+                raise FmuError(f"{self.path}: {failed.reason}")
+            raise failed
+        self._log.drain()
+
+    def _live(self) -> int:
+        if self._instance is None:
+            raise FmuError(f"{self.path}: used after it was freed")
+        if self._phase is Phase.FATAL:
+            raise FmuError(f"{self.path}: used after a fatal error; expected a new instance")
+        return self._instance
+
+    def _require(self, capable: bool, what: str) -> None:
+        self._live()
+        if not capable:
+            raise FmuError(f"{self.path}: {self.archive.path.name} says that it cannot {what}")
+
+    def _variable_named(self, letter: str, reference: int) -> str | None:
+        types = {"r": ("Float64",), "i": ("Int32", "Enumeration"), "b": ("Boolean",)}
+        for v in self.description.variables.values():
+            if v.type in types.get(letter, ("String",)) and reference in v.value_references:
+                return v.element_name(v.value_references.index(reference))
+        return None
+
+
+def _references(variables: Sequence[Variable]) -> Any:
+    flat = [r for v in variables for r in v.value_references]
+    return (ctypes.c_uint32 * len(flat))(*flat)

@@ -1,0 +1,142 @@
+"""The shared library inside an FMU: found for this platform, loaded, its symbols bound lazily."""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import ctypes
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from uuvsim_cosim.errors import FmuError
+from uuvsim_cosim.fmus.codegen.toolchain import host
+from uuvsim_cosim.fmus.importer.read_description import FmuArchive
+from uuvsim_cosim.fmus.importer.source_code import compiled
+from uuvsim_cosim.fmus.isolation.guard import Guarded
+
+__all__ = ["FmuLibrary", "library_of"]
+
+Signatures = Mapping[str, tuple[Any, Sequence[Any]]]
+
+
+class FmuLibrary:
+    """A loaded library; `signatures` maps names without prefix to (result, arguments)."""
+
+    addressable = True  # for C; if not, every call has to go through `function`
+    component = b""  # the path of the instance that calls, for `Guarded`
+
+    def __init__(self, archive: FmuArchive, prefix: str, signatures: Signatures) -> None:
+        self.archive = archive
+        self.file = library_of(archive)
+        self._prefix = prefix
+        self._signatures = signatures
+        self._bound: dict[str, Any] = {}
+        try:
+            self._c = _loaded(self.file, self.file.stat().st_ino)
+        except OSError as error:
+            raise FmuError(
+                f"{archive.path}: its library {self.file.name} cannot be loaded ({error}); "
+                "expected one that this machine can load"
+            ) from None
+        _leave_in_order(self._c, self.file)
+
+    def function(self, name: str) -> Any:
+        """Bind a function at its first use; raises FmuError if the FMU does not export it."""
+        bound = self._bound.get(name)
+        if bound is None:
+            full = f"{self._prefix}{name}".encode()
+            bound = self._bound[name] = Guarded(self._raw(name), self.component, full)
+        return bound
+
+    def _raw(self, name: str) -> Any:
+        found = self._found(name)
+        if found is None:
+            raise FmuError(
+                f"{self.archive.path}: does not export {self._prefix}{name}, which is needed"
+            ) from None
+        found.restype, found.argtypes = self._signatures[name]
+        return found
+
+    def _found(self, name: str) -> Any:
+        """Find a function; one of old sources has the model's name in front of its own."""
+        for prefix in ("", f"{self.archive.model_identifier}_"):
+            try:
+                return self._c[f"{prefix}{self._prefix}{name}"]
+            except AttributeError:
+                if self.archive.sources is None:
+                    break
+        return None
+
+    def has(self, name: str) -> bool:
+        """Return whether the FMU exports a function."""
+        try:
+            self.function(name)
+        except FmuError:
+            return False
+        return True
+
+    def addresses(self) -> dict[str, int]:
+        """Return the addresses of all functions that the FMU exports, by name without prefix."""
+        if self._c not in _addresses:
+            _addresses[self._c] = {
+                name: ctypes.cast(self._raw(name), ctypes.c_void_p).value or 0
+                for name in self._signatures
+                if self.has(name)
+            }
+        return dict(_addresses[self._c])
+
+
+_addresses: dict[ctypes.CDLL, dict[str, int]] = {}
+
+
+@cache
+def _loaded(file: Path, inode: int) -> ctypes.CDLL:
+    """Load a library once; it stays for as long as the process."""
+    with _searching(file.parent):
+        return ctypes.CDLL(str(file))
+
+
+def library_of(archive: FmuArchive) -> Path:
+    """Find the binary for this platform, or compile the sources; raises FmuError."""
+    machine = host()
+    folders = [machine.fmi3]
+    if archive.description.kind == "FMI 2.0":
+        folders.insert(0, machine.fmi2)
+        if machine.suffix == ".dylib":
+            folders.append("darwin64")  # universal binaries
+    for folder in folders:
+        file = archive.folder / "binaries" / folder / (archive.model_identifier + machine.suffix)
+        if file.is_file():
+            return file
+    if archive.sources is not None:
+        return compiled(archive.path, archive.folder, archive.model_identifier, archive.sources)
+    there = ", ".join(archive.binaries) or "none, and no sources that are listed"
+    raise FmuError(f"{archive.path}: no binary for this platform, {folders[0]}; there are: {there}")
+
+
+_left_in_order: set[Path] = set()
+
+
+def _leave_in_order(library: ctypes.CDLL, file: Path) -> None:
+    """Let an FMU by pythonfmu or pythonfmu3 give up Python before the process exits.
+
+    Their libraries clear a global from a destructor that runs after that global's own: memory
+    that was freed is written, and the process may abort after all is done. Called earlier, the
+    same function is harmless, and so is the destructor then.
+    """
+    last_word = getattr(library, "finalizePythonInterpreter", None)
+    if last_word is not None and file not in _left_in_order:
+        _left_in_order.add(file)
+        last_word.restype, last_word.argtypes = None, ()
+        atexit.register(last_word)
+
+
+def _searching(folder: Path) -> contextlib.AbstractContextManager[Any]:
+    """Let the library find those that lie beside it, on Windows."""
+    if sys.platform == "win32":
+        return os.add_dll_directory(str(folder))
+    return contextlib.nullcontext()

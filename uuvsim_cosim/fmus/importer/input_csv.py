@@ -1,0 +1,181 @@
+"""A table of inputs over time, read from CSV; every fault is named by line and column."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from uuvsim_cosim.errors import InputInvalid, ParameterInvalid
+from uuvsim_cosim.fmus.description import Description, Variable
+from uuvsim_cosim.fmus.description_xml import DTYPES
+from uuvsim_cosim.fmus.values import parse_value
+from uuvsim_cosim.models.declaration.near_names import expected_names
+
+__all__ = ["Series", "find_element", "read_input_csv"]
+
+
+@dataclass(frozen=True)
+class Series:
+    """One element of an input over time; `element` is its flat index, row by row."""
+
+    variable: Variable
+    element: int
+    time: np.ndarray
+    values: np.ndarray
+
+    def at(self, t: float) -> Any:
+        """Return the value at a time: linear between samples if continuous, else held.
+
+        Held before the first and after the last sample; of two samples at one time, the later.
+        """
+        i = int(np.searchsorted(self.time, t, side="right")) - 1
+        if i < 0:
+            return self.values[0]
+        if self.variable.variability != "continuous" or i + 1 >= self.time.size:
+            return self.values[i]
+        fraction = (t - self.time[i]) / (self.time[i + 1] - self.time[i])
+        if fraction == 0:
+            return self.values[i]
+        return (1 - fraction) * self.values[i] + fraction * self.values[i + 1]
+
+
+def find_element(variables: Sequence[Variable], name: str, place: str) -> tuple[Variable, int]:
+    """Find a scalar, or one element of an array, by name; raises InputInvalid."""
+    names: list[str] = []
+    wanted = name.replace(" ", "")
+    for variable in variables:
+        elements = variable.element_names
+        if wanted in elements:
+            return variable, elements.index(wanted)
+        names += elements
+    raise InputInvalid(f"{place}: unknown name {name!r}; expected {expected_names(name, names)}")
+
+
+def read_input_csv(path: Path, description: Description) -> list[Series]:
+    """Read a table whose first column is the time [s] and whose others are inputs.
+
+    Raises InputInvalid that names the file, the line and the column.
+    """
+    rows = _rows(path)
+    if not rows:
+        raise InputInvalid(f"{path}: is empty; expected a header line: time and names of inputs")
+    line, header = rows[0]
+    if header[0].strip().lower() not in ("time", "t"):
+        hint = " (columns are separated by commas)" if len(header) == 1 else ""
+        raise InputInvalid(f"{path}, line {line}, column 1: {header[0]!r}; expected 'time'{hint}")
+    names = [name.strip() for name in header]
+    inputs = description.of("input")
+    targets = [
+        find_element(inputs, name, f"{path}, line {line}, column {c}")
+        for c, name in enumerate(names[1:], 2)
+    ]
+    repeated = next((n for i, n in enumerate(names) if n in names[:i]), None)
+    if repeated is not None:
+        raise InputInvalid(f"{path}, line {line}: column {repeated!r} is there twice")
+    if len(rows) == 1:
+        raise InputInvalid(f"{path}: has no line after the header; expected at least one")
+    return _series(path, rows[1:], names, targets)
+
+
+def _rows(path: Path) -> list[tuple[int, list[str]]]:
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise InputInvalid(
+            f"{path}: cannot be read ({error.strerror}); expected a CSV of inputs over time"
+        ) from None
+    except UnicodeDecodeError:
+        raise InputInvalid(f"{path}: is not UTF-8 text; expected CSV") from None
+    reader = csv.reader(io.StringIO(text, newline=""))
+    try:
+        return [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
+    except csv.Error as error:
+        raise InputInvalid(f"{path}, line {reader.line_num}: {error}; expected CSV") from None
+
+
+def _series(
+    path: Path,
+    rows: list[tuple[int, list[str]]],
+    names: list[str],
+    targets: list[tuple[Variable, int]],
+) -> list[Series]:
+    time = np.empty(len(rows))
+    columns: list[list[Any]] = [[] for _ in targets]
+    for k, (line, row) in enumerate(rows):
+        if len(row) != len(names):
+            raise InputInvalid(f"{path}, line {line}: {len(row)} cells; expected {len(names)}")
+        time[k] = _number(row[0], f"{path}, line {line}, column 1 (time)")
+        if k and time[k] < time[k - 1]:
+            raise InputInvalid(
+                f"{path}, line {line}, column 1 (time): {time[k]:g} s after {time[k - 1]:g} s; "
+                "expected times that do not decrease"
+            )
+        for c, (variable, _) in enumerate(targets):
+            place = f"{path}, line {line}, column {c + 2} ({names[c + 1]})"
+            columns[c].append(_cell(variable, row[c + 1], place))
+    return [
+        Series(variable, element, time, np.array(column, dtype=DTYPES[variable.type]))
+        for (variable, element), column in zip(targets, columns, strict=True)
+    ]
+
+
+def _cell(variable: Variable, text: str, place: str) -> Any:
+    if variable.type in ("Float64", "Float32"):
+        return _number(text, place)
+    scalar = Variable(**{**variable.__dict__, "shape": ()})
+    try:
+        return parse_value(scalar, text, place)
+    except ParameterInvalid as error:
+        raise InputInvalid(str(error)) from None
+
+
+def _number(text: str, place: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputInvalid(f"{place}: {text!r}; expected a finite number")
+    return value
+
+
+def _samples(variable: Variable, given: Any) -> np.ndarray:
+    """Return samples as an array that holds them exactly: NumPy makes floats of large integers."""
+    values = np.asarray(given)
+    if values.dtype.kind in "fO" and DTYPES[variable.type] is not np.object_:
+        whole = np.asarray(given, dtype=object)
+        if all(isinstance(x, (int, np.integer)) for x in whole.ravel()):
+            return whole
+    return values
+
+
+def series_of(columns: Mapping[str, Any], description: Description) -> list[Series]:
+    """Read a mapping of arrays, one of them ``time``; arrays of vectors are (samples, n)."""
+    time = np.asarray(columns["time"], dtype=float).ravel()
+    if time.size == 0 or not np.all(np.isfinite(time)) or np.any(np.diff(time) < 0):
+        raise InputInvalid("inputs: times must be finite, at least one, and not decrease")
+    inputs = {v.name: v for v in description.of("input")}
+    result: list[Series] = []
+    for name, given in columns.items():
+        if name == "time":
+            continue
+        if name in inputs:
+            chosen = [(inputs[name], e) for e in range(inputs[name].size)]
+        else:
+            chosen = [find_element(list(inputs.values()), name, "inputs")]
+        values = _samples(chosen[0][0], given)
+        if values.size != time.size * len(chosen):
+            raise InputInvalid(
+                f"inputs: {name!r} has shape {values.shape}; "
+                f"expected {len(chosen)} values at each of {time.size} times"
+            )
+        table = values.reshape(time.size, len(chosen))
+        result += [Series(v, e, time, table[:, i]) for i, (v, e) in enumerate(chosen)]
+    return result

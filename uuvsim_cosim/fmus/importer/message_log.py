@@ -1,0 +1,112 @@
+"""The messages of one FMU instance: written by C from any thread, taken by Python."""
+
+from __future__ import annotations
+
+import ctypes
+import logging
+import re
+from collections.abc import Callable
+from functools import lru_cache
+
+from uuvsim_cosim.content import content
+from uuvsim_cosim.fmus.codegen.toolchain import compile_shared
+
+__all__ = ["STATUS", "MessageLog", "logger_library"]
+
+STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
+_LEVEL = {"ok": logging.INFO, "note": logging.INFO, "warning": logging.WARNING}
+_KEPT = 10_000
+_VARIABLE = re.compile(r"#([ribs])(\d+)#")
+
+
+@lru_cache
+def logger_library() -> ctypes.CDLL:
+    """Load the C side of the log; compiled at first use."""
+    source = content("fmus", "runtime", "fmi", "uuv_logger.c")
+    c = ctypes.CDLL(str(compile_shared([source], name="uuv_logger")))
+    pointer = ctypes.c_void_p
+    c.uuv_log_new.restype, c.uuv_log_new.argtypes = pointer, []
+    c.uuv_log_free.restype, c.uuv_log_free.argtypes = None, [pointer]
+    c.uuv_log_take.restype, c.uuv_log_take.argtypes = ctypes.c_int32, [pointer] * 4
+    c.uuv_log_lost.restype, c.uuv_log_lost.argtypes = ctypes.c_uint64, [pointer]
+    c.uuv_release.restype, c.uuv_release.argtypes = None, [pointer]
+    return c
+
+
+class MessageLog:
+    """The log of one instance; `environment` is the pointer that its callbacks are given."""
+
+    def __init__(self, path: str, variable_named: Callable[[str, int], str | None]) -> None:
+        self.kept: list[tuple[str, str]] = []  # (status, text); "note" is this program's
+        self._c = logger_library()
+        self._variable_named = variable_named
+        self._logger = logging.getLogger(f"uuvsim_cosim.{path}")
+        self.environment: int = self._c.uuv_log_new()
+        self._count = ctypes.c_uint32.from_address(self.environment)
+
+    def address(self, callback: str) -> int:
+        """Return the address of a callback of the C side, such as ``uuv_log_fmi2``."""
+        return ctypes.cast(getattr(self._c, callback), ctypes.c_void_p).value or 0
+
+    def drain(self) -> int:
+        """Take what has been written; gives the number of messages taken."""
+        if not self.environment or not self._count.value:
+            return 0
+        taken = 0
+        while self._take():
+            taken += 1
+        lost = self._c.uuv_log_lost(self.environment)
+        if lost:
+            self._keep("warning", "", f"{lost} earlier messages were lost")
+        return taken
+
+    def free(self) -> None:
+        """Take the last messages and free the C side; a second call does nothing."""
+        if self.environment:
+            self.drain()
+            self._c.uuv_log_free(self.environment)
+            self.environment = 0
+
+    def remark(self, text: str) -> None:
+        """Keep a note of this program, of status ``note``."""
+        self._keep("note", "", text)
+
+    def last(self, count: int) -> str:
+        """Return the last few messages of at least warning status among `count`, else the last."""
+        recent = (
+            self.kept[-count:] if count else [m for m in self.kept if m[0] not in ("ok", "note")]
+        )
+        texts = [text for _, text in recent]
+        grave = [text for status, text in recent if status != "ok"]
+        return "; ".join(" ".join(text.split()) for text in (grave or texts)[-3:])
+
+    def _take(self) -> bool:
+        status = ctypes.c_int32()
+        category, text = ctypes.c_void_p(), ctypes.c_void_p()
+        taken = self._c.uuv_log_take(
+            self.environment, ctypes.byref(status), ctypes.byref(category), ctypes.byref(text)
+        )
+        if not taken:
+            return False
+        try:
+            name = STATUS[status.value] if 0 <= status.value < len(STATUS) else "ok"
+            self._keep(name, _string(category), _string(text))
+        finally:
+            self._c.uuv_release(category)
+            self._c.uuv_release(text)
+        return True
+
+    def _keep(self, status: str, category: str, text: str) -> None:
+        text = _VARIABLE.sub(self._variable, text).replace("##", "#").strip()
+        self.kept.append((status, text))
+        if len(self.kept) > _KEPT:
+            del self.kept[: _KEPT // 2]
+        level = _LEVEL.get(status, logging.ERROR)
+        self._logger.log(level, "%s%s", f"[{category}] " if category else "", text)
+
+    def _variable(self, match: re.Match[str]) -> str:
+        return self._variable_named(match[1], int(match[2])) or match[0]
+
+
+def _string(pointer: ctypes.c_void_p) -> str:
+    return ctypes.string_at(pointer).decode(errors="replace") if pointer.value else ""

@@ -1,0 +1,208 @@
+"""An FMU's modelDescription.xml becomes a `Description`, or one sentence on why it cannot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal, get_args
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from uuvsim_cosim.errors import FmuError, ParameterInvalid
+from uuvsim_cosim.fmus.description import Description, Variable
+from uuvsim_cosim.fmus.description_xml import Source, flag, read_units
+from uuvsim_cosim.fmus.importer.archive import shown, unpack
+from uuvsim_cosim.fmus.importer.safe_xml import read_xml
+from uuvsim_cosim.fmus.importer.source_code import Sources, read_sources
+from uuvsim_cosim.fmus.importer.variables_fmi2 import read_variables_fmi2
+from uuvsim_cosim.fmus.importer.variables_fmi3 import read_variables_fmi3
+from uuvsim_cosim.fmus.peers import read_peers
+from uuvsim_cosim.fmus.values import checked_start, parse_value
+
+__all__ = ["FmuArchive", "read_description", "read_fmu"]
+
+Interface = Literal["CoSimulation", "ModelExchange"]
+_INTERFACES: tuple[Interface, ...] = get_args(Interface)  # the first that an FMU has is used
+LIBRARY_SUFFIXES = (".so", ".dll", ".dylib")
+
+
+@dataclass(frozen=True)
+class FmuArchive:
+    """An unpacked FMU: its description, and what is needed to load it."""
+
+    path: Path  # of the .fmu
+    description: Description
+    folder: Path  # with the unpacked members
+    model_identifier: str
+    binaries: tuple[str, ...]  # platform folders that hold a library, such as linux64
+    enumerations: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
+    default_start_time: float | None = None
+    default_stop_time: float | None = None
+    log_categories: tuple[str, ...] = ()
+    interface: Interface = "CoSimulation"  # the one that is used
+    interfaces: tuple[Interface, ...] = ("CoSimulation",)  # those that the FMU has
+    adjoint_derivatives: bool = False  # of FMI 3.0; nobody here asks for them
+    n_states: int = 0  # of an FMI 2.0 Model Exchange FMU; FMI 3.0 has functions for them
+    n_event_indicators: int = 0
+    tolerance: float = 1e-6  # relative, of the integrator of a Model Exchange FMU
+    sources: Sources | None = None  # to compile where there is no binary
+    structure: Mapping[str, Any] = field(default_factory=dict)  # structural parameters, as set
+
+
+def read_description(path: Path) -> Description:
+    """Read what an .fmu says of itself; see `read_fmu`."""
+    return read_fmu(path).description
+
+
+def read_fmu(
+    path: Path, interface: str | None = None, structure: Mapping[str, Any] | None = None
+) -> FmuArchive:
+    """Unpack an .fmu into the cache and read it.
+
+    `interface` is CoSimulation or ModelExchange; by default Co-Simulation where the FMU has both.
+    `structure` are values of structural parameters, as text or as numbers; each instance gets
+    them in Configuration Mode, and the shapes of arrays are those that they make. Raises FmuError
+    for an archive that cannot be read, for FMI versions other than 2.0 and 3.0, and for an FMU
+    without that interface; ParameterInvalid for a structural parameter that does not exist.
+    """
+    folder = unpack(path)
+    source = Source(f"{shown(path)}/modelDescription.xml")
+    root = read_xml(folder / "modelDescription.xml", place=source.place)
+    if root.tag != "fmiModelDescription":
+        raise source.fault("the document", f"<{root.tag}>", "<fmiModelDescription>")
+    version = _version(source, root)
+    chosen, element = _interface(path, root, interface)
+    read = read_variables_fmi2 if version == "2.0" else read_variables_fmi3
+    variables, enumerations = read(source, root)
+    given = {
+        n: _structural_value(n, v, variables, shown(path)) for n, v in (structure or {}).items()
+    }
+    if given:
+        _restructure(root, given, variables)
+        variables, enumerations = read(source, root)
+    for name in variables.keys() & enumerations.keys():
+        items = tuple((item, number) for number, item in enumerations[name].items())
+        variables[name] = replace(variables[name], items=items)
+    experiment = root.find("DefaultExperiment")
+    where = "DefaultExperiment"
+    description = Description(
+        name=source.required(root, "modelName", "the document"),
+        kind="FMI 2.0" if version == "2.0" else "FMI 3.0",
+        variables=variables,
+        token=source.required(
+            root, "guid" if version == "2.0" else "instantiationToken", "the document"
+        ),
+        description=root.get("description", ""),
+        generation_tool=root.get("generationTool", ""),
+        units=read_units(source, root),
+        default_step_size=(
+            None if experiment is None else source.optional_number(experiment, "stepSize", where)
+        ),
+        can_get_and_set_state=flag(element, "canGetAndSetFMUstate", "canGetAndSetFMUState"),
+        can_serialize_state=flag(element, "canSerializeFMUstate", "canSerializeFMUState"),
+        can_be_instantiated_only_once=flag(element, "canBeInstantiatedOnlyOncePerProcess"),
+        provides_directional_derivatives=flag(
+            element, "providesDirectionalDerivative", "providesDirectionalDerivatives"
+        ),
+        needs_execution_tool=flag(element, "needsExecutionTool"),
+        peers=read_peers(folder),
+    )
+    identifier = source.required(element, "modelIdentifier", chosen)
+    return FmuArchive(
+        path=path,
+        description=description,
+        folder=folder,
+        model_identifier=identifier,
+        binaries=_binaries(folder, identifier),
+        enumerations=enumerations,
+        default_start_time=(
+            None if experiment is None else source.optional_number(experiment, "startTime", where)
+        ),
+        default_stop_time=(
+            None if experiment is None else source.optional_number(experiment, "stopTime", where)
+        ),
+        log_categories=tuple(c.get("name", "") for c in root.iterfind("LogCategories/Category")),
+        interface=chosen,
+        interfaces=tuple(i for i in _INTERFACES if root.find(i) is not None),
+        adjoint_derivatives=element.get("providesAdjointDerivatives", "false").strip()
+        in ("true", "1"),
+        n_states=len(root.findall("ModelStructure/Derivatives/Unknown")),
+        n_event_indicators=source.natural(
+            root.get("numberOfEventIndicators", "0"), "numberOfEventIndicators", "the document"
+        ),
+        tolerance=(
+            None if experiment is None else source.optional_number(experiment, "tolerance", where)
+        )
+        or 1e-6,
+        sources=read_sources(folder, element, identifier, shown(path)),
+        structure=given,
+    )
+
+
+def _version(source: Source, root: Element) -> str:
+    text = root.get("fmiVersion", "")
+    for version in ("2.0", "3.0"):
+        if text == version or text.startswith(f"{version}."):
+            return version
+    raise source.fault("fmiVersion", f"{text!r}", "an FMU of FMI 2.0 or 3.0")
+
+
+def _interface(path: Path, root: Element, wanted: str | None) -> tuple[Interface, Element]:
+    there = [i for i in _INTERFACES if root.find(i) is not None]
+    for interface in there:
+        found = root.find(interface)
+        if found is not None and wanted in (None, interface):
+            return interface, found
+    if wanted is not None:
+        raise FmuError(
+            f"{shown(path)}: has no {wanted}; expected one of {', '.join(there) or 'none'}"
+        )
+    only = "ScheduledExecution" if root.find("ScheduledExecution") is not None else ""
+    raise FmuError(
+        f"{shown(path)}: is for {only or 'nothing that FMI knows'} only; "
+        "expected Co-Simulation or Model Exchange"
+    )
+
+
+def _structural_value(name: str, value: Any, variables: Mapping[str, Variable], place: str) -> Any:
+    """Return the value of a structural parameter in its type; raises ParameterInvalid."""
+    where = f"{place}: structural parameter {name}"
+    variable = variables.get(name)
+    if variable is None or variable.causality != "structuralParameter":
+        known = [v.name for v in variables.values() if v.causality == "structuralParameter"]
+        raise ParameterInvalid(
+            f"{where}: there is none of this name; expected one of {', '.join(known) or 'none'}"
+        )
+    if isinstance(value, str):
+        value = parse_value(variable, value, where)
+    return checked_start(variable, value, where)
+
+
+def _restructure(
+    root: Element, given: Mapping[str, Any], variables: Mapping[str, Variable]
+) -> None:
+    """Write values of structural parameters into a model description, as if they stood there.
+
+    An array whose shape changes has no start value any more: those of the file do not fit it.
+    """
+    elements = {e.get("name"): e for e in root.iterfind("ModelVariables/*")}
+    changed = set()
+    for name, value in given.items():
+        if np.array_equal(np.asarray(value), np.asarray(variables[name].start)):
+            continue
+        words = [str(x).lower() for x in np.asarray(value).ravel().tolist()]
+        elements[name].set("start", " ".join(words))
+        changed.add(elements[name].get("valueReference"))
+    for element in elements.values():
+        if any(d.get("valueReference") in changed for d in element.iterfind("Dimension")):
+            element.attrib.pop("start", None)
+            for start in element.findall("Start"):
+                element.remove(start)
+
+
+def _binaries(folder: Path, identifier: str) -> tuple[str, ...]:
+    names = {identifier + suffix for suffix in LIBRARY_SUFFIXES}
+    found = (p.parent.name for p in folder.glob("binaries/*/*") if p.name in names)
+    return tuple(sorted(set(found)))

@@ -1,0 +1,125 @@
+"""An FMU that comes as C sources without a binary for this machine is compiled at its first use."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+from uuvsim_cosim.cache import content_hash, whole_file
+from uuvsim_cosim.errors import FmuError, ToolchainError
+from uuvsim_cosim.fmus.codegen.toolchain import compile_shared, host
+from uuvsim_cosim.fmus.importer.safe_xml import read_xml
+
+__all__ = ["Sources", "compiled", "read_sources"]
+
+# Compiled as sources of an FMU are meant to be: GNU's C, every function visible and by its plain
+# name, no optimisation beyond -O2, nothing of this machine's processor, nothing linked but libm.
+_FLAGS = ("-std=gnu11", "-fvisibility=default", "-w", "-lm",
+          "-DFMI2_OVERRIDE_FUNCTION_PREFIX", "-DFMI3_OVERRIDE_FUNCTION_PREFIX")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Sources:
+    """What is compiled: files and include folders inside ``sources/``, definitions, libraries."""
+
+    files: tuple[str, ...]
+    definitions: tuple[str, ...] = ()
+    includes: tuple[str, ...] = ()
+    libraries: tuple[str, ...] = ()  # that would have to be linked
+
+
+def read_sources(folder: Path, interface: Element, identifier: str, place: str) -> Sources | None:
+    """Read what an unpacked FMU says of its sources; None if there are none.
+
+    FMI 2.0 lists files in the description, FMI 3.0 in ``sources/buildDescription.xml``.
+    """
+    listed = tuple(f.get("name", "") for f in interface.iterfind("SourceFiles/File"))
+    if listed:
+        return Sources(listed)
+    build = folder / "sources" / "buildDescription.xml"
+    if not build.is_file():
+        return None
+    root = read_xml(build, place=f"{place}/sources/buildDescription.xml")
+    for configuration in root.iterfind("BuildConfiguration"):
+        platform = configuration.get("platform")
+        if configuration.get("modelIdentifier") == identifier and platform in (None, host().fmi3):
+            return _configured(configuration)
+    return None
+
+
+def _configured(xml: Element) -> Sources:
+    def names(tag: str) -> tuple[str, ...]:
+        return tuple(e.get("name", "") for e in xml.iterfind(tag))
+
+    definitions = [
+        f"{d.get('name', '')}={d.get('value')}" if d.get("value") is not None
+        else d.get("name", "")
+        for d in xml.iterfind("SourceFileSet/PreprocessorDefinition")
+        if d.get("optional") != "true"
+    ]  # fmt: skip
+    external = [e.get("name", "") for e in xml.iterfind("Library")]
+    return Sources(
+        names("SourceFileSet/SourceFile"),
+        tuple(definitions),
+        names("SourceFileSet/IncludeDirectory"),
+        tuple(name for name in external if name not in ("m", "libm")),
+    )
+
+
+def compiled(archive: Path, folder: Path, identifier: str, sources: Sources) -> Path:
+    """Return the library of an FMU's sources, beside the unpacked files; compiled if missing.
+
+    Raises FmuError with the compiler's own words.
+    """
+    machine = host()
+    library = folder / "compiled" / machine.fmi2 / f"{identifier}{machine.suffix}"
+    if library.is_file():
+        return library
+    root = folder / "sources"
+    if sources.libraries:
+        raise FmuError(
+            f"{archive}: its sources need the library {', '.join(sources.libraries)}; expected "
+            f"none but C's own, or a binary for {machine.fmi2}"
+        )
+    files = [_inside(root, name, archive) for name in sources.files]
+    foreign = [f.name for f in files if f.suffix.lower() != ".c"]
+    if foreign:
+        raise FmuError(
+            f"{archive}: its source {foreign[0]} is not C; expected .c files, or a binary for "
+            f"{machine.fmi2}"
+        )
+    includes = [root, *(_inside(root, name, archive) for name in sources.includes), _headers()]
+    # Sources include each other: the key of the cache holds all that lies there.
+    every = sorted(f for f in root.rglob("*") if f.is_file())
+    key = content_hash([str(f.relative_to(root)) for f in every] + [f.read_bytes() for f in every])
+    flags = [*_FLAGS, *(f"-D{d}" for d in sources.definitions), f"-DUUVSIM_SOURCES={key}"]
+    try:
+        made = compile_shared(files, name=identifier, include=includes, flags=flags)
+    except ToolchainError as error:
+        raise FmuError(
+            f"{archive}: has no binary for {machine.fmi2}, and its sources do not compile: {error}"
+        ) from None
+    library.parent.mkdir(parents=True, exist_ok=True)
+    # PermissionError: in use on Windows, so it is there already.
+    with contextlib.suppress(PermissionError), whole_file(library) as fresh:
+        shutil.copyfile(made, fresh)
+    return library
+
+
+def _inside(root: Path, name: str, archive: Path) -> Path:
+    path = (root / name).resolve()
+    if not path.is_relative_to(root.resolve()) or not path.exists():
+        raise FmuError(f"{archive}: its source {name!r} is not there; expected it in sources/")
+    return path
+
+
+def _headers() -> Path:
+    """Return FMI's headers, for sources that come without."""
+    spec = find_spec("fmpy")
+    if spec is None or spec.origin is None:
+        raise FmuError("the package 'fmpy' is missing; expected `pip install fmpy`")
+    return Path(spec.origin).parent / "c-code"

@@ -1,0 +1,171 @@
+"""The variables of an FMI 3.0 model description: all types, arrays, aliases."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, get_args
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from uuvsim_cosim.fmus.description import UNITS_ANNOTATION, Variable, VariableType
+from uuvsim_cosim.fmus.description_xml import DTYPES, SimpleType, Source
+
+__all__ = ["read_variables_fmi3"]
+
+MAX_SIZE = 10**8
+_WHOLE = ("Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
+
+
+def read_variables_fmi3(
+    source: Source, root: Element
+) -> tuple[dict[str, Variable], dict[str, Mapping[int, str]]]:
+    """Return the variables by name, and the items of those that are enumerations."""
+    types = {
+        source.required(e, "name", "a type"): SimpleType(
+            dict(e.attrib), source.items(e, f"type {e.get('name')!r}")
+        )
+        for e in root.iterfind("TypeDefinitions/*")
+    }
+    elements = [e for e in root.iterfind("ModelVariables/*") if e.tag in get_args(VariableType)]
+    extents = _structural(source, elements)
+    variables: dict[str, Variable] = {}
+    enumerations: dict[str, Mapping[int, str]] = {}
+    for element in elements:
+        variable, declared = _variable(source, element, types, extents)
+        aliases = [
+            replace(variable, name=alias.get("name", ""), causality="local")
+            for alias in element.iterfind("Alias")
+        ]
+        for v in (variable, *aliases):
+            if v.name in variables:
+                raise source.fault(f"variable {v.name!r}", "declared twice", "unique names")
+            variables[v.name] = v
+            if v.type == "Enumeration" and declared is not None:
+                enumerations[v.name] = declared.items
+    for name, names in _dependencies(source, root, variables).items():
+        variables[name] = replace(variables[name], dependencies=names)
+    return variables, enumerations
+
+
+def _structural(source: Source, elements: list[Element]) -> dict[int, int]:
+    """Return the whole start values of structural parameters, by value reference.
+
+    Others (a Boolean that chooses among equations, say) cannot be a dimension.
+    """
+    extents: dict[int, int] = {}
+    for e in elements:
+        if e.get("causality") != "structuralParameter" or e.find("Dimension") is not None:
+            continue
+        where = f"structural parameter {e.get('name')!r}"
+        start = e.get("start")
+        if start is None:
+            raise source.fault(where, "no start", "a start value")
+        value = source.value(e.tag, start, where)  # type: ignore[arg-type]
+        if e.tag in _WHOLE:
+            reference = source.natural(e.get("valueReference"), "valueReference", where)
+            extents[reference] = value
+    return extents
+
+
+def _variable(
+    source: Source, element: Element, types: Mapping[str, SimpleType], extents: Mapping[int, int]
+) -> tuple[Variable, SimpleType | None]:
+    name = source.required(element, "name", "a variable")
+    where = f"variable {name!r}"
+    kind: VariableType = element.tag  # type: ignore[assignment]
+    declared_name = element.get("declaredType")
+    declared = types.get(declared_name) if declared_name is not None else None
+    if declared_name is not None and declared is None:
+        raise source.fault(where, f"unknown type {declared_name!r}", "one of TypeDefinitions")
+    attributes = {**(declared.attributes if declared else {}), **element.attrib}
+    shape = tuple(_extent(source, d, extents, where) for d in element.iterfind("Dimension"))
+    size = math.prod(shape)
+    if size > MAX_SIZE:
+        raise source.fault(where, f"{size} elements", f"at most {MAX_SIZE}")
+    causality = source.causality(element, where)
+    variable = Variable(
+        name=name,
+        type=kind,
+        causality=causality,
+        variability=source.variability(element, causality, kind, where),
+        shape=shape,
+        unit=attributes.get("unit"),
+        element_units=_element_units(element, size),
+        start=_start(source, element, kind, shape, where),
+        min=source.bound(attributes, "min", kind, where),
+        max=source.bound(attributes, "max", kind, where),
+        description=attributes.get("description", ""),
+        initial=element.get("initial"),
+        value_references=(source.natural(element.get("valueReference"), "valueReference", where),),
+    )
+    return variable, declared
+
+
+def _element_units(element: Element, size: int) -> tuple[str | None, ...]:
+    """FMI 3.0 gives an array one unit; where ours differ, an annotation lists them."""
+    note = element.find(f"Annotations/Annotation[@type='{UNITS_ANNOTATION}']")
+    units = tuple((note.text or "").split()) if note is not None else ()
+    return units if len(units) == size else ()
+
+
+def _extent(source: Source, dimension: Element, extents: Mapping[int, int], where: str) -> int:
+    if dimension.get("start") is not None:
+        return source.natural(dimension.get("start"), "Dimension start", where)
+    reference = source.natural(dimension.get("valueReference"), "Dimension valueReference", where)
+    if reference not in extents:
+        raise source.fault(
+            where,
+            f"a dimension by value reference {reference}",
+            "that of a whole structural parameter",
+        )
+    return source.natural(str(extents[reference]), "Dimension", where)
+
+
+def _start(
+    source: Source, element: Element, kind: VariableType, shape: tuple[int, ...], where: str
+) -> Any:
+    if kind in ("String", "Binary"):
+        texts = [e.get("value", "") for e in element.iterfind("Start")]
+    elif shape:
+        texts = element.get("start", "").split()
+    else:
+        texts = [element.get("start", "")] if element.get("start") is not None else []
+    if not texts:
+        return None
+    values = [source.value(kind, text, where) for text in texts]
+    if not shape:
+        return values[0]
+    size = math.prod(shape)
+    if len(values) == 1:
+        values = values * size
+    if len(values) != size:
+        raise source.fault(where, f"{len(values)} start values", f"1 or {size}")
+    flat = np.empty(size, dtype=DTYPES[kind])
+    try:
+        flat[:] = values
+    except OverflowError:
+        raise source.fault(where, "a start value out of range", f"values of {kind}") from None
+    return flat.reshape(shape)
+
+
+def _dependencies(
+    source: Source, root: Element, variables: Mapping[str, Variable]
+) -> dict[str, tuple[str, ...]]:
+    by_reference = {v.value_references[0]: v for v in reversed(list(variables.values()))}
+    declared: dict[str, tuple[str, ...]] = {}
+    for output in root.iterfind("ModelStructure/Output"):
+        where = "ModelStructure/Output"
+        listed = output.get("dependencies")
+        own = source.natural(output.get("valueReference"), "valueReference", where)
+        references = [source.natural(t, "dependency", where) for t in (listed or "").split()]
+        for r in (own, *references):
+            if r not in by_reference:
+                raise source.fault(where, f"value reference {r}", "that of a variable")
+        if listed is not None:
+            known = (by_reference[r] for r in references)
+            inputs = tuple(v.name for v in known if v.causality == "input")
+            declared[by_reference[own].name] = inputs
+    return declared

@@ -1,0 +1,74 @@
+"""An .fmu becomes a live component: of its FMI version, in this process or in one of its own."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from uuvsim_cosim.fmus.component import Component
+from uuvsim_cosim.fmus.importer.fmu2 import Fmu2
+from uuvsim_cosim.fmus.importer.fmu3 import Fmu3
+from uuvsim_cosim.fmus.importer.fmu_binary import lives_here
+from uuvsim_cosim.fmus.importer.fmu_library import library_of
+from uuvsim_cosim.fmus.importer.read_description import FmuArchive, read_fmu
+from uuvsim_cosim.fmus.isolation.isolated import Isolated
+from uuvsim_cosim.fmus.model_exchange.component import ModelExchange
+
+__all__ = ["instantiate_fmu", "needs_own_process"]
+
+
+def instantiate_fmu(
+    fmu: Path | FmuArchive,
+    path: str,
+    *,
+    isolate: bool = False,
+    watchdog: float | None = None,
+    logging_on: bool = True,
+) -> Component:
+    """Instantiate an FMU as the component `path`.
+
+    It gets a process of its own if `isolate` says so, or if this process cannot hold it (see
+    `needs_own_process`). An isolated one that does not answer within `watchdog` seconds fails.
+    """
+    archive = fmu if isinstance(fmu, FmuArchive) else read_fmu(fmu)
+    library_of(archive)  # the watchdog of another process does not wait for a compiler
+    if isolate or needs_own_process(archive):
+        return Isolated(
+            path,
+            archive.description,
+            instantiate_here,
+            (archive, path, logging_on),
+            watchdog=watchdog,
+        )
+    return instantiate_here(archive, path, logging_on)
+
+
+def instantiate_here(archive: FmuArchive, path: str, logging_on: bool = True) -> Component:
+    """Instantiate an FMU in this process."""
+    kind = Fmu2 if archive.description.kind == "FMI 2.0" else Fmu3
+    fmu = kind(archive, path, logging_on=logging_on)
+    return ModelExchange(fmu) if archive.interface == "ModelExchange" else fmu
+
+
+def needs_own_process(archive: FmuArchive) -> bool:
+    """Return whether a (further) instance cannot live in this process.
+
+    That is so for the second instance of an FMU that may exist once per process, and for one
+    made of a Python module whose name another module of this process has already.
+    """
+    once = archive.description.can_be_instantiated_only_once
+    return (once and lives_here(archive)) or _module_taken(archive)
+
+
+def _module_taken(archive: FmuArchive) -> bool:
+    # pythonfmu and pythonfmu3 import resources/<module>.py by its bare name: whoever comes
+    # second under the same name would silently run the code of the first.
+    resources = archive.folder / "resources"
+    try:
+        name = (resources / "slavemodule.txt").read_text(errors="replace").split("\n", 1)[0]
+    except OSError:
+        return False
+    loaded = sys.modules.get(name.strip())
+    if loaded is None:
+        return name.strip() in sys.stdlib_module_names
+    return Path(getattr(loaded, "__file__", None) or "").parent != resources

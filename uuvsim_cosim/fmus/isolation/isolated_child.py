@@ -1,0 +1,169 @@
+"""The child of `Isolated`: makes one component and answers calls until its input ends."""
+
+from __future__ import annotations
+
+import itertools
+import logging
+import os
+import pickle
+import select
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from uuvsim_cosim.errors import ComponentFailed, UuvsimError
+from uuvsim_cosim.fmus.component import Component
+
+__all__ = ["main"]
+
+_GRACE = 2.0  # [s] from the parent's end to this process's
+
+
+class Served:
+    """The component in the child, and the states that the parent holds by number."""
+
+    def __init__(self, segment: int, pipe: int) -> None:
+        self.component: Component | None = None
+        self.serving: Any = None  # what a stepping loop of the parent asked for
+        self._segment, self._pipe = segment, pipe
+        self._states: dict[int, Any] = {}
+        self._numbers = itertools.count()
+        self._told = 0
+
+    def call(self, method: str, arguments: tuple[Any, ...], dropped: list[int]) -> Any:
+        """Answer one call of the parent."""
+        for number in dropped:
+            self._states.pop(number, None)
+        if method == "instantiate":
+            factory: Callable[..., Component]
+            factory, given = arguments
+            self.component = factory(*given)
+            return None
+        if method in ("ask", "serve", "why", "messages"):
+            return self._stepping(method, arguments)
+        if self.serving is not None:
+            self.serving.forget()
+        if method in ("set_fmu_state", "serialize_fmu_state"):
+            return getattr(self.component, method)(self._states[arguments[0]])
+        result = getattr(self.component, method)(*self._resolved(method, arguments))
+        if method in ("get_fmu_state", "deserialize_fmu_state"):
+            number = next(self._numbers)
+            self._states[number] = result
+            return (number, self._serialized(result)) if method == "get_fmu_state" else number
+        return result
+
+    def _stepping(self, method: str, arguments: tuple[Any, ...]) -> Any:
+        component = self.component
+        if method == "ask":
+            return arguments[0](component, *arguments[1])
+        if method == "serve":
+            self.close()
+            make, more = arguments
+            self.serving = make(component, self._segment, self._pipe, *more)
+        elif method == "why":
+            raise self.serving.error(*arguments)
+        else:
+            drain = getattr(component, "drain_messages", None)
+            return None if drain is None else drain()
+        return None
+
+    def _serialized(self, state: Any) -> bytes | None:
+        component = self.component
+        if component is None or not component.description.can_serialize_state:
+            return None
+        try:
+            return component.serialize_fmu_state(state)
+        except Exception:  # a state that cannot be written can still be restored here
+            return None
+
+    def _resolved(self, method: str, arguments: tuple[Any, ...]) -> tuple[Any, ...]:
+        """Put variables where the parent sent their names, which are quicker to send."""
+        if self.component is None or method not in ("get", "set", "directional_derivative"):
+            return arguments
+        variables = self.component.description.variables
+        if method == "directional_derivative":
+            groups = tuple([variables[n] for n in names] for names in arguments[:2])
+            return (*groups, *arguments[2:])
+        return (variables[arguments[0]], *arguments[1:])
+
+    def messages(self) -> list[tuple[str, str]]:
+        """Return the messages that have come since the last call."""
+        kept: list[tuple[str, str]] = getattr(self.component, "messages", [])
+        fresh = kept[self._told :]
+        self._told = len(kept)
+        return list(fresh)
+
+    def close(self) -> None:
+        """End what steps the component."""
+        if self.serving is not None:
+            self.serving.close()
+            self.serving = None
+
+    def free(self) -> None:
+        """Free the component."""
+        self._states.clear()
+        self.close()
+        if self.component is not None:
+            self.component.free()
+
+
+def main() -> None:
+    """Serve the parent; what the component prints goes to standard error."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to answer
+    logging.getLogger("uuvsim_cosim").addHandler(logging.NullHandler())
+    calls = os.fdopen(os.dup(0), "rb")
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(nothing, 0)
+    _end_with_parent(calls.fileno())
+    served = Served(int(sys.argv[1]) if len(sys.argv) > 1 else 0, calls.fileno())
+    while True:
+        if served.serving is not None:
+            served.serving.run()
+        try:
+            method, arguments, dropped = pickle.load(calls)
+        except EOFError:
+            break
+        if method == "instantiate":  # all is imported
+            pickle.dump(("ok", None, []), answers)
+            answers.flush()
+        answer: tuple[str, Any]
+        try:
+            answer = "ok", served.call(method, arguments, dropped)
+        except ComponentFailed as error:
+            answer = "failed", (error.path, error.time, error.reason, error.asks_to_end)
+        except UuvsimError as error:
+            answer = "refused", str(error)
+        except Exception as error:  # a Python component may raise anything
+            words = f"{type(error).__name__}: {error}"
+            component = served.component
+            if method == "do_step" and component is not None:
+                answer = "failed", (component.path, arguments[0], words)
+            else:
+                answer = "refused", words
+        pickle.dump((*answer, served.messages()), answers)
+        answers.flush()
+    served.free()
+
+
+def _end_with_parent(pipe: int) -> None:
+    """End this process soon after the parent, also if the component never comes back."""
+    if not hasattr(select, "poll"):
+        return
+
+    def wait() -> None:
+        gone = select.poll()
+        gone.register(pipe, 0)  # reports only that the other end is closed
+        gone.poll()
+        time.sleep(_GRACE)
+        os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,181 @@
+"""A Model Exchange FMU as a component: it is integrated here, and its events are located.
+
+Inputs hold over a communication step. The integrator begins anew at each communication point, so
+that a step depends on the FMU's state alone and a replay from a snapshot has the same bits.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Sequence
+from typing import Any, final
+
+from uuvsim_cosim.errors import ComponentFailed, FmuError
+from uuvsim_cosim.fmus.component import Binding, BindingKind
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.fmus.importer.fmu2 import Fmu2
+from uuvsim_cosim.fmus.importer.fmu3 import Fmu3
+from uuvsim_cosim.fmus.importer.fmu_state import FmuState, Phase
+from uuvsim_cosim.fmus.model_exchange.calls import Calls, Calls2, Calls3
+from uuvsim_cosim.fmus.model_exchange.solver import Solver
+
+__all__ = ["ModelExchange"]
+
+_EVENTS = 10_000  # in one communication step, before it counts as endless
+_ROUNDS = 100  # of one event iteration
+_IMPLICIT = "an implicit solver (CVODE) integrates it where they are"
+_State = tuple[FmuState, float]
+
+
+@final
+class ModelExchange:
+    """The `Component` protocol over an FMU that gives derivatives instead of steps."""
+
+    def __init__(self, fmu: Fmu2 | Fmu3) -> None:
+        self.path = fmu.path
+        self.description = fmu.description
+        self.messages = fmu.messages
+        self._fmu = fmu
+        self._calls: Calls | None = None
+        self._solver: Solver | None = None
+        self._next_event = math.inf
+        self._stiff_before = False  # which has been reported
+
+    # ---- values and life, as the FMU has them -------------------------------------------------
+
+    def get(self, variable: Variable) -> Any:
+        """Read a value."""
+        return self._fmu.get(variable)
+
+    def set(self, variable: Variable, value: Any) -> None:
+        """Set a value; between steps, what is not continuous is set in Event Mode."""
+        event = self._fmu.phase is Phase.STEP and not (
+            variable.causality == "input" and variable.variability == "continuous"
+        )
+        if not event:
+            self._fmu.set(variable, value)
+            return
+        self._live().enter_event_mode()
+        self._fmu.set(variable, value)
+        self._iterate_event(self._fmu.time)
+
+    def enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
+        """Enter Initialization Mode, after start values have been set."""
+        self._fmu.enter_initialization_mode(start_time, stop_time)
+
+    def exit_initialization_mode(self) -> None:
+        """Leave Initialization Mode, which ends in Event Mode; stepping may begin."""
+        self._fmu.exit_initialization_mode()
+        self._calls = Calls2(self._fmu) if isinstance(self._fmu, Fmu2) else Calls3(self._fmu)
+        self._solver = None
+        self._iterate_event(self._fmu.time)
+
+    def reset(self) -> None:
+        """Go back to the state after instantiation."""
+        self._solver = self._calls = None
+        self._fmu.reset()
+
+    def terminate(self) -> None:
+        """End stepping."""
+        self._fmu.terminate()
+
+    def free(self) -> None:
+        """Free the instance; a second call does nothing."""
+        self._solver = self._calls = None
+        self._fmu.free()
+
+    def get_fmu_state(self) -> _State:
+        """Copy the state."""
+        return self._fmu.get_fmu_state(), self._next_event
+
+    def set_fmu_state(self, state: _State) -> None:
+        """Restore a state of this instance."""
+        self._fmu.set_fmu_state(state[0])
+        self._next_event = state[1]
+
+    def serialize_fmu_state(self, state: _State) -> bytes:
+        """Turn a state into bytes."""
+        return struct.pack("<d", state[1]) + self._fmu.serialize_fmu_state(state[0])
+
+    def deserialize_fmu_state(self, data: bytes) -> _State:
+        """Turn bytes into a state of this instance."""
+        if len(data) < 8:
+            raise FmuError(f"{self.path}: {len(data)} bytes that are no serialised state")
+        return self._fmu.deserialize_fmu_state(data[8:]), struct.unpack("<d", data[:8])[0]
+
+    def directional_derivative(
+        self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: Any
+    ) -> Any:
+        """Return d(unknowns)/d(knowns) · seed, flat."""
+        return self._fmu.directional_derivative(unknowns, knowns, seed)
+
+    def drain_messages(self) -> None:
+        """Take over what the FMU has said since."""
+        self._fmu.drain_messages()
+
+    def binding(self) -> Binding:
+        """Say that the stepping loop in C has to call Python."""
+        return Binding(BindingKind.CALLBACK, 0, {})
+
+    # ---- integration --------------------------------------------------------------------------
+
+    def do_step(self, current_communication_point: float, step_size: float) -> None:
+        """Integrate to the end of the step, with an event wherever there is one."""
+        time, end = current_communication_point, current_communication_point + step_size
+        self._fmu.time = time
+        calls = self._live()
+        calls.set_time(time)
+        for _ in range(_EVENTS):
+            time, crossed = self._integrate(time, min(end, self._next_event))
+            self._fmu.time = time
+            calls.set_time(time)
+            wanted, ends = calls.completed_integrator_step()
+            if ends:
+                raise ComponentFailed(self.path, time, "it asks to end the simulation", True)
+            if crossed or wanted or time >= self._next_event:
+                calls.enter_event_mode()
+                self._iterate_event(time)
+            if time >= end:
+                return
+        raise ComponentFailed(
+            self.path, time,
+            f"more than {_EVENTS} events in a communication step of {step_size:g} s; expected "
+            "a model whose events do not accumulate",
+        )  # fmt: skip
+
+    def _integrate(self, time: float, until: float) -> tuple[float, bool]:
+        """Go to `until` [s] or to the first event indicator that crosses zero."""
+        calls = self._live()
+        if until - time <= 4e-16 * max(1.0, abs(until)) or not (calls.states or calls.indicators):
+            return until, False
+        if self._solver is None:
+            self._solver = Solver(calls, self._fmu.archive.tolerance)
+        try:
+            reached = self._solver.integrate(time, until)
+        except RuntimeError as error:
+            raise ComponentFailed(self.path, time, f"integration stopped: {error}") from error
+        if self._solver.stiff and not self._stiff_before:
+            self._stiff_before = True
+            self._fmu.remark(f"its equations are stiff at t = {time:.6g} s: {_IMPLICIT}")
+        return reached
+
+    def _iterate_event(self, time: float) -> None:
+        """Repeat until the discrete states stay, then go on to Continuous-Time Mode."""
+        calls = self._live()
+        for _ in range(_ROUNDS):
+            event = calls.update_discrete_states()
+            if event.ends:
+                raise ComponentFailed(self.path, time, "it asks to end the simulation", True)
+            if not event.again:
+                self._next_event = event.next_time
+                calls.enter_continuous_time_mode()
+                return
+        raise ComponentFailed(
+            self.path, time, f"its event iteration does not end within {_ROUNDS} rounds"
+        )
+
+    def _live(self) -> Calls:
+        if self._calls is None:
+            raise FmuError(f"{self.path}: stepped before Initialization Mode was left")
+        return self._calls

@@ -1,0 +1,257 @@
+"""A batch: environments of one kernel, each with parameters, seed and time of its own."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
+from operator import index
+from typing import Any, final
+
+import numpy as np
+
+from uuvsim_cosim.closing import Closing
+from uuvsim_cosim.errors import ComponentFailed, InputInvalid
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.kernels.batch.memory import Lanes, aligned
+from uuvsim_cosim.kernels.batch.program import Program
+from uuvsim_cosim.kernels.batch.signal import Signal, signal_of
+from uuvsim_cosim.kernels.batch.threads import Threads
+from uuvsim_cosim.orchestrator.plan.seeds import seed_words
+
+__all__ = ["Batch", "Seeds"]
+
+Seeds = int | Sequence[int] | np.ndarray
+TICK, FAILED, FAILED_TICK = 0, 1, 2  # words, as in fmus/kernels/uuv_lane_steps.h
+
+
+@final
+class Batch(Closing):
+    """Environments that step together; see `Kernel.batch`.
+
+    An environment keeps its seed and its start values until `reset` is given others; what `set`
+    changes lasts until its next reset.
+    """
+
+    def __init__(
+        self,
+        kernel: Program,
+        n_envs: int,
+        *,
+        seeds: Seeds | None = None,
+        start: Mapping[str, Any] | None = None,
+        threads: int = 1,
+    ) -> None:
+        if n_envs < 1 or threads < 1:
+            raise InputInvalid(f"{n_envs} environments in {threads} threads; expected at least 1")
+        self.kernel = kernel
+        self.n_envs = n_envs
+        fused, dtype = kernel.fused, kernel.dtype
+        self._memory = Lanes(n_envs, fused.n_cells, kernel.lanes, dtype, fused.n_words)
+        self._start = Lanes(n_envs, fused.n_start, kernel.lanes, dtype)
+        workers = min(threads, self._memory.n_blocks)
+        # More ranges than threads, so that one whose processor is busy elsewhere makes fewer.
+        n_ranges = 4 * workers if self._memory.n_blocks >= 32 * workers > 32 else workers
+        bounds = np.linspace(0, self._memory.n_blocks, n_ranges + 1).astype(int).tolist()
+        self._ranges = list(pairwise(bounds))
+        scratch = aligned((workers, fused.n_cells, kernel.lanes), dtype)
+        self._scratch = [int(s.ctypes.data) for s in scratch]
+        self._scratch_cells = scratch
+        self._threads = Threads(workers) if workers > 1 else None
+        self._raised = np.zeros(n_envs, bool)
+        self._signals: dict[str, Signal] = {}
+        self._step = kernel.c.uuv_kernel_step
+        self._address, self._n_blocks = self._memory.address, self._memory.n_blocks
+        self._tick_length = fused.plan.tick.numerator, float(fused.plan.tick.denominator)
+        self._set_plan_start()
+        self.reset(seeds=0 if seeds is None else seeds, start=start)
+
+    def close(self) -> None:
+        """End the threads; a second call does nothing."""
+        if self._threads is not None:
+            self._threads.close()
+            self._threads = None
+            self._ranges = [(0, self._n_blocks)]
+
+    # ---- life -----------------------------------------------------------------------------
+
+    def reset(
+        self,
+        mask: Any = None,
+        *,
+        seeds: Seeds | None = None,
+        start: Mapping[str, Any] | None = None,
+        check: bool = True,
+    ) -> None:
+        """Go back to time 0 where the mask is true, with other seeds or start values if given.
+
+        Raises ComponentFailed if a start is not finite, unless `check` is false.
+        """
+        chosen = None if mask is None else self._mask(mask)
+        given = [(self._signal(n), v) for n, v in start.items()] if start else []
+        rows = [(s, s.checked_start(v)) for s, v in given]
+        words = None if seeds is None else self._seeds(seeds)
+        for s, row in rows:
+            s.start.write(row, chosen)
+        lanes = None
+        if chosen is not None:
+            lanes = np.ascontiguousarray(self._memory.padded(chosen).view(np.uint8))
+        masks = 0 if lanes is None else lanes.ctypes.data
+        c, memory, begin = self.kernel.c, self._address, self._start.address
+        if words is not None:
+            seeded = words.ctypes.data
+            self._each(lambda _, a, b: c.uuv_kernel_seed(begin, seeded, masks, a, b))
+        scratch = self._scratch
+        failed = self._each(
+            lambda n, a, b: c.uuv_kernel_reset(memory, begin, masks, scratch[n], a, b)
+        )
+        if chosen is None:
+            self._raised[:] = False
+        else:
+            self._raised &= ~chosen
+        if check and any(failed):
+            self._check()
+
+    def step(self, n: int = 1, *, check: bool = True) -> None:
+        """Make n communication steps in all environments.
+
+        Raises ComponentFailed once for environments that fail; all make their n steps. Those in
+        `failed` mean nothing until they are reset. Without `check` nothing is raised.
+        """
+        if n < 0:
+            raise InputInvalid(f"{n} steps; expected 0 or more")
+        if self._threads is None:
+            failed = self._step(self._address, 0, self._n_blocks, n)
+        else:
+            step, memory = self._step, self._address
+            failed = any(self._each(lambda _, a, b: step(memory, a, b, n)))
+        if failed and check:
+            self._check()
+
+    @property
+    def tick(self) -> np.ndarray:
+        """Return the communication point that each environment has reached."""
+        return self._memory.word(TICK).astype(np.int64)
+
+    @property
+    def time(self) -> np.ndarray:
+        """Return each environment's time [s]."""
+        numerator, denominator = self._tick_length
+        return (self._memory.word(TICK) * np.uint64(numerator)).astype(float) / denominator
+
+    @property
+    def failed(self) -> np.ndarray:
+        """Say which environments have a value that is not finite, since their reset."""
+        return np.asarray(self._memory.word(FAILED) != 0)
+
+    def failure(self, e: int) -> ComponentFailed | None:
+        """Return the first failure of environment e since its reset, if it has failed."""
+        if not -self.n_envs <= e < self.n_envs:
+            raise InputInvalid(f"environment {e}; expected one of 0 to {self.n_envs - 1}")
+        return self._failure(index(e) % self.n_envs, "")
+
+    # ---- values ---------------------------------------------------------------------------
+
+    @property
+    def variables(self) -> Mapping[str, Variable]:
+        """Return every variable by its full name, "hull.eta"."""
+        return self.kernel.variables
+
+    @property
+    def cells(self) -> np.ndarray:
+        """Show all values as they lie, (blocks, cells, lanes); `Fused` says where."""
+        return self._memory.cells
+
+    def get(self, name: str) -> np.ndarray:
+        """Copy a variable, "hull.eta": one row an environment, in the kernel's number type."""
+        return (self._signals.get(name) or self._signal(name)).own.read()
+
+    def set(self, name: str, values: Any, mask: Any = None) -> None:
+        """Set an unconnected input or a tunable parameter, where the mask is true.
+
+        `values` has the variable's shape, or one row an environment.
+        """
+        s = self._signals.get(name) or self._signal(name)
+        rows = s.checked(values)
+        s.own.write(rows, None if mask is None else self._mask(mask))
+        if s.is_parameter:
+            c, memory = self.kernel.c, self._address
+            self._each(lambda _, a, b: c.uuv_kernel_derive(memory, s.member, a, b))
+
+    # ---- inside ---------------------------------------------------------------------------
+
+    def _each(self, call: Callable[[int, int, int], Any]) -> list[Any]:
+        """Call for each range of blocks, side by side; C lets go of the GIL."""
+        if self._threads is None:
+            return [call(0, 0, self._n_blocks)]
+        if self._threads.owner != os.getpid():  # threads do not survive a fork
+            self._threads = Threads(len(self._scratch))
+        return self._threads.each(call, self._ranges)
+
+    def _signal(self, name: str) -> Signal:
+        if name not in self._signals:
+            self._signals[name] = signal_of(self.kernel, name, self._memory, self._start)
+        return self._signals[name]
+
+    def _set_plan_start(self) -> None:
+        for planned, m in zip(
+            self.kernel.fused.plan.components, self.kernel.fused.members, strict=True
+        ):
+            for p in m.layout.placed:
+                if p.variable.kind in ("input", "parameter"):
+                    signal = self._signal(f"{m.path}.{p.variable.name}")
+                    value = np.reshape(np.asarray(p.variable.start, float), p.variable.shape)
+                    signal.start.write(value)
+            for name, value in planned.start.items():
+                signal = self._signal(f"{m.path}.{name}")
+                signal.start.write(signal.checked_start(value))
+
+    def _seeds(self, seeds: Seeds) -> np.ndarray:
+        """Return one for each lane; of a single seed s, they are s, s + 1 and so on."""
+        n = self.n_envs
+        if getattr(seeds, "dtype", None) == np.uint64 and np.shape(seeds) == (n,):
+            return np.ascontiguousarray(self._memory.padded(np.asarray(seeds)))
+        each = np.ndim(seeds) > 0
+        try:
+            if each:
+                given = [index(s) for s in seeds]  # type: ignore[union-attr]
+            else:
+                first = index(seeds)  # type: ignore[arg-type]
+                given = [*range(first, first + n)]
+        except TypeError:
+            raise InputInvalid(
+                f"seeds: {seeds!r}; expected a whole number, or {n} of them"
+            ) from None
+        if len(given) != n:
+            raise InputInvalid(f"seeds: {len(given)}; expected one, or {n}")
+        return self._memory.padded(seed_words(given))
+
+    def _mask(self, mask: Any) -> np.ndarray:
+        chosen = np.asarray(mask)
+        if chosen.shape != (self.n_envs,) or chosen.dtype != bool:
+            raise InputInvalid(
+                f"mask: {chosen.dtype} of shape {chosen.shape}; expected {self.n_envs} Booleans"
+            )
+        return chosen
+
+    def _check(self) -> None:
+        """Raise for environments that have failed since the last call."""
+        new = self.failed & ~self._raised
+        if not new.any():
+            return
+        self._raised |= new
+        count = int(new.sum())
+        more = f", and {count - 1} others fail" if count > 1 else ""
+        failure = self._failure(int(np.flatnonzero(new)[0]), more)
+        assert failure is not None
+        raise failure
+
+    def _failure(self, e: int, more: str) -> ComponentFailed | None:
+        cell = int(self._memory.word(FAILED)[e]) - 1
+        if cell < 0:
+            return None
+        fused = self.kernel.fused
+        place, path = fused.name_of(cell)
+        tick = int(self._memory.word(FAILED_TICK)[e])
+        time = float(tick * fused.plan.tick.numerator) / float(fused.plan.tick.denominator)
+        return ComponentFailed(path, time, f"{place} is not finite in environment {e}{more}")

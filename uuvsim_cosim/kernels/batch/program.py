@@ -1,0 +1,42 @@
+"""The interface of a compiled plan, on which batches and derivatives rely; `Kernel` has it."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping
+from typing import Protocol
+
+import numpy as np
+
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.kernels.codegen.fusible import Fused
+
+__all__ = ["Program"]
+
+
+class Program(Protocol):
+    """One communication step of a plan, compiled over lanes of environments."""
+
+    @property
+    def fused(self) -> Fused:
+        """The plan, and the place of every variable in an environment's memory."""
+
+    @property
+    def lanes(self) -> int:
+        """Number of environments that one instruction works on."""
+
+    @property
+    def dtype(self) -> np.dtype:
+        """Type of the numbers: float64 or float32."""
+
+    @property
+    def baseline(self) -> bool:
+        """Whether the code runs on every processor of this kind."""
+
+    @property
+    def c(self) -> ctypes.CDLL:
+        """The library with the functions ``uuv_kernel_…``."""
+
+    @property
+    def variables(self) -> Mapping[str, Variable]:
+        """Every variable by its full name, "hull.eta"."""

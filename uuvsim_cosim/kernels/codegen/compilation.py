@@ -1,0 +1,54 @@
+"""The compiler's part: generated C becomes a library, for this machine's processor or for all."""
+
+from __future__ import annotations
+
+import platform
+from functools import lru_cache
+from pathlib import Path
+
+from uuvsim_cosim.cache import cache_dir, content_hash, intact, keep
+from uuvsim_cosim.content import content
+from uuvsim_cosim.fmus.codegen.runtime import runtime
+from uuvsim_cosim.fmus.codegen.toolchain import compile_shared, compiler
+
+__all__ = ["compiled", "compiled_draws", "processor_flags"]
+
+
+def compiled(name: str, text: str, flags: tuple[str, ...]) -> Path:
+    """Compile generated C into a library in the cache, and return its path."""
+    folder = cache_dir("generated", content_hash([text]))
+    path = folder / f"{name}.c"
+    if not intact(path):
+        keep(path, text.encode())
+    include = [content("fmus", "kernels"), *runtime()]
+    return compile_shared([path], name=f"{name}_lanes", include=include, flags=flags)
+
+
+def compiled_draws(flags: tuple[str, ...]) -> Path:
+    """Compile the random draws of kernels in float32, which are made in float64."""
+    source = content("fmus", "kernels") / "float_draws.c"
+    include = [content("fmus", "kernels"), *runtime()]
+    return compile_shared([source], name="float_draws", include=include, flags=flags)
+
+
+@lru_cache
+def _processor() -> str:
+    """Identify this machine's processor: what is compiled for it runs on no other."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().split("\n\n", 1)[0].splitlines()
+    except OSError:
+        return content_hash([platform.machine(), platform.processor(), platform.node()])[:16]
+    wanted = ("model name", "flags", "Features", "CPU part", "CPU implementer", "isa")
+    return content_hash([line for line in lines if line.startswith(wanted)])[:16]
+
+
+def processor_flags(baseline: bool) -> tuple[str, ...]:
+    """Return the compiler's options for this machine's processor, or none for every one."""
+    if baseline:
+        return ()
+    zig = "ziglang" in compiler()[0]
+    arm = platform.machine().lower() in ("aarch64", "arm64")
+    option = "-mcpu=native" if zig or arm else "-march=native"
+    # GCC 12 contracts what looks like a product of complex numbers (a turned box), unasked.
+    options = (option,) if zig else (option, "-fno-tree-slp-vectorize")
+    return *options, f"-DUUV_PROCESSOR=0x{_processor()}"  # the latter for the cache's key alone

@@ -1,0 +1,65 @@
+"""The C text of a declaration in a kernel: the functions of its FMU, and its steps on lanes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uuvsim_cosim.fmus.codegen.emit import emit_function, emit_networks, emit_update
+from uuvsim_cosim.fmus.codegen.equations import Equations
+from uuvsim_cosim.kernels.codegen.held_values import split
+from uuvsim_cosim.kernels.codegen.tables import tables_in_lanes
+
+__all__ = ["declaration_text"]
+
+
+def declaration_text(eq: Equations, dtype: np.dtype) -> str:
+    """Return the C of a declaration: the functions of its FMU, their table, and its steps."""
+    o, n, model = eq.layout.offset, eq.layout.count, eq.layout.model
+    seed = eq.layout.offset_of("seed") if "seed" in model.variables else -1
+    clocks = [
+        f"    {{{sum(d.numel() for d in c.draws)}, {c.index}, update_{c.index}}},"
+        for c in model.clocks
+    ]
+    states = range(o["state"], o["state"] + n["state"])
+    emitted = emit_function(eq.rhs, "rhs(const V *b, V *dx)", ("b", "dx"))
+    outputs = emit_function(eq.outputs, "outputs(const V *b, V *out)", ("b", "out"))
+    rhs, n_held = split(
+        emitted,
+        lambda cell: cell == 0 or cell in states or not states,
+        invert=dtype == np.float32,
+        outputs=outputs,
+    )
+    table = [
+        *(["static const uuv_lane_clock clocks[] = {", *clocks, "};"] if clocks else []),
+        "static const uuv_lane_component the_component = {",
+        f"    .n_block = {eq.layout.size}, .off_derived = {o['derived']}, .off_x = {o['state']},",
+        f"    .n_x = {n['state']}, .n_z = {n['discrete']}, .off_y = {o['output']},",
+        f"    .n_clocks = {len(clocks)}, .off_seed = {seed}, .n_held = {n_held},",
+        f"    .clocks = {'clocks' if clocks else '0'},",
+        "    .derived = derived, .initial = initial, .held = held, .rhs = rhs,",
+        "    .outputs = outputs, .outputs_of_step = outputs_of_step,",
+        "};",
+        '#include "uuv_lane_stepper.h"',
+    ]
+    parts = [
+        emit_function(eq.derived, "derived(const V *b, V *out)", ("b", "out")),
+        emit_function(eq.initial, "initial(const V *b, V *out)", ("b", "out")),
+        rhs,
+        outputs,
+        *(
+            emit_update(f, f"update_{i}(V *b, const V *draws, uuv_mask due)", o["discrete"])
+            for i, f in enumerate(eq.updates)
+        ),
+        "\n".join(table),
+    ]
+    tables, body = tables_in_lanes("\n".join(parts) + "\n", dtype)
+    head = [
+        f"/* Generated from the declaration of {model.name!r}: do not edit. */",
+        '#include "uuv_lane_component.h"',
+        '#include "uuv_lane_lines.h"',
+        '#include "uuv_lane_record.h"',
+        "",
+        tables,
+        emit_networks([eq.derived, eq.initial, eq.rhs, eq.outputs, *eq.updates]),
+    ]
+    return "\n".join(head) + body

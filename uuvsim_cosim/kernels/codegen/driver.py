@@ -1,0 +1,212 @@
+"""The C text of a kernel's driver, which calls the declarations in the plan's order."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from uuvsim_cosim.fmus.codegen.emit import literal
+from uuvsim_cosim.kernels.codegen.fusible import Fused
+from uuvsim_cosim.kernels.codegen.slower_components import becoming_visible, due_now, slower_steps
+from uuvsim_cosim.orchestrator.plan.plan import Transfer
+from uuvsim_cosim.orchestrator.plan.seeds import path_words
+
+__all__ = ["driver_text"]
+
+_SMALL = 4  # states of a component of which several are stepped side by side
+
+
+def driver_text(fused: Fused, tokens: Sequence[str]) -> str:
+    """Return the C that steps and initializes a block of lanes as the plan says.
+
+    `tokens` identify the compiled declarations: a driver is bound to them alone.
+    """
+    tick = fused.plan.tick
+    n_periods = len(fused.periods)
+    most = max(map(len, _side_by_side(fused)))
+    scratch = most * max(
+        max(
+            5 * m.layout.count["state"] + _held(fused, m.source),
+            _draws(fused, m.source) + 2,
+        )
+        for m in fused.members
+    )
+    named = zip(fused.sources, tokens, strict=True)
+    periods = ", ".join(f"{p}u" for p in fused.periods) or "0"
+    seeded = [*_seeded(fused)]
+    return "\n".join(
+        [
+            "/* Generated from a plan: do not edit. It calls",
+            *(f" * {i}: {name} {token}" for i, (name, token) in enumerate(named)),
+            " */",
+            '#include "uuv_lane_steps.h"',
+            "",
+            f"enum {{ N_CELLS = {fused.n_cells}, N_START = {fused.n_start}, "
+            f"N_PERIODS = {n_periods}, N_WORDS = {fused.n_words},",
+            f"       N_WORD_CELLS = {fused.members[0].cell}, N_SEEDED = {len(seeded)} }};",
+            f"static const uint64_t tick_num = {tick.numerator}u, tick_den = {tick.denominator}u;",
+            f"static const uint64_t period_ticks[] = {{{periods}}};",
+            "static const struct {",
+            "    uint32_t cell, path[2];",
+            f"}} seeded[] = {{{', '.join(seeded) or '{0, {0, 0}}'}}};",
+            f"static const uuv_lane_stepper *stepper[{len(fused.sources)}];",
+            f"static const uuv_lane_component *declared[{len(fused.sources)}];",
+            "",
+            "UUV_KERNEL_API void uuv_kernel_bind(uint32_t i, const uuv_lane_stepper *s) {",
+            "    stepper[i] = s;",
+            "    declared[i] = s->component;",
+            "}",
+            "",
+            *slower_steps(fused),
+            "static void step(V *m) {",
+            f"    V scratch[{scratch}];",
+            "    const uuv_lane_time now = lane_time(m, 0, 1, tick_num, tick_den);",
+            *due_now(fused),
+            *_steps(fused),
+            *becoming_visible(fused),
+            "    lane_advance(m, N_PERIODS, period_ticks);",
+            "}",
+            "",
+            "static void initialize(V *m, const V *start) {",
+            *_initialization(fused),
+            "}",
+            "",
+            *_derivations(fused),
+            "",
+            '#include "uuv_lane_blocks.h"',
+            "",
+        ]
+    )
+
+
+def _held(fused: Fused, source: str) -> int:
+    """Return a bound of the values that a step may hold: one for each operation."""
+    equations = fused.equations[source]
+    return int(equations.rhs.n_instructions() + equations.outputs.n_instructions())
+
+
+def _draws(fused: Fused, source: str) -> int:
+    clocks = fused.equations[source].layout.model.clocks
+    return max((sum(int(d.numel()) for d in c.draws) for c in clocks), default=0)
+
+
+def _seeded(fused: Fused) -> Iterator[str]:
+    """Yield the start cell and the hash of the path of all whose key the system's seed makes."""
+    for planned, m in zip(fused.plan.components, fused.members, strict=True):
+        if m.is_seed("seed") and "seed" not in planned.start:
+            first, second = path_words(m.path)
+            cell = m.start_cell + m.layout.offset_of("seed")
+            yield f"{{{cell}, {{{first}u, {second}u}}}}"
+
+
+def _steps(fused: Fused) -> Iterator[str]:
+    """Inputs from outputs valid at the step's start; then each in turn, with what is early."""
+    plan = fused.plan
+    yield from _copies(fused, (t for t in plan.transfers if not fused.is_early(t)), stepping=True)
+    for group in _side_by_side(fused):
+        m = fused.members[group[0]]
+        yield f"    /* {', '.join(fused.members[i].path for i in group)} */"
+        if len(group) > 1:
+            yield (
+                f"    stepper[{m.declaration}]->do_step_together(m, m + {m.cell}, {len(group)}, "
+                f"{m.cuts[0].pieces}, &now, scratch);"
+            )
+            continue
+        i = group[0]
+        early = (t for t in plan.transfers if t.target == i and fused.is_early(t))
+        yield from _copies(fused, early, stepping=True)
+        if m.rate >= 0:
+            yield f"    if (uuv_any(due_{m.rate})) step_{i}(m, due_{m.rate}, scratch);"
+            continue
+        periods = ", ".join(map(str, m.periods)) or "0"
+        yield f"    static const uint8_t periods_{i}[] = {{{periods}}};"
+        yield (
+            f"    stepper[{m.declaration}]->do_step(m, m + {m.cell}, {m.cuts[0].pieces}, "
+            f"periods_{i}, N_PERIODS, &now, scratch);"
+        )
+
+
+def _side_by_side(fused: Fused) -> list[list[int]]:
+    """Group equal, small, independent components that step one after another."""
+    early = {t.target for t in fused.plan.transfers if fused.is_early(t)}
+    groups: list[list[int]] = []
+    for i in fused.order:
+        m = fused.members[i]
+        last = fused.members[groups[-1][-1]] if groups else m
+        joins = (
+            groups
+            and (m.source, m.cell) == (last.source, last.cell + last.size)
+            and m.rate == last.rate == -1
+            and not m.periods
+            and 0 < m.layout.count["state"] <= _SMALL
+            and not early & {i, groups[-1][-1]}
+        )
+        if joins:
+            groups[-1].append(i)
+        else:
+            groups.append([i])
+    return groups
+
+
+def _initialization(fused: Fused) -> Iterator[str]:
+    """Values flow as orchestrator/master/initial_values.py has them flow."""
+    plan = fused.plan
+    yield "    memset(m, 0, N_WORD_CELLS * sizeof(V));"
+    for m in fused.members:
+        yield f"    memcpy(m + {m.cell}, start + {m.start_cell}, {m.n_start} * sizeof(V));"
+        yield f"    lane_initialize(declared[{m.declaration}], m + {m.cell});"
+    stale = set(range(len(fused.members)))
+    for entry in [*plan.initialization, tuple(stale)]:
+        into = [t for t in plan.transfers if t.target in entry]
+        yield from _outputs(fused, {t.source for t in into} & stale)
+        stale -= {t.source for t in into}
+        yield from _copies(fused, into)
+        stale |= {t.target for t in into}
+    yield from _outputs(fused, set(range(len(fused.members))))
+    for m in fused.members:
+        first, last = m.layout.offset["state"], m.layout.size
+        yield f"    lane_check(m, m + {m.cell}, {first}, {last});"
+        if m.rate >= 0:
+            at, n = m.layout.offset["output"], m.layout.count["output"]
+            yield f"    memcpy(m + {m.pending}, m + {m.cell + at}, {n} * sizeof(V));"
+
+
+def _outputs(fused: Fused, members: Iterable[int]) -> Iterator[str]:
+    for i in sorted(members):
+        m = fused.members[i]
+        at = m.cell + m.layout.offset["output"]
+        yield f"    declared[{m.declaration}]->outputs(m + {m.cell}, m + {at});"
+
+
+def _derivations(fused: Fused) -> Iterator[str]:
+    """What follows from parameters, anew for one component."""
+    yield "static void derive(V *m, uint32_t member) {"
+    yield "    switch (member) {"
+    for i, m in enumerate(fused.members):
+        at = m.cell + m.layout.offset["derived"]
+        call = f"declared[{m.declaration}]->derived(m + {m.cell}, m + {at})"
+        yield f"        case {i}: {call}; break;"
+    yield "    }"
+    yield "}"
+
+
+def _copies(
+    fused: Fused, transfers: Iterable[Transfer], *, stepping: bool = False
+) -> Iterator[str]:
+    for t in transfers:
+        source, target = fused.members[t.source], fused.members[t.target]
+        a = source.cell + source.layout.offset_of(t.source_variable.name)
+        b = target.cell + target.layout.offset_of(t.target_variable.name)
+        fresh = source.pending - source.cell - source.layout.offset["output"]
+        for i, j in zip(t.source_elements, t.target_elements, strict=True):
+            value = f"m[{a + i}]"
+            if stepping and source.rate >= 0 and fused.is_early(t):
+                value = f"uuv_select(due_{source.rate}, m[{a + i + fresh}], {value})"
+            if (t.factor, t.offset) != (1.0, 0.0):
+                factor, offset = (
+                    f"uuv_const({literal(t.factor)})",
+                    f"uuv_const({literal(t.offset)})",
+                )
+                value = f"{factor} * {value} + {offset}"
+            if stepping and target.rate >= 0:
+                value = f"uuv_select(due_{target.rate}, {value}, m[{b + j}])"
+            yield f"    m[{b + j}] = {value};"

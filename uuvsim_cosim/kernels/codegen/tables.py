@@ -1,0 +1,123 @@
+"""The C of tables on lanes: an argument leads to one record, of which each number is a vector.
+
+A table is read in the form that its call names (see fmus/codegen/table_data.py): by its lines of
+equal length, by its knots, or by its intervals. Two tables of lines over the same grid that a
+function reads at the same place are read together.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+import numpy as np
+
+from uuvsim_cosim.kernels.codegen.interval_tables import interval_text, numbers_text
+from uuvsim_cosim.models.intrinsics.even_knots import Even, even
+from uuvsim_cosim.models.intrinsics.knots import Bends, bends
+from uuvsim_cosim.models.intrinsics.table import TABLES, Table
+
+__all__ = ["tables_in_lanes"]
+
+_AT = r"(?P<at>[^\s,]+(?:, [^\s,]+)?)"
+_CALLS = (
+    re.compile(rf"uuv_table1(?P<form>_d)?\({_AT}, (?P<name>\w+)_x, \w+, \d+\)"),
+    re.compile(rf"uuv_table2(?P<form>_dx|_dy)?\({_AT}, (?P<name>\w+)_x, \d+, \w+, \d+, \w+\)"),
+    re.compile(rf"uuv_(?P<form>bent|even)[12]\({_AT}, &(?P<name>\w+)_(?:bent|even)\)"),
+)
+_EVEN = re.compile(
+    rf"^ {{4}}const V (?P<result>\w+) = uuv_even2\({_AT}, &(?P<name>\w+)_even\);$", re.MULTILINE
+)
+
+
+def tables_in_lanes(text: str, dtype: np.dtype) -> tuple[str, str]:
+    """Return the text of the tables that `text` calls, and `text` with the calls to them."""
+    pairs: dict[str, tuple[Even, ...]] = {}
+    text = "\n}\n".join(_paired(body, pairs) for body in text.split("\n}\n"))
+    called: dict[str, set[str]] = {}
+
+    def replaced(m: re.Match[str]) -> str:
+        call = f"at_{m['form'].strip('_')}" if m["form"] else "at"
+        called.setdefault(m["name"], set()).add(call)
+        return f"{m['name']}_{call}({m['at']})"
+
+    for pattern in _CALLS:
+        text = pattern.sub(replaced, text)
+    lines = [s for name in sorted(called) for s in _table(TABLES[name], dtype, called[name])]
+    lines += [s for name in sorted(pairs) for s in _even(name, pairs[name], dtype)]
+    return "".join(f"{line}\n" for line in lines), text
+
+
+def _paired(body: str, pairs: dict[str, tuple[Even, ...]]) -> str:
+    """Read two even tables together where a function reads both at the same place."""
+    waiting: dict[tuple[object, ...], re.Match[str]] = {}
+    for m in [*_EVEN.finditer(body)]:
+        e = even(TABLES[m["name"]])
+        assert e is not None
+        key = (m["at"], *e.grid)
+        first = waiting.pop(key, None)
+        if first is None:
+            waiting[key] = m
+            continue
+        other = even(TABLES[first["name"]])
+        assert other is not None
+        name = f"{first['name']}_{m['name']}"
+        pairs[name] = (other, e)
+        two = f"{first['result']}_two"
+        read = f"    const uuv_lane_pair {two} = {name}_at_even({m['at']});\n"
+        body = body.replace(first[0], f"{read}    const V {first['result']} = {two}.first;")
+        body = body.replace(m[0], f"    const V {m['result']} = {two}.second;")
+    return body
+
+
+def _table(table: Table, dtype: np.dtype, calls: set[str]) -> Iterator[str]:
+    """Yield the functions of a table, each named as a call ends: "at_even", "at_dx"."""
+    intervals = set(calls)
+    e, b = even(table), bends(table, dtype.name)
+    if e is not None and "at_even" in calls:
+        yield from _even(table.name, (e,), dtype)
+        intervals -= {"at_even"}
+    if b is not None and "at_bent" in calls:
+        yield from _bent(table, b, dtype)
+        intervals -= {"at_bent"}
+    if intervals:
+        yield from interval_text(table, dtype, intervals)
+
+
+def _even(name: str, together: tuple[Even, ...], dtype: np.dtype) -> Iterator[str]:
+    """Yield a record for each line: of each row of each table its value and its slope."""
+    e = together[0]
+    rows = [row for each in together for row in each.rows]
+    records = np.zeros((len(rows[0]), 8))
+    for i, row in enumerate(rows):
+        records[:, 2 * i : 2 * i + 2] = row
+    n_in = len(e.rows)
+    arguments, pair = ("x", "y")[:n_in], len(together) == 2
+    yield (
+        f"static const uuv_real {name}_lines[] __attribute__((aligned(64))) = "
+        f"{{{numbers_text(records.ravel(), dtype)}}};"
+    )
+    numbers = numbers_text(e.grid, dtype)
+    yield f"static const uuv_lane_lines {name}_even = {{{numbers}, {name}_lines}};"
+    result = "uuv_lane_pair" if pair else "V"
+    yield f"static inline {result} {name}_at_even({', '.join(f'V {a}' for a in arguments)}) {{"
+    call = f"uuv_lane_even{n_in}{'_pair' if pair else ''}"
+    yield f"    return {call}({', '.join(arguments)}, &{name}_even);"
+    yield "}"
+
+
+def _bent(table: Table, b: Bends, dtype: np.dtype) -> Iterator[str]:
+    """Yield a record for each bucket: of each row its knot, the value there, and both slopes."""
+    records = np.zeros((b.count + 1, 8))
+    for i, (row, at) in enumerate(zip(b.rows, b.at, strict=True)):
+        records[:, 4 * i : 4 * i + 4] = row[at]
+    name, arguments = table.name, ("x", "y")[: table.n_in]
+    numbers = numbers_text([b.first, b.last, b.scale, b.low, b.high], dtype)
+    yield (
+        f"static const uuv_real {name}_bends[] __attribute__((aligned(64))) = "
+        f"{{{numbers_text(records.ravel(), dtype)}}};"
+    )
+    yield f"static const uuv_lane_bends {name}_bent = {{{numbers}, {name}_bends}};"
+    yield f"static inline V {name}_at_bent({', '.join(f'V {a}' for a in arguments)}) {{"
+    yield f"    return uuv_lane_bent{table.n_in}({', '.join(arguments)}, &{name}_bent);"
+    yield "}"

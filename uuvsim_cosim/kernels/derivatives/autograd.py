@@ -1,0 +1,86 @@
+"""A kernel's rollout as a differentiable function of torch tensors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.kernels.derivatives.rollout import Differentiable, Rollout, run, vjp
+
+__all__ = ["rollout"]
+
+
+def rollout(
+    kernel: Differentiable,
+    start: Mapping[str, Any],
+    outputs: Sequence[str],
+    *,
+    steps: int,
+    inputs: Mapping[str, Any] | None = None,
+    **more: Any,
+) -> dict[str, Any]:
+    """Return the outputs at the end of every step, (steps, n_envs, …), as tensors of float64.
+
+    `start` and `inputs` are what `Rollout` takes, as tensors of any device and real type, on
+    which gradients come back; `more` is n_envs, seeds, threads. Adjoints are compiled only if a
+    tensor requires a gradient. Raises InputInvalid where torch is not installed (extra `rl`).
+    """
+    through, torch = _through()
+    sequences = {} if inputs is None else dict(inputs)
+    names = (tuple(start), tuple(sequences), tuple(outputs))
+    tensors = [torch.as_tensor(v) for v in (*start.values(), *sequences.values())]
+    found = through.apply(kernel, names, {"steps": steps, **more}, *tensors)
+    return dict(zip(outputs, found, strict=True))
+
+
+@lru_cache
+def _through() -> tuple[Any, Any]:
+    """Make the function for autograd when it is first needed: torch takes seconds to import."""
+    try:
+        import torch
+        from torch.autograd.function import once_differentiable
+    except ImportError as error:
+        raise InputInvalid(
+            "derivatives in torch need it; expected `pip install 'uuvsim-cosim[rl]'`"
+        ) from error
+
+    class Through(torch.autograd.Function):  # type: ignore[misc, unused-ignore]
+        """Values forward by the kernel, gradients backward by its adjoints."""
+
+        @staticmethod
+        def forward(ctx: Any, kernel: Any, names: Any, options: Any, *tensors: Any) -> Any:
+            of_start, of_inputs, outputs = names
+            arrays = [t.detach().cpu().numpy().astype(np.float64) for t in tensors]
+            start = dict(zip(of_start, arrays[: len(of_start)], strict=True))
+            inputs = dict(zip(of_inputs, arrays[len(of_start) :], strict=True))
+            made = Rollout(kernel, start, outputs, inputs=inputs, **options)
+            if any(ctx.needs_input_grad):
+                values, ctx.pull = vjp(made)
+            else:
+                values = run(made)
+            ctx.names, ctx.kinds = names, [(t.dtype, t.device) for t in tensors]
+            return tuple(torch.from_numpy(values[name]) for name in outputs)
+
+        @staticmethod
+        @once_differentiable
+        def backward(ctx: Any, *gradients: Any) -> Any:
+            of_start, of_inputs, outputs = ctx.names
+            given = {
+                name: g.detach().cpu().numpy()
+                for name, g in zip(outputs, gradients, strict=True)
+                if g is not None
+            }
+            found = ctx.pull(given)
+            back = [
+                torch.from_numpy(found[name]).to(dtype=dtype, device=device)
+                if name in found
+                else None
+                for name, (dtype, device) in zip((*of_start, *of_inputs), ctx.kinds, strict=True)
+            ]
+            return (None, None, None, *back)
+
+    return Through, torch

@@ -1,0 +1,212 @@
+"""The variables that a whole system shows as one component: free inputs, parameters, outputs."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from uuvsim_cosim.errors import InputInvalid, ParameterInvalid, Problem, SystemInvalid
+from uuvsim_cosim.fmus.description import Description, Variable, VariableType
+from uuvsim_cosim.models.declaration.near_names import expected_names
+from uuvsim_cosim.models.declaration.units import Unit, parse_unit
+from uuvsim_cosim.orchestrator.plan.plan import Plan
+
+__all__ = ["Exposed", "Naming", "description_of", "exposed", "placed"]
+
+Naming = Literal["flat", "structured"]
+
+# Three types are enough for what a block of float64 holds; wider integers keep 53 bits.
+_SHOWN: Mapping[str, VariableType] = {
+    "Float64": "Float64", "Float32": "Float64", "Boolean": "Boolean", "Int8": "Int32",
+    "UInt8": "Int32", "Int16": "Int32", "UInt16": "Int32", "Int32": "Int32",
+    "Enumeration": "Int32", "UInt32": "Float64", "Int64": "Float64", "UInt64": "Float64",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Exposed:
+    """A variable of a component, and how the whole shows it; `free` are the unconnected elements.
+
+    `full_name` is the master's name for it, "hull.eta"; `shown` has the name of the export and the
+    start value of the plan.
+    """
+
+    component: int
+    full_name: str
+    own: Variable
+    shown: Variable
+    free: tuple[int, ...]
+
+    @property
+    def offset(self) -> int:
+        """Return the place of its first element in the block of values: its value reference."""
+        return self.shown.value_references[0]
+
+
+def exposed(
+    plan: Plan,
+    *,
+    naming: Naming = "flat",
+    signals: Sequence[str] = (),
+    inputs: Sequence[str] = (),
+    fixed: bool = True,
+) -> list[Exposed]:
+    """List free inputs, then parameters (without `fixed`, the tunable ones), then outputs.
+
+    `signals` are patterns of outputs' names, "hull.*", `inputs` of inputs'; without any, all are
+    listed, and "" stands for none. Raises InputInvalid for a pattern that nothing matches,
+    SystemInvalid for names that clash.
+    """
+    if naming not in get_args(Naming):
+        raise InputInvalid(f"names {naming!r}; expected one of {', '.join(get_args(Naming))}")
+    found = [
+        *_chosen([*_inputs(plan)], inputs, "inputs", "free input"),
+        *_parameters(plan, fixed),
+        *_chosen([*_outputs(plan)], signals, "signals", "output"),
+    ]
+    names = _names([e.full_name for e in found], naming)
+    return [
+        replace(e, shown=replace(e.shown, name=name)) for e, name in zip(found, names, strict=True)
+    ]
+
+
+def placed(variables: Iterable[Exposed], first: int) -> list[Exposed]:
+    """Return each its place in the block, one after another from `first` on."""
+    done = []
+    for e in variables:
+        done.append(replace(e, shown=replace(e.shown, value_references=(first,))))
+        first += e.shown.size
+    return done
+
+
+def description_of(
+    name: str, text: str, plan: Plan, variables: Sequence[Exposed], own: Sequence[Variable]
+) -> Description:
+    """Describe the whole as one component; `own` are variables that no component has."""
+    units: dict[str, Unit] = {}
+    shown = []
+    for e in variables:
+        known = plan.components[e.component].description.units
+        elements = tuple(_unit(u, known, units) for u in e.shown.units)
+        same = len(set(elements)) <= 1
+        shown.append(
+            replace(
+                e.shown,
+                unit=elements[0] if same and elements else None,
+                element_units=() if same else elements,
+            )
+        )
+    for v in own:
+        if v.unit is not None:
+            units.setdefault(v.unit, parse_unit(v.unit))
+    every = sorted([*own, *shown], key=lambda v: v.value_references[0])
+    return Description(
+        name=name,
+        kind="native",
+        description=text,
+        variables={v.name: v for v in every},
+        units=units,
+    )
+
+
+def _unit(name: str | None, known: Mapping[str, Unit], units: dict[str, Unit]) -> str | None:
+    """Return a unit's name if it means one thing in all components."""
+    if name is None:
+        return None
+    try:
+        unit = known[name] if name in known else parse_unit(name)
+    except ParameterInvalid:
+        return None
+    return name if units.setdefault(name, unit) == unit else None
+
+
+def _inputs(plan: Plan) -> Iterator[Exposed]:
+    fed: dict[tuple[int, str], set[int]] = {}
+    for t in plan.transfers:
+        fed.setdefault((t.target, t.target_variable.name), set()).update(t.target_elements)
+    for i, c in enumerate(plan.components):
+        for v in c.description.of("input"):
+            free = tuple(k for k in range(v.size) if k not in fed.get((i, v.name), ()))
+            if v.type in _SHOWN and free:
+                yield _shown(plan, i, v, free)
+
+
+def _parameters(plan: Plan, fixed: bool) -> Iterator[Exposed]:
+    for i, c in enumerate(plan.components):
+        for v in c.description.of("parameter"):
+            # A seed follows from the system's, unless the system gives it a value.
+            key = v.name == "seed" and v.shape == (2,) and v.name not in c.start
+            if v.type in _SHOWN and (fixed or v.variability == "tunable") and not key:
+                yield _shown(plan, i, v, tuple(range(v.size)))
+
+
+def _outputs(plan: Plan) -> Iterator[Exposed]:
+    for i, c in enumerate(plan.components):
+        for v in c.description.of("output"):
+            if v.type in _SHOWN:
+                yield _shown(plan, i, v, tuple(range(v.size)))
+
+
+def _chosen(
+    every: Sequence[Exposed], patterns: Sequence[str], option: str, what: str
+) -> Sequence[Exposed]:
+    """Return those that a pattern matches; all where there are no patterns, none for ""."""
+    names = [e.full_name for e in every]
+    for pattern in patterns:
+        if pattern and not any(fnmatchcase(name, pattern) for name in names):
+            raise InputInvalid(
+                f"{option} {pattern!r}: no {what}; expected {expected_names(pattern, names)}"
+            )
+    if not patterns:
+        return every
+    return [e for e in every if any(fnmatchcase(e.full_name, p) for p in patterns)]
+
+
+def _shown(plan: Plan, i: int, v: Variable, free: tuple[int, ...]) -> Exposed:
+    c = plan.components[i]
+    name = f"{c.path}.{v.name}"
+    kind = _SHOWN[v.type]
+    start: Any = None
+    if v.causality != "output":
+        given = c.start.get(v.name, v.start)
+        dtype = {"Float64": float, "Boolean": bool, "Int32": np.int64}[kind]
+        start = np.zeros(v.shape) if given is None else np.asarray(given)
+        start = start.astype(dtype).reshape(v.shape)
+        start = start if v.shape else start.item()
+    smooth = v.causality == "parameter" or kind == "Float64"
+    shown = replace(
+        v,
+        type=kind,
+        start=start,
+        variability=v.variability if smooth else "discrete",
+        initial="calculated" if v.causality == "output" else "exact",
+        description=f"{name}: {v.description}" if v.description else name,
+        value_references=(),
+        dependencies=() if v.causality == "output" else None,
+    )
+    return Exposed(i, name, v, shown, free)
+
+
+def _names(full: Sequence[str], naming: Naming) -> list[str]:
+    """Return the names of the export: without dots unless `structured`; two that clash get "__"."""
+    keep = r"[^\w.]" if naming == "structured" else r"\W"
+    names = [re.sub(keep, "_", n, flags=re.ASCII) for n in full]
+    count = Counter(names)
+    dots = [re.sub(keep, "_", n.replace(".", "__"), flags=re.ASCII) for n in full]
+    names = [d if count[n] > 1 else n for n, d in zip(names, dots, strict=True)]
+    taken: dict[str, str] = {}
+    problems = []
+    for name, known in zip(names, full, strict=True):
+        if name in taken:
+            expected = "names that differ by more than a dot (or structured names, with dots)"
+            problems.append(Problem(known, f"exported as {name}, as is {taken[name]}", expected))
+        taken.setdefault(name, known)
+    if problems:
+        raise SystemInvalid(problems)
+    return names

@@ -1,0 +1,90 @@
+"""A training kept whole in one file, from which it goes on to the same bits."""
+
+from __future__ import annotations
+
+import io
+import pickle
+import zipfile
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from uuvsim_cosim.cache import write_whole
+from uuvsim_cosim.errors import InputInvalid, RecordingError
+
+__all__ = ["load_checkpoint", "save_checkpoint", "unfit"]
+
+FORMAT = 2  # 1: without averaged actors
+
+
+def save_checkpoint(path: Path, content: Mapping[str, Any]) -> None:
+    """Write tensors, arrays, numbers and texts, nested in mappings and lists; whole, or not."""
+    buffer = io.BytesIO()
+    torch.save({"uuvsim_checkpoint": FORMAT, "content": _tensors(content)}, buffer)
+    try:
+        write_whole(path, buffer.getvalue())
+    except OSError as error:
+        raise RecordingError(
+            f"{path}: {error.strerror}; the checkpoint of before is kept; expected "
+            f"{len(buffer.getvalue())} free bytes in a folder that can be written"
+        ) from error
+
+
+def load_checkpoint(path: Path) -> dict[str, Any]:
+    """Read what `save_checkpoint` wrote; no code of the file is run. Raises InputInvalid."""
+    if not path.is_file():
+        raise InputInvalid(f"{path}: no such file; expected a checkpoint (.pt)")
+    wanted = "expected a whole checkpoint as `uuvsim train` writes it"
+    try:
+        with zipfile.ZipFile(path) as parts:  # torch does not look at checksums
+            damaged = parts.testzip()
+        if damaged is not None:
+            raise InputInvalid(f"{path}: {damaged} in it is damaged; {wanted}")
+        read = torch.load(path, map_location="cpu", weights_only=True)
+    except (RuntimeError, pickle.UnpicklingError, zipfile.BadZipFile, zlib.error, EOFError,
+            NotImplementedError, ValueError, KeyError, AttributeError):  # fmt: skip
+        raise InputInvalid(f"{path}: damaged, or of another program; {wanted}") from None
+    except OSError as error:
+        raise InputInvalid(f"{path}: {error.strerror or error}; {wanted}") from None
+    if not isinstance(read, dict) or "uuvsim_checkpoint" not in read:
+        raise InputInvalid(f"{path}: {type(read).__name__} of another program; {wanted}")
+    if read["uuvsim_checkpoint"] != FORMAT:
+        raise InputInvalid(
+            f"{path}: format {read['uuvsim_checkpoint']}, written by another version of this "
+            f"package; expected {FORMAT}, or to begin anew (--restart)"
+        )
+    content: dict[str, Any] = _arrays(read["content"])
+    return content
+
+
+def unfit(error: Exception) -> InputInvalid:
+    """Return the error of a checkpoint that a learner cannot go on from."""
+    if isinstance(error, KeyError):
+        said = f"{error} is not in it"
+    else:  # torch says on further lines which numbers differ, one by one
+        said = str(error).splitlines()[0].rstrip(": ") if str(error) else type(error).__name__
+    return InputInvalid(f"{said}; expected one of this algorithm, with networks of these widths")
+
+
+def _tensors(value: Any) -> Any:
+    """Put tensors in place of arrays, told apart from tensors by a mark."""
+    if isinstance(value, np.ndarray):
+        kept = value.view(np.int64) if value.dtype == np.uint64 else value
+        return {"__array__": str(value.dtype), "data": torch.from_numpy(np.ascontiguousarray(kept))}
+    if isinstance(value, Mapping):
+        return {k: _tensors(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_tensors(v) for v in value]
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _arrays(value: Any) -> Any:
+    if isinstance(value, dict):
+        if "__array__" in value:
+            return value["data"].numpy().astype(value["__array__"], copy=False)
+        return {k: _arrays(v) for k, v in value.items()}
+    return [_arrays(v) for v in value] if isinstance(value, list) else value

@@ -1,0 +1,182 @@
+"""Deep Q-learning of N agents at once, each for itself, that choose among a grid of actions.
+
+Mnih et al., "Human-level control through deep reinforcement learning", 2015, for each agent:
+
+    L(Q) = huber(Q(s, a) - y),   y = r + gamma (1 - terminated) max_a' Q^-(s', a')
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, Self, final
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch.nn.functional import smooth_l1_loss
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.algorithms.action_grid import action_grid
+from uuvsim_cosim.learn.algorithms.checkpoint import unfit
+from uuvsim_cosim.learn.algorithms.gradients import check_gradients
+from uuvsim_cosim.learn.algorithms.masac_learner import _philox, _set_philox
+from uuvsim_cosim.learn.algorithms.replay_buffer import Replay, Transitions
+from uuvsim_cosim.learn.algorithms.stacked import StackedMLP
+from uuvsim_cosim.learn.algorithms.transfer import pass_on
+from uuvsim_cosim.learn.shared.errors import LearningDiverged
+
+__all__ = ["DqnLearner", "DqnSettings"]
+
+Array = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class DqnSettings:
+    """The numbers of DQN; those that the UUVSim paper names are the same as of MASAC."""
+
+    lr: float = 3e-4
+    gamma: float = 0.99
+    tau: float = 0.01  # soft update
+    epsilon: float = 1.0  # share of random actions at the start
+    epsilon_end: float = 0.05
+    epsilon_steps: int = 20_000  # environment steps until then, linearly
+    batch: int = 256
+    buffer: int = 100_000  # transitions
+    warm_up: int = 500  # environment steps without updates
+    updates: float = 1.0  # for each step of all environments together
+    hidden: int = 256
+    layers: int = 2
+
+
+@final
+class DqnLearner:
+    """N agents of equal widths, each with its own network, in one stacked batch."""
+
+    name = "idqn"
+
+    def __init__(
+        self,
+        agents: int,
+        observed: int,
+        acted: int,
+        *,
+        seed: int = 0,
+        settings: DqnSettings | None = None,
+    ) -> None:
+        self.agents, self.observed, self.acted = agents, observed, acted
+        self.given = s = settings or DqnSettings()
+        self.grid = action_grid(acted)
+        generator = torch.Generator().manual_seed(seed)
+        widths = [observed, *[s.hidden] * s.layers, len(self.grid)]
+        self.network = StackedMLP(agents, widths, generator)
+        self.target = StackedMLP(agents, widths, generator)
+        self.target.load_state_dict(self.network.state_dict())
+        self.target.requires_grad_(False)
+        self._optimizer = torch.optim.Adam(self.network.parameters(), lr=s.lr)
+        self._replay = Replay(s.buffer, agents, observed, 1)  # of choices' numbers
+        self._random = np.random.Generator(np.random.Philox(key=seed % 2**64))
+        self._lived, self._due, self._updates = 0, 0.0, 0
+        self._chosen: NDArray[np.int64] | None = None
+
+    @property
+    def settings(self) -> Mapping[str, Any]:
+        """All numbers."""
+        return asdict(self.given)
+
+    @property
+    def epsilon(self) -> float:
+        """The share of random actions now."""
+        s = self.given
+        done = min(self._lived / max(s.epsilon_steps, 1), 1.0)
+        return s.epsilon + done * (s.epsilon_end - s.epsilon)
+
+    @torch.no_grad()
+    def act(self, observation: Array, explore: bool = True) -> Array:
+        """Return the actions of greatest value, or now and then any."""
+        o = torch.as_tensor(observation, dtype=torch.float32).transpose(0, 1)
+        chosen = np.asarray(self.network(o).argmax(-1).T.numpy())
+        if explore:
+            any_ = self._random.integers(0, len(self.grid), chosen.shape)
+            chosen = np.where(self._random.random(chosen.shape) < self.epsilon, any_, chosen)
+            self._chosen = chosen
+        return np.asarray(self.grid[chosen])
+
+    def learn(self, lived: Transitions, over: NDArray[np.bool_]) -> Mapping[str, float]:
+        """Keep what was lived, and make the updates that are due."""
+        if self._chosen is None:
+            raise InputInvalid("idqn: nothing was chosen; expected act() before learn()")
+        number = self._chosen[:, :, None].astype(np.float32)
+        self._replay.add(
+            Transitions(lived.observation, number, lived.reward, lived.after, lived.terminated)
+        )
+        self._lived += len(over)
+        if self._lived < max(self.given.warm_up, self.given.batch):
+            return {}
+        self._due += self.given.updates
+        told: dict[str, float] = {}
+        while self._due >= 1.0:
+            told = self._descend(self._replay.draw(self.given.batch, self._random))
+            self._due -= 1.0
+            self._updates += 1
+        return {**told, "updates": float(self._updates), "epsilon": self.epsilon} if told else {}
+
+    def _descend(self, drawn: Transitions) -> dict[str, float]:
+        o, a, after = (
+            torch.from_numpy(x).transpose(0, 1)
+            for x in (drawn.observation, drawn.action, drawn.after)
+        )
+        r, ended = (torch.from_numpy(x).T for x in (drawn.reward, drawn.terminated))
+        with torch.no_grad():
+            y = r + self.given.gamma * (1.0 - ended) * self.target(after).amax(-1)
+        q = self.network(o).gather(-1, a.long()).squeeze(-1)
+        loss = smooth_l1_loss(q, y, reduction="none").mean(1).sum()
+        value = float(loss.detach()) / self.agents
+        if not math.isfinite(value):
+            raise LearningDiverged(self.name, "q_loss", value)
+        self._optimizer.zero_grad(set_to_none=True)
+        loss.backward()  # type: ignore[no-untyped-call]
+        check_gradients(self.name, "Q", self.network.parameters())
+        self._optimizer.step()
+        with torch.no_grad():
+            for slow, fast in zip(self.target.parameters(), self.network.parameters(), strict=True):
+                slow.lerp_(fast, self.given.tau)
+        return {"q_loss": value, "q": float(q.detach().mean())}
+
+    def tensors(self, agent: int) -> tuple[str, Mapping[str, Array]]:
+        """Return a network, and the grid whose row of greatest value it chooses."""
+        return "grid", {**self.network.tensors(agent), "grid": self.grid}
+
+    def go_on_from(self, last: Self, seed: int) -> None:
+        """Act as `last` does; raises InputInvalid for other shapes."""
+        kept = last._replay.state()
+        awake = np.zeros(self.observed, bool)
+        for name in ("observation", "after"):
+            awake |= (kept[name] != 0).any(axis=(0, 1))
+        nets = [i % last.agents for i in range(self.agents)]
+        for of, to in ((last.network, self.network), (last.target, self.target)):
+            pass_on(of, to, nets, [[(0, 0)]] * self.agents, awake)
+
+    def state(self) -> Mapping[str, Any]:
+        """Return networks, optimiser, buffer, counters, random numbers."""
+        return {
+            "network": self.network.state_dict(),
+            "target": self.target.state_dict(),
+            "adam": self._optimizer.state_dict(),
+            "replay": self._replay.state(),
+            "random": _philox(self._random),
+            "counters": (self._lived, self._due, self._updates),
+        }
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Go on from there."""
+        try:
+            self.network.load_state_dict(state["network"])
+            self.target.load_state_dict(state["target"])
+            self._optimizer.load_state_dict(state["adam"])
+            self._replay.set_state(state["replay"])
+            self._lived, self._due, self._updates = state["counters"]
+            _set_philox(self._random, state["random"])
+        except (KeyError, RuntimeError, ValueError, TypeError) as error:
+            raise unfit(error) from error

@@ -1,0 +1,33 @@
+"""Gradients: refused where they are no numbers, and held to a length."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import torch
+from torch import Tensor
+
+from uuvsim_cosim.learn.shared.errors import LearningDiverged
+
+__all__ = ["check_gradients", "clip_by_network"]
+
+
+def check_gradients(algorithm: str, name: str, parameters: Iterable[Tensor]) -> None:
+    """Raise LearningDiverged where a gradient is NaN or infinite, before it changes anything."""
+    given = [p.grad for p in parameters if p.grad is not None]
+    if not given:
+        return
+    norm = float(torch.stack(torch._foreach_norm(given)).sum())
+    if not math.isfinite(norm):
+        raise LearningDiverged(algorithm, f"the gradient of {name}", norm)
+
+
+@torch.no_grad()
+def clip_by_network(parameters: Iterable[Tensor], most: float) -> None:
+    """Hold the gradient of each network of a stack (their first axis) to length `most`."""
+    given = [p.grad for p in parameters if p.grad is not None]
+    squares = torch.stack([g.flatten(1).square().sum(1) for g in given]).sum(0)
+    scale = (most / (squares.sqrt() + 1e-6)).clamp(max=1.0)
+    for g in given:
+        g.mul_(scale.view(-1, *[1] * (g.dim() - 1)))

@@ -1,0 +1,253 @@
+"""Proximal policy optimisation of N agents at once: independent (ippo), or with central critics.
+
+Schulman et al., "Proximal Policy Optimization Algorithms", 2017, with generalised advantages
+(Schulman et al., 2016). For each agent, over `length` steps of n environments:
+
+    delta_t = r_t + gamma (1 - terminated_t) V(s'_t) - V(s_t)
+    A_t     = delta_t + gamma lambda (1 - over_t) (1 - terminated_t) A_{t+1}
+    L(pi)   = -min(rho A, clip(rho, 1 - epsilon, 1 + epsilon) A),   rho = pi(a|s) / pi_old(a|s)
+    L(V)    = 1/2 (V - (A + V_old))²
+
+s' is what an episode ended with, so that one cut short by its horizon is worth what comes after.
+An agent that ends before its team does is not given what comes after its end.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, Self, final
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.algorithms.checkpoint import unfit
+from uuvsim_cosim.learn.algorithms.gradients import check_gradients, clip_by_network
+from uuvsim_cosim.learn.algorithms.replay_buffer import Transitions
+from uuvsim_cosim.learn.algorithms.stacked import StackedMLP
+from uuvsim_cosim.learn.algorithms.transfer import in_the_place_of, pass_on
+from uuvsim_cosim.learn.shared.errors import LearningDiverged
+
+__all__ = ["PpoLearner", "PpoSettings"]
+
+Array = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class PpoSettings:
+    """The numbers of PPO; those that the UUVSim paper names are the same as of MASAC."""
+
+    lr: float = 3e-4
+    gamma: float = 0.99
+    gae_lambda: float = 0.95
+    clip: float = 0.2
+    samples: int = 2048  # environment steps between updates, of all environments together
+    epochs: int = 10  # times that each of them is learned from
+    batch: int = 256
+    entropy: float = 0.0  # weight of the entropy in the loss
+    value: float = 0.5  # weight of the values' loss
+    max_norm: float = 0.5  # of each agent's gradient
+    log_std: float = 0.0  # of the start
+    hidden: int = 256
+    layers: int = 2
+
+
+@final
+class PpoLearner:
+    """N agents of equal widths, each with its own actor and critic, in one stacked batch."""
+
+    def __init__(
+        self,
+        agents: int,
+        observed: int,
+        acted: int,
+        *,
+        seed: int = 0,
+        settings: PpoSettings | None = None,
+        central: bool = False,
+    ) -> None:
+        self.agents, self.observed, self.acted = agents, observed, acted
+        self.given, self.central = settings or PpoSettings(), central
+        s = self.given
+        self._random = torch.Generator().manual_seed(seed)
+        hidden = [s.hidden] * s.layers
+        seen = agents * observed if central else observed
+        self.actor = StackedMLP(agents, [observed, *hidden, acted], self._random)
+        self.critic = StackedMLP(agents, [seen, *hidden, 1], self._random)
+        with torch.no_grad():
+            self.actor.weights[-1].mul_(0.01)  # begins in the middle, with all its deviation
+            self.actor.biases[-1].zero_()
+        self.log_std = torch.full((agents, 1, acted), s.log_std, requires_grad=True)
+        self._parameters = [*self.actor.parameters(), *self.critic.parameters(), self.log_std]
+        self._optimizer = torch.optim.Adam(self._parameters, lr=s.lr, eps=1e-5)
+        self._kept: list[dict[str, Array]] = []
+        self._awake = np.zeros(observed, bool)  # numbers observed that have been other than zero
+        self._drawn: tuple[Array, Array] | None = None  # as drawn, before [-1, 1]; log density
+
+    @property
+    def name(self) -> str:
+        """Return "mappo" for central critics, else "ippo"."""
+        return "mappo" if self.central else "ippo"
+
+    @property
+    def settings(self) -> Mapping[str, Any]:
+        """All numbers."""
+        return asdict(self.given)
+
+    @torch.no_grad()
+    def act(self, observation: Array, explore: bool = True) -> Array:
+        """Return actions: drawn and cut to [-1, 1], or each actor's mean."""
+        o = torch.as_tensor(observation, dtype=torch.float32).transpose(0, 1)
+        action = self.actor(o)
+        if explore:
+            noise = torch.randn(action.shape, generator=self._random)
+            action = action + self.log_std.exp() * noise
+            log_pi = self._log_density(o, action)
+            self._drawn = _rows(action), _rows(log_pi)
+        return np.asarray(_rows(action).clip(-1.0, 1.0))
+
+    def learn(self, lived: Transitions, over: NDArray[np.bool_]) -> Mapping[str, float]:
+        """Keep what was lived; every so often learn from it, and forget it."""
+        if self._drawn is None:
+            raise InputInvalid(f"{self.name}: nothing was drawn; expected act() before learn()")
+        drawn, log_pi = self._drawn
+        for seen in (lived.observation, lived.after):
+            self._awake |= (seen != 0).any(axis=(0, 1))
+        self._kept.append(
+            {
+                "observation": lived.observation,
+                "action": drawn,
+                "log_pi": log_pi,
+                "reward": lived.reward,
+                "after": lived.after,
+                "terminated": lived.terminated,
+                "over": np.repeat(over[:, None], self.agents, 1).astype(np.float32),
+            }
+        )
+        if len(self._kept) * len(over) < self.given.samples:
+            return {}
+        columns = {
+            k: torch.from_numpy(np.stack([row[k] for row in self._kept])) for k in self._kept[0]
+        }
+        self._kept = []
+        return self._update(columns)
+
+    def _update(self, kept: Mapping[str, Tensor]) -> dict[str, float]:
+        """Learn from columns (T, n, N, …)."""
+        s = self.given
+        with torch.no_grad():
+            v, v_after = (self._values_over_time(kept[k]) for k in ("observation", "after"))
+            delta = kept["reward"] + s.gamma * (1.0 - kept["terminated"]) * v_after - v
+            advantage, last = torch.zeros_like(delta), torch.zeros_like(delta[0])
+            goes_on = (1.0 - kept["over"]) * (1.0 - kept["terminated"])
+            for t in reversed(range(len(delta))):
+                last = delta[t] + s.gamma * s.gae_lambda * goes_on[t] * last
+                advantage[t] = last
+        flat = {k: x.flatten(0, 1) for k, x in kept.items()} | {
+            "advantage": advantage.flatten(0, 1),
+            "goal": (advantage + v).flatten(0, 1),
+        }
+        count = len(flat["reward"])
+        told: dict[str, float] = {}
+        for _ in range(s.epochs):
+            order = torch.randperm(count, generator=self._random)
+            for at in torch.split(order, s.batch):
+                if len(at) > 1:
+                    told = self._descend({k: x[at] for k, x in flat.items()})
+        return told
+
+    def _descend(self, b: Mapping[str, Tensor]) -> dict[str, float]:
+        """Make one gradient step on a batch (m, N, …)."""
+        s = self.given
+        o, a = b["observation"].transpose(0, 1), b["action"].transpose(0, 1)
+        A, log_old, goal = (b[k].T for k in ("advantage", "log_pi", "goal"))
+        A = (A - A.mean(1, keepdim=True)) / (A.std(1, keepdim=True) + 1e-8)
+        ratio = (self._log_density(o, a) - log_old).exp()
+        kept = ratio.clamp(1.0 - s.clip, 1.0 + s.clip)
+        actor_loss = -torch.minimum(ratio * A, kept * A).mean(1).sum()
+        critic_loss = 0.5 * (self._values(b["observation"]).T - goal).square().mean(1).sum()
+        entropy = (self.log_std + 0.5 * math.log(2.0 * math.pi * math.e)).sum(-1).sum()
+        loss = actor_loss + 2.0 * s.value * critic_loss - s.entropy * entropy
+        told = {
+            "actor_loss": float(actor_loss.detach()) / self.agents,
+            "critic_loss": float(critic_loss.detach()) / self.agents,
+            "entropy": float(entropy.detach()) / self.agents,
+            "ratio": float(ratio.detach().mean()),
+        }
+        for name, value in told.items():
+            if not math.isfinite(value):
+                raise LearningDiverged(self.name, name, value)
+        self._optimizer.zero_grad(set_to_none=True)
+        loss.backward()  # type: ignore[no-untyped-call]
+        check_gradients(self.name, "actors and critics", self._parameters)
+        clip_by_network(self._parameters, s.max_norm)
+        self._optimizer.step()
+        return told
+
+    def _log_density(self, o: Tensor, a: Tensor) -> Tensor:
+        """Return log pi (N, m) of actions (N, m, a), before they are cut."""
+        z = (a - self.actor(o)) / self.log_std.exp()
+        each: Tensor = -0.5 * z.square() - self.log_std - 0.5 * math.log(2.0 * math.pi)
+        return each.sum(-1)
+
+    def _values(self, o: Tensor) -> Tensor:
+        """Return each agent's value (m, N) of what all observe (m, N, d)."""
+        seen = o.flatten(1).expand(self.agents, -1, -1) if self.central else o.transpose(0, 1)
+        values: Tensor = self.critic(seen)
+        return values.squeeze(-1).T
+
+    def _values_over_time(self, o: Tensor) -> Tensor:
+        return self._values(o.flatten(0, 1)).view(o.shape[:3])
+
+    def tensors(self, agent: int) -> tuple[str, Mapping[str, Array]]:
+        """Return an actor's mean, to be cut to [-1, 1]."""
+        return "clip", self.actor.tensors(agent)
+
+    def go_on_from(self, last: Self, seed: int) -> None:
+        """Act as `last` does, with the same deviations; raises InputInvalid for other shapes."""
+        nets = [i % last.agents for i in range(self.agents)]
+        own = [[(0, 0)]] * self.agents
+        pass_on(last.actor, self.actor, nets, own, last._awake)
+        every = [in_the_place_of(i, self.agents, was, last.agents) for i, was in enumerate(nets)]
+        pass_on(last.critic, self.critic, nets, every if self.central else own, last._awake)
+        with torch.no_grad():
+            self.log_std.copy_(last.log_std[nets])
+
+    def state(self) -> Mapping[str, Any]:
+        """Return networks, optimiser, what is kept, random numbers."""
+        kept = {k: np.stack([row[k] for row in self._kept]) for k in (self._kept or [{}])[0]}
+        return {
+            "actor": self.actor.state_dict(),
+            "critic": self.critic.state_dict(),
+            "log_std": self.log_std.detach().clone(),
+            "adam": self._optimizer.state_dict(),
+            "random": self._random.get_state(),
+            "awake": self._awake.copy(),
+            "kept": kept,
+        }
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Go on from there."""
+        try:
+            self.actor.load_state_dict(state["actor"])
+            self.critic.load_state_dict(state["critic"])
+            with torch.no_grad():
+                self.log_std.copy_(state["log_std"])
+            self._optimizer.load_state_dict(state["adam"])
+            self._random.set_state(state["random"])
+            awake = state.get("awake")  # files of before do not say: then all may have been
+            self._awake = np.ones(self.observed, bool) if awake is None else np.array(awake, bool)
+            kept = state["kept"]
+            count = len(kept["reward"]) if kept else 0
+            self._kept = [{k: x[t] for k, x in kept.items()} for t in range(count)]
+        except (KeyError, RuntimeError, ValueError, TypeError) as error:
+            raise unfit(error) from error
+
+
+def _rows(x: Tensor) -> Array:
+    """Return a tensor (N, n, …) as an array (n, N, …)."""
+    return np.asarray(x.transpose(0, 1).contiguous().numpy())

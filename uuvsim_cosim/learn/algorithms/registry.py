@@ -1,0 +1,205 @@
+"""The algorithms by name: for how many agents each is, its numbers, and how it is made."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, get_type_hints
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.shared.extras import check_torch
+from uuvsim_cosim.models.declaration.near_names import expected_names
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.envs.task.symmetry import Symmetry
+    from uuvsim_cosim.learn.algorithms.learner import Learner
+
+__all__ = [
+    "ALGORITHMS",
+    "TRANSFERS",
+    "Algorithm",
+    "algorithm_for",
+    "check_settings",
+    "default_settings",
+    "learner_of",
+]
+
+
+@dataclass(frozen=True)
+class Algorithm:
+    """One of the algorithms; `alone`: for one agent only."""
+
+    name: str
+    alone: bool
+    described: str
+
+
+ALGORITHMS = {
+    a.name: a
+    for a in (
+        Algorithm("sac", True, "soft actor-critic, our own"),
+        Algorithm("masac", False, "multi-agent SAC, central critics, our own"),
+        Algorithm("isac", False, "SAC for each agent by itself, our own"),
+        Algorithm("ppo", True, "proximal policy optimisation, by stable-baselines3"),
+        Algorithm("ippo", False, "PPO for each agent by itself, our own"),
+        Algorithm("mappo", False, "PPO with central critics, our own"),
+        Algorithm("dqn", True, "deep Q-learning, by stable-baselines3"),
+        Algorithm("idqn", False, "DQN for each agent by itself, our own"),
+    )
+}
+
+
+TRANSFERS = ("masac", "isac", "ippo", "mappo", "idqn")  # go on in another task: a curriculum's
+
+
+def algorithm_for(name: str | None, agents: int) -> Algorithm:
+    """Return an algorithm that suits a number of agents; without a name SAC or MASAC."""
+    if name is None:
+        return ALGORITHMS["sac" if agents == 1 else "masac"]
+    if name not in ALGORITHMS:
+        raise InputInvalid(
+            f"algorithm {name!r}: no such algorithm; expected {expected_names(name, ALGORITHMS)}"
+        )
+    chosen = ALGORITHMS[name]
+    if chosen.alone and agents > 1:
+        several = {"sac": "masac or isac", "ppo": "ippo or mappo", "dqn": "idqn"}[name]
+        raise InputInvalid(
+            f"algorithm {name}: learns for one agent, the task has {agents}; expected {several}"
+        )
+    return chosen
+
+
+def learner_of(
+    algorithm: Algorithm,
+    settings: Mapping[str, Any],
+    *,
+    agents: int,
+    observed: int,
+    acted: int,
+    n: int,
+    seed: int,
+    symmetries: Sequence[Symmetry] = (),
+) -> Learner:
+    """Make a learner on n environments; `settings` by name, without them its defaults.
+
+    Off-policy learners make n / 16 updates, at least one, for each step of all environments.
+    """
+    makers = _makers(algorithm.name, symmetries)
+    given = check_settings(algorithm, settings)
+    known = [f.name for kind in makers.settings for f in fields(kind)]
+    if "updates" in known:
+        given.setdefault("updates", max(1.0, n / 16))
+        if given.get("buffer", 100_000) < n:
+            raise InputInvalid(
+                f"{algorithm.name}, buffer {given['buffer']}; expected at least {n}, one a step"
+            )
+    made = [
+        kind(**{f.name: given[f.name] for f in fields(kind) if f.name in given}, **{
+            k: v for k, v in makers.fixed.items() if k in kind.__dataclass_fields__
+        })
+        for kind in makers.settings
+    ]  # fmt: skip
+    return makers.make(agents, observed, acted, n, seed, made)
+
+
+def check_settings(algorithm: Algorithm, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return settings as what they are; raises InputInvalid for unknown ones and wrong values."""
+    makers = _makers(algorithm.name)
+    hints: dict[str, Any] = {}
+    for kind in makers.settings:
+        hints |= {k: v for k, v in get_type_hints(kind).items() if k not in makers.fixed}
+    given = dict(settings)
+    for name, value in given.items():
+        if name not in hints:
+            raise InputInvalid(
+                f"{algorithm.name}, setting {name!r}; expected {expected_names(name, hints)}"
+            )
+        given[name] = _checked(algorithm.name, name, value, hints[name])
+    return given
+
+
+def default_settings(name: str) -> dict[str, Any]:
+    """Return the defaults of all settings of an algorithm."""
+    makers = _makers(name)
+    given = {f.name: f.default for kind in makers.settings for f in fields(kind)}
+    return {**given, **makers.fixed}
+
+
+@dataclass(frozen=True)
+class _Makers:
+    settings: tuple[Any, ...]  # dataclasses
+    fixed: Mapping[str, Any]  # what the algorithm's name says
+    make: Callable[..., Learner]
+
+
+def _makers(name: str, symmetries: Sequence[Symmetry] = ()) -> _Makers:
+    check_torch()
+    if name in ("sac", "masac", "isac"):
+        from uuvsim_cosim.learn.algorithms.masac import MasacSettings
+        from uuvsim_cosim.learn.algorithms.masac_learner import MasacLearner, OffPolicySettings
+
+        return _Makers(
+            (MasacSettings, OffPolicySettings),
+            {"central": name != "isac"},
+            lambda N, d, a, n, seed, s: MasacLearner(
+                N, d, a, seed=seed, network=s[0], schedule=s[1], symmetries=symmetries
+            ),
+        )
+    if name in ("ippo", "mappo", "ppo"):
+        from uuvsim_cosim.learn.algorithms.ppo import PpoLearner, PpoSettings
+
+        if name == "ppo":
+            from uuvsim_cosim.learn.algorithms.sb3_ppo import Sb3Ppo
+
+            return _Makers(
+                (PpoSettings,), {},
+                lambda N, d, a, n, seed, s: Sb3Ppo(d, a, n, seed=seed, settings=s[0]),
+            )  # fmt: skip
+        return _Makers(
+            (PpoSettings,), {},
+            lambda N, d, a, n, seed, s: PpoLearner(
+                N, d, a, seed=seed, settings=s[0], central=name == "mappo"
+            ),
+        )  # fmt: skip
+    from uuvsim_cosim.learn.algorithms.dqn import DqnLearner, DqnSettings
+
+    if name == "dqn":
+        from uuvsim_cosim.learn.algorithms.sb3_dqn import Sb3Dqn
+
+        return _Makers(
+            (DqnSettings,), {},
+            lambda N, d, a, n, seed, s: Sb3Dqn(d, a, n, seed=seed, settings=s[0]),
+        )  # fmt: skip
+    return _Makers(
+        (DqnSettings,), {},
+        lambda N, d, a, n, seed, s: DqnLearner(N, d, a, seed=seed, settings=s[0]),
+    )  # fmt: skip
+
+
+_LIMITS = {  # of numbers that cannot be anything: (least, greatest); else positive, or 0 as well
+    "gamma": (0.0, 1.0), "tau": (0.0, 1.0), "epsilon": (0.0, 1.0), "epsilon_end": (0.0, 1.0),
+    "gae_lambda": (0.0, 1.0), "log_std": (-10.0, 2.0), "entropy": (0.0, 1e3),
+    "value": (0.0, 1e3), "updates": (1e-3, 1e3), "centre": (0.0, 1.0), "alpha": (1e-9, 1e3),
+    "average": (1e-6, 1.0),
+}  # fmt: skip
+_MAY_BE_0 = ("warm_up", "critic_only", "epsilon_steps")
+
+
+def _checked(algorithm: str, name: str, value: Any, kind: type) -> Any:
+    """Return a setting as what it is; raises InputInvalid with what was expected."""
+    place = f"{algorithm}, {name} {value!r}"
+    if kind is bool:
+        if not isinstance(value, bool):
+            raise InputInvalid(f"{place}; expected true or false")
+        return value
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if kind is int:
+        least = 0 if name in _MAY_BE_0 else 2 if name in ("batch", "samples") else 1
+        if not number or value != int(value) or not least <= value <= 10**9:
+            raise InputInvalid(f"{place}; expected a whole number from {least}")
+        return int(value)
+    low, high = _LIMITS.get(name, (1e-12, 1e6))
+    if not number or not low <= value <= high:
+        expected = "more than 0, at most 1e6" if low == 1e-12 else f"{low:g} … {high:g}"
+        raise InputInvalid(f"{place}; expected a number, {expected}")
+    return float(value)

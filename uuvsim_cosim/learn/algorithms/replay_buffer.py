@@ -1,0 +1,91 @@
+"""What has been lived: the last transitions of a team, drawn from uniformly."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.envs.task.symmetry import Symmetry
+from uuvsim_cosim.errors import InputInvalid
+
+__all__ = ["Replay", "Transitions", "seen_by"]
+
+Array = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Transitions:
+    """n transitions of N agents; `terminated` is no time limit."""
+
+    observation: Array  # (n, N, d)
+    action: Array  # (n, N, a), in [-1, 1]
+    reward: Array  # (n, N)
+    after: Array  # (n, N, d), the last observation of an episode where it ended
+    terminated: Array  # (n, N), 1 where the agent's episode ended by itself
+
+
+def seen_by(
+    given: Transitions, symmetries: Sequence[Symmetry], random: np.random.Generator
+) -> Transitions:
+    """Return transitions each as it was or as one of the symmetries has it, all as likely."""
+    which = random.integers(0, 1 + len(symmetries), len(given.reward))
+    o, a = (
+        np.stack(
+            [np.ones_like(getattr(symmetries[0], k)), *(getattr(s, k) for s in symmetries)]
+        ).astype(np.float32)[which][:, None]
+        for k in ("observation", "action")
+    )
+    return replace(
+        given, observation=given.observation * o, action=given.action * a, after=given.after * o
+    )
+
+
+@final
+class Replay:
+    """A ring of at most `size` transitions."""
+
+    def __init__(self, size: int, agents: int, observed: int, acted: int) -> None:
+        shapes = [(observed,), (acted,), (), (observed,), ()]
+        self._rows = {
+            f.name: np.zeros((size, agents, *shape), np.float32)
+            for f, shape in zip(fields(Transitions), shapes, strict=True)
+        }
+        self.size, self.count, self._next = size, 0, 0
+
+    def add(self, given: Transitions) -> None:
+        """Keep transitions, in place of the oldest."""
+        n = len(given.reward)
+        if n > self.size:
+            raise InputInvalid(f"buffer of {self.size}: {n} at once; expected at least {n}")
+        at = (self._next + np.arange(n)) % self.size
+        for name, rows in self._rows.items():
+            rows[at] = getattr(given, name)
+        self._next = (self._next + n) % self.size
+        self.count = min(self.count + n, self.size)
+
+    def draw(
+        self, n: int, random: np.random.Generator, symmetries: Sequence[Symmetry] = ()
+    ) -> Transitions:
+        """Draw n with replacement; each as it was or, as likely, as one of `symmetries` has it."""
+        at = random.integers(0, self.count, n)
+        drawn = Transitions(**{name: rows[at] for name, rows in self._rows.items()})
+        return seen_by(drawn, symmetries, random) if symmetries else drawn
+
+    def state(self) -> dict[str, Any]:
+        """Return all that is kept, as arrays by name."""
+        kept = {name: rows[: self.count].copy() for name, rows in self._rows.items()}
+        return {**kept, "next": self._next}
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Go on with what `state` gave."""
+        self.count, self._next = len(state["reward"]), int(state["next"])
+        for name, rows in self._rows.items():
+            if len(state[name]) > self.size or state[name].shape[1:] != rows.shape[1:]:
+                raise InputInvalid(
+                    f"buffer {name!r} of shape {state[name].shape}; expected at most {rows.shape}"
+                )
+            rows[: self.count] = state[name]

@@ -1,0 +1,114 @@
+"""What stable-baselines3's learners need in our loop: their own random numbers, and their state.
+
+They stand beside the learners of this package as a check on them: theirs is another's code. What
+stable-baselines3 draws comes from generators of its own, so a training goes on to the same bits.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Mapping
+from types import TracebackType
+from typing import Any, final
+
+import gymnasium
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import nn
+
+from uuvsim_cosim.learn.shared.errors import LearningDiverged
+
+__all__ = ["Randomness", "layers", "networks", "set_networks", "set_up", "told_of"]
+
+Array = NDArray[np.float32]
+
+
+@final
+class Randomness:
+    """The global random numbers, which stable-baselines3 draws from, lent to one learner."""
+
+    def __init__(self, seed: int) -> None:
+        self._torch = torch.Generator().manual_seed(seed).get_state()
+        self._numpy: Any = np.random.RandomState(seed % 2**32).get_state()
+        self._outer: Any = None
+
+    def __enter__(self) -> None:
+        """Put the learner's in place of everybody's."""
+        self._outer = torch.get_rng_state(), np.random.get_state(), random.getstate()  # noqa: NPY002
+        torch.set_rng_state(self._torch)
+        np.random.set_state(self._numpy)  # noqa: NPY002
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Keep the learner's, and give everybody's back."""
+        self._torch, self._numpy = torch.get_rng_state(), np.random.get_state()  # noqa: NPY002
+        torch.set_rng_state(self._outer[0])
+        np.random.set_state(self._outer[1])  # noqa: NPY002
+        random.setstate(self._outer[2])
+
+    def state(self) -> dict[str, Any]:
+        """Return them as plain numbers."""
+        words = np.asarray(self._numpy[1], np.int64)
+        return {"torch": self._torch, "words": words, "rest": list(self._numpy[2:])}
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Go on from there."""
+        self._torch = state["torch"]
+        place, has, cached = state["rest"]
+        self._numpy = ("MT19937", state["words"].astype(np.uint32), place, has, cached)
+
+
+def set_up(model: Any, observed: int, actions: gymnasium.Space[Any], n: int) -> Any:
+    """Make a model's networks and buffers for spaces, as its own `load` does."""
+    model.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (observed,), np.float32)
+    model.action_space, model.n_envs = actions, n
+    from stable_baselines3.common.logger import Logger
+
+    model._setup_model()
+    model.set_logger(Logger(None, []))
+    return model
+
+
+def told_of(model: Any, name: str) -> dict[str, float]:
+    """Return what was logged; raises LearningDiverged for what is no number."""
+    logged = model.logger.name_to_value
+    told = {
+        k.removeprefix("train/"): float(v)
+        for k, v in logged.items()
+        if k.startswith("train/") and not k.endswith(("n_updates", "learning_rate", "clip_range"))
+    }
+    logged.clear()
+    for what, value in told.items():
+        if not np.isfinite(value) and what != "explained_variance":
+            raise LearningDiverged(name, what, value)
+    for what, parameter in model.policy.named_parameters():
+        if not bool(torch.isfinite(parameter).all()):
+            raise LearningDiverged(name, what, float("nan"))
+    return {k: v for k, v in told.items() if np.isfinite(v)}
+
+
+def layers(parts: list[nn.Module]) -> dict[str, Array]:
+    """Return the linear layers of modules, in their order, as a `Policy` has them."""
+    linear = [m for part in parts for m in part.modules() if isinstance(m, nn.Linear)]
+    return {
+        f"{i}.{what}": np.array(getattr(m, what).detach().numpy())
+        for i, m in enumerate(linear)
+        for what in ("weight", "bias")
+    }
+
+
+def networks(model: Any) -> dict[str, Any]:
+    """Return networks and optimiser."""
+    policy = model.policy
+    return {"policy": policy.state_dict(), "adam": policy.optimizer.state_dict()}
+
+
+def set_networks(model: Any, state: Mapping[str, Any]) -> None:
+    """Go on with them."""
+    model.policy.load_state_dict(state["policy"])
+    model.policy.optimizer.load_state_dict(state["adam"])

@@ -1,0 +1,155 @@
+"""What a policy lives becomes a dataset: episode 0 of consecutive seeds, side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.envs.task.task import Task, TeamTask
+from uuvsim_cosim.envs.tasks.scripted import scripted_policy
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.data.dataset import Dataset, Episode
+from uuvsim_cosim.learn.policies.policy import Named, Policy
+from uuvsim_cosim.learn.policies.sequence_runner import begin
+from uuvsim_cosim.learn.shared.task_ids import make_task
+from uuvsim_cosim.learn.training.loading import acting_in, load_policies, random_policy
+from uuvsim_cosim.learn.training.rollout import Rollout
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.cluster.ray_cluster import Cluster
+
+__all__ = ["COLLECTING_SEED", "WORDS", "collect"]
+
+COLLECTING_SEED = 3_000_000  # apart from those of trainings, evaluations and judgements
+WORDS = ("scripted", "random", "mixed")
+AT_ONCE = 256  # environments
+SPREAD = 0.5  # deviation of what "mixed" adds to a third of its episodes
+
+Array = NDArray[np.float32]
+Act = Callable[[Array, NDArray[np.intp]], Array]  # observations (n, N, d), episodes (n,)
+
+
+def collect(
+    name: str,
+    policy: str | Path = "scripted",
+    episodes: int = 100,
+    *,
+    options: Mapping[str, Any] | None = None,
+    seed: int = COLLECTING_SEED,
+    cluster: Cluster | None = None,
+) -> Dataset:
+    """Let a policy act in a task's episodes; what it sees, does and is given is kept.
+
+    `policy` is "scripted", "random", a policy's file or a training's folder, or "mixed": episode
+    by episode in turn scripted, scripted with noise, and random. With a `cluster`, its workers
+    collect the same bits. Raises InputInvalid.
+    """
+    if not 1 <= episodes <= 100_000:
+        raise InputInvalid(f"{episodes} episodes; expected 1 … 100000")
+    word = policy if policy in WORDS else None
+    acts = str(word) if word else tuple(load_policies(policy))
+    parts = [
+        _Part(name, dict(options or {}), acts, seed, first, min(AT_ONCE, episodes - first))
+        for first in range(0, episodes, AT_ONCE)
+    ]
+    found: list[_Collected] = []
+    if cluster is None:
+        found = [_collect(part) for part in parts]
+    else:
+        came = dict(cluster.spread(_collect, parts))
+        found = [came[k] for k in range(len(parts))]
+    kept = [episode for episodes_of_part, _ in found for episode in episodes_of_part]
+    named = found[0][1]
+    told = {"policy": word or Path(policy).name, "seed": seed}
+    return Dataset(kept, named[0], named[1], name, dict(options or {}), told)
+
+
+# ---- inside -------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Part:
+    """So many episodes side by side; what comes of them follows from this alone."""
+
+    name: str
+    options: Mapping[str, Any]
+    acts: str | tuple[Policy, ...]
+    seed: int
+    first: int
+    count: int
+
+
+_Collected = tuple[list[Episode], tuple[tuple[Named, ...], tuple[Named, ...]]]
+
+
+def _collect(part: _Part) -> _Collected:
+    task = make_task(part.name, part.options)
+    acts, parts = _acts(task, part)
+    for one in parts:
+        begin(one)
+    rollout = Rollout(task, part.count, part.seed + part.first)
+    try:
+        rows = np.arange(part.first, part.first + part.count)
+        return _lived(rollout, acts, rows), rollout.named()
+    finally:
+        rollout.close()
+
+
+def _lived(rollout: Rollout, acts: Act, numbers: NDArray[np.intp]) -> list[Episode]:
+    """Return the episodes of all environments, and of all agents, in their order."""
+    n, agents = rollout.n, len(rollout.agents)
+    lived, alive = [], np.ones(n, bool)
+    steps = np.zeros((n, agents), int)
+    ended = np.zeros((n, agents), bool)
+    while alive.any():
+        t, _ = rollout.step(acts(rollout.observation, numbers))
+        lived.append(t)
+        steps += alive[:, None] & ~ended
+        ended |= alive[:, None] & (t.terminated > 0)
+        alive &= rollout.steps > 0
+    o, a, r, after = (
+        np.stack([getattr(t, k) for t in lived])
+        for k in ("observation", "action", "reward", "after")
+    )
+    return [
+        Episode(
+            np.concatenate([o[:k, i, j], after[k - 1 : k, i, j]]),
+            a[:k, i, j],
+            r[:k, i, j],
+            bool(ended[i, j]),
+        )
+        for i in range(n)
+        for j, k in enumerate(steps[i])
+    ]
+
+
+def _acts(task: Task | TeamTask, part: _Part) -> tuple[Act, list[Any]]:
+    """Return how all agents act, and the policies that it is made of."""
+    policy = part.acts
+    drawn = part.seed if part.first == 0 else [part.seed, part.first]
+    random = np.random.default_rng(drawn)
+    given: Any
+    if policy in ("scripted", "mixed"):
+        given = scripted_policy(task)
+    elif policy == "random":
+        given = random_policy(task, drawn)
+    else:
+        given = acting_in(task, [p for p in policy if isinstance(p, Policy)], part.name)
+    parts = [given[a] for a in task.agents] if isinstance(task, TeamTask) else [given]
+
+    def act(observation: Array, numbers: NDArray[np.intp]) -> Array:
+        columns = [p(observation[:, j]) for j, p in enumerate(parts)]
+        action = np.stack(columns, axis=1).astype(np.float32)
+        if policy == "mixed":
+            spread = action + SPREAD * random.standard_normal(action.shape)
+            even = random.uniform(-1.0, 1.0, action.shape)
+            third = (numbers % 3)[:, None, None]
+            action = np.select([third == 0, third == 1], [action, spread], even)
+        return np.clip(action, -1.0, 1.0).astype(np.float32)
+
+    return act, parts

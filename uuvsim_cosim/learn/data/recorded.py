@@ -1,0 +1,201 @@
+"""Recorded runs become episodes: what a task would have seen, and what was done.
+
+Signals are read every action step; an action is what held until the next one. It stands in the
+recording by its channel's name, or as a policy's output `action` of the same component.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.envs.episodes.spaces import ActionBox, ObservationBox
+from uuvsim_cosim.envs.task.instant import Instant
+from uuvsim_cosim.envs.task.signals import Signals, resolved
+from uuvsim_cosim.envs.task.task import Task, TeamTask
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.data.dataset import Dataset, Episode
+from uuvsim_cosim.learn.data.recorded_signals import Reading, refuse_times
+from uuvsim_cosim.learn.policies.policy import Named
+from uuvsim_cosim.learn.shared.task_ids import make_task
+from uuvsim_cosim.orchestrator.plan.flatten import flatten
+from uuvsim_cosim.orchestrator.recording.recording import read_signals
+
+__all__ = ["from_recordings"]
+
+Array = NDArray[np.float64]
+
+
+def from_recordings(
+    name: str,
+    runs: Sequence[str | Path],
+    *,
+    options: Mapping[str, Any] | None = None,
+    renamed: Mapping[str, str] | None = None,
+) -> Dataset:
+    """Return a task's observations, actions and rewards in recorded runs, cut at its horizon.
+
+    A run is its folder, a .parquet or a .mcap. `renamed` says where a signal of the task is found
+    in the recording. `told["clipped"]` counts what lay beyond limits. Raises InputInvalid that
+    names what was not recorded.
+    """
+    task = make_task(name, options)
+    reader = _Reader(task, name, dict(renamed or {}))
+    kept = [episode for run in runs for episode in reader.episodes(Path(run))]
+    told = {"recordings": [Path(run).name for run in runs], "clipped": reader.clipped}
+    return Dataset(kept, reader.seen, reader.acts, name, dict(options or {}), told)
+
+
+class _Start(Mapping[str, Any]):
+    """Start values, which a recording does not hold."""
+
+    def __getitem__(self, name: str) -> Any:
+        raise InputInvalid(f"{name}: the task reads what its episodes drew, which no recording "
+                           "holds; expected a task without it")  # fmt: skip
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(())
+
+    def __len__(self) -> int:
+        return 0
+
+
+class _Reader:
+    def __init__(self, task: Task | TeamTask, name: str, renamed: dict[str, str]) -> None:
+        self.task = task
+        self.clipped = {"observations": 0, "actions": 0}
+        plan = flatten(task.system)
+        team = isinstance(task, TeamTask)
+        self.channels = (
+            dict(task.actions) if isinstance(task, TeamTask) else {"agent": task.actions}
+        )
+        names = list(task.signals)
+        if isinstance(task, Task):
+            names += [c.name for c in task.observations]
+        self.signals = Signals(plan, names)
+        self.boxes = {a: ActionBox(plan, c) for a, c in self.channels.items()}
+        self.box = None
+        if isinstance(task, TeamTask):
+            sides: tuple[NDArray[Any], NDArray[Any]] = task.limits(task.agents[0])
+        else:
+            self.box = ObservationBox(plan, self.signals, task.observations, task.extra_limits)
+            sides = self.box.low, self.box.high
+        self.low, self.high = (np.asarray(s, np.float32) for s in sides)
+        self.seen = tuple(
+            Named(f"o[{i + 1}]", float(a), float(b))
+            for i, (a, b) in enumerate(zip(self.low, self.high, strict=True))
+        )
+        agent, first = next(iter(self.boxes.items()))
+        short = [
+            first.name(i).removeprefix(f"{agent}." if team else "") for i in range(first.width)
+        ]
+        self.acts = tuple(Named(n, -1.0, 1.0) for n in short)
+        keys = [key for box in self.boxes.values() for key, _ in box.targets]
+        self.sizes = {
+            n: resolved(plan, n).variable.size for n in dict.fromkeys([*self.signals.names, *keys])
+        }
+        self.reading = Reading(name, self.sizes, renamed)
+
+    def episodes(self, run: Path) -> list[Episode]:
+        read = read_signals(run)
+        at = self._instants(run, np.asarray(read.time, float))
+        wanted = {n: self.sizes[n] for n in self.signals.names}
+        values = np.concatenate(self.reading.of(run, read, wanted), axis=1)
+        # The action of step k: recorded last before step k + 1 begins.
+        acted = {a: self._action(run, read, a)[at[1:] - 1] for a in self.channels}
+        length, found = int(self.task.horizon / self.task.action_step), []
+        for first in range(0, len(at) - 1, length):
+            piece = at[first : first + length + 1]
+            mine = {a: x[first : first + length] for a, x in acted.items()}
+            if len(piece) > 1:
+                found += self._cut(values[piece].T, mine)
+        return found
+
+    def _cut(self, values: Array, recorded: Mapping[str, Array]) -> list[Episode]:
+        n = values.shape[1]
+        acted = {a: np.clip(x, -1.0, 1.0) for a, x in recorded.items()}
+        step, before = np.arange(n), np.maximum(np.arange(n) - 1, 0)
+        action = {a: x[before] * (step > 0)[:, None] for a, x in acted.items()}
+        earlier = {a: x[before] for a, x in action.items()}
+        s = self.task.action_step
+        about = self.signals, (s.numerator, s.denominator)
+        m = Instant(
+            about[0], values.copy(), step, about[1], action, _Start(),
+            before=Instant(about[0], values[:, before], before, about[1], earlier, _Start()),
+        )  # fmt: skip
+        seen: Mapping[str, NDArray[Any]]
+        beyond: Mapping[str, NDArray[Any]]
+        if isinstance(self.task, TeamTask):
+            seen, reward, ended = self.task.observe(m), self.task.reward(m), self.task.terminated(m)
+            beyond = self.task.unclipped(m)
+        else:
+            assert self.box is not None
+            extra = self.task.extra(m) if self.box.n_extra else None
+            seen = {"agent": self.box.of(m.values, extra)}
+            raw = self.task.unclipped(m) if self.box.n_extra else None
+            # Who adds to another task's `extra` may leave its `unclipped` as it is.
+            if raw is not None and extra is not None and raw.shape == extra.shape:
+                extra = raw
+            beyond = {"agent": self.box.of(m.values, extra, clipped=False)}
+            reward, ended = {"agent": self.task.reward(m)}, {"agent": self.task.terminated(m)}
+        made = []
+        for agent, a in acted.items():
+            over = np.flatnonzero(np.asarray(ended[agent])[1:])
+            k = int(over[0]) + 1 if len(over) else n - 1
+            o = np.clip(np.asarray(seen[agent], np.float32), self.low, self.high)
+            r = np.asarray(reward[agent], np.float32)
+            made.append(
+                Episode(o[: k + 1], a[:k].astype(np.float32), r[1 : k + 1], bool(len(over)))
+            )
+            sides = self.low, self.high
+            self.clipped["observations"] += _clipped(beyond[agent][: k + 1], o[: k + 1], *sides)
+            self.clipped["actions"] += _clipped(recorded[agent][:k], made[-1].action, -1.0, 1.0)
+        return made
+
+    def _instants(self, run: Path, time: Array) -> NDArray[np.intp]:
+        """Return the rows where actions begin."""
+        refuse_times(run, time)
+        step = float(self.task.action_step)
+        count = int((time[-1] - time[0]) / step + 1e-6) if len(time) else 0
+        wanted = time[0] + step * np.arange(count + 1) if count else np.zeros(0)
+        at = np.clip(np.searchsorted(time, wanted - 1e-6), 0, max(len(time) - 1, 0))
+        if not count or np.abs(time[at] - wanted).max() > 1e-6 or np.any(np.diff(at) < 2):
+            raise InputInvalid(
+                f"{run}: {len(time)} instants; expected one at each action step of {step:g} s, "
+                "and others between"
+            )
+        return np.asarray(at)
+
+    def _action(self, run: Path, read: Any, agent: str) -> Array:
+        """Return actions in [-1, 1], and what was beyond, of shape (instants, width)."""
+        box = self.boxes[agent]
+        low, high = (box.scaled(np.full((1, box.width), s))[:, 0] for s in (-1.0, 1.0))
+        columns: list[Array] = []
+        for i, (key, element) in enumerate(box.targets):
+            output = f"{key.rpartition('.')[0]}.action"
+            if self.reading.finds(read, key):
+                (own,) = self.reading.of(run, read, {key: self.sizes[key]})
+                columns.append((2.0 * own[:, element] - low[i] - high[i]) / (high[i] - low[i]))
+            elif output in read:
+                (own,) = self.reading.of(run, read, {output: box.width})
+                columns.append(own[:, i])
+            else:
+                raise InputInvalid(
+                    f"{run}: neither {key} nor {output} recorded; expected the action of "
+                    f"{self.reading.task} (a signal of another name is given by --signal "
+                    "NAME=RECORDED)"
+                )
+        return np.stack(columns, axis=1)
+
+
+def _clipped(given: NDArray[Any], kept: NDArray[np.float32], low: Any, high: Any) -> int:
+    """Count numbers that clipping changed; none of a task whose `unclipped` is another's."""
+    if given.shape != kept.shape:
+        return 0
+    with np.errstate(over="ignore"):
+        given = given.astype(np.float32)
+    return int(np.count_nonzero((given != kept) & (np.clip(given, low, high) == kept)))

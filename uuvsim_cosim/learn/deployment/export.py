@@ -1,0 +1,245 @@
+"""A policy leaves: as an FMU, as ONNX, as torch's tensors, or as a runner of numpy alone."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from uuvsim_cosim.cache import cache_dir, content_hash, write_whole
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.policies.policy import Array, Named, Policy
+from uuvsim_cosim.learn.policies.sequence_runner import SequenceRunner
+from uuvsim_cosim.learn.training.loading import load_policies, policy_path
+
+__all__ = [
+    "ENDINGS",
+    "export_policy",
+    "in_units",
+    "policy_model",
+    "sequential",
+    "tracking_settings",
+]
+
+ENDINGS = (".fmu", ".onnx", ".pth", ".py")
+
+
+def export_policy(
+    source: str | Path,
+    out: str | Path,
+    *,
+    fmi: int = 3,
+    platforms: Sequence[str] = ("host",),
+    plain: bool = False,
+) -> list[Path]:
+    """Write the policy in a file, or in a training's folder, as the ending of `out` says.
+
+    Gives what was written: for .py the runner and its weights, and what remembers for a decision
+    transformer. With `plain`, an FMU of target tracking has an observation and an action instead
+    of a pilot's connectors. Raises InputInvalid.
+    """
+    out = Path(out).expanduser()
+    ending = out.suffix.lower()
+    if ending not in ENDINGS:
+        raise InputInvalid(f"{out}: ending {ending!r} was read; expected {', '.join(ENDINGS)}")
+    policy = _one(source)
+    if policy.kind == "sequence":
+        SequenceRunner(policy)  # refuses one that is not whole
+    if ending == ".fmu":
+        from uuvsim_cosim.fmus.export.export import build_fmu
+
+        model = policy_model(policy, plain=plain)
+        return [build_fmu(model, fmi=fmi, platforms=platforms, target=out)]  # type: ignore[arg-type]
+    if ending == ".py":
+        return _write_runner(policy, out, policy_path(source))
+    write: Callable[[Policy, Path], list[Path]]
+    if ending == ".onnx":
+        from uuvsim_cosim.learn.deployment.onnx import write_onnx as write
+    else:
+        write = _write_torch
+    return write(policy, out)
+
+
+def policy_model(policy: Policy, *, plain: bool = False) -> Any:
+    """Declare a policy as a component; its actions are in the units of the task's inputs.
+
+    With `plain` they are in [-1, 1]. Raises InputInvalid as `in_units` does.
+    """
+    from uuvsim_cosim.models.declaration.library import declare
+
+    kept = policy if plain else in_units(policy)
+    file = cache_dir("policies", _digest(kept)) / "policy.npz"
+    kept.save(file)
+    return declare("policy", file=str(file), plain=int(plain))
+
+
+def sequential(policy: Policy) -> dict[str, Array]:
+    """Return tensors by the names in a torch.nn.Sequential of Linear, activation, …, Linear.
+
+    Shift and scale of the observation become part of the first layer; "grid" stays as it is. Of a
+    policy of kind "sequence" all stay as they are.
+    """
+    if policy.kind == "sequence":
+        return dict(policy.tensors)
+    given: dict[str, Array] = {}
+    for i in range(policy.depth):
+        weight, bias = policy.tensors[f"{i}.weight"], policy.tensors[f"{i}.bias"]
+        if i == 0 and "shift" in policy.tensors:
+            shift, scale = (policy.tensors[k].astype(np.float64) for k in ("shift", "scale"))
+            bias = (bias - weight @ (shift * scale)).astype(np.float32)
+            weight = (weight * scale).astype(np.float32)
+        given |= {f"{2 * i}.weight": weight, f"{2 * i}.bias": bias}
+    return given | {k: v for k, v in policy.tensors.items() if k == "grid"}
+
+
+def tracking_settings(policy: Policy) -> Mapping[str, Any] | None:
+    """Return what target tracking's observation is made with; None for another task."""
+    task = _task(policy)
+    if task is None or not hasattr(task, "slots"):
+        return None
+    from uuvsim_cosim.envs.tasks.target_tracking import A_MAX, OMEGA_MAX, V_MAX
+
+    return {
+        "slots": list(task.slots),
+        "arena": list(task.arena.size[:2]),
+        "u_max": V_MAX,
+        "action_step": float(task.action_step),
+        "action_scale": [A_MAX, OMEGA_MAX],
+        "knowledge_range": task.knowledge_range,
+    }
+
+
+def in_units(policy: Policy) -> Policy:
+    """Return the policy with its actions' limits in the units of the inputs that its task acts on.
+
+    A policy of target tracking stays as it is: a pilot's equations make a force of its actions.
+    Raises InputInvalid if the task is not available, or acts on another number of inputs.
+    """
+    from uuvsim_cosim.envs.episodes.spaces import ActionBox
+    from uuvsim_cosim.envs.task.task import TeamTask
+    from uuvsim_cosim.learn.shared.task_ids import make_task
+    from uuvsim_cosim.models.policies.policy_tracking import TEAMS
+    from uuvsim_cosim.orchestrator.plan.flatten import flatten
+
+    if policy.task in TEAMS:
+        return policy
+    instead = (
+        "or `--plain` (of a source: policy:FILE.npz?plain=1) for actions in [-1, 1], without units"
+    )
+    try:
+        task: Any = make_task(policy.task, policy.options)
+    except InputInvalid as error:
+        raise InputInvalid(
+            f"policy of {policy.task}: its task, which gives the units of the actions, is not "
+            f"available ({error}); expected the task, {instead}"
+        ) from None
+    if hasattr(task, "slots"):  # of target tracking, by another name
+        return policy
+    channels = task.actions
+    if isinstance(task, TeamTask):
+        channels = channels.get(policy.agent) or next(iter(channels.values()))
+    plan = flatten(task.system)
+    box = ActionBox(plan, channels)
+    if box.width != len(policy.action):
+        raise InputInvalid(
+            f"policy of {policy.task}: it has {len(policy.action)} actions, and the task acts on "
+            f"{box.width} inputs; expected the task as it was in the training, {instead}"
+        )
+    low, high = (box.scaled(np.full((1, box.width), s))[:, 0] for s in (-1.0, 1.0))
+    variables = {
+        f"{c.path}.{n}": v for c in plan.components for n, v in c.description.variables.items()
+    }
+    named = tuple(
+        Named(box.name(i), float(low[i]), float(high[i]), variables[key].unit_of_element(e) or "1")
+        for i, (key, e) in enumerate(box.targets)
+    )
+    settings = {**policy.settings, "action_step": str(task.action_step)}
+    return replace(policy, action=named, settings=settings)
+
+
+# ---- inside ---------------------------------------------------------------------------------
+
+
+def _one(source: str | Path) -> Policy:
+    path = policy_path(source)
+    if path.is_file():
+        return Policy.load(path)
+    found = load_policies(path)
+    if len(found) != 1 or found[0].agent:  # of one agent, the folder has lost the others'
+        agents = ", ".join(p.agent for p in found)
+        file = next(p.name for p in sorted(path.glob("*.npz")))
+        raise InputInvalid(f"{path}: policies of {agents}; expected the file of one, as {file}")
+    return found[0]
+
+
+def _digest(policy: Policy) -> str:
+    tensors = sorted(policy.tensors.items())
+    texts = [str(replace(policy, tensors={}, kind="sequence")), policy.kind]
+    return content_hash([*texts, *(p for k, v in tensors for p in (k, v.tobytes()))])
+
+
+def _task(policy: Policy) -> Any:
+    """Make the task that a policy was trained on; None if it is not here."""
+    from uuvsim_cosim.learn.shared.task_ids import make_task
+
+    try:
+        return make_task(policy.task, policy.options)
+    except InputInvalid:
+        return None
+
+
+def _write_torch(policy: Policy, out: Path) -> list[Path]:
+    tensors = sequential(policy)
+    try:
+        import torch
+    except ModuleNotFoundError:
+        raise InputInvalid(f"{out}: torch is missing; expected the extra rl, `pip install "
+                           "'uuvsim-cosim[rl]'`") from None  # fmt: skip
+    import io
+
+    buffer = io.BytesIO()
+    torch.save({k: torch.from_numpy(v.copy()) for k, v in tensors.items()}, buffer)
+    return [_written(out, buffer.getvalue())]
+
+
+def _begins(path: Path, text: str) -> bool:
+    try:
+        return text in path.read_text(encoding="utf-8").partition("\n")[0]
+    except (OSError, UnicodeDecodeError):
+        return False
+
+
+def _write_runner(policy: Policy, out: Path, source: Path) -> list[Path]:
+    from uuvsim_cosim.learn.policies import runner, runner_sequence
+
+    head = (runner.__doc__ or "").splitlines()[0]
+    if not _begins(out, head):
+        for path in (out, out.with_suffix(".npz")):
+            if path.exists() and path.resolve() != source.resolve():
+                raise InputInvalid(
+                    f"{path}: is there, and no runner's; expected another name for {out.name} and "
+                    f"{out.stem}.npz, its weights"
+                )
+    made = [_written(out, inspect.getsource(runner).encode())]
+    if policy.kind == "sequence":
+        beside = out.with_name(f"{out.stem}_sequence.py")
+        made.append(_written(beside, inspect.getsource(runner_sequence).encode()))
+    tracking = tracking_settings(policy)
+    if tracking is not None:
+        policy = replace(policy, settings={**policy.settings, "tracking": tracking})
+    return [*made, policy.save(out.with_suffix(".npz"))]
+
+
+def _written(out: Path, data: bytes) -> Path:
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(out, data)
+    except OSError as error:
+        raise InputInvalid(
+            f"{out}: cannot be written ({error.strerror}); expected a folder that can be written"
+        ) from error
+    return out

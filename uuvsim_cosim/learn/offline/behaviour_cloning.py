@@ -1,0 +1,46 @@
+"""Behaviour cloning: do what was done, L = mean of |pi(s) - a|²."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+import torch
+
+from uuvsim_cosim.learn.algorithms.stacked import StackedMLP
+from uuvsim_cosim.learn.data.dataset import Dataset
+from uuvsim_cosim.learn.offline.offline_parts import OfflineSettings, Rows, descend, policy_of
+from uuvsim_cosim.learn.policies.policy import Policy
+
+__all__ = ["BcSettings", "BehaviourCloning"]
+
+
+@dataclass(frozen=True)
+class BcSettings(OfflineSettings):
+    """Its form."""
+
+    hidden: int = 256
+
+
+@final
+class BehaviourCloning:
+    """Learns from a dataset; `update` is one step of Adam."""
+
+    name = "bc"
+
+    def __init__(self, data: Dataset, settings: BcSettings, seed: int) -> None:
+        self.data, self.settings, self._rows = data, settings, Rows(data, seed)
+        widths = [len(data.observation), settings.hidden, settings.hidden, len(data.action)]
+        self.actor = StackedMLP(1, widths, torch.Generator().manual_seed(seed))
+        self._adam = torch.optim.Adam(self.actor.parameters(), lr=settings.lr)
+
+    def update(self) -> dict[str, float]:
+        """Learn from transitions drawn from all; gives the loss."""
+        o, a, *_ = self._rows.draw(self.settings.batch)
+        loss = ((torch.tanh(self.actor(o[None])[0]) - a) ** 2).mean()
+        return {"loss": descend("bc", "loss", self._adam, loss)}
+
+    def policy(self) -> Policy:
+        """Return what has been learned."""
+        own = {"shift": self._rows.shift, "scale": self._rows.scale}
+        return policy_of(self.data, "tanh", {**self.actor.tensors(0), **own}, {})

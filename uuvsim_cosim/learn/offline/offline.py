@@ -1,0 +1,220 @@
+"""Learning from a dataset alone: `train_offline("data.npz", "dt")`; the task is not lived in."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+from typing import Any, Protocol, get_type_hints
+
+import numpy as np
+
+from uuvsim_cosim.cache import write_whole
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.data.dataset import Dataset
+from uuvsim_cosim.learn.data.dataset_files import read_dataset
+from uuvsim_cosim.learn.policies.policy import Policy
+from uuvsim_cosim.learn.shared.errors import LearningDiverged
+from uuvsim_cosim.learn.shared.extras import check_torch
+from uuvsim_cosim.learn.shared.task_ids import make_task, short_name
+from uuvsim_cosim.learn.training.rollout import Rollout
+from uuvsim_cosim.models.declaration.near_names import expected_names
+
+__all__ = ["OFFLINE", "LearnedOffline", "OfflineLearner", "offline_learner", "train_offline"]
+
+OFFLINE = {
+    "bc": "behaviour cloning",
+    "iql": "implicit Q-learning",
+    "dt": "decision transformer",
+}
+EVERY = 100  # updates, between rows of losses.csv
+
+
+class OfflineLearner(Protocol):
+    """What learns from a dataset: equal seeds give equal bits on one thread."""
+
+    name: str
+
+    def update(self) -> dict[str, float]:
+        """Make one step of descent; gives losses. Raises LearningDiverged for a NaN."""
+
+    def policy(self) -> Policy:
+        """Return what has been learned."""
+
+
+@dataclass(frozen=True)
+class LearnedOffline:
+    """What was learned, and how."""
+
+    folder: Path
+    policy: Policy
+    data: Dataset
+    updates: int
+    losses: Mapping[str, float]  # means of the last rows
+    cpu: float  # s
+    interrupted: bool
+
+
+def train_offline(
+    data: str | Path | Dataset,
+    algorithm: str = "dt",
+    *,
+    seed: int = 0,
+    settings: Mapping[str, Any] | None = None,
+    task: str | None = None,
+    options: Mapping[str, Any] | None = None,
+    folder: str | Path | None = None,
+    progress: Callable[[int, int, Mapping[str, float]], None] | None = None,
+) -> LearnedOffline:
+    """Learn, and write policy.npz, losses.csv and offline.json into a new folder.
+
+    `task` is needed where the dataset tells none, and refused where its spaces are others. Ctrl-C,
+    and LearningDiverged, keep what has been learned so far. Raises InputInvalid.
+    """
+    given = data if isinstance(data, Dataset) else read_dataset(data)
+    given = of_task(given, task, options)
+    learner, chosen = offline_learner(given, algorithm, settings or {}, seed)
+    name = f"{short_name(given.task)}-{algorithm}-{seed}"
+    place = Path("runs") / "train" / name if folder is None else Path(folder).expanduser()
+    if place.exists() and (not place.is_dir() or any(place.iterdir())):
+        raise InputInvalid(f"{place}: holds other things; expected an empty or a new folder")
+    import torch
+
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    began, rows, recent, done = time.process_time(), [], [], 0
+    interrupted = False
+    try:
+        while done < chosen.steps:
+            recent.append(learner.update())
+            done += 1
+            if done % EVERY == 0 or done == chosen.steps:
+                row = {k: float(np.mean([x[k] for x in recent])) for k in recent[0]}
+                rows.append({"updates": done, **row})
+                recent = []
+                if progress is not None:
+                    progress(done, chosen.steps, row)
+    except KeyboardInterrupt:
+        interrupted = True
+    except LearningDiverged as diverged:
+        kept = _write(place, _told(learner, given, chosen, seed, done), rows)
+        raise diverged.saying(
+            algorithm, f"what was before, of {done} updates, is in {kept}"
+        ) from None
+    finally:
+        torch.set_num_threads(threads)
+    policy = _told(learner, given, chosen, seed, done)
+    _write(place, policy, rows)
+    last = {k: v for k, v in rows[-1].items() if k != "updates"} if rows else {}
+    cpu = time.process_time() - began
+    return LearnedOffline(place, policy, given, done, last, cpu, interrupted)
+
+
+def offline_learner(
+    data: Dataset, algorithm: str, settings: Mapping[str, Any], seed: int
+) -> tuple[OfflineLearner, Any]:
+    """Make a learner, with its settings; raises InputInvalid."""
+    if algorithm not in OFFLINE:
+        raise InputInvalid(
+            f"algorithm {algorithm!r}: does not learn from a dataset; expected "
+            f"{expected_names(algorithm, OFFLINE)}"
+        )
+    check_torch()
+    kinds: dict[str, tuple[Any, Any]] = {}
+    from uuvsim_cosim.learn.offline.behaviour_cloning import BcSettings, BehaviourCloning
+    from uuvsim_cosim.learn.offline.decision_transformer import DecisionTransformer, DtSettings
+    from uuvsim_cosim.learn.offline.iql import Iql, IqlSettings
+
+    kinds = {"bc": (BehaviourCloning, BcSettings), "iql": (Iql, IqlSettings),
+             "dt": (DecisionTransformer, DtSettings)}  # fmt: skip
+    make, form = kinds[algorithm]
+    chosen = form(**_checked(algorithm, settings, form))
+    if algorithm == "dt" and chosen.hidden % chosen.heads:
+        raise InputInvalid(f"dt, heads {chosen.heads}: expected a divisor of hidden, "
+                           f"{chosen.hidden}")  # fmt: skip
+    return make(data, chosen, seed), chosen
+
+
+def of_task(data: Dataset, task: str | None, options: Mapping[str, Any] | None = None) -> Dataset:
+    """Return a dataset as one of a task; raises InputInvalid where the spaces are others."""
+    name = task or data.task
+    if not name:
+        raise InputInvalid("dataset: tells no task; expected one, by --task")
+    every = {**(data.options if name == data.task else {}), **(options or {})}
+    rollout = Rollout(make_task(name, every), 1, 0)
+    try:
+        seen, acts = rollout.named()
+    finally:
+        rollout.close()
+    for what, found, wanted in (
+        ("observation", data.observation, seen),
+        ("action", data.action, acts),
+    ):
+        same = len(found) == len(wanted) and all(
+            np.allclose((f.low, f.high), (w.low, w.high), rtol=1e-5, atol=1e-6)
+            for f, w in zip(found, wanted, strict=True)
+        )
+        if not same:
+            raise InputInvalid(
+                f"dataset{f' of {data.task}' if data.task else ''}: an {what} space of "
+                f"{_space(found)}; expected {_space(wanted)}, as {name} has (target tracking has "
+                "an option slots)"
+            )
+    return replace(data, task=name, options=every, observation=seen, action=acts)
+
+
+# ---- inside ---------------------------------------------------------------------------------
+
+
+def _space(named: Any) -> str:
+    low, high = min(c.low for c in named), max(c.high for c in named)
+    return f"{len(named)} numbers in [{low:g}, {high:g}]"
+
+
+def _told(learner: OfflineLearner, data: Dataset, chosen: Any, seed: int, done: int) -> Policy:
+    return learner.policy().told(
+        algorithm=learner.name, seed=seed, updates=done, settings=asdict(chosen),
+        dataset={"episodes": len(data.episodes), "return": float(data.returns.mean()),
+                 **data.told},
+    )  # fmt: skip
+
+
+def _write(place: Path, policy: Policy, rows: list[dict[str, Any]]) -> Path:
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+        if rows:
+            text = io.StringIO()
+            writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+            writer.writeheader()
+            writer.writerows(rows)
+            write_whole(place / "losses.csv", text.getvalue().encode())
+        about = {"task": policy.task, "options": dict(policy.options), **policy.trained}
+        write_whole(place / "offline.json", json.dumps(about, indent=1, sort_keys=True).encode())
+        return policy.save(place / "policy.npz")
+    except OSError as error:
+        raise InputInvalid(f"{place}: cannot be written ({error.strerror})") from None
+
+
+_SHARES = ("gamma", "tau", "expectile", "wanted")
+
+
+def _checked(algorithm: str, settings: Mapping[str, Any], form: Any) -> dict[str, Any]:
+    hints = get_type_hints(form)
+    given = dict(settings)
+    for name, value in given.items():
+        if name not in hints or name not in {f.name for f in fields(form)}:
+            raise InputInvalid(
+                f"{algorithm}, setting {name!r}; expected {expected_names(name, hints)}"
+            )
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        whole = hints[name] is int
+        least, most = (1, 10**9) if whole else (0.0, 1.0 if name in _SHARES else 1e6)
+        if not number or (whole and value != int(value)) or not least <= value <= most:
+            what = "a whole number from 1" if whole else f"a number, {least:g} … {most:g}"
+            raise InputInvalid(f"{algorithm}, {name} {value!r}; expected {what}")
+        given[name] = hints[name](value)
+    return given

@@ -1,0 +1,83 @@
+"""What learning from a dataset has in common: normalisation, a step of descent, the policy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from uuvsim_cosim.learn.algorithms.gradients import check_gradients
+from uuvsim_cosim.learn.data.dataset import Dataset
+from uuvsim_cosim.learn.policies.policy import Kind, Policy
+from uuvsim_cosim.learn.shared.errors import LearningDiverged
+
+__all__ = ["OfflineSettings", "Rows", "descend", "normalisation", "policy_of"]
+
+Array = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class OfflineSettings:
+    """What all have."""
+
+    lr: float = 1e-3
+    batch: int = 256
+    steps: int = 3000  # updates
+
+
+class Rows:
+    """A dataset's transitions as tensors, normalised, drawn from uniformly."""
+
+    def __init__(self, data: Dataset, seed: int) -> None:
+        every = data.stacked()
+        lived = every.lived
+        self.shift, self.scale = normalisation(every.observation[:, :-1][lived])
+        o, after = (
+            (x[lived] - self.shift) * self.scale
+            for x in (every.observation[:, :-1], every.observation[:, 1:])
+        )
+        last = np.arange(lived.shape[1]) == every.steps[:, None] - 1
+        ended = (last & every.terminated[:, None])[lived]
+        self._columns = [
+            torch.from_numpy(np.ascontiguousarray(x, np.float32))
+            for x in (o, every.action[lived], every.reward[lived], after, ended)
+        ]
+        self._random = torch.Generator().manual_seed(seed)
+
+    def draw(self, n: int) -> list[Tensor]:
+        """Draw n observations, actions, rewards, observations after, and whether all ended."""
+        at = torch.randint(len(self._columns[0]), (n,), generator=self._random)
+        return [c[at] for c in self._columns]
+
+
+def normalisation(rows: Array) -> tuple[Array, Array]:
+    """Return shift and scale to mean 0, deviation 1; what never changed has scale 1."""
+    spread = rows.std(axis=0, dtype=np.float64)
+    scale = np.where(spread > 1e-3, 1.0 / np.maximum(spread, 1e-3), 1.0)
+    return rows.mean(axis=0, dtype=np.float64).astype(np.float32), scale.astype(np.float32)
+
+
+def descend(algorithm: str, name: str, adam: torch.optim.Optimizer, loss: Tensor) -> float:
+    """Make a step; raises LearningDiverged, before anything is changed, for NaN."""
+    value = float(loss.detach())
+    if not math.isfinite(value):
+        raise LearningDiverged(algorithm, name, value)
+    adam.zero_grad(set_to_none=True)
+    loss.backward()  # type: ignore[no-untyped-call]
+    check_gradients(algorithm, name, adam.param_groups[0]["params"])
+    adam.step()
+    return value
+
+
+def policy_of(
+    data: Dataset, kind: Kind, tensors: Mapping[str, Array], settings: Mapping[str, Any]
+) -> Policy:
+    """Return a policy of each agent of the dataset's task."""
+    return Policy(kind, tensors, data.observation, data.action, data.task, options=data.options,
+                  settings=settings)  # fmt: skip

@@ -1,0 +1,173 @@
+"""Anticipation: a policy of target tracking sees what will be when its action arrives.
+
+What is known is `seen_late` old, and an action takes `acted_late` to arrive. Between the two lies
+what the vehicle knows of itself: the actions it was sent, and the speeds that it measures. So its
+own position is carried on by the pilot's equations (models/guidance/pilot.py: u follows the
+wanted u, r follows omega at the rate k_r), and the target's by a Kalman filter of constant
+velocity. The policy inside gets an observation as it was trained on, of the time t + acted_late.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.preset import preset
+from uuvsim_cosim.models.policies.policy_observation import largest
+
+__all__ = ["Anticipating"]
+
+Array = NDArray[np.float64]
+PIECES = 8  # of an action, in which it is carried on
+SIGMA, SIGMA_TARGET = 0.007, 0.05  # m, of a position; m/s, how unsure the target's first speed is
+# (m/s2)2 s: a target at 0.15 m/s whose yaw rate wanders by 0.4 rad/s for 2 s at a time
+Q_TARGET = 2.0 * 2.0 * (0.15 * 0.4) ** 2
+TRUST = 0.6  # share of a new position of its own that is believed, the rest is dead reckoning
+
+
+@final
+class Anticipating:
+    """Acts as the policy inside would, on what is to come; `begin` before new episodes.
+
+    For one tracker without obstacles. `arena` is its size [m], N and E.
+    """
+
+    def __init__(
+        self,
+        act: Callable[[NDArray[Any]], Array],
+        seen_late: float,
+        acted_late: float,
+        *,
+        action_step: float = 0.4,
+        arena: Sequence[float] = (2.6, 4.8),
+        slots: tuple[int, int] = (1, 2),
+    ) -> None:
+        self.act, self.T = act, action_step
+        self.seen, self.acted = seen_late, acted_late
+        for name, late in (("seen_late", seen_late), ("acted_late", acted_late)):
+            if not 0.0 <= late <= 2.0:
+                raise InputInvalid(f"{name} [s]: {late!r}; expected 0 to 2")
+        p = preset("controllers", "tracking_pilot", "pilot")
+        self.v, self.a = p.number("u_max", "m/s"), p.number("a_max", "m/s2")
+        self.omega, self.k_r = p.number("omega_max", "rad/s"), p.number("k_r", "1/s")
+        self.half = np.array(arena[:2]) / 2.0
+        self.limits = largest(slots, arena)
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget: the next observations are first ones."""
+        self._sent: list[Array] = []  # actions, oldest first
+        self._speeds: list[Array] = []  # u, v, r as they were observed, oldest first
+        self._own: Array | None = None
+        self._target: Array | None = None
+        begin = getattr(self.act, "begin", None)
+        if begin is not None:
+            begin()
+
+    def __call__(self, observation: NDArray[Any]) -> Array:
+        """Act on observations (n, width), one action after those before."""
+        o = np.array(observation, float)
+        if o.ndim != 2 or o.shape[1] != len(self.limits):
+            raise InputInvalid(
+                f"anticipation: observations of shape {o.shape}; expected (n, {len(self.limits)})"
+            )
+        nu = o[:, [4, 5, 6]] * [self.v, self.v, 1.0]
+        self._speeds.append(nu)
+        psi = np.arctan2(o[:, 3], o[:, 2])
+        there = o[:, :2] * self.half  # as it was `seen` ago
+        target = there + _turned(psi, o[:, 9:11])
+        pose = np.column_stack([self._filtered(there, psi), psi])
+        p_T, v_T = self._tracked(target)
+        speed = o[:, 7] * self.v
+        pose, u, r = self._carried(pose, nu, speed)
+        p_T = p_T + (self.seen + self.acted) * v_T
+        ahead = self._observation(o, pose, u, r, p_T, v_T)
+        action = np.asarray(self.act(np.clip(ahead, -self.limits, self.limits)), float)
+        self._sent.append(action)
+        return action
+
+    # ---- inside -----------------------------------------------------------------------------
+
+    def _filtered(self, there: Array, psi: Array) -> Array:
+        """Return its own position `seen` ago: part measured, part reckoned from the last one."""
+        if self._own is not None:
+            moved = _turned(psi, self._before(self.seen + 0.5 * self.T)[:, :2]) * self.T
+            reckoned = self._own + moved
+            there = reckoned + TRUST * (there - reckoned)
+        self._own = there
+        return there
+
+    def _before(self, late: float) -> Array:
+        """Return u, v, r of `late` [s] ago, between the times of observations."""
+        back = min(late / self.T, len(self._speeds) - 1.0)
+        i = int(back)
+        j = min(i + 1, len(self._speeds) - 1)
+        return (1.0 - back + i) * self._speeds[-1 - i] + (back - i) * self._speeds[-1 - j]
+
+    def _tracked(self, seen: Array) -> tuple[Array, Array]:
+        """Return the target's filtered position `seen` ago, and velocity."""
+        T, n = self.T, len(seen)
+        if self._target is None or len(self._target) != n:
+            self._target = np.column_stack([seen, np.zeros((n, 2))])
+            self._P = np.diag([SIGMA**2, 0.15**2])
+            return seen, self._target[:, 2:]
+        F = np.array([[1.0, T], [0.0, 1.0]])
+        Q = Q_TARGET * np.array([[T**3 / 3, T**2 / 2], [T**2 / 2, T]])
+        self._P = F @ self._P @ F.T + Q
+        K = self._P[:, 0] / (self._P[0, 0] + SIGMA**2)
+        self._P = self._P - np.outer(K, self._P[0])
+        x = self._target
+        p = x[:, :2] + T * x[:, 2:]
+        e = seen - p
+        self._target = np.column_stack([p + K[0] * e, x[:, 2:] + K[1] * e])
+        return self._target[:, :2], self._target[:, 2:]
+
+    def _carried(self, pose: Array, nu: Array, speed: Array) -> tuple[Array, Array, Array]:
+        """Carry a pose of `seen` ago on to when the next action arrives; gives it, and u, r."""
+        x, psi = pose[:, :2].copy(), pose[:, 2].copy()
+        h = self.T / PIECES
+        steps = round(self.seen / h)
+        for k in range(steps):  # what has been measured since
+            at = self._before(self.seen - (k + 0.5) * h)
+            x += h * _turned(psi + 0.5 * h * at[:, 2], at[:, :2])
+            psi += h * at[:, 2]
+        u, v, r, r_d = speed.copy(), nu[:, 1], nu[:, 2].copy(), nu[:, 2].copy()
+        gain = 1.0 - np.exp(-self.k_r * h)
+        for k in range(round(self.acted / h)):  # what has been sent and has not arrived
+            back = int(np.ceil((self.acted - k * h) / self.T - 1e-9))
+            sent = self._sent[-back] if back <= len(self._sent) else np.zeros((len(u), 2))
+            before = u
+            u = np.clip(u + h * self.a * sent[:, 0], -self.v, self.v)
+            r_d = r_d + gain * (self.omega * sent[:, 1] - r_d)
+            r_new = r + gain * (r_d - r)
+            mean = 0.5 * (r + r_new)
+            x += h * _turned(psi + 0.5 * h * mean, np.column_stack([0.5 * (before + u), v]))
+            psi += h * mean
+            r = r_new
+        return np.column_stack([x, psi]), u, r
+
+    def _observation(
+        self, o: Array, pose: Array, u: Array, r: Array, p_T: Array, v_T: Array
+    ) -> Array:
+        psi = pose[:, 2]
+        away = _turned(-psi, p_T - pose[:, :2])
+        moved = _turned(-psi, v_T) / self.v  # over an action, in strides of v T
+        new = o.copy()
+        new[:, :2] = pose[:, :2] / self.half
+        new[:, 2], new[:, 3] = np.cos(psi), np.sin(psi)
+        if self.acted > 0.0:
+            new[:, 4], new[:, 6] = u / self.v, r
+            new[:, 7] = u / self.v
+        new[:, 9:11], new[:, 11] = away, np.hypot(away[:, 0], away[:, 1])
+        new[:, 12:14] = moved
+        return new
+
+
+def _turned(psi: Array, v: Array) -> Array:
+    """Turn vectors (n, 2) by angles (n,)."""
+    c, s = np.cos(psi), np.sin(psi)
+    return np.column_stack([c * v[:, 0] - s * v[:, 1], s * v[:, 0] + c * v[:, 1]])

@@ -1,0 +1,143 @@
+"""The paper's figures again on a Ray cluster: each way and seed a chain of pieces, anywhere."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from uuvsim_cosim.cluster.ray_cluster import Cluster
+from uuvsim_cosim.errors import UuvsimError
+from uuvsim_cosim.learn.paper.reproduce import keys_of, lacking, reproduce_one
+from uuvsim_cosim.learn.paper.results import Key, is_kept
+from uuvsim_cosim.learn.paper.results_archive import kept
+from uuvsim_cosim.learn.paper.shared_beginnings import begun
+from uuvsim_cosim.learn.paper.transfer_runs import (
+    CONDITIONS,
+    WAYS,
+    lacking_transfers,
+    run_transfer,
+)
+from uuvsim_cosim.learn.paper.ways import Budget, Chain, place_of
+from uuvsim_cosim.learn.shared.files import read_files, write_files
+from uuvsim_cosim.learn.training.ray_training import SECONDS, changed_files, clock
+from uuvsim_cosim.learn.training.train import one_thread
+
+__all__ = ["reproduce_on", "transfers_on"]
+
+RESULTS, PLACE = "results", "place"
+
+
+@dataclass(frozen=True)
+class _Piece:
+    chain: Chain
+    budget: Budget
+    seed: int
+    files: Mapping[str, bytes]  # of results and of the chain's folder
+    seconds: float
+    episodes: int
+    name: str
+
+
+def reproduce_on(
+    cluster: Cluster,
+    figure: str,
+    budget: Budget,
+    seeds: int,
+    results: Path,
+    work: Path,
+    *,
+    progress: Callable[[str, float, float], None] | None = None,
+    seconds: float = SECONDS,
+    episodes: int = 100,
+) -> list[Key]:
+    """Run what a figure lacks, all ways and seeds at once; gives what was run, as `reproduce`.
+
+    Results and checkpoints come back here after every `seconds`.
+    """
+    before = {k for c, s in lacking(results, figure, budget, seeds) for k in keys_of(c, budget, s)}
+    before = {k for k in before if not is_kept(results, k)}
+    left = lacking(results, figure, budget, seeds)
+
+    def piece(k: int) -> _Piece:
+        chain, seed = left[k]
+        place = begun(work, budget, chain, seed)
+        files = {f"{PLACE}/{name}": data for name, data in read_files(place).items()}
+        for key in keys_of(chain, budget, seed):
+            if (found := kept(results, key)) is not None:
+                files[f"{RESULTS}/{key.stem}.json"] = found.numbers.encode()
+        return _Piece(chain, budget, seed, files, seconds, episodes, str(place))
+
+    def follow(k: int, came: tuple[Mapping[str, bytes], bool]) -> _Piece | None:
+        files, done = came
+        chain, seed = left[k]
+        places = {PLACE: place_of(work, budget, chain, seed), RESULTS: results}
+        for name, place in places.items():
+            within = {f[len(name) + 1 :]: d for f, d in files.items() if f.startswith(f"{name}/")}
+            write_files(place, within)
+        return None if done else piece(k)
+
+    ended = 0
+    for _, (_, done) in cluster.spread(_advance, map(piece, range(len(left))), follow):
+        ended += done
+        if progress is not None:
+            progress("training", ended, len(left))
+    return sorted(k for k in before if is_kept(results, k))
+
+
+@dataclass(frozen=True)
+class _Transfer:
+    name: str
+    seed: int
+    conditions: tuple[str, ...]
+    episodes: int
+
+
+def transfers_on(
+    cluster: Cluster,
+    seeds: int,
+    results: Path,
+    *,
+    progress: Callable[[str, float, float], None] | None = None,
+    ways: tuple[str, ...] = tuple(WAYS),
+    conditions: tuple[str, ...] = tuple(CONDITIONS),
+    episodes: int = 100,
+) -> list[str]:
+    """Run what figure 11 lacks, each way with each seed a piece of its own; as `run_transfers`."""
+    left = lacking_transfers(seeds, results, ways)
+    pieces = [_Transfer(name, seed, conditions, episodes) for name, seed in left]
+    ran = []
+    for k, files in cluster.spread(_transferred, pieces):
+        write_files(results, files)
+        ran.append("{}-{}".format(*left[k]))
+        if progress is not None:
+            progress("training", len(ran), len(left))
+    return sorted(ran)
+
+
+def _transferred(piece: _Transfer) -> Mapping[str, bytes]:
+    with tempfile.TemporaryDirectory(prefix="uuvsim-") as temporary, one_thread():
+        file = run_transfer(
+            piece.name, piece.seed, Path(temporary) / RESULTS, Path(temporary) / PLACE,
+            conditions=piece.conditions, episodes=piece.episodes,
+        )  # fmt: skip
+        return {file.name: file.read_bytes()}
+
+
+def _advance(piece: _Piece) -> tuple[Mapping[str, bytes], bool]:
+    """Go on with a chain for a while, in a worker; gives changed files, and whether it is done."""
+    with tempfile.TemporaryDirectory(prefix="uuvsim-") as temporary, one_thread():
+        root = Path(temporary)
+        write_files(root, piece.files)
+        done = True
+        try:
+            reproduce_one(
+                piece.chain, piece.budget, piece.seed, root / RESULTS, root / PLACE,
+                interrupted=clock(piece.seconds), episodes=piece.episodes,
+            )  # fmt: skip
+        except KeyboardInterrupt:
+            done = False
+        except UuvsimError as error:
+            raise UuvsimError(str(error).replace(str(root / PLACE), piece.name)) from None
+        return changed_files(root, piece.files), done

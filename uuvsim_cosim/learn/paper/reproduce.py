@@ -1,0 +1,154 @@
+"""The UUVSim paper's figures again: which trainings they need, each run or gone on with.
+
+A run is a scenario learned in one way with one seed. What it leaves for good are a few small files
+(`reproduce_results`); its checkpoints stay in a work folder.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from uuvsim_cosim.cache import write_whole
+from uuvsim_cosim.learn.paper.results import Key, is_kept, keep
+from uuvsim_cosim.learn.paper.shared_beginnings import begun
+from uuvsim_cosim.learn.paper.ways import (
+    Budget,
+    Chain,
+    chains_of,
+    first_of,
+    options_of,
+    plan_of,
+    scenarios_of,
+)
+from uuvsim_cosim.learn.training.curriculum import Curriculum, Stage
+from uuvsim_cosim.learn.training.curriculum_folder import STAGE
+from uuvsim_cosim.learn.training.curriculum_stage import spent
+from uuvsim_cosim.learn.training.train_curriculum import StageTrained, train_curriculum
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.learn.training.training import TrainingObserver
+
+__all__ = ["keys_of", "lacking", "reproduce", "reproduce_one"]
+
+
+def keys_of(chain: Chain, budget: Budget, seed: int) -> list[Key]:
+    """Return the names of what a chain leaves."""
+    return [Key(budget.name, s, chain.way, seed) for s in scenarios_of(chain, budget)]
+
+
+def lacking(results: Path, figure: str, budget: Budget, seeds: int) -> list[tuple[Chain, int]]:
+    """Return the chains and seeds of which results are not all there, way by way."""
+    return [
+        (chain, seed)
+        for chain in chains_of(figure)
+        for seed in range(seeds)
+        if not all(is_kept(results, key) for key in keys_of(chain, budget, seed))
+    ]
+
+
+def reproduce(
+    figure: str,
+    budget: Budget,
+    seeds: int,
+    results: Path,
+    work: Path,
+    *,
+    observers: tuple[TrainingObserver, ...] = (),
+    interrupted: Callable[[], bool] | None = None,
+    begins: Callable[[str], None] | None = None,
+    episodes: int = 100,
+) -> list[Key]:
+    """Run what a figure lacks, way by way and seed by seed; gives what was run.
+
+    Goes on where it stopped, and where ways begin alike the first one's stages serve the others.
+    Each finished scenario is kept under `results` at once; checkpoints are under `work`.
+    """
+    ran: list[Key] = []
+    for chain, seed in lacking(results, figure, budget, seeds):
+        ran += reproduce_one(
+            chain, budget, seed, results, begun(work, budget, chain, seed),
+            observers=observers, interrupted=interrupted, begins=begins, episodes=episodes,
+        )  # fmt: skip
+    return ran
+
+
+def reproduce_one(
+    chain: Chain,
+    budget: Budget,
+    seed: int,
+    results: Path,
+    place: Path,
+    *,
+    observers: tuple[TrainingObserver, ...] = (),
+    interrupted: Callable[[], bool] | None = None,
+    begins: Callable[[str], None] | None = None,
+    episodes: int = 100,
+) -> list[Key]:
+    """Run a chain with one seed, or go on with it in `place`; gives what was run."""
+    wanted, ran = keys_of(chain, budget, seed), []
+
+    def told(k: int, stage: Stage) -> None:
+        if begins is not None:
+            begins(f"{stage.task}, {chain.way}, seed {seed}")
+
+    def kept(k: int, folder: Path, about: Mapping[str, Any]) -> None:
+        if not is_kept(results, wanted[k]):
+            keep(results, wanted[k], folder, about, episodes=episodes)
+            ran.append(wanted[k])
+
+    _train(chain, budget, seed, place, observers, interrupted, told, kept)
+    return ran
+
+
+# ---- inside -------------------------------------------------------------------------------
+
+
+def _train(
+    chain: Chain, budget: Budget, seed: int, place: Path,
+    observers: tuple[TrainingObserver, ...], interrupted: Callable[[], bool] | None,
+    told: Callable[[int, Stage], None], kept: Callable[[int, Path, Mapping[str, Any]], None],
+) -> None:  # fmt: skip
+    """Train a chain; `kept` is given the folder of each scenario as it ends, and what it is."""
+    first = first_of(seed)
+    about = {"algorithm": chain.algorithm, "schooling": chain.schooling, "envs": budget.envs,
+             "first seed": first}  # fmt: skip
+    made = plan_of(chain, budget)
+    if not isinstance(made, Curriculum):
+        from uuvsim_cosim.learn.training.train import train
+
+        (scenario,) = chain.scenarios
+        told(0, Stage(scenario, made["steps"]))
+        before, began = spent(place / STAGE), time.process_time()
+        try:
+            train(
+                scenario, folder=place, observers=observers, tensorboard=False, seed=first,
+                first=first, interrupted=interrupted, **made,
+            )  # fmt: skip
+        finally:
+            cpu = before + time.process_time() - began
+            if place.is_dir():
+                write_whole(place / STAGE, json.dumps({"cpu": cpu}).encode())
+        kept(0, place, {**about, "cpu": cpu, "steps": made["steps"], "settings": {},
+                        "task": scenario, "options": made["task_options"]})  # fmt: skip
+        return
+
+    def ended(k: int, done: StageTrained) -> None:
+        stage, scenario = made.stages[k], scenarios_of(chain, budget)[k]
+        under = budget.under.get(scenario)
+        kept(k, done.folder, {
+            **about, "cpu": done.cpu, "steps": stage.steps, "task": stage.task,
+            "settings": {**made.settings, **stage.settings},
+            "options": {**made.options, **options_of(chain, scenario)},
+            **({"learned under": under} if under else {}),
+        })  # fmt: skip
+
+    every = train_curriculum(
+        made, place, seed=first, observers=observers, interrupted=interrupted, stage_begins=told,
+        stage_ends=ended, first=first, tensorboard=False,
+    )  # fmt: skip
+    for k, stage_done in enumerate(every):  # those that an earlier call trained, and did not keep
+        ended(k, stage_done)

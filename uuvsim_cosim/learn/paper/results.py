@@ -1,0 +1,171 @@
+"""What a run of the benchmark leaves for good: numbers, its curve, an episode, its policies."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import shutil
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim._version import __version__
+from uuvsim_cosim.cache import write_whole
+from uuvsim_cosim.envs.task.task import TeamTask
+from uuvsim_cosim.envs.tasks.evaluation import evaluate
+from uuvsim_cosim.envs.tasks.scripted import scripted_policy
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.paper.results_archive import Key, kept, keys_of_budget
+from uuvsim_cosim.learn.policies.policy import Policy
+from uuvsim_cosim.learn.shared.task_ids import make_task
+from uuvsim_cosim.learn.training.loading import acting_in, load_policies
+from uuvsim_cosim.learn.training.training_seeds import JUDGING_SEED
+
+__all__ = ["Key", "Result", "is_kept", "keep", "read_episode", "read_result", "read_results"]
+
+METRICS = ("track", "dist", "viol", "clean")
+
+
+@dataclass(frozen=True)
+class Result:
+    """A run that was kept; values by episode are of seeds that nothing was chosen on."""
+
+    key: Key
+    about: Mapping[str, Any]  # algorithm, schooling, cpu [s], steps, settings, options
+    returns: NDArray[np.float64]  # (episodes,)
+    scripted: NDArray[np.float64]  # (episodes,), of the hand-written controller
+    metrics: Mapping[str, NDArray[np.float64]]  # (episodes,) each, over the second half
+    scripted_metrics: Mapping[str, NDArray[np.float64]]
+    curve: Mapping[str, NDArray[np.float64]]  # (evaluations,) each
+
+
+def is_kept(results: Path, key: Key) -> bool:
+    """Return whether a run's numbers are there; they are written last."""
+    return kept(results, key) is not None
+
+
+def keep(
+    results: Path, key: Key, folder: Path, about: Mapping[str, Any], *, episodes: int = 100
+) -> Result:
+    """Judge a training's best policy on seeds never seen, and keep what it leaves.
+
+    The policies themselves are kept of seed 0, as of the task that they are judged in; those of
+    others stay in `folder`.
+    """
+    task = make_task(about["task"], about["options"])
+    policies = load_policies(folder)
+    acts = acting_in(task, policies, about["task"])
+    scripted = scripted_policy(task)
+    judged = evaluate(task, acts, episodes, seed=JUDGING_SEED)
+    yardstick = evaluate(task, scripted, episodes, seed=JUDGING_SEED)
+    stem = results / key.stem
+    stem.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(folder / "evaluations.csv", stem.with_name(f"{stem.name}.csv"))
+    for policy in _distinct(policies) if key.seed == 0 else ():
+        name = f"{stem.name}{f'.{policy.agent}' if policy.agent else ''}.npz"
+        replace(policy, options=dict(about["options"])).save(stem.with_name(name))
+    if isinstance(task, TeamTask):
+        _write_episode(stem.with_name(f"{stem.name}.episode.csv"), task, acts)
+    content = {
+        "uuvsim_result": 1,
+        "version": __version__,
+        **{k: about[k] for k in sorted(about)},
+        "episodes": {"return": _rounded(judged.returns),
+                     **{k: _rounded(judged.metrics[k]) for k in METRICS}},
+        "scripted": {"return": _rounded(yardstick.returns),
+                     **{k: _rounded(yardstick.metrics[k]) for k in METRICS}},
+    }  # fmt: skip
+    write_whole(stem.with_name(f"{stem.name}.json"), (json.dumps(content) + "\n").encode())
+    return read_result(results, key)
+
+
+def read_result(results: Path, key: Key) -> Result:
+    """Read a run that was kept; raises InputInvalid for one that is not, or not whole."""
+    found = kept(results, key)
+    if found is None:
+        raise InputInvalid(
+            f"{results / key.stem}.json: no such file; expected a result of `uuvsim reproduce`"
+        )
+    try:
+        read = json.loads(found.numbers)
+        if read.pop("uuvsim_result") != 1:
+            raise ValueError("of a later version")
+        judged, scripted = ({k: np.array(v, float) for k, v in read.pop(name).items()}
+                            for name in ("episodes", "scripted"))  # fmt: skip
+        returns, yardstick = judged.pop("return"), scripted.pop("return")
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputInvalid(
+            f"{found.place}: {type(error).__name__}: {error}; expected a result of "
+            "`uuvsim reproduce`"
+        ) from None
+    curve = _columns(found.curve, f"{found.place}: curve")
+    return Result(key, read, returns, yardstick, judged, scripted, curve)
+
+
+def read_results(results: Path, budget: str) -> dict[tuple[str, str], list[Result]]:
+    """Read all that was kept under a budget, seeds in order, by scenario and way."""
+    found: dict[tuple[str, str], list[Result]] = {}
+    for key in keys_of_budget(results, budget):
+        found.setdefault((key.scenario, key.way), []).append(read_result(results, key))
+    return found
+
+
+def read_episode(results: Path, key: Key) -> dict[str, NDArray[np.float64]]:
+    """Read the episode that was kept of a team's run, column by column."""
+    found = kept(results, key)
+    return _columns(found.episode if found else None, f"{results / key.stem}: episode")
+
+
+def _distinct(policies: list[Policy]) -> Iterable[Policy]:
+    """Return the policies; one for all agents, if theirs are equal."""
+    first = policies[0]
+    same = all(
+        p.tensors.keys() == first.tensors.keys()
+        and all(np.array_equal(p.tensors[k], first.tensors[k]) for k in first.tensors)
+        for p in policies
+    )
+    return [replace(first, agent="")] if same else policies
+
+
+def _write_episode(path: Path, task: TeamTask, acts: Mapping[str, Any]) -> None:
+    """Write the first of the judged episodes: the state (5) after each action."""
+    from uuvsim_cosim.envs.team_vector import CosimTeamVectorEnv
+
+    env = CosimTeamVectorEnv(task, 1, autoreset_mode="Disabled")
+    try:
+        seen, _ = env.reset(seed=JUDGING_SEED)
+        rows = [env.state()[0]]
+        for _ in range(int(task.horizon / task.action_step)):
+            actions = np.stack([acts[a](seen[:, i]) for i, a in enumerate(env.agents)], axis=1)
+            seen = env.step(actions)[0]
+            rows.append(env.state()[0])
+    finally:
+        env.close()
+    N, width = len(env.agents), len(rows[0])
+    names = [f"{x}_{i + 1}" for i in range(N) for x in ("x", "y", "theta")]
+    names += [f"{x}_{i + 1}" for i in range(N) for x in ("u", "v", "r")] + ["x_T", "y_T"]
+    names += [f"{x}_o{k + 1}" for k in range((width - len(names)) // 4) for x in "xyrh"]
+    lines = [",".join(["t", *names])]
+    dt = float(task.action_step)
+    lines += [",".join([f"{k * dt:.1f}", *(f"{v:.4g}" for v in row)]) for k, row in enumerate(rows)]
+    write_whole(path, ("\n".join(lines) + "\n").encode())
+
+
+def _columns(text: str | None, place: str) -> dict[str, NDArray[np.float64]]:
+    rows = list(csv.DictReader(io.StringIO(text or "")))
+    try:
+        return {k: np.array([float(r[k]) for r in rows]) for k in rows[0]}
+    except (ValueError, TypeError, IndexError) as error:
+        raise InputInvalid(
+            f"{place}: {type(error).__name__}: {error}; expected a whole table, as `uuvsim "
+            "reproduce` writes it"
+        ) from None
+
+
+def _rounded(values: NDArray[np.float64]) -> list[float]:
+    return [float(f"{v:.5g}") for v in values]

@@ -1,0 +1,106 @@
+"""Ways that begin alike: what one of them has trained, the other need not train again.
+
+The same stages with the same seed leave the same bits, so they are copied: two trackers and one go
+through the same first scenarios, and who spends all steps in the target scenario has spent those
+of the one who stops earlier.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from uuvsim_cosim.cache import write_whole
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.algorithms.checkpoint import load_checkpoint
+from uuvsim_cosim.learn.paper.ways import (
+    Budget,
+    Chain,
+    chains_of,
+    first_of,
+    place_of,
+    plan_of,
+)
+from uuvsim_cosim.learn.training.curriculum import Curriculum
+from uuvsim_cosim.learn.training.curriculum_folder import ABOUT, stage_folder
+
+__all__ = ["begun"]
+
+
+def begun(work: Path, budget: Budget, chain: Chain, seed: int) -> Path:
+    """Return the folder of a chain's checkpoints.
+
+    A new one begins with the stages that another chain of this budget and seed has finished under
+    `work`, the most of them; raises InputInvalid where they cannot be copied or gone on from.
+    """
+    place, plan = place_of(work, budget, chain, seed), plan_of(chain, budget)
+    if place.exists() or not isinstance(plan, Curriculum):
+        return place
+    about = {"curriculum": plan.plain(), "seed": first_of(seed)}
+    others = [place_of(work, budget, c, seed) for c in chains_of("all")]
+    found = [(other, *_alike(plan, about, other)) for other in others]
+    source, count, done = max(found, key=lambda x: x[1])
+    if count:
+        names = [stage_folder(place, k, s.task).name for k, s in enumerate(plan.stages[:count])]
+        _copy(source, place, names, {**about, "done": done})
+    return place
+
+
+# ---- inside -------------------------------------------------------------------------------
+
+
+def _alike(
+    plan: Curriculum, about: Mapping[str, Any], other: Path
+) -> tuple[int, list[dict[str, Any]]]:
+    """Return how many of another's first stages can be used, and its record of those done here.
+
+    The last may be one that goes on here for more steps.
+    """
+    try:
+        read = json.loads((other / ABOUT).read_text(encoding="utf-8"))
+        done = list(read["done"])
+        both = (about["curriculum"], read["curriculum"])
+        stages = zip(*(c["stages"] for c in both), range(len(done)), strict=False)
+        mine, its = ({k: c[k] for k in c if k not in ("name", "stages")} for c in both)
+        if mine != its or read["seed"] != about["seed"]:
+            return 0, []
+    except (OSError, ValueError, KeyError, TypeError):
+        return 0, []
+    count = 0
+    for mine, its, k in stages:
+        if mine != its:
+            return k + _goes_on(mine, its, plan.evaluate_every), done[:k]
+        count = k + 1
+    return count, done[:count]
+
+
+def _goes_on(mine: Mapping[str, Any], its: Mapping[str, Any], every: int) -> bool:
+    """Return whether the other is this one's beginning: its end must not have been judged apart."""
+    return (
+        {**its, "steps": mine["steps"]} == mine
+        and its["steps"] < mine["steps"]
+        and its["steps"] % (its["evaluate_every"] or every) == 0
+    )
+
+
+def _copy(source: Path, place: Path, names: list[str], content: Mapping[str, Any]) -> None:
+    """Make the folder, whole or not at all."""
+    new = place.with_name(f"{place.name}.new")
+    shutil.rmtree(new, ignore_errors=True)
+    try:
+        for name in names:
+            shutil.copytree(source / name, new / name)
+        load_checkpoint(source / names[-1] / "checkpoint.pt")  # refused by its own name
+        write_whole(new / ABOUT, (json.dumps(content, indent=1) + "\n").encode())
+        os.rename(new, place)
+    except OSError as error:
+        raise InputInvalid(
+            f"{place}: what {source.name} begins with, too, cannot be copied there ({error}); "
+            "expected it to be readable, and room for it"
+        ) from None
+    finally:
+        shutil.rmtree(new, ignore_errors=True)

@@ -1,0 +1,312 @@
+"""Figure 11 again: who learned on the plain plant, put where positions are late and jets weak.
+
+Each way of learning is run with each seed, then judged under each condition, with what is late
+taken as it is and with anticipation. One small JSON file is kept of a way and a seed.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim._version import __version__
+from uuvsim_cosim.cache import write_whole
+from uuvsim_cosim.envs.task.task import TeamTask
+from uuvsim_cosim.envs.tasks.evaluation import Evaluation, evaluate
+from uuvsim_cosim.envs.tasks.scripted import scripted_policy
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.paper.anticipation import Anticipating
+from uuvsim_cosim.learn.policies.policy import Policy
+from uuvsim_cosim.learn.shared.task_ids import make_task
+from uuvsim_cosim.learn.training.loading import acting_in, load_policies
+from uuvsim_cosim.learn.training.training_seeds import JUDGING_SEED
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.learn.training.training import TrainingObserver
+
+__all__ = [
+    "CONDITIONS",
+    "WAYS",
+    "Condition",
+    "Judged",
+    "Way",
+    "lacking_transfers",
+    "read_transfers",
+    "run_transfer",
+    "run_transfers",
+]
+
+EPISODES = 400  # of the scripted controller, that clones and transformers learn from
+SEEDS_APART = 1000
+
+
+@dataclass(frozen=True)
+class Way:
+    """How something that acts came to be."""
+
+    name: str
+    words: str
+    task: str = "transition_1"
+    options: Mapping[str, Any] = field(default_factory=dict)
+    steps: int = 0  # of environments, where it lives in the task
+    algorithm: str = ""  # "sac", or one that learns offline
+
+
+WAYS = {
+    w.name: w
+    for w in (
+        Way("scripted", "the teacher, hand-written"),
+        Way("bc", f"behaviour cloning of {EPISODES} scripted episodes", algorithm="bc"),
+        Way("dt", f"decision transformer of the same {EPISODES}", algorithm="dt"),
+        Way("sac", "SAC on the plain plant", steps=38_400, algorithm="sac"),
+        Way("sac-randomised", "SAC with domain randomisation", "disturbed", {"randomise": True},
+            51_200, "sac"),
+    )
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Condition:
+    """Where policies are judged; `options` are the task's."""
+
+    words: str
+    options: Mapping[str, Any]
+    task: str = "disturbed"
+
+    @property
+    def late(self) -> tuple[float, float]:
+        """Return how late positions and commands are [s], as anticipation is told."""
+        seen, acted = (float(self.options.get(k, 0.0)) for k in ("seen_late", "acted_late"))
+        return seen, acted
+
+
+NOISY, WEAK = {"noise": 0.007}, {"thrust": 0.8}
+SEEN, ACTED = {"seen_late": 0.4}, {"acted_late": 0.4}
+CONDITIONS = {
+    "nominal": Condition("nothing is late, noisy or weak", {}),
+    "noise": Condition("±7 mm on positions", NOISY),
+    "seen": Condition("positions 0.4 s late", SEEN),
+    "acted": Condition("commands 0.4 s late", ACTED),
+    "both": Condition("positions and commands 0.4 s late, each", {**SEEN, **ACTED}),
+    "weak": Condition("thrust x 0.8", WEAK),
+    "all": Condition("±7 mm, positions 0.4 s late, thrust x 0.8", {**NOISY, **SEEN, **WEAK}),
+    "all_both": Condition("the same, and commands 0.4 s late", {**NOISY, **SEEN, **ACTED, **WEAK}),
+    "pool": Condition("the system pool_tracking", {}, "pool_tracking"),
+    "pool_weak": Condition("the same, thrust x 0.8", WEAK, "pool_tracking"),
+}
+
+
+@dataclass(frozen=True)
+class Judged:
+    """One way and seed: by condition, "as it is" and "anticipated", what the episodes gave."""
+
+    way: str
+    seed: int
+    cpu: float  # s, of learning
+    returns: Mapping[tuple[str, str], NDArray[np.float64]]  # (episodes,)
+    track: Mapping[tuple[str, str], NDArray[np.float64]]
+    means: Mapping[tuple[str, str], Mapping[str, float]]  # dist [m], viol, clean
+
+
+def run_transfers(
+    seeds: int,
+    results: Path,
+    work: Path,
+    *,
+    observers: tuple[TrainingObserver, ...] = (),
+    interrupted: Callable[[], bool] | None = None,
+    begins: Callable[[str], None] | None = None,
+    ways: tuple[str, ...] = tuple(WAYS),
+    conditions: tuple[str, ...] = tuple(CONDITIONS),
+    episodes: int = 100,
+) -> list[str]:
+    """Learn and judge what is lacking, seed by seed; gives what was run, "dt-0".
+
+    Raises KeyboardInterrupt where it was interrupted; the same call goes on.
+    """
+    ran = []
+    for name, seed in lacking_transfers(seeds, results, ways):
+        run_transfer(
+            name, seed, results, work, observers=observers, interrupted=interrupted, begins=begins,
+            conditions=conditions, episodes=episodes,
+        )  # fmt: skip
+        ran.append(f"{name}-{seed}")
+    return ran
+
+
+def lacking_transfers(
+    seeds: int, results: Path, ways: tuple[str, ...] = tuple(WAYS)
+) -> list[tuple[str, int]]:
+    """Return the ways and seeds of which there is no result; what draws nothing has one seed."""
+    return [
+        (name, seed)
+        for seed in range(seeds)
+        for name in ways
+        if (WAYS[name].algorithm or not seed) and not (results / f"{name}-{seed}.json").is_file()
+    ]
+
+
+def run_transfer(
+    name: str,
+    seed: int,
+    results: Path,
+    work: Path,
+    *,
+    observers: tuple[TrainingObserver, ...] = (),
+    interrupted: Callable[[], bool] | None = None,
+    begins: Callable[[str], None] | None = None,
+    conditions: tuple[str, ...] = tuple(CONDITIONS),
+    episodes: int = 100,
+) -> Path:
+    """Learn in one way with one seed, judge under each condition; gives the file it leaves."""
+    way = WAYS[name]
+
+    def say(text: str) -> None:
+        if begins is not None:
+            begins(text)
+
+    say(f"{way.words}, seed {seed}")
+    policies, cpu = _learned(way, seed, work / f"{name}-{seed}", observers, interrupted)
+    cells = {}
+    for condition in conditions:
+        for how in ("as it is", "anticipated"):
+            say(f"{name}, seed {seed}: {condition}, {how}")
+            found = _judged(policies, CONDITIONS[condition], how, episodes)
+            if found is not None:
+                cells[f"{condition}/{how}"] = found
+            if interrupted is not None and interrupted():
+                raise KeyboardInterrupt
+    content = {"uuvsim_transfer": 1, "version": __version__, "way": name, "seed": seed,
+               "learned": way.words, "cpu": round(cpu, 1), "judged": cells}  # fmt: skip
+    file = results / f"{name}-{seed}.json"
+    results.mkdir(parents=True, exist_ok=True)
+    write_whole(file, (json.dumps(content) + "\n").encode())
+    return file
+
+
+def read_transfers(results: Path) -> list[Judged]:
+    """Read all that was kept, by way and seed; raises InputInvalid for a file that is none."""
+    found = []
+    for path in sorted(results.glob("*.json")):
+        try:
+            read = json.loads(path.read_text(encoding="utf-8"))
+            if read["uuvsim_transfer"] != 1:
+                raise ValueError("of a later version")
+            cells = {
+                (condition, how): values
+                for key, values in read["judged"].items()
+                for condition, _, how in (key.partition("/"),)
+            }
+            returns, track = (
+                {k: np.array(v[name], float) for k, v in cells.items()}
+                for name in ("return", "track")
+            )
+            if not all(np.isfinite(v).all() and v.size for v in (*returns.values(),)):
+                raise ValueError("returns that are no numbers")
+            means = {
+                k: {name: float(v[name]) for name in ("dist", "viol", "clean")}
+                for k, v in cells.items()
+            }
+            found.append(
+                Judged(read["way"], int(read["seed"]), float(read["cpu"]), returns, track, means)
+            )
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            raise InputInvalid(
+                f"{path}: {type(error).__name__}: {error}; expected a result of `uuvsim reproduce "
+                "fig11`"
+            ) from None
+    order = list(WAYS)
+    return sorted(found, key=lambda j: (order.index(j.way) if j.way in order else 99, j.seed))
+
+
+# ---- inside -------------------------------------------------------------------------------
+
+
+def _learned(
+    way: Way, seed: int, place: Path, observers: tuple[TrainingObserver, ...],
+    interrupted: Callable[[], bool] | None,
+) -> tuple[list[Policy], float]:  # fmt: skip
+    """Return what a way learns with a seed, of `place` if it is there, and its CPU time [s]."""
+    if not way.algorithm:
+        return [], 0.0
+    told = place / "cpu.json"
+    if not told.is_file():
+        learn = _lived if way.steps else _from_data
+        cpu = learn(way, seed, place, observers, interrupted)
+        write_whole(told, json.dumps({"cpu": cpu}).encode())
+    return load_policies(place), float(json.loads(told.read_text())["cpu"])
+
+
+def _lived(
+    way: Way, seed: int, place: Path, observers: tuple[TrainingObserver, ...],
+    interrupted: Callable[[], bool] | None,
+) -> float:  # fmt: skip
+    from uuvsim_cosim.learn.training.train import train
+
+    done = train(
+        way.task, folder=place, algorithm=way.algorithm, seed=SEEDS_APART * seed, envs=64,
+        steps=way.steps, task_options=dict(way.options), evaluate_every=6_400, tensorboard=False,
+        settings={"updates": 4}, observers=observers, interrupted=interrupted,
+    )  # fmt: skip
+    return done.cpu
+
+
+def _from_data(
+    way: Way, seed: int, place: Path, _: tuple[TrainingObserver, ...],
+    interrupted: Callable[[], bool] | None,
+) -> float:  # fmt: skip
+    from uuvsim_cosim.learn.data.collect import collect
+    from uuvsim_cosim.learn.offline.offline import train_offline
+
+    def told(*_: Any) -> None:
+        if interrupted is not None and interrupted():
+            raise KeyboardInterrupt
+
+    # It does not go on: it begins again. Of two at once, the first to end is kept.
+    part = place.with_name(f"{place.name}.part-{os.getpid()}")
+    shutil.rmtree(part, ignore_errors=True)
+    data = collect(way.task, "scripted", EPISODES)
+    done = train_offline(data, way.algorithm, seed=SEEDS_APART * seed, folder=part, progress=told)
+    if done.interrupted:
+        shutil.rmtree(part)
+        raise KeyboardInterrupt
+    if place.exists():
+        shutil.rmtree(part)
+    else:
+        part.rename(place)
+    return done.cpu
+
+
+def _judged(
+    policies: list[Policy], condition: Condition, how: str, episodes: int
+) -> dict[str, Any] | None:
+    """Judge under a condition; None, where there is nothing to anticipate."""
+    options = dict(condition.options)
+    anticipated = how == "anticipated"
+    if condition.task == "pool_tracking":
+        options["predicted"] = anticipated
+    elif anticipated and not any(condition.late):
+        return None
+    task = make_task(condition.task, options)
+    assert isinstance(task, TeamTask)
+    acts: Any = acting_in(task, policies, condition.task) if policies else scripted_policy(task)
+    if anticipated and condition.task != "pool_tracking":
+        acts = {agent: Anticipating(act, *condition.late) for agent, act in acts.items()}
+    return _kept(evaluate(task, acts, episodes, seed=JUDGING_SEED))
+
+
+def _kept(e: Evaluation) -> dict[str, Any]:
+    summary = e.summary()
+    return {
+        "return": [float(f"{x:.4g}") for x in e.returns],
+        "track": [float(f"{x:.3g}") for x in e.metrics["track"]],
+        **{k: float(f"{summary[k]:.4g}") for k in ("dist", "viol", "clean")},
+    }

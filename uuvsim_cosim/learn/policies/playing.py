@@ -1,0 +1,65 @@
+"""An episode seen: what a policy does in a task, picture by picture."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.envs.task.task import Task, TeamTask
+from uuvsim_cosim.learn.policies.sequence_runner import begin
+
+__all__ = ["frames_of"]
+
+Pixels = NDArray[np.uint8]
+
+
+def frames_of(
+    task: Task | TeamTask, policy: Any, seed: int, mode: Literal["rgb_array", "human"] = "rgb_array"
+) -> Iterator[Pixels]:
+    """Return the pictures (height, width, 3) of episode 0 of a seed, from its start to its end.
+
+    `policy` is as `evaluate` takes it, and the episode the same. In mode "human" a window shows
+    it, and nothing is given.
+    """
+    for one in policy.values() if isinstance(policy, Mapping) else (policy,):
+        begin(one)
+    if isinstance(task, TeamTask):
+        from uuvsim_cosim.envs.team import CosimParallelEnv
+
+        team = CosimParallelEnv(task, render_mode=mode)
+        try:
+            seen, _ = team.reset(seed=seed)
+            yield from _drawn(team)
+            while team.agents:
+                acts = {a: _one(policy[a], seen[a]) for a in team.agents}
+                seen, *_ = team.step(acts)
+                yield from _drawn(team)
+        finally:
+            team.close()
+        return
+    from uuvsim_cosim.envs.single import CosimEnv
+
+    env = CosimEnv(task, render_mode=mode)
+    try:
+        observation, _ = env.reset(seed=seed)
+        yield from _drawn(env)
+        over = False
+        while not over:
+            step = env.step(_one(policy, observation))
+            observation, over = step[0], bool(step[2] or step[3])
+            yield from _drawn(env)
+    finally:
+        env.close()
+
+
+def _one(policy: Any, observation: NDArray[Any]) -> NDArray[Any]:
+    """Act on one observation; what learners act on is cut to float32, as in `Rollout`."""
+    return np.asarray(policy(observation[None])[0], np.float32)
+
+
+def _drawn(env: Any) -> Iterator[Pixels]:
+    if env.render_mode == "rgb_array":
+        yield env.render()

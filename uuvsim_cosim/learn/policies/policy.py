@@ -1,0 +1,180 @@
+"""A trained policy as data: tensors, what they observe, what they act on; acts with numpy alone.
+
+A file `*.npz` holds the tensors and one JSON text, no code: it may come from anybody.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.cache import write_whole
+from uuvsim_cosim.errors import InputInvalid
+
+__all__ = ["Named", "Policy", "network"]
+
+Array = NDArray[np.float32]
+Kind = Literal["tanh", "clip", "grid", "sequence"]
+FORMAT = 1  # raised when a file of before can no longer be read
+
+
+@dataclass(frozen=True)
+class Named:
+    """One number of an observation or of an action, with its limits in its unit."""
+
+    name: str
+    low: float
+    high: float
+    unit: str = "1"
+
+
+@dataclass(frozen=True)
+class Policy:
+    """What acts: observations (n, width) in, actions (n, width) in [-1, 1] out.
+
+    Layers are `tensors` "0.weight" (out, in), "0.bias" (out,), "1.weight", …, with
+    `activation` between them. `kind` is what becomes of the last layer: "tanh" of it (the mean of
+    a squashed Gaussian), "clip" to [-1, 1], or "grid", the row of tensor "grid" (choices, width)
+    with the greatest value. "sequence" is a decision transformer, whose `settings` say its form.
+    An observation is first shifted and scaled: (o - `shift`) * `scale`, where given as tensors.
+    `task` and `options` make the task that it was trained on; `agent` is whose policy it is, ""
+    for each of them; `trained` tells where it comes from.
+    """
+
+    kind: Kind
+    tensors: Mapping[str, Array]
+    observation: tuple[Named, ...]
+    action: tuple[Named, ...]
+    task: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    activation: Literal["relu", "tanh"] = "relu"
+    agent: str = ""
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    trained: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Refuse tensors that do not fit each other, or the observation and the action."""
+        for what, given, known in (
+            ("kind", self.kind, get_args(Kind)),
+            ("activation", self.activation, ("relu", "tanh")),
+        ):
+            if given not in known:
+                raise InputInvalid(f"policy: {what} {given!r}; expected one of {', '.join(known)}")
+        for name, tensor in self.tensors.items():
+            if not np.all(np.isfinite(tensor)):
+                raise InputInvalid(f"policy: tensor {name!r} has NaN or infinity; expected numbers")
+        if self.kind == "sequence":
+            return
+        width = len(self.observation)
+        for i in range(self.depth):
+            weight, bias = self.tensors[f"{i}.weight"], self.tensors.get(f"{i}.bias")
+            if weight.ndim != 2 or weight.shape[1] != width:
+                raise InputInvalid(
+                    f"policy: tensor '{i}.weight' of shape {weight.shape}; expected (…, {width})"
+                )
+            width = len(weight)
+            if bias is None or bias.shape != (width,):
+                raise InputInvalid(f"policy: tensor '{i}.bias'; expected one of shape ({width},)")
+        wanted = len(self.action)
+        if self.kind == "grid":
+            grid = self.tensors.get("grid")
+            if grid is None or grid.shape != (width, wanted):
+                raise InputInvalid(f"policy: tensor 'grid'; expected shape ({width}, {wanted})")
+        elif width != wanted or not self.depth:
+            raise InputInvalid(
+                f"policy: its last layer has {width} outputs; expected {wanted}, one an action"
+            )
+
+    @property
+    def depth(self) -> int:
+        """The number of layers."""
+        return sum(name.endswith(".weight") and name[:-7].isdigit() for name in self.tensors)
+
+    def __call__(self, observation: NDArray[Any]) -> NDArray[np.float64]:
+        """Act without noise; raises InputInvalid for "sequence", which needs a history."""
+        if self.kind == "sequence":
+            raise InputInvalid("policy: a transformer acts on a history; expected its runner")
+        x = np.asarray(observation, np.float32)
+        if x.ndim != 2 or x.shape[1] != len(self.observation):
+            raise InputInvalid(
+                f"policy of {self.task}: observations of shape {x.shape}; expected "
+                f"(n, {len(self.observation)})"
+            )
+        x = network(self.tensors, x, self.depth, self.activation)
+        if self.kind == "grid":
+            x = self.tensors["grid"][np.argmax(x, axis=1)]
+        elif self.kind == "tanh":
+            x = np.tanh(x)
+        return np.asarray(np.clip(x, -1.0, 1.0), np.float64)
+
+    def told(self, **trained: Any) -> Policy:
+        """Return the same policy, with more to tell of where it comes from."""
+        return replace(self, trained={**self.trained, **trained})
+
+    # ---- files ----------------------------------------------------------------------------
+
+    def save(self, path: str | Path) -> Path:
+        """Write a .npz, whole or not at all; equal policies give equal bytes."""
+        path = Path(path)
+        head = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "tensors"}
+        for name in ("observation", "action"):
+            head[name] = [asdict(one) for one in head[name]]
+        text = json.dumps({"uuvsim_policy": FORMAT, **head}, sort_keys=True)
+        tensors = {k: np.ascontiguousarray(v, np.float32) for k, v in self.tensors.items()}
+
+        buffer = io.BytesIO()
+        np.savez_compressed(buffer, head=np.frombuffer(text.encode(), np.uint8), **tensors)  # type: ignore[arg-type]
+        write_whole(path, buffer.getvalue())
+        return path
+
+    @classmethod
+    def load(cls, path: str | Path) -> Policy:
+        """Read a .npz; raises InputInvalid for one that is truncated, foreign, or of later."""
+        path = Path(path)
+        if not path.is_file():
+            raise InputInvalid(f"{path}: no such file; expected a policy (.npz)")
+        try:
+            with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as read:
+                tensors = {name: read[name] for name in read.files}
+            head = json.loads(bytes(tensors.pop("head")))
+            version = head.pop("uuvsim_policy")
+        except (ValueError, KeyError, TypeError, OSError, EOFError, zipfile.BadZipFile) as error:
+            beside = " (best.npz, beside its checkpoint)" if path.suffix == ".pt" else ""
+            raise InputInvalid(
+                f"{path}: no policy, or not all of one ({type(error).__name__}); expected a whole "
+                f"policy as `uuvsim train` writes it{beside}"
+            ) from None
+        if version != FORMAT:
+            raise InputInvalid(f"{path}: format {version}; expected {FORMAT}")
+        for name in ("observation", "action"):
+            head[name] = tuple(Named(**one) for one in head[name])
+        try:
+            return cls(tensors=tensors, **head)
+        except (InputInvalid, TypeError) as error:
+            raise InputInvalid(f"{path}: {error}") from None
+
+
+def network(
+    tensors: Mapping[str, Array], x: Array, depth: int, activation: str, before: str = ""
+) -> Array:
+    """Return a multilayer perceptron's last layer (n, out) of x (n, in), in float32."""
+    if "shift" in tensors and not before:
+        x = (x - tensors["shift"]) * tensors["scale"]
+    for i in range(depth):
+        x = x @ tensors[f"{before}{i}.weight"].T + tensors[f"{before}{i}.bias"]
+        if i + 1 < depth:
+            x = np.maximum(x, np.float32(0)) if activation == "relu" else np.tanh(x)
+    return np.asarray(x, np.float32)
+
+
+def names_of(names: Sequence[str], low: NDArray[Any], high: NDArray[Any]) -> tuple[Named, ...]:
+    """Pair names with limits."""
+    return tuple(Named(n, float(a), float(b)) for n, a, b in zip(names, low, high, strict=True))

@@ -1,0 +1,25 @@
+"""What goes wrong in learning."""
+
+from __future__ import annotations
+
+from uuvsim_cosim.errors import UuvsimError
+
+__all__ = ["LearningDiverged"]
+
+
+class LearningDiverged(UuvsimError):
+    """A loss or a gradient is NaN or infinite; learning stops, and what was before is kept."""
+
+    exit_status = 3
+
+    def __init__(self, algorithm: str, name: str, value: float, kept: str = "") -> None:
+        self.algorithm, self.name, self.value = algorithm, name, value
+        super().__init__(
+            f"{algorithm}: {name} is {value}; expected a finite number: a smaller lr, or a smaller "
+            "weight of what the reward takes away (and to begin anew, --restart)"
+            f"{kept and '; '}{kept}"
+        )
+
+    def saying(self, algorithm: str, kept: str) -> LearningDiverged:
+        """Return the same of an algorithm as the user named it, and what was kept."""
+        return LearningDiverged(algorithm, self.name, self.value, kept)

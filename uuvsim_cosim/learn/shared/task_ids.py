@@ -1,0 +1,90 @@
+"""Tasks by name, as `uuvsim train` and policies write them, and what they are made with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from uuvsim_cosim.envs.registration import SHIPPED
+from uuvsim_cosim.envs.task.argument_checks import refuse_options
+from uuvsim_cosim.envs.task.task import Task, TeamTask
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.near_names import expected_names
+
+__all__ = ["TASKS", "make_task", "short_name"]
+
+OR = "or one of yours: FILE.py:Name, package.module:Name"
+
+TASKS: dict[str, str] = {
+    "target-tracking": "uuvsim_cosim.envs.tasks.target_tracking:TargetTracking",
+    **{
+        name: f"uuvsim_cosim.envs.tasks.tracking_scenarios:{name}"
+        for name in ("source", "transition_1", "transition_2", "target")
+    },
+    "disturbed": "uuvsim_cosim.envs.tasks.disturbed:Disturbed",
+    "pool_tracking": "uuvsim_cosim.envs.tasks.pool_tracking:PoolTracking",
+    **SHIPPED,
+}
+
+
+def make_task(
+    name: str, options: Mapping[str, Any] | None = None, *, profile: str | None = None
+) -> Task | TeamTask:
+    """Make a task of TASKS, or of "my_package.module:Name" or "my.py:Name", with its own options.
+
+    `profile` is the option of that name, for tasks that have one; "default" is every task's.
+    """
+    from inspect import signature
+
+    make = _found(name)
+    given = dict(options or {})
+    if profile not in (None, "default"):
+        if not _takes_profile(make):
+            raise InputInvalid(
+                f"profile {profile!r}: {name} has none; expected default, or a task of target "
+                "tracking"
+            )
+        if given.setdefault("profile", profile) != profile:
+            raise InputInvalid(
+                f"profile {profile!r}, and {given['profile']!r} among the task's options; "
+                "expected one of them"
+            )
+    refuse_options(f"task {name}", make, given)
+    try:
+        task: Any = make(**given)
+    except TypeError as error:
+        raise InputInvalid(
+            f"task {name}: {error}; expected options of {signature(make)}"
+        ) from error
+    if not isinstance(task, Task | TeamTask):
+        raise InputInvalid(f"task {name}: gives {type(task).__name__}; expected a Task or TeamTask")
+    return task
+
+
+def short_name(name: str) -> str:
+    """Return a task's name as part of a folder's: without "uuvsim/", or a module's path."""
+    return name.rpartition("/")[2].rpartition(":")[2]
+
+
+def _takes_profile(make: Callable[..., Any]) -> bool:
+    from uuvsim_cosim.envs.tasks.target_tracking import TargetTracking
+    from uuvsim_cosim.envs.tasks.tracking_scenarios import SCENARIOS
+
+    return make is TargetTracking or make in SCENARIOS.values()
+
+
+def _found(name: str) -> Callable[..., Any]:
+    from uuvsim_cosim.orchestrator.python.class_file import imported
+
+    place = TASKS.get(name, name)
+    module, colon, own = place.rpartition(":")
+    if not colon:
+        raise InputInvalid(
+            f"task {name!r}: no such task; expected {expected_names(name, TASKS)}, {OR}"
+        )
+    if not module or not own.isidentifier():
+        raise InputInvalid(f"task {name!r}; expected package.module:Name, or FILE.py:Name")
+    found: Callable[..., Any] | None = getattr(imported(module, f"task {name!r}"), own, None)
+    if not callable(found):
+        raise InputInvalid(f"task {name!r}: no class {own!r} in {module}; expected a task's")
+    return found

@@ -1,0 +1,155 @@
+"""What a training is: task, algorithm, seed and numbers, as Python writes it or a YAML file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any
+
+from uuvsim_cosim.envs.tasks.tracking_rules import PROFILES
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.algorithms.registry import ALGORITHMS
+from uuvsim_cosim.learn.shared.task_ids import TASKS, short_name
+from uuvsim_cosim.learn.training.training_seeds import EVALUATION_SEED, MOST_ENVS
+from uuvsim_cosim.models.declaration.near_names import expected_names
+from uuvsim_cosim.models.declaration.yaml_text import YamlText, plain, shown
+
+__all__ = ["TrainingConfig", "merged", "read_config"]
+
+
+@dataclass(frozen=True)
+class TrainingConfig:
+    """A training; the same configuration gives the same bits on one machine.
+
+    `task` is a name of `TASKS` or "package.module:Name", `task_options` are its own; `settings`
+    are the algorithm's, of those that should differ from its defaults. `profile` "table1" is the
+    UUVSim paper's table to the letter. Raises InputInvalid for what cannot be.
+    """
+
+    task: str
+    algorithm: str | None = None  # sac for one agent, masac for several
+    seed: int = 0  # of the learner, and of the environments; below EVALUATION_SEED
+    envs: int = 64  # environments side by side
+    steps: int = 96_000  # environment steps, of all of them together
+    profile: str = "default"
+    task_options: Mapping[str, Any] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    evaluate_every: int = 6_400  # environment steps
+    evaluation_episodes: int = 100
+    checkpoint_every: int | None = None  # environment steps; as often as it is evaluated
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be; whether task and settings can be is seen when they are made."""
+        for name, value, problem in problems_of(self):
+            raise InputInvalid(f"{name} {value!r}; {problem}")
+
+    @property
+    def name(self) -> str:
+        """Return what the folder is called: "transition_1-sac-0"."""
+        return f"{short_name(self.task)}-{self.algorithm or 'auto'}-{self.seed}"
+
+    def changed(self, **changes: Any) -> TrainingConfig:
+        """Return the same with changes; options and settings are added to those that are there."""
+        for name in ("task_options", "settings"):
+            if name in changes:
+                changes[name] = merged(getattr(self, name), changes[name])
+        return replace(self, **changes)
+
+    def plain(self) -> dict[str, Any]:
+        """Return it as JSON and YAML know it."""
+        return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
+
+
+def problems_of(config: TrainingConfig) -> list[tuple[str, Any, str]]:
+    """Return (field, value, what was expected) of each that cannot be."""
+    found: list[tuple[str, Any, str]] = []
+    if not isinstance(config.task, str) or (config.task not in TASKS and ":" not in config.task):
+        found.append(("task", config.task, f"expected {expected_names(config.task, TASKS)}"))
+    if config.algorithm is not None and config.algorithm not in ALGORITHMS:
+        found.append(
+            (
+                "algorithm",
+                config.algorithm,
+                f"expected {expected_names(config.algorithm, ALGORITHMS)}",
+            )
+        )
+    if config.profile not in PROFILES:
+        found.append(
+            ("profile", config.profile, f"expected {expected_names(config.profile, PROFILES)}")
+        )
+    limits = {
+        "seed": (0, EVALUATION_SEED - 1),
+        "envs": (1, MOST_ENVS),
+        "steps": (1, 10**12),
+        "evaluate_every": (1, 10**12),
+        "evaluation_episodes": (1, 100_000),
+        "checkpoint_every": (1, 10**12),
+    }
+    for name, (least, most) in limits.items():
+        value = getattr(config, name)
+        if name == "checkpoint_every" and value is None:
+            continue
+        if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
+            found.append((name, value, f"expected a whole number, {least} … {most}"))
+    for name in ("task_options", "settings"):
+        value = getattr(config, name)
+        if not isinstance(value, Mapping) or not all(isinstance(k, str) for k in value):
+            found.append((name, value, "expected values by name"))
+    return found
+
+
+def read_config(path: str | Path, **changes: Any) -> TrainingConfig:
+    """Read a YAML file with TrainingConfig's fields; `changes` come after it.
+
+    Raises InputInvalid with every mistake and its line.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputInvalid(f"{path}: no such file; expected a training's configuration (.yaml)")
+    text = YamlText(path, "a training's configuration")
+    known = [f.name for f in fields(TrainingConfig)]
+    if not text.keys([], text.data, known):
+        text.refuse()
+    given = {k: plain(v) for k, v in text.data.items() if k in known}
+    if "task" not in given and "task" not in changes:
+        text.wrong([], f"task missing; expected {expected_names('', TASKS)}")
+    probe = object.__new__(TrainingConfig)
+    for f in fields(TrainingConfig):
+        default = {} if f.name in ("task_options", "settings") else f.default
+        value = given.get(f.name, next(iter(TASKS)) if f.name == "task" else default)
+        object.__setattr__(probe, f.name, value)
+    for name, value, problem in problems_of(probe):
+        if name in given:
+            text.wrong([name], f"{shown(value)}; {problem}")
+    _check_settings(text, given, changes)
+    text.refuse()
+    added = {k: changes.pop(k, {}) for k in ("task_options", "settings")}
+    return TrainingConfig(**{**given, **changes}).changed(**added)
+
+
+def _check_settings(text: YamlText, given: Mapping[str, Any], changes: Mapping[str, Any]) -> None:
+    """Note settings that the algorithm does not have, or that cannot be, with their lines."""
+    from uuvsim_cosim.learn.algorithms.registry import check_settings
+
+    name = changes.get("algorithm") or given.get("algorithm")
+    settings = given.get("settings")
+    if name not in ALGORITHMS or not isinstance(settings, Mapping):
+        return
+    for key, value in settings.items():
+        try:
+            check_settings(ALGORITHMS[name], {key: value})
+        except InputInvalid as error:
+            text.wrong(["settings", key], str(error))
+
+
+def merged(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
+    """Return both, mappings inside them as well."""
+    both = dict(old)
+    for key, value in new.items():
+        inner = both.get(key)
+        if isinstance(inner, Mapping) and isinstance(value, Mapping):
+            both[key] = merged(inner, value)
+        else:
+            both[key] = value
+    return both

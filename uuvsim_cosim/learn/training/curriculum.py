@@ -1,0 +1,111 @@
+"""A curriculum: tasks one after the other, each begun with what was learned in the last.
+
+Scenario transfer training (STT) of the UUVSim paper is one; at each switch the actions are exactly
+unchanged (see `transfer`).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields, replace
+from typing import Any
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.algorithms.registry import ALGORITHMS, TRANSFERS
+from uuvsim_cosim.learn.training.config import merged
+
+__all__ = [
+    "Curriculum",
+    "Promotion",
+    "Stage",
+]
+
+
+@dataclass(frozen=True)
+class Promotion:
+    """When a stage is done before its steps are: so good in so many evaluations running."""
+
+    share: float | None = 0.9  # of the scripted return
+    least: float | None = None  # a return; instead of a share, where nothing is scripted
+    evaluations: int = 2  # running
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One task of a curriculum, for at most `steps` environment steps."""
+
+    task: str  # a name of TASKS, or "package.module:Name"
+    steps: int  # environment steps, of all environments together
+    options: Mapping[str, Any] = field(default_factory=dict)  # the task's own
+    settings: Mapping[str, Any] = field(default_factory=dict)  # how experience becomes updates
+    promotion: Promotion | None = None
+    evaluate_every: int | None = None  # environment steps, instead of the curriculum's
+
+
+@dataclass(frozen=True)
+class Curriculum:
+    """Stages in their order, and what they share; the same one gives the same bits."""
+
+    name: str
+    stages: tuple[Stage, ...]
+    algorithm: str = "masac"  # one of TRANSFERS; masac with one agent is sac
+    settings: Mapping[str, Any] = field(default_factory=dict)  # of the algorithm
+    options: Mapping[str, Any] = field(default_factory=dict)  # of every task
+    envs: int = 64
+    evaluate_every: int = 6_400  # environment steps
+    evaluation_episodes: int = 100
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be."""
+        if not self.stages:
+            raise InputInvalid(f"curriculum {self.name}: no stages; expected at least one")
+        if self.algorithm not in TRANSFERS:
+            kind = "transfers nothing" if self.algorithm in ALGORITHMS else "no such algorithm"
+            raise InputInvalid(
+                f"algorithm {self.algorithm!r}: {kind}; expected {', '.join(TRANSFERS)}"
+            )
+        for name in ("envs", "evaluate_every", "evaluation_episodes"):
+            _whole(f"curriculum {self.name}, {name}", getattr(self, name))
+        for k, stage in enumerate(self.stages):
+            place = f"curriculum {self.name}, stage {k + 1}"
+            _whole(f"{place}, steps", stage.steps)
+            if stage.evaluate_every is not None:
+                _whole(f"{place}, evaluate_every", stage.evaluate_every)
+            if stage.promotion is not None:
+                _check(place, stage.promotion)
+
+    def changed(self, **changes: Any) -> Curriculum:
+        """Return the same with changes, which come after what each stage says.
+
+        Options and settings are added to those that are there.
+        """
+        given = {name: changes.pop(name, {}) for name in ("options", "settings")}
+        stages = []
+        for stage in changes.pop("stages", self.stages):
+            before = {**self.options, **stage.options}
+            options = {k: v for k, v in merged(before, given["options"]).items()
+                       if k in stage.options or k in given["options"]}  # fmt: skip
+            every = None if "evaluate_every" in changes else stage.evaluate_every
+            settings = {**stage.settings, **given["settings"]}
+            stages.append(replace(stage, options=options, settings=settings, evaluate_every=every))
+        return replace(self, stages=tuple(stages), **changes)
+
+    def plain(self) -> dict[str, Any]:
+        """Return it as JSON knows it."""
+        return dict(json.loads(json.dumps(asdict(self))))
+
+
+def _whole(name: str, value: Any) -> None:
+    if not isinstance(value, int) or isinstance(value, bool) or value < 1:
+        raise InputInvalid(f"{name} {value!r}; expected a whole number from 1")
+
+
+def _check(place: str, rule: Promotion) -> None:
+    _whole(f"{place}, promotion, evaluations", rule.evaluations)
+    given = [f.name for f in fields(rule)[:2] if getattr(rule, f.name) is not None]
+    if len(given) != 1:
+        raise InputInvalid(f"{place}, promotion: {given or 'nothing'}; expected share or least")
+    value = getattr(rule, given[0])
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputInvalid(f"{place}, promotion, {given[0]} {value!r}; expected a number")

@@ -1,0 +1,111 @@
+"""A curriculum's folder: whose it is, which stages are done, and which stands for it."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.learn.shared.task_ids import short_name
+from uuvsim_cosim.learn.training.curriculum import Curriculum
+from uuvsim_cosim.learn.training.folder_lock import ABOUT as TRAINING
+from uuvsim_cosim.learn.training.folder_lock import LOCK, OURS, is_told, tell
+
+__all__ = [
+    "ABOUT",
+    "STAGE",
+    "SWITCH",
+    "begin_anew",
+    "done_in",
+    "last_done",
+    "stage_folder",
+    "write_done",
+]
+
+ABOUT = "curriculum.json"
+STAGE = "stage.json"  # the CPU seconds of a stage, all calls together
+SWITCH = "switch.pt"  # what a stage began with
+
+
+def stage_folder(folder: Path, k: int, task: str) -> Path:
+    """Name the folder of stage k, counted from 0: "2-transition_1"."""
+    return folder / f"{k + 1}-{short_name(task)}"
+
+
+def done_in(
+    folder: Path, curriculum: Curriculum, seed: int, *, restart: bool = False
+) -> list[dict[str, Any]]:
+    """Return what is kept of the stages that are done.
+
+    Raises InputInvalid if the folder is another's; with `restart` it may be any curriculum's, and
+    none is done.
+    """
+    about = folder / ABOUT
+    if not is_told(about) or restart:
+        return []
+    try:
+        read = json.loads(about.read_text(encoding="utf-8"))
+        before, done = _named({**read["curriculum"], "seed": read["seed"]}), list(read["done"])
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputInvalid(
+            f"{about}: cannot be read ({error}); expected a curriculum's, or --restart"
+        ) from None
+    now = _named({**curriculum.plain(), "seed": seed})
+    for name in {**now, **before}:
+        if now.get(name) != before.get(name):
+            raise InputInvalid(
+                f"{folder}: holds a curriculum with {name} {before.get(name)!r}; expected "
+                f"{now.get(name)!r}, another folder (-o), or to begin anew (--restart)"
+            )
+    return done
+
+
+def write_done(folder: Path, curriculum: Curriculum, seed: int, done: list[dict[str, Any]]) -> None:
+    """Write whose the folder is, and what is kept of the stages that are done."""
+    tell(folder / ABOUT, {"curriculum": curriculum.plain(), "seed": seed, "done": done})
+
+
+def begin_anew(folder: Path) -> None:
+    """Delete what a curriculum's stages and their report are; ABOUT stays, to know the folder by.
+
+    What else is there stays too, and so does a training of its own in a folder within.
+    """
+    stages = (p for p in folder.glob("[1-9]*-*") if p.is_dir() and not (p / TRAINING).exists())
+    for place in (*stages, folder):
+        for path in (p for pattern in (*OURS, STAGE, SWITCH) for p in place.glob(pattern)):
+            if path.name != LOCK:
+                path.unlink()
+        shutil.rmtree(place / "pictures", ignore_errors=True)
+        if place != folder and not any(place.iterdir()):
+            place.rmdir()
+
+
+def last_done(folder: Path) -> Path:
+    """Return the folder of the last stage that is done; raises InputInvalid where none is."""
+    about = folder / ABOUT
+    try:
+        read = json.loads(about.read_text(encoding="utf-8"))
+        places = [
+            stage_folder(folder, k, stage["task"])
+            for k, stage in enumerate(read["curriculum"]["stages"])
+        ]
+        done = places[: len(read["done"])]
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputInvalid(f"{about}: cannot be read ({error}); expected a curriculum's") from None
+    if not done:
+        raise InputInvalid(
+            f"{folder}: no stage of this curriculum is done; expected one, or the folder of a stage"
+        )
+    return done[-1]
+
+
+def _named(plain: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a curriculum is by name, that of each stage apart."""
+    return {k: v for k, v in plain.items() if k != "stages"} | {
+        f"stage {k + 1}, {name}": value
+        for k, stage in enumerate(plain["stages"])
+        for name, value in stage.items()
+    }

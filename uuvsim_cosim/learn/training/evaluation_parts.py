@@ -1,0 +1,71 @@
+"""Many episodes of several policies, in parts: here, or on a cluster to the same bits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from uuvsim_cosim.envs.tasks.evaluation import Evaluation, evaluate
+from uuvsim_cosim.learn.shared.task_ids import make_task
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.cluster.ray_cluster import Cluster
+
+__all__ = ["AT_ONCE", "evaluate_all"]
+
+AT_ONCE = 256  # episodes side by side: a matrix product's bits follow from its shape
+
+
+@dataclass(frozen=True)
+class _Part:
+    name: str
+    options: Mapping[str, Any]
+    acts: Any
+    seed: int
+    count: int
+
+
+def evaluate_all(
+    name: str,
+    options: Mapping[str, Any],
+    policies: Mapping[str, Any],
+    episodes: int,
+    seed: int,
+    *,
+    cluster: Cluster | None = None,
+    progress: Callable[[str, float, float], None] | None = None,
+) -> dict[str, Evaluation]:
+    """Return an Evaluation of each policy (as `evaluate` takes them); all on the same seeds.
+
+    "random", which draws from episode to episode, is one part.
+    """
+    parts, whose = [], []
+    for who, acts in policies.items():
+        size = episodes if who == "random" else AT_ONCE
+        for first in range(0, episodes, size):
+            parts.append(_Part(name, options, acts, seed + first, min(size, episodes - first)))
+            whose.append(who)
+    came = cluster.spread(_evaluate, parts) if cluster else enumerate(map(_evaluate, parts))
+    found: dict[int, Evaluation] = {}
+    for k, evaluation in came:
+        found[k] = evaluation
+        if progress is not None:
+            progress("evaluating", len(found), len(parts))
+    return {
+        who: _joined([found[k] for k in range(len(parts)) if whose[k] == who]) for who in policies
+    }
+
+
+def _evaluate(part: _Part) -> Evaluation:
+    return evaluate(make_task(part.name, part.options), part.acts, part.count, seed=part.seed)
+
+
+def _joined(parts: list[Evaluation]) -> Evaluation:
+    return Evaluation(
+        np.concatenate([p.returns for p in parts]),
+        np.concatenate([p.seconds for p in parts]),
+        {k: np.concatenate([p.metrics[k] for p in parts]) for k in parts[0].metrics},
+    )

@@ -1,0 +1,133 @@
+"""Trainings on a Ray cluster: each a chain of pieces, from checkpoint to checkpoint, anywhere.
+
+A piece is given the training's files and gives them back further on, so that a worker which dies
+loses its piece alone. Resumed trainings have the same bits; so these have those of one process.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from uuvsim_cosim.cluster.ray_cluster import Cluster
+from uuvsim_cosim.errors import UuvsimError
+from uuvsim_cosim.learn.shared.files import read_files, write_files
+from uuvsim_cosim.learn.shared.task_ids import make_task
+from uuvsim_cosim.learn.training.config import TrainingConfig
+from uuvsim_cosim.learn.training.folder_lock import claim, held, refuse_other
+from uuvsim_cosim.learn.training.interruption import TrainingInterrupted
+from uuvsim_cosim.learn.training.train import Trained, one_thread, resolved, training_of
+
+__all__ = ["ALIKE", "SECONDS", "changed_files", "clock", "train_on"]
+
+ALIKE = ("torch", "stable-baselines3")  # whose versions bits follow from
+SECONDS = 60.0  # of a piece, and what is lost with a worker at most
+
+Progress = Callable[[str, float, float], None]
+
+
+@dataclass(frozen=True)
+class Advanced:
+    """How far a training is after a piece, and the files that are other than before."""
+
+    files: Mapping[str, bytes]
+    step: int
+    done: bool
+    rows: Sequence[Mapping[str, float]]
+    cpu: float  # s
+    note: str | None
+
+
+def train_on(
+    cluster: Cluster,
+    configs: Sequence[TrainingConfig],
+    folders: Sequence[Path],
+    *,
+    restart: bool = False,
+    progress: Progress | None = None,
+    seconds: float = SECONDS,
+) -> list[Trained]:
+    """Train, or go on with, several at once, each in its folder here; to the bits of `train`.
+
+    No TensorBoard files are written. Ctrl-C raises TrainingInterrupted and loses the pieces that
+    are being learned, of `seconds` each; the same call goes on from there.
+    """
+    chosen = [resolved(c) for c in configs]
+    places = [f.expanduser().absolute() for f in folders]
+    for config, place in zip(chosen, places, strict=True):
+        refuse_other(place, config, restart)
+    steps, cpu = [0] * len(chosen), [0.0] * len(chosen)
+    rows: list[Sequence[Mapping[str, float]]] = [()] * len(chosen)
+    notes: list[str | None] = [None] * len(chosen)
+
+    def piece(k: int) -> tuple[TrainingConfig, str, Mapping[str, bytes], float]:
+        return chosen[k], str(places[k]), read_files(places[k]), seconds
+
+    def follow(
+        k: int, advanced: Advanced
+    ) -> tuple[TrainingConfig, str, Mapping[str, bytes], float] | None:
+        write_files(places[k], advanced.files)
+        steps[k], rows[k], notes[k] = advanced.step, advanced.rows, advanced.note
+        cpu[k] += advanced.cpu
+        return None if advanced.done else piece(k)
+
+    total = sum(c.steps for c in chosen)
+    with ExitStack() as stack:
+        for config, place in zip(chosen, places, strict=True):
+            stack.enter_context(held(place))
+            claim(place, config, restart)
+        try:
+            for _ in cluster.spread(_advance, map(piece, range(len(chosen))), follow):
+                if progress is not None:
+                    progress("training", sum(steps), total)
+        except KeyboardInterrupt:
+            raise TrainingInterrupted(
+                f"interrupted after step {sum(steps)} of {total}; the same command goes on from "
+                f"there, and loses up to {seconds:g} s of each seed",
+                130,
+            ) from None
+    return [Trained(*each) for each in zip(places, chosen, rows, cpu, notes, strict=True)]
+
+
+def clock(seconds: float) -> Callable[[], bool]:
+    """Return the question whether so long has passed, as trainings ask it after each step."""
+    end = 0.0
+
+    def passed() -> bool:
+        nonlocal end
+        end = end or time.monotonic() + seconds  # from the first step on
+        return time.monotonic() >= end
+
+    return passed
+
+
+def changed_files(folder: Path, before: Mapping[str, bytes]) -> dict[str, bytes]:
+    """Return the files that are other than before."""
+    return {k: v for k, v in read_files(folder).items() if before.get(k) != v}
+
+
+# ---- inside -------------------------------------------------------------------------------
+
+
+def _advance(given: tuple[TrainingConfig, str, Mapping[str, bytes], float]) -> Advanced:
+    """Go on with a training for a while, in a worker."""
+    config, name, files, seconds = given
+    task = make_task(config.task, config.task_options, profile=config.profile)
+    with tempfile.TemporaryDirectory(prefix="uuvsim-") as temporary, one_thread():
+        place = Path(temporary)
+        write_files(place, files)
+        training = training_of(config, task, place, interrupted=clock(seconds))
+        try:
+            rows, done = training.run(), True
+        except KeyboardInterrupt:
+            rows, done = training.evaluations, False
+        except UuvsimError as error:
+            raise UuvsimError(str(error).replace(temporary, name)) from None
+        finally:
+            training.close()
+        changed = changed_files(place, files)
+        return Advanced(changed, training.step, done, rows, training.cpu, training.note)

@@ -1,0 +1,139 @@
+"""What seeds say: interquartile means, their intervals, and how often one way beats another.
+
+Agarwal et al., "Deep Reinforcement Learning at the Edge of the Statistical Precipice", 2021.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.errors import InputInvalid
+
+__all__ = [
+    "HOLDS",
+    "HOLDS_NOT",
+    "UNDECIDED",
+    "Interval",
+    "Said",
+    "interquartile_mean",
+    "interval",
+    "probability_of_improvement",
+    "ratio",
+    "together",
+]
+
+Array = NDArray[np.float64]
+Said = Literal["holds", "does not hold", "cannot be decided"]
+HOLDS: Said = "holds"
+HOLDS_NOT: Said = "does not hold"
+UNDECIDED: Said = "cannot be decided"
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A figure with the limits between which 95 % of its bootstrap lies."""
+
+    value: float
+    low: float
+    high: float
+
+    def __str__(self) -> str:
+        """Return "0.95 [0.93, 0.97]"."""
+        return f"{self.value:.3g} [{self.low:.3g}, {self.high:.3g}]"
+
+    def at_least(self, limit: float) -> Said:
+        """Judge "the figure is at least `limit`": decided only if the whole interval agrees."""
+        return HOLDS if self.low >= limit else HOLDS_NOT if self.high < limit else UNDECIDED
+
+    def at_most(self, limit: float) -> Said:
+        """Judge "the figure is at most `limit`", likewise."""
+        return HOLDS if self.high <= limit else HOLDS_NOT if self.low > limit else UNDECIDED
+
+    def above(self, other: Interval) -> Said:
+        """Judge "this figure is greater": decided only if the intervals have nothing in common."""
+        return HOLDS if self.low > other.high else HOLDS_NOT if self.high < other.low else UNDECIDED
+
+
+def together(*said: Said) -> Said:
+    """Judge that all hold: one that does not refutes it, else one that is open leaves it open."""
+    return next((verdict for verdict in (HOLDS_NOT, UNDECIDED) if verdict in said), HOLDS)
+
+
+def interquartile_mean(values: Array) -> float:
+    """Return the mean of the middle half; values at the quartiles count with their share."""
+    ordered = np.sort(np.ravel(values))
+    n = len(ordered)
+    if not n:
+        raise InputInvalid("interquartile mean of no values; expected at least one")
+    # Value k stands for the share [k/n, (k+1)/n]; what lies in [1/4, 3/4] counts.
+    edges = np.clip(np.arange(n + 1) / n, 0.25, 0.75)
+    return float(np.diff(edges) @ ordered * 2.0)
+
+
+def interval(
+    values: Array,
+    figure: Callable[[Array], float] = interquartile_mean,
+    *,
+    draws: int = 2000,
+    seed: int = 0,
+) -> Interval:
+    """Return a figure of values (seeds, episodes) with its 95 % stratified bootstrap interval.
+
+    Episodes are drawn again within each seed, and seeds among themselves.
+    """
+    values = np.atleast_2d(np.asarray(values, float))
+    random = np.random.default_rng(seed)
+    seeds, episodes = values.shape
+    figures = np.empty(draws)
+    for k in range(draws):
+        rows = random.integers(0, seeds, seeds)
+        columns = random.integers(0, episodes, (seeds, episodes))
+        figures[k] = figure(np.take_along_axis(values[rows], columns, 1))
+    low, high = np.quantile(figures, [0.025, 0.975])
+    return Interval(figure(values), float(low), float(high))
+
+
+def probability_of_improvement(x: Array, y: Array, *, draws: int = 2000, seed: int = 0) -> Interval:
+    """Return how often a value of x is greater than one of y; ties count half."""
+    x, y = np.ravel(np.asarray(x, float)), np.ravel(np.asarray(y, float))
+    if not len(x) or not len(y):
+        raise InputInvalid("probability of improvement of no values; expected at least one each")
+    random = np.random.default_rng(seed)
+
+    def share(a: Array, b: Array) -> float:
+        higher, equal = np.greater.outer(a, b), np.equal.outer(a, b)
+        return float(higher.mean() + 0.5 * equal.mean())
+
+    drawn = [share(random.choice(x, len(x)), random.choice(y, len(y))) for _ in range(draws)]
+    low, high = np.quantile(drawn, [0.025, 0.975])
+    return Interval(share(x, y), float(low), float(high))
+
+
+def ratio(x: Array, y: Array, *, same: bool = False, draws: int = 2000, seed: int = 0) -> Interval:
+    """Return mean(x) / mean(y) of values (seeds, episodes), with its 95 % bootstrap interval.
+
+    Episode k of both is the same, so the same episodes are drawn for both. With `same`, the seeds
+    of both are the same too, for example one policy under two conditions.
+    """
+    x, y = (np.atleast_2d(np.asarray(v, float)) for v in (x, y))
+    least = min(x.shape[1], y.shape[1])
+    x, y = x[:, :least], y[:, :least]
+    if same and len(x) != len(y):
+        raise InputInvalid(f"ratio: {len(x)} and {len(y)} seeds; expected the same ones")
+    random = np.random.default_rng(seed)
+    figures = np.empty(draws)
+    for k in range(draws):
+        rows = [random.integers(0, len(v), len(v)) for v in (x, y)]
+        columns = random.integers(0, least, (max(len(x), len(y)), least))
+        means = [
+            np.take_along_axis(v[rows[0 if same else i]], columns[: len(v)], 1).mean()
+            for i, v in enumerate((x, y))
+        ]
+        figures[k] = means[0] / means[1]
+    low, high = np.quantile(figures, [0.025, 0.975])
+    return Interval(float(x.mean() / y.mean()), float(low), float(high))

@@ -1,0 +1,172 @@
+"""A training from its configuration: `train("transition_1", algorithm="sac", seed=3)`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from uuvsim_cosim.envs.task.task import Task, TeamTask
+from uuvsim_cosim.learn.algorithms.registry import algorithm_for, check_settings, learner_of
+from uuvsim_cosim.learn.policies.policy import Policy
+from uuvsim_cosim.learn.shared.task_ids import make_task
+from uuvsim_cosim.learn.training.agents import agents_of, widths
+from uuvsim_cosim.learn.training.config import TrainingConfig, read_config
+from uuvsim_cosim.learn.training.events import Events
+from uuvsim_cosim.learn.training.folder_lock import claim, held, refuse_other
+from uuvsim_cosim.learn.training.interruption import Interruption, TrainingInterrupted
+from uuvsim_cosim.learn.training.loading import load_policies
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.learn.training.training import Training, TrainingObserver
+
+__all__ = [
+    "Trained",
+    "one_thread",
+    "resolved",
+    "train",
+    "training_folder",
+    "training_of",
+]
+
+
+@dataclass(frozen=True)
+class Trained:
+    """What a training left in its folder."""
+
+    folder: Path
+    config: TrainingConfig
+    evaluations: Sequence[Mapping[str, float]]  # one row each, the first before learning
+    cpu: float  # s, of this call
+    note: str | None = None  # why nothing was learned, where that is so
+
+    def policies(self, which: str = "best") -> dict[str, Policy]:
+        """Return the policies by agent: "best" of the evaluations, or "policy", the last."""
+        return {p.agent or "agent": p for p in load_policies(self.folder, which)}
+
+
+def train(
+    given: TrainingConfig | str | Path,
+    *,
+    folder: str | Path | None = None,
+    restart: bool = False,
+    observers: tuple[TrainingObserver, ...] = (),
+    tensorboard: bool = True,
+    first: int | None = None,
+    interrupted: Callable[[], bool] | None = None,
+    **changes: Any,
+) -> Trained:
+    """Train, or go on with a training, in `folder` (runs/train/TASK-ALGORITHM-SEED).
+
+    `given` is a configuration, a YAML file of one, or a task's name; `changes` are fields of
+    TrainingConfig. Ctrl-C keeps the step that it came in and raises TrainingInterrupted; the same
+    call goes on from there, to the same bits. Torch computes on one thread meanwhile. `first` is
+    of environments' seeds, as `Training` has it; `interrupted` is asked after each step too.
+    """
+    config = _config(given, changes)
+    task = make_task(config.task, config.task_options, profile=config.profile)
+    config = config.changed(algorithm=algorithm_for(config.algorithm, len(agents_of(task))).name)
+    place = training_folder(config) if folder is None else Path(folder)
+    with ExitStack() as stack:
+        refuse_other(place, config, restart)
+        stack.enter_context(one_thread())
+        if tensorboard and Events.possible():
+            observers = (*observers, stack.enter_context(Events(place)))
+        interruption = Interruption()
+
+        def either() -> bool:
+            return interruption() or (interrupted is not None and interrupted())
+
+        training = training_of(
+            config, task, place, observers=observers, interrupted=either, first=first
+        )
+        stack.callback(training.close)
+        stack.enter_context(held(place))
+        if not restart:
+            training.resume()  # what it refuses leaves the folder as it was
+        claim(place, config, restart)
+        with interruption:
+            try:
+                rows = training.run()
+            except KeyboardInterrupt:
+                raise TrainingInterrupted(
+                    f"interrupted after step {training.step} of {config.steps}; the same command "
+                    f"goes on from {training.checkpoint}",
+                    interruption.status,
+                ) from None
+        return Trained(place, config, rows, training.cpu, training.note)
+
+
+def training_of(
+    config: TrainingConfig,
+    task: Task | TeamTask,
+    folder: Path,
+    *,
+    observers: tuple[TrainingObserver, ...] = (),
+    interrupted: Callable[[], bool] | None = None,
+    first: int | None = None,
+) -> Training:
+    """Make a training, ready to `run`; raises InputInvalid if it cannot be."""
+    agents = agents_of(task)
+    algorithm = algorithm_for(config.algorithm, len(agents))
+    observed, acted = widths(task)
+    learner = learner_of(
+        algorithm, config.settings, agents=len(agents), observed=observed, acted=acted,
+        n=config.envs, seed=config.seed, symmetries=task.symmetries(),
+    )  # fmt: skip
+    from uuvsim_cosim.learn.training.training import Training
+
+    return Training(
+        task, learner, name=config.task, options=_options(config), n=config.envs, seed=config.seed,
+        steps=config.steps, folder=folder, evaluate_every=config.evaluate_every,
+        evaluation_episodes=config.evaluation_episodes, checkpoint_every=config.checkpoint_every,
+        observers=observers, interrupted=interrupted, first=first,
+    )  # fmt: skip
+
+
+def resolved(config: TrainingConfig) -> TrainingConfig:
+    """Return the same with the algorithm named, and its settings as what they are.
+
+    Raises InputInvalid for a task, an algorithm or settings that cannot be.
+    """
+    task = make_task(config.task, config.task_options, profile=config.profile)
+    algorithm = algorithm_for(config.algorithm, len(agents_of(task)))
+    return config.changed(
+        algorithm=algorithm.name, settings=check_settings(algorithm, config.settings)
+    )
+
+
+def training_folder(config: TrainingConfig, parent: Path = Path("runs") / "train") -> Path:
+    """Return runs/train/TASK-ALGORITHM-SEED."""
+    return parent / config.name
+
+
+# ---- inside -------------------------------------------------------------------------------
+
+
+def _config(given: TrainingConfig | str | Path, changes: Mapping[str, Any]) -> TrainingConfig:
+    if isinstance(given, TrainingConfig):
+        return given.changed(**changes)
+    if isinstance(given, Path) or str(given).endswith((".yaml", ".yml")):
+        return read_config(given, **changes)
+    return TrainingConfig(given, **changes)
+
+
+def _options(config: TrainingConfig) -> dict[str, Any]:
+    """Return the options that make the task again, with its profile."""
+    given: dict[str, Any] = dict(config.plain()["task_options"])
+    return given if config.profile == "default" else {**given, "profile": config.profile}
+
+
+def one_thread() -> ExitStack:
+    """Let torch compute on one thread, which is faster for small batches, until the exit."""
+    stack = ExitStack()
+    try:
+        import torch
+    except ModuleNotFoundError:
+        return stack  # learner_of says so
+    stack.callback(torch.set_num_threads, torch.get_num_threads())
+    torch.set_num_threads(1)
+    return stack

@@ -1,0 +1,334 @@
+"""A training: a learner lives in a task, is judged on seeds never trained on, and is kept."""
+
+from __future__ import annotations
+
+import csv
+import io
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol, final
+
+import numpy as np
+
+from uuvsim_cosim.envs.task.task import Task, TeamTask
+from uuvsim_cosim.envs.tasks.evaluation import Evaluation, evaluate
+from uuvsim_cosim.errors import InputInvalid, UuvsimError
+from uuvsim_cosim.learn.algorithms.checkpoint import load_checkpoint, save_checkpoint
+from uuvsim_cosim.learn.algorithms.learner import Learner
+from uuvsim_cosim.learn.policies.policy import Policy
+from uuvsim_cosim.learn.shared.errors import LearningDiverged
+from uuvsim_cosim.learn.training.rollout import Ended, Rollout
+from uuvsim_cosim.learn.training.too_short import taught_nothing
+from uuvsim_cosim.learn.training.training_seeds import EVALUATION_SEED, first_of_training
+
+__all__ = ["EVALUATION_SEED", "Progress", "Training", "TrainingObserver", "acting"]
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a training is; `row` are numbers by name, of the last step, episodes or evaluation."""
+
+    step: int  # environment steps, of all environments together
+    steps: int  # of the whole training
+    episodes: int
+    row: Mapping[str, float] = field(default_factory=dict)
+    what: str = "step"  # "step", "episodes", "evaluation", "checkpoint"
+
+
+class TrainingObserver(Protocol):
+    """Watches a training; cannot change it."""
+
+    def __call__(self, progress: Progress) -> None:
+        """Be told."""
+
+
+@final
+class Training:
+    """`learner` on `n` copies of `task`, for `steps` environment steps, kept in `folder`.
+
+    The folder holds episodes.csv (one row an episode), evaluations.csv, policy.npz (the last),
+    best.npz (the best evaluation) and checkpoint.pt. `run` goes on from a checkpoint that is
+    there, to the same bits as without the interruption. `name`, `options` say which task it is.
+    Environment i has the seed `first` + i, by default one that no other `seed` has.
+    """
+
+    def __init__(
+        self,
+        task: Task | TeamTask,
+        learner: Learner,
+        *,
+        name: str,
+        options: Mapping[str, Any],
+        n: int,
+        seed: int,
+        steps: int,
+        folder: Path,
+        evaluate_every: int,
+        evaluation_episodes: int = 100,
+        checkpoint_every: int | None = None,
+        observers: tuple[TrainingObserver, ...] = (),
+        stop: Callable[[Evaluation], bool] | None = None,
+        interrupted: Callable[[], bool] | None = None,
+        first: int | None = None,
+    ) -> None:
+        self.task, self.learner, self.folder = task, learner, folder
+        self.name, self.options = name, dict(options)
+        self.n, self.seed, self.steps = n, seed, steps
+        self._evaluate_every, self._evaluation_episodes = evaluate_every, evaluation_episodes
+        self._checkpoint_every = checkpoint_every or evaluate_every
+        self._observers, self._stop, self._interrupted = observers, stop, interrupted
+        self.rollout = Rollout(task, n, first_of_training(seed) if first is None else first)
+        self.step, self.episodes, self.cpu = 0, 0, 0.0
+        self.updates: int | None = 0  # not known of checkpoints that do not say
+        self.best = -np.inf
+        self.evaluations: list[dict[str, float]] = []
+        self._rows: list[dict[str, float]] = []
+        self._resumed = False
+
+    @property
+    def checkpoint(self) -> Path:
+        """Name the file that this goes on from."""
+        return self.folder / "checkpoint.pt"
+
+    @property
+    def note(self) -> str | None:
+        """Say why nothing was learned so far, where that is so."""
+        return taught_nothing(self.learner.settings, self.step, self.updates)
+
+    def run(self) -> list[dict[str, float]]:
+        """Train to the end; gives one row an evaluation, the first before anything is learned.
+
+        The last is of what was learned, whatever `evaluate_every` is. Where `interrupted` says so
+        after a step, that step is kept and KeyboardInterrupt raised. A loss or a gradient that is
+        no number raises LearningDiverged; what there is then is in diverged.pt and policy.npz, and
+        the last checkpoint stays.
+        """
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self.resume()
+        if not self._resumed and not self.evaluations:
+            self._evaluate()
+            self.save()
+        kept = self.step
+        began = time.process_time()
+        try:
+            while self.step < self.steps and not self._enough():
+                self._one_step()
+                kept = self.step if self._after_step() else kept
+                if self._interrupted is not None and self._interrupted():
+                    self.save()
+                    raise KeyboardInterrupt
+        except Exception as error:
+            last = f"stopped after step {self.step}; {self.checkpoint} is of step {kept}"
+            with suppress(OSError):  # the disk may be full: the first error is the one to be told
+                self._write_curves()
+            if isinstance(error, LearningDiverged):
+                raise error.saying(self.learner.name, f"{last}{self._diverged()}") from None
+            error.add_note(last)
+            raise
+        finally:
+            self.cpu += time.process_time() - began
+        if self.evaluations[-1]["step"] != self.step:
+            self._evaluate()
+        self.save()
+        return self.evaluations
+
+    def resume(self) -> None:
+        """Take up the checkpoint, where there is one; a second call does nothing."""
+        if self._resumed:
+            return
+        if self.checkpoint.is_file():
+            self._resume()
+            self._resumed = True
+        elif _has_learned(self.folder / "evaluations.csv"):
+            raise InputInvalid(
+                f"{self.checkpoint}: no such file, beside curves of what was learned; expected it, "
+                "another folder, or to begin anew (--restart)"
+            )
+
+    def _one_step(self) -> None:
+        actions = self.learner.act(self.rollout.observation)
+        lived, ended = self.rollout.step(actions)
+        over = self.rollout.steps == 0
+        told = self.learner.learn(lived, over)
+        self.step += self.n
+        if told:
+            one_more = None if self.updates is None else self.updates + 1
+            self.updates = int(told["updates"]) if "updates" in told else one_more
+        if ended is not None:
+            self._count(ended)
+        self._tell("step", told)
+
+    def _after_step(self) -> bool:
+        """Evaluate and save where it is time; say whether it was saved."""
+        if self._passed(self._evaluate_every):
+            self._evaluate()
+        due = self._passed(self._checkpoint_every)
+        if due:
+            self.save()
+        return due
+
+    def _passed(self, every: int) -> bool:
+        return self.step // every > (self.step - self.n) // every
+
+    def _count(self, ended: Ended) -> None:
+        for i in range(len(ended.returns)):
+            row = {"step": float(self.step), "return": float(ended.returns[i])}
+            row |= {k: float(v[i]) for k, v in ended.metrics.items()}
+            self._rows.append(row)
+        self.episodes += len(ended.returns)
+        means = {"return": float(ended.returns.mean())}
+        self._tell("episodes", means | {k: float(v.mean()) for k, v in ended.metrics.items()})
+
+    def _enough(self) -> bool:
+        return bool(self.evaluations and self.evaluations[-1].get("stopped"))
+
+    def _evaluate(self) -> None:
+        judged = evaluate(
+            self.task, acting(self.task, self.policies()), self._evaluation_episodes,
+            seed=EVALUATION_SEED,
+        )  # fmt: skip
+        row = {"step": float(self.step), "episodes": float(self.episodes), **judged.summary()}
+        row["stopped"] = float(self._stop is not None and self._stop(judged))
+        self.evaluations.append(row)
+        self._tell("evaluation", row)
+        if row["return"] > self.best:
+            self.best = row["return"]
+            self._write_policies("best")
+
+    def policies(self) -> dict[str, Policy]:
+        """Return each agent's policy as it is now, without exploration."""
+        seen, acts = self.rollout.named()
+        given = {}
+        for i, agent in enumerate(self.rollout.agents):
+            kind, tensors = self.learner.tensors(i)
+            given[agent] = Policy(
+                kind=kind,  # type: ignore[arg-type]
+                tensors=tensors,
+                observation=seen,
+                action=acts,
+                task=self.name,
+                options=self.options,
+                agent=agent if len(self.rollout.agents) > 1 else "",
+                trained={
+                    "algorithm": self.learner.name,
+                    "seed": self.seed,
+                    "step": self.step,
+                    "episodes": self.episodes,
+                    **self.learner.settings,
+                },
+            )
+        return given
+
+    def save(self) -> None:
+        """Write what there is: curves, policies, the checkpoint."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self._write_curves()
+        self._write_policies("policy")
+        save_checkpoint(self.checkpoint, self._content())
+        self._tell("checkpoint", {})
+
+    def close(self) -> None:
+        """Free everything; a second call does nothing."""
+        self.rollout.close()
+
+    # ---- inside ---------------------------------------------------------------------------
+
+    def _content(self) -> dict[str, Any]:
+        return {
+            "task": self.name,
+            "options": self.options,
+            "algorithm": self.learner.name,
+            "n": self.n,
+            "seed": self.seed,
+            "counters": {
+                "step": self.step,
+                "episodes": self.episodes,
+                "best": self.best,
+                "updates": self.updates,
+            },
+            "rows": self._rows,
+            "evaluations": self.evaluations,
+            "rollout": self.rollout.state(),
+            "learner": self.learner.state(),
+        }
+
+    def _diverged(self) -> str:
+        """Keep what there is, beside the checkpoint, which is sound; gives what to tell of it."""
+        beside = self.folder / "diverged.pt"
+        try:
+            save_checkpoint(beside, self._content())
+            self._write_policies("policy")
+        except (OSError, UuvsimError):  # no room, or no numbers in the networks
+            return ""
+        return f"; {beside} and policy.npz are of then"
+
+    def _resume(self) -> None:
+        read = load_checkpoint(self.checkpoint)
+        own = {"task": self.name, "options": self.options, "algorithm": self.learner.name,
+               "n": self.n, "seed": self.seed}  # fmt: skip
+        for what, expected in own.items():
+            if read.get(what) != expected:
+                raise InputInvalid(
+                    f"{self.checkpoint}: {what} {read.get(what)!r}; expected {expected!r}, or "
+                    "another folder"
+                )
+        try:
+            self.rollout.set_state(read["rollout"])
+            self.learner.set_state(read["learner"])
+        except InputInvalid as error:
+            raise InputInvalid(f"{self.checkpoint}: {error}") from None
+        counters = read["counters"]
+        self.step, self.episodes, self.best = (
+            int(counters["step"]), int(counters["episodes"]), float(counters["best"])
+        )  # fmt: skip
+        self.updates = counters.get("updates")
+        self._rows, self.evaluations = read["rows"], read["evaluations"]
+        if self.step - self.n >= self.steps:
+            raise InputInvalid(
+                f"{self.checkpoint}: of step {self.step}, {self.steps} asked for; expected at "
+                "least as many steps, another folder, or to begin anew (--restart)"
+            )
+
+    def _write_curves(self) -> None:
+        _write_csv(self.folder / "episodes.csv", self._rows)
+        _write_csv(self.folder / "evaluations.csv", self.evaluations)
+
+    def _write_policies(self, stem: str) -> None:
+        several = len(self.rollout.agents) > 1
+        self.folder.mkdir(parents=True, exist_ok=True)
+        for agent, policy in self.policies().items():
+            policy.save(self.folder / f"{stem}{f'-{agent}' if several else ''}.npz")
+
+    def _tell(self, what: str, row: Mapping[str, float]) -> None:
+        for observer in self._observers:
+            observer(Progress(self.step, self.steps, self.episodes, row, what))
+
+
+def acting(task: Task | TeamTask, policies: Mapping[str, Policy]) -> Any:
+    """Return policies as `evaluate` takes them: by agent of a team, else the only one."""
+    if isinstance(task, TeamTask):
+        return dict(policies)
+    (only,) = policies.values()
+    return only
+
+
+def _has_learned(curves: Path) -> bool:
+    """Return whether there are curves that go beyond the start."""
+    try:
+        rows = list(csv.DictReader(io.StringIO(curves.read_text(encoding="utf-8"))))
+        return any(float(row.get("step") or 0) > 0 for row in rows)
+    except (OSError, ValueError):
+        return False
+
+
+def _write_csv(path: Path, rows: list[dict[str, float]]) -> None:
+    if not rows:
+        return
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, names)
+        writer.writeheader()
+        writer.writerows(rows)

@@ -1,0 +1,73 @@
+"""Faults and slew limits of actuators.
+
+Faults are tunable parameters, so that a scenario, a tool or a script can change them at run time:
+
+    stuck       1 holds the command that the actuator has (as far as it went), 0 lets it follow
+    health      factor of the thrust: 1 whole, 0.4 weak, 0 lost, -1 wired the wrong way round
+    entangled   share of the speed that a line around the shaft takes; the power is still drawn
+
+Limits and `stuck` are of a servo state c in the command's unit:  dc/dt = ±rate held (u - c) / T_u.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from uuvsim_cosim.models.declaration.model import Model
+from uuvsim_cosim.models.declaration.options import is_on
+from uuvsim_cosim.models.declaration.safe_math import saturate
+
+__all__ = ["ThrusterFaults", "servo", "thruster_faults_of"]
+
+T_U = 0.02  # s, of the servo that limits and faults need
+
+
+@dataclass(frozen=True)
+class ThrusterFaults:
+    """The symbols of a thruster's faults; numbers where it has none."""
+
+    stuck: Any = 0.0
+    health: Any = 1.0
+    entangled: Any = 0.0
+
+
+def thruster_faults_of(m: Model, faults: bool | str) -> ThrusterFaults:
+    """Declare the fault parameters of a thruster, if it has the option."""
+    if not is_on("faults", faults):
+        return ThrusterFaults()
+    return ThrusterFaults(
+        m.parameter("stuck", 0.0, unit="1", min=0, max=1, description="1 holds the command"),
+        m.parameter(
+            "health",
+            1.0,
+            unit="1",
+            min=-1,
+            max=1,
+            description="factor of the thrust: 0 lost, 0.4 weak, -1 reversed",
+        ),
+        m.parameter(
+            "entangled",
+            0.0,
+            unit="1",
+            min=0,
+            max=1,
+            description="share of the speed that a line around the shaft takes",
+        ),
+    )
+
+
+def servo(m: Model, u: Any, limits: bool | str, faults: ThrusterFaults, rate: float = 5.0) -> Any:
+    """Return the command after slew limit and `stuck`; u itself where it has neither option."""
+    limited = is_on("limits", limits)
+    if not limited and isinstance(faults.stuck, float):
+        return u
+    command = m.state("command", unit="1", description="the command as far as it went")
+    change = (u - command) / T_U
+    if limited:
+        rate_max = m.parameter(
+            "rate_max", rate, unit="1/s", min=0, description="fastest change of u (assumption)"
+        )
+        change = saturate(change, rate_max)
+    m.der(command, (1.0 - faults.stuck) * change)
+    return command

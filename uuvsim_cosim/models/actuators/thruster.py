@@ -1,0 +1,175 @@
+"""Thrusters: a shaft, first-order unless chosen otherwise, and thrust that follows its speed.
+
+Both take the command u in [-1, 1] and the supply's voltage, so that either can stand in for the
+other. Flow past the propeller is left out: thrust is bollard pull. Options, all off by default:
+`shaft` (shaft.py), `curve` (below), `dead_band` of the command, `limits` of its rate, `faults`
+(faults.py), `scale` of a table, and `vehicle` with `number` (thruster_set.py).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.actuators.bench_rows import read_bench
+from uuvsim_cosim.models.actuators.faults import ThrusterFaults, servo, thruster_faults_of
+from uuvsim_cosim.models.actuators.shaft import shaft as shaft_of
+from uuvsim_cosim.models.actuators.thruster_set import of_vehicle
+from uuvsim_cosim.models.declaration.model import Model
+from uuvsim_cosim.models.declaration.options import is_on
+from uuvsim_cosim.models.declaration.safe_math import abs_, saturate
+from uuvsim_cosim.models.declaration.vectors import NU
+from uuvsim_cosim.models.intrinsics.table import table2
+
+__all__ = ["ThrusterParameters", "thruster", "thruster_t200"]
+
+
+@dataclass(frozen=True)
+class ThrusterParameters:
+    """What a thruster with quadratic thrust is described by."""
+
+    n_max: float  # rad/s, shaft speed at u = 1
+    T_n: float  # s, time constant of the shaft
+    K_n: float  # N.s2/rad2, thrust of |n| n
+    K_P: float  # W.s3/rad3, electric power of |n|³
+
+
+# T200 at 16 V full forward: 3533 rpm, 51.485 N, 23.83 A (models/thrusters/t200/bench.yaml).
+T200_AT_16_V = ThrusterParameters(n_max=369.97, T_n=0.0287, K_n=3.7614e-4, K_P=7.529e-6)
+
+
+@of_vehicle
+def thruster(
+    p: ThrusterParameters = T200_AT_16_V,
+    shaft: str = "first",
+    curve: str = "quadratic",
+    dead_band: bool | str = False,
+    limits: bool | str = False,
+    faults: bool | str = False,
+) -> Model:
+    """First-order shaft, quadratic thrust:  dn/dt = (n_max u - n) / T_n,  thrust = K_n |n| n.
+
+    curve="bessa" is a thrust with a dead zone in |n| n, unlike ahead and astern:
+    c_r (|n| n - d_r) above d_r,  c_l (|n| n - d_l) below d_l,  0 between (Bessa et al. 2006).
+    """
+    if curve not in ("quadratic", "bessa"):
+        raise InputInvalid(f"curve={curve!r}; expected quadratic or bessa")
+    m = Model("thruster", "Thruster: first-order shaft, quadratic thrust", h_max=0.01)
+    u, voltage = _inputs(m)
+    n_max = m.parameter("n_max", p.n_max, unit="rad/s", min=0, description="shaft speed at u = 1")
+    T_n = _time_constant(m, p.T_n) if shaft == "first" else None
+    K_n = None
+    if curve == "quadratic":
+        K_n = m.parameter("K_n", p.K_n, unit="N.s2/rad2", description="thrust = K_n |n| n")
+    K_P = m.parameter("K_P", p.K_P, unit="W.s3/rad3", description="power = K_P |n|^3")
+    f = thruster_faults_of(m, faults)
+    c = _command(m, u, dead_band, limits, f)
+    n_d = n_max * c
+    n = shaft_of(m, shaft, _turned(n_d, f), T_n, _turned(c, f), voltage)
+    power = K_P * abs_(n) * n * n
+    if not isinstance(f.entangled, float):
+        power = (1.0 - f.entangled) * power + f.entangled * K_P * abs_(n_d) * n_d * n_d
+    thrust = _bessa(m, n) if K_n is None else K_n * abs_(n) * n
+    return _outputs(m, thrust, n, power / voltage, f)
+
+
+@of_vehicle
+def thruster_t200(
+    shaft: str = "first",
+    dead_band: bool | str = False,
+    limits: bool | str = False,
+    faults: bool | str = False,
+    scale: bool | str = False,
+) -> Model:
+    """Blue Robotics T200 from its bench rows at 12 and 16 V, linear between rows and voltages.
+
+    dn/dt = (n_d(u, voltage) - n) / T_n,  thrust = f(n, voltage),  current = i(u, voltage).
+    In steady state each bench row comes back exactly; the dead band is that of the rows. With
+    `scale` the thrust is k_T f(n, voltage), as of a propeller in a cage or a worn one. Voltages
+    outside the bench's range count as its edge.
+    """
+    bench = read_bench("t200")
+    m = Model("thruster_t200", "Blue Robotics T200 thruster from bench rows", h_max=0.01)
+    u, voltage = _inputs(m)
+    T_n = _time_constant(m, bench.T_n) if shaft == "first" else None
+    u_grid, n_rows = bench.over_u(bench.n)
+    _, current_rows = bench.over_u(bench.current)
+    n_grid, thrust_rows = bench.thrust_over_n()
+    n_d = table2(list(u_grid), bench.voltage, n_rows.tolist())
+    current = table2(list(u_grid), bench.voltage, current_rows.tolist())
+    thrust = table2(list(n_grid), bench.voltage, thrust_rows.tolist())
+    f = thruster_faults_of(m, faults)
+    c = _command(m, u, dead_band, limits, f, saturated=True)
+    n = shaft_of(m, shaft, _turned(n_d(c, voltage), f), T_n)
+    force = thrust(n, voltage)
+    if is_on("scale", scale):
+        force *= m.parameter(
+            "k_T", 1.0, unit="1", min=0, description="factor of the bench's thrust"
+        )
+    return _outputs(m, force, n, current(c, voltage), f)
+
+
+def _command(
+    m: Model,
+    u: Any,
+    dead_band: bool | str,
+    limits: bool | str,
+    f: ThrusterFaults,
+    saturated: bool = False,
+) -> Any:
+    """Return the command at the motor's driver: limited to its range, then as options say."""
+    plain = not is_on("limits", limits) and isinstance(f.stuck, float)
+    if not (saturated and plain):
+        u = saturate(u, 1.0)
+    u = servo(m, u, limits, f)
+    if not is_on("dead_band", dead_band):
+        return u
+    u_0 = m.parameter(
+        "u_0",
+        0.07,
+        unit="1",
+        min=0,
+        max=0.9,
+        description="half-width of the dead band (T200 at 16 V: 28 us of 400)",
+    )
+    beyond = abs_(u) - u_0
+    return ca.if_else(beyond > 0.0, ca.sign(u) * beyond / (1.0 - u_0), 0.0)
+
+
+def _turned(n_d: Any, f: ThrusterFaults) -> Any:
+    return n_d if isinstance(f.entangled, float) else (1.0 - f.entangled) * n_d
+
+
+def _bessa(m: Model, n: Any) -> Any:
+    rows = "least squares of the T200's bench rows at 16 V"
+    c_r = m.parameter("c_r", 3.786e-4, unit="N.s2/rad2", description=f"slope ahead ({rows})")
+    d_r = m.parameter("d_r", 1459.0, unit="rad2/s2", min=0, description=f"dead zone ({rows})")
+    c_l = m.parameter("c_l", 3.029e-4, unit="N.s2/rad2", description=f"slope astern ({rows})")
+    d_l = m.parameter("d_l", -1749.0, unit="rad2/s2", max=0, description=f"dead zone ({rows})")
+    x = abs_(n) * n
+    return ca.if_else(x > d_r, c_r * (x - d_r), ca.if_else(x < d_l, c_l * (x - d_l), 0.0))
+
+
+def _inputs(m: Model) -> tuple[Any, Any]:
+    u = m.input("u", unit="1", min=-1, max=1, description="command; (pwm - 1500 us) / 400 us")
+    voltage = m.input("voltage", unit="V", start=16.0, description="of the supply")
+    m.input("nu_r", 6, unit=NU, description="unused: thrust is bollard pull")
+    return u, voltage
+
+
+def _time_constant(m: Model, value: float) -> Any:
+    return m.parameter(
+        "T_n", value, unit="s", min=4e-3, description="time constant of the shaft (assumption)"
+    )
+
+
+def _outputs(m: Model, thrust: Any, n: Any, current: Any, f: ThrusterFaults) -> Model:
+    if not isinstance(f.health, float):
+        thrust = f.health * thrust
+    m.output("thrust", thrust, unit="N", description="along the thruster's direction e")
+    m.output("n", n, unit="rad/s", description="shaft speed")
+    m.output("current", current, unit="A", description="drawn from the supply")
+    return m

@@ -1,0 +1,188 @@
+"""Positions and directions of a vehicle's thrusters, and the configuration matrix T."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.content import content
+from uuvsim_cosim.errors import InputInvalid, ParameterInvalid
+from uuvsim_cosim.models.declaration.files_read import shared_until_changed
+from uuvsim_cosim.models.declaration.library import LIBRARY, declare
+from uuvsim_cosim.models.declaration.near_names import expected_names
+from uuvsim_cosim.models.declaration.parameters import (
+    in_unit,
+    is_vehicle,
+    line_of,
+    read_yaml,
+    size_alone,
+    split_address,
+    vehicle_folder,
+)
+
+__all__ = [
+    "OF_VEHICLE",
+    "Geometry",
+    "configuration_matrix",
+    "read_thrusters",
+    "thruster_geometry",
+    "thrusters_file",
+]
+
+# The components that take a set of numbers of thrusters.yaml, by their option `vehicle`.
+OF_VEHICLE = ("thruster", "thruster_t200", "thruster_jet")
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """n thrusters: names, positions r (n, 3) [m] from CO and unit directions e (n, 3), in b."""
+
+    names: tuple[str, ...]
+    r: NDArray[np.float64]
+    e: NDArray[np.float64]
+
+
+def configuration_matrix(geometry: Geometry) -> NDArray[np.float64]:
+    """Return T (6, n) of  tau = T thrust:  columns (e, r x e)."""
+    return np.vstack([geometry.e.T, np.cross(geometry.r, geometry.e).T])
+
+
+@shared_until_changed
+def thruster_geometry(vehicle: str) -> Geometry:
+    """Read the thrusters of a vehicle, by its id or its folder, or of a file (.yaml)."""
+    is_file = vehicle.endswith((".yaml", ".yml"))
+    path = Path(vehicle)
+    if not is_file:
+        vehicle, _ = split_address(vehicle)
+        folder = vehicle_folder(vehicle) if is_vehicle(vehicle) else Path(vehicle)
+        path = folder / "thrusters.yaml"
+    if not path.is_file():
+        known = sorted(
+            p.parent.name for p in content("models", "vehicles").glob("*/thrusters.yaml")
+        )
+        raise ParameterInvalid(
+            f"there is no thruster geometry of {vehicle!r}; expected {', '.join(known)}, "
+            "or the path of a folder or a file (.yaml)"
+        )
+    return read_thrusters(path)
+
+
+def read_thrusters(path: Path) -> Geometry:
+    """Read a file of thrusters; raises ParameterInvalid with the line of every mistake."""
+    data = thrusters_file(path)
+    items = data["thrusters"]
+    r = np.array([_vector(t["r"], "m") for t in items])
+    e = np.array([_vector(t["e"], "1") for t in items])
+    return Geometry(tuple(str(t["name"]) for t in items), r, e)
+
+
+def thrusters_file(path: Path) -> Any:
+    """Read a file of thrusters as it stands; raises ParameterInvalid with every mistake."""
+    return read_yaml(path, "thrusters.schema.json", lambda data: _mistakes(path, data))
+
+
+def _vector(entry: Any, unit: str) -> list[float]:
+    vector = [in_unit(float(v), str(entry["unit"]), unit) for v in entry["value"]]
+    if not np.all(np.isfinite(vector)):
+        raise ValueError(f"{vector}; expected three numbers")
+    return vector
+
+
+def _mistakes(path: Path, data: Any) -> Iterator[tuple[int, str]]:
+    """Yield (line, sentence) of each thruster that cannot stand there or push that way."""
+    if "model" in data:
+        yield from _unknown_model(data)
+    if "sets" in data:
+        yield from _set_mistakes(data)
+    reach = _reach(path)
+    seen: dict[tuple[float, ...], str] = {}
+    for i, item in enumerate(data["thrusters"]):
+        name, vectors = str(item.get("name", i + 1)), {}
+        for key, unit in (("r", "m"), ("e", "1")):
+            try:
+                if len(item[key]["value"]) == 3:  # else the schema says so, as below
+                    vectors[key] = _vector(item[key], unit)
+            except (KeyError, TypeError):
+                continue
+            except ValueError as error:
+                yield line_of(data, ["thrusters", i, key]), f"{name}: {key}: {error}"
+        line = line_of(data, ["thrusters", i, "r"])
+        if "e" in vectors and abs(np.linalg.norm(vectors["e"]) - 1.0) > 1e-6:
+            at = line_of(data, ["thrusters", i, "e"])
+            yield at, f"{name}: e = {vectors['e']}; expected length 1"
+        distance = float(np.linalg.norm(vectors.get("r", [0.0])))
+        if reach is not None and distance > reach:
+            text = f"{name}: r = {vectors['r']} m is {distance:.3g} m from CO; expected at most "
+            yield line, text + f"{reach:.3g} m, the hull's size"
+        if len(vectors) == 2:
+            place, push = np.round(vectors["r"], 6), np.abs(np.round(vectors["e"], 6))
+            key_ = (*place.tolist(), *push.tolist())
+            if key_ in seen:
+                yield line, f"{name}: stands where {seen[key_]} does; expected another place"
+            seen.setdefault(key_, name)
+
+
+def _set_mistakes(data: Any) -> Iterator[tuple[int, str]]:
+    """Yield (line, sentence) of each set that is not one of its component's, in a file as read."""
+    for name, chosen in data["sets"].items():
+        at = ["sets", name]
+        model = str(chosen["model"])
+        if model not in OF_VEHICLE:
+            yield line_of(data, [*at, "model"]), f"{model}: expected {', '.join(OF_VEHICLE)}"
+            continue
+        options = chosen.get("options", {})
+        if own := sorted(options.keys() & {"vehicle", "number"}):
+            wrong = f"options: {' and '.join(own)}: are set where the component is used; expected"
+            yield line_of(data, [*at, "options"]), f"{wrong} options of {model} alone"
+            continue
+        try:
+            declared = declare(model, **options)
+        except InputInvalid as error:
+            yield line_of(data, [*at, "options"]), f"options: {error}"
+            continue
+        variables = {v.name: v for v in declared.of_kind("parameter", "input") if v.size == 1}
+        for key, entry in chosen["parameters"].items():
+            line = line_of(data, [*at, "parameters", key])
+            if key not in variables:
+                expected = expected_names(key, sorted(variables))
+                yield line, f"{key}: not a parameter of {model}; expected {expected}"
+                continue
+            values = entry["value"] if isinstance(entry["value"], list) else [entry["value"]]
+            if len(values) not in (1, len(data["thrusters"])):
+                yield line, f"{key}: {len(values)} values; expected 1 or {len(data['thrusters'])}"
+            v = variables[key]
+            try:
+                numbers = [in_unit(float(x), str(entry["unit"]), v.unit) for x in values]
+            except ValueError as error:
+                yield line, f"{key}: {error}"
+                continue
+            low = -float("inf") if v.min is None else v.min
+            high = float("inf") if v.max is None else v.max
+            if not all(low <= x <= high for x in numbers):
+                yield line, f"{key} = {values}: expected {low:g} to {high:g} {v.unit}"
+
+
+def _unknown_model(data: Any) -> Iterator[tuple[int, str]]:
+    model, known = str(data["model"]), [n for n in LIBRARY if n.startswith(("thruster", "prop"))]
+    if model not in known:
+        yield line_of(data, ["model"]), f"model: {model!r}; expected {expected_names(model, known)}"
+
+
+def _reach(path: Path) -> float | None:
+    """Return the largest distance from CO that a part of the vehicle may have, None if unknown.
+
+    The size alone is read: what else is wrong with the hull's file is said where the hull is read.
+    """
+    try:
+        size = size_alone(path.parent / "parameters.yaml")
+    except ParameterInvalid:
+        return None
+    if size is None:
+        return None
+    half = 0.5 * np.array([size.length, size.breadth, size.height])
+    return float(1.25 * np.linalg.norm(half + np.abs(size.at)))

@@ -1,0 +1,324 @@
+"""The declaration of a component: named, united variables and the equations between them.
+
+A `Model` is written once, in CasADi's SX, and runs as FMU, as native component, as kernel and
+as derivative. Its semantics over one communication step from t to t + h, inputs held:
+
+* continuous states follow ``der`` by RK4, in sub-steps of at most ``h_max``;
+* a clock ticks at every k·period; each tick inside the step cuts the integration, and the
+  clock's updates are evaluated there, all from the values before the tick;
+* outputs are evaluated at the end of the step;
+* `derived` values depend on parameters alone and are computed when those change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from math import prod
+from typing import Any, Literal
+
+import casadi as ca
+import numpy as np
+
+from uuvsim_cosim.errors import ParameterInvalid
+from uuvsim_cosim.models.declaration.units import unit_of
+
+__all__ = ["Clock", "Declared", "Model", "Units", "Value"]
+
+Units = str | Sequence[str]
+Value = float | int | bool | Sequence[float] | np.ndarray
+Kind = Literal["input", "parameter", "derived", "state", "discrete", "output"]
+Type = Literal["Float64", "Int32", "Boolean"]
+
+
+@dataclass(frozen=True)
+class Declared:
+    """One declared variable; `size` elements, flat; `shape` is () for a scalar."""
+
+    name: str
+    kind: Kind
+    symbol: Any
+    unit: str
+    shape: tuple[int, ...]
+    start: Any
+    type: Type = "Float64"
+    min: float | None = None
+    max: float | None = None
+    variability: str = "continuous"
+    description: str = ""
+    units: tuple[str, ...] = ()  # one for each element where they differ; `unit` is "" then
+
+    @property
+    def size(self) -> int:
+        """Return the number of scalar elements."""
+        return int(prod(self.shape))
+
+
+@dataclass
+class Clock:
+    """A sample clock: ticks at k·period; `draws` are standard normals, fresh at each tick."""
+
+    name: str
+    period: Fraction
+    index: int
+    updates: list[tuple[Any, Any]] = field(default_factory=list)
+    draws: list[Any] = field(default_factory=list)
+
+
+class Model:
+    """A component under declaration; see the module's docstring for its semantics."""
+
+    def __init__(self, name: str, description: str = "", h_max: float = 0.01) -> None:
+        if not 0.0 < h_max < float("inf"):
+            raise ParameterInvalid(f"{name}: h_max {h_max:g} s; expected more than 0")
+        self.name = name
+        self.description = description
+        self.h_max = h_max
+        self.t = ca.SX.sym("time")
+        self.variables: dict[str, Declared] = {}
+        self.clocks: list[Clock] = []
+        self.derivatives: dict[str, Any] = {}
+        self.peers: dict[str, str] = {}  # what an input is for, see `orchestrator/system/peers.py`
+
+    # ---- declarations ---------------------------------------------------------------------
+
+    def input(
+        self,
+        name: str,
+        shape: int | tuple[int, ...] = (),
+        *,
+        unit: Units,
+        start: Value = 0.0,
+        min: float | None = None,
+        max: float | None = None,
+        type: Type = "Float64",
+        description: str = "",
+    ) -> Any:
+        """Declare an input, held over each communication step."""
+        variability = "continuous" if type == "Float64" else "discrete"
+        return self._declare(
+            name, "input", shape, unit, start, type, min, max, variability, description
+        )
+
+    def parameter(
+        self,
+        name: str,
+        value: Value,
+        shape: int | tuple[int, ...] | None = None,
+        *,
+        unit: Units,
+        min: float | None = None,
+        max: float | None = None,
+        type: Type = "Float64",
+        tunable: bool = True,
+        description: str = "",
+    ) -> Any:
+        """Declare a parameter; its shape is that of `value` unless given (matrices row by row)."""
+        if shape is None:
+            shape = np.shape(value)
+        return self._declare(
+            name,
+            "parameter",
+            shape,
+            unit,
+            value,
+            type,
+            min,
+            max,
+            "tunable" if tunable else "fixed",
+            description,
+        )
+
+    def derived(self, name: str, expression: Any) -> Any:
+        """Declare a value that depends on parameters alone; zeros of it stay structural."""
+        expression = ca.SX(expression)
+        symbol = ca.SX.sym(name, expression.sparsity())
+        shape = (int(expression.nnz()),)
+        self._add(Declared(name, "derived", symbol, "1", shape, expression, variability="tunable"))
+        return symbol
+
+    def state(
+        self,
+        name: str,
+        start: Any = 0.0,
+        shape: int | tuple[int, ...] = (),
+        *,
+        unit: Units,
+        description: str = "",
+    ) -> Any:
+        """Declare a continuous state; `start` is a number, an array or an SX of parameters."""
+        return self._declare(
+            name, "state", shape, unit, start, "Float64", None, None, "continuous", description
+        )
+
+    def discrete(
+        self,
+        name: str,
+        start: Any = 0.0,
+        shape: int | tuple[int, ...] = (),
+        *,
+        unit: Units,
+        description: str = "",
+    ) -> Any:
+        """Declare a discrete state, which changes only in `update` at ticks of a clock."""
+        return self._declare(
+            name, "discrete", shape, unit, start, "Float64", None, None, "discrete", description
+        )
+
+    def clock(self, name: str, period: Fraction | str | float) -> Clock:
+        """Declare a sample clock; a float period is read as its shortest decimal form."""
+        exact = Fraction(str(period))
+        if exact <= 0:
+            raise ParameterInvalid(f"{self.name}.{name}: period {period} s; expected more than 0")
+        clock = Clock(name, exact, len(self.clocks))
+        self.clocks.append(clock)
+        return clock
+
+    def normal(self, clock: Clock, size: int = 1) -> Any:
+        """Return `size` standard normal draws, fresh and independent at each tick of the clock."""
+        if "seed" not in self.variables:
+            self.parameter(
+                "seed",
+                (0, 0),
+                unit="1",
+                type="Int32",
+                tunable=False,
+                description="key of the random numbers; equal seeds give equal bits",
+            )
+        draw = ca.SX.sym(f"{clock.name}_w{len(clock.draws)}", size)
+        clock.draws.append(draw)
+        return draw
+
+    # ---- equations ------------------------------------------------------------------------
+
+    def der(self, state: Any, expression: Any) -> None:
+        """Set the time derivative of a continuous state."""
+        declared = self._declared(state, "state")
+        if declared.name in self.derivatives:
+            raise ParameterInvalid(f"{self.name}.{declared.name}: der() is given twice")
+        self.derivatives[declared.name] = self._shaped(declared, expression)
+
+    def update(self, clock: Clock, discrete: Any, expression: Any) -> None:
+        """Set the value of a discrete state after a tick, from the values before it."""
+        declared = self._declared(discrete, "discrete")
+        clock.updates.append((declared, self._shaped(declared, expression)))
+
+    def output(
+        self,
+        name: str,
+        expression: Any,
+        *,
+        unit: Units,
+        type: Type = "Float64",
+        description: str = "",
+        discrete: bool = False,
+    ) -> Any:
+        """Declare an output, evaluated at the end of each communication step."""
+        expression = ca.densify(ca.SX(expression))
+        shape: tuple[int, ...] = () if expression.numel() == 1 else (int(expression.numel()),)
+        variability = "discrete" if discrete or type != "Float64" else "continuous"
+        flat = ca.vec(expression.T)
+        common, units = self._units(name, unit, int(flat.numel()))
+        self._add(
+            Declared(
+                name,
+                "output",
+                flat,
+                common,
+                shape,
+                None,
+                type,
+                variability=variability,
+                description=description,
+                units=units,
+            )
+        )
+        return expression
+
+    # ---- inside ---------------------------------------------------------------------------
+
+    def of_kind(self, *kinds: Kind) -> list[Declared]:
+        """List the declared variables of the given kinds, in the order of declaration."""
+        return [v for v in self.variables.values() if v.kind in kinds]
+
+    def _declare(
+        self,
+        name: str,
+        kind: Kind,
+        shape: int | tuple[int, ...],
+        unit: Units,
+        start: Any,
+        type: Type,
+        low: float | None,
+        high: float | None,
+        variability: str,
+        description: str,
+    ) -> Any:
+        if shape == ():
+            if isinstance(start, ca.SX):
+                shape = int(start.numel()) if start.numel() > 1 else ()
+            else:
+                shape = np.shape(start)
+        if isinstance(shape, int):
+            shape = (shape,)
+        size = int(np.prod(shape, dtype=int))
+        common, units = self._units(name, unit, size)
+        flat = ca.SX.sym(name, size)
+        if not isinstance(start, ca.SX):
+            start = np.broadcast_to(np.asarray(start, dtype=float), shape).ravel()
+        elif start.numel() != size:
+            raise ParameterInvalid(
+                f"{self.name}.{name}: start has {start.numel()} elements; expected {size}"
+            )
+        self._add(
+            Declared(
+                name,
+                kind,
+                flat,
+                common,
+                shape,
+                start,
+                type,
+                low,
+                high,
+                variability,
+                description,
+                units,
+            )
+        )
+        return ca.reshape(flat, shape[1], shape[0]).T if len(shape) == 2 else flat
+
+    def _units(self, name: str, unit: Units, size: int) -> tuple[str, tuple[str, ...]]:
+        each = (unit,) * size if isinstance(unit, str) else tuple(unit)
+        for text in dict.fromkeys(each):
+            unit_of(text, f"{self.name}.{name}")
+        if len(each) != size:
+            raise ParameterInvalid(
+                f"{self.name}.{name}: {len(each)} units; expected one, or {size}"
+            )
+        return (each[0] if each else "1", ()) if len(set(each)) <= 1 else ("", each)
+
+    def _add(self, declared: Declared) -> None:
+        if declared.name in self.variables:
+            raise ParameterInvalid(f"{self.name}: variable {declared.name!r} is declared twice")
+        self.variables[declared.name] = declared
+
+    def _declared(self, symbol: Any, kind: Kind) -> Declared:
+        for v in self.of_kind(kind):
+            if v.symbol.shape == symbol.shape and ca.is_equal(v.symbol, symbol):
+                return v
+        raise ParameterInvalid(f"{self.name}: {symbol} is not a declared {kind}")
+
+    def _shaped(self, declared: Declared, expression: Any) -> Any:
+        flat = ca.densify(ca.SX(expression))
+        if flat.numel() != declared.size:
+            raise ParameterInvalid(
+                f"{self.name}.{declared.name}: equation has {flat.numel()} elements; "
+                f"expected {declared.size}"
+            )
+        return ca.vec(flat)
+
+    def starts(self) -> Mapping[str, Any]:
+        """Return each parameter's and input's start values, flat."""
+        return {v.name: v.start for v in self.of_kind("input", "parameter")}

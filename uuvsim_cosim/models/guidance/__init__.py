@@ -1,0 +1,4 @@
+"""Guidance: waypoints, paths, trajectories, pilots, targets.
+
+It may import `models.control` and what is below it. Start reading with `guidance.py`.
+"""

@@ -1,0 +1,70 @@
+"""Variable ballast and a moving mass: weight that is pumped in or out, and weight that is shifted.
+
+    dV/dt = clip((V_d - V) / T, ±V_rate),     dx/dt = clip((x_d - x) / T, ±x_rate)
+    f = rho g (V_0 - V) down  at r_V,         m = m_s g (x - x_0) e_s x down
+
+V is the volume that a bladder outside displaces: more lifts. Of the mass only what its shift from
+x_0 changes is given, since the hull's own weight holds it. Both are quasi-static: what they change
+of M, and the reaction to their acceleration, are left out (of the second order in their size).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+
+from uuvsim_cosim.models.declaration.kinematics import R, q_of_euler
+from uuvsim_cosim.models.declaration.model import Model
+from uuvsim_cosim.models.declaration.options import is_on
+from uuvsim_cosim.models.declaration.safe_math import clip, saturate
+from uuvsim_cosim.models.declaration.vectors import ETA, TAU
+
+__all__ = ["ballast"]
+
+# Tethys (osrf/lrauv @31b2b905, lrauv_description/models/tethys): buoyancy engine of 80 to 955 mL,
+# neutral at 500, 3 mL/s; a battery of 31.73 kg that moves along x. How far and fast: assumptions.
+_TETHYS = {
+    "V_0": (5.0e-4, "m3", 0.0, "volume at which the hull has its own buoyancy"),
+    "V_min": (8.0e-5, "m3", 0.0, "least volume"),
+    "V_max": (9.55e-4, "m3", 0.0, "largest volume"),
+    "V_rate": (3.0e-6, "m3/s", 0.0, "fastest change of volume"),
+    "m_s": (31.7307, "kg", 0.0, "mass that moves"),
+    "x_0": (0.0, "m", None, "place at which the hull has its own centre of gravity"),
+    "x_max": (0.03, "m", 0.0, "largest distance from x_0 (assumption)"),
+    "x_rate": (0.005, "m/s", 0.0, "fastest shift (assumption)"),
+    "T": (0.5, "s", 0.02, "time constant of both servos (assumption)"),
+    "rho": (1025.0, "kg/m3", 0.0, "density of the water"),
+    "g": (9.80665, "m/s2", 0.0, "acceleration of gravity"),
+}
+
+
+def ballast(contact: bool | str = False) -> Model:
+    """Declare both; with `contact` an input of that name is added to the generalised force."""
+    m = Model("ballast", "Variable ballast and moving mass: slow trim in depth and pitch")
+    V_d = m.input("V_d", unit="m3", start=_TETHYS["V_0"][0], description="wanted volume")
+    x_d = m.input("x_d", unit="m", description="wanted place of the mass along its rail")
+    eta = m.input("eta", 6, unit=ETA, description="of the hull")
+    p: dict[str, Any] = {
+        name: m.parameter(name, value, unit=unit, min=low, description=words)
+        for name, (value, unit, low, words) in _TETHYS.items()
+    }
+    r_V = m.parameter("r_V", (0, 0, 0), unit="m", description="the bladder from CO in b")
+    e_s = m.parameter("e_s", (1, 0, 0), unit="1", description="direction of the rail in b")
+    V = m.state("bladder", p["V_0"], unit="m3", description="volume of the bladder")
+    x = m.state("place", p["x_0"], unit="m", description="of the mass along its rail")
+    V_goal = clip(V_d, p["V_min"], p["V_max"])
+    x_goal = p["x_0"] + saturate(x_d - p["x_0"], p["x_max"])
+    m.der(V, saturate((V_goal - V) / p["T"], p["V_rate"]))
+    m.der(x, saturate((x_goal - x) / p["T"], p["x_rate"]))
+
+    down = R(q_of_euler(eta[3], eta[4], eta[5]))[2, :].T
+    lift = p["rho"] * p["g"] * (p["V_0"] - V) * down
+    turn = p["m_s"] * p["g"] * (x - p["x_0"]) * ca.cross(e_s, down)
+    tau = ca.vertcat(lift, ca.cross(r_V, lift) + turn)
+    if is_on("contact", contact):
+        tau += m.input("contact", 6, unit=TAU, description="of others, about CO in b, added")
+    m.output("tau", tau, unit=TAU, description="X Y Z [N], K M N [N.m] in b")
+    m.output("volume", V, unit="m3", description="of the bladder")
+    m.output("shift", x, unit="m", description="place of the mass along its rail")
+    return m

@@ -1,0 +1,303 @@
+"""Import of a URDF, SDF or xacro as a vehicle: FLU to FRD, signs to Fossen's convention.
+
+CO is the origin of the root link (or of the model). What the file does not hold is estimated from
+its size, as for a box, and marked so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.hull_parameters import meaning_of
+from uuvsim_cosim.models.declaration.parameters import Quantity
+from uuvsim_cosim.models.hull.vehicle import hull
+from uuvsim_cosim.models.importing.description_bodies import Bodies, bodies_of
+from uuvsim_cosim.models.importing.description_file import place_of, read_description
+from uuvsim_cosim.models.importing.description_water import FLU_TO_FRD, Water, water_of
+from uuvsim_cosim.models.importing.vehicle_draft import Draft, PlacedThruster
+from uuvsim_cosim.models.importing.xacro_text import local
+from uuvsim_cosim.models.shapes.ellipsoid import added_mass
+from uuvsim_cosim.models.vehicles.closed_forms import closed_forms
+
+__all__ = ["DescriptionImport", "import_description"]
+
+Array = NDArray[np.float64]
+G, RHO = 9.81, 1025.0
+
+
+@dataclass(frozen=True)
+class DescriptionImport:
+    """The draft, and what to tell of how it was read."""
+
+    draft: Draft
+    notes: tuple[str, ...]
+
+
+def import_description(path: str | Path) -> DescriptionImport:
+    """Read a .urdf, .sdf or .xacro and a TAM.yaml near it; raises InputInvalid with the line."""
+    path = Path(path)
+    root = read_description(path)
+    model = _model(path, root)
+    problems: list[str] = []
+    bodies = bodies_of(path, model, problems)
+    water = water_of(path, root, problems)
+    if problems:
+        raise InputInvalid("\n  ".join(problems))
+    notes = list(water.notes) if water is not None else []
+    if len(bodies.links) > 1:
+        notes.append(
+            f"{len(bodies.links)} links were added up to one body of {bodies.m:.6g} "
+            "kg, joints at zero"
+        )
+    if water is None:
+        notes.append(
+            "no hydrodynamics are in the file (neither <hydrodynamic_model> nor a plugin with "
+            "hydrodynamics in its name): added mass and damping are estimated"
+        )
+    given = water or Water("")
+    size, at, size_source = _size(path, bodies, given, notes)
+    found: dict[str, Quantity] = {}
+    for name, value, source in (
+        *_rigid(path, bodies),
+        *_buoyancy(path, bodies, given, notes),
+        *_hydrodynamics(path, given, size),
+    ):
+        meaning = meaning_of(name)
+        assert meaning is not None, name
+        found[name] = Quantity(value, meaning.unit, source)
+    found["height"] = Quantity(float(size[2]), "m", size_source)
+    thrusters, thrusters_source = _thrusters(path, notes)
+    known = _known(found)
+    notes += [f"{check} does not hold: {because}" for check, because in known.items()]
+    what = water.source if water is not None else "no hydrodynamics"
+    draft = Draft(
+        "imported",
+        f"imported from {path.name}",
+        f"{path.name}, read by uuvsim models import: inertials, {what}",
+        "frames FLU turned to FRD, damping turned to positive for a brake; CO is the origin of "
+        f"{bodies.links[0] or 'the model'}",
+        found,
+        (float(size[0]), float(size[1]), float(size[2])),
+        (float(at[0]), float(at[1]), float(at[2])),
+        "box",
+        size_source,
+        _readme(path, what, notes),
+        known,
+        thrusters,
+        thrusters_source,
+    )
+    return DescriptionImport(draft, tuple(notes))
+
+
+def _model(path: Path, root: Any) -> Any:
+    if local(root) == "robot":
+        return root
+    models = [e for e in root.iter() if local(e) == "model"]
+    if not models:
+        raise InputInvalid(
+            f"{place_of(path, root)}: <{local(root)}>; expected <robot> (URDF, "
+            "xacro) or <sdf> with "
+            "a <model>"
+        )
+    with_water = [m for m in models if water_of(path, m, []) is not None]
+    chosen = (with_water or models)[0]
+    if len(models) > 1 and len(with_water) != 1:
+        names = ", ".join(str(m.get("name")) for m in models)
+        raise InputInvalid(
+            f"{path}: {len(models)} models ({names}); expected one, or one with hydrodynamics"
+        )
+    return chosen
+
+
+def _rigid(path: Path, bodies: Bodies) -> Iterator[tuple[str, float, str]]:
+    source = f"{path.name}: <inertial>"
+    yield "m", bodies.m, source
+    for axis, value in zip("xyz", FLU_TO_FRD @ bodies.r_g, strict=True):
+        if abs(value) > 1e-12:
+            yield f"{axis}_g", float(value), f"{source}, FLU turned to FRD"
+    I_g = FLU_TO_FRD @ bodies.I_g @ FLU_TO_FRD
+    for i in range(3):
+        for j in range(i, 3):
+            if i == j or abs(I_g[i, j]) > 1e-12 * abs(I_g).max():
+                yield f"I_g_{i + 1}{j + 1}", float(I_g[i, j]), f"{source}, FLU turned to FRD"
+
+
+def _buoyancy(
+    path: Path, bodies: Bodies, water: Water, notes: list[str]
+) -> Iterator[tuple[str, float, str]]:
+    rho = water.rho if water.rho is not None else RHO
+    source = f"{path.name}: {water.source}"
+    yield "rho", rho, source if water.rho is not None else "sea water"
+    volume, r_b, how = water.volume, water.r_b, f"{source}, FLU turned to FRD"
+    if water.neutral:
+        volume, words = bodies.m / rho, f"{source}: neutrally buoyant"
+    elif volume is not None:
+        words = source
+    elif bodies.shaped:
+        volume, words = bodies.volume, f"{path.name}: volume of the <collision> shapes"
+        r_b, how = FLU_TO_FRD @ bodies.moment / bodies.volume, f"{words}, FLU turned to FRD"
+    else:
+        volume, words = bodies.m / rho, "estimated: assumption, neutrally buoyant"
+        what = "of all <collision> shapes is known" if bodies.unread else "is in the file"
+        notes.append(f"no volume {what}: assumed neutrally buoyant")
+    yield "nabla", float(volume), words
+    yield "g", G, "standard gravity, three digits"
+    r_g = FLU_TO_FRD @ bodies.r_g
+    if r_b is None:
+        r_b, how = r_g, "estimated: assumption, at the centre of gravity"
+    for axis, value in zip("xyz", r_b, strict=True):
+        if abs(value) > 1e-12:
+            yield f"{axis}_b", float(value), how
+
+
+# What may be wrong in a file, in words; the numbers are kept as they stand there.
+_CAUSES = {
+    "M is symmetric": "the file's added mass is not symmetric",
+    "M is positive definite": "the file's inertia and added mass are not positive definite",
+    "inertia is of a body": "the file's largest moment of inertia exceeds the other two together",
+    "water takes energy only": "the file's damping drives the vehicle in some direction",
+    "level is neutral": "the file's centres of gravity and buoyancy are not in one line",
+    "upright is stable": "the file's centre of gravity is above that of buoyancy",
+    "weight is near buoyancy": "the file's volume displaces another weight than its mass",
+}
+
+
+def _known(found: dict[str, Quantity]) -> dict[str, str]:
+    """Return the closed forms that the numbers of the file do not keep, with the cause."""
+    model = hull("imported", {k: q.value for k, q in found.items()}, surface=False)
+    return {c.name: _CAUSES[c.name] for c in closed_forms(model) if not c.off <= c.tolerance}
+
+
+def _hydrodynamics(path: Path, water: Water, size: Array) -> Iterator[tuple[str, float, str]]:
+    source = f"{path.name}: {water.source}"
+    rho = water.rho if water.rho is not None else RHO
+    matrices = dict(water.matrices)
+    if "M_A" not in matrices:
+        source_M = "estimated: Lamb's ellipsoid within the size"
+        a, b, c = (float(s) / 2 for s in size)
+        matrices["M_A"] = np.diag(np.array(added_mass(a, b, c, rho), dtype=float))
+    else:
+        source_M = source
+    damping = {k: (v, source) for k, v in matrices.items() if k != "M_A"}
+    if not any(np.any(v) for v, _ in damping.values()):
+        faces = _box_drag(size, rho)
+        how = "estimated: C_D = 1.05 of the faces of the size, by strips"
+        low = "estimated: as D_q gives at 0.1 m/s or 0.5 rad/s"
+        damping = {
+            "D_l": (np.diag(faces * ([0.1] * 3 + [0.5] * 3)), low),
+            "D_q": (np.diag(faces), how),
+        }
+    M_A = matrices["M_A"]
+    symmetric = np.allclose(M_A, M_A.T)
+    for i in range(6):
+        for j in range(i if symmetric else 0, 6):
+            if M_A[i, j]:
+                yield f"M_A_{i + 1}{j + 1}", float(M_A[i, j]), source_M
+    for kind in ("D_l", "D_q", "D_u"):
+        if kind in damping:
+            matrix, how = damping[kind]
+            for i, j in zip(*np.nonzero(matrix), strict=True):
+                yield f"{kind}_{i + 1}{j + 1}", float(matrix[i, j]), how
+
+
+def _box_drag(size: Array, rho: float) -> Array:
+    """Return D_q (6,) of a box: its faces, and strips of them where it turns."""
+    l, b, h = (float(s) for s in size)  # noqa: E741
+    faces = [b * h, l * h, l * b]
+    turns = [l * (b**4 + h**4) / 32, b * (l**4 + h**4) / 32, h * (l**4 + b**4) / 32]
+    return 0.5 * rho * 1.05 * np.array(faces + turns)
+
+
+def _size(path: Path, bodies: Bodies, water: Water, notes: list[str]) -> tuple[Array, Array, str]:
+    """Return extents, their middle from CO in FRD, and where they are from."""
+    if water.size is not None:
+        at = water.r_b if water.r_b is not None else np.zeros(3)
+        r_g = FLU_TO_FRD @ bodies.r_g
+        if np.any(np.abs(r_g - at) > 0.5 * water.size):  # the file says no place of its box
+            at = 0.5 * (at + r_g)
+        return water.size, at, f"{path.name}: box of {water.source}"
+    notes += [f"<collision> mesh not read: {why}" for why in bodies.unread]
+    if bodies.shaped:
+        at = FLU_TO_FRD @ (0.5 * (bodies.low + bodies.high))
+        return bodies.high - bodies.low, at, f"{path.name}: <collision> shapes"
+    volume = water.volume or bodies.m / (water.rho or RHO)
+    side = float((6.0 * volume / np.pi) ** (1.0 / 3.0))
+    notes.append(
+        f"no size is in the file ({_lacking(bodies)}): taken as a sphere of {side:.3g} m, of its "
+        "volume"
+    )
+    at = FLU_TO_FRD @ bodies.r_g
+    return np.full(3, side), at, "estimated: sphere of the volume"
+
+
+def _lacking(bodies: Bodies) -> str:
+    if bodies.unread:
+        return "a <collision> mesh was not read; `uuvsim models import MESH.stl` measures one"
+    return "no <box>, no <collision> box, cylinder, sphere or mesh"
+
+
+def _thrusters(path: Path, notes: list[str]) -> tuple[tuple[PlacedThruster, ...], str]:
+    """Read the thruster allocation matrix (6 x n, FLU) of a thruster manager near the file."""
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import YAMLError
+
+    places = [path.parent, path.parent / "config", path.parent.parent / "config"]
+    for place in places:
+        for file in sorted(place.glob("*.y*ml")) if place.is_dir() else []:
+            if not any(w in file.stem.lower() for w in ("tam", "thruster")):
+                continue
+            try:
+                data = YAML(typ="safe", pure=True).load(file.read_text(encoding="utf-8"))
+            except (OSError, UnicodeDecodeError, YAMLError) as error:
+                raise InputInvalid(f"{file}: cannot be read as YAML: {error}") from None
+            if isinstance(data, dict) and isinstance(data.get("thruster_manager"), dict):
+                data = data["thruster_manager"]
+            tam = data.get("tam") if isinstance(data, dict) else None
+            if tam is not None:
+                notes.append(
+                    f"thrusters by the lines of force of {file.name}, in FLU turned to FRD"
+                )
+                return _placed(file, tam), f"{file.name}: thruster allocation matrix"
+    return (), ""
+
+
+def _placed(file: Path, tam: Any) -> tuple[PlacedThruster, ...]:
+    try:
+        T = np.array(tam, dtype=float)
+    except (TypeError, ValueError):
+        T = np.zeros(0)
+    if T.ndim != 2 or T.shape[0] != 6 or not np.isfinite(T).all():
+        raise InputInvalid(
+            f"{file}: tam of shape {T.shape}; expected 6 rows of numbers, a column each thruster"
+        )
+    found = []
+    for k in range(T.shape[1]):
+        strength = float(np.linalg.norm(T[:3, k]))
+        if not strength > 1e-9:
+            raise InputInvalid(f"{file}: tam: column {k + 1} pushes nowhere; expected a direction")
+        e, moment = T[:3, k] / strength, T[3:, k] / strength
+        r = np.cross(e, moment)  # the point of its line that is nearest to CO
+        found.append(
+            PlacedThruster(f"thruster {k}", (FLU_TO_FRD @ r).tolist(), (FLU_TO_FRD @ e).tolist())
+        )
+    return tuple(found)
+
+
+def _readme(path: Path, what: str, notes: list[str]) -> str:
+    rows = "".join(f"- {note}\n" for note in notes) or "- nothing\n"
+    return f"""\
+Imported from `{path.name}` ({what}). Body FRD: FLU of the file turned (y and z change their sign),
+damping positive for a brake.
+
+## Said while it was read
+{rows}
+## Validity
+That of the file's numbers, which say no source: write it beside each number.
+"""

@@ -1,0 +1,177 @@
+"""Multilayer perceptrons as intrinsics: one function call in the equations, whatever their size.
+
+Weights are data of the intrinsic, not parameters. As a table (table.py), a network is a CasADi
+Callback that is called and never inlined, named by the hash of its contents; an emitter finds the
+weights in `NETWORKS`. Everything is float32: a sum is one of parts of 16 products, each added from
+the first on, as fmus/runtime/intrinsics/uuv_network.h adds, so that both give the same bits.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.errors import ParameterInvalid
+
+__all__ = ["CHUNK", "NETWORKS", "Activation", "Layer", "Network", "callback", "called", "network"]
+
+Array = NDArray[np.float32]
+Activation = Literal["linear", "relu", "tanh"]
+CHUNK = 16  # products of a part of a sum: UUV_CHUNK
+
+
+@dataclass(frozen=True)
+class Layer:
+    """y = f(weight x + bias), of weight (out, in) and bias (out,)."""
+
+    weight: Array
+    bias: Array
+    activation: Activation = "linear"
+
+
+@dataclass(frozen=True)
+class Network:
+    """Layers, one after the other."""
+
+    name: str
+    layers: tuple[Layer, ...]
+
+    @property
+    def n_in(self) -> int:
+        """Return the number of inputs."""
+        return int(self.layers[0].weight.shape[1])
+
+    @property
+    def n_out(self) -> int:
+        """Return the number of outputs."""
+        return len(self.layers[-1].bias)
+
+    @property
+    def widest(self) -> int:
+        """Return the size of the largest layer, the inputs included."""
+        return max(self.n_in, *(len(layer.bias) for layer in self.layers))
+
+    def __call__(self, x: NDArray[Any]) -> Array:
+        """Return the outputs (n_out,) of inputs (n_in,), to the bits of the C."""
+        return self._forward(np.asarray(x, np.float32)[:, None])[0][:, 0]
+
+    def jacobian(self, x: NDArray[Any]) -> Array:
+        """Return d outputs / d inputs, of shape (n_out, n_in)."""
+        return self._forward(np.asarray(x, np.float32)[:, None])[1]
+
+    def _forward(self, x: Array) -> tuple[Array, Array]:
+        dx = np.eye(self.n_in, dtype=np.float32)
+        for layer in self.layers:
+            x = sums(layer.weight, x, layer.bias)
+            dx = layer.weight @ dx
+            if layer.activation == "relu":
+                dx = dx * (x > 0)
+                x = np.where(x < 0, np.float32(0), x)
+            elif layer.activation == "tanh":
+                x = np.tanh(x.astype(np.float64)).astype(np.float32)
+                dx = dx * (1 - x * x)
+        return x, np.asarray(dx, np.float32)
+
+
+def sums(weight: Array, x: Array, bias: Array) -> Array:
+    """Return weight @ x + bias of columns x (in, n), added in the order of the C."""
+    total = np.repeat(bias[:, None], x.shape[1], axis=1)
+    for first in range(0, len(x), CHUNK):
+        part = np.zeros_like(total)
+        for i in range(first, min(first + CHUNK, len(x))):
+            part += weight[:, i : i + 1] * x[i]
+        total += part
+    return total
+
+
+# By name: a Network, a Transformer (transformer.py) or a Field (field.py).
+NETWORKS: dict[str, Any] = {}
+_CALLBACKS: dict[str, Any] = {}  # CasADi does not keep a Callback alive
+
+
+def network(layers: Sequence[Layer]) -> Callable[[Any], Any]:
+    """Return a multilayer perceptron as a function of an SX (n_in,) with values (n_out,)."""
+    made = _register(layers)
+    return called(made.name)
+
+
+def called(name: str) -> Callable[[Any], Any]:
+    """Return the intrinsic of this name as a function of an SX."""
+    return lambda x: _CALLBACKS[name].call([x], False, True)[0]
+
+
+def _register(layers: Sequence[Layer]) -> Network:
+    if not layers:
+        raise ParameterInvalid("network: no layers; expected one or more")
+    kept: list[Layer] = []
+    digest = hashlib.sha256()
+    width = layers[0].weight.shape[-1]
+    for i, layer in enumerate(layers):
+        weight = np.ascontiguousarray(layer.weight, np.float32)
+        bias = np.ascontiguousarray(layer.bias, np.float32)
+        if weight.ndim != 2 or weight.shape[1] != width or bias.shape != weight.shape[:1]:
+            raise ParameterInvalid(
+                f"network: layer {i} has weights {weight.shape} and bias {bias.shape}; "
+                f"expected (n, {width}) and (n,)"
+            )
+        if not (weight.size and np.all(np.isfinite(weight)) and np.all(np.isfinite(bias))):
+            raise ParameterInvalid(f"network: layer {i} has no weights, or NaN or infinity in them")
+        if layer.activation not in get_args(Activation):
+            known = ", ".join(get_args(Activation))
+            raise ParameterInvalid(f"network: activation {layer.activation!r}; expected {known}")
+        width = len(bias)
+        digest.update(f"{weight.shape} {layer.activation} ".encode())
+        digest.update(weight.astype("<f4").tobytes() + bias.astype("<f4").tobytes())
+        kept.append(Layer(weight, bias, layer.activation))
+    made = Network(f"network_{digest.hexdigest()[:12]}", tuple(kept))
+    if made.name not in NETWORKS:
+        NETWORKS[made.name] = made
+        shapes = (made.n_out, made.n_in)
+        gradient = callback(f"{made.name}_jacobian", made.jacobian, made.n_in, shapes, None)
+        callback(made.name, made, made.n_in, (made.n_out, 1), gradient)
+    return made
+
+
+def callback(
+    name: str, function: Callable[..., NDArray[Any]], n_in: int, out: tuple[int, int], gradient: Any
+) -> Any:
+    """Make a CasADi function of one column (n_in,), with its gradient, or none."""
+
+    class NetworkCallback(ca.Callback):
+        """A function of one column, with its Jacobian by another callback."""
+
+        def __init__(self) -> None:
+            ca.Callback.__init__(self)
+            self.construct(name, {})
+
+        def get_n_in(self) -> int:
+            return 1
+
+        def get_n_out(self) -> int:
+            return 1
+
+        def get_sparsity_in(self, i: int) -> Any:
+            return ca.Sparsity.dense(n_in, 1)
+
+        def get_sparsity_out(self, i: int) -> Any:
+            return ca.Sparsity.dense(*out)
+
+        def eval(self, arguments: Sequence[Any]) -> list[Any]:
+            return [ca.DM(np.asarray(function(np.array(arguments[0]).ravel()), float))]
+
+        def has_jacobian(self) -> bool:
+            return gradient is not None
+
+        def get_jacobian(self, name: str, inputs: Any, outputs: Any, options: Any) -> Any:
+            at = ca.MX.sym("at", n_in)
+            value = ca.MX.sym("value", ca.Sparsity(*out))
+            return ca.Function(name, [at, value], [gradient(at)], inputs, outputs, options)
+
+    _CALLBACKS[name] = NetworkCallback()
+    return _CALLBACKS[name]

@@ -1,0 +1,4 @@
+"""Navigation filters: strapdown mechanisation and aiding.
+
+It may import `models.sensors` and what is below it. Start reading with `navigation.py`.
+"""

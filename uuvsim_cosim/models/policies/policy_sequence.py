@@ -1,0 +1,64 @@
+"""A policy with a memory in equations: a decision transformer and its history of K actions.
+
+The history lies in discrete states and moves on with each action. The return to go begins at the
+parameter `return_to_go` and falls by the input `reward`, what the last action was worth.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.model import Clock, Model
+from uuvsim_cosim.models.intrinsics.transformer import transformer
+from uuvsim_cosim.models.policies.policy_file import PolicyFile
+from uuvsim_cosim.models.policies.policy_network import acts, normed
+
+__all__ = ["decided"]
+
+
+def decided(m: Model, sample: Clock, file: PolicyFile, observation: Any, due: Any) -> Any:
+    """Return actions (width,) in [-1, 1] of an observation (width,) at a sample that is due.
+
+    A policy of kind "sequence" declares its history in `m`. Its settings: `context` K, `heads`,
+    `activation` (gelu or relu), `return_to_go`, `return_scale`, and `reward`, that of an action
+    unless something feeds the input. Raises InputInvalid.
+    """
+    if file.kind != "sequence":
+        return acts(file, observation)
+    s, widths = file.settings, (1, len(file.observation), len(file.action))
+    try:
+        K, heads = int(s["context"]), int(s["heads"])
+        wanted, scale = float(s["return_to_go"]), float(s.get("return_scale", 1.0))
+        own = {k: v for k, v in file.tensors.items() if k not in ("shift", "scale")}
+        network = transformer(own, K, heads, s.get("activation", "gelu"))
+    except (KeyError, ValueError) as error:
+        raise InputInvalid(f"{file.path}: {error} in its settings; expected numbers") from None
+    if (own["embed_observation.weight"].shape[1], len(own["head.bias"])) != widths[1:]:
+        raise InputInvalid(
+            f"{file.path}: a transformer of other widths; expected {widths[1]} observed and "
+            f"{widths[2]} acted"
+        )
+    begin = m.parameter("return_to_go", wanted, unit="1", description="wanted of the whole run")
+    reward = m.input("reward", unit="1", start=float(s.get("reward", 0.0)),
+                     description="what the last action was worth")  # fmt: skip
+    past = m.discrete("past", unit="1", description="actions so far")
+    names = ("return_to_go_held", "seen", "done")
+    size = [K * w for w in widths]
+    history = [m.discrete(n, (0.0,) * k, unit="1") for n, k in zip(names, size, strict=True)]
+    last = history[0][-1]
+    now = (ca.if_else(past > 0.5, last - reward, begin), normed(file, observation),
+           ca.SX.zeros(widths[2]))  # fmt: skip
+    moved = [ca.vertcat(h[w:], x) for h, w, x in zip(history, widths, now, strict=True)]
+    rows = []
+    for i in range(K):
+        part = [h[i * w : (i + 1) * w] for h, w in zip(moved, widths, strict=True)]
+        rows += [part[0] / scale, *part[1:]]
+    action = ca.tanh(network(ca.vertcat(past, *rows)))
+    moved[2] = ca.vertcat(moved[2][: -widths[2]], action)
+    for h, new in zip(history, moved, strict=True):
+        m.update(sample, h, ca.if_else(due, new, h))
+    m.update(sample, past, ca.if_else(due, past + 1.0, past))
+    return action

@@ -1,0 +1,75 @@
+"""Pressure sensor: absolute pressure of real sea water at the depth where the sensor sits.
+
+    p = p_atm + p_gauge(depth; salinity, temperature, latitude) + error
+
+with the density of EOS-80, which grows with depth; a pool or a lake has salinity 0. Where the
+preset states a largest pressure, the reading saturates there and is not valid.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+
+from uuvsim_cosim.models.declaration.kinematics import R
+from uuvsim_cosim.models.declaration.model import Model
+from uuvsim_cosim.models.declaration.preset import preset
+from uuvsim_cosim.models.declaration.safe_math import clip
+from uuvsim_cosim.models.declaration.sampled import held_output, sample_time
+from uuvsim_cosim.models.declaration.vectors import ETA
+from uuvsim_cosim.models.sensors.mounting import Pose, mounting
+from uuvsim_cosim.models.sensors.sensor_error import ErrorParameters, sensor_error
+from uuvsim_cosim.models.water.seawater import gravity, pressure_at_depth
+
+__all__ = ["pressure", "water_column"]
+
+
+def water_column(m: Model) -> tuple[Any, Any, Any, Any]:
+    """Declare the water above as parameters; gives (p_atm, salinity, temperature [degC], g)."""
+    p_atm = m.parameter("p_atm", 101325.0, unit="Pa", description="pressure at the surface")
+    S = m.parameter("salinity", 35.0, unit="1", min=0, max=42, description="practical salinity")
+    T = m.parameter("temperature", 10.0, unit="degC", min=-2, max=40, description="of the water")
+    latitude = m.parameter(
+        "latitude", 0.7854, unit="rad", min=-1.5708, max=1.5708, description="gives gravity"
+    )
+    return p_atm, S, T, m.derived("g_latitude", gravity(latitude))
+
+
+def pressure(id: str = "bar_100m", period: str = "0.1") -> Model:
+    """Declare the pressure sensor of a preset, sampled every `period` seconds."""
+    p = preset("sensors", id, "pressure")
+    m = Model("pressure", "Absolute pressure sensor in sea water (EOS-80)")
+    eta = m.input("eta", 6, unit=ETA, description="of the hull: N E D [m], phi theta psi [rad]")
+    q = m.input("q", 4, unit="1", start=(1, 0, 0, 0), description="attitude of the hull")
+    p_atm, S, T, g = water_column(m)
+    r, _ = mounting(m, Pose(p.vector("r_s", "m", 3), p.vector("Theta_s", "rad", 3)))
+    error = ErrorParameters(
+        p.number("noise_density", "1"),
+        p.number("bias_sigma", "Pa"),
+        p.number("bias_tau", "s"),
+        p.number("turn_on_sigma", "Pa"),
+    )
+    sample = m.clock("sample", period)
+    depth = eta[2] + ca.dot(R(q)[2, :].T, r)
+    gauge = pressure_at_depth(clip(depth, 0.0, 12000.0), S, T, g)
+    reading = p_atm + gauge + sensor_error(m, sample, "", error, 1, "Pa")
+    valid: Any = 1.0
+    if p.has("pressure_max"):
+        limit = m.parameter(
+            "pressure_max",
+            p.number("pressure_max", "Pa"),
+            unit="Pa",
+            min=0,
+            description="absolute, at which it saturates",
+        )
+        valid, reading = reading <= limit, clip(reading, 0.0, limit)
+    held_output(
+        m, sample, "pressure", reading, unit="Pa", start=101325.0, description="absolute pressure"
+    )
+    held_output(
+        m, sample, "valid", valid, unit="1", type="Boolean", description="a reading is there"
+    )
+    sample_time(m, sample)
+    p.complete()
+    return m

@@ -1,0 +1,4 @@
+"""Geometry: closed surfaces, their volumes, and bounding-box trees over them.
+
+It may import `models.declaration`. Start reading with `mesh.py`.
+"""

@@ -1,0 +1,232 @@
+"""A hull as a closed surface of triangles: read from STL, refused or repaired, never guessed.
+
+Triangles are (n, 3, 3): vertices in m, counted anticlockwise seen from outside.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.files_read import noted
+
+__all__ = ["Mesh", "finite_triangles", "raw_triangles", "read_mesh", "repaired"]
+
+Array = NDArray[np.float64]
+LEAST, MOST = 0.02, 150.0  # m, of the longest side of a hull
+_WELD = 1e-6  # of the longest side: corners nearer than this are one
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Closed triangles (n, 3, 3) [m], outside anticlockwise; `notes` says what was repaired."""
+
+    triangles: Array
+    notes: tuple[str, ...] = field(default=())
+
+
+def read_mesh(path: str | Path, scale: float = 1.0) -> Mesh:
+    """Read an STL (other formats by trimesh), times `scale`; raises InputInvalid with the place."""
+    if not (np.isfinite(scale) and scale > 0):
+        raise InputInvalid(f"--scale {scale:g}: expected a number above 0, as 0.001 for mm")
+    return repaired(raw_triangles(Path(path)) * scale, str(path))
+
+
+def raw_triangles(path: Path) -> Array:
+    """Read the triangles (n, 3, 3) of a file as they are, in its unit, not checked."""
+    try:
+        data = noted(path).read_bytes()
+    except OSError as error:
+        raise InputInvalid(f"{path}: cannot be read: {error.strerror}") from None
+    return _stl(path, data) if path.suffix.lower() == ".stl" else _by_trimesh(path)
+
+
+def repaired(triangles: Array, place: str) -> Mesh:
+    """Check that triangles bound a hull, turned outwards where they are not."""
+    finite_triangles(triangles, place)
+    size = np.ptp(triangles.reshape(-1, 3), axis=0)
+    _plausible(float(size.max()), place)
+    corners, faces = _welded(triangles, float(size.max()))
+    notes = []
+    flat = (
+        (faces[:, 0] == faces[:, 1]) | (faces[:, 1] == faces[:, 2]) | (faces[:, 2] == faces[:, 0])
+    )
+    if flat.any():
+        notes.append(f"{int(flat.sum())} triangles without area were left out")
+        faces = faces[~flat]
+    _closed(corners, faces, place)
+    faces, turned = _outwards(corners, faces, place)
+    if turned:
+        notes.append(
+            f"{turned} of {len(faces)} triangles were turned inside out: flipped, so that every "
+            "normal points outwards"
+        )
+    return Mesh(corners[faces], tuple(notes))
+
+
+def _stl(path: Path, data: bytes) -> Array:
+    if data[:5].lower() == b"solid" and b"facet" in data[:1000]:
+        return _ascii_stl(path, data)
+    if len(data) < 84:
+        raise InputInvalid(
+            f"{path}: {len(data)} bytes; expected an STL: 84 bytes of header and 50 a triangle"
+        )
+    count = struct.unpack_from("<I", data, 80)[0]
+    whole = 84 + 50 * count
+    if len(data) != whole:
+        found = (len(data) - 84) // 50
+        what = "is truncated" if len(data) < whole else "is no STL, or has more after its end"
+        raise InputInvalid(
+            f"{path}: {what}: its header announces {count} triangles ({whole} bytes), and "
+            f"{found} are there ({len(data)} bytes); expected an STL that was exported whole"
+        )
+    record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    triangles: Array = np.frombuffer(data, record, count, 84)["corners"].astype(float)
+    return triangles
+
+
+def _ascii_stl(path: Path, data: bytes) -> Array:
+    numbers: list[list[float]] = []
+    ended = False
+    for at, line in enumerate(data.decode("latin-1").splitlines(), 1):
+        words = line.split()
+        if words[:1] == ["vertex"]:
+            try:
+                point = [float(w) for w in words[1:]]
+            except ValueError:
+                point = []
+            if len(point) != 3:
+                raise InputInvalid(
+                    f"{path}:{at}: {line.strip()!r}; expected vertex and three numbers"
+                )
+            numbers.append(point)
+        ended = words[:1] == ["endsolid"] or (ended and not words)
+    if not ended or len(numbers) % 3:
+        raise InputInvalid(
+            f"{path}: is truncated: {len(numbers)} vertices and "
+            f"{'an' if ended else 'no'} endsolid; expected three vertices a facet, and endsolid"
+        )
+    return np.array(numbers, dtype=float).reshape(-1, 3, 3)
+
+
+def _by_trimesh(path: Path) -> Array:
+    try:
+        import trimesh
+    except ImportError:
+        raise InputInvalid(
+            f"{path}: only .stl is read without trimesh; expected an STL, or "
+            "`pip install 'uuvsim-cosim[scene]'` for .obj, .ply, .glb and others"
+        ) from None
+    try:
+        loaded = trimesh.load(str(path), force="mesh", process=False)  # else it drops NaN
+        triangles: Array = np.array(loaded.triangles, dtype=float)
+    except Exception as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputInvalid(
+            f"{path}: is no mesh that trimesh reads ({reason}); expected .stl, .obj, .ply or .glb"
+        ) from None
+    return triangles
+
+
+def finite_triangles(triangles: Array, place: str) -> Array:
+    """Return the triangles (n, 3, 3); raise InputInvalid where one is not finite or none is."""
+    bad = np.flatnonzero(~np.isfinite(triangles).all(axis=(1, 2)))
+    if len(bad):
+        corner = triangles[bad[0]][~np.isfinite(triangles[bad[0]]).all(axis=1)][0]
+        text = " ".join(f"{x:g}" for x in corner)
+        raise InputInvalid(
+            f"{place}: triangle {bad[0] + 1} of {len(triangles)} has the vertex ({text}); "
+            f"expected finite numbers ({len(bad)} triangles have none)"
+        )
+    if not len(triangles):
+        raise InputInvalid(f"{place}: no triangles; expected a surface of triangles")
+    return triangles
+
+
+def _plausible(longest: float, place: str) -> None:
+    if LEAST <= longest <= MOST:
+        return
+    guess = 0.001 if longest > MOST else 1000.0
+    what = "mm" if longest > MOST else "km"
+    raise InputInvalid(
+        f"{place}: the hull is {longest:.3g} m long; expected {LEAST:g} to {MOST:g} m: is the file "
+        f"in {what if longest > MOST else 'another unit'}? --scale {guess:g} would make it "
+        f"{longest * guess:.3g} m"
+    )
+
+
+def _welded(triangles: Array, size: float) -> tuple[Array, NDArray[np.int64]]:
+    """Return corners (m, 3) and faces (n, 3) of their numbers."""
+    points = triangles.reshape(-1, 3)
+    key = np.round((points - points.min(axis=0)) / (_WELD * size)).astype(np.int64)
+    _, first, back = np.unique(key, axis=0, return_index=True, return_inverse=True)
+    return points[first], back.reshape(-1, 3).astype(np.int64)
+
+
+def _edges(faces: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the three directed edges of each face, (3 n, 2): face k has k, n + k, 2 n + k."""
+    return np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+
+
+def _closed(corners: Array, faces: NDArray[np.int64], place: str) -> None:
+    edges = np.sort(_edges(faces), axis=1)
+    unique, counts = np.unique(edges, axis=0, return_counts=True)
+    lone = unique[counts % 2 == 1]
+    if len(lone):
+        middle = corners[lone[0]].mean(axis=0)
+        at = ", ".join(f"{x:.4g}" for x in middle)
+        raise InputInvalid(
+            f"{place}: the surface is open: {len(lone)} edges have a triangle on "
+            "one side only, the "
+            f"first at ({at}) m; expected a closed hull (fill the hole where the mesh was made)"
+        )
+
+
+def _outwards(
+    corners: Array, faces: NDArray[np.int64], place: str
+) -> tuple[NDArray[np.int64], int]:
+    """Return the faces with one sense over each shell and outwards, and how many were flipped."""
+    n = len(faces)
+    edges = _edges(faces)
+    low, high = edges.min(axis=1), edges.max(axis=1)
+    order = np.lexsort((high, low))
+    first, second = order[0::2], order[1::2]
+    same = (edges[first] == edges[second]).all(axis=1)  # run through in one sense: one is wrong
+    neighbours: list[list[tuple[int, bool]]] = [[] for _ in range(n)]
+    for a, b, wrong in zip((first % n).tolist(), (second % n).tolist(), same.tolist(), strict=True):
+        neighbours[a].append((b, wrong))
+        neighbours[b].append((a, wrong))
+    flip, shell = np.zeros(n, bool), np.full(n, -1)
+    shells = 0
+    for start in range(n):
+        if shell[start] >= 0:
+            continue
+        shell[start], todo = shells, [start]
+        while todo:
+            a = todo.pop()
+            for b, wrong in neighbours[a]:
+                if shell[b] < 0:
+                    shell[b], flip[b] = shells, flip[a] ^ wrong
+                    todo.append(b)
+                elif flip[b] != flip[a] ^ wrong:
+                    at = ", ".join(f"{x:.4g}" for x in corners[faces[b]].mean(axis=0))
+                    raise InputInvalid(
+                        f"{place}: the surface at ({at}) m has no inside (triangles meet there "
+                        "more than two to an edge, or it is one-sided); expected a closed hull"
+                    )
+        shells += 1
+    turned = np.where(flip[:, None], faces[:, ::-1], faces)
+    triangles = corners[turned]
+    six = np.einsum("ni,ni->n", triangles[:, 0], np.cross(triangles[:, 1], triangles[:, 2]))
+    inward = np.array([six[shell == k].sum() < 0.0 for k in range(shells)])
+    if not inward.any() and not flip.any():
+        return faces, 0
+    # A shell of its own senses that encloses a negative volume is turned round as a whole.
+    wrong_way = inward[shell]
+    out = np.where(wrong_way[:, None], turned[:, ::-1], turned)
+    return out, int((flip ^ wrong_way).sum())

@@ -1,0 +1,122 @@
+"""Reader of a vehicle's folder: all files are read, and all mistakes are reported at once.
+
+A component reads only the files that it needs; who checks a vehicle wants to know of all of them.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from uuvsim_cosim.errors import ParameterInvalid
+from uuvsim_cosim.models.actuators.fins import fins, read_fins
+from uuvsim_cosim.models.actuators.propeller import read_propeller
+from uuvsim_cosim.models.actuators.thruster_geometry import read_thrusters
+from uuvsim_cosim.models.declaration.hull_parameters import meaning_of, near_names
+from uuvsim_cosim.models.declaration.near_names import expected_names
+from uuvsim_cosim.models.declaration.parameters import (
+    in_unit,
+    line_of,
+    read_yaml,
+    vehicle_file,
+    vehicle_folder,
+)
+from uuvsim_cosim.models.shapes.volumes import vehicle_volumes
+
+__all__ = ["read_folder"]
+
+
+def read_folder(vehicle: str) -> None:
+    """Read every file of a vehicle's folder; raises ParameterInvalid with all mistakes of all."""
+    if vehicle.endswith((".yaml", ".yml")):  # a file by itself has no folder
+        vehicle_file(vehicle)
+        return
+    folder = vehicle_folder(vehicle)
+    problems = list(_strangers(folder))
+    for name, read in _READERS.items():
+        if (folder / name).is_file():
+            try:
+                read(folder)
+            except ParameterInvalid as error:
+                problems += str(error).split("\n  ")
+            else:
+                problems += _owner(folder / name)
+    if problems:
+        raise ParameterInvalid("\n  ".join(dict.fromkeys(problems)))
+
+
+def _strangers(folder: Path) -> Iterator[str]:
+    """Yield a sentence for each YAML file that nothing would read."""
+    for path in sorted(p for p in folder.iterdir() if p.suffix in (".yaml", ".yml")):
+        if path.name not in _READERS:
+            expected = expected_names(path.name, _READERS)
+            yield f"{path}: not a file of a vehicle, nothing reads it; expected {expected}"
+
+
+def _owner(path: Path) -> Iterator[str]:
+    """Yield a sentence where a file says that it is of another vehicle than its folder."""
+    name = path.resolve().parent.name
+    for n, text in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+        found = re.match(r"(id|vehicle):\s*([^#]*)", text)
+        owner = found[2].strip().strip("'\"") if found else name
+        if found and owner != name:
+            yield f"{path}:{n}: {found[1]}: {owner!r}; expected {name!r}, the folder's name"
+
+
+def _hull(folder: Path) -> None:
+    _, data = vehicle_file(str(folder / "parameters.yaml"))
+    if "volumes" in data:
+        vehicle_volumes(str(folder / "parameters.yaml"))
+
+
+def _thrusters(folder: Path) -> None:
+    read_thrusters(folder / "thrusters.yaml")
+
+
+def _propeller(folder: Path) -> None:
+    read_propeller(folder / "propeller.yaml")
+
+
+def _fins(folder: Path) -> None:
+    read_fins(folder / "fins.yaml")
+
+
+def _control(folder: Path) -> None:
+    read_yaml(folder / "control.yaml", "control.schema.json")
+    if (folder / "fins.yaml").is_file():
+        fins(str(folder), form="derivatives")
+
+
+def _published(folder: Path) -> None:
+    read_yaml(folder / "published.yaml", "published.schema.json", _intervals)
+
+
+def _intervals(data: Any) -> Iterator[tuple[int, str]]:
+    for name, entries in data["parameters"].items():
+        meaning = meaning_of(str(name))
+        if meaning is None:
+            line = line_of(data, ["parameters", name])
+            yield line, f"{name}: not a parameter of a hull; expected {near_names(str(name))}"
+            continue
+        for i, entry in enumerate(entries):
+            try:
+                in_unit(float(entry["value"]), str(entry["unit"]), meaning.unit)
+            except ValueError as error:
+                yield line_of(data, ["parameters", name, i]), f"{name}: {error}"
+
+
+def _checks(folder: Path) -> None:
+    read_yaml(folder / "checks.yaml", "checks.schema.json")
+
+
+_READERS: dict[str, Callable[[Path], None]] = {
+    "parameters.yaml": _hull,
+    "thrusters.yaml": _thrusters,
+    "propeller.yaml": _propeller,
+    "fins.yaml": _fins,
+    "control.yaml": _control,
+    "published.yaml": _published,
+    "checks.yaml": _checks,
+}

@@ -1,0 +1,226 @@
+"""A scene folder: terrain, obstacles and meshes, as `scene.yaml` says."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from uuvsim_cosim.content import content
+from uuvsim_cosim.errors import InputInvalid, ParameterInvalid
+from uuvsim_cosim.models.declaration.near_names import expected_names
+from uuvsim_cosim.models.declaration.parameters import line_of, read_yaml
+from uuvsim_cosim.models.worlds.obstacles import Box, Capsule, Cylinder, Obstacle, Sphere
+from uuvsim_cosim.models.worlds.placed_mesh import (
+    MOST_TRIANGLES,
+    PlacedMesh,
+    gltf_parts,
+    placed_mesh,
+)
+from uuvsim_cosim.models.worlds.terrain import Terrain, load_terrain, save_terrain
+
+__all__ = ["Scene", "find_scene", "load_scene", "save_scene", "scene_ids"]
+
+_KINDS: dict[str, type[Obstacle]] = {
+    "box": Box,
+    "sphere": Sphere,
+    "capsule": Capsule,
+    "cylinder": Cylinder,
+}
+_WORDS = ("unit", "axes", "material", "name")  # of a mesh
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What stands still in a mission's world; frame `n`, its water surface at D = 0."""
+
+    name: str
+    terrain: Terrain | None
+    obstacles: tuple[Obstacle, ...] = ()
+    folder: Path | None = None
+    description: str = ""
+    source: str = ""  # where it comes from, with its terms
+    meshes: tuple[PlacedMesh, ...] = ()
+
+
+def scene_ids() -> list[str]:
+    """List the scenes that are shipped."""
+    return sorted(p.parent.name for p in content("models", "scenes").glob("*/scene.yaml"))
+
+
+def find_scene(scene: str | Path) -> Path:
+    """Return the folder of a scene, by its id or by its path (or that of its scene.yaml)."""
+    path = Path(scene).expanduser()
+    if isinstance(scene, str) and scene in scene_ids():
+        return content("models", "scenes", scene)
+    if path.name == "scene.yaml" and path.is_file():
+        return path.parent
+    if (path / "scene.yaml").is_file():
+        return path
+    known = scene_ids()
+    raise InputInvalid(
+        f"there is no scene {str(scene)!r}; expected {expected_names(scene, known)}, or "
+        "the path of a folder with a scene.yaml (`uuvsim terrain CHART -o FOLDER` writes one)"
+    )
+
+
+def load_scene(scene: str | Path) -> Scene:
+    """Read a scene, by id or path; raises `InputInvalid` with all mistakes of its files."""
+    folder = find_scene(scene)
+    problems, terrain = [], None
+    meshes: list[PlacedMesh] = []
+
+    def mistakes(data: Any) -> Iterator[tuple[int, str]]:
+        yield from _mistakes(data)
+        yield from _read_meshes(data, folder, meshes)
+
+    try:
+        data = read_yaml(folder / "scene.yaml", "scene.schema.json", mistakes)
+    except ParameterInvalid as error:
+        problems.append(str(error))
+        data = None
+    name = str(data["terrain"]) if data is not None and "terrain" in data else "terrain.npz"
+    if (data is not None and "terrain" in data) or (data is None and (folder / name).is_file()):
+        try:
+            terrain = load_terrain(folder / name)
+        except InputInvalid as error:
+            problems.append(str(error))
+    if problems or data is None:
+        raise InputInvalid("\n  ".join(problems))
+    obstacles = tuple(_obstacle(entry) for entry in data.get("obstacles", ()))
+    return Scene(
+        str(data["id"]),
+        terrain,
+        obstacles,
+        folder,
+        str(data["description"]),
+        str(data["source"]),
+        tuple(meshes),
+    )
+
+
+def _read_meshes(data: Any, folder: Path, meshes: list[PlacedMesh]) -> Iterator[tuple[int, str]]:
+    """Read the meshes of a scene into a list; give the line and the sentence of each mistake."""
+    for i, entry in enumerate(data.get("meshes", ())):
+        line = line_of(data, ["meshes", i, "file"])
+        vectors = {
+            key: tuple(float(v) for v in entry[key])
+            for key in ("position", "orientation")
+            if key in entry
+        }
+        numbers = [v for vector in vectors.values() for v in vector] + [entry.get("scale", 1.0)]
+        if not all(isfinite(v) for v in numbers):
+            yield line, f"meshes.{i}: {numbers}; expected finite numbers"
+            continue
+        words = {key: str(entry[key]) for key in _WORDS if key in entry}
+        scale = float(entry.get("scale", 1.0))
+        contact = bool(entry.get("contact", True))
+        given: Any = {**vectors, **words, "scale": scale, "contact": contact}
+        try:
+            meshes.append(placed_mesh(folder / str(entry["file"]), **given))
+        except InputInvalid as error:
+            yield line, f"meshes.{i}: {error}"
+    total = sum(len(m.corners) for m in meshes)
+    if total > MOST_TRIANGLES:
+        line = line_of(data, ["meshes"])
+        yield line, f"meshes: {total:,} triangles together; expected at most {MOST_TRIANGLES:,}"
+
+
+def _mistakes(data: Any) -> Iterator[tuple[int, str]]:
+    for i, entry in enumerate(data.get("obstacles", ())):
+        for kind, said in entry.items():
+            if kind not in _KINDS:
+                line = line_of(data, ["obstacles", i])
+                yield line, f"obstacles.{i}: {kind!r}; expected {expected_names(kind, _KINDS)}"
+                continue
+            for name, value in said.items():
+                numbers = value if isinstance(value, list) else [value]
+                if any(isinstance(v, float) and not isfinite(v) for v in numbers):
+                    line = line_of(data, ["obstacles", i, kind, name])
+                    yield line, f"obstacles.{i}.{kind}.{name}: {value}; expected finite numbers"
+
+
+def _obstacle(entry: Any) -> Obstacle:
+    ((kind, said),) = entry.items()
+    values = {
+        str(name): tuple(float(v) for v in value)
+        if isinstance(value, list)
+        else str(value)
+        if name == "name"
+        else float(value)
+        for name, value in said.items()
+    }
+    made: Any = _KINDS[str(kind)]
+    obstacle: Obstacle = made(**values)
+    return obstacle
+
+
+def save_scene(scene: Scene, folder: Path) -> None:
+    """Write a scene's folder: scene.yaml, terrain.npz where it has a terrain, and its meshes.
+
+    Raises `InputInvalid` where two meshes have files of one name in different folders.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    _copy_meshes(scene.meshes, folder)
+    if scene.terrain is not None:
+        save_terrain(scene.terrain, folder / "terrain.npz")
+    (folder / "scene.yaml").write_text(_text(scene), encoding="utf-8")
+
+
+def _copy_meshes(meshes: tuple[PlacedMesh, ...], folder: Path) -> None:
+    files = {m.file.name: m.file.resolve() for m in meshes}
+    for mesh in meshes:
+        if files[mesh.file.name] != mesh.file.resolve():
+            raise InputInvalid(
+                f"{mesh.file} and {files[mesh.file.name]}: expected files of different names, for "
+                "a scene has its meshes beside scene.yaml"
+            )
+    for name, file in files.items():
+        beside = [file.with_name(p) for p in gltf_parts(file)]
+        for source, target in [(file, folder / name), *((p, folder / p.name) for p in beside)]:
+            if source != target.resolve():
+                shutil.copyfile(source, target)
+
+
+def _text(scene: Scene) -> str:
+    lines = [
+        f"id: {_quoted(scene.name)}",
+        f"description: {_quoted(scene.description or scene.name)}",
+        f"source: {_quoted(scene.source or 'not stated')}",
+        'units: "m, rad"  # positions are N, E, D from the origin of the local frame',
+    ]
+    if scene.terrain is not None:
+        lines.append("terrain: terrain.npz")
+    if scene.obstacles or (scene.terrain is None and not scene.meshes):
+        lines.append("obstacles:" if scene.obstacles else "obstacles: []")
+    kinds = {made: kind for kind, made in _KINDS.items()}
+    for obstacle in scene.obstacles:
+        said = ", ".join(
+            f"{f.name}: {_value(getattr(obstacle, f.name))}"
+            for f in fields(obstacle)
+            if getattr(obstacle, f.name) != f.default
+        )
+        lines.append(f"  - {kinds[type(obstacle)]}: {{{said}}}")
+    for k, mesh in enumerate(scene.meshes):
+        lines += ["meshes:"] * (k == 0)
+        vectors = f"position: {_value(mesh.position)}, orientation: {_value(mesh.orientation)}"
+        words = [(key, getattr(mesh, key)) for key in _WORDS if getattr(mesh, key)]
+        said = ", ".join(f"{key}: {_quoted(value)}" for key, value in words)
+        own = f"file: {_quoted(mesh.file.name)}, {vectors}, scale: {_value(mesh.scale)}, {said}"
+        own += "" if mesh.contact else ", contact: false"
+        lines.append(f"  - {{{own}}}")
+    return "\n".join(lines) + "\n"
+
+
+def _value(value: object) -> str:
+    if isinstance(value, tuple):
+        return f"[{', '.join(_value(v) for v in value)}]"
+    return _quoted(value) if isinstance(value, str) else f"{float(value):.10g}"  # type: ignore[arg-type]
+
+
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)

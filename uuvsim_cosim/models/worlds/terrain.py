@@ -1,0 +1,108 @@
+"""A seabed as a height field in local NED, and the file that keeps it."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.files_read import noted
+
+__all__ = ["Terrain", "load_terrain", "save_terrain"]
+
+VERSION = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Terrain:
+    """A height field: nodes on a regular grid, two triangles a cell.
+
+    Node (i, j) stands at N = origin[0] + i * spacing, E = origin[1] + j * spacing, in metres of
+    the local frame `n`, whose origin is at (northing, easting) of `crs`. The cell between the
+    nodes (i, j) and (i+1, j+1) is cut along the diagonal that joins these two.
+    """
+
+    z: NDArray[np.float32]  # m, positive down from the vertical datum; (n_N, n_E); NaN: unknown
+    spacing: float  # m, the same both ways
+    origin: tuple[float, float]  # m, N and E of node (0, 0)
+    sigma: NDArray[np.float32] | None = None  # m, standard deviation of z, shaped as z
+    crs: str = ""  # "EPSG:32610"; empty where the grid stands nowhere on Earth
+    northing: float = 0.0  # m, of the local frame's origin in crs
+    easting: float = 0.0  # m
+    vertical_datum: str = ""  # "MLLW"; empty where unknown
+    material: NDArray[np.uint8] | None = None  # index into `materials`, shaped as z
+    materials: tuple[str, ...] = ()  # names of the seabed's nature: "mud", "sand", ...
+    source: str = ""  # where it comes from, with its terms
+
+    def __post_init__(self) -> None:
+        if self.z.ndim != 2 or min(self.z.shape) < 2:
+            raise InputInvalid(f"terrain: z is {self.z.shape}; at least 2 x 2 nodes are needed")
+        if not (np.isfinite(self.spacing) and self.spacing > 0):
+            raise InputInvalid(f"terrain: spacing {self.spacing} m; it must be greater than 0")
+        for name in ("sigma", "material"):
+            layer = getattr(self, name)
+            if layer is not None and layer.shape != self.z.shape:
+                raise InputInvalid(f"terrain: {name} is {layer.shape}, z is {self.z.shape}")
+
+    @property
+    def extent(self) -> tuple[float, float, float, float]:
+        """Smallest and greatest N, smallest and greatest E (m)."""
+        north, east = self.origin
+        rows, columns = self.z.shape
+        far_north = north + (rows - 1) * self.spacing
+        return north, far_north, east, east + (columns - 1) * self.spacing
+
+
+def save_terrain(terrain: Terrain, file: Path) -> None:
+    """Write a terrain as .npz (compressed; the same terrain gives the same bytes)."""
+    layers = {"z": np.asarray(terrain.z, np.float32)}
+    if terrain.sigma is not None:
+        layers["sigma"] = np.asarray(terrain.sigma, np.float32)
+    if terrain.material is not None:
+        layers["material"] = np.asarray(terrain.material, np.uint8)
+    words = {
+        "version": VERSION,
+        "spacing": terrain.spacing,
+        "origin": list(terrain.origin),
+        "crs": terrain.crs,
+        "northing": terrain.northing,
+        "easting": terrain.easting,
+        "vertical_datum": terrain.vertical_datum,
+        "materials": list(terrain.materials),
+        "source": terrain.source,
+    }
+    np.savez_compressed(file, allow_pickle=False, about=np.array(json.dumps(words)), **layers)
+
+
+def load_terrain(file: Path) -> Terrain:
+    """Read a terrain that `save_terrain` wrote; raises `InputInvalid` for anything else."""
+    try:
+        with np.load(noted(file), allow_pickle=False) as kept:
+            about = json.loads(str(kept["about"]))
+            layers = {name: kept[name] for name in kept.files if name != "about"}
+        if about["version"] != VERSION:
+            found = about["version"]
+            raise InputInvalid(f"{file}: terrain of version {found}; this reads version {VERSION}")
+        return Terrain(
+            z=layers["z"],
+            spacing=about["spacing"],
+            origin=(about["origin"][0], about["origin"][1]),
+            sigma=layers.get("sigma"),
+            crs=about["crs"],
+            northing=about["northing"],
+            easting=about["easting"],
+            vertical_datum=about["vertical_datum"],
+            material=layers.get("material"),
+            materials=tuple(about["materials"]),
+            source=about["source"],
+        )
+    except InputInvalid:
+        raise
+    except FileNotFoundError:
+        raise InputInvalid(f"{file}: there is no such file; `uuvsim terrain` makes one") from None
+    except Exception as error:
+        # numpy would advise to load it unsafely
+        reason = "it is no archive of arrays" if "pickle" in str(error) else error
+        raise InputInvalid(f"{file}: not a terrain that `uuvsim terrain` wrote: {reason}") from None

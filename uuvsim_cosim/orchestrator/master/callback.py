@@ -1,0 +1,154 @@
+"""Callbacks by which the stepping loop in C steps any component through its Python methods."""
+
+from __future__ import annotations
+
+import ctypes
+import sys
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from uuvsim_cosim.fmus.component import Binding, BindingKind, Component
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.orchestrator.master.core import by_type
+from uuvsim_cosim.orchestrator.master.slots import decode, encode
+
+if TYPE_CHECKING:
+    from sys import UnraisableHookArgs
+
+__all__ = ["CallbackBinding", "Callbacks", "component_binding"]
+
+_DO_STEP = ctypes.CFUNCTYPE(
+    None, ctypes.c_void_p, ctypes.c_double, ctypes.c_double, ctypes.c_void_p
+)
+_STATE = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
+_GET = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
+
+
+class Callbacks:
+    """The callbacks of one component; an exception in them is kept in `error`.
+
+    The loop in C sets `status` to an error before each call, and a call that is complete sets
+    it to 0. A returned status would not do: a signal that arrives while C code runs is raised at
+    the first line of the callback, outside of its `try`. ctypes then prints the exception and
+    returns what the call before returned, so that an interruption would be lost.
+    """
+
+    def __init__(self, component: Component) -> None:
+        _keep_escaped_errors()
+        self.error: BaseException | None = None
+        self.status = ctypes.c_int32()
+        self._component = component
+        self._inputs = _Row(component.description.of("input"))
+        self._outputs = _Row(component.description.of("output", "local"))
+        self.do_step = _DO_STEP(self._do_step)
+        self.get = _GET(self._get)
+        self.get_state = _STATE(self._get_state)
+        self.set_state = _STATE(self._set_state)
+        self._state: Any = None
+
+    def serve(self, component: Component) -> None:
+        """Call another instance of the same from now on."""
+        self._component = component
+        self.forget()
+
+    def forget(self) -> None:
+        """Set every input at the next step, also those that have not changed."""
+        self._inputs.last[:] = None
+
+    def _get_state(self, user: int | None) -> None:
+        try:
+            self._state = self._component.get_fmu_state()
+            self.status.value = 0
+        except BaseException as error:  # raised again by the master, outside C
+            self.error = error
+
+    def _set_state(self, user: int | None) -> None:
+        try:
+            self._component.set_fmu_state(self._state)
+            self.forget()
+            self.status.value = 0
+        except BaseException as error:  # raised again by the master, outside C
+            self.error = error
+
+    def _do_step(self, user: int | None, t: float, h: float, slots: int) -> None:
+        try:
+            row = self._inputs
+            for k, (variable, raw) in enumerate(row.of(slots)):
+                bits = raw.tobytes()
+                if variable.type in ("String", "Binary") or row.last[k] != bits:
+                    self._component.set(variable, decode(variable, raw))
+                    row.last[k] = bits
+            self._component.do_step(t, h)
+            self.status.value = 0
+        except BaseException as error:  # raised again by the master, outside C
+            self.error = error
+
+    def _get(self, user: int | None, slots: int) -> None:
+        try:
+            for variable, raw in self._outputs.of(slots):
+                encode(variable, self._component.get(variable), raw)
+            self.status.value = 0
+        except BaseException as error:  # raised again by the master, outside C
+            self.error = error
+
+
+def _keep_escaped_errors() -> None:
+    """Keep an exception that escapes from a callback in its `error` instead of printing it."""
+    before = sys.unraisablehook
+    if getattr(before, "keeps_escaped_errors", False):
+        return
+
+    def hook(unraisable: UnraisableHookArgs) -> None:
+        callbacks = getattr(unraisable.object, "__self__", None)
+        if isinstance(callbacks, Callbacks):
+            callbacks.error = unraisable.exc_value
+        else:
+            before(unraisable)
+
+    hook.keeps_escaped_errors = True  # type: ignore[attr-defined]
+    sys.unraisablehook = hook
+
+
+class _Row:
+    """Variables that lie one after another in slots; views are made once for each address."""
+
+    def __init__(self, variables: list[Variable]) -> None:
+        self.variables = by_type(variables)
+        self.last: np.ndarray = np.full(len(variables), None, object)
+        self._views: dict[int, list[tuple[Variable, np.ndarray]]] = {}
+
+    def of(self, address: int) -> list[tuple[Variable, np.ndarray]]:
+        if not self.variables:
+            return []
+        if address not in self._views:
+            size = sum(v.size for v in self.variables)
+            pointer = ctypes.cast(address, ctypes.POINTER(ctypes.c_uint64))
+            raw = np.ctypeslib.as_array(pointer, (size,))
+            views, first = [], 0
+            for v in self.variables:
+                views.append((v, raw[first : first + v.size]))
+                first += v.size
+            self._views[address] = views
+        return self._views[address]
+
+
+@dataclass(frozen=True)
+class CallbackBinding(Binding):
+    """A binding that keeps its callbacks alive."""
+
+    callbacks: Callbacks
+
+
+def component_binding(component: Component) -> CallbackBinding:
+    """Return the binding of a component that is stepped through Python."""
+    callbacks = Callbacks(component)
+    functions = {
+        "DoStep": ctypes.cast(callbacks.do_step, ctypes.c_void_p).value or 0,
+        "Get": ctypes.cast(callbacks.get, ctypes.c_void_p).value or 0,
+        "GetFMUState": ctypes.cast(callbacks.get_state, ctypes.c_void_p).value or 0,
+        "SetFMUState": ctypes.cast(callbacks.set_state, ctypes.c_void_p).value or 0,
+    }
+    address = ctypes.addressof(callbacks.status)
+    return CallbackBinding(BindingKind.CALLBACK, address, functions, callbacks)

@@ -1,0 +1,269 @@
+"""Tables of the stepping loop, made from a plan and its live components: slots and addresses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import get_args
+
+from uuvsim_cosim.errors import FmuError
+from uuvsim_cosim.fmus.component import Binding, BindingKind, Component
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.fmus.isolation.isolated import Isolated
+from uuvsim_cosim.models.declaration.units import Unit
+from uuvsim_cosim.orchestrator.master.callback import CallbackBinding, component_binding
+from uuvsim_cosim.orchestrator.master.core import Access, Action, Core, Type, by_type
+from uuvsim_cosim.orchestrator.master.shared import Serve, SharedBinding, shared_binding
+from uuvsim_cosim.orchestrator.plan.plan import Plan
+from uuvsim_cosim.orchestrator.system.elements import Solver
+from uuvsim_cosim.orchestrator.values.values import conversion
+
+__all__ = ["Placed", "Tables", "fmi_name", "tables_of"]
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A variable of a component, and its first slot; element i (from 0) is at slot + i."""
+
+    member: int
+    variable: Variable
+    slot: int
+
+    @property
+    def slots(self) -> range:
+        """Return the variable's slots."""
+        return range(self.slot, self.slot + self.variable.size)
+
+
+@dataclass(frozen=True)
+class Tables:
+    """The core with its tables, and where values lie; members count in stepping order."""
+
+    core: Core
+    plan: Plan
+    order: tuple[int, ...]  # member -> index into Plan.components
+    bindings: tuple[Binding, ...]  # by member
+    inputs: dict[tuple[int, str], Placed]  # by (index into Plan.components, name)
+    outputs: dict[tuple[int, str], Placed]
+
+    def replace(self, member: int, component: Component) -> None:
+        """Put another instance of the same FMU in a member's place."""
+        binding = self.bindings[member]
+        if isinstance(binding, CallbackBinding):
+            binding.callbacks.serve(component)
+        elif isinstance(binding, SharedBinding) and isinstance(component, Isolated):
+            binding.exchange.exchange_with(component)
+        else:
+            binding = component.binding()
+            self.core.instance(member, binding.instance, binding.functions.get("StateKept", 0))
+
+    def placed_at(self, slot: int) -> tuple[Placed, int]:
+        """Find the variable and the element (from 0) of a slot."""
+        for p in (*self.inputs.values(), *self.outputs.values()):
+            if slot in p.slots:
+                return p, slot - p.slot
+        raise LookupError(slot)
+
+
+def tables_of(
+    plan: Plan,
+    components: Sequence[Component],
+    recorded: Sequence[tuple[int, Variable]],
+    every: int = 1,
+    n_rows: int = 0,
+    live: Sequence[tuple[int, Variable]] = (),
+    held: Sequence[tuple[int, Variable]] = (),
+    serve: Serve | None = None,
+) -> Tables:
+    """Number the slots, and fill in the core; `recorded` are (index, variable) of each row.
+
+    Variables of `live` are read, and inputs of `held` are set, in every step as well. `serve`
+    steps an isolated component in its process; it is required if there is one.
+    """
+    order = tuple(i for group in plan.groups for i in group.members)
+    bindings = tuple(_binding(components[i], serve) for i in order)
+    inputs = _place(_connected_inputs(plan, components, order, bindings, held), 0)
+    first_output = sum(p.variable.size for p in inputs.values())
+    read = [*recorded, *live]
+    outputs = _place(_read_outputs(plan, components, order, bindings, read), first_output)
+    n_slots = first_output + sum(p.variable.size for p in outputs.values())
+    core = Core(len(order), n_slots, plan.tick)
+    sequential = {i for g in plan.groups if g.algorithm != "jacobi" for i in g.members}
+    for member, i in enumerate(order):
+        b = bindings[member]
+        get = b.functions.get("UpdateOutputs" if b.kind == BindingKind.NATIVE else "Get", 0)
+        step = _function(b, "DoStep", components[i].path)
+        ticks = plan.components[i].step_ticks
+        kept = b.functions.get("StateKept", 0)
+        path = components[i].path
+        core.member(member, b.kind, b.instance, step, get, kept, ticks, i in sequential, path)
+        for action, placed in ((Action.SET, inputs), (Action.GET, outputs)):
+            mine = [p for p in placed.values() if p.member == member]
+            for access in _accesses(b, action, mine, components[i].path):
+                core.access(member, access)
+        if isinstance(b, SharedBinding):
+            b.exchange.open(
+                *([p.variable for p in side.values() if p.member == member]
+                  for side in (inputs, outputs))
+            )  # fmt: skip
+        if b.kind == BindingKind.NATIVE and "GetFMUState" in b.functions:
+            core.state(member, *_state_functions(b, components[i]))
+    tables = Tables(core, plan, order, bindings, inputs, outputs)
+    _add_transfers(plan, tables)
+    _add_iterated(plan, tables, components)
+    if recorded:
+        slots = [s for i, v in recorded for s in _recorded_slots(tables, i, v)]
+        core.record(slots, every, n_rows)
+    return tables
+
+
+def _binding(component: Component, serve: Serve | None) -> Binding:
+    binding = component.binding()
+    if binding.kind == BindingKind.CALLBACK and not binding.functions:
+        return component_binding(component)
+    if binding.kind != BindingKind.SHARED:
+        return binding
+    assert serve is not None  # a component in a child process is itself not isolated
+    return shared_binding(component, serve)
+
+
+def _takes_all(b: Binding) -> bool:
+    """Return whether all inputs are set and all outputs read, connected or not."""
+    return BindingKind.CALLBACK in (b.kind, b.served if isinstance(b, SharedBinding) else b.kind)
+
+
+_Wanted = Iterator[tuple[int, int, Iterable[Variable]]]  # member, component, variables
+
+
+def _connected_inputs(
+    plan: Plan,
+    components: Sequence[Component],
+    order: Sequence[int],
+    bindings: Sequence[Binding],
+    held: Sequence[tuple[int, Variable]],
+) -> _Wanted:
+    for member, i in enumerate(order):
+        described = components[i].description
+        if _takes_all(bindings[member]):
+            yield member, i, described.of("input")
+            continue
+        names = {t.target_variable.name for t in plan.transfers if t.target == i}
+        names |= {v.name for j, v in held if j == i}
+        yield member, i, [v for v in described.variables.values() if v.name in names]
+
+
+def _read_outputs(
+    plan: Plan,
+    components: Sequence[Component],
+    order: Sequence[int],
+    bindings: Sequence[Binding],
+    recorded: Sequence[tuple[int, Variable]],
+) -> _Wanted:
+    for member, i in enumerate(order):
+        described = components[i].description
+        if _takes_all(bindings[member]):
+            yield member, i, described.of("output", "local")
+            continue
+        names = {t.source_variable.name for t in plan.transfers if t.source == i}
+        names |= {v.name for j, v in recorded if j == i}
+        yield member, i, [v for v in described.variables.values() if v.name in names]
+
+
+def _place(wanted: _Wanted, first: int) -> dict[tuple[int, str], Placed]:
+    placed = {}
+    for member, i, variables in wanted:
+        for v in by_type(variables):
+            placed[i, v.name] = Placed(member, v, first)
+            first += v.size
+    return placed
+
+
+def _accesses(b: Binding, action: Action, placed: Sequence[Placed], path: str) -> Iterator[Access]:
+    for type_, same in groupby(placed, lambda p: Type.of(p.variable)):
+        run = list(same)
+        count = sum(p.variable.size for p in run)
+        references = tuple(r for p in run for r in _references(b, p.variable))
+        function = 0
+        if b.kind in (BindingKind.FMI2, BindingKind.FMI3):
+            function = _function(b, fmi_name(b.kind, action, type_), path)
+        yield Access(action, type_, run[0].slot, count, references, function)
+
+
+def _references(b: Binding, v: Variable) -> tuple[int, ...]:
+    if b.kind == BindingKind.NATIVE and len(v.value_references) != v.size:
+        return tuple(v.value_references[0] + i for i in range(v.size))
+    return v.value_references
+
+
+def fmi_name(kind: BindingKind, action: Action, type_: Type) -> str:
+    """Return FMI's function for a type, without prefix: ``GetFloat64``, ``SetReal``."""
+    verb = "Set" if action == Action.SET else "Get"
+    if kind == BindingKind.FMI3:
+        return verb + type_.name
+    if type_ in (Type.Boolean, Type.String):
+        return verb + type_.name
+    return verb + ("Real" if type_ == Type.Float64 else "Integer")
+
+
+def _function(b: Binding, name: str, path: str) -> int:
+    if name not in b.functions:
+        prefix = {BindingKind.FMI2: "fmi2", BindingKind.FMI3: "fmi3"}.get(b.kind, "")
+        raise FmuError(f"{path}: its binary has no function {prefix}{name}; expected one")
+    return b.functions[name]
+
+
+def _add_transfers(plan: Plan, tables: Tables) -> None:
+    group_of = {i: n for n, g in enumerate(plan.groups) for i in g.members}
+    member_of = {i: member for member, i in enumerate(tables.order)}
+    for t in plan.transfers:
+        turns: dict[str | None, float] = {}
+        source = tables.outputs[t.source, t.source_variable.name]
+        target = tables.inputs[t.target, t.target_variable.name]
+        same = group_of[t.source] == group_of[t.target]
+        algorithm = plan.groups[group_of[t.source]].algorithm if same else "jacobi"
+        early = 2 * (algorithm == "iterated") or int(
+            algorithm == "gauss-seidel"
+            and member_of[t.source] < member_of[t.target]
+            and plan.components[t.source].step_ticks <= plan.components[t.target].step_ticks
+        )
+        for a, b in zip(t.source_elements, t.target_elements, strict=True):
+            slots = (target.slot + b, source.slot + a)
+            core = tables.core
+            core.transfer(target.member, source.member, slots, early, (t.factor, t.offset), t.table)
+            unit = t.target_variable.unit_of_element(b)
+            if unit not in turns:
+                turns[unit] = _turn(unit, plan.components[t.target].description.units)
+            if turns[unit]:
+                core.angle(slots[0], turns[unit])
+
+
+def _turn(unit: str | None, units: Mapping[str, Unit]) -> float:
+    """Return a full turn in a unit of angles, or 0 for another unit."""
+    of_angle = conversion("rad", unit, units) if unit else None
+    return 2.0 * math.pi * of_angle[0] if of_angle else 0.0
+
+
+def _add_iterated(plan: Plan, tables: Tables, components: Sequence[Component]) -> None:
+    first = 0
+    for group in plan.groups:
+        if group.algorithm == "iterated":
+            for member in range(first, first + len(group.members)):
+                b, component = tables.bindings[member], components[tables.order[member]]
+                tables.core.state(member, *_state_functions(b, component))
+            solver = get_args(Solver).index(group.solver)
+            tables.core.iterate(first, len(group.members), solver, group.tolerance, group.limit)
+        first += len(group.members)
+
+
+def _state_functions(b: Binding, component: Component) -> tuple[int, int, int, int]:
+    suffix = "FMUstate" if b.kind == BindingKind.FMI2 else "FMUState"
+    get, set_ = (_function(b, verb + suffix, component.path) for verb in ("Get", "Set"))
+    size = b.functions.get("StateSize", 0)
+    return get, set_, b.functions.get("Free" + suffix, 0), size
+
+
+def _recorded_slots(tables: Tables, i: int, v: Variable) -> range:
+    placed = tables.outputs.get((i, v.name)) or tables.inputs[i, v.name]
+    return placed.slots

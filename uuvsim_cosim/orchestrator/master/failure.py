@@ -1,0 +1,165 @@
+"""Errors for a stopped stepping loop: component, variable and time of the failure."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from typing import Any
+
+from uuvsim_cosim.errors import ComponentFailed, LoopNotConverged, UuvsimError
+from uuvsim_cosim.fmus.component import BindingKind, Component
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.models.declaration.element_names import split_element_name
+from uuvsim_cosim.orchestrator.master.callback import CallbackBinding
+from uuvsim_cosim.orchestrator.master.core import Action, Failure, Outcome, Type
+from uuvsim_cosim.orchestrator.master.core_tables import Tables, fmi_name
+from uuvsim_cosim.orchestrator.master.shared import SharedBinding
+from uuvsim_cosim.orchestrator.values.value_table import listed
+
+__all__ = ["error_of", "last_words", "nan_on_purpose"]
+
+_BECAME = re.compile(r'"([^"]+)" became ')  # what the shells of fmus/runtime say
+_STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
+
+
+def error_of(
+    failure: Failure, tables: Tables, components: Sequence[Component], time: float
+) -> BaseException:
+    """Return the error to raise; an exception of a component in Python is given as it was."""
+    if failure.outcome == Outcome.NOT_CONVERGED:
+        return _not_converged(failure, tables, components, time)
+    binding = tables.bindings[failure.member]
+    component = components[tables.order[failure.member]]
+    if isinstance(binding, SharedBinding) and (gave := binding.exchange.error(time)) is not None:
+        return gave
+    if failure.outcome == Outcome.NO_MEMORY:
+        return UuvsimError(f"{component.path}: no memory for a text or binary value")
+    if failure.outcome == Outcome.BAD_STATUS and isinstance(binding, CallbackBinding):
+        error = binding.callbacks.error
+        if error is None:  # only a signal's exception escapes, and another hook has taken it
+            return KeyboardInterrupt()
+        if isinstance(error, UuvsimError) or not isinstance(error, Exception):
+            return error
+        return ComponentFailed(component.path, time, f"{type(error).__name__}: {error}")
+    own = getattr(component, "failure", None)  # an FMU names its status and its messages
+    if failure.outcome == Outcome.BAD_STATUS and own is not None:
+        failed: ComponentFailed = own(
+            _function(failure, tables, binding.kind), failure.status, time
+        )
+        became = _BECAME.search(failed.reason)
+        why = nan_on_purpose(component, became[1]) if became else ""
+        if not why:
+            return failed
+        return ComponentFailed(failed.path, failed.time, failed.reason + why, failed.asks_to_end)
+    reason = _reason(failure, tables, component) + last_words(component)
+    return ComponentFailed(component.path, time, reason, failure.outcome == Outcome.ENDED)
+
+
+def _not_converged(
+    failure: Failure, tables: Tables, components: Sequence[Component], time: float
+) -> LoopNotConverged:
+    placed, element = tables.placed_at(failure.slot)
+    i = tables.order[placed.member]
+    path = components[i].path
+    group = next(g for g in tables.plan.groups if i in g.members)
+    hops = [
+        f"{components[t.source].path}.{t.source_variable.name} -> "
+        f"{components[t.target].path}.{t.target_variable.name}"
+        for t in tables.plan.transfers
+        if t.source in group.members and t.target in group.members
+    ]
+    where = f"{path}.{placed.variable.element_name(element)}"
+    numeric = Type.of(placed.variable) <= Type.Float32
+    final = (
+        f"residual {failure.residual:.3g} at {where}" if numeric else f"{where} changes each time"
+    )
+    chosen = any(set(loop.members) <= set(group.members) for loop in tables.plan.algebraic_loops)
+    delay = ', or the loop policy "delay" (--loops delay)' if chosen else ""
+    return LoopNotConverged(
+        f"iterated group {', '.join(hops)}: inputs and outputs do not agree in the step from "
+        f"t = {time:.9g} s by the solver {group.solver!r}; {final} after {failure.status} "
+        "iterations; expected a loop with a solution (its gain is not 1), another solver, or a "
+        f"smaller step{delay}"
+    )
+
+
+def _function(failure: Failure, tables: Tables, kind: BindingKind) -> str:
+    action = Action(failure.action)
+    if action == Action.DO_STEP:
+        return "DoStep"
+    if action in (Action.GET_STATE, Action.SET_STATE):
+        return action.name.title().replace("_State", "FMUState")
+    placed, _ = tables.placed_at(failure.slot)
+    return fmi_name(kind, action, Type.of(placed.variable))
+
+
+def _reason(failure: Failure, tables: Tables, component: Component) -> str:
+    outcome = Outcome(failure.outcome)
+    if outcome == Outcome.NOT_FINITE:
+        name, value = _slot(failure.slot, tables)
+        return f"output {name} is {value}; expected a finite number"
+    if outcome == Outcome.STATE_NOT_FINITE:
+        name = _at_offset(component, failure.status)
+        why = nan_on_purpose(component, name)
+        return f"{name} is not finite after a step; expected finite numbers{why}"
+    if outcome == Outcome.OUT_OF_RANGE:
+        placed, element = tables.placed_at(failure.slot)
+        name = placed.variable.element_name(element)
+        if table := _table_at(tables, placed.member, placed.variable, element):
+            return (
+                f"the value connected to input {name} has no entry in its table; expected {table}"
+            )
+        exactly = " exactly" if placed.variable.type.startswith("Float") else ""
+        return f"the value connected to input {name} does not fit {placed.variable.type}{exactly}"
+    if outcome == Outcome.ENDED:
+        return "it asks to end the simulation"
+    if outcome == Outcome.EARLY_RETURN:
+        return "it returned from a step before the step's end, which was not allowed"
+    status = failure.status
+    word = _STATUS[status] if 0 <= status < len(_STATUS) else "a status that FMI does not know"
+    return f"{Action(failure.action).name.lower()} returned {word} ({status})"
+
+
+def _table_at(tables: Tables, member: int, variable: Variable, element: int) -> str:
+    i = tables.order[member]
+    for t in tables.plan.transfers:
+        fed = (t.target, t.target_variable.name) == (i, variable.name)
+        if fed and t.table and element in t.target_elements:
+            return listed(t.table)
+    return ""
+
+
+def nan_on_purpose(component: Component, name: str) -> str:
+    """Return what a variable's description says of where it is NaN, for the end of an error."""
+    variable = component.description.variables.get(split_element_name(name)[0])
+    description = "" if variable is None else variable.description
+    return f" ({description})" if "NaN" in description else ""
+
+
+def last_words(component: Component) -> str:
+    """Return the last messages of a component, for the end of an error."""
+    drain = getattr(component, "drain_messages", None)
+    if drain is not None:
+        drain()
+    messages: list[tuple[str, str]] = getattr(component, "messages", [])
+    texts = [text for _, text in messages[-3:]]
+    return f"; its last messages: {' | '.join(texts)}" if texts else ""
+
+
+def _slot(slot: int, tables: Tables) -> tuple[str, Any]:
+    placed, element = tables.placed_at(slot)
+    core = tables.core
+    for values in (core.slots, core.fresh):
+        value = float(values[slot : slot + 1].view("f8")[0])
+        if not math.isfinite(value):
+            return placed.variable.element_name(element), value
+    return placed.variable.element_name(element), "not finite"
+
+
+def _at_offset(component: Component, offset: int) -> str:
+    for v in component.description.variables.values():
+        first = v.value_references[0] if v.value_references else -1
+        if 0 <= first <= offset < first + v.size and Type.of(v) == Type.Float64:
+            return v.element_name(offset - first)
+    return "a value"

@@ -1,0 +1,168 @@
+"""Faults of signals: receivers of an output read a changed value, the component does not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Literal, final, get_args
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.models.declaration.near_names import expected_names
+from uuvsim_cosim.orchestrator.master.core_tables import Placed, Tables
+from uuvsim_cosim.orchestrator.plan.plan import Plan
+from uuvsim_cosim.orchestrator.values.endpoints import resolve_endpoint
+from uuvsim_cosim.orchestrator.values.values import Misfit
+
+__all__ = ["Fault", "FaultKind", "Faults", "KeptFault", "hash_of_seeds"]
+
+FaultKind = Literal["override", "bias", "scale", "freeze", "delay", "drop"]
+_NEEDS = {
+    "override": "the value that others see", "bias": "what is added", "scale": "a factor",
+    "freeze": "nothing", "delay": "seconds", "drop": "a probability in [0, 1]",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Fault:
+    """What is wrong with a signal: an output, or elements of it ("dvl.beam_velocity[1]").
+
+    `value` is in the variable's unit; of a "delay" it is seconds, of a "drop" the probability
+    that a sample is lost and the last one seen again. "freeze" needs none.
+    """
+
+    signal: str
+    kind: FaultKind
+    value: float = 0.0
+
+
+@dataclass(frozen=True)
+class KeptFault:
+    """A fault in a snapshot, with what each of its elements keeps: (head, past values)."""
+
+    number: int
+    fault: Fault
+    past: tuple[tuple[int, bytes], ...]
+
+
+@final
+class Faults:
+    """The faults that are active in a running master; `seed` decides which samples are dropped."""
+
+    def __init__(self, tables: Tables, seed: int) -> None:
+        self._tables = tables
+        self._seed = seed % 2**64
+        self._active: dict[int, tuple[Fault, tuple[int, ...]]] = {}
+        self._next = 1
+        self._next_id = 1
+
+    @property
+    def active(self) -> dict[int, Fault]:
+        """Return the faults by number."""
+        return {number: fault for number, (fault, _) in self._active.items()}
+
+    def add(self, fault: Fault) -> int:
+        """Make a signal faulty from now on; gives the number to `clear` it by."""
+        number, self._next = self._next, self._next + 1
+        self._add(number, fault)
+        return number
+
+    def clear(self, number: int | None = None) -> None:
+        """Repair a signal, or all."""
+        numbers = list(self._active) if number is None else [number]
+        for n in numbers:
+            if n not in self._active:
+                known = ", ".join(map(str, self._active)) or "there is none"
+                raise InputInvalid(f"no fault {n}; expected one of {known}")
+            for i in self._active.pop(n)[1]:
+                self._tables.core.clear_fault(i)
+
+    def kept(self) -> tuple[KeptFault, ...]:
+        """Copy everything, for a snapshot."""
+        return tuple(
+            KeptFault(n, fault, tuple(self._tables.core.fault_past(i) for i in ids))
+            for n, (fault, ids) in self._active.items()
+        )
+
+    def restore(self, kept: Iterable[KeptFault]) -> None:
+        """Make the faults those of a snapshot."""
+        self.clear()
+        for k in kept:
+            self._add(k.number, k.fault)
+            for i, (head, past) in zip(self._active[k.number][1], k.past, strict=True):
+                self._tables.core.set_fault_past(i, head, past)
+            self._next = max(self._next, k.number + 1)
+
+    def _add(self, number: int, fault: Fault) -> None:
+        placed, elements = self._place(fault)
+        n = self._check(fault, placed)
+        ids = []
+        for e in elements:
+            i, self._next_id = self._next_id, self._next_id + 1
+            kind = get_args(FaultKind).index(fault.kind) + 1
+            slot = placed.slot + e
+            core = self._tables.core
+            core.fault(i, placed.member, slot, kind, float(fault.value), n, self._seed)
+            ids.append(i)
+        self._active[number] = (fault, tuple(ids))
+
+    def _place(self, fault: Fault) -> tuple[Placed, tuple[int, ...]]:
+        plan = self._tables.plan
+        descriptions = {c.path: c.description for c in plan.components}
+        try:
+            point = resolve_endpoint(fault.signal, descriptions)
+        except Misfit as misfit:
+            raise InputInvalid(str(misfit.at(fault.signal))) from None
+        index = next(i for i, c in enumerate(plan.components) if c.path == point.element)
+        placed = self._tables.outputs.get((index, point.variable.name))
+        if placed is None:
+            names = [f"{plan.components[i].path}.{n}" for i, n in self._tables.outputs]
+            raise InputInvalid(
+                f"{fault.signal}: is no output that is connected or recorded; expected "
+                f"{expected_names(fault.signal, names)}"
+            )
+        return placed, tuple(point.elements)
+
+    def _check(self, fault: Fault, placed: Placed) -> int:
+        if fault.kind not in get_args(FaultKind):
+            known = expected_names(fault.kind, get_args(FaultKind))
+            raise InputInvalid(f"{fault.signal}: fault {fault.kind!r}; expected {known}")
+        if placed.variable.type in ("String", "Binary"):
+            raise InputInvalid(
+                f"{fault.signal}: is a {placed.variable.type}; expected a number or a Boolean"
+            )
+        bad = not math.isfinite(fault.value)
+        bad |= fault.kind == "drop" and not 0.0 <= fault.value <= 1.0
+        bad |= fault.kind in ("override", "bias") and not _fits(placed.variable, fault.value)
+        n = 1
+        if fault.kind == "delay" and not bad:
+            step = self._step(placed)
+            samples = Fraction(str(fault.value)) / step
+            if samples < 1 or samples.denominator != 1:
+                raise InputInvalid(
+                    f"{fault.signal}: delay {fault.value:g} s; expected a whole number of the "
+                    f"component's steps of {float(step):g} s"
+                )
+            n = int(samples)
+        if bad:
+            raise InputInvalid(
+                f"{fault.signal}: {fault.kind} {fault.value:g}; expected {_NEEDS[fault.kind]}"
+            )
+        return n
+
+    def _step(self, placed: Placed) -> Fraction:
+        plan = self._tables.plan
+        return plan.components[self._tables.order[placed.member]].step_ticks * plan.tick
+
+
+def _fits(variable: Variable, value: float) -> bool:
+    """Return whether an integer, which goes to C as a double, stays what it is."""
+    return variable.type in ("Float64", "Float32") or float(value) == value == int(value)
+
+
+def hash_of_seeds(plan: Plan) -> int:
+    """Return a seed that follows from those of the plan's components, so from the system's."""
+    first, second = plan.components[0].seed if plan.components else (0, 0)
+    return (first % 2**32) << 32 | second % 2**32

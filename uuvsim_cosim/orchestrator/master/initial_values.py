@@ -1,0 +1,149 @@
+"""Transfer of values along the connections in Initialization Mode, in the plan's order."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from uuvsim_cosim.errors import FmuError, InputInvalid
+from uuvsim_cosim.fmus.component import Component
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.fmus.description_xml import DTYPES
+from uuvsim_cosim.orchestrator.master.failure import nan_on_purpose
+from uuvsim_cosim.orchestrator.plan.algebraic_loop import solve_loop
+from uuvsim_cosim.orchestrator.plan.plan import Plan, Transfer
+from uuvsim_cosim.orchestrator.values.value_table import listed
+
+__all__ = ["converted", "propagate", "set_inputs"]
+
+
+def propagate(plan: Plan, components: Sequence[Component], time: float) -> None:
+    """Set every connected input from its source; solves loops on the way.
+
+    Raises LoopNotConverged. An entry of the order that names one component twice is a loop
+    through that component alone.
+    """
+    solved: set[int] = set()  # transfers; setting them once more would add rounding, times gain
+    for entry in plan.initialization:
+        members = set(entry)
+        into = [t for t in plan.transfers if t.target in members and id(t) not in solved]
+        set_inputs(components, into)
+        if len(entry) > 1:
+            inner = [t for t in plan.transfers if t.target in members and t.source in members]
+            solved.update(id(t) for t in solve_loop(inner, components, time))
+    set_inputs(components, [t for t in plan.transfers if id(t) not in solved])
+
+
+def set_inputs(components: Sequence[Component], transfers: Iterable[Transfer]) -> None:
+    """Set the targets of transfers from the present values of their sources.
+
+    Raises FmuError, which names where a value comes from that a target does not take.
+    """
+    transfers = list(transfers)
+    read: dict[tuple[int, str], np.ndarray] = {}
+    pending: dict[tuple[int, str], tuple[Variable, np.ndarray]] = {}
+    for t in transfers:
+        source, target = (t.source, t.source_variable.name), (t.target, t.target_variable.name)
+        if source not in read:
+            read[source] = _flat(components[t.source], source[1])
+        if target not in pending:
+            variable = components[t.target].description.variables[target[1]]
+            pending[target] = (variable, _flat(components[t.target], target[1]))
+        values = converted(t, read[source][list(t.source_elements)])
+        fitting = _fitting(values, t, components)
+        pending[target][1][list(t.target_elements)] = fitting
+    for (i, name), (variable, flat) in pending.items():
+        try:
+            components[i].set(variable, flat.reshape(variable.shape) if variable.shape else flat[0])
+        except FmuError as error:
+            raise FmuError(f"{error}{_origin(components, transfers, (i, name))}") from None
+
+
+def _origin(
+    components: Sequence[Component], transfers: Iterable[Transfer], target: tuple[int, str]
+) -> str:
+    """Say which outputs feed an input with what is not finite, and what they say of that."""
+    reasons = []
+    for t in transfers:
+        if (t.target, t.target_variable.name) != target:
+            continue
+        source, name = components[t.source], t.source_variable.name
+        values = _flat(source, name)
+        if values.dtype.kind == "f" and not np.all(np.isfinite(values)):
+            reasons.append(f"{source.path}.{name} gives it{nan_on_purpose(source, name)}")
+    return "".join(f"; {reason}" for reason in reasons)
+
+
+def converted(t: Transfer, values: np.ndarray) -> Any:
+    """Apply a transfer's table, or factor and offset, exactly if they are 1 and 0."""
+    if t.table:
+        return _looked_up(t, values)
+    if (t.factor, t.offset) == (1.0, 0.0):
+        return values
+    if values.dtype.kind in "iu" and not _is_exact(values):
+        values = values.astype(object)  # what does not fit is found by its digits
+        return Fraction(t.factor) * values + Fraction(t.offset)
+    return t.factor * values + t.offset
+
+
+def _is_exact(values: np.ndarray) -> bool:
+    """Return whether integers are the same as Float64."""
+    return all(int(float(x)) == x for x in values.tolist())
+
+
+def _fitting(values: np.ndarray, t: Transfer, components: Sequence[Component]) -> np.ndarray:
+    """Return numbers in the target's type, as the stepping loop converts them.
+
+    Raises FmuError for one that the type cannot hold: an integer beyond its range, or with
+    more digits than a Float64 has.
+    """
+    type_ = t.target_variable.type
+    dtype = np.dtype(DTYPES[type_])
+    if dtype.kind in "Ob" or values.dtype == dtype:
+        return values.astype(dtype)
+    whole: list[Any] = values.tolist()
+    if dtype.kind == "f":
+        fits = values.dtype.kind not in "iuO" or all(float(x) == x for x in whole)
+    else:
+        if values.dtype.kind == "f":  # half away from zero
+            whole = [int(x + math.copysign(0.5, x)) if abs(x) < 2**52 else x for x in whole]
+        limits = np.iinfo(dtype)
+        fits = all(math.isfinite(x) and limits.min <= x <= limits.max for x in whole)
+        fits = fits and all(x == int(x) for x in whole)
+        whole = [int(x) for x in whole] if fits else whole
+    if not fits:
+        source, target = components[t.source].path, components[t.target].path
+        given = ", ".join(str(x) for x in values.tolist())
+        raise FmuError(
+            f"{target}.{t.target_variable.name}: the value {given} of {source}."
+            f"{t.source_variable.name} does not fit {type_}{' exactly' * (dtype.kind == 'f')}; "
+            "expected a value that does, or a connection of equal types"
+        )
+    return np.array(whole, dtype)
+
+
+def _looked_up(t: Transfer, values: np.ndarray) -> np.ndarray:
+    found = dict(t.table)
+    for v in values:
+        if int(v) not in found:
+            raise InputInvalid(
+                f"the connection from {t.source_variable.name} to {t.target_variable.name}: "
+                f"{v} has no entry in its table; expected {listed(t.table)}"
+            )
+    return np.array([found[int(v)] for v in values], DTYPES[t.target_variable.type])
+
+
+def _flat(component: Component, name: str) -> np.ndarray:
+    variable = component.description.variables[name]
+    value = component.get(variable)
+    if isinstance(value, bytes):
+        flat = np.empty(1, object)
+        flat[0] = value
+        return flat
+    if isinstance(value, str):
+        return np.array([value], object)
+    return np.array(value, DTYPES[variable.type]).ravel()

@@ -1,0 +1,637 @@
+"""Master of a run: executes a plan, one communication step after another, by the loop in C."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping, Sequence
+from fractions import Fraction
+from functools import partial
+from operator import index
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Literal, Self, final
+
+import numpy as np
+
+from uuvsim_cosim.errors import (
+    ComponentFailed,
+    FmuError,
+    InputInvalid,
+    LoopNotConverged,
+    UuvsimError,
+)
+from uuvsim_cosim.fmus.component import Component
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.fmus.isolation.guard import AtComponentExit
+from uuvsim_cosim.orchestrator.master import snapshot as snapshots
+from uuvsim_cosim.orchestrator.master.core import Failure, Outcome, Type
+from uuvsim_cosim.orchestrator.master.core_tables import Placed, Tables, tables_of
+from uuvsim_cosim.orchestrator.master.coupling import Residual, loop_remarks, residuals_of
+from uuvsim_cosim.orchestrator.master.failure import error_of
+from uuvsim_cosim.orchestrator.master.faults import Faults, hash_of_seeds
+from uuvsim_cosim.orchestrator.master.initial_values import propagate
+from uuvsim_cosim.orchestrator.master.instance_pool import InstancePool, is_pooled
+from uuvsim_cosim.orchestrator.master.loop_state import LoopState
+from uuvsim_cosim.orchestrator.master.observer import Column, Observer
+from uuvsim_cosim.orchestrator.master.replacement import (
+    copy_values,
+    outliving,
+    plan_with,
+    set_inputs,
+    taken_over,
+)
+from uuvsim_cosim.orchestrator.master.restart import Restart, show_unconnected, unconnected_inputs
+from uuvsim_cosim.orchestrator.master.serving import serve
+from uuvsim_cosim.orchestrator.master.slots import decode, encode
+from uuvsim_cosim.orchestrator.master.snapshot import Snapshot
+from uuvsim_cosim.orchestrator.master.watch import Watch, rows_of
+from uuvsim_cosim.orchestrator.plan.loop_gain import delay_remark, loop_gain
+from uuvsim_cosim.orchestrator.plan.loop_policy import hops_of
+from uuvsim_cosim.orchestrator.plan.plan import Plan, PlannedComponent
+from uuvsim_cosim.orchestrator.plan.start import enter_initialization, variable_of
+from uuvsim_cosim.orchestrator.values.values import Misfit, as_array, fit
+
+__all__ = ["Master", "Starts"]
+
+Starts = Mapping[str, Mapping[str, Any]]  # component's path -> variable's name -> value
+
+_SECONDS = 0.2  # of wall time in C at a time, so that Ctrl-C is prompt
+log = logging.getLogger("uuvsim_cosim.master")
+
+
+@final
+class Master:
+    """One run of a plan: initialize, then step; frees everything at the end, also after a failure.
+
+    `record` names the variables that observers get, as (path, name); by default all outputs.
+    They see every `record_every`-th communication point. `live` names variables, and `held`
+    unconnected inputs, whose present values `slots` shows and takes without a call. Without
+    `measured`, no coupling residuals are measured, which makes steps a little faster.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        instantiate: Callable[[PlannedComponent], Component],
+        *,
+        observers: Sequence[Observer] = (),
+        record: Sequence[tuple[str, str]] | None = None,
+        record_every: int = 1,
+        live: Sequence[tuple[str, str]] = (),
+        held: Sequence[tuple[str, str]] = (),
+        measured: bool = True,
+    ) -> None:
+        self.plan = plan
+        self._measured = measured
+        self._index = {c.path: i for i, c in enumerate(plan.components)}
+        self._watch = Watch(plan, observers)
+        self._record, self._every = record, record_every
+        self._live, self._held = live, held
+        self._tables: Tables | None = None
+        self._faults: Faults | None = None
+        self._loop_state: LoopState | None = None
+        self._remarks: list[str] = []  # of delayed loops that do not converge
+        self.recorded = 0  # scalars that observers get at each recorded point
+        self._first: Snapshot | None = None
+        self._start_tick = 0
+        self._times: tuple[float, float | None] = (0.0, None)
+        self._connected: dict[tuple[int, str], set[int]] = {}
+        for t in plan.transfers:
+            elements = self._connected.setdefault((t.target, t.target_variable.name), set())
+            elements.update(t.target_elements)
+        self._hash = snapshots.plan_hash(plan)
+        self._instantiate = instantiate
+        self._last: Snapshot | None = None
+        self._retired: list[Tables] = []
+        self._recorded_then: list[tuple[int, Variable]] = []
+        self._pools = [InstancePool(partial(instantiate, planned)) for planned in plan.components]
+        self._restart: Restart | None = None
+        self._at_exit: AtComponentExit | None = None
+        self.components: list[Component] = []
+        try:
+            for planned in plan.components:
+                self.components.append(instantiate(planned))
+        except BaseException:
+            self.free()
+            raise
+        self._find_drains()
+
+    # ---- life -----------------------------------------------------------------------------
+
+    def attach(self, observer: Observer) -> None:
+        """Add an observer; before `initialize`."""
+        if self._tables is not None:
+            raise InputInvalid("attach: the run has begun; expected before initialize()")
+        self._watch.observers.append(observer)
+
+    def initialize(self, start_time: float | None = None, stop_time: float | None = None) -> None:
+        """Set start values and seeds, solve Initialization Mode, and leave it.
+
+        The run begins at `start_time` [s], by default where the system does.
+        """
+        if self._tables is not None:
+            raise InputInvalid("initialize: the run has begun; expected reset()")
+        for warning in self.plan.warnings:
+            log.warning("%s", warning)
+        begin = self.plan.start if start_time is None else start_time
+        self._start_tick = self._tick_at(begin, "start_time")
+        self._times = (self._seconds(self._start_tick), stop_time)
+        for planned, component in self._pairs():
+            enter_initialization(planned, component, {}, None, self._times)
+        states = tuple(self._state_or_none(c) for c in self.components)
+        self._first = Snapshot(self._hash, states)
+        self._leave_initialization()
+
+    def reset(self, seed: int | None = None, start: Starts | None = None) -> None:
+        """Go back to Initialization Mode, with another seed or other start values; no reload."""
+        self._ready()
+        first = self._first
+        assert first is not None
+        self.faults.clear()
+        for path, values in (start or {}).items():
+            component = self.components[self._component(path)]
+            for name in values:
+                variable_of(component, name)
+        if self._restart is None:
+            self._restart = Restart(
+                self.plan, self._ready(), self.components, self._pools, self._times
+            )
+        self._restart.enter(first.states, seed, start or {})
+        self._state.forget()
+        self._find_drains()
+        self._leave_initialization()
+
+    def make_ahead(self, resets: int) -> None:
+        """Make the instances that so many resets will need, of FMUs that cannot copy their state.
+
+        Otherwise each reset makes its own.
+        """
+        for pool, component in zip(self._pools, self.components, strict=True):
+            if is_pooled(component):
+                pool.fill(resets, component)
+
+    @property
+    def without_state(self) -> tuple[str, ...]:
+        """The components that cannot copy their state: reset makes them anew, snapshots refuse."""
+        return tuple(c.path for c in self.components if not c.description.can_get_and_set_state)
+
+    def terminate(self) -> None:
+        """End the run in good order: components terminate, observers close."""
+        try:
+            for component in self.components:
+                component.terminate()
+        finally:
+            self._end_watch()
+
+    def free(self) -> None:
+        """Free everything; a second call does nothing. Observers keep what they have seen."""
+        if self._at_exit is not None:
+            self._at_exit.close()
+        try:
+            self._end_watch()
+        finally:
+            tables, self._tables = self._tables, None
+            self._first = None
+            if tables is not None:
+                tables.core.forget()
+            for component in reversed(self.components):
+                component.free()
+            self.components.clear()
+            for pool in self._pools:
+                pool.free()
+            self._last = None
+            for used in [*self._retired, *([] if tables is None else [tables])]:
+                used.core.free()
+            self._retired.clear()
+
+    def __enter__(self) -> Self:
+        """Return the master."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Terminate if all went well, and free everything."""
+        try:
+            if kind is None and self._tables is not None:
+                self.terminate()
+        finally:
+            self.free()
+
+    # ---- stepping -------------------------------------------------------------------------
+
+    @property
+    def residuals(self) -> list[Residual]:
+        """The coupling residuals of the delayed connections, the largest first (see `coupling`).
+
+        Of each connection it is the largest since `initialize`, or since the last `reset`.
+        """
+        return residuals_of(self._ready())
+
+    @property
+    def largest_residual(self) -> Residual | None:
+        """The first of `residuals`; None if no connection delays."""
+        return next(iter(residuals_of(self._ready(), 1)), None)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What the run says of its delayed loops: a gain that lets one diverge, its residual."""
+        return (*self._remarks, *loop_remarks(self._ready()))
+
+    @property
+    def tick(self) -> int:
+        """The communication point that has been reached."""
+        return self._ready().core.tick
+
+    @property
+    def time(self) -> float:
+        """Time at the communication point that has been reached [s]."""
+        return self._seconds(self.tick)
+
+    def step(self, n: int = 1) -> None:
+        """Make n communication steps; raises ComponentFailed."""
+        core = self._ready().core
+        tick = core.tick
+        end = tick + _whole(n)
+        while tick < end:
+            failure = core.run(end - tick, _SECONDS)
+            self._emit()
+            if failure is not None:
+                self._fail(failure)
+            tick = core.tick
+
+    def run_until(self, time: float | Fraction | str) -> None:
+        """Step to the first communication point at or after `time` [s]."""
+        try:
+            ticks = Fraction(str(time)) / self.plan.tick
+        except ValueError:
+            raise InputInvalid(f"run_until: {time!r}; expected seconds") from None
+        self.step(max(0, -int(-ticks // 1) - self.tick))
+
+    # ---- values ---------------------------------------------------------------------------
+
+    def get(self, path: str, name: str) -> Any:
+        """Read a value: of a connected or recorded output the one that is visible now."""
+        tables = self._ready()
+        i, variable = self._variable(path, name)
+        placed = tables.outputs.get((i, name))
+        if placed is not None:
+            return decode(variable, self._raw(placed))
+        return self.components[i].get(variable)
+
+    def set(self, path: str, name: str, value: Any) -> None:
+        """Set an unconnected input, or a tunable parameter, between steps."""
+        tables = self._ready()
+        value = self.fitted(path, name, value)
+        i, variable = self._settable(path, name)
+        self.components[i].set(variable, value)
+        placed = tables.inputs.get((i, name))
+        if placed is not None:
+            encode(variable, value, self._raw(placed))
+
+    def fitted(self, path: str, name: str, value: Any) -> Any:
+        """Return a value as `set` takes it, also from nested lists or text with a unit.
+
+        Raises InputInvalid for one that does not fit, and for what cannot be set between steps.
+        """
+        i, variable = self._settable(path, name)
+        try:
+            return as_array(
+                variable, fit(variable, value, units=self.components[i].description.units)
+            )
+        except Misfit as misfit:
+            raise InputInvalid(str(misfit.at(f"{path}.{name}"))) from None
+
+    def _settable(self, path: str, name: str) -> tuple[int, Variable]:
+        i, variable = self._variable(path, name)
+        tunable = variable.causality == "parameter" and variable.variability == "tunable"
+        if variable.causality != "input" and not tunable:
+            raise InputInvalid(
+                f"{path}.{name}: is a {variable.variability} {variable.causality}; expected an "
+                "input or a tunable parameter (others: at initialize() or reset())"
+            )
+        sources = [
+            f"{self.plan.components[t.source].path}.{t.source_variable.name}"
+            for t in self.plan.transfers
+            if (t.target, t.target_variable.name) == (i, name)
+        ]
+        if sources and len(self._connected[i, name]) == variable.size:
+            raise InputInvalid(
+                f"{path}.{name}: is connected to {sources[0]}; expected an unconnected input"
+            )
+        return i, variable
+
+    def slots(self, path: str, name: str) -> np.ndarray | None:
+        """Show the numbers of a variable of `live` or `held`, which change with the run.
+
+        Of shape (size,): float64, int64 or uint64. Setting those of a held input is `set`,
+        without its checks. None for a variable that the loop does not read or set.
+        """
+        tables = self._ready()
+        i, variable = self._variable(path, name)
+        placed = tables.inputs.get((i, name)) if (path, name) in self._held else None
+        placed = placed or tables.outputs.get((i, name))
+        type_ = Type.of(variable)
+        if placed is None or type_.is_blob:
+            return None
+        return self._raw(placed).view(type_.dtype)
+
+    @property
+    def all_slots(self) -> np.ndarray:
+        """Show the loop's values as float64, where those that `slots` shows lie."""
+        return self._ready().core.slots.view(np.float64)
+
+    @property
+    def faults(self) -> Faults:
+        """The faults of signals that are active; a reset repairs all."""
+        self._ready()
+        assert self._faults is not None
+        return self._faults
+
+    # ---- snapshots ------------------------------------------------------------------------
+
+    def snapshot(self) -> Snapshot:
+        """Copy the whole state at this communication point; raises FmuError if a part cannot."""
+        self._last = self._state.take()
+        return self._last
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go back to a snapshot of this master; what follows is repeated bit for bit."""
+        if not isinstance(snapshot, Snapshot):
+            raise InputInvalid(
+                f"restore: a {type(snapshot).__name__}; expected what snapshot() has given"
+            )
+        self._state.restore(snapshot)
+
+    def save_snapshot(self, path: Path) -> None:
+        """Write the state at this communication point to a file."""
+        snapshots.save_snapshot(self.snapshot(), path, self.plan, self.components)
+
+    def load_snapshot(self, path: Path) -> None:
+        """Restore a file written by `save_snapshot`, of an equal plan."""
+        self.restore(snapshots.load_snapshot(path, self.plan, self.components))
+
+    def restart(
+        self,
+        path: str,
+        snapshot: Snapshot | Literal["start"] | None = None,
+        source: str | None = None,
+    ) -> None:
+        """Go on after a component failed, from a snapshot (by default the last that was taken).
+
+        A fresh instance takes its place, with its state from the snapshot; or, with `source`, a
+        component of another source, which begins then. Without a snapshot, or from "start", all
+        begin anew. What has been recorded stays, and the recording goes on after it. Raises
+        InputInvalid if the state went with the instance, SystemInvalid if a source does not fit.
+        """
+        self._ready()
+        i = self._component(path)
+        kept = self._last if snapshot is None else None if snapshot == "start" else snapshot
+        if source is None:
+            self._restart_component(i, kept)
+        else:
+            self._replace_component(i, kept, source)
+
+    def _restart_component(self, i: int, snapshot: Snapshot | None) -> None:
+        """Instantiate component i again, and continue from a snapshot, or from the start."""
+        old, planned = self.components[i], self.plan.components[i]
+        was_last = snapshot is not None and snapshot is self._last
+        states = [] if snapshot is None else [outliving(old, snapshot.states[i])]
+        fresh = self._instantiate(planned)
+        try:
+            if snapshot is not None:
+                enter_initialization(planned, fresh, {}, None, self._times)
+                fresh.exit_initialization_mode()
+                snapshot = snapshot.with_state(i, taken_over(fresh, states[0]))
+            tables = self._ready()
+            next_row = tables.core.next_row
+            tables.replace(tables.order.index(i), fresh)
+        except BaseException:
+            fresh.free()
+            raise
+        self._take_in(i, fresh)
+        old.free()
+        if snapshot is None:
+            self.reset()
+            return
+        self.restore(snapshot)
+        if was_last:  # the state of the freed instance was freed with it
+            self._last = snapshot
+        self._ready().core.next_row = next_row
+
+    def _replace_component(self, i: int, snapshot: Snapshot | None, source: str) -> None:
+        """Put a component of another source in the place of component i, and continue.
+
+        It goes through Initialization Mode at the snapshot's time, with the inputs of that time.
+        """
+        plan = plan_with(self.plan, i, source)
+        old, before = self.components[i], self._ready()
+        next_row = before.core.next_row
+        if snapshot is not None:
+            self._state.restore(snapshot, without=i)
+            image = before.core.get_image()
+        fresh = self._instantiate(plan.components[i])
+        try:
+            times = (self.time, self._times[1]) if snapshot is not None else self._times
+            enter_initialization(plan.components[i], fresh, {}, None, times)
+            set_inputs(fresh, before, i)
+            fresh.exit_initialization_mode()
+            self._take_in(i, fresh, plan)
+        except BaseException:
+            fresh.free()
+            raise
+        old.free()
+        if snapshot is None:
+            self.reset()
+            return
+        after = self._ready()
+        copy_values(before, after, i, fresh)
+        clock = 8 * (1 + after.core.n_members)  # the image begins with it
+        after.core.set_image(image[:clock] + after.core.get_image()[clock:])
+        self.faults.restore(snapshot.faults)
+        after.core.next_row = next_row
+
+    def _take_in(self, i: int, fresh: Component, plan: Plan | None = None) -> None:
+        """Put a component in another's place; of another `plan`, it gets tables of its own."""
+        first = self._first
+        assert first is not None
+        self.components[i] = fresh
+        states = tuple(None if j == i else state for j, state in enumerate(first.states))
+        self._restart = None
+        if plan is not None:
+            tables = self._ready()
+            if self._record is None:  # what is recorded stays the same
+                names = [(self.plan.components[j].path, v.name) for j, v in self._recorded_then]
+                self._record = names
+            self.plan, self._hash, self._last = plan, snapshots.plan_hash(plan), None
+            self._pools[i] = InstancePool(partial(self._instantiate, plan.components[i]))
+            self._build_tables(begin=False)
+            tables.core.forget()
+            self._retired.append(tables)
+        self._first = Snapshot(self._hash, states)
+        self._find_drains()
+
+    # ---- inside: Initialization Mode ------------------------------------------------------
+
+    def _leave_initialization(self) -> None:
+        if self._restart is None:
+            propagate(self.plan, self.components, self._times[0])
+        elif failed := self._restart.propagate(self._start_tick, self._times[0]):
+            self._fail(failed)
+        self._check_loops()
+        for component in self.components:
+            component.exit_initialization_mode()
+        if self._tables is None:
+            self._build_tables()
+        tables = self._ready()
+        show_unconnected(self._unconnected, tables, self.components)
+        failure = tables.core.begin(self._start_tick)
+        self._emit()
+        if failure is not None:
+            self._fail(failure)
+
+    def _check_loops(self) -> None:
+        """Refuse an iterated loop of gain 1, and name a delayed one that diverges."""
+        for loop in self.plan.algebraic_loops:
+            if loop.undeclared:
+                continue
+            try:
+                gain = loop_gain(self.plan, loop, self.components, self._times[0])
+            except FmuError:  # a member gives no derivative here
+                log.debug("the gain of a loop is not known", exc_info=True)
+                continue
+            hops = hops_of(self.plan, loop)
+            if gain is not None and loop.iterated and gain.is_singular:
+                raise LoopNotConverged(
+                    f"algebraic loop {hops}: its gain is 1 at t = {self._times[0]:.9g} s, so it "
+                    "has no single solution; expected another gain, or a component with a state "
+                    "in the loop"
+                )
+            remark = "" if loop.iterated else delay_remark(hops, gain)
+            if remark and remark not in self._remarks:  # a reset finds it again
+                self._remarks.append(remark)
+                log.warning("%s", remark)
+
+    def _build_tables(self, *, begin: bool = True) -> None:
+        recorded = self._recorded() if self._watch.observers else []
+        self._recorded_then = recorded
+        columns = [c for i, v in recorded for c in Column.of(self.plan.components[i].path, v)]
+        self.recorded = len(columns)
+        n_rows = rows_of(len(columns))
+        live, held = ([self._variable(*n) for n in names] for names in (self._live, self._held))
+        self._tables = tables_of(
+            self.plan, self.components, recorded, self._every, n_rows, live, held, serve
+        )
+        if not self._measured:
+            self._tables.core.measure_nothing()
+        self._faults = Faults(self._tables, hash_of_seeds(self.plan))
+        self._loop_state = LoopState(self._hash, self._tables, self.components, self._faults)
+        self._unconnected = unconnected_inputs(self.plan, self._tables)
+        if begin:
+            self._watch.begin(columns)
+            if self._watch.observers:
+                self._at_exit = AtComponentExit(self._end_watch)
+
+    def _recorded(self) -> list[tuple[int, Variable]]:
+        if self._record is not None:
+            return [self._variable(path, name) for path, name in self._record]
+        outputs = [(i, c.description.of("output")) for i, c in enumerate(self.components)]
+        return [(i, v) for i, vs in outputs for v in vs if v.type != "Clock"]
+
+    def _state_or_none(self, component: Component) -> Any:
+        return component.get_fmu_state() if component.description.can_get_and_set_state else None
+
+    # ---- inside: the rest -----------------------------------------------------------------
+
+    def _find_drains(self) -> None:
+        drains = (getattr(c, "drain_messages", None) for c in self.components)
+        self._drains = [drain for drain in drains if drain is not None]
+
+    @property
+    def _state(self) -> LoopState:
+        self._ready()
+        assert self._loop_state is not None
+        return self._loop_state
+
+    def _emit(self) -> None:
+        for drain in self._drains:
+            drain()
+        self._watch.emit(self._ready().core)
+
+    def _end_watch(self) -> None:
+        """Close the observers, which get the rows that an interrupted step has left."""
+        try:
+            if self._tables is not None:
+                self._watch.emit(self._tables.core)
+        except UuvsimError:
+            log.debug("the last rows are lost", exc_info=True)  # what failed has been raised
+        finally:
+            self._watch.end()
+
+    def _fail(self, failure: Failure) -> None:
+        time = self._seconds(failure.tick)
+        error = error_of(failure, self._ready(), self.components, time)
+        if isinstance(error, ComponentFailed) and error.asks_to_end:
+            self._end_step(failure, error)
+        raise error
+
+    def _end_step(self, failure: Failure, error: ComponentFailed) -> None:
+        """Record the end of the step that a component made, if it asks to end there."""
+        tables = self._ready()
+        ticks = self.plan.components[tables.order[failure.member]].step_ticks
+        begin, end = self._seconds(failure.tick), self._seconds(failure.tick + ticks)
+        in_c = failure.outcome == Outcome.ENDED
+        whole = failure.status == 1 if in_c else error.time >= end - 1e-6 * (end - begin)
+        if whole and tables.core.accept_step(failure.member):
+            self.step(ticks)
+            raise ComponentFailed(error.path, self.time, error.reason, asks_to_end=True)
+
+    def _pairs(self) -> list[tuple[PlannedComponent, Component]]:
+        return list(zip(self.plan.components, self.components, strict=True))
+
+    def _ready(self) -> Tables:
+        if self._tables is None:
+            raise InputInvalid("the master has not been initialized, or is freed")
+        return self._tables
+
+    def _component(self, path: str) -> int:
+        if path not in self._index:
+            raise InputInvalid(
+                f"no component {path!r}; expected one of {', '.join(sorted(self._index))}"
+            )
+        return self._index[path]
+
+    def _variable(self, path: str, name: str) -> tuple[int, Variable]:
+        i = self._component(path)
+        return i, variable_of(self.components[i], name)
+
+    def _raw(self, placed: Placed) -> np.ndarray:
+        core = self._ready().core
+        return core.slots[placed.slot : placed.slot + placed.variable.size]
+
+    def _seconds(self, tick: int) -> float:
+        return float(tick * self.plan.tick.numerator) / float(self.plan.tick.denominator)
+
+    def _tick_at(self, time: float | Fraction, what: str) -> int:
+        ticks = Fraction(str(time)) / self.plan.tick
+        if ticks.denominator != 1 or ticks < 0:
+            tick = float(self.plan.tick)
+            near = max(0.0, float(round(ticks) * self.plan.tick))
+            raise InputInvalid(
+                f"{what}: {float(time):.12g} s is no multiple of the tick of {tick:g} s; "
+                f"expected one, such as {near:g} s"
+            )
+        return int(ticks)
+
+
+def _whole(n: int) -> int:
+    try:
+        steps = index(n)
+    except TypeError:
+        steps = -1
+    if steps < 0:
+        raise InputInvalid(f"step: {n!r} steps; expected a whole number, 0 or more")
+    return steps

@@ -1,0 +1,91 @@
+"""Preparation of components: each distinct declaration is compiled once, then instantiated."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Collection
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.fmus.component import Component
+from uuvsim_cosim.fmus.isolation.isolated import Isolated
+from uuvsim_cosim.models.declaration.near_names import expected_names
+from uuvsim_cosim.orchestrator.plan.plan import Plan, PlannedComponent
+from uuvsim_cosim.orchestrator.system.resolve import resolve
+from uuvsim_cosim.orchestrator.system.sources import Backend, FmuSource, ModelSource
+from uuvsim_cosim.share import compute_in_threads
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.fmus.tracing.trace import Trace
+
+__all__ = ["Progress", "instance_of", "prepare"]
+
+Progress = Callable[[str, float, float], None]  # stage, done, total
+
+
+def prepare(
+    plan: Plan,
+    backend: Backend = "fmu",
+    progress: Progress | None = None,
+    isolate: Collection[str] = (),
+    watchdog: float | None = 30.0,
+    trace: Trace | None = None,
+) -> Callable[[PlannedComponent], Component]:
+    """Compile the plan's declarations side by side, and give what instantiates a component.
+
+    ``progress("building", done, total)`` is called after each. Those that `isolate` names by
+    path, or all by "*", get a process of their own, which fails when it does not answer within
+    `watchdog` seconds. FMUs write their calls into `trace`. Raises ToolchainError, InputInvalid.
+    """
+    _check_paths(isolate, plan)
+    declared = {c.source for c in plan.components if c.source.startswith("model:")}
+    built: dict[str, Path] = {}
+    total = len(declared)
+    if progress is not None and total:
+        progress("building", 0, total)
+    if backend == "fmu":
+        for source, path in compute_in_threads(_fmu, sorted(declared), os.cpu_count() or 1):
+            built[source] = path
+            if progress is not None:
+                progress("building", len(built), total)
+
+    def instantiate(planned: PlannedComponent) -> Component:
+        fmu = built.get(planned.source)
+        text = str(fmu) if fmu is not None else planned.source
+        source = resolve(text)
+        if trace is not None and isinstance(source, FmuSource):
+            return source.traced(planned.path, trace)
+        if planned.path in isolate or "*" in isolate:
+            return Isolated(
+                planned.path,
+                source.describe(),
+                instance_of,
+                (text, planned.path, backend),
+                watchdog=watchdog,
+                wait=False,
+            )
+        return source.instantiate(planned.path, backend=backend)
+
+    return instantiate
+
+
+def instance_of(source: str, path: str, backend: Backend) -> Component:
+    """Make a live component of a source; in the process of an isolated one."""
+    return resolve(source).instantiate(path, backend=backend)
+
+
+def _check_paths(isolate: Collection[str], plan: Plan) -> None:
+    paths = [c.path for c in plan.components]
+    for path in isolate:
+        if path not in paths and path != "*":
+            raise InputInvalid(
+                f"isolate: no component {path!r}; expected {expected_names(path, paths)}, "
+                "or * for all"
+            )
+
+
+def _fmu(source: str) -> Path:
+    from uuvsim_cosim.fmus.export.export import build_fmu
+
+    return build_fmu(ModelSource(source).lowered(), fmi=3)

@@ -1,0 +1,141 @@
+"""Restart or replacement of a component during a run: its plan, state, inputs and values."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from uuvsim_cosim.errors import FmuError, InputInvalid, Problem, SystemInvalid
+from uuvsim_cosim.fmus.component import Component
+from uuvsim_cosim.fmus.description import Description, Variable
+from uuvsim_cosim.fmus.isolation.isolated import RemoteState
+from uuvsim_cosim.orchestrator.master.core_tables import Tables
+from uuvsim_cosim.orchestrator.master.slots import decode, encode, read_blob, write_blob
+from uuvsim_cosim.orchestrator.plan.loop_policy import check_loops
+from uuvsim_cosim.orchestrator.plan.plan import Plan, Transfer
+from uuvsim_cosim.orchestrator.system.resolve import resolve
+from uuvsim_cosim.orchestrator.values.values import is_float
+
+__all__ = ["copy_values", "outliving", "plan_with", "set_inputs", "taken_over"]
+
+log = logging.getLogger("uuvsim_cosim.master")
+
+
+# ---- a state that outlives its instance -------------------------------------------------------
+
+
+def outliving(old: Component, state: Any) -> Any:
+    """Return a state, or its bytes, that a new instance can use; raises InputInvalid if none."""
+    if state is None:  # a native component's is in the image
+        return None
+    if isinstance(state, RemoteState):
+        if state.data is not None:
+            return state
+        reason = ""
+    else:
+        try:
+            return old.serialize_fmu_state(state)
+        except FmuError as error:
+            reason = f" ({error})"
+    raise InputInvalid(
+        f"restart: {old.path} cannot serialise its state{reason}, so what the snapshot holds of "
+        'it went with the failed instance; expected a component that can, or snapshot="start"'
+    )
+
+
+def taken_over(fresh: Component, state: Any) -> Any:
+    """Return a state that `outliving` has given, as the fresh instance's own."""
+    return fresh.deserialize_fmu_state(state) if isinstance(state, bytes) else state
+
+
+# ---- another source ---------------------------------------------------------------------------
+
+
+def plan_with(plan: Plan, i: int, source: str) -> Plan:
+    """Return the plan with another component i; raises SystemInvalid if that does not fit."""
+    resolved = resolve(source)
+    old = plan.components[i]
+    ends = [t.source_variable for t in plan.transfers if t.source == i]
+    ends += [t.target_variable for t in plan.transfers if t.target == i]
+    described = _assuming(resolved.describe(), ends, old.path)
+    problems = {v.name: p for v in ends if (p := _misfit(old.path, v, described)) is not None}
+    if problems:
+        raise SystemInvalid(list(problems.values()))
+    start = {n: v for n, v in old.start.items() if n in described.variables}
+    if lacking := sorted(old.start.keys() - start.keys()):
+        log.warning("%s: %s has no %s, whose start values are not used", old.path, source,
+                    ", ".join(lacking))  # fmt: skip
+    component = replace(old, source=resolved.text, description=described, start=start)
+    transfers = tuple(_rewired(t, i, described) for t in plan.transfers)
+    components = (*plan.components[:i], component, *plan.components[i + 1 :])
+    return check_loops(replace(plan, components=components, transfers=transfers))
+
+
+def _assuming(described: Description, ends: Sequence[Variable], path: str) -> Description:
+    """Assume the units of the place for variables without one, as `System.replace` does."""
+    variables = dict(described.variables)
+    for old in ends:
+        new = variables.get(old.name)
+        if new is None or not is_float(new) or None not in new.units or new.size != old.size:
+            continue
+        units = tuple(b or a for a, b in zip(old.units, new.units, strict=True))
+        if units != new.units:
+            same = len(set(units)) == 1
+            variables[old.name] = replace(
+                new, unit=units[0] if same else None, element_units=() if same else units
+            )
+            log.warning("%s.%s: names no unit; %s is assumed", path, old.name, old.unit_text)
+    return replace(described, variables=variables)
+
+
+def _misfit(path: str, old: Variable, described: Description) -> Problem | None:
+    new = described.variables.get(old.name)
+    expected = f"{old.causality} of type {old.type} and shape {old.shape}, unit {old.unit}"
+    if new is None:
+        return Problem(f"{path}.{old.name}", f"{described.name} has none", expected)
+    if (new.type, new.shape, new.causality, new.units) != (
+        old.type, old.shape, old.causality, old.units,
+    ):  # fmt: skip
+        read = f"{new.causality} of type {new.type} and shape {new.shape}, unit {new.unit}"
+        return Problem(f"{path}.{old.name}", read, expected)
+    return None
+
+
+def _rewired(t: Transfer, i: int, described: Description) -> Transfer:
+    if t.source == i:
+        t = replace(t, source_variable=described.variables[t.source_variable.name])
+    if t.target == i:
+        t = replace(t, target_variable=described.variables[t.target_variable.name])
+    return t
+
+
+def set_inputs(fresh: Component, tables: Tables, i: int) -> None:
+    """Set the inputs that a fresh component has in common with component i, as they are now."""
+    slots = tables.core.slots
+    for (j, name), p in tables.inputs.items():
+        if j == i and name in fresh.description.variables:
+            raw = slots[p.slot : p.slot + p.variable.size]
+            fresh.set(fresh.description.variables[name], decode(p.variable, raw))
+
+
+def copy_values(before: Tables, after: Tables, i: int, fresh: Component) -> None:
+    """Bring values to where they lie now; those of component i are the fresh one's."""
+    places = [(before.inputs, after.inputs), (before.outputs, after.outputs)]
+    for old, new in places:
+        for key, to in new.items():
+            size, a = to.variable.size, to.slot
+            for there, here in (
+                (before.core.slots, after.core.slots),
+                (before.core.fresh, after.core.fresh),
+            ):
+                if key[0] == i:
+                    encode(to.variable, fresh.get(to.variable), here[a : a + size])
+                    continue
+                b = old[key].slot
+                if to.variable.type not in ("String", "Binary"):
+                    here[a : a + size] = there[b : b + size]
+                    continue
+                for k in range(size):
+                    write_blob(here[a:], k, read_blob(there[b:], k))

@@ -1,0 +1,152 @@
+"""Reset of a run: back to Initialization Mode and through it again, without a reload."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping, Sequence
+from typing import Any, final
+
+import numpy as np
+
+from uuvsim_cosim.fmus.component import BindingKind, Component
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.orchestrator.master.core import Failure, Outcome, Type
+from uuvsim_cosim.orchestrator.master.core_tables import Placed, Tables
+from uuvsim_cosim.orchestrator.master.initial_values import propagate
+from uuvsim_cosim.orchestrator.master.instance_pool import InstancePool, is_pooled
+from uuvsim_cosim.orchestrator.master.slots import encode
+from uuvsim_cosim.orchestrator.plan.plan import Plan
+from uuvsim_cosim.orchestrator.plan.seeds import component_seeds
+from uuvsim_cosim.orchestrator.plan.start import enter_initialization, seed_of
+
+__all__ = ["Restart", "show_unconnected", "unconnected_inputs"]
+
+_Starts = Mapping[str, Mapping[str, Any]]
+
+
+@final
+class Restart:
+    """What resets of a run have in common, looked up once.
+
+    `components` is the master's own list: where an FMU cannot copy its state, a fresh instance
+    takes its place in the list and in the tables.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        tables: Tables,
+        components: list[Component],
+        pools: Sequence[InstancePool],
+        times: tuple[float, float | None],
+    ) -> None:
+        self._plan, self._tables, self._components = plan, tables, components
+        self._pools, self._times = pools, times
+        found = (
+            (i, seed_of(c, p.start))
+            for i, (p, c) in enumerate(zip(plan.components, components, strict=True))
+        )
+        self._seeds: dict[int, Variable] = {i: v for i, v in found if v is not None}
+        self._paths = [plan.components[i].path for i in self._seeds]
+        self._order = _order(plan, tables)
+        self._unconnected = unconnected_inputs(plan, tables)
+        self._checked, self._low, self._high = _limits(tables)
+
+    def enter(self, states: Sequence[Any], seed: int | None, start: _Starts) -> None:
+        """Go back to Initialization Mode, with the plan's start values, `start` and the seed."""
+        keys: dict[int, Any] = {}
+        if seed is not None and self._seeds:
+            keys = dict(zip(self._seeds, component_seeds([seed], self._paths)[0], strict=True))
+        for i, state in enumerate(states):
+            path = self._plan.components[i].path
+            if state is None:
+                planned = self._plan.components[i]
+                component = self._renewed(i)
+                enter_initialization(planned, component, start.get(path, {}), seed, self._times)
+                continue
+            component = self._components[i]
+            component.set_fmu_state(state)  # the plan's start values are in it
+            values = start.get(path, {})
+            if i in keys and "seed" not in values:
+                component.set(self._seeds[i], keys[i])
+            for name, value in values.items():
+                component.set(component.description.variables[name], value)
+
+    def propagate(self, tick: int, time: float) -> Failure | None:
+        """Let values flow through the connections; gives what failed in C, or raises."""
+        if self._order is None:
+            propagate(self._plan, self._components, time)
+            return None
+        show_unconnected(self._unconnected, self._tables, self._components)
+        failure = self._tables.core.propagate(tick, self._order)
+        if failure is not None and failure.outcome == Outcome.BAD_STATUS:
+            return failure
+        if failure is not None or not self._within_limits():
+            propagate(self._plan, self._components, time)  # says what is wrong, or that it may be
+        return None
+
+    def _renewed(self, i: int) -> Component:
+        component = self._components[i]
+        if not is_pooled(component):
+            component.reset()
+            return component
+        fresh = self._components[i] = self._pools[i].exchange(component)
+        self._tables.replace(self._tables.order.index(i), fresh)
+        return fresh
+
+    def _within_limits(self) -> bool:
+        values = self._tables.core.slots.view(np.float64)[self._checked]
+        return bool(((values >= self._low) & (values <= self._high)).all())
+
+
+def _order(plan: Plan, tables: Tables) -> Any:
+    """Return the members to be set, in order; None where Python has to take part."""
+    in_c = (BindingKind.NATIVE, BindingKind.FMI2, BindingKind.FMI3)
+    if any(b.kind not in in_c for b in tables.bindings) or any(
+        len(entry) > 1 for entry in plan.initialization
+    ):
+        return None
+    for placed in tables.inputs.values():
+        bounds = (placed.variable.min, placed.variable.max)
+        if bounds != (None, None) and not Type.of(placed.variable) <= Type.Float32:
+            return None
+    member_of = {i: member for member, i in enumerate(tables.order)}
+    order = [member_of[i] for (i,) in plan.initialization] + list(range(len(tables.order)))
+    return (ctypes.c_uint32 * len(order))(*order)
+
+
+def unconnected_inputs(plan: Plan, tables: Tables) -> list[tuple[int, Placed]]:
+    """Find inputs that the loop sets, and of which nothing feeds some elements."""
+    fed: dict[tuple[int, str], set[int]] = {}
+    for t in plan.transfers:
+        fed.setdefault((t.target, t.target_variable.name), set()).update(t.target_elements)
+    return [
+        (i, placed)
+        for (i, name), placed in tables.inputs.items()
+        if len(fed.get((i, name), ())) < placed.variable.size
+    ]
+
+
+def show_unconnected(
+    unconnected: Sequence[tuple[int, Placed]], tables: Tables, components: Sequence[Component]
+) -> None:
+    """Bring the present values of such inputs into the loop's slots."""
+    slots = tables.core.slots
+    for i, placed in unconnected:
+        value = components[i].get(placed.variable)
+        encode(placed.variable, value, slots[placed.slot : placed.slot + placed.variable.size])
+
+
+def _limits(tables: Tables) -> tuple[Any, Any, Any]:
+    """Return slots, least and greatest values of the inputs whose setters refuse others."""
+    slots: list[int] = []
+    low: list[float] = []
+    high: list[float] = []
+    for placed in tables.inputs.values():
+        v = placed.variable
+        native = tables.bindings[placed.member].kind == BindingKind.NATIVE
+        if native and (v.min, v.max) != (None, None):
+            slots += placed.slots
+            low += [-np.inf if v.min is None else v.min] * v.size
+            high += [np.inf if v.max is None else v.max] * v.size
+    return np.array(slots, np.intp), np.array(low), np.array(high)

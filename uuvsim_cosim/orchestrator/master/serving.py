@@ -1,0 +1,89 @@
+"""Child process of an isolated component: a loop in C steps it when the parent asks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import Any, final
+
+from uuvsim_cosim.errors import FmuError, UuvsimError
+from uuvsim_cosim.fmus.component import Component
+from uuvsim_cosim.orchestrator.master.callback import CallbackBinding
+from uuvsim_cosim.orchestrator.master.core import library
+from uuvsim_cosim.orchestrator.master.core_tables import Tables, tables_of
+from uuvsim_cosim.orchestrator.master.failure import error_of
+from uuvsim_cosim.orchestrator.master.shared import text_room
+from uuvsim_cosim.orchestrator.plan.plan import Group, Plan, PlannedComponent
+
+__all__ = ["Serving", "serve"]
+
+
+@final
+class Serving:
+    """A component in tables of its own, whose slots are filled and read by another process."""
+
+    def __init__(
+        self, component: Component, tables: Tables, segment: int, pipe: int, spins: int
+    ) -> None:
+        self._c = library()
+        self._component, self._tables, self._pipe = component, tables, pipe
+        self._messages = getattr(component, "waiting_messages", None)  # an address
+        read = [[p.variable for p in side.values()] for side in (tables.inputs, tables.outputs)]
+        sizes = [sum(v.size for v in variables) for variables in read]
+        self._exchange = self._c.uuv_exchange_new()
+        room = text_room([*read[0], *read[1]])
+        if not self._exchange or not self._c.uuv_exchange_map(
+            self._exchange, segment, *sizes, room
+        ):
+            raise UuvsimError(f"{component.path}: its shared memory cannot be mapped")
+        self._c.uuv_exchange_waits(self._exchange, 0, 0.0, spins)
+
+    def run(self) -> None:
+        """Step as asked, until the parent calls on the pipe or is gone."""
+        self._tables.core.serve(self._exchange, self._pipe, self._messages)
+
+    def forget(self) -> None:
+        """Set every input at the next step, also those that have not changed."""
+        for binding in self._tables.bindings:
+            if isinstance(binding, CallbackBinding):
+                binding.callbacks.forget()
+
+    def error(self, time: float) -> BaseException:
+        """Return the error of the last step, as the component's own process sees it."""
+        return error_of(self._tables.core.why(), self._tables, [self._component], time)
+
+    def close(self) -> None:
+        """Free the tables, while the component lives."""
+        self._tables.core.forget()
+        self._tables.core.free()
+        self._c.uuv_exchange_free(self._exchange)
+
+
+def serve(
+    component: Component,
+    segment: int,
+    pipe: int,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    spins: int,
+) -> Serving:
+    """Make ready to step a component through the memory `segment`; called in its process."""
+    variables = component.description.variables
+    tables = _tables(component, [variables[n] for n in inputs], [variables[n] for n in outputs])
+    return Serving(component, tables, segment, pipe, spins)
+
+
+def _tables(component: Component, inputs: Sequence[Any], outputs: Sequence[Any]) -> Tables:
+    planned = PlannedComponent(component.path, "", component.description)
+    held, live = ([(0, v) for v in group] for group in (inputs, outputs))
+
+    def make(group: Group) -> Tables:
+        plan = Plan(Fraction(1), (planned,), (), (group,), ((0,),))
+        return tables_of(plan, [component], (), live=live, held=held)
+
+    if component.description.can_get_and_set_state:  # then the parent may iterate it
+        try:
+            return make(Group("iterated", (0,)))
+        except FmuError:
+            pass  # it says that it can, and cannot
+    return make(Group("jacobi", (0,)))

@@ -1,0 +1,151 @@
+"""Snapshots: the state of a whole system at a communication point, in memory or in a file."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from uuvsim_cosim.cache import content_hash, whole_file
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.fmus.component import Component
+from uuvsim_cosim.orchestrator.master.faults import Fault, KeptFault
+from uuvsim_cosim.orchestrator.plan.plan import Plan
+
+__all__ = ["SCHEMA_VERSION", "Snapshot", "load_snapshot", "plan_hash", "save_snapshot"]
+
+SCHEMA_VERSION = 2
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """The loop's image (see `Core.get_image`), its texts, and the states of other components.
+
+    States stand in the plan's order; those of native components are None, for the image holds
+    them. Immutable. `image` is None for a snapshot taken in Initialization Mode, where `states`
+    holds all, but None for a component that cannot copy its state (only `reset` can use it).
+    """
+
+    plan: str
+    states: tuple[Any, ...]
+    image: bytes | None = None
+    texts: tuple[bytes, ...] = ()
+    faults: tuple[KeptFault, ...] = ()
+    layout: str = ""  # where values lie in the image
+
+    def with_state(self, i: int, state: Any) -> Snapshot:
+        """Return the snapshot with another state of component i."""
+        return replace(self, states=(*self.states[:i], state, *self.states[i + 1 :]))
+
+
+def plan_hash(plan: Plan) -> str:
+    """Hash what makes states of a plan fit: components, variables, steps, transfers, groups."""
+    parts = [str(plan.tick), repr(plan.groups)]
+    for c in plan.components:
+        parts.append(f"{c.path} {c.description.name} {c.description.token} {c.step_ticks}")
+        variables = c.description.variables.values()
+        parts += [f"{v.name} {v.type} {v.causality} {v.shape} {v.units}" for v in variables]
+    for t in plan.transfers:
+        ends = (t.source, t.source_variable.name, t.target, t.target_variable.name)
+        parts.append(f"{ends} {t.source_elements} {t.target_elements} {t.factor!r} {t.offset!r}")
+        parts += [repr(t.table)] if t.table else []
+    return content_hash(parts)
+
+
+def save_snapshot(
+    snapshot: Snapshot, path: Path, plan: Plan, components: Sequence[Component]
+) -> None:
+    """Write a snapshot to a file, at once or not at all; raises FmuError, InputInvalid."""
+    if snapshot.image is None:
+        raise InputInvalid(
+            "a snapshot of Initialization Mode cannot be written; expected one taken later"
+        )
+    header = {
+        "schema_version": SCHEMA_VERSION,
+        "plan": snapshot.plan,
+        "layout": snapshot.layout,
+        "texts": [len(t) for t in snapshot.texts],
+        "components": [c.path for c in plan.components],
+        "faults": [
+            [k.number, k.fault.signal, k.fault.kind, k.fault.value,
+             [[head, past.hex()] for head, past in k.past]]
+            for k in snapshot.faults
+        ],
+    }  # fmt: skip
+    data = {
+        i: component.serialize_fmu_state(state)
+        for i, (component, state) in enumerate(zip(components, snapshot.states, strict=True))
+        if state is not None
+    }
+    try:
+        with (
+            whole_file(path) as fresh,
+            zipfile.ZipFile(fresh, "w", zipfile.ZIP_DEFLATED) as archive,
+        ):
+            archive.writestr("snapshot.json", json.dumps(header, indent=1))
+            archive.writestr("image", snapshot.image)
+            archive.writestr("texts", b"".join(snapshot.texts))
+            for i, state in data.items():
+                archive.writestr(f"states/{i}", state)
+    except OSError as error:
+        raise InputInvalid(
+            f"snapshot {path}: cannot be written ({error.strerror}); expected a folder that can"
+        ) from error
+
+
+def load_snapshot(path: Path, plan: Plan, components: Sequence[Component]) -> Snapshot:
+    """Read a snapshot of the same plan; raises InputInvalid for any other."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            header = json.loads(archive.read("snapshot.json"))
+            _check(header, path, plan)
+            texts = tuple(_split(archive.read("texts"), header["texts"]))
+            image = archive.read("image")
+            there = set(archive.namelist())
+            names = [f"states/{i}" for i in range(len(plan.components))]
+            data = [archive.read(n) if n in there else None for n in names]
+    except OSError as error:
+        raise InputInvalid(f"snapshot {path}: cannot be read ({error.strerror})") from error
+    except (zipfile.BadZipFile, zlib.error, KeyError, ValueError, TypeError,
+            NotImplementedError, EOFError) as error:  # fmt: skip
+        raise InputInvalid(
+            f"snapshot {path}: is no snapshot, or damaged ({error}); expected a file written by "
+            "save_snapshot"
+        ) from error
+    states = tuple(
+        None if d is None else c.deserialize_fmu_state(d)
+        for c, d in zip(components, data, strict=True)
+    )
+    faults = tuple(
+        KeptFault(number, Fault(*fault), tuple((head, bytes.fromhex(p)) for head, p in past))
+        for number, *fault, past in header.get("faults", ())
+    )
+    return Snapshot(header["plan"], states, image, texts, faults, header["layout"])
+
+
+def _split(data: bytes, sizes: Sequence[int]) -> list[bytes]:
+    parts, at = [], 0
+    for size in sizes:
+        parts.append(data[at : at + size])
+        at += size
+    return parts
+
+
+def _check(header: Mapping[str, Any], path: Path, plan: Plan) -> None:
+    if header["schema_version"] != SCHEMA_VERSION:
+        raise InputInvalid(
+            f"snapshot {path}: has schema version {header['schema_version']}; expected "
+            f"{SCHEMA_VERSION}, so one written by this version of the package"
+        )
+    if header["plan"] == plan_hash(plan):
+        return
+    theirs, ours = set(header["components"]), {c.path for c in plan.components}
+    differing = ", ".join(sorted(theirs ^ ours)) or "their variables, steps or connections"
+    raise InputInvalid(
+        f"snapshot {path}: is of another system (plan {header['plan']}; they differ in "
+        f"{differing}); expected one of plan {plan_hash(plan)}"
+    )

@@ -1,0 +1,73 @@
+"""Observers of one master: they get the columns, then rows, and are closed once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from uuvsim_cosim.errors import UuvsimError
+from uuvsim_cosim.orchestrator.master.core import Core
+from uuvsim_cosim.orchestrator.master.observer import Chunk, Column, Observer, Rows
+from uuvsim_cosim.orchestrator.master.uninterrupted import uninterrupted
+from uuvsim_cosim.orchestrator.plan.plan import Plan
+
+__all__ = ["Watch", "rows_of"]
+
+_ROWS, _BYTES = 32768, 1 << 22  # of a batch of the recording, at most; at least 512 rows
+
+
+def rows_of(columns: int) -> int:
+    """Return the number of rows to make room for."""
+    return 1 if columns == 0 else max(512, min(_ROWS, _BYTES // (8 * (columns + 1))))
+
+
+class Watch:
+    """The observers of one run; an observer that has begun is ended, whatever happens."""
+
+    def __init__(self, plan: Plan, observers: Sequence[Observer]) -> None:
+        self._plan = plan
+        self.observers = list(observers)
+        self._columns: Sequence[Column] = ()
+        self._open: list[Observer] = []
+        self._shown: tuple[Core | None, int] = (None, 0)  # rows since that core had free room
+
+    def begin(self, columns: Sequence[Column]) -> None:
+        """Tell all of the columns."""
+        self._columns = columns
+        for observer in self.observers:
+            self._open.append(observer)
+            observer.begin(self._plan, columns)
+
+    def emit(self, core: Core) -> None:
+        """Pass on the rows that the core has written, and clear its buffer when it is full."""
+        if not self._columns:
+            return
+        with uninterrupted():  # no row is lost or seen twice
+            self._emit(core)
+
+    def _emit(self, core: Core) -> None:
+        shown = self._shown[1] if self._shown[0] is core else 0
+        ticks, rows, texts = core.rows()
+        full = core.is_full
+        self._shown = (core, 0 if full else len(ticks))
+        try:
+            if len(ticks) > shown:
+                held = Rows(ticks, rows, full)
+                ticks, rows = ticks[shown:], rows[shown:]
+                chunk = Chunk(self._columns, self._plan.tick, ticks, rows, texts, held)
+                for observer in self._open:
+                    observer.observe(chunk)
+        finally:
+            if full:
+                core.clear_rows()
+
+    def end(self) -> None:
+        """Close all; raises the first error after that."""
+        closing, self._open = self._open, []
+        first: UuvsimError | None = None
+        for observer in closing:
+            try:
+                observer.end()
+            except UuvsimError as error:
+                first = first or error
+        if first is not None:
+            raise first

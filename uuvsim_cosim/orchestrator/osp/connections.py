@@ -1,0 +1,317 @@
+"""Connections of an OspSystemStructure.xml: variables, variable groups, functions, power bonds.
+
+A linear transformation is a factor and an offset of its connections. A sum is a component that is
+stepped just before what it feeds, in a group with it, so that it adds no delay: one sum for each
+simulator that it feeds.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from xml.etree.ElementTree import Element as Xml
+
+from uuvsim_cosim.fmus.description import Description
+from uuvsim_cosim.models.declaration.near_names import expected_names
+from uuvsim_cosim.orchestrator.osp.variable_groups import VariableGroup, pairs
+from uuvsim_cosim.orchestrator.osp.xml import Reading, children, local
+from uuvsim_cosim.orchestrator.system.elements import Connection, Element, StepGroup
+from uuvsim_cosim.orchestrator.system.osp_functions import sum_source
+from uuvsim_cosim.orchestrator.values.endpoints import find_variable
+from uuvsim_cosim.orchestrator.values.values import Misfit
+
+__all__ = ["Connections"]
+
+_KINDS = ("VariableConnection", "SignalConnection", "VariableGroupConnection",
+          "SignalGroupConnection")  # fmt: skip
+_INPUT = re.compile(r"in\[(\d+)\](?:\[(\d+)\])?$")
+_OUTPUT = re.compile(r"out(?:\[(\d+)\])?$")
+
+
+@dataclass(frozen=True)
+class _Function:
+    """A linear transformation (one input), or a sum of vectors."""
+
+    name: str
+    tag: str
+    inputs: int = 1
+    dimension: int = 1
+    factor: float = 1.0
+    offset: float = 0.0
+
+    def place(self) -> str:
+        return f"<{self.tag} name={self.name!r}>"
+
+
+class Connections:
+    """The connections of the file, and the sums that they need."""
+
+    def __init__(
+        self,
+        root: Xml,
+        reading: Reading,
+        simulators: Mapping[str, Element],
+        described: Mapping[str, Description],
+        groups: Mapping[str, tuple[VariableGroup, ...]],
+    ) -> None:
+        self.reading, self.simulators = reading, simulators
+        self.described, self.groups = described, groups
+        self.connections: list[Connection] = []
+        self.sums: list[Element] = []
+        self.power_bonds: tuple[str, ...] = ()
+        self._before: dict[str, list[str]] = {}  # simulator: the sums that feed it
+        self.functions = self._functions(root)
+        self._into: dict[str, dict[int, str]] = {}  # function: endpoints by flat input
+        self._out: dict[str, list[tuple[int, str]]] = {}  # function: (element, endpoint)
+        bonds: dict[str, list[Xml]] = {}
+        for item in self._items(root):
+            self._read(item)
+            if item.get("powerBond") is not None:
+                bonds.setdefault(item.get("powerBond", ""), []).append(item)
+        for name, parts in bonds.items():
+            self._bond(name, parts)
+        self.power_bonds = tuple(bonds)
+        for function in self.functions.values():
+            self._apply(function)
+
+    def step_groups(self) -> Iterator[StepGroup]:
+        """Return the groups that let a sum step just before the simulator that it feeds."""
+        for simulator, sums in self._before.items():
+            yield StepGroup((*sums, simulator), "gauss-seidel")
+
+    # ---- functions ----------------------------------------------------------------------------
+
+    def _functions(self, root: Xml) -> dict[str, _Function]:
+        found: dict[str, _Function] = {}
+        for item in (i for s in children(root, "Functions") for i in children(s)):
+            tag = local(item)
+            known = ["LinearTransformation", "Sum", "VectorSum"]
+            if not self.reading.known(tag, known, "<Functions>", "function"):
+                continue
+            name = self.reading.required(item, "name", f"<{tag}>", "the name of the function")
+            function = _Function(name, tag)
+            place = function.place()
+            if name in found or name in self.simulators:
+                self.reading.wrong(place, f"a second {name!r}", "a name of its own")
+            number = self.reading.number
+            if tag == "LinearTransformation":
+                factor = number(item.get("factor"), place, "factor", 1.0)
+                offset = number(item.get("offset"), place, "offset", 0.0)
+                function = replace(function, factor=factor, offset=offset)
+            else:
+                inputs = self.reading.count(item, "inputCount", place)
+                function = replace(function, inputs=inputs)
+            if tag == "VectorSum":
+                dimension = self.reading.count(item, "dimension", place)
+                function = replace(function, dimension=dimension)
+            found[name] = function
+        return found
+
+    def _apply(self, function: _Function) -> None:
+        into = self._into.get(function.name, {})
+        count = function.inputs * function.dimension
+        missing = [i for i in range(count) if i not in into]
+        if len(self.described) < len(self.simulators):
+            return  # a simulator that cannot be read is reported; what it feeds follows from it
+        if missing:
+            names = ", ".join(self._input_name(function, i) for i in missing[:3])
+            more = ", …" if len(missing) > 3 else ""
+            self.reading.wrong(
+                function.place(), f"nothing is connected to {names}{more}",
+                f"a signal connection to each of its {count} inputs",
+            )  # fmt: skip
+            return
+        out = self._out.get(function.name, [])
+        if not out:
+            self.reading.wrong(
+                function.place(), "its output is not connected", "a signal connection from it"
+            )
+        if function.tag == "LinearTransformation":
+            for _, target in out:
+                self.connections.append(
+                    Connection(into[0], target, function.factor, function.offset, convert=False)
+                )
+            return
+        owners = dict.fromkeys(self._owner(target) for _, target in out)
+        for owner in owners:
+            name = function.name if len(owners) == 1 else f"{function.name}_{owner}"
+            source = sum_source(function.inputs, function.dimension)
+            rate = self.simulators[owner].rate
+            self.sums.append(Element(name, source, rate=rate, description=function.tag))
+            self._before.setdefault(owner, []).append(name)
+            for i, endpoint in into.items():
+                target = f"{name}.u" if count == 1 else f"{name}.u[{i + 1}]"
+                self.connections.append(Connection(endpoint, target, convert=False))
+            for j, target in out:
+                if self._owner(target) == owner:
+                    y = f"{name}.y" if function.dimension == 1 else f"{name}.y[{j + 1}]"
+                    self.connections.append(Connection(y, target, convert=False))
+
+    def _input_name(self, function: _Function, i: int) -> str:
+        if function.tag == "LinearTransformation":
+            return "in"
+        vector, element = divmod(i, function.dimension)
+        return f"in[{vector}]" + (f"[{element}]" if function.tag == "VectorSum" else "")
+
+    def _owner(self, endpoint: str) -> str:
+        return next(n for n in self.simulators if endpoint.startswith(f"{n}."))
+
+    # ---- connections --------------------------------------------------------------------------
+
+    def _items(self, root: Xml) -> Iterator[Xml]:
+        for section in children(root, "Connections"):
+            for item in children(section):
+                if self.reading.known(local(item), list(_KINDS), "<Connections>", "connection"):
+                    yield item
+
+    def _read(self, item: Xml) -> None:
+        tag = local(item)
+        grouped = "Group" in tag
+        ends = list(children(item, "VariableGroup" if grouped else "Variable"))
+        signals = list(children(item, "SignalGroup" if grouped else "Signal"))
+        wanted = (1, 1) if tag.startswith("Signal") else (2, 0)
+        place = f"<{tag}>"
+        if (len(ends), len(signals)) != wanted:
+            what = "VariableGroup" if grouped else "Variable"
+            signal = " and one <Signal" + ("Group>" if grouped else ">") if wanted[1] else ""
+            self.reading.wrong(
+                place, f"{len(ends)} of <{what}> and {len(signals)} signals",
+                f"{'one' if wanted[0] == 1 else 'two'} of <{what}>{signal}",
+            )  # fmt: skip
+            return
+        named = [self._named(e, place) for e in ends]
+        if any(n is None for n in named):
+            return
+        known = [n for n in named if n is not None]
+        if signals:
+            self._signal(signals[0], known[0], place, grouped)
+            return
+        (a, x), (b, y) = known
+        place = f"<{tag}> {a}.{x} to {b}.{y}"
+        if not grouped:
+            self._join(f"{a}.{x}", f"{b}.{y}", place)
+            return
+        groups = [self._group(simulator, name, place) for simulator, name in known]
+        if groups[0] is not None and groups[1] is not None:
+            for v, w in pairs(groups[0], groups[1], place, self.reading):
+                self._join(f"{a}.{v}", f"{b}.{w}", place)
+
+    def _named(self, xml: Xml, place: str) -> tuple[str, str] | None:
+        """Return the simulator and the name; None if there is no such simulator."""
+        simulator = self.reading.required(xml, "simulator", place, "the name of a simulator")
+        name = self.reading.required(xml, "name", place, "the name of a variable or group")
+        known = self.reading.known(simulator, list(self.simulators), place, "simulator")
+        if not known or not name or simulator not in self.described:
+            return None
+        return simulator, name
+
+    def _group(self, simulator: str, name: str, place: str) -> VariableGroup | None:
+        there = self.groups.get(simulator)
+        if there is None:
+            model = self.described[simulator].name
+            self.reading.wrong(
+                place, f"{simulator!r} has no file of variable groups",
+                f"{model}_OspModelDescription.xml beside its FMU or beside {self.reading.file}",
+            )  # fmt: skip
+            return None
+        found = next((g for top in there if (g := top.find(name))), None)
+        if found is None:
+            expected = expected_names(name, [g.name for g in there], "the name of a group")
+            self.reading.wrong(place, f"no variable group {name!r} in {simulator!r}", expected)
+        return found
+
+    def _causality(self, endpoint: str, place: str) -> str | None:
+        owner = self._owner(endpoint)
+        try:
+            name = endpoint[len(owner) + 1 :]
+            return find_variable(name, self.described[owner])[0].causality
+        except Misfit as misfit:
+            self.reading.wrong(place, misfit.read, misfit.expected)
+            return None
+
+    def _join(self, a: str, b: str, place: str) -> None:
+        """Connect the one that is an output to the other, as their causalities say."""
+        first, second = self._causality(a, place), self._causality(b, place)
+        if None in (first, second):
+            return
+        if first != "output" and second == "output":
+            a, b = b, a
+        elif first != "output" or second == "output":
+            expected = "an output and an input"
+            self.reading.wrong(place, f"{a} is {first} and {b} is {second}", expected)
+            return
+        self.connections.append(Connection(a, b))
+
+    def _signal(self, xml: Xml, end: tuple[str, str], place: str, grouped: bool) -> None:
+        name = self.reading.required(xml, "function", place, "the name of a function")
+        signal = self.reading.required(xml, "name", place, "in, in[0] or out")
+        place = f"{place} {name}.{signal}"
+        if not self.reading.known(name, list(self.functions), place, "function"):
+            return
+        function = self.functions[name]
+        if not grouped:
+            self._signals(function, signal, [f"{end[0]}.{end[1]}"], place)
+            return
+        group = self._group(*end, place)
+        if group is not None:
+            self._signals(function, signal, [f"{end[0]}.{v}" for v in group.listed()], place)
+
+    def _signals(self, f: _Function, signal: str, ends: list[str], place: str) -> None:
+        """Connect variables to a signal, or to all elements of a signal group."""
+        into = self._input(f, signal)
+        out = self._output(f, signal)
+        places = into if into is not None else out
+        if places is None or len(places) != len(ends):
+            dim = f"{f.dimension} variables each" if f.tag == "VectorSum" else "one variable each"
+            inputs = "in" if f.tag == "LinearTransformation" else f"in[0] to in[{f.inputs - 1}]"
+            read = f"{len(ends)} variable{'s' * (len(ends) != 1)} at signal {signal!r}"
+            self.reading.wrong(place, read, f"{inputs} or out, {dim}")
+            return
+        for i, endpoint in zip(places, ends, strict=True):
+            causality = self._causality(endpoint, place)
+            wanted = "output" if into is not None else "input"
+            if causality is None:
+                continue
+            if causality != wanted:
+                self.reading.wrong(place, f"{endpoint} is {causality}", f"an {wanted}")
+            elif into is None:
+                self._out.setdefault(f.name, []).append((i, endpoint))
+            elif i in self._into.setdefault(f.name, {}):
+                self.reading.wrong(place, "a second connection to this signal", "one")
+            else:
+                self._into[f.name][i] = endpoint
+
+    def _input(self, f: _Function, signal: str) -> list[int] | None:
+        if f.tag == "LinearTransformation":
+            return [0] if signal == "in" else None
+        match = _INPUT.match(signal)
+        if match is None or int(match[1]) >= f.inputs:
+            return None
+        first = int(match[1]) * f.dimension
+        if match[2] is None:
+            return list(range(first, first + f.dimension))
+        return [first + int(match[2])] if int(match[2]) < f.dimension else None
+
+    def _output(self, f: _Function, signal: str) -> list[int] | None:
+        match = _OUTPUT.match(signal)
+        if match is None:
+            return None
+        if match[1] is None:
+            return list(range(f.dimension))
+        return [int(match[1])] if int(match[1]) < f.dimension else None
+
+    # ---- power bonds --------------------------------------------------------------------------
+
+    def _bond(self, name: str, parts: list[Xml]) -> None:
+        """Check a power bond; its connections are transferred as any others."""
+        place = f"power bond {name!r}"
+        if all(local(p) == "VariableGroupConnection" for p in parts):
+            return
+        if len(parts) != 2:
+            self.reading.wrong(place, f"{len(parts)} connections", "two, one in each direction")
+        for part in parts:
+            given = sorted(v.get("causality", "") for v in children(part, "Variable"))
+            if given not in ([], ["", ""], ["input", "output"]):
+                read = f"causalities {' and '.join(repr(g) for g in given)}"
+                self.reading.wrong(place, read, "one 'input' and one 'output', or neither")

@@ -1,0 +1,283 @@
+"""Reader of OspSystemStructure.xml, the system file of the Open Simulation Platform."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+from xml.etree.ElementTree import Element as Xml
+
+from uuvsim_cosim.errors import InputInvalid, SystemInvalid, UuvsimError
+from uuvsim_cosim.fmus.description import Description
+from uuvsim_cosim.fmus.importer.archive import shown
+from uuvsim_cosim.orchestrator.osp.connections import Connections
+from uuvsim_cosim.orchestrator.osp.variable_groups import (
+    VariableGroup,
+    find_model_description,
+    read_variable_groups,
+)
+from uuvsim_cosim.orchestrator.osp.xml import Reading, children, local, opened
+from uuvsim_cosim.orchestrator.system.elements import Element, step_text
+from uuvsim_cosim.orchestrator.system.proxyfmu import REMARK, proxied
+from uuvsim_cosim.orchestrator.system.resolve import resolve
+from uuvsim_cosim.orchestrator.system.sources import FmuSource
+from uuvsim_cosim.orchestrator.system.system import System
+from uuvsim_cosim.orchestrator.system.validation import as_step, problem_of
+from uuvsim_cosim.orchestrator.values.values import flat
+
+__all__ = ["read_osp"]
+
+DEFAULT_STEP = "0.1"  # libcosim's, where a file gives none
+_TYPES = ("Real", "Integer", "Boolean", "String", "Enumeration")
+
+
+def read_osp(path: Path, tick: str | None = None) -> System:
+    """Read a system from an OspSystemStructure.xml; `tick` is taken where it gives no step.
+
+    Sums become components, linear transformations become part of their connections, and both
+    take bare numbers. Raises SystemInvalid with every problem.
+    """
+    root = opened(path, "OspSystemStructure")
+    reading = Reading(path.name)
+    _check_sections(root, reading)
+    base = _base_step(root, reading, tick)
+    start_time, stop_time = _experiment(root, reading)
+    elements = _simulators(root, reading, base)
+    described = _described(elements, path.parent, reading)
+    groups = _groups(elements, described, path.parent, reading)
+    joined = Connections(root, reading, {e.name: e for e in elements}, described, groups)
+    _note_algorithm(root, reading, base, joined.power_bonds)
+    if reading.problems:
+        raise SystemInvalid(list(dict.fromkeys(reading.problems)))
+    elements = tuple(_fitted(e, described.get(e.name)) for e in elements)
+    try:
+        return System(
+            _name_of(path),
+            base,
+            next((_text(d) for d in children(root, "Description")), ""),
+            (*elements, *joined.sums),
+            tuple(joined.connections),
+            tuple(joined.step_groups()),
+            base=path.parent,
+            remarks=tuple(dict.fromkeys(reading.remarks)),
+            stop_time=stop_time,
+            start_time=start_time,
+        )
+    except SystemInvalid as error:
+        raise SystemInvalid(
+            [replace(p, place=f"{path.name}: {p.place}") for p in error.problems]
+        ) from None
+
+
+def _name_of(path: Path) -> str:
+    given = path.stem.removeprefix("OspSystemStructure").strip("_-. ")
+    text = given or path.absolute().parent.name or "system"
+    return "".join(c if c.isalnum() or c in "_-" else "_" for c in text)
+
+
+def _text(xml: Xml | None) -> str:
+    return "" if xml is None or xml.text is None else xml.text.strip()
+
+
+def _only(root: Xml, name: str) -> str | None:
+    found = next(children(root, name), None)
+    return None if found is None else _text(found)
+
+
+def _check_sections(root: Xml, reading: Reading) -> None:
+    known = ["StartTime", "EndTime", "BaseStepSize", "Algorithm", "Simulators", "Functions",
+             "Connections", "EccoConfiguration", "Description"]  # fmt: skip
+    for child in root:
+        reading.known(local(child), known, "<OspSystemStructure>", "section")
+    if next(children(root, "Simulators"), None) is None:
+        reading.wrong("<OspSystemStructure>", "no <Simulators>", "at least one <Simulator>")
+
+
+# ---- steps --------------------------------------------------------------------------------------
+
+
+def _step(text: str, place: str, reading: Reading) -> Fraction | None:
+    try:
+        return as_step(text, place)
+    except UuvsimError as error:
+        problem = problem_of(place, error)
+        reading.wrong(place, problem.read.removeprefix(f"{place}: "), problem.expected)
+        return None
+
+
+def _base_step(root: Xml, reading: Reading, tick: str | None) -> Fraction:
+    text = _only(root, "BaseStepSize")
+    if text is None:
+        text = tick or DEFAULT_STEP
+        if tick is None:
+            reading.remark(f"no BaseStepSize: {text} s is taken, as libcosim does")
+    return _step(text, "<BaseStepSize>", reading) or Fraction(DEFAULT_STEP)
+
+
+def _rate(text: str | None, base: Fraction, place: str, reading: Reading) -> Fraction | None:
+    """Round a simulator's step to whole base steps, at least one, as libcosim does."""
+    if text is None or not text.strip():
+        return None
+    if text.strip() in ("0", "0.0"):  # no step of its own
+        return None
+    step = _step(text, place, reading)
+    if step is None:
+        return None
+    rounded = max(round(step / base), 1) * base
+    if rounded != step:
+        reading.remark(
+            f"{place}: stepSize {step_text(step)} s is no multiple of the base step of "
+            f"{step_text(base)} s: {step_text(rounded)} s is taken, as libcosim does"
+        )
+    return None if rounded == base else rounded
+
+
+def _experiment(root: Xml, reading: Reading) -> tuple[float, float | None]:
+    """Return where a run begins, and where it ends if the file says so [s]."""
+    start = reading.number(_only(root, "StartTime"), "<StartTime>", "time", 0.0)
+    end_text = _only(root, "EndTime")
+    end = reading.number(end_text, "<EndTime>", "time", start)
+    if end < start:
+        reading.wrong("<EndTime>", f"{end:g} s", f"a time after StartTime, {start:g} s")
+    if start < 0.0:
+        reading.remark(f"StartTime {start:g} s: a run starts at 0 s, the first possible time")
+        start = 0.0
+    return start, end if end_text is not None and end > start else None
+
+
+def _note_algorithm(
+    root: Xml, reading: Reading, base: Fraction, power_bonds: tuple[str, ...]
+) -> None:
+    given = _only(root, "Algorithm") or "fixedStep"
+    if given.lower() == "ecco":
+        bonds = ", ".join(power_bonds)
+        reading.remark(
+            f"Algorithm ecco varies the step by the energy that power bonds lose "
+            f"({bonds or 'there are none'}); here every step is {step_text(base)} s, and a bond "
+            "is its two connections"
+        )
+    elif given.lower() != "fixedstep":
+        reading.known(given, ["fixedStep", "ecco"], "<Algorithm>", "algorithm")
+
+
+# ---- simulators ---------------------------------------------------------------------------------
+
+
+def _simulators(root: Xml, reading: Reading, base: Fraction) -> tuple[Element, ...]:
+    found: dict[str, Element] = {}
+    for section in children(root, "Simulators"):
+        for item in children(section):
+            place = f"<Simulator name={item.get('name', '')!r}>"
+            if not reading.known(local(item), ["Simulator"], "<Simulators>", "element"):
+                continue
+            name = reading.required(item, "name", place, "the name of the simulator")
+            source = _source(reading.required(item, "source", place, "an FMU"), place, reading)
+            rate = _rate(item.get("stepSize"), base, place, reading)
+            if name in found:
+                reading.wrong(place, "a second simulator of this name", "a name of its own")
+            found[name] = Element(name, source, _initial_values(item, place, reading), rate)
+    return tuple(found.values())
+
+
+def _source(text: str, place: str, reading: Reading) -> str:
+    """Return the file of a source; proxyfmu, which is a process of its own, gives its file."""
+    try:
+        file = proxied(text)
+    except InputInvalid as error:
+        read, _, expected = str(error).partition("; expected ")
+        reading.wrong(place, read, expected)
+        return text
+    if file is None:
+        return unquote(text.replace("file:///", "/"))
+    reading.remark(f"{place}: {REMARK}")
+    return file
+
+
+def _initial_values(xml: Xml, place: str, reading: Reading) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for section in children(xml, "InitialValues"):
+        for item in children(section, "InitialValue"):
+            name = reading.required(item, "variable", f"{place} <InitialValue>", "its variable")
+            here = f"{place} <InitialValue variable={name!r}>"
+            typed = next(children(item), None)
+            if typed is None:
+                reading.wrong(here, "no value", 'one such as <Real value="1"/>')
+            elif reading.known(local(typed), list(_TYPES), here, "type"):
+                found[name] = _value(typed, here, reading)
+    return found
+
+
+def _value(typed: Xml, place: str, reading: Reading) -> Any:
+    text, tag = typed.get("value"), local(typed)
+    if text is None:
+        reading.wrong(place, f"<{tag}> without value", f'<{tag} value="…"/>')
+        return None
+    if tag == "String":
+        return text
+    try:
+        if tag == "Boolean":
+            return {"true": True, "1": True, "false": False, "0": False}[text.strip().lower()]
+        return float(text) if tag == "Real" else int(text)
+    except (ValueError, KeyError):
+        reading.wrong(place, f"<{tag} value={text!r}>", f"a value of type {tag}")
+        return None
+
+
+def _fitted(element: Element, description: Description | None) -> Element:
+    """Leave out values that start as they are: libcosim ignores those that cannot be set."""
+    if description is None:
+        return element
+    start = {}
+    for name, value in element.start.items():
+        variable = description.variables.get(name)
+        same = variable is not None and variable.start is not None
+        if same and variable is not None and flat(variable.start) == [value]:
+            settable = variable.causality in ("input", "parameter", "structuralParameter")
+            if not settable and variable.initial not in ("exact", "approx"):
+                continue
+        start[name] = value
+    return replace(element, start=start)
+
+
+def _described(
+    elements: tuple[Element, ...], folder: Path, reading: Reading
+) -> Mapping[str, Description]:
+    found: dict[str, Description] = {}
+    for element in elements:
+        assert isinstance(element.source, str)
+        if not element.source:
+            continue
+        try:
+            source = resolve(element.source, folder)
+            if not isinstance(source, FmuSource):
+                raise InputInvalid(f"source {element.source!r}; expected an FMU")
+            found[element.name] = source.describe()
+        except UuvsimError as error:
+            problem = problem_of(f"<Simulator name={element.name!r}>", error)
+            reading.wrong(problem.place, problem.read, problem.expected)
+    return found
+
+
+def _groups(
+    elements: tuple[Element, ...],
+    described: Mapping[str, Description],
+    folder: Path,
+    reading: Reading,
+) -> Mapping[str, tuple[VariableGroup, ...]]:
+    found: dict[str, tuple[VariableGroup, ...]] = {}
+    for element in elements:
+        if element.name not in described:
+            continue
+        fmu = Path(resolve(str(element.source), folder).text)
+        path = find_model_description(fmu, described[element.name].name, folder)
+        if path is None:
+            continue
+        try:
+            found[element.name] = read_variable_groups(path, reading)
+        except UuvsimError as error:
+            problem = problem_of(shown(path), error)
+            reading.wrong(f"<Simulator name={element.name!r}>", problem.read, problem.expected)
+    return found

@@ -1,0 +1,205 @@
+"""Parameter sets (.ssv): values by name, with types, units and, in SSP 2.0, dimensions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element, SubElement
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.fmus.description import Description, Variable
+from uuvsim_cosim.fmus.importer.archive import shown
+from uuvsim_cosim.models.declaration.element_names import index_text
+from uuvsim_cosim.models.declaration.near_names import expected_names
+from uuvsim_cosim.models.declaration.units import Unit
+from uuvsim_cosim.orchestrator.parameters.ssp_xml import (
+    SspVersion,
+    add_units,
+    document,
+    has_arrays,
+    q,
+    read_document,
+    read_units,
+    type_name,
+)
+from uuvsim_cosim.orchestrator.values.values import flat, is_float
+from uuvsim_cosim.orchestrator.values.xml_values import int_of, number, text_of
+
+__all__ = ["EnumerationItem", "Enumerations", "ParameterValue", "parameter_set",
+           "read_enumerations", "read_parameter_set", "read_ssv", "write_ssv"]  # fmt: skip
+
+Enumerations = Mapping[str, Mapping[str, int]]
+
+
+@dataclass(frozen=True)
+class ParameterValue:
+    """One parameter as a file gives it: a scalar or a flat list, row by row, and its unit."""
+
+    name: str
+    value: Any
+    unit: str | None = None
+
+
+def write_ssv(
+    start: Mapping[str, Any], description: Description, path: Path, version: SspVersion = "2.0"
+) -> None:
+    """Write values of a component's variables as a file of its own."""
+    root = parameter_set(start.items(), description, version, path.stem)
+    named = {u for v in _named(start, description) if is_float(v) for u in v.units if u}
+    add_units(root, named, description.units, "ssv:Units")
+    path.write_bytes(document(root, "ssc", "ssv"))
+
+
+def read_ssv(path: Path) -> tuple[list[ParameterValue], dict[str, Unit]]:
+    """Read a file of values, with the units that it defines."""
+    place = shown(path)
+    root = read_document(path, "ssv:ParameterSet")
+    return read_parameter_set(root, place), read_units(root, "ssv:Units", place)
+
+
+def parameter_set(
+    start: Iterable[tuple[str, Any]], description: Description, version: SspVersion, name: str
+) -> Element:
+    """Return the element ``ssv:ParameterSet`` for fitted values, without its units."""
+    arrays = has_arrays(description, version)
+    root = Element("ssv:ParameterSet", version=version, name=name)
+    parameters = SubElement(root, "ssv:Parameters")
+    for key, value in start:
+        variable = description.variables[key]
+        if arrays:
+            _add(parameters, key, variable, flat(value), version, variable.shape, variable.unit)
+            continue
+        for i, element in enumerate(flat(value)):
+            name, unit = f"{key}{index_text(variable.shape, i)}", variable.unit_of_element(i)
+            _add(parameters, name, variable, [element], version, (), unit)
+    return root
+
+
+def _add(
+    parent: Element,
+    name: str,
+    variable: Variable,
+    values: list[Any],
+    version: SspVersion,
+    shape: tuple[int, ...],
+    unit: str | None,
+) -> None:
+    parameter = SubElement(parent, "ssv:Parameter", name=name)
+    attributes: dict[str, str] = {}
+    if unit and is_float(variable):
+        attributes["unit"] = unit
+    typed = SubElement(parameter, f"ssv:{type_name(variable.type, version)}")
+    if variable.type in ("String", "Binary") and len(values) > 1:
+        for value in values:
+            SubElement(typed, "ssv:Value", value=_text(variable, value))
+    else:
+        typed.set("value", " ".join(_text(variable, v) for v in values))
+    for key, text in attributes.items():
+        typed.set(key, text)
+    for extent in shape:
+        SubElement(parameter, "ssc:Dimension", size=str(extent))
+
+
+def _text(variable: Variable, value: Any) -> str:
+    if variable.type == "Binary":
+        return bytes(value).hex()
+    return number(value) if is_float(variable) else text_of(value)
+
+
+def read_parameter_set(
+    root: Element, place: str, enumerations: Enumerations | None = None
+) -> list[ParameterValue]:
+    """Read the element ``ssv:ParameterSet``; `enumerations` are those of the file around it."""
+    enumerations = {**(enumerations or {}), **read_enumerations(root, "ssv:Enumerations", place)}
+    found: list[ParameterValue] = []
+    for parameter in root.iterfind(f"{q('ssv:Parameters')}/{q('ssv:Parameter')}"):
+        name = parameter.get("name", "")
+        here = f"{place}: parameter {name!r}"
+        shape = [int_of(d, "size", here, 0) for d in parameter.iterfind("*")
+                 if _local(d) == "Dimension"]  # fmt: skip
+        typed = next((e for e in parameter if _local(e) not in ("Dimension", "Annotations")), None)
+        if typed is None:
+            raise InputInvalid(f"{place}: parameter {name!r} has no value; expected <ssv:Real …>")
+        try:
+            values = [_value(typed, t, enumerations, here) for t in _texts(typed, bool(shape))]
+        except (ValueError, KeyError):
+            raise InputInvalid(
+                f"{place}: parameter {name!r} is {typed.get('value')!r}; "
+                f"expected a value of type {_local(typed)}"
+            ) from None
+        value = values if shape else values[0]
+        found.append(ParameterValue(name, value, typed.get("unit")))
+    return found
+
+
+def _texts(typed: Element, array: bool) -> list[str]:
+    listed = [e.get("value", "") for e in typed if _local(e) == "Value"]
+    if listed:
+        return listed
+    text = typed.get("value", "")
+    return text.split() if array and _local(typed) not in ("String", "Binary") else [text]
+
+
+def read_enumerations(parent: Element, tag: str, place: str) -> Enumerations:
+    """Read the enumerations that a file defines: the numbers of their items, by name."""
+    return {
+        item.get("name", ""): {
+            i.get("name", ""): int_of(i, "value", f"{place}: <{_local(item)}>", 0)
+            for i in item.iterfind(q("ssc:Item"))
+        }
+        for item in parent.iterfind(f"{q(tag)}/{q('ssc:Enumeration')}")
+    }
+
+
+class EnumerationItem(int):
+    """The number of an item of an enumeration, which knows its name (for mappings of names)."""
+
+    item: str = ""
+
+
+def _item(typed: Element, text: str, enumerations: Enumerations, place: str) -> int | str:
+    """Return the number of an enumeration's item; its name where only the variable may know it."""
+    if text.strip().lstrip("-").isdecimal():
+        return int(text)
+    if not enumerations:
+        return text
+    name = typed.get("name")
+    if name is not None and name not in enumerations:
+        raise InputInvalid(
+            f"{place}: enumeration {name!r}; "
+            f"expected {expected_names(name, list(enumerations), 'one that the file defines')}"
+        )
+    known = [enumerations[name]] if name is not None else list(enumerations.values())
+    numbers = {items[text] for items in known if text in items}
+    if len(numbers) != 1:
+        names = [i for items in known for i in items]
+        raise InputInvalid(
+            f"{place}: {text!r} is the item of {len(numbers)} enumerations of the file; "
+            f"expected {expected_names(text, names, 'an item')}, or a whole number"
+        )
+    found = EnumerationItem(numbers.pop())
+    found.item = text
+    return found
+
+
+def _value(typed: Element, text: str, enumerations: Enumerations, place: str) -> Any:
+    tag = _local(typed)
+    if tag == "Enumeration":
+        return _item(typed, text, enumerations, place)
+    if tag in ("Real", "Float64", "Float32"):
+        return float(text)
+    if tag == "Boolean":
+        return {"true": True, "1": True, "false": False, "0": False}[text.strip()]
+    if tag == "Binary":
+        return bytes.fromhex(text)
+    return text if tag == "String" else int(text)
+
+
+def _named(start: Mapping[str, Any], description: Description) -> list[Variable]:
+    return [description.variables[name] for name in start]
+
+
+def _local(element: Element) -> str:
+    return element.tag.rpartition("}")[2] if isinstance(element.tag, str) else ""

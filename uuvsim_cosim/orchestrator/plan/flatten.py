@@ -1,0 +1,218 @@
+"""The plan of a system: nested systems become paths, and connections become transfers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from uuvsim_cosim.errors import Problem, SystemInvalid
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.orchestrator.plan.initialization import initialization_order
+from uuvsim_cosim.orchestrator.plan.loop_policy import hindrances, settled
+from uuvsim_cosim.orchestrator.plan.plan import Group, Plan, PlannedComponent, Transfer
+from uuvsim_cosim.orchestrator.plan.seeds import component_seed
+from uuvsim_cosim.orchestrator.plan.vehicle_match import vehicle_warnings
+from uuvsim_cosim.orchestrator.system.elements import Element, Loops, step_text
+from uuvsim_cosim.orchestrator.system.resolve import described_by
+from uuvsim_cosim.orchestrator.system.system import System
+from uuvsim_cosim.orchestrator.values.endpoints import Endpoint, resolve_endpoint
+from uuvsim_cosim.orchestrator.values.value_table import Numbers
+from uuvsim_cosim.orchestrator.values.values import as_array, flat
+
+__all__ = ["flatten", "inspected"]
+
+
+@dataclass(frozen=True)
+class _Leaf:
+    """One element of a variable of a component of the plan."""
+
+    component: int
+    variable: Variable
+    element: int
+
+
+_Link = tuple[_Leaf, _Leaf, float, float, Numbers]
+
+
+def flatten(system: System, seed: int = 0, loops: Loops | None = None) -> Plan:
+    """Return the plan of a system; `seed` is the system's, from which each component's follows.
+
+    `loops` is the policy for algebraic loops, by default the system's own (`System.loops`).
+    Raises SystemInvalid where the policy refuses a loop (see `loop_policy.settled`).
+    """
+    flat_ = _Flat(system, seed)
+    transfers = flat_.transfers()
+    plan = Plan(
+        tick=system.base_step,
+        components=tuple(flat_.components),
+        transfers=transfers,
+        groups=flat_.groups(),
+        initialization=initialization_order(flat_.components, transfers),
+        warnings=(*system.notes, *vehicle_warnings(flat_.components)),
+        loops=system.loops if loops is None else loops,
+        start=Fraction(str(system.start_time)),
+    )
+    return settled(plan, flat_.ungrouped)
+
+
+def inspected(system: System) -> tuple[Plan, str]:
+    """Return the plan of a system that is shown, not run, and why a loop of it is refused."""
+    try:
+        return flatten(system), ""
+    except SystemInvalid as refused:
+        return flatten(system, loops="delay"), str(refused)
+
+
+class _Flat:
+    """The components of a system and of its nested systems, numbered in depth-first order."""
+
+    def __init__(self, system: System, seed: int) -> None:
+        self.system = system
+        self.seed = seed
+        self.components: list[PlannedComponent] = []
+        self.index: dict[str, int] = {}
+        self.ungrouped: frozenset[int] = frozenset()
+        problems: list[Problem] = []
+        self._collect(system, "", problems)
+        if not self.components:
+            problems.append(Problem(system.name, "no components", "at least one"))
+        if problems:
+            raise SystemInvalid(problems)
+
+    def _collect(self, system: System, prefix: str, problems: list[Problem]) -> None:
+        for element in system.elements:
+            path = prefix + element.name
+            nested = system.nested_or_none(element.name)
+            if nested is not None:
+                self._collect(nested, f"{path}.", problems)
+                continue
+            step = Fraction(element.rate or system.base_step)
+            ticks = step / self.system.base_step
+            if ticks.denominator != 1:
+                problems.append(
+                    Problem(
+                        path,
+                        f"a communication step of {step_text(step)} s, which the tick of "
+                        f"{step_text(self.system.base_step)} s does not divide",
+                        f"a whole multiple of {step_text(self.system.base_step)} s",
+                    )
+                )
+            assert isinstance(element.source, str)
+            description = system.checked.descriptions[element.name]
+            self.index[path] = len(self.components)
+            self.components.append(
+                PlannedComponent(
+                    path=path,
+                    source=_absolute(element, system.base),
+                    description=description,
+                    start={
+                        n: as_array(description.variables[n], v) for n, v in element.start.items()
+                    },
+                    seed=_seed(element.start.get("seed"), self.seed, path),
+                    step_ticks=int(ticks),
+                )
+            )
+
+    def transfers(self) -> tuple[Transfer, ...]:
+        """Return the transfers, one for each pair of variables, by pair of components."""
+        found: dict[tuple[Any, ...], tuple[list[_Leaf], list[_Leaf]]] = {}
+        for a, b, *change in self._links(self.system, ""):
+            key = (a.component, b.component, a.variable.name, b.variable.name, *change)
+            sources, targets = found.setdefault(key, ([], []))
+            sources.append(a)
+            targets.append(b)
+        order = {pair: i for i, pair in enumerate(dict.fromkeys(k[:2] for k in found))}
+        return tuple(
+            Transfer(
+                source=key[0],
+                source_variable=sources[0].variable,
+                source_elements=tuple(leaf.element for leaf in sources),
+                target=key[1],
+                target_variable=targets[0].variable,
+                target_elements=tuple(leaf.element for leaf in targets),
+                factor=key[4],
+                offset=key[5],
+                table=key[6],
+            )
+            for key, (sources, targets) in sorted(found.items(), key=lambda kv: order[kv[0][:2]])
+        )
+
+    def _links(self, system: System, prefix: str) -> Iterator[_Link]:
+        for wire in system.checked.wires:
+            pairs = zip(wire.source.elements, wire.target.elements, wire.changes, strict=True)
+            for i, j, (factor, offset) in pairs:
+                for a in self._leaves(system, prefix, wire.source, i):
+                    for b in self._leaves(system, prefix, wire.target, j):
+                        yield a, b, factor, offset, wire.table
+        for element in system.elements:
+            nested = system.nested_or_none(element.name)
+            if nested is not None:
+                yield from self._links(nested, f"{prefix}{element.name}.")
+
+    def _leaves(
+        self, system: System, prefix: str, point: Endpoint, element: int
+    ) -> Iterator[_Leaf]:
+        """Follow an element of a connector into nested systems, to the components behind it."""
+        nested = system.nested_or_none(point.element)
+        if nested is None:
+            component = self.index[prefix + point.element]
+            description = self.components[component].description
+            yield _Leaf(component, description.variables[point.variable.name], element)
+            return
+        whole = point.variable.name
+        single = point.variable.element_name(element)
+        for item in nested.exposed:
+            if item.name in (whole, single):
+                inner = resolve_endpoint(item.path, nested.checked.descriptions)
+                place = inner.elements[element if item.name == whole else 0]
+                yield from self._leaves(nested, f"{prefix}{point.element}.", inner, place)
+
+    def groups(self) -> tuple[Group, ...]:
+        """Return the Jacobi group of all that have no group of their own, then the others."""
+        explicit = list(self._explicit(self.system, ""))
+        problems = [p for g in explicit if g.algorithm == "iterated" for p in self._cannot(g)]
+        if problems:
+            raise SystemInvalid(problems)
+        grouped = {i for g in explicit for i in g.members}
+        rest = tuple(i for i in range(len(self.components)) if i not in grouped)
+        self.ungrouped = frozenset(rest)
+        return (*((Group("jacobi", rest),) if rest else ()), *explicit)
+
+    def _explicit(self, system: System, prefix: str) -> Iterator[Group]:
+        taken: set[str] = set()
+        for group in system.groups:
+            members = [i for m in group.members for i in self._members(system, prefix, m)]
+            taken.update(group.members)
+            yield Group(group.algorithm, tuple(members), group.solver, group.tolerance, group.limit)
+        for element in system.elements:
+            nested = system.nested_or_none(element.name)
+            if nested is not None and element.name not in taken:
+                yield from self._explicit(nested, f"{prefix}{element.name}.")
+
+    def _cannot(self, group: Group) -> Iterator[Problem]:
+        """Find members that cannot be iterated."""
+        members = [self.components[i] for i in group.members]
+        place = f"iterated group of {', '.join(c.path for c in members)}"
+        for read, expected in hindrances(members, self.system.base_step):
+            yield Problem(place, read, expected)
+
+    def _members(self, system: System, prefix: str, name: str) -> list[int]:
+        path = prefix + name
+        if system.nested_or_none(name) is None:
+            return [self.index[path]]
+        return [i for p, i in self.index.items() if p.startswith(f"{path}.")]
+
+
+def _absolute(element: Element, base: Path | None) -> str:
+    return described_by(str(element.source), base, element.start).text
+
+
+def _seed(start: Any, seed: int, path: str) -> tuple[int, int]:
+    """Return the seed that the user set, if any, else the one that follows from the system's."""
+    given = flat(start) if start is not None else []
+    if len(given) == 2 and all(isinstance(v, int) for v in given):
+        return given[0], given[1]
+    return component_seed(seed, path)

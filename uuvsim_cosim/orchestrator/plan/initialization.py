@@ -1,0 +1,93 @@
+"""The order in which outputs become known in Initialization Mode.
+
+Nodes are outputs, and for each component the event that all its inputs are set. An output
+waits for the inputs that it declares to depend on; one that declares nothing waits for all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from uuvsim_cosim.orchestrator.plan.graphs import strongly_connected
+from uuvsim_cosim.orchestrator.plan.plan import PlannedComponent, Transfer
+
+__all__ = ["Output", "initialization_order", "waits_of"]
+
+Output = tuple[int, str]  # component, output; "" is the event that all inputs are set
+
+
+def initialization_order(
+    components: Sequence[PlannedComponent], transfers: Sequence[Transfer]
+) -> tuple[tuple[int, ...], ...]:
+    """Return the entries of `Plan.initialization`.
+
+    A component comes again when more of its inputs have become known, and last when all are.
+    """
+    waits = waits_of(components, transfers)
+    entries: list[tuple[int, ...]] = []
+    blocks = strongly_connected(waits)
+    for block in _contiguous(blocks, waits):
+        if len(block) == 1 and block[0] not in waits[block[0]]:
+            entry = (block[0][0],)
+            if not entries or entries[-1] != entry:
+                entries.append(entry)
+            continue
+        members = tuple(sorted({c for c, _ in block}))
+        entries.append(members if len(members) > 1 else members * 2)
+    return tuple(entries)
+
+
+def waits_of(
+    components: Sequence[PlannedComponent],
+    transfers: Sequence[Transfer],
+    *,
+    declared_only: bool = False,
+) -> dict[Output, list[Output]]:
+    """Return the outputs that each connected output waits for, through inputs and connections.
+
+    With `declared_only`, an output that declares no dependencies waits for nothing.
+    """
+    feeds: dict[int, dict[str, list[Output]]] = {}
+    used: dict[Output, None] = {}
+    for t in transfers:
+        output = (t.source, t.source_variable.name)
+        feeds.setdefault(t.target, {}).setdefault(t.target_variable.name, []).append(output)
+        used[output] = None
+    waits: dict[Output, list[Output]] = {}
+    for output in used:
+        component, name = output
+        inputs = feeds.get(component, {})
+        declared = components[component].description.variables[name].dependencies
+        if declared is None:
+            names = [] if declared_only else [*inputs]
+        else:
+            names = [n for n in declared if n in inputs]
+        waits[output] = list(dict.fromkeys(o for n in names for o in inputs[n]))
+    for i in range(len(components)):
+        every = (o for found in feeds.get(i, {}).values() for o in found)
+        waits[i, ""] = list(dict.fromkeys(every))
+    return waits
+
+
+def _contiguous(
+    blocks: list[list[Output]], waits: dict[Output, list[Output]]
+) -> list[list[Output]]:
+    """Order blocks so that each comes after what it waits for, and one component's together."""
+    home = {node: i for i, block in enumerate(blocks) for node in block}
+    missing = [
+        {home[w] for node in block for w in waits[node]} - {i} for i, block in enumerate(blocks)
+    ]
+    remaining = list(range(len(blocks)))
+    done: set[int] = set()
+    result: list[list[Output]] = []
+    last: int | None = None
+    while remaining:
+        ready = [i for i in remaining if missing[i] <= done]
+        same = [i for i in ready if blocks[i][0][0] == last]
+        early = [i for i in ready if blocks[i][0][1] != ""]
+        chosen = (same or early or ready)[0]
+        last = blocks[chosen][0][0]
+        result.append(blocks[chosen])
+        done.add(chosen)
+        remaining.remove(chosen)
+    return result

@@ -1,0 +1,255 @@
+"""Policy for the algebraic loops of a plan: they are iterated, refused or delayed.
+
+A loop is algebraic if every hop declares its direct feedthrough. Stepped by Jacobi or
+Gauss-Seidel, each connection of it that delays makes it another system, which diverges where the
+loop's gain is above one. A loop with an undeclared hop may be none: it is delayed, and named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from fractions import Fraction
+
+from uuvsim_cosim.errors import Problem, SystemInvalid
+from uuvsim_cosim.orchestrator.plan.graphs import shortest_cycle, strongly_connected
+from uuvsim_cosim.orchestrator.plan.initialization import Output, waits_of
+from uuvsim_cosim.orchestrator.plan.loop_gain import estimated_gain, gain_text
+from uuvsim_cosim.orchestrator.plan.plan import (
+    AlgebraicLoop,
+    Group,
+    Plan,
+    PlannedComponent,
+    Transfer,
+)
+from uuvsim_cosim.orchestrator.system.elements import step_text
+
+__all__ = ["check_loops", "found_loops", "hindrances", "hops_of", "loop_lines_of", "settled"]
+
+_DELAY = '--loops delay (loops="delay")'
+_FILTER = "a component with a state (for example a filter) in the loop"
+
+
+def settled(plan: Plan, ungrouped: frozenset[int]) -> Plan:
+    """Return the plan with its algebraic loops treated as its policy `loops` says.
+
+    `ungrouped` are the components that the user has put into no group. Raises SystemInvalid for
+    every loop that is refused: by the policy, or because its members cannot be iterated.
+    """
+    sums = {n for n, g in enumerate(plan.groups) if _is_of_sums(plan, g)}
+    free = sums | {n for n, g in enumerate(plan.groups) if ungrouped.issuperset(g.members)}
+    group_of = {i: n for n, g in enumerate(plan.groups) for i in g.members}
+    together: list[set[int]] = []
+    problems: list[Problem] = []
+    found = found_loops(plan)
+    for loop in found:
+        groups = {group_of[i] for i in loop.members}
+        if loop.undeclared or plan.loops == "delay" or _is_iterated(plan.groups, loop):
+            continue
+        chosen = len(groups) == 1 and not groups & free
+        if plan.loops == "iterate" and chosen:
+            continue
+        # A sum steps with what it feeds: both become members.
+        members = {*loop.members, *(i for n in groups & sums for i in plan.groups[n].members)}
+        hindered = list(_refusals(plan, loop, sorted(members), groups <= free))
+        if hindered:
+            problems.append(_refused(plan, loop, hindered))
+        together = _joined(together, members)
+    if problems:
+        raise SystemInvalid(problems)
+    iterated = {i for members in together for i in members}
+    rest = (replace(g, members=_without(g.members, iterated)) for g in plan.groups)
+    groups_now = (
+        *(g for g in rest if g.members),
+        *(Group("iterated", tuple(sorted(members))) for members in together),
+    )
+    loops = tuple(replace(x, iterated=_is_iterated(groups_now, x)) for x in found)
+    plan = replace(plan, groups=groups_now, algebraic_loops=loops)
+    delayed = [line for x, line in zip(loops, loop_lines_of(plan), strict=True) if not x.iterated]
+    return replace(plan, warnings=(*plan.warnings, *delayed))
+
+
+def check_loops(plan: Plan) -> Plan:
+    """Return a plan, whose groups stay, with its loops found anew; a component was replaced.
+
+    Raises SystemInvalid for a loop that its policy does not let it delay.
+    """
+    before = {x.members for x in plan.algebraic_loops if not x.iterated}
+    found = [replace(x, iterated=_is_iterated(plan.groups, x)) for x in found_loops(plan)]
+    problems = [
+        _refused(plan, x, [("no iterated group solves it", "a component without the feedthrough")])
+        for x in found
+        if not (x.iterated or x.undeclared or plan.loops == "delay" or x.members in before)
+    ]
+    for group in plan.groups:
+        if group.algorithm == "iterated":
+            members = [plan.components[i] for i in group.members]
+            place = f"iterated group of {', '.join(c.path for c in members)}"
+            problems += [Problem(place, *h) for h in hindrances(members, plan.tick)]
+    if problems:
+        raise SystemInvalid(problems)
+    return replace(plan, algebraic_loops=tuple(found))
+
+
+def found_loops(plan: Plan) -> list[AlgebraicLoop]:
+    """Return the loops whose hops are all declared, then those with undeclared hops."""
+    found = []
+    for declared_only in (True, False):
+        waits = waits_of(plan.components, plan.transfers, declared_only=declared_only)
+        for block in strongly_connected(waits):
+            silent = [n for n in block if _dependencies(plan, n) is None]
+            cyclic = len(block) > 1 or block[0] in waits[block[0]]
+            if cyclic and (declared_only or silent):
+                found.append(_loop(plan, block, waits, silent))
+    return found
+
+
+def hops_of(plan: Plan, loop: AlgebraicLoop) -> str:
+    """Name one way around a loop, connection by connection."""
+    return ", ".join(_connection(plan, plan.transfers[k]) for k in loop.cycle)
+
+
+def loop_lines_of(plan: Plan) -> list[str]:
+    """Return one sentence for each algebraic loop of a plan: how it is treated, and its hops."""
+    lines = []
+    for loop in plan.algebraic_loops:
+        hops = hops_of(plan, loop)
+        if loop.iterated:
+            lines.append(f"algebraic loop, iterated at each communication point: {hops}")
+        elif loop.undeclared:
+            lines.append(
+                "loop delayed by a step for each connection, and iterated in initialization, "
+                f"because feedthrough is not declared ({', '.join(loop.undeclared)}): {hops}"
+            )
+        else:
+            why = f'by the loop policy "{plan.loops}"' if plan.loops == "delay" else "by its group"
+            lines.append(
+                f"algebraic loop, delayed by a step for each connection, {why}, and solved in "
+                f"initialization: {hops}"
+            )
+    return lines
+
+
+def hindrances(members: Sequence[PlannedComponent], tick: Fraction) -> Iterator[tuple[str, str]]:
+    """Say why components cannot be iterated: what was read, and what would be right."""
+    for c in members:
+        if not c.description.can_get_and_set_state:
+            yield (
+                f"{c.path} cannot get and set its state",
+                "members that can, because a step is repeated from the state at its start",
+            )
+    steps = {c.step_ticks: c.path for c in members}
+    if len(steps) > 1:
+        (a, first), (b, second) = list(steps.items())[:2]
+        yield (
+            f"{first} steps by {step_text(a * tick)} s, {second} by {step_text(b * tick)} s",
+            "members of one communication step",
+        )
+
+
+# ---- inside ---------------------------------------------------------------------------------
+
+
+def _is_of_sums(plan: Plan, group: Group) -> bool:
+    """Whether the group is an OSP file's: sums, then what they feed. No user chose its order."""
+    sums = [plan.components[i].source.startswith("function:") for i in group.members[:-1]]
+    return group.algorithm == "gauss-seidel" and bool(sums) and all(sums)
+
+
+def _refusals(
+    plan: Plan, loop: AlgebraicLoop, members: Sequence[int], free: bool
+) -> Iterator[tuple[str, str]]:
+    components = [plan.components[i] for i in members]
+    if plan.loops == "refuse":
+        yield 'the loop policy is "refuse"', "--loops iterate"
+        return
+    if not free:
+        yield (
+            "some of its members are in a group that others are not in",
+            f'one group of {", ".join(c.path for c in components)}, of algorithm "iterated"',
+        )
+    yield from hindrances(components, plan.tick)
+    for k in loop.transfers:
+        t = plan.transfers[k]
+        if t.target_variable.type in ("String", "Binary"):
+            yield f"{_connection(plan, t)} carries text or bytes", "numbers in the loop"
+
+
+def _refused(plan: Plan, loop: AlgebraicLoop, why: Sequence[tuple[str, str]]) -> Problem:
+    gain = gain_text(estimated_gain(plan, loop))
+    return Problem(
+        f"algebraic loop {hops_of(plan, loop)}",
+        f"{gain}; it is refused, because {' and '.join(read for read, _ in why)}",
+        ", ".join([*dict.fromkeys(expected for _, expected in why), _FILTER, f"or {_DELAY}"]),
+    )
+
+
+def _joined(together: list[set[int]], members: set[int]) -> list[set[int]]:
+    """Add a set to disjoint sets; those that it meets become one with it."""
+    apart = [s for s in together if not s & members]
+    return [*apart, members.union(*(s for s in together if s & members))]
+
+
+def _without(members: tuple[int, ...], gone: set[int]) -> tuple[int, ...]:
+    return tuple(i for i in members if i not in gone)
+
+
+def _is_iterated(groups: Sequence[Group], loop: AlgebraicLoop) -> bool:
+    mine = set(loop.members)
+    return any(g.algorithm == "iterated" and mine <= set(g.members) for g in groups)
+
+
+def _dependencies(plan: Plan, output: Output) -> tuple[str, ...] | None:
+    component, name = output
+    if not name:  # the event that all inputs are set
+        return ()
+    return plan.components[component].description.variables[name].dependencies
+
+
+def _loop(
+    plan: Plan,
+    block: Sequence[Output],
+    waits: Mapping[Output, Sequence[Output]],
+    silent: Sequence[Output],
+) -> AlgebraicLoop:
+    inside = {n: [w for w in waits[n] if w in block] for n in block}
+    into = {n: _feeding(plan, n, block) for n in block}
+    begin = silent[0] if silent else min(block)
+    backwards = shortest_cycle(inside, begin)  # waiting runs against the flow
+    forwards = [backwards[0], *backwards[:0:-1]]
+    hops = zip(forwards, [*forwards[1:], forwards[0]], strict=True)
+    cycle = [next(k for k in into[b] if _source(plan.transfers[k]) == a) for a, b in hops]
+    return AlgebraicLoop(
+        members=tuple(sorted({c for c, _ in block})),
+        transfers=tuple(sorted({k for ks in into.values() for k in ks})),
+        cycle=tuple(cycle),
+        undeclared=tuple(
+            f"{path}.{name} -> {path}.{out}"
+            for component, out in silent
+            for path in [plan.components[component].path]
+            for name in dict.fromkeys(
+                plan.transfers[k].target_variable.name for k in into[component, out]
+            )
+        ),
+    )
+
+
+def _feeding(plan: Plan, output: Output, block: Sequence[Output]) -> list[int]:
+    """Return the transfers, of outputs of the block, on which an output depends."""
+    declared = _dependencies(plan, output)
+    return [
+        k
+        for k, t in enumerate(plan.transfers)
+        if t.target == output[0]
+        and _source(t) in block
+        and (declared is None or t.target_variable.name in declared)
+    ]
+
+
+def _source(t: Transfer) -> Output:
+    return t.source, t.source_variable.name
+
+
+def _connection(plan: Plan, t: Transfer) -> str:
+    source, target = plan.components[t.source].path, plan.components[t.target].path
+    return f"{source}.{t.source_variable.name} -> {target}.{t.target_variable.name}"

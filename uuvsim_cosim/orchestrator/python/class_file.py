@@ -1,0 +1,189 @@
+"""Import of a user's Python class from its file, and the description of its variables."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import inspect
+import reprlib
+import sys
+import traceback
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from uuvsim_cosim.cache import content_hash
+from uuvsim_cosim.errors import ComponentFailed, InputInvalid
+from uuvsim_cosim.fmus.description import Causality, Description
+from uuvsim_cosim.orchestrator.python.ports import parameter, signal
+
+__all__ = ["definition", "described", "imported", "load", "place_of"]
+
+
+_GROUPS: tuple[tuple[Causality, str], ...] = (("input", "inputs"), ("output", "outputs"))
+
+
+def load(source: str) -> type[Any]:
+    """Return the class of ``FILE.py:Class`` or ``package.module:Class``; raises InputInvalid."""
+    where, colon, name = source.rpartition(":")
+    if not colon or not name.isidentifier():
+        raise InputInvalid(f"{source!r}; expected FILE.py:Class or package.module:Class")
+    module = imported(where, source)
+    cls = getattr(module, name, None)
+    if not isinstance(cls, type):
+        classes = [k for k, v in vars(module).items() if isinstance(v, type) and hasattr(v, "step")]
+        there = f"one of {', '.join(classes)}" if classes else "a class with step(t, dt, u) in it"
+        raise InputInvalid(f"{source}: no class {name!r}; expected {there}")
+    return cls
+
+
+def imported(where: str, source: str) -> ModuleType:
+    """Return the module of a file (FILE.py) or by its name; raises InputInvalid, of `source`."""
+    try:
+        if not where.endswith(".py"):
+            return importlib.import_module(where)
+        path = Path(where).expanduser().absolute()
+        if not path.is_file():
+            raise InputInvalid(f"{path}: no such file; expected a Python file")
+        # A new module for each content, so that an edited file is read again.
+        name = f"uuvsim_user_{path.stem}_{content_hash([str(path), path.read_bytes()])}"
+        if name in sys.modules:
+            return sys.modules[name]
+        spec = importlib.util.spec_from_file_location(name, path)
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[name] = module
+        if str(path.parent) not in sys.path:
+            sys.path.append(str(path.parent))  # as a script, it may import its neighbours
+        try:
+            spec.loader.exec_module(module)
+        except BaseException:
+            del sys.modules[name]
+            raise
+    except InputInvalid:
+        raise
+    except SyntaxError as error:
+        raise InputInvalid(f"{error.filename}:{error.lineno}: {error.msg}") from error
+    except ModuleNotFoundError as error:
+        if error.name is None or not f"{where}.".startswith(f"{error.name}."):
+            raise _not_imported(source, error) from error
+        raise InputInvalid(
+            f"{source}: {error}; expected FILE.py:Name, or one that Python finds (PYTHONPATH)"
+        ) from error
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # SystemExit too: a file must not end the run
+        raise _not_imported(source, error) from error
+    return module
+
+
+def _not_imported(source: str, error: BaseException) -> InputInvalid:
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    return InputInvalid(
+        f"{source}: cannot be imported: {last.filename}:{last.lineno}: "
+        f"{type(error).__name__}: {error}"
+    )
+
+
+def place_of(error: BaseException, cls: type[Any], method: str) -> str:
+    """Return ``file:line: Error: text``, with the last line that lies in a file of the class.
+
+    If the error comes from a call that does not fit the method, the line is the method's own.
+    """
+    frames = traceback.extract_tb(error.__traceback__)[1:]  # the first is the caller
+    modules = (sys.modules.get(c.__module__) for c in cls.__mro__ if c is not object)
+    own = {getattr(m, "__file__", None) for m in modules}
+    mine = [f for f in frames if f.filename in own] or frames[-1:]
+    text = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+    where = f"{mine[-1].filename}:{mine[-1].lineno}" if mine else definition(cls, method)
+    return f"{where}: {text}"
+
+
+def definition(cls: type[Any], method: str) -> str:
+    """Return ``file:line`` of a method, of the class where that cannot be told."""
+    function = inspect.unwrap(getattr(cls, method, cls))
+    code = getattr(getattr(function, "__func__", function), "__code__", None)
+    if code is not None:
+        return f"{code.co_filename}:{code.co_firstlineno}"
+    try:
+        return f"{inspect.getsourcefile(cls)}:{inspect.getsourcelines(cls)[1]}"
+    except (OSError, TypeError):
+        return cls.__name__
+
+
+def described(cls: type[Any], make: Callable[[], Any]) -> Description:
+    """Describe what a class declares; raises InputInvalid with what is missing."""
+    place = cls.__name__
+    wrong = [w for n in ("inputs", "outputs", "parameters") for w in _no_dict(cls, n)]
+    wrong += [] if callable(getattr(cls, "step", None)) else ["no method step(t, dt, u)"]
+    if wrong:
+        raise InputInvalid(
+            f"{place}: {', '.join(wrong)}; expected `inputs` and `outputs` as dicts name -> unit, "
+            "size or (size, unit), `parameters`, if any, as a dict name -> (value, unit), and "
+            "step(self, t, dt, u)"
+        )
+    variables = [
+        signal(place, name, declared, causality)
+        for causality, group in _GROUPS
+        for name, declared in getattr(cls, group).items()
+    ]
+    given = getattr(cls, "parameters", None) or {}
+    variables += [parameter(place, n, d) for n, d in given.items()]
+    by_name = {v.name: v for v in variables}
+    if len(by_name) != len(variables):
+        twice = sorted({v.name for v in variables if [w.name for w in variables].count(v.name) > 1})
+        raise InputInvalid(f"{place}: {', '.join(twice)} declared twice; expected different names")
+    try:
+        made = make()
+    except ComponentFailed as error:
+        raise InputInvalid(
+            f"{error.reason}; expected a class that can be made without arguments"
+        ) from error
+    _check_call(made, cls, "step", "t, dt, u")
+    if hasattr(made, "initialize"):
+        _check_call(made, cls, "initialize", "t")
+    copies = _can_be_copied(made)
+    return Description(
+        name=cls.__name__,
+        kind="python",
+        variables=by_name,
+        description=(cls.__doc__ or "").strip().split("\n", 1)[0],
+        can_get_and_set_state=copies,
+        can_serialize_state=copies,
+    )
+
+
+def _no_dict(cls: type[Any], group: str) -> list[str]:
+    declared = getattr(cls, group, None)
+    if declared is None:
+        return [] if group == "parameters" else [f"no {group}"]
+    if not isinstance(declared, Mapping):
+        return [f"{group} is {reprlib.repr(declared)}"]
+    return [f"{group} has the name {k!r}" for k in declared if not isinstance(k, str) or not k]
+
+
+def _check_call(made: Any, cls: type[Any], method: str, arguments: str) -> None:
+    """Refuse a method that cannot be called with these arguments, before anything runs."""
+    try:
+        signature = inspect.signature(getattr(made, method))
+    except (TypeError, ValueError):  # written in C, and silent about its arguments
+        return
+    try:
+        signature.bind(*arguments.split(", "))
+    except TypeError as error:
+        raise InputInvalid(
+            f"{definition(cls, method)}: {cls.__name__}.{method}{signature} cannot be called as "
+            f"{method}({arguments}): {error}; expected def {method}(self, {arguments})"
+        ) from None
+
+
+def _can_be_copied(made: Any) -> bool:
+    import copy
+
+    try:
+        copy.deepcopy(vars(made))
+    except Exception:
+        return False
+    return True

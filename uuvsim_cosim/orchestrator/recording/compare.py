@@ -1,0 +1,156 @@
+"""Comparison of two recordings: the first signal that differs, when, and by how much."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.orchestrator.recording.recording import read_signals
+from uuvsim_cosim.orchestrator.recording.signals import Signals
+
+__all__ = ["Comparison", "Difference", "compare_signals"]
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One element of a signal that differs: where first, and where most.
+
+    `a` and `b` are the two values at `time` [s]; `size` is |a - b| in `unit`, NaN for values that
+    are no numbers and infinity where only one is finite. `largest` is the greatest `size`, at
+    `largest_time`.
+    """
+
+    signal: str
+    unit: str
+    time: float
+    a: Any
+    b: Any
+    size: float
+    largest: float
+    largest_time: float
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What differs between recordings A and B, the earliest first; nothing, if they are equal.
+
+    `mismatches` are differences of another kind: signals that one of them lacks, other sizes,
+    units, times or lengths. Values are compared at the first `rows` times, which are the same.
+    """
+
+    differences: tuple[Difference, ...]
+    mismatches: tuple[str, ...]
+    rows: int
+    signals: int
+
+    @property
+    def equal(self) -> bool:
+        """Whether nothing differs."""
+        return not self.differences and not self.mismatches
+
+
+def compare_signals(
+    a: Signals | Path | str, b: Signals | Path | str, tolerance: float = 0.0
+) -> Comparison:
+    """Compare two recordings; numbers are equal if |a - b| <= `tolerance`, in the signal's unit.
+
+    With tolerance 0 they have to be equal. NaN equals NaN, and an infinity one of the same sign.
+    Texts, Booleans and bytes have to be equal. Integers are compared exactly. Raises InputInvalid
+    for a tolerance that is negative or not finite, RecordingError for what is no recording.
+    """
+    if not (math.isfinite(tolerance) and tolerance >= 0):
+        raise InputInvalid(f"tolerance {tolerance:g}; expected a finite number, 0 or more")
+    left = a if isinstance(a, Signals) else read_signals(a)
+    right = b if isinstance(b, Signals) else read_signals(b)
+    rows, mismatches = _common_rows(left.time, right.time)
+    for one, other, name in ((left, right, "A"), (right, left, "B")):
+        only = [signal for signal in one if signal not in other]
+        mismatches += [f"{signal}: only in {name}" for signal in only]
+    both = [signal for signal in left if signal in right]
+    found: list[Difference] = []
+    for signal in both:
+        shapes = left[signal].shape[1:], right[signal].shape[1:]
+        units = left.units.get(signal, ""), right.units.get(signal, "")
+        if shapes[0] != shapes[1]:
+            mismatches.append(f"{signal}: size {_size(shapes[0])} in A, {_size(shapes[1])} in B")
+        elif units[0] != units[1]:
+            mismatches.append(f"{signal}: in {units[0] or '1'} in A, in {units[1] or '1'} in B")
+        else:
+            found += _differences(signal, left, right, rows, tolerance)
+    found.sort(key=lambda d: d.time)
+    return Comparison(tuple(found), tuple(mismatches), rows, len(both))
+
+
+def _common_rows(a: np.ndarray, b: np.ndarray) -> tuple[int, list[str]]:
+    """Return the number of first rows with the same times, and what ends them."""
+    rows = min(len(a), len(b))
+    other = np.flatnonzero(a[:rows] != b[:rows])
+    if other.size:
+        k = int(other[0])
+        return k, [f"time: row {k + 1} is at {a[k]:.9g} s in A, at {b[k]:.9g} s in B"]
+    if len(a) != len(b):
+        return rows, [f"time: {_end(a)} in A, {_end(b)} in B"]
+    return rows, []
+
+
+def _end(time: np.ndarray) -> str:
+    return f"{len(time)} rows up to {time[-1]:.9g} s" if len(time) else "no rows"
+
+
+def _size(shape: Sequence[int]) -> str:
+    return "x".join(map(str, shape)) or "1"
+
+
+def _differences(
+    signal: str, a: Signals, b: Signals, rows: int, tolerance: float
+) -> list[Difference]:
+    x, y = a[signal][:rows], b[signal][:rows]
+    if x.ndim == 1:
+        return _of_element(signal, a.units.get(signal, ""), a.time, x, y, tolerance)
+    found: list[Difference] = []
+    indices = a.elements.get(signal) or tuple(range(1, x.shape[1] + 1))
+    units = a.element_units.get(signal) or (a.units.get(signal, ""),) * x.shape[1]
+    for n, (index, unit) in enumerate(zip(indices, units, strict=True)):
+        found += _of_element(f"{signal}[{index}]", unit, a.time, x[:, n], y[:, n], tolerance)
+    return found
+
+
+def _of_element(
+    name: str, unit: str, time: np.ndarray, x: np.ndarray, y: np.ndarray, tolerance: float
+) -> list[Difference]:
+    if x.dtype.kind in "fiu" and y.dtype.kind in "fiu":
+        size = _sizes(x, y)
+        differs = size > tolerance
+    else:
+        size = np.full(len(x), math.nan)
+        differs = np.array([p != q for p, q in zip(x, y, strict=True)], dtype=bool)
+    rows = np.flatnonzero(differs)
+    if not rows.size:
+        return []
+    first = int(rows[0])
+    most = int(rows[np.argmax(size[rows])])
+    p, q = (v.item() if hasattr(v, "item") else v for v in (x[first], y[first]))
+    return [
+        Difference(
+            name, unit, float(time[first]), p, q,
+            float(size[first]), float(size[most]), float(time[most]),
+        )
+    ]  # fmt: skip
+
+
+def _sizes(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return |x - y|: 0 for two NaN or equal infinities, infinity where one is not finite."""
+    if x.dtype.kind in "iu" and y.dtype.kind in "iu":  # exact beyond 2^53 and 2^63
+        exact = x.astype(object) - y.astype(object)
+        return np.array([float(abs(d)) for d in exact], dtype=np.float64)
+    p, q = x.astype(np.float64), y.astype(np.float64)
+    same = (p == q) | (np.isnan(p) & np.isnan(q))
+    with np.errstate(invalid="ignore", over="ignore"):
+        size = np.abs(p - q)
+    return np.where(same, 0.0, np.where(np.isnan(size), math.inf, size))

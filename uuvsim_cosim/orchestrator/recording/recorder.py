@@ -1,0 +1,229 @@
+"""Recorder: an observer that writes an Arrow stream, and a Parquet file when it closes.
+
+A stream can be read up to its last flush, whatever happened to the run; Parquet, which is
+smaller, has no footer until it is closed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+import math
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+
+from uuvsim_cosim._version import __version__
+from uuvsim_cosim.errors import RecordingError
+from uuvsim_cosim.orchestrator.master.observer import Chunk, Column
+from uuvsim_cosim.orchestrator.master.snapshot import plan_hash
+from uuvsim_cosim.orchestrator.plan.plan import Plan
+from uuvsim_cosim.orchestrator.recording.files import METADATA, PARQUET, STREAM, to_parquet
+
+__all__ = ["SCHEMA_VERSION", "Recorder"]
+
+SCHEMA_VERSION = 1
+
+
+@final
+class Recorder:
+    """Writes ``signals.arrows`` into a folder, flushed each second; ends as ``signals.parquet``.
+
+    Columns: ``time`` [s], ``tick``, then one for each scalar, ``path.variable[i]`` from 1.
+    `provenance` (system, seed, …) goes into the metadata, with version, plan and start time.
+    """
+
+    def __init__(
+        self,
+        folder: Path | str,
+        *,
+        provenance: Mapping[str, Any] | None = None,
+        flush_seconds: float = 0.2,
+    ) -> None:
+        self.folder = Path(folder)
+        self._provenance = dict(provenance or {})
+        self._flush_seconds = flush_seconds
+        self._file: Any = None
+        self._messages = _Messages()
+
+    # ---- the observer ---------------------------------------------------------------------
+
+    def begin(self, plan: Plan, columns: Sequence[Column]) -> None:
+        """Open the stream; raises RecordingError if the folder cannot be written."""
+        import pyarrow as pa
+
+        self._schema = pa.schema(
+            [
+                pa.field("time", pa.float64(), metadata={"unit": "s", "causality": "independent"}),
+                pa.field("tick", pa.int64(), metadata={"unit": "1"}),
+                *(_field(c) for c in columns),
+            ],
+            metadata={METADATA: json.dumps(self._metadata(plan))},
+        )
+        self._types = self._schema.types[2:]
+        self._waiting: Chunk | None = None
+        self._memory: Any = None  # that holds the rows
+        self._written = 0  # of the rows held there
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            self._file = (self.folder / STREAM).open("wb")
+            self._writer = pa.ipc.new_stream(self._file, self._schema)
+            # An empty batch: the schema is there from the start, whatever happens then.
+            self._writer.write_batch(pa.RecordBatch.from_pylist([], schema=self._schema))
+            self._file.flush()
+        except OSError as error:
+            self._close()
+            raise self._failed(error, "a folder that can be written") from error
+        self._flushed = -math.inf
+        self._messages.listen(c.path for c in plan.components)
+
+    def observe(self, chunk: Chunk) -> None:
+        """Note the rows; writes at first, then when 0.2 s have passed or their memory is full."""
+        if self._file is None:  # writing has failed, which has been said
+            return
+        memory = None if chunk.held is None else chunk.held.slots.base
+        if memory is not self._memory:  # the loop was built anew, or this began in its midst
+            self._write()
+            self._written = 0 if chunk.held is None else len(chunk.held.ticks) - len(chunk.ticks)
+        self._waiting, self._memory = chunk, memory
+        reused = chunk.held is None or chunk.held.reused
+        if reused or time.monotonic() - self._flushed >= self._flush_seconds:
+            self._write()
+
+    def end(self) -> None:
+        """Write what is left, and turn the stream into Parquet."""
+        if self._file is None:
+            return
+        try:
+            self._write()
+            self._writer.close()
+        except OSError as error:
+            raise self._failed(error, "room on the disk") from error
+        finally:
+            self._close()
+        to_parquet(self.folder / STREAM, self.folder / PARQUET)
+
+    # ---- inside ---------------------------------------------------------------------------
+
+    def _write(self) -> None:
+        """Write a batch, with the messages since the last, and flush."""
+        import pyarrow as pa
+
+        messages = self._messages.take()
+        chunk = self._take()
+        if self._file is None or (chunk is None and not messages):
+            return
+        arrays = self._none() if chunk is None else self._arrays(chunk)
+        batch = pa.RecordBatch.from_arrays(arrays, schema=self._schema)
+        metadata = {"messages": json.dumps(messages)} if messages else None
+        try:
+            self._writer.write_batch(batch, custom_metadata=metadata)
+            self._file.flush()
+        except OSError as error:
+            self._close()
+            raise self._failed(error, "room on the disk") from error
+        self._flushed = time.monotonic()
+
+    def _take(self) -> Chunk | None:
+        """Return what has been seen and not been written."""
+        chunk, self._waiting = self._waiting, None
+        if chunk is None or chunk.held is None:
+            return chunk
+        held, begin = chunk.held, self._written
+        self._written = 0 if held.reused else len(held.ticks)
+        return replace(chunk, ticks=held.ticks[begin:], rows=held.slots[begin:])
+
+    def _arrays(self, chunk: Chunk) -> list[Any]:
+        """Return the columns; numbers are not copied."""
+        import pyarrow as pa
+
+        n = len(chunk.ticks)
+        arrays = [pa.array(chunk.time), pa.array(chunk.ticks)]
+        for i, type_ in enumerate(self._types):
+            if pa.types.is_floating(type_) or pa.types.is_integer(type_):
+                column = pa.py_buffer(np.ascontiguousarray(chunk.rows[:, i]))
+                arrays.append(pa.Array.from_buffers(type_, n, [None, column]))
+            else:
+                arrays.append(pa.array(chunk.values(i), type_))
+        return arrays
+
+    def _none(self) -> list[Any]:
+        import pyarrow as pa
+
+        return [pa.array([], field.type) for field in self._schema]
+
+    def _close(self) -> None:
+        self._messages.close()
+        file, self._file = self._file, None
+        if file is not None:
+            with contextlib.suppress(OSError):  # raised already; what was flushed stays
+                file.close()
+
+    def _failed(self, error: OSError, expected: str) -> RecordingError:
+        return RecordingError(
+            f"recording {self.folder / STREAM}: {error.strerror or error}; expected {expected}"
+        )
+
+    def _metadata(self, plan: Plan) -> dict[str, Any]:
+        return {
+            "schema_version": SCHEMA_VERSION,
+            "generator": f"uuvsim-cosim {__version__}",
+            "started": datetime.now(UTC).isoformat(timespec="seconds"),
+            "plan": plan_hash(plan),
+            "tick": str(plan.tick),
+            "warnings": list(plan.warnings),
+            **self._provenance,
+        }
+
+
+def _field(column: Column) -> Any:
+    import pyarrow as pa
+
+    types = {"f8": pa.float64(), "i8": pa.int64(), "u8": pa.uint64()}
+    named = {"Boolean": pa.bool_(), "String": pa.utf8(), "Binary": pa.binary()}
+    v = column.variable
+    about = {
+        "path": column.path,
+        "variable": v.name,
+        "index": "" if column.index is None else str(column.index),
+        "unit": v.unit_of_element((column.index or 1) - 1) or "",
+        "description": v.description,
+        "causality": v.causality,
+    }
+    type_ = named.get(column.type.name) or types[column.type.dtype]
+    return pa.field(column.name, type_, metadata=about)
+
+
+class _Messages(logging.Handler):
+    """Listens to what components say, and hands it over once."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._kept: list[tuple[str, str, str]] = []
+        self._loggers: list[logging.Logger] = []
+
+    def listen(self, paths: Any) -> None:
+        self._loggers = [logging.getLogger(f"uuvsim_cosim.{path}") for path in paths]
+        for logger in self._loggers:
+            logger.addHandler(self)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        if len(self._kept) < 10_000:
+            path = record.name.removeprefix("uuvsim_cosim.")
+            self._kept.append((path, record.levelname.lower(), record.getMessage()))
+
+    def take(self) -> list[tuple[str, str, str]]:
+        kept, self._kept = self._kept, []
+        return kept
+
+    def close(self) -> None:
+        for logger in self._loggers:
+            logger.removeHandler(self)
+        self._loggers = []
+        super().close()

@@ -1,0 +1,53 @@
+"""Signals of a recording by name, as numpy arrays, with units and provenance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.near_names import expected_names
+
+__all__ = ["Signals"]
+
+
+@dataclass(frozen=True)
+class Signals(Mapping[str, np.ndarray]):
+    """Signals by ``path.variable``: (n,) for a scalar, (n, size) for an array.
+
+    `time` (n,) [s]; `ticks` (n,); `units` and `descriptions` by the same names, `element_units`
+    with one unit for each element; `metadata` says where the recording came from, and holds what
+    components said (``messages``). `elements` are those that an array's columns are, from 1, where
+    the recording tells them: a column may have been lost.
+    """
+
+    time: np.ndarray
+    ticks: np.ndarray
+    values_by_name: Mapping[str, np.ndarray]
+    units: Mapping[str, str]
+    descriptions: Mapping[str, str] = field(default_factory=dict)
+    metadata: Mapping[str, Any] = field(default_factory=dict)
+    element_units: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    elements: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """Return a signal; raises InputInvalid with names that come near."""
+        if name not in self.values_by_name:
+            known = expected_names(name, sorted(self.values_by_name))
+            raise InputInvalid(f"no signal {name!r} in the recording; expected {known}")
+        return self.values_by_name[name]
+
+    def __contains__(self, name: object) -> bool:
+        """Return whether a signal was recorded."""
+        return name in self.values_by_name
+
+    def __iter__(self) -> Iterator[str]:
+        """Return the names."""
+        return iter(self.values_by_name)
+
+    def __len__(self) -> int:
+        """Count the signals."""
+        return len(self.values_by_name)

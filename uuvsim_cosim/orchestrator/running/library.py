@@ -1,0 +1,71 @@
+"""Systems by name (those of this package) or by file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from uuvsim_cosim.content import content
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.near_names import did_you_mean
+from uuvsim_cosim.orchestrator.system.formats import READERS, read_structure
+from uuvsim_cosim.orchestrator.system.sources import FmuSource
+from uuvsim_cosim.orchestrator.system.system import System
+
+__all__ = ["available", "load", "system_file"]
+
+
+def available() -> list[str]:
+    """List the names of the systems that ship."""
+    folder = content("orchestrator", "systems")
+    if not folder.is_dir():
+        return []
+    return sorted(p.name for p in folder.iterdir() if _file_in(p) is not None)
+
+
+def system_file(name: str) -> Path:
+    """Return the .ssd of a system that ships."""
+    folder = content("orchestrator", "systems")
+    found = _file_in(folder / name) if name.isprintable() and "/" not in name else None
+    if found is None:
+        names = available()
+        raise InputInvalid(
+            f"there is no system {name!r}{did_you_mean(name, names)}; expected one of "
+            f"{', '.join(names) or 'none'}, or a path to an .ssd, .ssp or .fmu"
+        )
+    return found
+
+
+def load(name_or_path: str | Path, tick: str | None = None) -> System:
+    """Load a system: a name, or a path: .ssd, .ssp (``x.ssp#VariantB``), .fmu, or OSP's .xml.
+
+    `tick` is the base step in s for files that give none.
+    """
+    text = str(name_or_path)
+    file, _, variant = text.partition("#")
+    path = Path(file).expanduser()
+    suffix = path.suffix.lower()
+    if suffix not in (".fmu", *READERS):
+        path, suffix = system_file(text), ".ssd"
+    if not path.is_file():
+        raise InputInvalid(f"{path}: no such file; expected an .ssd, .ssp, .fmu or .xml")
+    path = path.absolute()
+    if suffix == ".fmu":
+        return _single(path, tick)
+    system = read_structure(path, variant, tick)
+    assert isinstance(system, System)
+    return system
+
+
+def _single(path: Path, tick: str | None) -> System:
+    """Make a system of one FMU, stepped as its default experiment says."""
+    description = FmuSource(path).describe()
+    step = tick or description.default_step_size or "0.01"
+    name = "".join(c if c.isalnum() or c == "_" else "_" for c in path.stem)
+    return System(name, step, description.description, base=path.parent).add(name, path.name)
+
+
+def _file_in(folder: Path) -> Path | None:
+    for name in (f"{folder.name}.ssd", "SystemStructure.ssd"):
+        if (folder / name).is_file():
+            return folder / name
+    return None

@@ -1,0 +1,383 @@
+"""Run of a system into a folder with its recording and provenance.
+
+The folder holds ``signals.parquet``, ``run.json`` and ``system.ssd``; the command line adds
+``report.html``. After a failure or Ctrl-C the recording up to then stays; a run that is refused
+before its first step leaves nothing.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import asdict, dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from uuvsim_cosim.errors import (
+    ComponentFailed,
+    InputInvalid,
+    LoopNotConverged,
+    RecordingError,
+    UuvsimError,
+)
+from uuvsim_cosim.fmus.isolation.guard import AtComponentExit, calling_component
+from uuvsim_cosim.fmus.isolation.watchdog import check_watchdog
+from uuvsim_cosim.orchestrator.master.coupling import Residual
+from uuvsim_cosim.orchestrator.master.master import Master
+from uuvsim_cosim.orchestrator.master.observer import Observer
+from uuvsim_cosim.orchestrator.master.prepared import Progress, prepare
+from uuvsim_cosim.orchestrator.master.real_time import Pace, Punctuality, Steps
+from uuvsim_cosim.orchestrator.plan.flatten import flatten
+from uuvsim_cosim.orchestrator.plan.plan import Plan, PlannedComponent
+from uuvsim_cosim.orchestrator.recording.recorder import Recorder
+from uuvsim_cosim.orchestrator.recording.recording import read_signals
+from uuvsim_cosim.orchestrator.recording.signals import Signals
+from uuvsim_cosim.orchestrator.running.library import load
+from uuvsim_cosim.orchestrator.running.mission import duration
+from uuvsim_cosim.orchestrator.running.run_folder import RunFolder, check_room, claim
+from uuvsim_cosim.orchestrator.running.run_json import provenance_of, write_run_json
+from uuvsim_cosim.orchestrator.scenarios.inputs import (
+    Drive,
+    Driven,
+    held_by,
+    read_inputs,
+    start_values,
+)
+from uuvsim_cosim.orchestrator.scenarios.played import Played
+from uuvsim_cosim.orchestrator.scenarios.scenario import Change, Scenario
+from uuvsim_cosim.orchestrator.scenarios.scenario_file import read_scenario
+from uuvsim_cosim.orchestrator.ssp.ssd import write_ssd
+from uuvsim_cosim.orchestrator.system.elements import Loops
+from uuvsim_cosim.orchestrator.system.sources import Backend
+from uuvsim_cosim.orchestrator.system.system import System
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.fmus.component import Component
+    from uuvsim_cosim.fmus.tracing.trace import Trace
+__all__ = ["Interrupted", "Run", "run"]
+
+_SECONDS = 0.1  # of wall time between two calls of `progress`
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a run was, and the folder in which it lies; times in s."""
+
+    folder: Path
+    system: str
+    seed: int
+    time: float
+    steps: int
+    tick: float
+    wall_time: float
+    loop_delay: float | None
+    loop_path: str
+    residual: Residual | None  # the largest of the delayed connections; None: none delays
+    iterated: tuple[str, ...]  # the algebraic loops that are iterated, hop by hop
+    notes: tuple[str, ...]
+    warnings: tuple[str, ...]
+    waypoints: tuple[tuple[float, ...], ...] | None
+    asked: Path | None = None
+    start: float = 0.0
+    interrupted: str = ""
+    punctuality: Punctuality | None = None  # of a run in real time
+
+    @property
+    def real_time_factor(self) -> float:
+        """Return simulated over wall time, from the first step to the closed recording."""
+        return (self.time - self.start) / self.wall_time if self.wall_time > 0 else math.inf
+
+    @property
+    def recording(self) -> Path:
+        """Return the file of the signals."""
+        return self.folder / "signals.parquet"
+
+    def signals(self) -> Signals:
+        """Read the recorded signals as numpy arrays."""
+        return read_signals(self.folder)
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C while stepping; the recording is closed, and `run` says what there is."""
+
+    def __init__(self, run: Run) -> None:
+        super().__init__(run.interrupted)
+        self.run = run
+
+
+def run(
+    system: System | str | Path,
+    *,
+    until: float | None = None,
+    start_time: float | None = None,
+    out: str | Path | None = None,
+    seed: int = 0,
+    backend: Backend = "fmu",
+    record_every: int = 1,
+    progress: Progress | None = None,
+    about: Mapping[str, Any] | None = None,
+    real_time: float | Pace | None = None,
+    scenario: Scenario | str | Path | None = None,
+    isolate: Collection[str] = (),
+    watchdog: float = 30.0,
+    trace_fmi: str | Path | None = None,
+    observers: Sequence[Observer] = (),
+    loops: Loops | None = None,
+    inputs: Sequence[str] = (),
+) -> Run:
+    """Simulate a system from `start_time` to `until` [s]; record every output in a fresh folder.
+
+    Without `start_time`, a run begins where the system does, else at 0. Without `until`, it ends
+    where its scenario says, else where the system does, else a mission
+    runs as long as its path takes (see `mission.duration`). The folder is `out`, by default
+    ``runs/<system>-<seed>``; if it holds something already, the first free of NAME-2, NAME-3, ….
+    ``progress(stage, done, total)`` is called while "building" (components) and "simulating"
+    (seconds). `about` goes into run.json. `real_time`
+    is a factor of real time to be kept, or a `Pace`; without it the run is as fast as it can be.
+    `scenario`, or a file of one, is what happens meanwhile. `isolate` names components that get a
+    process of their own ("*": all), so that a crash is an error and no more; one that does not
+    answer within `watchdog` seconds fails. `trace_fmi` is a CSV file for every call of every FMU;
+    the run is slow then, with the same result. `observers` watch beside the recorder. `loops` is
+    the policy for algebraic loops instead of the system's own (see `System.with_loops`).
+    `inputs` are CSV files or waveforms for free inputs and signals (see `inputs.read_inputs`);
+    what was applied is written to inputs.csv in the folder.
+
+    Raises SystemInvalid and InputInvalid before anything runs, ComponentFailed and
+    LoopNotConverged while it runs (their attribute `recording` is the folder), Interrupted on
+    Ctrl-C while stepping. A component that asks to end the simulation ends it in good order, with
+    a warning.
+    """
+    if until is not None and not (math.isfinite(until) and until > 0):
+        raise InputInvalid(f"until: {until:g} s was read; expected more than 0")
+    if start_time is not None and not (math.isfinite(start_time) and start_time >= 0):
+        raise InputInvalid(f"start_time: {start_time:g} s was read; expected 0 or more")
+    if record_every < 1:
+        raise InputInvalid(f"record_every: {record_every} was read; expected 1 or more")
+    check_watchdog(watchdog)
+    if not isinstance(system, System):
+        system = load(system)
+    if trace_fmi is not None and (isolate or backend == "native"):
+        other = "isolated components" if isolate else "native components"
+        raise InputInvalid(f"trace_fmi: together with {other}; expected FMUs in this process")
+    if loops is not None:
+        system = system.with_loops(loops)
+    played = scenario if isinstance(scenario, Scenario | None) else _read_scenario(scenario)
+    pace = real_time if isinstance(real_time, Pace | None) else Pace(real_time)
+    if start_time is not None:
+        system = replace(system, start_time=start_time)
+    plan = flatten(system, seed)
+    drives = read_inputs(inputs, plan)
+    if drives:
+        _refuse_both(drives, played)
+        for name, value in start_values(drives, float(plan.start)).items():
+            system = system.set(name, value)
+        plan = flatten(system, seed)
+    asked = played.end if until is None and played is not None else until
+    end = _end(system, plan) if asked is None else asked
+    _check_times(end, plan)
+    trace = None if trace_fmi is None else _trace(Path(trace_fmi))
+    folder = claim(out if out is not None else Path("runs") / f"{system.name}-{seed}")
+    try:
+        provenance = provenance_of(system, plan, seed, backend, record_every, end, about or {})
+        provenance["notes"] += [d.note for d in drives]
+        instantiate = prepare(plan, backend, progress, isolate, watchdog, trace)
+        master = _started(
+            system, plan, folder, instantiate, record_every, provenance, end, observers,
+            held_by(drives, plan),
+        )  # fmt: skip
+        try:
+            rows = (end - float(plan.start)) / float(plan.tick) / record_every
+            steps: Steps = master if played is None else Played(master, played)
+            if drives:
+                steps = Driven(steps, master, drives, folder.path / "inputs.csv")
+            check_room(folder.path, rows * 8.0 * (master.recorded + 2))
+        except BaseException:
+            master.free()
+            raise
+    except BaseException:
+        folder.discard()
+        if trace is not None:
+            trace.close()
+        raise
+    with trace or nullcontext():
+        return _stepped(master, steps, plan, end, folder, provenance, progress, pace)
+
+
+def _refuse_both(drives: Sequence[Drive], played: Scenario | None) -> None:
+    """Refuse a variable that both an input and a scenario set."""
+    changed = {e.variable for e in played.events if isinstance(e, Change)} if played else set()
+    for d in drives:
+        name = f"{d.component}.{d.variable.name}"
+        if name in changed and not d.added:
+            raise InputInvalid(f"--input {d.name}: the scenario sets {name}; expected one of them")
+
+
+def _trace(path: Path) -> Trace:
+    from uuvsim_cosim.fmus.tracing.trace import Trace
+
+    return Trace(path)
+
+
+def _read_scenario(path: str | Path) -> Scenario:
+    return read_scenario(path)
+
+
+def _end(system: System, plan: Plan) -> float:
+    """Return where a run ends that nobody ends, at the first step that reaches the system's end."""
+    if system.stop_time is None or system.stop_time <= plan.start:
+        return float(plan.start) + duration(plan)
+    return float(math.ceil(Fraction(str(system.stop_time)) / plan.tick) * plan.tick)
+
+
+def _check_times(end: float, plan: Plan) -> None:
+    if end <= plan.start:
+        raise InputInvalid(
+            f"until: {end:g} s was read, but the run begins at {float(plan.start):g} s; expected a "
+            "later end, or another start time"
+        )
+    steps = Fraction(str(end)) / plan.tick
+    if steps.denominator != 1:
+        near = float(math.ceil(steps) * plan.tick)
+        raise InputInvalid(
+            f"until: {end:g} s was read; expected a whole number of steps of "
+            f"{float(plan.tick):g} s, such as {near:g}"
+        )
+
+
+def _started(
+    system: System, plan: Plan, folder: RunFolder,
+    instantiate: Callable[[PlannedComponent], Component], record_every: int,
+    provenance: Mapping[str, Any], end: float, observers: Sequence[Observer],
+    held: Sequence[tuple[str, str]],
+) -> Master:  # fmt: skip
+    """Write the system, build its components, and go through Initialization Mode."""
+    write_ssd(system, folder.path / "system.ssd")
+    recorder = Recorder(folder.path, provenance={k: provenance[k] for k in ("system", "seed")})
+    master = Master(
+        plan, instantiate, observers=[recorder, *observers], record_every=record_every, held=held
+    )
+    try:
+        # A component with a longer step may end its last one behind `end`.
+        steps = [c.step_ticks * plan.tick for c in plan.components]
+        span = Fraction(str(end)) - plan.start
+        last = plan.start + max(math.ceil(span / s) * s for s in steps)
+        master.initialize(None, float(last))
+    except BaseException:
+        master.free()
+        raise
+    return master
+
+
+def _stepped(
+    master: Master, stepped: Steps, plan: Plan, end: float, folder: RunFolder,
+    provenance: dict[str, Any], progress: Progress | None, pace: Pace | None,
+) -> Run:  # fmt: skip
+    """Step to the end, and leave a closed recording and run.json whatever happens."""
+    begun = time.perf_counter()
+    steps = math.ceil(Fraction(str(end)) / plan.tick)
+    stopped = ""
+    error: UuvsimError | None = None
+    interrupted = False
+
+    def ended() -> None:
+        """Write what is known, for a component that ends the whole program."""
+        known = {
+            "time": master.time, "steps": master.tick - int(plan.start / plan.tick),
+            "wall_time": time.perf_counter() - begun,
+            "interrupted": f"component {calling_component()!r} called exit()",
+        }  # fmt: skip
+        write_run_json(folder.path / "run.json", {**provenance, **known})
+        sys.stderr.write(
+            f"uuvsim: the recording up to t = {master.time:.6g} s is in {folder.path}\n"
+        )
+
+    with AtComponentExit(ended), master:
+        try:
+            if pace is None:
+                _advance(stepped, steps, end, progress)
+            else:
+                report = progress or (lambda stage, done, total: None)
+                pace.advance(
+                    stepped, steps, float(plan.tick), lambda done: report("simulating", done, end)
+                )
+        except KeyboardInterrupt:
+            interrupted = True
+            stopped = f"interrupted at t = {master.time:.6g} s"
+        except UuvsimError as failure:
+            if isinstance(failure, ComponentFailed) and failure.asks_to_end:
+                warning = f"{failure.path} asks to end the simulation at t = {master.time:.6g} s"
+                provenance["warnings"].append(warning)
+            else:
+                error, stopped = failure, str(failure)
+        finally:
+            if isinstance(stepped, Driven):
+                stepped.close()
+        provenance["warnings"] += [
+            f"{c.path}: {text}"
+            for c in master.components
+            for category, text in getattr(c, "messages", ())
+            if category == "note"
+        ]
+        first = int(plan.start / plan.tick)
+        done, reached = master.tick - first, master.time
+        largest = master.largest_residual
+        provenance["warnings"] += master.remarks
+        if error is not None:
+            master.free()  # not terminate(): what has failed may not answer
+    wall_time = time.perf_counter() - begun
+    known = {
+        "time": reached, "steps": done, "wall_time": wall_time, "interrupted": stopped,
+        "real_time_factor": (reached - float(plan.start)) / wall_time if wall_time > 0 else None,
+        "real_time": None if pace is None else asdict(pace.punctuality()),
+        "coupling_residual": None if largest is None else asdict(largest),
+    }  # fmt: skip
+    try:
+        write_run_json(folder.path / "run.json", {**provenance, **known})
+    except OSError as full:
+        reason = f"{folder.path / 'run.json'}: {full.strerror}; expected room on the disk"
+        error = error or RecordingError(reason)
+    if error is not None:
+        if isinstance(error, ComponentFailed | LoopNotConverged):
+            error.recording = folder.path
+        raise error
+    result = Run(
+        folder=folder.path,
+        system=provenance["system"],
+        seed=provenance["seed"],
+        time=reached,
+        start=float(plan.start),
+        steps=done,
+        tick=float(plan.tick),
+        wall_time=wall_time,
+        loop_delay=provenance["loop_delay"],
+        loop_path=provenance["loop_path"],
+        residual=largest,
+        iterated=tuple(x["hops"] for x in provenance["algebraic_loops"] if x["iterated"]),
+        notes=tuple(provenance["notes"]),
+        warnings=tuple(provenance["warnings"]),
+        waypoints=None if provenance["waypoints"] is None else tuple(
+            tuple(w) for w in provenance["waypoints"]
+        ),
+        asked=folder.asked if folder.renamed else None,
+        interrupted=stopped,
+        punctuality=None if pace is None else pace.punctuality(),
+    )  # fmt: skip
+    if interrupted:
+        raise Interrupted(result)
+    return result
+
+
+def _advance(master: Steps, steps: int, end: float, progress: Progress | None) -> None:
+    """Step in pieces that take about a tenth of a second, and report in between."""
+    report: Progress = progress or (lambda stage, done, total: None)
+    piece = 8
+    while master.tick < steps:
+        begun = time.perf_counter()
+        master.step(min(piece, steps - master.tick))
+        report("simulating", master.time, end)
+        took = time.perf_counter() - begun
+        piece = max(1, min(4 * piece, int(piece * _SECONDS / max(took, 1e-6))))

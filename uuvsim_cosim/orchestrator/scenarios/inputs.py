@@ -1,0 +1,301 @@
+"""Inputs of a system over time: free inputs are set, and signals get a value added.
+
+The values are those at the communication points: a free input holds the value of a point during
+the step that begins there; what is added to a signal is seen at that point by all that read it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+
+from uuvsim_cosim.errors import InputInvalid, RecordingError
+from uuvsim_cosim.fmus.description import Description, Variable
+from uuvsim_cosim.fmus.importer.input_csv import read_input_csv
+from uuvsim_cosim.orchestrator.master.faults import Fault
+from uuvsim_cosim.orchestrator.master.master import Master
+from uuvsim_cosim.orchestrator.master.real_time import Steps
+from uuvsim_cosim.orchestrator.plan.plan import Plan
+from uuvsim_cosim.orchestrator.scenarios.manipulation import meant
+from uuvsim_cosim.orchestrator.scenarios.scenario import Manipulation, SignalFault
+from uuvsim_cosim.orchestrator.scenarios.waveforms import Waveform, waveform
+from uuvsim_cosim.orchestrator.values.endpoints import resolve_endpoint
+from uuvsim_cosim.orchestrator.values.values import Misfit, conversion, fit
+
+__all__ = ["Drive", "Driven", "held_by", "read_inputs", "start_values"]
+
+_EXPECTED = "FILE.csv, or [+]component.variable:step|chirp|prbs,…"
+
+
+@dataclass(frozen=True)
+class Drive:
+    """One element of a variable over time: `of` returns its value, in its unit, at a time [s].
+
+    `added`: the value is added to the start value of a free input, or to a signal. `note` is what
+    a reader of the run has to know: where it comes from, unit, and what holds between samples.
+    """
+
+    component: str
+    variable: Variable
+    element: int
+    added: bool
+    of: Callable[[float], Any]
+    note: str
+
+    @property
+    def name(self) -> str:
+        """Return its name as a user writes it."""
+        return f"{'+' * self.added}{self.component}.{self.variable.element_name(self.element)}"
+
+
+def read_inputs(texts: Sequence[str], plan: Plan) -> tuple[Drive, ...]:
+    """Read inputs for a system: CSV files, and waveforms such as ``+a.x[1]:step,value=1``.
+
+    The columns of a file are ``time`` [s] and names like those. Raises InputInvalid for what
+    cannot be read, does not exist, is connected without "+", or is given twice.
+    """
+    connected = _connected(plan)
+    found: list[Drive] = []
+    for text in texts:
+        if Path(text).suffix.lower() == ".csv":
+            drives = _of_file(Path(text), plan)
+        elif ":" in text:
+            drives = _of_waveform(text, plan)
+        else:
+            raise InputInvalid(f"--input {text}: expected {_EXPECTED}")
+        found += drives
+    seen: set[tuple[str, str, int, bool]] = set()
+    for d in found:
+        key = (d.component, d.variable.name, d.element, d.added)
+        if key in seen:
+            raise InputInvalid(f"--input {d.name}: is given twice; expected once")
+        seen.add(key)
+        place = (d.component, d.variable.name, d.element)
+        if d.variable.causality == "input" and place in connected and not d.added:
+            raise InputInvalid(
+                f"--input {d.name}: is connected to {connected[place]}; expected +{d.name}, which "
+                "adds to that signal, or an input that nothing is connected to"
+            )
+        if d.variable.causality != "input" and not d.added:
+            raise InputInvalid(
+                f"--input {d.name}: is an {d.variable.causality}; expected +{d.name}, which adds "
+                "to it, or an input that nothing is connected to"
+            )
+    return tuple(_noted(d, connected) for d in found)
+
+
+def _noted(d: Drive, connected: Mapping[tuple[str, str, int], str]) -> Drive:
+    """Add to the note when a signal first shows what is added to it."""
+    signal = d.variable.causality != "input" or (
+        (d.component, d.variable.name, d.element) in connected
+    )
+    return replace(d, note=f"{d.note}; added from the end of the first step on") if signal else d
+
+
+def _connected(plan: Plan) -> dict[tuple[str, str, int], str]:
+    """Return what feeds each connected element."""
+    return {
+        (plan.components[t.target].path, t.target_variable.name, e):
+            f"{plan.components[t.source].path}.{t.source_variable.element_name(s)}"
+        for t in plan.transfers
+        for s, e in zip(t.source_elements, t.target_elements, strict=True)
+    }  # fmt: skip
+
+
+def _of_file(path: Path, plan: Plan) -> list[Drive]:
+    """Read a table; its names are those of variables of the plan, with a "+" or without."""
+    places: dict[str, tuple[str, Variable]] = {}
+    for c in plan.components:
+        for v in c.description.of("input", "output"):
+            if v.type not in ("String", "Binary", "Clock"):
+                places[f"{c.path}.{v.name}"] = (c.path, v)
+    named = {
+        sign + name: replace(v, name=sign + name, causality="input", start=None)
+        for name, (_, v) in places.items()
+        for sign in ("", "+")
+        if not (sign and v.type in ("Boolean", "Enumeration"))
+    }
+    series = read_input_csv(path, Description(path.name, "native", named))
+    drives: list[Drive] = []
+    for s in series:
+        component, variable = places[s.variable.name.lstrip("+")]
+        between = "linear" if variable.variability == "continuous" else "held"
+        end = f"{s.time[0]:g} … {s.time[-1]:g} s"
+        d = Drive(
+            component, variable, s.element, s.variable.name.startswith("+"),
+            lambda t, s=s: _plain(s.at(t)),  # type: ignore[misc]
+            f"{path.name}, {between} between its rows, held outside {end}",
+        )  # fmt: skip
+        drives.append(replace(d, note=f"input {d.name} in {_unit(d)}: {d.note}"))
+    return drives
+
+
+def _of_waveform(text: str, plan: Plan) -> list[Drive]:
+    name, _, rest = text.partition(":")
+    added, place = name.startswith("+"), f"--input {name}"
+    descriptions: Mapping[str, Description] = {c.path: c.description for c in plan.components}
+    try:
+        point = resolve_endpoint(name.removeprefix("+"), descriptions)
+    except Misfit as misfit:
+        raise InputInvalid(str(misfit.at(place))) from None
+    if point.variable.type not in ("Float64", "Float32"):
+        raise InputInvalid(f"{place}: is a {point.variable.type}; expected a Float64 or Float32")
+    wave = waveform(rest, place)
+    drives: list[Drive] = []
+    for element in point.elements:
+        size = _size(wave, point.variable, element, added, descriptions[point.element], place)
+        d = Drive(
+            point.element, point.variable, element, added,
+            lambda t, k=size: k * wave.of(t),  # type: ignore[misc]
+            "",
+        )  # fmt: skip
+        drives.append(replace(d, note=f"input {d.name} in {_unit(d)}: {rest}"))
+    return drives
+
+
+def _size(
+    wave: Waveform, variable: Variable, element: int, added: bool, description: Description,
+    place: str,
+) -> float:  # fmt: skip
+    """Convert a size to the variable's unit; of a difference no offset counts."""
+    unit = variable.units[element]
+    scalar = replace(variable, shape=(), unit=None, element_units=(), min=None, max=None)
+    number, _, own = wave.size.partition(" ")
+    try:
+        value = float(fit(scalar, number))
+    except Misfit as misfit:
+        raise InputInvalid(str(misfit.at(place))) from None
+    if not own.strip() or unit is None:
+        return value
+    pair = conversion(own.strip(), unit, description.units, of_value=True)
+    if pair is None:
+        raise InputInvalid(
+            f"{place}: {wave.size!r} is in {own.strip()!r}; expected {unit!r} or a unit of its kind"
+        )
+    absolute = wave.kind == "step" and not added
+    return pair[0] * value + (pair[1] if absolute else 0.0)
+
+
+def _plain(value: Any) -> Any:
+    return value.item() if hasattr(value, "item") else value
+
+
+def _text(value: Any) -> str:
+    return str(value).lower() if isinstance(value, bool) else repr(value)
+
+
+def _unit(d: Drive) -> str:
+    return d.variable.units[d.element] or "1"
+
+
+@final
+class Driven:
+    """Steps of a master whose inputs change over time.
+
+    With `log`, what was applied is written there as CSV, one row a communication point; the file
+    can be given as input again, to the same bits.
+    """
+
+    def __init__(
+        self, steps: Steps, master: Master, drives: Sequence[Drive], log: Path | None = None
+    ) -> None:
+        self._steps, self._master, self._drives = steps, master, tuple(drives)
+        self._connected = _connected(master.plan)
+        self._set: list[tuple[Drive, np.ndarray, Any]] = []
+        self._biased: list[tuple[Drive, str, float]] = []
+        for d in self._drives:
+            self._place(d)
+        self._begun = False
+        self._active: dict[str, tuple[int, float]] = {}  # by signal: number of the fault, value
+        self._log = None if log is None else log.open("w", encoding="utf-8", newline="")
+        self._row("time", *(f'"{d.name}"' if "," in d.name else d.name for d in self._drives))
+
+    @property
+    def tick(self) -> int:
+        """The communication point that has been reached."""
+        return self._steps.tick
+
+    @property
+    def time(self) -> float:
+        """Time at the communication point that has been reached [s]."""
+        return self._steps.time
+
+    def step(self, n: int = 1) -> None:
+        """Make n communication steps, with the inputs of each."""
+        for _ in range(n):
+            if not self._begun:
+                self._begun = True
+                self._write()
+            self._apply()
+            self._steps.step(1)
+            self._write()
+
+    def close(self) -> None:
+        """Close the file of what was applied; a second call does nothing."""
+        if self._log is not None:
+            self._log.close()
+
+    def _place(self, d: Drive) -> None:
+        """Find the slot that a drive sets, or the signal that it adds to."""
+        fed = (d.component, d.variable.name, d.element) in self._connected
+        if d.variable.causality == "input" and not fed:
+            slots = self._master.slots(d.component, d.variable.name)
+            assert slots is not None  # held, and a number
+            self._set.append((d, slots, slots[d.element].item() if d.added else 0))
+            return
+        for event in meant(Manipulation(0.0, d.name.removeprefix("+"), "bias", 1.0), self._master):
+            assert isinstance(event, SignalFault)
+            self._biased.append((d, event.fault.signal, event.fault.value))
+
+    def _apply(self) -> None:
+        now = self._master.time
+        later = float((self._master.tick + 1) * self._master.plan.tick)
+        for d, slots, base in self._set:
+            slots[d.element] = base + d.of(now)
+        for d, signal, factor in self._biased:
+            self._add(d, signal, factor * d.of(later))
+
+    def _write(self) -> None:
+        """Write what holds at the communication point that has been reached."""
+        now = self._master.time
+        self._row(repr(now), *(_text(d.of(now)) for d in self._drives))
+
+    def _row(self, *cells: str) -> None:
+        if self._log is None:
+            return
+        try:
+            self._log.write(",".join(cells) + "\n")
+        except OSError as error:
+            raise RecordingError(f"{self._log.name}: {error.strerror}; expected room") from None
+
+    def _add(self, d: Drive, signal: str, value: float) -> None:
+        """Make the bias of a signal the one that is seen at the end of the step."""
+        number, present = self._active.get(d.name, (0, 0.0))
+        if value == present:
+            return
+        if number:
+            self._master.faults.clear(number)
+        number = self._master.faults.add(Fault(signal, "bias", value))
+        self._active[d.name] = (number, value)
+
+
+def held_by(drives: Sequence[Drive], plan: Plan) -> list[tuple[str, str]]:
+    """Return the inputs that a master has to hold for the drives."""
+    connected = _connected(plan)
+    return list(
+        dict.fromkeys(
+            (d.component, d.variable.name)
+            for d in drives
+            if d.variable.causality == "input"
+            and (d.component, d.variable.name, d.element) not in connected
+        )
+    )
+
+
+def start_values(drives: Sequence[Drive], at: float) -> dict[str, Any]:
+    """Return the values of free inputs at the beginning, by ``component.variable[index]``."""
+    return {d.name: d.of(at) for d in drives if not d.added}

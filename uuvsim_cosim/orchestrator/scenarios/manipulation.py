@@ -1,0 +1,106 @@
+"""Overrides and biases of variables (as in libcosim) as faults and changes of a given system."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.orchestrator.master.faults import Fault
+from uuvsim_cosim.orchestrator.master.master import Master
+from uuvsim_cosim.orchestrator.scenarios.scenario import Change, Manipulation, SignalFault
+from uuvsim_cosim.orchestrator.values.endpoints import Endpoint, resolve_endpoint
+from uuvsim_cosim.orchestrator.values.values import Misfit
+
+__all__ = ["meant"]
+
+
+def meant(event: Manipulation, master: Master) -> Sequence[Change | SignalFault]:
+    """Return the events that it comes to.
+
+    An output: its fault. A parameter or an unconnected input: a change, from the value that it has
+    now if it is a bias, and at `until` that value. A connected input: a fault of the output that
+    feeds it, if nobody else is fed. Raises InputInvalid for everything else.
+    """
+    plan = master.plan
+    try:
+        point = resolve_endpoint(event.variable, {c.path: c.description for c in plan.components})
+    except Misfit as misfit:
+        raise InputInvalid(str(misfit.at(event.variable))) from None
+    if point.variable.causality == "output":
+        return (_fault(event, event.variable, event.value),)
+    fed = [_feeding(event, master, point, e) for e in point.elements]
+    if all(source is not None for source in fed) and fed:
+        return [_fault(event, *source) for source in fed if source is not None]
+    if any(fed):
+        raise InputInvalid(
+            f"{event.variable}: some of its elements are connected; expected one element"
+        )
+    return _changes(event, master, point)
+
+
+def _fault(event: Manipulation, signal: str, value: float) -> SignalFault:
+    return SignalFault(event.at, Fault(signal, event.kind, value), event.until)
+
+
+def _feeding(
+    event: Manipulation, master: Master, point: Endpoint, element: int
+) -> tuple[str, float] | None:
+    """Find the output that feeds an element, and what it must show; None if there is none."""
+    components = master.plan.components
+    pairs = [
+        (t, s, e)
+        for t in master.plan.transfers
+        for s, e in zip(t.source_elements, t.target_elements, strict=True)
+    ]
+    for transfer, s, e in pairs:
+        target = (components[transfer.target].path, transfer.target_variable.name, e)
+        if target != (point.element, point.variable.name, element):
+            continue
+        source = (transfer.source, transfer.source_variable.name, s)
+        others = [
+            f"{components[t.target].path}.{t.target_variable.element_name(i)}"
+            for t, other, i in pairs
+            if (t.source, t.source_variable.name, other) == source
+            and (components[t.target].path, t.target_variable.name, i) != target
+        ]
+        signal = f"{components[transfer.source].path}.{transfer.source_variable.element_name(s)}"
+        if transfer.table:
+            raise InputInvalid(
+                f"{event.variable}: is connected through a table of values; expected the output "
+                f"that feeds it, {signal}"
+            )
+        if others:
+            raise InputInvalid(
+                f"{event.variable}: is connected to {signal}, which feeds {', '.join(others)} too; "
+                f"expected an unconnected input, or {signal} itself, for all that it feeds"
+            )
+        offset = transfer.offset if event.kind == "override" else 0.0
+        return signal, (event.value - offset) / transfer.factor
+    return None
+
+
+def _changes(event: Manipulation, master: Master, point: Endpoint) -> Sequence[Change]:
+    name = f"{point.element}.{point.variable.name}"
+    begin = np.array(master.get(point.element, point.variable.name))
+    if event.kind == "bias" and begin.dtype.kind not in "fiu":
+        raise InputInvalid(
+            f"{event.variable}: a bias of a {point.variable.type}; expected an override, or numbers"
+        )
+    value = begin.astype(object)
+    for element in point.elements:
+        base = begin.flat[element].item() if event.kind == "bias" else 0
+        value.flat[element] = _of_type(begin.dtype.kind, base + event.value)
+    changes = [Change(event.at, name, value.tolist())]
+    if not math.isinf(event.until):
+        changes.append(Change(event.until, name, begin.tolist()))
+    return changes
+
+
+def _of_type(dtype_kind: str, value: float) -> float | int | bool:
+    """Return JSON's number as a Boolean or a whole number where it is one; else it is refused."""
+    if dtype_kind == "b" and value in (0.0, 1.0):
+        return bool(value)
+    return int(value) if dtype_kind in "iu" and value.is_integer() else value

@@ -1,0 +1,122 @@
+"""Scenario files: YAML of this project, and JSON of libcosim."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal
+
+from uuvsim_cosim.content import content
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.parameters import line_of, read_yaml
+from uuvsim_cosim.orchestrator.master.faults import Fault
+from uuvsim_cosim.orchestrator.scenarios.scenario import Change, Manipulation, Scenario, SignalFault
+
+__all__ = ["read_scenario"]
+
+_LIBCOSIM: dict[str, Literal["override", "bias"]] = {"override": "override", "bias": "bias"}
+
+
+def read_scenario(path: str | Path) -> Scenario:
+    """Read a scenario; raises InputInvalid with every mistake and its line."""
+    path = Path(path)
+    if not path.is_file():
+        raise InputInvalid(f"{path}: no such file; expected a scenario, .yaml or .json")
+    return _libcosim(path) if path.suffix.lower() == ".json" else _yaml(path)
+
+
+def _yaml(path: Path) -> Scenario:
+    data = read_yaml(path, content("orchestrator", "scenarios", "scenario.schema.json"))
+    events: list[Change | SignalFault] = []
+    wrong: list[str] = []
+    for i, item in enumerate(data["events"]):
+        try:
+            events.append(_event(item))
+        except InputInvalid as error:
+            wrong.append(f"{path}:{line_of(data, ['events', i])}: event {i + 1}: {error}")
+    if wrong:
+        raise InputInvalid("\n  ".join(wrong))
+    return Scenario(
+        str(data.get("name", path.stem)), tuple(events), str(data.get("description", ""))
+    )
+
+
+def _event(item: Mapping[str, Any]) -> Change | SignalFault:
+    at = float(item["at"])
+    if "set" in item and "signal" not in item:
+        extra = [k for k in ("fault", "until") if k in item]
+        if extra or "value" not in item:
+            read = f"set with {extra[0]}" if extra else "set without value"
+            raise InputInvalid(f"{read}; expected at, set and value")
+        return Change(at, str(item["set"]), _plain(item["value"]))
+    if "signal" not in item or "fault" not in item or "set" in item:
+        raise InputInvalid(
+            f"{', '.join(item)}; expected set with value, or signal with fault (and value, until)"
+        )
+    value = item.get("value", 0.0 if item["fault"] == "freeze" else None)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputInvalid(f"value {value!r}; expected a number for the fault {item['fault']}")
+    fault = Fault(str(item["signal"]), item["fault"], float(value))
+    return SignalFault(at, fault, float(item.get("until", math.inf)))
+
+
+def _plain(value: Any) -> Any:
+    """Return numbers, texts and lists without what YAML keeps for its own."""
+    return [_plain(v) for v in value] if isinstance(value, list) else value
+
+
+def _libcosim(path: Path) -> Scenario:
+    """Read libcosim's form: overrides and biases of variables of models, each until a reset."""
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputInvalid(f"{path}: cannot be read as JSON: {error}") from None
+    items = data.get("events") if isinstance(data, dict) else None
+    if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
+        raise InputInvalid(f"{path}: no list of events; expected a scenario of libcosim")
+    given = [
+        _given({**data.get("defaults", {}), **item}, f"{path}: event {i}")
+        for i, item in enumerate(items, start=1)
+    ]
+    open_: dict[str, Manipulation] = {}
+    events: list[Manipulation] = []
+    for action, event in sorted(given, key=lambda g: g[1].at):
+        begun = open_.pop(event.variable, None)
+        if begun is not None and event.at > begun.at:
+            events.append(replace(begun, until=event.at))
+        if action != "reset":
+            open_[event.variable] = event
+    end = data.get("end")
+    return Scenario(
+        path.stem,
+        (*events, *open_.values()),
+        str(data.get("description", "")),
+        None if end is None else _seconds(end, f"{path}: end"),
+    )
+
+
+def _given(event: Mapping[str, Any], place: str) -> tuple[str, Manipulation]:
+    """Read one event: its action, and what it does until the next of its variable."""
+    missing = [k for k in ("time", "model", "variable", "action") if k not in event]
+    action = event.get("action")
+    if missing or action not in (*_LIBCOSIM, "reset"):
+        read = f"without {missing[0]}" if missing else f"action {action!r}"
+        raise InputInvalid(
+            f"{place} {read}; expected time, model, variable and action (override, bias or reset)"
+        )
+    at = _seconds(event["time"], f"{place}: time")
+    value = event.get("value", 0.0 if action == "reset" else None)
+    if not isinstance(value, int | float):
+        raise InputInvalid(f"{place}: value {value!r}; expected a number or a Boolean")
+    variable = f"{event['model']}.{event['variable']}"
+    return action, Manipulation(at, variable, _LIBCOSIM.get(action, "override"), float(value))
+
+
+def _seconds(value: Any, place: str) -> float:
+    bad = isinstance(value, bool) or not isinstance(value, int | float)
+    if bad or not math.isfinite(value):
+        raise InputInvalid(f"{place} {value!r}; expected seconds")
+    return float(value)

@@ -1,0 +1,119 @@
+"""Test signals by name: step, chirp and PRBS, as functions of time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.durations import frequency_of, seconds_of
+
+__all__ = ["KINDS", "Waveform", "waveform"]
+
+# The parameters of each kind; those without a default are required.
+KINDS: dict[str, dict[str, str | None]] = {
+    "step": {"value": None, "at": "0", "until": "inf"},
+    "chirp": {"amplitude": None, "from": None, "to": None, "at": "0", "until": None},
+    "prbs": {"amplitude": None, "hold": None, "order": "7", "seed": "1", "at": "0", "until": "inf"},
+}
+
+
+@dataclass(frozen=True)
+class Waveform:
+    """A function of time in [at, until), 0 outside.
+
+    `size` is the text of its value or amplitude, with a unit or without; `shape` of t - at is the
+    function that `size` multiplies, within [-1, 1].
+    """
+
+    kind: str
+    size: str
+    at: float  # s
+    until: float  # s
+    shape: Callable[[float], float]
+
+    def of(self, t: float) -> float:
+        """Return the value at a time [s], as a multiple of the size."""
+        return self.shape(t - self.at) if self.at <= t < self.until else 0.0
+
+
+def waveform(text: str, place: str) -> Waveform:
+    """Read a waveform such as ``chirp,amplitude=5,from=0.01,to=1,at=10,until=60``.
+
+    - step: `value` from `at` on.
+    - chirp: a sine of `amplitude` whose frequency grows linearly from `from` to `to` [Hz] between
+      `at` and `until`.
+    - prbs: plus or minus `amplitude`, held for `hold` [s], in the order of a maximum-length
+      sequence of 2^order - 1 bits that a shift register with start state `seed` makes; repeated.
+
+    Times are in s, frequencies in Hz, or carry a unit. Raises InputInvalid that names `place`.
+    """
+    kind, *items = (part.strip() for part in text.split(","))
+    if kind not in KINDS:
+        raise InputInvalid(f"{place}: {kind!r}; expected one of {', '.join(KINDS)}")
+    given = _given(kind, items, place)
+    at, until = (seconds_of(given[key], f"{place}: {key}") for key in ("at", "until"))
+    if not (0 <= at < math.inf and until > at):
+        raise InputInvalid(
+            f"{place}: at={given['at']}, until={given['until']}; expected 0 <= at < until"
+        )
+    if kind == "step":
+        return Waveform(kind, given["value"], at, until, lambda t: 1.0)
+    if kind == "chirp":
+        first, last = (frequency_of(given[key], f"{place}: {key}") for key in ("from", "to"))
+        if math.isinf(until) or min(first, last) < 0:
+            raise InputInvalid(f"{place}: expected until in s, and frequencies of 0 Hz or more")
+        return Waveform(kind, given["amplitude"], at, until, _chirp(first, last, until - at))
+    hold = seconds_of(given["hold"], f"{place}: hold")
+    order, seed = (_whole(given[key], f"{place}: {key}") for key in ("order", "seed"))
+    if not (0 < hold < math.inf and 2 <= order <= 20 and 0 < seed < 2**order):
+        raise InputInvalid(
+            f"{place}: hold={given['hold']}, order={order}, seed={seed}; expected hold > 0 s, "
+            "order from 2 to 20, and seed from 1 to 2^order - 1"
+        )
+    return Waveform(kind, given["amplitude"], at, until, _prbs(hold, order, seed))
+
+
+def _given(kind: str, items: list[str], place: str) -> dict[str, str]:
+    known = KINDS[kind]
+    found: dict[str, str] = {}
+    for item in items:
+        key, equals, value = (part.strip() for part in item.partition("="))
+        if key not in known or not equals or not value or key in found:
+            raise InputInvalid(f"{place}: {item!r}; expected {_expected(kind)}")
+        found[key] = value
+    missing = [key for key, default in known.items() if default is None and key not in found]
+    if missing:
+        raise InputInvalid(f"{place}: without {', '.join(missing)}; expected {_expected(kind)}")
+    defaults: Mapping[str, str] = {k: v for k, v in known.items() if v is not None}
+    return {**defaults, **found}
+
+
+def _expected(kind: str) -> str:
+    items = (f"{k}=…" if default is None else f"[{k}={default}]" for k, default in
+             KINDS[kind].items())  # fmt: skip
+    return ",".join((kind, *items))
+
+
+def _whole(text: str, place: str) -> int:
+    if not text.isdecimal():
+        raise InputInvalid(f"{place}: {text!r}; expected a whole number")
+    return int(text)
+
+
+def _chirp(first: float, last: float, duration: float) -> Callable[[float], float]:
+    """sin(2 pi (f0 t + (f1 - f0) t^2 / (2 T)))."""
+    rate = (last - first) / (2.0 * duration)
+    return lambda t: math.sin(2.0 * math.pi * (first * t + rate * t * t))
+
+
+def _prbs(hold: float, order: int, seed: int) -> Callable[[float], float]:
+    from scipy.signal import max_len_seq
+
+    state = np.array([seed >> k & 1 for k in range(order)], dtype=np.int8)
+    bits = 2.0 * max_len_seq(order, state=state)[0].astype(float) - 1.0
+    # A tick that lies at a change within rounding belongs to the new bit.
+    return lambda t: float(bits[math.floor(t / hold + 1e-9) % len(bits)])

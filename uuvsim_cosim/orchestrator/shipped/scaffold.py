@@ -1,0 +1,216 @@
+"""Templates for a component of one's own: source text whose connectors fit a slot."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.orchestrator.shipped.scaffold_c import c_files
+from uuvsim_cosim.orchestrator.shipped.scaffold_law import is_controller
+from uuvsim_cosim.orchestrator.system.slot import Slot, SlotConnector
+
+__all__ = ["KINDS", "class_name", "files_for", "write_scaffold"]
+
+
+def files_for(slot: Slot, kind: str) -> dict[str, str]:
+    """Return the files, by name, of a component of a kind; raises InputInvalid for others."""
+    if kind not in KINDS:
+        raise InputInvalid(f"--as {kind}: expected one of {', '.join(KINDS)}")
+    odd = [c.name for c in slot.connectors if not c.type.startswith("Float") or len(c.shape) > 1]
+    if odd:
+        raise InputInvalid(
+            f"slot {slot.path}: {', '.join(odd)} are no floats or vectors; expected only those"
+        )
+    return KINDS[kind](slot)
+
+
+def write_scaffold(slot: Slot, kind: str, folder: Path) -> list[Path]:
+    """Write the files of `files_for` into a folder; refuses to write over any."""
+    files = {folder / name: text for name, text in files_for(slot, kind).items()}
+    there = [path.name for path in files if path.exists()]
+    if there:
+        raise InputInvalid(f"{folder}: {', '.join(there)} exist already; expected another folder")
+    try:
+        for path, text in files.items():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputInvalid(f"{folder}: cannot be written ({error.strerror})") from None
+    return list(files)
+
+
+def class_name(slot: Slot) -> str:
+    """Return the name of the component's class: My and the slot's last name."""
+    words = re.split(r"\W|_", slot.path.rpartition(".")[2])
+    return "My" + "".join(word.capitalize() for word in words)
+
+
+def _file_name(slot: Slot) -> str:
+    return f"my_{slot.path.rpartition('.')[2]}"
+
+
+def _of(slot: Slot, direction: str) -> list[SlotConnector]:
+    return [c for c in slot.connectors if c.direction == direction]
+
+
+def _size(connector: SlotConnector) -> int:
+    return connector.shape[0] if connector.shape else 1
+
+
+# ---- a Python class, run as it is -------------------------------------------------------------
+
+PD_LAW = """\
+        e = u["eta_d"] - u["eta"]  # N E D [m], phi theta psi [rad]
+        e[3:] = (e[3:] + np.pi) % (2 * np.pi) - np.pi
+        psi = u["eta"][5]
+        e[:2] = [np.cos(psi) * e[0] + np.sin(psi) * e[1], np.cos(psi) * e[1] - np.sin(psi) * e[0]]
+        tau = np.array(self.Kp) * e - np.array(self.Kd) * u["nu"]
+"""
+
+
+def _python(slot: Slot) -> dict[str, str]:
+    def declared(connector: SlotConnector) -> str:
+        units = [u or "1" for u in connector.units]
+        unit = f'"{units[0]}"' if len(set(units)) == 1 else str(tuple(units)).replace("'", '"')
+        shown = f"({_size(connector)}, {unit})" if connector.shape else unit
+        return f'        "{connector.name}": {shown},{_remark(connector)}\n'
+
+    name = class_name(slot)
+    law = is_controller(slot)
+    parameters = (
+        "    parameters = {\n"
+        '        "Kp": ([120.0, 120.0, 160.0, 8.0, 8.0, 16.0], "1"),\n'
+        '        "Kd": ([90.0, 90.0, 110.0, 3.0, 3.0, 6.0], "1"),\n'
+        "    }\n"
+    )
+    values = ", ".join(f'"{c.name}": {"tau" if law else _zero(c)}' for c in _of(slot, "output"))
+    body = PD_LAW if law else "        # Your law here; u holds the inputs by name.\n"
+    text = (
+        f'"""A component for the slot {slot.path!r}; change step() to what you want."""\n\n'
+        + ("import numpy as np\n\n\n" if law or "np." in values else "\n")
+        + f"class {name}:\n"
+        + f'    """Takes the place of {slot.path}."""\n\n'
+        + "    inputs = {\n"
+        + "".join(declared(c) for c in _of(slot, "input"))
+        + "    }\n    outputs = {\n"
+        + "".join(declared(c) for c in _of(slot, "output"))
+        + "    }\n"
+        + (parameters if law else "")
+        + "\n    def step(self, t, dt, u):\n"
+        + '        """Give all outputs, valid at t + dt, from the inputs at t."""\n'
+        + body
+        + f"        return {{{values}}}\n"
+    )
+    file = f"{_file_name(slot)}.py"
+    return {file: text}
+
+
+def _remark(connector: SlotConnector) -> str:
+    return f"  # {connector.description}" if connector.description else ""
+
+
+def _zero(connector: SlotConnector) -> str:
+    return f"np.zeros({_size(connector)})" if connector.shape else "0.0"
+
+
+# ---- an FMI 3.0 FMU by pythonfmu3 -------------------------------------------------------------
+
+PYTHONFMU3 = '''\
+"""A component for the slot {path!r} as an FMU; change law() to what you want.
+
+Build it with  pythonfmu3 build -f {file}
+"""
+
+import numpy as np
+from pythonfmu3 import Dimension, Float64, Fmi3Causality, Fmi3Slave, Fmi3Variability
+
+INPUTS = {inputs}
+OUTPUTS = {outputs}
+
+
+class {name}(Fmi3Slave):
+    """Takes the place of {path}."""
+
+    author = "me"
+
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.time = 0.0
+        self.register_variable(
+            Float64(
+                "time",
+                causality=Fmi3Causality.independent,
+                variability=Fmi3Variability.continuous,
+            )
+        )
+{gains}        self.values = {{}}
+        for name, size in INPUTS.items():
+            self.connector(name, size, Fmi3Causality.input)
+        for name, size in OUTPUTS.items():
+            self.connector(name, size, Fmi3Causality.output)
+
+    def connector(self, name, size, causality):
+        """Register a scalar (size 0) or a vector."""
+        self.values[name] = np.zeros(size) if size else 0.0
+        self.register_variable(
+            Float64(
+                name,
+                causality=causality,
+                variability=Fmi3Variability.continuous,
+                dimensions=[Dimension(start=str(size))] if size else [],
+                getter=lambda: list(self.values[name]) if size else self.values[name],
+                setter=lambda x: self.values.__setitem__(name, np.array(x) if size else x),
+            ),
+            nested=False,
+        )
+
+    def do_step(self, current_time, step_size):
+        """Set the outputs, valid at current_time + step_size."""
+        self.values.update(self.law(current_time, step_size, self.values))
+        return True
+
+    def law(self, t, dt, u):
+        """Give all outputs by name."""
+{body}        return {{{values}}}
+'''
+GAINS = """\
+        self.Kp, self.Kd = 1.0, 1.0  # factors on the gains below
+        for name in ("Kp", "Kd"):
+            self.register_variable(
+                Float64(
+                    name, causality=Fmi3Causality.parameter, variability=Fmi3Variability.tunable
+                )
+            )
+"""
+
+
+def _pythonfmu3(slot: Slot) -> dict[str, str]:
+    law = is_controller(slot)
+    body = PD_LAW.replace("np.array(self.Kp)", "self.Kp * np.array([120, 120, 160, 8, 8, 16])")
+    body = body.replace("np.array(self.Kd)", "self.Kd * np.array([90, 90, 110, 3, 3, 6])")
+    body = body.replace(" + self.Kd", "\n            + self.Kd").replace(
+        "        tau = self.Kp * np.array([120, 120, 160, 8, 8, 16]) * e - self.Kd",
+        "        tau = self.Kp * np.array([120, 120, 160, 8, 8, 16]) * e\n        tau -= self.Kd",
+    )
+    values = ", ".join(f'"{c.name}": {"tau" if law else _zero(c)}' for c in _of(slot, "output"))
+    file = f"{_file_name(slot)}_fmu.py"
+    text = PYTHONFMU3.format(
+        path=slot.path,
+        file=file,
+        name=class_name(slot),
+        inputs={c.name: c.shape[0] if c.shape else 0 for c in _of(slot, "input")},
+        outputs={c.name: c.shape[0] if c.shape else 0 for c in _of(slot, "output")},
+        gains=GAINS if law else "",
+        body=body if law else "        # Your law here; u holds the inputs by name.\n",
+        values=values,
+    )
+    return {file: text.replace("'", '"')}
+
+
+KINDS: dict[str, Callable[[Slot], dict[str, str]]] = {
+    "python": _python,
+    "pythonfmu3": _pythonfmu3,
+    "c": c_files,
+}

@@ -1,0 +1,115 @@
+"""Systems of this package, written with the Python builder; their .ssd files are made here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+from uuvsim_cosim.orchestrator.shipped.mapping import seabed_mapping
+from uuvsim_cosim.orchestrator.shipped.pool import pool_tracking
+from uuvsim_cosim.orchestrator.shipped.tasks import task_system
+from uuvsim_cosim.orchestrator.shipped.tracking import target_tracking
+from uuvsim_cosim.orchestrator.system.system import System
+
+__all__ = ["BUILDERS", "bluerov2_hold", "bluerov2_survey"]
+
+THRUSTERS = tuple(f"thruster_{i}" for i in range(1, 9))
+START = (0.0, 0.0, 1.0, 0.0, 0.0, 0.0)  # N E D [m], phi theta psi [rad]
+
+
+def _vehicle(system: System) -> System:
+    """Hull, eight T200 thrusters and the wrench that carries their thrust to the hull."""
+    system = system.add("hull", "model:bluerov2_heavy", start={"eta_0": START})
+    system = system.add("wrench", "model:wrench").connect("wrench.tau", "hull.tau")
+    for i, name in enumerate(THRUSTERS, 1):
+        system = (
+            system.add(name, "model:thruster_t200")
+            .connect(f"allocation.u[{i}]", f"{name}.u")
+            .connect("hull.nu_r", f"{name}.nu_r")
+            .connect(f"{name}.thrust", f"wrench.thrust[{i}]")
+            .connect(f"{name}.current", f"wrench.current[{i}]")
+        )
+    return system
+
+
+def bluerov2_hold() -> System:
+    """Waypoints flown on the true state: the smallest system with everything that moves."""
+    system = System("bluerov2_hold", "0.01", "A BlueROV2 Heavy flies waypoints on its true state")
+    system = system.add("guidance", "model:guidance").add("controller", "model:controller")
+    system = _vehicle(system.add("allocation", "model:allocation"))
+    return (
+        system.connect("hull.eta", "guidance.eta")
+        .connect("hull.nu", "guidance.nu")
+        .connect("hull.eta", "controller.eta")
+        .connect("hull.nu", "controller.nu")
+        .connect("guidance.eta_d", "controller.eta_d")
+        .connect("guidance.nu_d", "controller.nu_d")
+        .connect("controller.tau_d", "allocation.tau_d")
+        .group(["guidance", "controller", "allocation"])
+    )
+
+
+def bluerov2_survey() -> System:
+    """A lawn-mower survey through a meandering current; nothing in the loop reads the truth."""
+    system = System(
+        "bluerov2_survey",
+        "0.01",
+        "A BlueROV2 Heavy surveys through a meandering current and holds station at the end",
+    )
+    system = (
+        system.add("current", "model:current_gauss_markov")
+        .add("imu", "model:imu")
+        .add("dvl", "model:dvl")
+        .add("pressure", "model:pressure")
+        .add("compass", "model:compass")
+        .add("usbl", "model:usbl")
+        .add("navigation", "model:navigation", start={"eta_0": START})
+        .add("guidance", "model:guidance")
+        .add("controller", "model:controller")
+        .add("allocation", "model:allocation")
+        .add("battery", "model:battery")
+    )
+    system = _vehicle(system)
+    system = system.connect("current.v_c", "hull.v_c")
+    for sensor, observed in {
+        "imu": ("eta", "q", "nu", "nu_dot"),
+        "dvl": ("eta", "q", "nu"),
+        "pressure": ("eta", "q"),
+        "compass": ("eta",),
+        "usbl": ("eta", "q"),
+    }.items():
+        for name in observed:
+            system = system.connect(f"hull.{name}", f"{sensor}.{name}")
+    for sensor, readings in {
+        "imu": ("acc", "gyro", "valid", "t_sample"),
+        "dvl": ("beam_velocity", "beam_valid", "t_sample"),
+        "compass": ("psi", "valid", "t_sample"),
+        "usbl": ("position", "sigma", "valid", "t_sample"),
+        "pressure": ("valid", "t_sample"),
+    }.items():
+        for name in readings:
+            system = system.connect(f"{sensor}.{name}", f"navigation.{sensor}_{name}")
+    system = system.connect("pressure.pressure", "navigation.pressure")
+    for reader in ("guidance", "controller"):
+        system = system.connect("navigation.eta", f"{reader}.eta")
+        system = system.connect("navigation.nu", f"{reader}.nu")
+    system = (
+        system.connect("guidance.eta_d", "controller.eta_d")
+        .connect("guidance.nu_d", "controller.nu_d")
+        .connect("controller.tau_d", "allocation.tau_d")
+        .connect("wrench.current_total", "battery.current")
+    )
+    for name in THRUSTERS:
+        system = system.connect("battery.voltage", f"{name}.voltage")
+    # One after the other within a step, as on a vehicle's computer: three delays less in the loop.
+    return system.group(["navigation", "guidance", "controller", "allocation"])
+
+
+BUILDERS: dict[str, Callable[[], System]] = {
+    "bluerov2_hold": bluerov2_hold,
+    "bluerov2_survey": bluerov2_survey,
+    "bluerov2_task": task_system,
+    "pool_tracking": pool_tracking,
+    "seabed_mapping": lambda: seabed_mapping(bluerov2_survey()),
+    "target_tracking": partial(target_tracking, 2),
+}

@@ -1,0 +1,122 @@
+"""Systems for tasks of one vehicle: their free inputs are the actions of a policy."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Literal, get_args
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.orchestrator.system.system import System
+
+__all__ = ["ActedOn", "Observed", "task_system"]
+
+ActedOn = Literal["force", "thrusters", "velocity"]
+Observed = Literal["truth", "navigation"]
+THRUSTERS = tuple(f"thruster_{i}" for i in range(1, 9))
+START = (0.0, 0.0, 10.0, 0.0, 0.0, 0.0)  # N E D [m], phi theta psi [rad]
+
+
+@lru_cache(maxsize=32)
+def task_system(
+    action: ActedOn = "force",
+    observation: Observed = "truth",
+    reference: bool = False,
+    disturbances: bool = False,
+) -> System:
+    """A BlueROV2 Heavy with eight T200 in a meandering current, free to be acted on.
+
+    By `action`: "force" leaves `allocation.tau_d` free, "thrusters" each `thruster_i.u`, and
+    "velocity" `controller.nu_d`, of a controller that keeps the hull level. By `observation`,
+    "navigation" adds the sensors and the filter. `reference` adds a curve to follow;
+    `disturbances` adds ramps of the current and thrusters that grow weak. Equal arguments give the
+    same system, so that its kernel is made once.
+    """
+    for name, given, known in (
+        ("action", action, get_args(ActedOn)),
+        ("observation", observation, get_args(Observed)),
+    ):
+        if given not in known:
+            raise InputInvalid(f"{name} {given!r}; expected one of {', '.join(known)}")
+    system = System("bluerov2_task", "0.01", "A BlueROV2 Heavy that a policy acts on")
+    system = system.add("hull", "model:bluerov2_heavy", start={"eta_0": START})
+    system = system.add("wrench", "model:wrench").connect("wrench.tau", "hull.tau")
+    system = _current(system, disturbances)
+    system = _thrusters(system, disturbances)
+    if observation == "navigation":
+        system = _navigation(system)
+    if action != "thrusters":
+        system = system.add("allocation", "model:allocation")
+        for i, name in enumerate(THRUSTERS, 1):
+            system = system.connect(f"allocation.u[{i}]", f"{name}.u")
+    if action == "velocity":
+        system = _velocity(system, "hull" if observation == "truth" else "navigation")
+    return system.add("reference", "model:reference") if reference else system
+
+
+def _current(system: System, ramps: bool) -> System:
+    system = system.add("current", "model:current_gauss_markov")
+    if not ramps:
+        return system.connect("current.v_c", "hull.v_c")
+    return (
+        system.add("ramps", "model:current_ramps")
+        .connect("current.v_c", "ramps.v")
+        .connect("ramps.v_c", "hull.v_c")
+    )
+
+
+def _thrusters(system: System, faults: bool) -> System:
+    target = "wrench.thrust"
+    if faults:
+        system = system.add("faults", "model:thruster_faults")
+        system = system.connect("faults.thrust", "wrench.thrust")
+        target = "faults.thrust_in"
+    for i, name in enumerate(THRUSTERS, 1):
+        system = (
+            system.add(name, "model:thruster_t200")
+            .connect("hull.nu_r", f"{name}.nu_r")
+            .connect(f"{name}.thrust", f"{target}[{i}]")
+            .connect(f"{name}.current", f"wrench.current[{i}]")
+        )
+    return system
+
+
+def _velocity(system: System, known: str) -> System:
+    """A controller whose wanted place is where the vehicle is: it holds speeds and trim alone."""
+    system = system.add(
+        "controller", "model:controller", start={"Ki": (0.0, 0.0, 0.0, 4.0, 4.0, 0.0)}
+    )
+    for name in ("eta", "nu"):
+        system = system.connect(f"{known}.{name}", f"controller.{name}")
+    return (
+        system.connect(f"{known}.eta[1:3]", "controller.eta_d[1:3]")
+        .connect(f"{known}.eta[6]", "controller.eta_d[6]")
+        .connect("controller.tau_d", "allocation.tau_d")
+        .group(["controller", "allocation"])
+    )
+
+
+def _navigation(system: System) -> System:
+    observed = {
+        "imu": ("eta", "q", "nu", "nu_dot"),
+        "dvl": ("eta", "q", "nu"),
+        "pressure": ("eta", "q"),
+        "compass": ("eta",),
+        "usbl": ("eta", "q"),
+    }
+    readings = {
+        "imu": ("acc", "gyro", "valid", "t_sample"),
+        "dvl": ("beam_velocity", "beam_valid", "t_sample"),
+        "pressure": ("pressure", "valid", "t_sample"),
+        "compass": ("psi", "valid", "t_sample"),
+        "usbl": ("position", "sigma", "valid", "t_sample"),
+    }
+    for sensor, names in observed.items():
+        system = system.add(sensor, f"model:{sensor}")
+        for name in names:
+            system = system.connect(f"hull.{name}", f"{sensor}.{name}")
+    system = system.add("navigation", "model:navigation", start={"eta_0": START})
+    for sensor, names in readings.items():
+        for name in names:
+            prefix = "" if name == "pressure" else f"{sensor}_"
+            system = system.connect(f"{sensor}.{name}", f"navigation.{prefix}{name}")
+    return system

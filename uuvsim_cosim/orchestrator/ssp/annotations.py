@@ -1,0 +1,156 @@
+"""Annotations for communication steps: those of this project, of OSP and of OpenModelica.
+
+================================  ======================================  ======================
+annotation                        the system's step                       a component's step
+================================  ======================================  ======================
+``org.uuvsim.cosim``              ``<uuvsim:System tick="0.01">``          ``<uuvsim:Component
+                                                                          step="0.02"/>``
+``com.opensimulationplatform``    ``<osp:FixedStepAlgorithm                ``<osp:StepSizeHint
+                                  baseStepSize="0.01"/>`` of the           value="0.02"/>``
+                                  default experiment
+``org.openmodelica``              ``<oms:FixedStepMaster                   (none)
+                                  stepSize="0.01"/>`` of a system
+================================  ======================================  ======================
+
+They are believed in this order; what contradicts is said. Groups stand in the first alone: the
+other two have no word for them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from decimal import Decimal
+from fractions import Fraction
+from xml.etree.ElementTree import Element as Xml
+from xml.etree.ElementTree import SubElement
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.orchestrator.parameters.ssp_xml import find_annotation, q
+from uuvsim_cosim.orchestrator.system.elements import step_text
+from uuvsim_cosim.orchestrator.system.validation import as_step
+
+__all__ = [
+    "add_component_step",
+    "add_default_experiment",
+    "add_system_step",
+    "component_step",
+    "system_step",
+]
+
+OSP = "com.opensimulationplatform"
+OMS = "org.openmodelica"
+_SAME = 1e-9  # relative; other tools round a step of 1/60 s
+
+
+def add_default_experiment(
+    root: Xml, step: Fraction, start_time: float, stop_time: float | None
+) -> None:
+    """Add the default experiment, with the step as the Open Simulation Platform writes it."""
+    experiment = SubElement(root, "ssd:DefaultExperiment", startTime=repr(float(start_time)))
+    if stop_time is not None:
+        experiment.set("stopTime", repr(float(stop_time)))
+    algorithm = SubElement(_annotation(experiment, OSP), "osp:Algorithm")
+    SubElement(algorithm, "osp:FixedStepAlgorithm", baseStepSize=_decimal(step))
+
+
+def add_system_step(system: Xml, step: Fraction) -> None:
+    """Add a system's step as OpenModelica writes it."""
+    notes = SubElement(_annotation(system, OMS), "oms:Annotations")
+    SubElement(
+        SubElement(notes, "oms:SimulationInformation"),
+        "oms:FixedStepMaster",
+        description="oms-ma",
+        stepSize=_decimal(step),
+        absoluteTolerance="0.0001",
+        relativeTolerance="0.0001",
+    )
+
+
+def add_component_step(component: Xml, step: Fraction) -> None:
+    """Add a component's step as the Open Simulation Platform writes it."""
+    SubElement(_annotation(component, OSP), "osp:StepSizeHint", value=_decimal(step))
+
+
+def system_step(root: Xml, system: Xml, remarks: list[str]) -> str | None:
+    """Find a system's step; `root` is the document, where `system` is its outermost."""
+    note = find_annotation(system)
+    found: list[tuple[str, str]] = []
+    if note is not None and note.get("tick"):
+        found.append(("org.uuvsim.cosim", note.get("tick", "")))
+    outermost = root.find(q("ssd:System")) is system
+    for item in _named(root.find(q("ssd:DefaultExperiment")), OSP) if outermost else ():
+        found += [(OSP, e.get("baseStepSize", "")) for e in _local(item, "FixedStepAlgorithm")]
+    for item in _named(system, OMS):
+        found += [(OMS, e.get("stepSize", "")) for e in _local(item, "FixedStepMaster")]
+        for e in _local(item, "VariableStepMaster"):
+            given = e.get("initialStepSize", "")
+            found.append((OMS, given))
+            remarks.append(f"{OMS}: a variable step; its initial one, {given} s, is taken always")
+    return _agreed(found, f"system {system.get('name', '')!r}", remarks)
+
+
+def component_step(component: Xml, tick: Fraction, remarks: list[str]) -> str | None:
+    """Find a component's step; OSP's hint is rounded to whole ticks, as libcosim does."""
+    note = find_annotation(component)
+    place = f"component {component.get('name', '')!r}"
+    found: list[tuple[str, str]] = []
+    if note is not None and note.get("step"):
+        found.append(("org.uuvsim.cosim", note.get("step", "")))
+    for item in _named(component, OSP):
+        for hint in _local(item, "StepSizeHint"):
+            text = hint.get("value", "")
+            step = _step(text, f"{place}, {OSP}")
+            rounded = max(round(step / tick), 1) * tick
+            if abs(step - rounded) > _SAME * step:
+                remarks.append(
+                    f"{place}: {OSP} hints at a step of {text} s, no multiple of "
+                    f"{step_text(tick)} s: {step_text(rounded)} s is taken, as libcosim does"
+                )
+            found.append((OSP, step_text(rounded)))
+    return _agreed(found, place, remarks)
+
+
+def _agreed(found: list[tuple[str, str]], place: str, remarks: list[str]) -> str | None:
+    """Return the first, and say which others contradict it."""
+    steps = [(who, text, _step(text, f"{place}, {who}")) for who, text in found]
+    for who, text, step in steps[1:]:
+        first, given, taken = steps[0]
+        if abs(step - taken) > _SAME * taken:
+            remarks.append(
+                f"{place}: {first} says a step of {given} s and {who} one of {text} s; "
+                f"{given} s is taken"
+            )
+    return steps[0][1] if steps else None
+
+
+def _step(text: str, place: str) -> Fraction:
+    step = as_step(text, place)
+    if step > 10**6 or step < Fraction(1, 10**12):
+        raise InputInvalid(f"{place}: step {text!r}; expected between 1e-12 s and 1e6 s")
+    return step
+
+
+def _annotation(parent: Xml, type_: str) -> Xml:
+    section = parent.find("ssd:Annotations")
+    if section is None:
+        section = SubElement(parent, "ssd:Annotations")
+    return SubElement(section, "ssc:Annotation", type=type_)
+
+
+def _named(parent: Xml | None, type_: str) -> Iterator[Xml]:
+    if parent is not None:
+        for item in parent.iterfind(f"{q('ssd:Annotations')}/{q('ssc:Annotation')}"):
+            if item.get("type") == type_:
+                yield item
+
+
+def _local(parent: Xml, name: str) -> Iterator[Xml]:
+    """Find elements inside by their name, whatever namespace or nesting a tool writes."""
+    for item in parent.iter():
+        if isinstance(item.tag, str) and item.tag.rpartition("}")[2] == name:
+            yield item
+
+
+def _decimal(step: Fraction) -> str:
+    text = step_text(step)
+    return format(Decimal(repr(float(step))), "f") if "/" in text else text

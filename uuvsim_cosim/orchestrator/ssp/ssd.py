@@ -1,0 +1,274 @@
+"""Writer of system structure descriptions (.ssd), without loss."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from urllib.parse import quote
+from xml.etree.ElementTree import Element as Xml
+from xml.etree.ElementTree import SubElement
+
+from uuvsim_cosim._version import __version__
+from uuvsim_cosim.cache import write_whole
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.fmus.description import Description, Variable
+from uuvsim_cosim.models.declaration.element_names import index_text
+from uuvsim_cosim.models.declaration.units import Unit
+from uuvsim_cosim.orchestrator.parameters.ssp_xml import (
+    MIME,
+    SspVersion,
+    add_annotation,
+    add_units,
+    document,
+    has_arrays,
+    type_name,
+)
+from uuvsim_cosim.orchestrator.parameters.ssv import parameter_set
+from uuvsim_cosim.orchestrator.ssp.annotations import (
+    add_component_step,
+    add_default_experiment,
+    add_system_step,
+)
+from uuvsim_cosim.orchestrator.ssp.ssd_read import read_ssd
+from uuvsim_cosim.orchestrator.system.elements import Element, step_text
+from uuvsim_cosim.orchestrator.system.resolve import resolve
+from uuvsim_cosim.orchestrator.system.system import System
+from uuvsim_cosim.orchestrator.system.wiring import Wire
+from uuvsim_cosim.orchestrator.values.endpoints import (
+    Endpoint,
+    find_variable,
+    resolve_endpoint,
+)
+from uuvsim_cosim.orchestrator.values.value_table import add_table
+from uuvsim_cosim.orchestrator.values.values import is_float
+from uuvsim_cosim.orchestrator.values.xml_values import number
+
+__all__ = ["format_ssd", "read_ssd", "write_ssd"]
+
+
+def write_ssd(system: System, path: Path, version: SspVersion = "2.0") -> None:
+    """Write a system; relative files of its sources are named from the file's folder."""
+    data = format_ssd(system, version, path.parent)
+    try:
+        write_whole(path, data)
+    except OSError as error:
+        raise InputInvalid(
+            f"{path}: cannot be written ({error.strerror}); expected a folder that can be written"
+        ) from None
+
+
+def format_ssd(system: System, version: SspVersion = "2.0", folder: Path | None = None) -> bytes:
+    """Return the document; `folder` is where it will lie (default: the system's base)."""
+    writer = _Writer(version, folder or system.base or Path())
+    root = Xml(
+        "ssd:SystemStructureDescription",
+        version=version,
+        name=system.name,
+        generationTool=f"uuvsim-cosim {__version__}",
+    )
+    root.append(writer.system(system, system.name))
+    add_units(root, writer.unit_names, writer.units, "ssd:Units")
+    add_default_experiment(root, system.base_step, system.start_time, system.stop_time)
+    return document(root, "oms", "osp", "ssc", "ssd", "ssv", "uuvsim")
+
+
+End = tuple[Endpoint, int | None, bool]  # connector, element of it, whether arrays are whole
+
+
+class _Writer:
+    """Writes elements, and gathers the units that they refer to."""
+
+    def __init__(self, version: SspVersion, folder: Path) -> None:
+        self.version: SspVersion = version
+        self.folder = folder
+        self.unit_names: set[str] = set()
+        self.units: dict[str, Unit] = {}
+
+    def system(self, system: System, name: str, description: str = "") -> Xml:
+        xml = Xml("ssd:System", name=name)
+        if description or system.description:
+            xml.set("description", description or system.description)
+        interface = system.interface()
+        self._connectors(xml, interface, list(interface.variables))
+        if system.elements:
+            parent = SubElement(xml, "ssd:Elements")
+            for element in system.elements:
+                parent.append(self._element(system, element))
+        self._connections(xml, system)
+        note = Xml("uuvsim:System", tick=step_text(system.base_step))
+        if system.loops != "iterate":
+            note.set("loops", system.loops)
+        for group in system.groups:
+            item = SubElement(note, "uuvsim:Group", algorithm=group.algorithm)
+            if group.algorithm == "iterated":
+                item.set("solver", group.solver)
+                item.set("tolerance", repr(float(group.tolerance)))
+                item.set("limit", str(group.limit))
+            for member in group.members:
+                SubElement(item, "uuvsim:Member", name=member)
+        if name != system.name:
+            note.set("name", system.name)
+        if description:
+            note.set("description", system.description)
+        add_annotation(xml, note)
+        add_system_step(xml, system.base_step)
+        return xml
+
+    def _element(self, system: System, element: Element) -> Xml:
+        if not isinstance(element.source, str):
+            return self.system(system.nested(element.name), element.name, element.description)
+        source, mime = self._source(element.source, system.base)
+        source, implementation = _implementation(source)
+        xml = Xml("ssd:Component", name=element.name, source=quote(source, safe="/:?&=@#~+,;"))
+        xml.set("type", mime)
+        if implementation:
+            xml.set("implementation", implementation)
+        if element.description:
+            xml.set("description", element.description)
+        description = system.checked.descriptions[element.name]
+        points = [p for w in system.checked.wires for p in (w.source, w.target)]
+        used = [p.variable.name for p in points if p.element == element.name]
+        for item in system.exposed:
+            inner = resolve_endpoint(item.path, system.checked.descriptions)
+            if inner.element == element.name:
+                used.append(inner.variable.name)
+        self._connectors(xml, description, [*used, *element.units])
+        if element.start:
+            bindings = SubElement(xml, "ssd:ParameterBindings")
+            binding = SubElement(bindings, "ssd:ParameterBinding", type=MIME["ssv"])
+            values = SubElement(binding, "ssd:ParameterValues")
+            items = element.start.items()
+            values.append(parameter_set(items, description, self.version, element.name))
+            self._use([description.variables[n] for n in element.start], description)
+        note = Xml("uuvsim:Component")
+        if element.rate is not None:
+            note.set("step", step_text(element.rate))
+        for name, units in element.units.items():
+            if " " in units:  # a connector has room for one unit
+                SubElement(note, "uuvsim:Units", name=name, units=units)
+        if len(note) or note.attrib:
+            add_annotation(xml, note)
+        if element.rate is not None:
+            add_component_step(xml, element.rate)
+        return xml
+
+    def _source(self, source: str, base: Path | None) -> tuple[str, str]:
+        """Return the source as seen from the file's folder, and its MIME type."""
+        resolved = resolve(source, base)
+        suffix = Path(source.partition("#")[0]).suffix.lower().removeprefix(".")
+        mime = MIME.get(resolved.kind, MIME.get(suffix, MIME["other"]))
+        file, colon, rest = (
+            source.rpartition(":") if resolved.kind == "Python" else (source, "", "")
+        )
+        is_file = resolved.kind in ("FMU", "system") or file.endswith(".py")
+        if not is_file or Path(file).is_absolute():
+            return source, mime
+        here = Path(os.path.abspath(base or Path()))
+        there = Path(os.path.abspath(self.folder))
+        if here != there:
+            file = Path(os.path.relpath(here / file, there)).as_posix()
+        return f"{file}{colon}{rest}", mime
+
+    def _connectors(self, parent: Xml, description: Description, names: list[str]) -> None:
+        wanted = set(names)
+        found = [v for v in description.variables.values() if v.name in wanted]
+        if not found:
+            return
+        section = SubElement(parent, "ssd:Connectors")
+        self._use(found, description)
+        for variable in found:
+            if has_arrays(description, self.version):
+                self._connector(section, variable, variable.name, variable.shape, variable.unit)
+                continue
+            for i, name in enumerate(variable.element_names):
+                self._connector(section, variable, name, (), variable.unit_of_element(i))
+
+    def _connector(
+        self,
+        parent: Xml,
+        variable: Variable,
+        name: str,
+        shape: tuple[int, ...],
+        unit: str | None,
+    ) -> None:
+        xml = SubElement(parent, "ssd:Connector", name=name, kind=variable.causality)
+        typed = SubElement(xml, f"ssc:{type_name(variable.type, self.version)}")
+        if unit and is_float(variable):
+            typed.set("unit", unit)
+        for extent in shape:
+            SubElement(xml, "ssc:Dimension", size=str(extent))
+
+    def _connections(self, parent: Xml, system: System) -> None:
+        section = Xml("ssd:Connections")
+        for wire in system.checked.wires:
+            self._wire(section, wire, system)
+        outside = self.version == "2.0"
+        interface = system.interface()
+        for item in system.exposed:
+            inner = resolve_endpoint(item.path, system.checked.descriptions)
+            owner = inner.element
+            outer = Endpoint("", *find_variable(item.name, interface))
+            inside = has_arrays(system.checked.descriptions[owner], self.version)
+            pairs = self._pairs(outer, inner, inside and outside)
+            for a, b in pairs:
+                ends = [(outer, a, outside), (inner, b, inside)]
+                if inner.variable.causality == "output":
+                    ends.reverse()
+                self._connection(section, ends)
+        if len(section):
+            parent.append(section)
+
+    def _wire(self, section: Xml, wire: Wire, system: System) -> None:
+        source, target = wire.source, wire.target
+        described = system.checked.descriptions
+        a = has_arrays(described[source.element], self.version)
+        b = has_arrays(described[target.element], self.version)
+        c = wire.connection
+        for i, j in self._pairs(source, target, a and b):
+            xml = self._connection(section, [(source, i, a), (target, j, b)])
+            if not c.convert:
+                xml.set("suppressUnitConversion", "true")
+            if c.table:
+                add_table(xml, c.table)
+            elif (c.factor, c.offset) != (1.0, 0.0):
+                SubElement(
+                    xml,
+                    "ssc:LinearTransformation",
+                    factor=number(c.factor),
+                    offset=number(c.offset),
+                )
+
+    def _pairs(self, a: Endpoint, b: Endpoint, arrays: bool) -> list[tuple[int | None, int | None]]:
+        if a.whole and b.whole and arrays:
+            return [(None, None)]
+        return list(zip(a.elements, b.elements, strict=True))
+
+    def _connection(self, section: Xml, ends: list[End]) -> Xml:
+        xml = SubElement(section, "ssd:Connection")
+        for side, (point, i, arrays) in zip(("start", "end"), ends, strict=True):
+            if point.element:
+                xml.set(f"{side}Element", point.element)
+            name = point.variable.name
+            index = "" if i is None else index_text(point.variable.shape, i)
+            if arrays:
+                xml.set(f"{side}Connector", name)
+                if index:
+                    xml.set(f"{side}Indices", index[1:-1].replace(",", " "))
+            else:
+                xml.set(f"{side}Connector", f"{name}{index}")
+        return xml
+
+    def _use(self, variables: list[Variable], description: Description) -> None:
+        self.units.update(description.units)
+        self.unit_names.update(u for v in variables if is_float(v) for u in v.units if u)
+
+
+def _implementation(source: str) -> tuple[str, str]:
+    """Split the interface off the source of an FMU: SSP has an attribute for it."""
+    file, _, options = source.partition("#")
+    if not file.lower().endswith(".fmu"):
+        return source, ""
+    pairs = [p for p in options.split("&") if p]
+    chosen = [p.partition("=")[2] for p in pairs if p.startswith("interface=")]
+    rest = "&".join(p for p in pairs if not p.startswith("interface="))
+    return f"{file}#{rest}" if rest else file, chosen[-1] if chosen else ""

@@ -1,0 +1,140 @@
+"""Parameter bindings of an SSD: values of an element, with prefix and mapping."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from urllib.parse import unquote
+from xml.etree.ElementTree import Element as Xml
+
+from uuvsim_cosim.errors import InputInvalid, UuvsimError
+from uuvsim_cosim.fmus.importer.archive import unpack
+from uuvsim_cosim.models.declaration.units import Unit
+from uuvsim_cosim.orchestrator.parameters.ssm import MappingEntry, read_mapping, read_ssm
+from uuvsim_cosim.orchestrator.parameters.ssp_xml import MIME, q, read_units
+from uuvsim_cosim.orchestrator.parameters.ssv import (
+    Enumerations,
+    ParameterValue,
+    read_parameter_set,
+    read_ssv,
+)
+from uuvsim_cosim.orchestrator.values.value_table import looked_up
+from uuvsim_cosim.orchestrator.values.values import Quantity
+
+__all__ = ["Bindings"]
+
+_MAPPING = "application/x-ssp-parameter-mapping"
+
+
+@dataclass(frozen=True)
+class Bindings:
+    """Reads the bindings of a file; `confine` refuses files that lie elsewhere."""
+
+    folder: Path
+    units: Mapping[str, Unit]
+    enumerations: Enumerations
+    confine: Callable[[str, str], None]
+
+    def read(
+        self, xml: Xml, place: str, wrong: Callable[[UuvsimError], None]
+    ) -> list[ParameterValue]:
+        """List the values of an element, the last ones last, which take priority."""
+        found: list[ParameterValue] = []
+        for binding in xml.iterfind(f"{q('ssd:ParameterBindings')}/{q('ssd:ParameterBinding')}"):
+            try:
+                found += self._binding(binding, xml, place)
+            except UuvsimError as error:
+                wrong(error)
+        return found
+
+    def _binding(self, binding: Xml, owner: Xml, place: str) -> list[ParameterValue]:
+        here = f"{place}: <ssd:ParameterBinding>"
+        mime = binding.get("type", MIME["ssv"])
+        if mime != MIME["ssv"]:
+            raise InputInvalid(f"{here}: type {mime!r}; expected {MIME['ssv']!r}")
+        source = binding.get("source")
+        definitions: Mapping[str, Unit] = self.units
+        if source is not None:
+            values, own = read_ssv(self._file(binding, source, owner, here))
+            definitions = {**self.units, **own}
+        else:
+            inline = binding.find(f"{q('ssd:ParameterValues')}/{q('ssv:ParameterSet')}")
+            if inline is None:
+                raise InputInvalid(f"{here}: neither source nor values; expected one of the two")
+            values = read_parameter_set(inline, place, self.enumerations)
+            definitions = {**self.units, **read_units(inline, "ssv:Units", here)}
+        prefix = binding.get("prefix", "")  # before any mapping, whose sources have it
+        values = [
+            replace(
+                v,
+                name=f"{prefix}{v.name}",
+                value=Quantity(v.value, _unit(v.unit, definitions), definitions)
+                if v.unit
+                else v.value,
+            )
+            for v in values
+        ]
+        mapping = binding.find(q("ssd:ParameterMapping"))
+        return values if mapping is None else self._mapped(values, mapping, owner, place)
+
+    def _mapped(
+        self, values: list[ParameterValue], mapping: Xml, owner: Xml, place: str
+    ) -> list[ParameterValue]:
+        """Apply a mapping; a value that it does not name is not applied."""
+        here = f"{place}: <ssd:ParameterMapping>"
+        mime = mapping.get("type", _MAPPING)
+        if mime != _MAPPING:
+            raise InputInvalid(f"{here}: type {mime!r}; expected {_MAPPING!r}")
+        source = mapping.get("source")
+        if source is not None:
+            entries = read_ssm(self._file(mapping, source, owner, here))
+        else:
+            inline = mapping.find(q("ssm:ParameterMapping"))
+            entries = [] if inline is None else read_mapping(inline, here)
+        by_name = {v.name: v for v in values}
+        return [_changed(by_name[e.source], e, here) for e in entries if e.source in by_name]
+
+    def _file(self, xml: Xml, source: str, owner: Xml, place: str) -> Path:
+        base = xml.get("sourceBase", "SSD")
+        name = unquote(source)
+        if base == "SSD":
+            self.confine(name, place)
+            return self.folder / name
+        fmu = unquote(owner.get("source", ""))
+        if base != "component" or not fmu.lower().endswith(".fmu"):
+            raise InputInvalid(
+                f"{place}: sourceBase {base!r}; expected 'SSD', or 'component' inside an FMU"
+            )
+        self.confine(fmu, place)
+        inside = unpack(self.folder / fmu)
+        path = (inside / name).resolve()
+        if not path.is_relative_to(inside.resolve()):
+            raise InputInvalid(f"{place}: source {source!r}; expected a file inside {fmu}")
+        return path
+
+
+def _unit(name: str, definitions: Mapping[str, Unit]) -> str:
+    """Return the name of a unit without the brackets that some files write around it."""
+    bracketed = name not in definitions and name.startswith("[") and name.endswith("]")
+    return name[1:-1] if bracketed else name
+
+
+def _changed(value: ParameterValue, entry: MappingEntry, place: str) -> ParameterValue:
+    """Rename a value, and give what its target makes of it."""
+    given = value.value
+    if entry.table:
+        bare = given.value if isinstance(given, Quantity) else given
+        given = looked_up(entry.table, bare, f"{place}: {entry.source}")
+    elif (entry.factor, entry.offset) != (1.0, 0.0) or not entry.convert:
+        quantity = given if isinstance(given, Quantity) else Quantity(given, None)
+        bare = quantity.value if isinstance(quantity.value, list) else [quantity.value]
+        if (entry.factor, entry.offset) != (1.0, 0.0) and not all(
+            isinstance(v, float | int) and not isinstance(v, bool) for v in bare
+        ):
+            raise InputInvalid(
+                f"{place}: {entry.source} is {bare[0]!r}; expected a number to transform"
+            )
+        unit = quantity.unit if entry.convert else None
+        given = replace(quantity, unit=unit, factor=entry.factor, offset=entry.offset)
+    return replace(value, name=entry.target, value=given)

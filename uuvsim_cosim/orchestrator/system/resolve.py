@@ -1,0 +1,180 @@
+"""Resolution of a source string to a source, which can be described and instantiated.
+
+=============================  ====================================================
+``hull.fmu``                   an FMU; ``hull.fmu#interface=ModelExchange&n=2`` chooses its
+                               interface and sets structural parameters
+``my.py:MyController``         a Python class in a file, or ``package.module:Class``
+``model:vehicle?id=…&set=…``   a declaration of this package, with its options
+``lqr``, ``remus100@…``        the same by its bare name, options allowed; ``mpc_ipopt`` is Python
+``vehicle.ssd``, ``.ssp``      a nested system
+``current.csv``                a table whose columns over time are outputs
+``<scheme>:…``                 what an entry point of group ``uuvsim_cosim.sources`` names
+=============================  ====================================================
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import re
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.near_names import did_you_mean
+from uuvsim_cosim.orchestrator.system.elements import Structure
+from uuvsim_cosim.orchestrator.system.osp_functions import FunctionSource
+from uuvsim_cosim.orchestrator.system.sources import (
+    FmuSource,
+    ModelSource,
+    PythonSource,
+    Source,
+    SystemSource,
+)
+from uuvsim_cosim.orchestrator.system.table_source import TableSource
+
+__all__ = ["anchored", "described_by", "nested_structure", "register", "resolve"]
+
+ENTRY_POINTS = "uuvsim_cosim.sources"
+
+Factory = Callable[[str, Path], Source]
+_factories: dict[str, Factory] = {}
+
+
+def register(scheme: str, factory: Factory) -> None:
+    """Let ``<scheme>:…`` be resolved by `factory`, as an entry point would."""
+    _factories[scheme] = factory
+
+
+def resolve(source: str, base: Path | None = None) -> Source:
+    """Find out what a source string stands for; relative files lie in `base`."""
+    base = Path() if base is None else base
+    scheme, colon, _ = source.partition(":")
+    if colon and scheme == "model":
+        return ModelSource(source)
+    if colon and scheme == "function":
+        return FunctionSource(source)
+    if colon and (factory := _factory(scheme)) is not None:
+        return factory(source, base)
+    suffix = Path(source.partition("#")[0]).suffix.lower()
+    if suffix == ".fmu":
+        file, _, options = source.partition("#")
+        return FmuSource(_file(file, base, "an FMU"), _options(source, options))
+    if suffix == ".csv":
+        return TableSource(_file(source, base, "a table"))
+    if suffix in (".ssd", ".ssp"):
+        file, _, variant = source.partition("#")
+        return SystemSource(_file(file, base, "a system"), variant)
+    target, colon, name = source.rpartition(":")
+    if colon and name.isidentifier():
+        if target.endswith(".py"):
+            return PythonSource(f"{_file(target, base, 'a Python file')}:{name}")
+        if re.fullmatch(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*", target):
+            return PythonSource(source)
+    if (bare := _BARE.fullmatch(source)) is not None:
+        return _named(source, bare[1])
+    raise InputInvalid(
+        f"source {source!r} is of no known kind; expected a .fmu, .ssd, .ssp or .csv file, "
+        f"FILE.py:Class, package.module:Class, model:NAME?option=value"
+        + "".join(f", {s}:…" for s in _schemes())
+    )
+
+
+def described_by(source: str, base: Path | None, start: Mapping[str, Any]) -> Source:
+    """Resolve the source of a component whose start values may set structural parameters."""
+    found = resolve(source, base)
+    return found.structured(start) if isinstance(found, FmuSource) else found
+
+
+def anchored(source: str, base: Path | None) -> str:
+    """Return a source whose file is found from the current folder by its absolute path.
+
+    So that what a user names is looked for where the user is, not beside a system that ships.
+    The bare name of a model becomes what it stands for.
+    """
+    if (bare := _BARE.fullmatch(source)) is not None and _is_known(bare[1], source):
+        return _named(source, bare[1]).text
+    file, colon, name = source, "", ""
+    if Path(source.partition("#")[0]).suffix.lower() not in _SUFFIXES:
+        file, colon, name = source.rpartition(":")
+    elif "#" in source:
+        file, colon, name = source.partition("#")
+    path = Path(file).expanduser()
+    if base is None or not file or path.is_absolute() or not path.is_file():
+        return source
+    return f"{path.absolute()}{colon}{name}"
+
+
+def nested_structure(source: str | Structure, base: Path | None) -> Structure | None:
+    """Return the nested system that a source stands for; None if it is a component."""
+    if not isinstance(source, str):
+        return source
+    if not source.partition("#")[0].lower().endswith((".ssd", ".ssp")):
+        return None
+    found = resolve(source, base)
+    return found.system() if isinstance(found, SystemSource) else None
+
+
+# ---- inside ---------------------------------------------------------------------------------
+
+_SUFFIXES = (".fmu", ".ssd", ".ssp", ".csv")
+_BARE = re.compile(r"([A-Za-z_][\w-]*(?:@\w+)?)(?:\?.*)?")
+
+
+def _is_known(name: str, source: str) -> bool:
+    from uuvsim_cosim.models.declaration.library import ALIASES, IN_PROCESS, LIBRARY
+    from uuvsim_cosim.models.declaration.parameters import is_vehicle
+
+    id = name.partition("@")[0]
+    return source in IN_PROCESS or id in LIBRARY or id in ALIASES or is_vehicle(id)
+
+
+def _named(source: str, name: str) -> Source:
+    """Find a model by its bare name; near names for one that does not exist."""
+    from uuvsim_cosim.models.declaration.library import ALIASES, IN_PROCESS, available
+
+    if source in IN_PROCESS:
+        return PythonSource(IN_PROCESS[source])
+    if name in IN_PROCESS:
+        raise InputInvalid(
+            f"{name} is a Python component and takes no options; expected {name!r} alone, its "
+            f"parameters set by name, or a class of your own derived from {IN_PROCESS[name]}"
+        )
+    if _is_known(name, source):
+        return ModelSource(f"model:{source}")
+    known = [*available(), *ALIASES, *IN_PROCESS]
+    raise InputInvalid(
+        f"there is no model {name!r}{did_you_mean(name, known)}; expected one that "
+        "`uuvsim models` lists, a .fmu, .ssd or .ssp file, FILE.py:Class or package.module:Class"
+    )
+
+
+def _file(name: str, base: Path, what: str) -> Path:
+    path = (base / Path(name.removeprefix("file:")).expanduser()).absolute()
+    if path.is_file():
+        return path
+    there = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
+    raise InputInvalid(f"{path}: no such file{did_you_mean(path.name, there)}; expected {what}")
+
+
+def _options(source: str, text: str) -> tuple[tuple[str, str], ...]:
+    """Read ``name=value&name=value``."""
+    pairs = [part.partition("=") for part in text.split("&") if part]
+    if any(not (name and equals and value) for name, equals, value in pairs):
+        raise InputInvalid(
+            f"source {source!r}: expected FILE.fmu#interface=ModelExchange, or names and values "
+            "of structural parameters"
+        )
+    return tuple((name, value) for name, _, value in pairs)
+
+
+def _schemes() -> list[str]:
+    named = {e.name for e in importlib.metadata.entry_points(group=ENTRY_POINTS)}
+    return sorted(named | set(_factories))
+
+
+def _factory(scheme: str) -> Factory | None:
+    if scheme not in _factories:
+        for entry in importlib.metadata.entry_points(group=ENTRY_POINTS, name=scheme):
+            _factories[scheme] = entry.load()
+    return _factories.get(scheme)

@@ -1,0 +1,399 @@
+"""System: components, connections and start values as one value, which is always valid.
+
+>>> system = (
+...     System("tank", tick="0.01")
+...     .add("hull", "model:bluerov2_heavy")
+...     .add("controller", "my.py:MyController", rate="0.02", start={"Kp": 3})
+...     .connect("hull.eta", "controller.eta")
+...     .connect("controller.tau_d", "hull.tau")
+... )  # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from uuvsim_cosim.errors import Problem, SystemInvalid, UuvsimError
+from uuvsim_cosim.fmus.description import Description
+from uuvsim_cosim.models.declaration.near_names import expected_names
+from uuvsim_cosim.orchestrator.system.elements import (
+    Algorithm,
+    Connection,
+    Element,
+    Exposed,
+    Loops,
+    Solver,
+    StepGroup,
+    Structure,
+)
+from uuvsim_cosim.orchestrator.system.formats import write_structure
+from uuvsim_cosim.orchestrator.system.interface import interface_of
+from uuvsim_cosim.orchestrator.system.peers import peer_of
+from uuvsim_cosim.orchestrator.system.resolve import anchored, nested_structure
+from uuvsim_cosim.orchestrator.system.slot import Slot, fitted, slot_at
+from uuvsim_cosim.orchestrator.system.validation import Checked, as_step, check, problem_of
+from uuvsim_cosim.orchestrator.system.wiring import Wire
+from uuvsim_cosim.orchestrator.values.endpoints import (
+    Endpoint,
+    find_element,
+    resolve_endpoint,
+)
+from uuvsim_cosim.orchestrator.values.value_table import table_of
+from uuvsim_cosim.orchestrator.values.values import Misfit
+
+__all__ = ["System"]
+
+
+@dataclass(frozen=True)
+class System(Structure):
+    """Components, their connections and start values; every edit gives a new system.
+
+    For its fields see `Structure`. Raises SystemInvalid, with every problem, if the parts do not
+    make a system.
+    """
+
+    checked: Checked = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Check the whole, and keep its parts in their one form."""
+        try:
+            object.__setattr__(self, "tick", as_step(self.tick, self.name))
+        except UuvsimError as error:
+            raise SystemInvalid([problem_of(self.name, error)]) from None
+        checked = check(self)
+        if checked.problems:
+            raise SystemInvalid(checked.problems)
+        object.__setattr__(self, "elements", checked.elements)
+        object.__setattr__(self, "connections", tuple(w.connection for w in checked.wires))
+        object.__setattr__(self, "exposed", checked.exposed)
+        object.__setattr__(self, "checked", checked)
+
+    # ---- building -------------------------------------------------------------------------
+
+    def add(
+        self,
+        path: str,
+        source: str | System,
+        start: Mapping[str, Any] | None = None,
+        rate: Fraction | str | float | None = None,
+        description: str = "",
+    ) -> System:
+        """Add a component, or a nested system; `rate` is its communication step in s."""
+        inner = self._inside(path)
+        if inner is not None:
+            name, rest = inner
+            return self._edited(name, self.nested(name).add(rest, source, start, rate, description))
+        if path in self.components:
+            raise SystemInvalid([Problem(path, "a second component of this name", "a new name")])
+        if isinstance(source, str):
+            source = anchored(source, self.base)
+        step = None if rate is None else _step(rate, path)
+        if start:
+            nested = self._as_nested(source)
+            if nested is not None:
+                source, start = _all_set(nested, start), None
+        element = Element(path, source, dict(start or {}), step, description)
+        return replace(self, elements=(*self.elements, element))
+
+    def connect(
+        self,
+        source: str,
+        target: str,
+        *,
+        factor: float = 1.0,
+        offset: float = 0.0,
+        convert: bool = True,
+        table: Mapping[bool, bool] | Mapping[int, int] | Mapping[str, str] | None = None,
+    ) -> System:
+        """Connect an output to an input: ``a.y``, one element ``a.y[3]``, a slice ``a.y[1:3]``.
+
+        `table` says what becomes of a Boolean, an integer, or an enumeration's item.
+        """
+        pairs = () if table is None else table_of(table, f"{source} to {target}")
+        connection = Connection(source, target, float(factor), float(offset), convert, pairs)
+        return replace(self, connections=(*self.connections, connection))
+
+    def disconnect(self, target: str) -> System:
+        """Remove what leads to an input, or to elements of it."""
+        point = self._endpoint(target)
+        kept: list[Connection] = []
+        found = False
+        for wire in self.checked.wires:
+            end = wire.target
+            mine = (end.element, end.variable.name) == (point.element, point.variable.name)
+            if not mine or not set(wire.target.elements) & set(point.elements):
+                kept.append(wire.connection)
+                continue
+            found = True
+            pairs = zip(wire.source.texts(), wire.target.texts(), wire.target.elements, strict=True)
+            kept += [
+                replace(wire.connection, source=a, target=b)
+                for a, b, i in pairs
+                if i not in point.elements
+            ]
+        if not found:
+            raise SystemInvalid([Problem(target, "not connected", "a connected input")])
+        return replace(self, connections=tuple(kept))
+
+    def set(self, path: str, value: Any) -> System:
+        """Set a start value, in the variable's unit, or as text with a unit: ``"2 km/h"``."""
+        inner = self._inside(path)
+        if inner is not None:
+            name, rest = inner
+            nested = self.nested(name)
+            for item in nested.exposed:
+                if item.name in (rest, rest.partition("[")[0]):
+                    rest = item.path + rest.removeprefix(item.name)
+            return self._edited(name, nested.set(rest, value))
+        if "." not in path:
+            expected = expected_names(path, self._settable(), "COMPONENT.VARIABLE")
+            raise SystemInvalid([Problem(path, "no component and variable", expected)])
+        name, key = self._split(path)
+        before = dict(self.components[name].start)
+        return self._with(replace(self.components[name], start=_put(before, key, value)))
+
+    def group(
+        self,
+        members: Iterable[str],
+        algorithm: Algorithm = "gauss-seidel",
+        *,
+        solver: Solver = "newton",
+        tolerance: float = 1e-10,
+        limit: int = 100,
+    ) -> System:
+        """Step these components together by another rule than Jacobi.
+
+        "gauss-seidel": in this order, each sees what the ones before have produced. "iterated":
+        the step is repeated until inputs and outputs at its end agree, by the solver, within
+        the tolerance (of a residual, relative to 1 + |input|), in at most `limit` iterations.
+        """
+        group = StepGroup(tuple(members), algorithm, solver, tolerance, limit)
+        return replace(self, groups=(*self.groups, group))
+
+    def with_loops(self, policy: Loops) -> System:
+        """Return the system with another policy for algebraic loops that no group solves.
+
+        "iterate": they are iterated at each communication point; a loop whose members cannot be
+        iterated is refused. "refuse": all are refused. "delay": each connection delays by a step.
+        """
+        return replace(self, loops=policy)
+
+    def expose(self, name: str, path: str) -> System:
+        """Make an inner connector one of the system's own, for use inside another system."""
+        return replace(self, exposed=(*self.exposed, Exposed(name, path)))
+
+    def replace(
+        self,
+        path: str,
+        source: str | System,
+        map: Mapping[str, str] | str | Path | None = None,
+        rate: Fraction | str | float | None = None,
+        start: Mapping[str, Any] | None = None,
+    ) -> System:
+        """Swap a component for another that fits its slot.
+
+        `map` gives names of the replacement for names of the slot (``{"tau_d": "Out1"}``,
+        ``{"tau_d[3]": "Out3"}``), or is an .ssm file. The slot's step holds unless `rate` is
+        given; of the start values, those hold that the replacement has too. What it says of its
+        peers (see `orchestrator/system/peers.py`) is connected as well.
+        """
+        return self._fitted(path, source, map, rate, start)._with_peers(path)
+
+    def _fitted(
+        self,
+        path: str,
+        source: str | System,
+        map: Mapping[str, str] | str | Path | None,
+        rate: Fraction | str | float | None,
+        start: Mapping[str, Any] | None,
+    ) -> System:
+        inner = self._inside(path)
+        if inner is not None:
+            name, rest = inner
+            return self._edited(name, self.nested(name)._fitted(rest, source, map, rate, start))
+        self._split(f"{path}.")
+        if isinstance(source, str):
+            source = anchored(source, self.base)
+        descriptions, wires = self.checked.descriptions, self.checked.wires
+        return fitted(self, path, source, map, rate, start, descriptions=descriptions, wires=wires)
+
+    def _with_peers(self, path: str) -> System:
+        """Connect the inputs of the component at `path` that nothing feeds yet to their peers."""
+        owner, dot, _ = path.partition(".")
+        nested = self.nested_or_none(owner) if dot else None
+        if nested is None and path not in self.components:
+            return self
+        fed = {(w.target.element, w.target.variable.name) for w in self._wires_at(path)}
+        element = path.rpartition(".")[2]
+        system = self
+        for name, pattern in self.describe(path).peers.items():
+            if (element, name) in fed:
+                continue
+            peer = peer_of(pattern, path)
+            try:
+                source, wider = system._offered(peer)
+                target, wider = wider._offered(f"{path}.{name}")
+                system = wider.connect(source, target)
+            except SystemInvalid:
+                remark = f"{path}.{name}: nothing feeds it; {peer} is not in this system"
+                system = replace(system, remarks=(*system.remarks, remark))
+        return system
+
+    def write(self, path: str | Path) -> None:
+        """Write the system as .ssd, without loss; files of sources are named relative to it."""
+        write_structure(self, Path(path))
+
+    def remove(self, name: str) -> System:
+        """Remove a component with its connections."""
+        self._split(f"{name}.")
+        wires = self.checked.wires
+        members = [replace(g, members=tuple(m for m in g.members if m != name))
+                   for g in self.groups]  # fmt: skip
+        return replace(
+            self,
+            elements=tuple(e for e in self.elements if e.name != name),
+            connections=tuple(
+                w.connection for w in wires if name not in (w.source.element, w.target.element)
+            ),
+            groups=tuple(g for g in members if g.members),
+            exposed=tuple(x for x in self.exposed if not x.path.startswith(f"{name}.")),
+        )
+
+    # ---- reading --------------------------------------------------------------------------
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Say what was assumed: units that descriptions leave out, values that were dropped."""
+        inner = []
+        for element in self.elements:
+            nested = self._nested(element)
+            inner += [f"{element.name}.{n}" for n in nested.notes] if nested else []
+            if nested and nested.loops not in ("iterate", self.loops):
+                inner.append(
+                    f"{element.name}: its loop policy {nested.loops!r} is not used, that of the "
+                    f"outer system, {self.loops!r}, is"
+                )
+        return (*self.remarks, *self.checked.notes, *inner)
+
+    def describe(self, path: str) -> Description:
+        """Describe the component at a path."""
+        inner = self._inside(path)
+        if inner is not None:
+            return self.nested(inner[0]).describe(inner[1])
+        self._split(f"{path}.")
+        return self.checked.descriptions[path]
+
+    def nested(self, name: str) -> System:
+        """Return the nested system at a name."""
+        found = self.nested_or_none(name)
+        if found is None:
+            raise SystemInvalid([Problem(name, "not a nested system", "a nested system")])
+        return found
+
+    def nested_or_none(self, name: str) -> System | None:
+        """Return the nested system at a name; None if it is a component, or nothing."""
+        element = self.components.get(name)
+        return None if element is None else self._nested(element)
+
+    def slot(self, path: str) -> Slot:
+        """Return the connectors that a replacement of a component must have."""
+        description = self.describe(path)
+        inner = self._inside(path)
+        if inner is not None:
+            return replace(self.nested(inner[0]).slot(inner[1]), path=path)
+        return slot_at(self, path, description, self.checked.wires)
+
+    def interface(self) -> Description:
+        """Describe the system as a component: its exposed connectors."""
+        return interface_of(self, self.checked.descriptions)
+
+    # ---- inside ---------------------------------------------------------------------------
+
+    def _endpoint(self, text: str) -> Endpoint:
+        try:
+            return resolve_endpoint(text, self.checked.descriptions)
+        except Misfit as misfit:
+            raise SystemInvalid([misfit.at(text)]) from None
+
+    def _split(self, path: str) -> tuple[str, str]:
+        try:
+            return find_element(path, self.components)
+        except Misfit as misfit:
+            raise SystemInvalid([misfit.at(path.removesuffix("."))]) from None
+
+    def _settable(self) -> list[str]:
+        return [
+            f"{name}.{v.name}"
+            for name, d in self.checked.descriptions.items()
+            for v in d.of("parameter", "structuralParameter")
+        ]
+
+    def _inside(self, path: str) -> tuple[str, str] | None:
+        """Split a path that leads into a nested system."""
+        for element in self.elements:
+            if path.startswith(f"{element.name}.") and self._nested(element) is not None:
+                return element.name, path[len(element.name) + 1 :]
+        return None
+
+    def _nested(self, element: Element) -> System | None:
+        return self._as_nested(element.source)
+
+    def _as_nested(self, source: str | Structure) -> System | None:
+        nested = nested_structure(source, self.base)
+        assert nested is None or isinstance(nested, System)
+        return nested
+
+    def _wires_at(self, path: str) -> tuple[Wire, ...]:
+        """Return the wires of the innermost system in which the component at a path is."""
+        owner, dot, rest = path.partition(".")
+        nested = self.nested_or_none(owner) if dot else None
+        return self.checked.wires if nested is None else nested._wires_at(rest)
+
+    def _offered(self, path: str) -> tuple[str, System]:
+        """Return a connector of the system's own for one within it, exposed if need be."""
+        owner, _, rest = path.partition(".")
+        nested = self.nested_or_none(owner)
+        if nested is None:
+            return path, self
+        for item in nested.exposed:
+            if item.path == rest:
+                return f"{owner}.{item.name}", self
+        inner, nested = nested._offered(rest)
+        used = {item.name for item in nested.exposed}
+        name = rest.replace(".", "_")
+        while name in used:
+            name += "_"
+        return f"{owner}.{name}", self._edited(owner, nested.expose(name, inner))
+
+    def _edited(self, name: str, nested: System) -> System:
+        return self._with(replace(self.components[name], source=nested))
+
+    def _with(self, element: Element) -> System:
+        elements = tuple(element if e.name == element.name else e for e in self.elements)
+        return replace(self, elements=elements)
+
+
+def _step(rate: Fraction | str | float, path: str) -> Fraction:
+    try:
+        return as_step(rate, path)
+    except UuvsimError as error:
+        raise SystemInvalid([problem_of(path, error)]) from None
+
+
+def _put(start: dict[str, Any], key: str, value: Any) -> dict[str, Any]:
+    """Set one value last, so that an element of an array changes what the array holds."""
+    if key in start:
+        return start | {key: value}
+    start.pop(key, None)
+    start[key] = value
+    return start
+
+
+def _all_set(system: System, start: Mapping[str, Any]) -> System:
+    for path, value in start.items():
+        system = system.set(path, value)
+    return system

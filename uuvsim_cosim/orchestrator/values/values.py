@@ -1,0 +1,307 @@
+"""Values that users give (a number, a list, text with a unit), fitted to their variable."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from uuvsim_cosim.errors import Problem
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.fmus.description_xml import DTYPES
+from uuvsim_cosim.fmus.values import is_within, range_text, split_array
+from uuvsim_cosim.models.declaration.units import Unit, parse_unit, value_conversion
+
+__all__ = ["Misfit", "Quantity", "as_array", "conversion", "fit", "flat", "is_float", "unit_named"]
+
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_NUMBERS = re.compile(rf"\s*\[?\s*({_NUMBER}(?:[\s,;]+{_NUMBER})*)\s*\]?\s*(.*?)\s*$", re.DOTALL)
+_NESTED = re.compile(r"\s*(\[\s*\[.*\])\s*([^\]]*?)\s*$", re.DOTALL)  # a matrix and its unit
+_BOOLEANS = {"true": True, "false": False, "1": True, "0": False}
+_RANGES = {
+    f"{sign}Int{bits}": ((0, 2**bits - 1) if sign else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1))
+    for sign in ("", "U")
+    for bits in (8, 16, 32, 64)
+}
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A value with the name of its unit, and the file's definition of that unit, if any.
+
+    What it is given to gets factor · value + offset, in its own unit.
+    """
+
+    value: Any
+    unit: str | None
+    definitions: Mapping[str, Unit] = field(default_factory=dict)
+    factor: float = 1.0
+    offset: float = 0.0
+
+
+class Misfit(Exception):
+    """A value that does not fit its variable: what was read, what would have been right."""
+
+    def __init__(self, read: str, expected: str) -> None:
+        super().__init__(f"{read}; expected {expected}")
+        self.read = read
+        self.expected = expected
+
+    def at(self, place: str) -> Problem:
+        """Return the problem at a place."""
+        return Problem(place, self.read, self.expected)
+
+
+def is_float(variable: Variable) -> bool:
+    """Return whether values of the variable have a unit at all."""
+    return variable.type in ("Float64", "Float32")
+
+
+def unit_named(name: str, units: Mapping[str, Unit]) -> Unit | None:
+    """Find a unit by name: as the component defines it, else in our table; None if unknown."""
+    if name in units:
+        return units[name]
+    try:
+        return parse_unit(name)
+    except ValueError:
+        return None
+
+
+def conversion(
+    source: str, target: str, units: Mapping[str, Unit], *, of_value: bool = False
+) -> tuple[float, float] | None:
+    """Return (factor, offset) from one unit to the other; None if they are not commensurable.
+
+    `of_value`: for a value that somebody wrote, where revolutions are angles (`value_conversion`).
+    """
+    if source == target:
+        return 1.0, 0.0
+    a, b = unit_named(source, units), unit_named(target, units)
+    if a is None or b is None:
+        return None
+    if of_value:
+        return value_conversion(a, b)
+    return a.conversion_to(b) if a.commensurable(b) else None
+
+
+def fit(
+    variable: Variable, given: Any, unit: str | None = None, units: Mapping[str, Unit] | None = None
+) -> Any:
+    """Return the value as the variable holds it: a scalar, or nested tuples of its shape.
+
+    `unit` is the unit of `given`; a text may carry its own (``"0.4 m/s"``). Raises Misfit.
+    """
+    scale = (1.0, 0.0)
+    if isinstance(given, Quantity):
+        units = {**(units or {}), **given.definitions}
+        scale = (given.factor, given.offset)
+        given, unit = given.value, given.unit
+    if variable.type == "Enumeration":
+        given = _items(variable, given)
+    if isinstance(given, str) and variable.type != "String":
+        given, own = _parsed(variable, given)
+        unit = own or unit
+    if isinstance(given, np.ndarray):
+        given = given.tolist()
+    if isinstance(given, list | tuple | np.generic) is False and not np.isscalar(given):
+        raise Misfit(f"a {type(given).__name__}", _type_text(variable))
+    elements = [_element(variable, e) for e in flat(given)]
+    _check_shape(variable, given, len(elements))
+    if unit is not None and is_float(variable):
+        elements = _converted(variable, elements, unit, units or {})
+    if scale != (1.0, 0.0):
+        elements = [_element(variable, _scaled(e, *scale)) for e in elements]
+    for e in elements:
+        _check_range(variable, e)
+    return _shaped(elements, variable.shape)
+
+
+def _scaled(element: Any, factor: float, offset: float) -> Any:
+    """Return factor · element + offset; of an integer that no Float64 is, without rounding."""
+    if isinstance(element, int) and abs(element) > 2**53:
+        exact = Fraction(factor) * element + Fraction(offset)
+        return int(exact) if exact.denominator == 1 else float(exact)
+    return factor * element + offset
+
+
+def _items(variable: Variable, given: Any) -> Any:
+    """Put numbers in the place of an enumeration's names."""
+    if isinstance(given, list | tuple):
+        return [_items(variable, part) for part in given]
+    if not isinstance(given, str):
+        return given
+    numbers = dict(variable.items)
+    if given in numbers:
+        return numbers[given]
+    if variable.items and _NUMBERS.match(given) is None:
+        names = ", ".join(repr(name) for name in numbers)
+        raise Misfit(repr(given), f"an item of its enumeration, {names}, or a number")
+    return given
+
+
+def as_array(variable: Variable, value: Any) -> Any:
+    """Return a fitted value as a component takes it: a scalar, or an array of its shape."""
+    if variable.shape == ():
+        return value
+    return np.array(flat(value), dtype=DTYPES[variable.type]).reshape(variable.shape)
+
+
+def flat(value: Any) -> list[Any]:
+    """List the elements of nested sequences, row by row."""
+    return list(_leaves(value))
+
+
+def _leaves(value: Any) -> Iterator[Any]:
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, list | tuple):
+        for part in value:
+            yield from _leaves(part)
+    else:
+        yield value
+
+
+def _parsed(variable: Variable, text: str) -> tuple[Any, str | None]:
+    if variable.type == "Binary":
+        return text.encode(), None
+    if (nested := _NESTED.match(text)) is not None:
+        text = _flattened(variable, *nested.groups())
+    words = text.replace("[", " ").replace("]", " ").replace(",", " ").split()
+    if variable.type == "Boolean" and words and all(w.lower() in _BOOLEANS for w in words):
+        values: list[Any] = [_BOOLEANS[w.lower()] for w in words]
+        return (values if variable.shape else values[0]) if len(values) == 1 else values, None
+    match = _NUMBERS.match(text)
+    wrong = _no_number(variable, text)
+    if match is None or wrong:
+        raise Misfit(f"{text!r}{wrong}", f"{_type_text(variable)} such as {_example(variable)}")
+    numbers: list[Any] = [_number(n) for n in re.split(r"[\s,;]+", match[1])]
+    bare = len(numbers) == 1 and (variable.shape == () or "[" not in text)
+    return (numbers[0] if bare else numbers), match[2] or None
+
+
+def _flattened(variable: Variable, matrix: str, unit: str) -> str:
+    """Write a matrix without its inner brackets; raises Misfit for another shape."""
+    try:
+        words, shape = split_array(matrix)
+    except ValueError:
+        raise Misfit(
+            f"{matrix!r}, whose brackets make no even rows",
+            f"{_type_text(variable)} such as {_example(variable)}",
+        ) from None
+    if shape != variable.shape:
+        read = f"values of shape {' x '.join(map(str, shape or ()))}"
+        raise Misfit(read, f"{_type_text(variable)} such as {_example(variable)}")
+    return f"[{', '.join(words)}] {unit}"
+
+
+def _no_number(variable: Variable, text: str) -> str:
+    """Name the first element of a list that is no number; the last may be followed by a unit."""
+    parts = [part.strip(" []") for part in re.split(r"[,;]", text)]
+    if len(parts) == 1:  # separated by blanks, where "1 2 m" is two numbers and a unit
+        words = text.replace("[", " ").replace("]", " ").split()
+        parts = words if len(words) == variable.size > 1 else []
+    for place, part in enumerate(parts, 1):
+        if not part:
+            return f", where element {place} is empty"
+        unit = r"(?![\w.])" if place < len(parts) else ""
+        if variable.type != "Boolean" and not re.match(_NUMBER + unit, part):
+            return f", where element {place}, {part!r}, is no number"
+    return ""
+
+
+def _number(text: str) -> float | int:
+    return int(text) if re.fullmatch(r"[-+]?\d+", text) else float(text)
+
+
+def _type_text(variable: Variable) -> str:
+    if variable.shape:
+        extents = " x ".join(str(n) for n in variable.shape)
+        return f"{extents} values of type {variable.type}"
+    return f"a value of type {variable.type}"
+
+
+def _example(variable: Variable) -> str:
+    unit = f" {variable.unit}" if variable.unit not in (None, "1") else ""
+    if variable.type == "Boolean":
+        return "true"
+    number = "0.4" if is_float(variable) else "4"
+    if len(variable.shape) == 2 and variable.size <= 9:
+        row = f"[{', '.join([number] * variable.shape[1])}]"
+        return f"'[{', '.join([row] * variable.shape[0])}]{unit}'"
+    if variable.shape:
+        return (
+            f"'[{', '.join([number] * min(variable.size, 3))}{', …' * (variable.size > 3)}]{unit}'"
+        )
+    return f"'{number}{unit}'"
+
+
+def _element(variable: Variable, value: Any) -> Any:
+    if isinstance(value, np.generic):
+        value = value.item()
+    type_ = variable.type
+    if type_ in ("String", "Binary"):
+        wanted: type = str if type_ == "String" else bytes
+        if isinstance(value, wanted):
+            return value
+    elif type_ == "Boolean":
+        if isinstance(value, bool) or value in (0, 1):
+            return bool(value)
+    elif isinstance(value, bool):
+        pass
+    elif is_float(variable):
+        if isinstance(value, int | float) and math.isfinite(value):
+            return float(value)
+    elif isinstance(value, int) or (isinstance(value, float) and value.is_integer()):
+        low, high = _RANGES.get(type_, (-(2**63), 2**63 - 1))
+        if low <= value <= high:
+            return int(value)
+    raise Misfit(f"{value!r}", f"{_type_text(variable)} such as {_example(variable)}")
+
+
+def _check_shape(variable: Variable, given: Any, count: int) -> None:
+    try:
+        shape = np.shape(given) if not isinstance(given, bytes) else ()
+    except ValueError:
+        raise Misfit("a list of uneven lists", _type_text(variable)) from None
+    if shape == variable.shape or (len(variable.shape) > 1 and shape == (variable.size,)):
+        return
+    read = "a scalar" if shape == () else f"{count} values"
+    if len(shape) > 1:
+        read = f"values of shape {' x '.join(map(str, shape))}"
+    raise Misfit(read, _type_text(variable) if variable.shape else "a scalar")
+
+
+def _converted(
+    variable: Variable, elements: list[Any], unit: str, units: Mapping[str, Unit]
+) -> list[Any]:
+    result = []
+    for element, wanted in zip(elements, variable.units, strict=True):
+        pair = (1.0, 0.0) if wanted is None else conversion(unit, wanted, units, of_value=True)
+        if pair is None:
+            raise Misfit(f"a value in {unit!r}", f"one in {wanted!r} or a unit of its kind")
+        factor, offset = pair
+        result.append(element if pair == (1.0, 0.0) else factor * element + offset)
+    return result
+
+
+def _check_range(variable: Variable, value: Any) -> None:
+    if isinstance(value, str | bytes | bool):
+        return
+    if not is_within(variable, value):
+        unit = f" {variable.unit}" if variable.unit not in (None, "1") else ""
+        shown = str(value) if isinstance(value, int) else f"{value:g}"
+        raise Misfit(f"{shown}{unit} is out of range", f"a value in {range_text(variable)}{unit}")
+
+
+def _shaped(elements: list[Any], shape: tuple[int, ...]) -> Any:
+    if shape == ():
+        return elements[0]
+    if len(shape) == 1:
+        return tuple(elements)
+    step = len(elements) // shape[0] if shape[0] else 0
+    return tuple(_shaped(elements[i * step : (i + 1) * step], shape[1:]) for i in range(shape[0]))

@@ -1,0 +1,136 @@
+"""A map or its points as files that other tools read: GeoTIFF, LAZ, LAS, PLY.
+
+A file is there whole, or not at all: what stood under its name stays if writing fails.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.cache import whole_file, write_whole
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.scene.mapping.mapping import SeabedMap
+from uuvsim_cosim.scene.shared.extra import wanted
+
+__all__ = ["check_target", "write_geotiff", "write_las", "write_ply"]
+
+Array = NDArray[np.float64]
+NODATA = -9999.0
+
+
+def check_target(file: Path, crs: str = "") -> None:
+    """Raise InputInvalid if a file cannot be written: its folder, or a library, is missing.
+
+    To be called before what takes long; `crs` is that of the points, if it is known.
+    """
+    if not file.absolute().parent.is_dir():
+        raise InputInvalid(f"{file}: its folder does not exist; expected a file in a folder")
+    kind = file.suffix.lower()
+    if kind in (".tif", ".tiff"):
+        wanted("rasterio", f"{file}: writing a GeoTIFF")
+    if kind in (".las", ".laz"):
+        wanted("laspy", f"{file}: writing points")
+        if kind == ".laz":
+            wanted("lazrs", f"{file}: compressing points (.las needs nothing more)")
+        if crs:
+            wanted("pyproj", f"{file}: a CRS")
+
+
+def write_geotiff(made: SeabedMap, file: Path, pose: str = "true") -> Path:
+    """Write elevation (up from the vertical datum) [m], and as a second band its error.
+
+    Its CRS is the scene's; without one, coordinates are metres of the local frame.
+    """
+    rasterio: Any = wanted("rasterio", f"{file}: writing a GeoTIFF")
+    if pose not in made.depth:
+        raise InputInvalid(f"pose {pose!r}; expected one of {', '.join(made.depth)}")
+    w = made.window
+    north = made.northing + w.north + w.rows * w.cell
+    transform = rasterio.Affine(w.cell, 0.0, made.easting + w.east, 0.0, -w.cell, north)
+    bands = (-made.depth[pose], -(made.depth[pose] - made.truth))
+    tags = {"VERTICAL_DATUM": made.vertical_datum or "local", "POSE": pose, "SCENE": made.scene,
+            "NOTE": "simulated survey; not for navigation"}  # fmt: skip
+    try:
+        with rasterio.MemoryFile() as memory:  # GDAL says nothing of a disk that is full
+            with memory.open(
+                driver="GTiff", height=w.rows, width=w.columns, count=2, dtype="float32",
+                crs=made.crs or None, transform=transform, nodata=NODATA, compress="deflate",
+            ) as out:  # fmt: skip
+                for i, (band, words) in enumerate(
+                    zip(bands, ("elevation [m]", "error of elevation [m]"), strict=True), 1
+                ):
+                    flipped = band[::-1].astype(np.float32)
+                    out.write(np.where(np.isfinite(flipped), flipped, np.float32(NODATA)), i)
+                    out.set_band_description(i, words)
+                out.update_tags(**tags)
+            write_whole(file, bytes(memory.getbuffer()))
+    except rasterio.errors.RasterioError as error:
+        raise InputInvalid(f"{file}: cannot be written ({error})") from None
+    except OSError as error:
+        raise InputInvalid(f"{file}: cannot be written ({error.strerror or error})") from None
+    return file
+
+
+def write_las(batches: Iterable[Array], file: Path, crs: str = "",
+              origin: tuple[float, float] = (0.0, 0.0)) -> int:  # fmt: skip
+    """Write points N E D [m] as easting, northing, elevation; compressed if it is a .laz.
+
+    `origin` is northing and easting of the local frame in `crs`. Gives how many there are.
+    """
+    laspy: Any = wanted("laspy", f"{file}: writing points")
+    failures: tuple[type[Exception], ...] = (OSError,)
+    if file.suffix.lower() == ".laz":
+        lazrs: Any = wanted("lazrs", f"{file}: compressing points (.las needs nothing more)")
+        failures = (OSError, lazrs.LazrsError)
+    header = laspy.LasHeader(point_format=6, version="1.4")
+    header.scales = np.full(3, 0.001)
+    header.offsets = np.array([np.floor(origin[1]), np.floor(origin[0]), 0.0])
+    if crs:
+        pyproj: Any = wanted("pyproj", f"{file}: a CRS")
+        header.add_crs(pyproj.CRS.from_user_input(crs))
+    total = 0
+    try:
+        with (
+            whole_file(file) as scratch,
+            scratch.open("w+b") as raw,
+            laspy.open(raw, mode="w", header=header, closefd=False) as out,
+        ):
+            for xyz in batches:
+                record = laspy.ScaleAwarePointRecord.zeros(len(xyz), header=header)
+                record.x, record.y = xyz[:, 1] + origin[1], xyz[:, 0] + origin[0]
+                record.z = -xyz[:, 2]
+                out.write_points(record)
+                total += len(xyz)
+    except failures as error:
+        why = getattr(error, "strerror", None) or error
+        raise InputInvalid(f"{file}: cannot be written ({why})") from None
+    return total
+
+
+def write_ply(batches: Iterable[Array], file: Path) -> int:
+    """Write points N E D [m] as binary PLY: x east, y north, z up, in float32 of the local frame.
+
+    Gives how many there are.
+    """
+    head = "ply\nformat binary_little_endian 1.0\ncomment x east y north z up [m]\n"
+    form = (
+        "element vertex {:>12d}\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
+    )
+    total = 0
+    try:
+        with whole_file(file) as scratch, scratch.open("wb") as out:
+            out.write((head + form.format(0)).encode())
+            for xyz in batches:
+                turned = np.column_stack([xyz[:, 1], xyz[:, 0], -xyz[:, 2]])
+                out.write(turned.astype("<f4").tobytes())
+                total += len(xyz)
+            out.seek(0)
+            out.write((head + form.format(total)).encode())  # as long as before
+    except OSError as error:
+        raise InputInvalid(f"{file}: cannot be written ({error.strerror})") from None
+    return total

@@ -1,0 +1,272 @@
+"""A run becomes a map of the seabed: once with the true pose, once with the navigation filter's.
+
+The ranges are those that were measured, from where the vehicle truly was; the mapper puts them
+where a pose says the vehicle was. So the first map shows what sensors and gridding leave, the
+second what navigation adds.
+"""
+
+from __future__ import annotations
+
+import json
+import time as clock
+import zipfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.cache import whole_file
+from uuvsim_cosim.errors import InputInvalid, RecordingError
+from uuvsim_cosim.scene.mapping.height_grid import HeightGrid, Window
+from uuvsim_cosim.scene.mapping.scans import Sonde, frames, points
+from uuvsim_cosim.scene.shared.ray_casting import SEABED, SOLID, Caster
+
+__all__ = ["Figures", "SeabedMap", "Track", "map_seabed", "read_map", "run_points", "track_of_run",
+           "write_map"]  # fmt: skip
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, float, float], None]
+POSES = {"true": "hull.eta", "navigation": "navigation.eta"}
+FILE, BATCH = "map.npz", 400_000
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """Poses eta (T, 6) by name ("true", "navigation") at `time` (T,) [s]; `seed` of the run."""
+
+    time: Array
+    poses: Mapping[str, Array]
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if len(self.time) < 2 or "true" not in self.poses:
+            raise InputInvalid(
+                f"a track of {len(self.time)} samples with poses {', '.join(self.poses) or 'none'};"
+                " expected 2 or more, and the true pose (hull.eta)"
+            )
+
+
+@dataclass(frozen=True)
+class Figures:
+    """How good a map is: over `cells` cells, error = mapped minus true depth [m]."""
+
+    pose: str
+    rmse: float
+    bias: float
+    p95: float  # of |error|
+    cells: int
+    covered: float  # share of the window
+
+    def __str__(self) -> str:
+        """Return one line."""
+        return (f"{self.pose}: RMSE {100 * self.rmse:.2f} cm, bias {100 * self.bias:+.2f} cm, "
+                f"95 % within {100 * self.p95:.2f} cm, {self.cells:,} cells")  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class SeabedMap:
+    """Depth (rows, columns) [m] by pose, NaN where nothing was seen; `truth` likewise."""
+
+    window: Window
+    depth: Mapping[str, Array]
+    truth: Array
+    figures: tuple[Figures, ...]
+    frames: int
+    points: int
+    seconds: float  # of CPU
+    sensors: tuple[str, ...]
+    scene: str
+    crs: str = ""
+    northing: float = 0.0  # m, of the local frame's origin in crs
+    easting: float = 0.0
+    vertical_datum: str = ""
+
+
+def track_of_run(folder: Path) -> Track:
+    """Read the poses of a run; raises RecordingError and InputInvalid."""
+    from uuvsim_cosim.orchestrator.recording.recording import read_signals
+
+    signals = read_signals(folder)
+    found = {}
+    for pose, name in POSES.items():
+        if name in signals:
+            eta = np.ascontiguousarray(signals[name], float)
+            if eta.ndim != 2 or eta.shape[1] != 6 or not np.all(np.isfinite(eta)):
+                raise RecordingError(f"{folder}: {name} is {eta.shape}; expected (n, 6), finite")
+            found[pose] = eta
+    if "true" not in found:
+        near = ", ".join([n for n in signals if n.endswith(".eta")] or list(signals)[:8])
+        raise InputInvalid(f"{folder}: no hull.eta in the recording ({near}); expected a vehicle's")
+    return Track(np.asarray(signals.time, float), found, int(signals.metadata.get("seed", 0)))
+
+
+def map_seabed(
+    track: Track, caster: Caster, sondes: Sequence[Sonde], cell: float = 0.1,
+    scene: str = "", progress: Progress | None = None, least: int = 1,
+) -> SeabedMap:  # fmt: skip
+    """Map the seabed along a track by all sensors, in cells of `cell` [m].
+
+    A cell counts where at least `least` points lie in it. Raises InputInvalid where nothing is
+    seen: the track is then outside of the terrain, or too high above it.
+    """
+    begun = clock.process_time()
+    window = _window(track, caster, sondes, cell)
+    grids = {pose: HeightGrid(window) for pose in track.poses}
+    n_frames = n_points = 0
+    for sonde, pose, xyz, made in _placed(track, caster, sondes, progress):
+        grids[pose].add(xyz[:, 0], xyz[:, 1], xyz[:, 2])
+        if pose == "true":
+            n_frames, n_points = n_frames + made, n_points + len(xyz)
+        del sonde
+    if n_points == 0:
+        ranges = ", ".join(f"{s.name} {s.near:g} to {s.far:g} m" for s in sondes)
+        raise InputInvalid(
+            f"nothing of the seabed was seen ({ranges}); expected a track above the terrain"
+            f"{f' of scene {scene}' if scene else ''}, within reach"
+        )
+    truth = _truth(window, caster)
+    depth = {pose: grid.mean(least) for pose, grid in grids.items()}
+    figures = tuple(_figures(pose, z, truth) for pose, z in depth.items())
+    return SeabedMap(
+        window, depth, truth, figures, n_frames, n_points, clock.process_time() - begun,
+        tuple(_words(s) for s in sondes), scene,
+    )  # fmt: skip
+
+
+def run_points(
+    track: Track, caster: Caster, sondes: Sequence[Sonde], pose: str = "true", every: int = 1
+) -> Iterator[Array]:
+    """Return the points (n, 3) N E D [m] of a run, batch by batch, of every n-th frame."""
+    if pose not in track.poses:
+        raise InputInvalid(f"pose {pose!r}; expected one of {', '.join(track.poses)}")
+    one = Track(track.time, {"true": track.poses["true"], pose: track.poses[pose]}, track.seed)
+    for _, which, xyz, _ in _placed(one, caster, sondes, None, every):
+        if which == pose:
+            yield xyz
+
+
+def _truth(window: Window, caster: Caster) -> Array:
+    """Return what a plumb line meets in each cell's middle, the seabed or what stands on it [m]."""
+    north, east = (c.ravel() for c in np.meshgrid(*window.centres, indexing="ij"))
+    at = 1e-3  # m, just below the surface
+    from_surface = np.column_stack([north, east, np.full(len(north), at)])
+    down = np.zeros_like(from_surface)
+    down[:, 2] = 1.0
+    far, kind = caster.cast(from_surface, down)
+    met = (kind == SEABED) | (kind >= SOLID)
+    truth: Array = np.where(met, at + far, np.nan).reshape(window.rows, window.columns)
+    return truth
+
+
+def _window(track: Track, caster: Caster, sondes: Sequence[Sonde], cell: float) -> Window:
+    """Return what the sensors may reach: the track, and as far aside as their widest beam goes."""
+    places = np.concatenate([eta[:, :2] for eta in track.poses.values()])
+    true = track.poses["true"]
+    with np.errstate(invalid="ignore"):
+        altitude = caster.height(true[:, 0], true[:, 1]) - true[:, 2]
+    if not np.any(altitude > 0):
+        raise InputInvalid(
+            f"the track, N {true[:, 0].min():.0f} to {true[:, 0].max():.0f} m and E "
+            f"{true[:, 1].min():.0f} to {true[:, 1].max():.0f} m, is nowhere above the terrain; "
+            "expected a vehicle within its scene"
+        )
+    high = float(np.nanmax(altitude[altitude > 0]))
+    aside = 0.0
+    for s in sondes:
+        d = s.in_body
+        level = np.hypot(d[:, 0], d[:, 1])
+        reach = level * np.minimum(s.far, 1.3 * high / np.maximum(d[:, 2], 1e-3))
+        aside = max(aside, float(reach.max()))
+    return Window.around(places.min(axis=0), places.max(axis=0), aside, cell)
+
+
+def _placed(
+    track: Track, caster: Caster, sondes: Sequence[Sonde], progress: Progress | None,
+    every: int = 1,
+) -> Iterator[tuple[Sonde, str, Array, int]]:  # fmt: skip
+    """Return points in batches: sensor, pose, (n, 3), and how many frames they are of."""
+    true = track.poses["true"]
+    end = float(track.time[-1]) * len(sondes)
+    for number, sonde in enumerate(sondes):
+        in_body = sonde.in_body
+        waiting: dict[str, list[Array]] = {pose: [] for pose in track.poses}
+        size = made = 0
+        seen = frames(sonde, track.time, true, caster, track.seed, every)
+        for k, frame in enumerate(seen):
+            heard = np.isfinite(frame.range)
+            r, beams = frame.range[heard], in_body[heard]
+            for pose, eta in track.poses.items():
+                waiting[pose].append(points(sonde, beams, r, eta[frame.row]))
+            size, made = size + len(r), made + 1
+            if size >= BATCH:
+                yield from ((sonde, p, np.concatenate(w), made) for p, w in waiting.items())
+                waiting, size, made = {pose: [] for pose in track.poses}, 0, 0
+            if progress is not None and k % 64 == 0:
+                done = float(track.time[frame.row]) + number * float(track.time[-1])
+                progress("mapping", done, end)
+        if made:
+            yield from ((sonde, p, np.concatenate(w), made) for p, w in waiting.items())
+
+
+def _figures(pose: str, z: Array, truth: Array) -> Figures:
+    error = (z - truth)[np.isfinite(z) & np.isfinite(truth)]
+    if error.size == 0:
+        return Figures(pose, np.nan, np.nan, np.nan, 0, 0.0)
+    return Figures(
+        pose, float(np.sqrt(np.mean(error**2))), float(error.mean()),
+        float(np.percentile(np.abs(error), 95)), int(error.size), error.size / z.size,
+    )  # fmt: skip
+
+
+def _words(s: Sonde) -> str:
+    return f"{s.name}: {len(s.directions):,} beams at {1 / s.period:g} Hz"
+
+
+def write_map(made: SeabedMap, folder: Path) -> Path:
+    """Write a map beside its run, compressed; `read_map` reads it."""
+    about: dict[str, Any] = {
+        "version": 1, "window": asdict(made.window), "figures": [asdict(f) for f in made.figures],
+        "frames": made.frames, "points": made.points, "seconds": made.seconds,
+        "sensors": list(made.sensors), "scene": made.scene, "crs": made.crs,
+        "northing": made.northing, "easting": made.easting, "vertical_datum": made.vertical_datum,
+    }  # fmt: skip
+    layers = {f"depth_{pose}": z.astype(np.float32) for pose, z in made.depth.items()}
+    file = folder / FILE
+    try:
+        with whole_file(file) as scratch:
+            np.savez_compressed(
+                scratch, allow_pickle=False, about=np.array(json.dumps(about)),
+                truth=made.truth.astype(np.float32), **layers,
+            )  # type: ignore[arg-type,unused-ignore]  # fmt: skip
+    except OSError as error:
+        raise InputInvalid(f"{file}: cannot be written ({error.strerror})") from None
+    return file
+
+
+def read_map(folder: Path) -> SeabedMap | None:
+    """Read the map of a run, None if it has none; raises InputInvalid for a file that is none."""
+    file = folder / FILE
+    if not file.is_file():
+        return None
+    if not zipfile.is_zipfile(file):
+        raise InputInvalid(
+            f"{file}: no map that `uuvsim map` wrote, or cut short; `uuvsim map {folder}` makes "
+            "it again"
+        )
+    try:
+        with np.load(file, allow_pickle=False) as kept:
+            about = json.loads(str(kept["about"]))
+            depth = {n.removeprefix("depth_"): kept[n].astype(float) for n in kept.files
+                     if n.startswith("depth_")}  # fmt: skip
+            truth = kept["truth"].astype(float)
+        return SeabedMap(
+            Window(**about["window"]), depth, truth, tuple(Figures(**f) for f in about["figures"]),
+            about["frames"], about["points"], about["seconds"], tuple(about["sensors"]),
+            about["scene"], about["crs"], about["northing"], about["easting"],
+            about["vertical_datum"],
+        )  # fmt: skip
+    except Exception as reason:
+        raise InputInvalid(f"{file}: no map that `uuvsim map` wrote: {reason}") from None

@@ -1,0 +1,174 @@
+"""Frames of a range sensor along a run: cast from the recorded true pose, or taken in the loop.
+
+What no component reads, none has to wait for: a frame is a function of pose, scene and seed, and
+is made, to the same bits, whenever it is wanted. A beam's point is
+
+    p_n = eta[:3] + R(phi, theta, psi) (r_s + R_bs d range)
+
+with the unit direction d in the sensor's axes, r_s and R_bs its place and attitude in `b`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from math import exp, sqrt
+from typing import Any
+from zlib import crc32
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.preset import preset
+from uuvsim_cosim.models.sensors.beams import beams_of
+from uuvsim_cosim.scene.shared.ray_casting import SEABED, SOLID, Caster
+
+__all__ = ["Frame", "Sonde", "Taken", "frames", "points", "rotation", "sonde"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Taken:
+    """Frames of a component: samples at t (k,) [s], ranges (k, n) [m], NaN without an echo."""
+
+    t: Array
+    range: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Sonde:
+    """A range sensor: beams (n, 3) in its axes, place r_s (3,) [m] and attitude R_bs in `b`.
+
+    `period` [s] between frames; echoes from `near` to `far` [m]. A range r reads
+    r + b_k + sqrt(sigma² + (sigma_relative r)²) w, and is lost by chance (`dropout`); b_k is of
+    all beams of a frame, a Gauss-Markov process of `bias_sigma` [m] and `bias_tau` [s]. Where
+    frames were `taken` in the loop, they are given as they are.
+    """
+
+    name: str
+    directions: Array
+    period: float
+    near: float
+    far: float
+    sigma: float = 0.0
+    sigma_relative: float = 0.0
+    bias_sigma: float = 0.0
+    bias_tau: float = 1.0
+    dropout: float = 0.0
+    r_s: Array = field(default_factory=lambda: np.zeros(3))
+    R_bs: Array = field(default_factory=lambda: np.eye(3))
+    taken: Taken | None = None
+
+    def __post_init__(self) -> None:
+        if not self.period > 0:
+            raise InputInvalid(f"{self.name}: period {self.period} s; expected more than 0")
+
+    @property
+    def in_body(self) -> Array:
+        """The beams (n, 3) in `b`."""
+        return np.ascontiguousarray(self.directions @ self.R_bs.T)
+
+    def biases(self, count: int, seed: int) -> Array:
+        """Return b_k (count,) of the first frames [m], exact for every period."""
+        if self.bias_sigma == 0:
+            return np.zeros(count)
+        w = _random(seed, self.name, -1).standard_normal(count)
+        phi = exp(-self.period / self.bias_tau)
+        b = np.empty(count)
+        b[0] = w[0]
+        for k in range(1, count):
+            b[k] = phi * b[k - 1] + sqrt(1.0 - phi * phi) * w[k]
+        return self.bias_sigma * b
+
+
+def sonde(kind: str, preset_id: str, period: float, **options: Any) -> Sonde:
+    """Return the `multibeam` or `depth_camera` of a preset (models/sensors), by its figures.
+
+    `options` are `beams`, or `columns` and `rows`. What the preset says of incidence is left out:
+    a mapper's slopes are gentle.
+    """
+    rays = beams_of(kind, preset_id, **options)
+    p = preset("sensors", preset_id, kind)
+    return Sonde(
+        f"{kind}@{preset_id}", rays.directions, period, p.number("range_min", "m"),
+        p.number("range_max", "m"), p.number("sigma_range", "m"),
+        p.number("sigma_range_relative", "1"), p.number("bias_sigma", "m"),
+        p.number("bias_tau", "s"), p.number("dropout", "1"), rays.r_s, rays.R_bs,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One sample: `row` of the recording, and the range of each beam [m], NaN without an echo."""
+
+    row: int
+    range: Array
+
+
+def rotation(phi: float, theta: float, psi: float) -> Array:
+    """Return R from `b` to `n` of Euler angles [rad] (Fossen 2021, equation 2.31)."""
+    c, s = np.cos([phi, theta, psi]), np.sin([phi, theta, psi])
+    return np.array(
+        [
+            [c[2] * c[1], -s[2] * c[0] + c[2] * s[1] * s[0], s[2] * s[0] + c[2] * c[0] * s[1]],
+            [s[2] * c[1], c[2] * c[0] + s[0] * s[1] * s[2], -c[2] * s[0] + s[1] * s[2] * c[0]],
+            [-s[1], c[1] * s[0], c[1] * c[0]],
+        ]
+    )
+
+
+def frames(
+    sonde: Sonde, time: Array, eta: Array, caster: Caster, seed: int = 0, every: int = 1
+) -> Iterator[Frame]:
+    """Return every n-th frame of a sensor along a track: eta (T, 6) at `time` (T,) [s].
+
+    Its error is drawn from `seed` and the number of the frame: a frame alone has the same bits.
+    """
+    if sonde.taken is not None:
+        yield from _taken(sonde, sonde.taken, time, every)
+        return
+    wanted = np.arange(0.0, time[-1] + 1e-9, sonde.period)
+    rows = np.clip(np.searchsorted(time, wanted - 1e-9), 0, len(time) - 1)
+    in_body, biases = sonde.in_body, sonde.biases(len(rows), seed)
+    n = len(in_body)
+    out = (np.empty(n), np.empty(n, np.int32))
+    for k, row in list(enumerate(rows.tolist()))[::every]:
+        R = rotation(*eta[row, 3:])
+        caster.cast(eta[row, :3] + R @ sonde.r_s, in_body @ R.T, sonde.far, out)
+        r = np.where((out[1] == SEABED) | (out[1] >= SOLID), out[0], np.nan)
+        random = _random(seed, sonde.name, k)
+        w = random.standard_normal(n, np.float32)
+        if sonde.sigma_relative > 0:
+            r += biases[k] + np.hypot(sonde.sigma, sonde.sigma_relative * r) * w
+        else:
+            r += biases[k] + sonde.sigma * w
+        if sonde.dropout > 0:
+            r[random.random(n, np.float32) < sonde.dropout] = np.nan
+        r[~((r >= sonde.near) & (r <= sonde.far))] = np.nan
+        yield Frame(row, r)
+
+
+def _taken(sonde: Sonde, taken: Taken, time: Array, every: int) -> Iterator[Frame]:
+    """Return every n-th frame of a component, at the row of the recording that it saw."""
+    rows = np.clip(np.searchsorted(time, taken.t - 1e-9), 0, len(time) - 1)
+    seen = np.abs(time[rows] - taken.t) < 1e-6
+    if len(taken.t) and not seen.any():
+        raise InputInvalid(
+            f"{sonde.name}: no pose was recorded when it took a sample (every {sonde.period:g} s); "
+            "expected a run without --record-every"
+        )
+    for k in np.flatnonzero(seen)[::every].tolist():
+        yield Frame(int(rows[k]), taken.range[k])
+
+
+def _random(seed: int, name: str, k: int) -> np.random.Generator:
+    return np.random.default_rng((seed & 0xFFFFFFFF, crc32(name.encode()), k + 1))
+
+
+def points(sonde: Sonde, in_body: Array, r: Array, eta: Array) -> Array:
+    """Return the points (n, 3) N E D [m] of ranges at a pose; `in_body` are the beams in `b`."""
+    R = rotation(*eta[3:])
+    world: Array = r[:, None] * (in_body @ R.T) + (eta[:3] + R @ sonde.r_s)
+    return world

@@ -1,0 +1,73 @@
+"""Whether a vehicle left the terrain of a scene, where its sensors hear nothing."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from html import unescape
+from pathlib import Path
+from urllib.parse import unquote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.errors import UuvsimError
+from uuvsim_cosim.models.worlds.ground import scene_named
+from uuvsim_cosim.scene.shared.ray_casting import Caster
+
+__all__ = ["left_terrain"]
+
+Array = NDArray[np.float64]
+
+
+def left_terrain(ssd: Path, time: Array, signals: Mapping[str, Array]) -> list[str]:
+    """Return a sentence for each hull and scene of a run that were apart; `ssd` names the scenes.
+
+    A hull is what gives a signal `hull.eta` (T, 6), below any path; `time` is (T,) [s].
+    """
+    hulls = [n for n in signals if n == "hull.eta" or n.endswith(".hull.eta")]
+    return [
+        said
+        for scene in _scenes(ssd)
+        for hull in hulls
+        if (said := _apart(scene, hull.removesuffix(".eta"), time, signals[hull]))
+    ]
+
+
+def _scenes(ssd: Path) -> list[str]:
+    try:
+        text = unescape(ssd.read_text(encoding="utf-8"))
+    except OSError:
+        return []
+    named = re.findall(r"[?&]scene=([^&\"'\s<]+)", text)
+    return [s for s in dict.fromkeys(unquote(n) for n in named) if s != "flat"]
+
+
+def _apart(scene: str, hull: str, time: Array, eta: Array) -> str:
+    try:
+        terrain = scene_named(scene).terrain
+    except UuvsimError:  # gone since it was compiled
+        return ""
+    if terrain is None or not len(time):
+        return ""
+    z = Caster(terrain).height(eta[:, 0], eta[:, 1])
+    unknown = np.isnan(z)
+    under = eta[:, 2] > z
+    if not (unknown | under).any():
+        return ""
+    if not unknown.any():
+        share, first = float(np.mean(under)), float(time[np.argmax(under)])
+        return (
+            f"{hull} was below the seabed of scene {scene} for {100 * share:.0f} % of the time, "
+            f"first at t = {first:g} s: sensors hear nothing there"
+        )
+    low = np.array(terrain.origin)
+    high = low + terrain.spacing * (np.array(terrain.z.shape) - 1)
+    share, first = float(np.mean(unknown)), float(time[np.argmax(unknown)])
+    beside = np.any((eta[:, :2] < low) | (eta[:, :2] > high))
+    where = "left the terrain" if beside else "was over a hole in the terrain"
+    return (
+        f"{hull} {where} of scene {scene} (N {low[0]:.0f} to {high[0]:.0f} m, E {low[1]:.0f} to "
+        f"{high[1]:.0f} m) for {100 * share:.0f} % of the time, first at t = {first:g} s: sensors "
+        "hear nothing there, and there is no bed to touch"
+    )

@@ -1,0 +1,128 @@
+"""Where a terrain's nodes stand in a projection, and polygons burnt into them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil, floor
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.scene.shared.extra import wanted
+
+__all__ = ["MOST_NODES", "Grid", "TooManyNodes", "grid_over"]
+
+Floats = NDArray[np.float64]
+
+MOST_NODES = 25_000_000  # 100 MB a layer; a chart needs about ten while it is made
+
+
+class TooManyNodes(InputInvalid):
+    """A grid with more nodes than are held in memory; `fits` is the spacing (m) that would do."""
+
+    def __init__(self, said: str, fits: float) -> None:
+        super().__init__(said)
+        self.fits = fits
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Nodes at E = west + j * spacing, N = south + i * spacing, in m of a projection."""
+
+    west: float
+    south: float
+    spacing: float
+    rows: int
+    columns: int
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of nodes along N and E."""
+        return self.rows, self.columns
+
+    @property
+    def east(self) -> Floats:
+        """E of each column."""
+        return self.west + self.spacing * np.arange(self.columns, dtype=np.float64)
+
+    @property
+    def north(self) -> Floats:
+        """N of each row."""
+        return self.south + self.spacing * np.arange(self.rows, dtype=np.float64)
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """West, south, east, north of the outermost nodes."""
+        return (
+            self.west,
+            self.south,
+            self.west + self.spacing * (self.columns - 1),
+            self.south + self.spacing * (self.rows - 1),
+        )
+
+    @property
+    def transform(self) -> Any:
+        """The affine from (column, row from the north) of pixels centred on the nodes to E, N."""
+        affine = wanted("rasterio", "gridding a chart").Affine
+        h = self.spacing
+        north = self.south + h * (self.rows - 1)
+        return affine(h, 0, self.west - h / 2, 0, -h, north + h / 2)
+
+    def burn(self, shapes: Sequence[Any], numbers: Any, *, touched: bool = False) -> Any:
+        """Return for each node the number of the last shape that holds it, -1 for none; int32."""
+        if not len(shapes):
+            return np.full(self.shape, -1, np.int32)
+        features = wanted("rasterio.features", "gridding a chart")
+        burnt = features.rasterize(
+            [(shape, int(n)) for shape, n in zip(shapes, numbers, strict=True)],
+            out_shape=self.shape,
+            transform=self.transform,
+            fill=-1,
+            all_touched=touched,
+            dtype="int32",
+        )
+        return burnt[::-1]
+
+    def nearest(self, points: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64], Any]:
+        """Return the (row, column) nearest to each point (E, N), and which points are inside."""
+        column = np.rint((points[:, 0] - self.west) / self.spacing).astype(np.int64)
+        row = np.rint((points[:, 1] - self.south) / self.spacing).astype(np.int64)
+        inside = (row >= 0) & (row < self.rows) & (column >= 0) & (column < self.columns)
+        return row, column, inside
+
+
+def grid_over(
+    bounds: tuple[float, float, float, float],
+    spacing: float,
+    most: int = MOST_NODES,
+    first: tuple[float, float] | None = None,
+) -> Grid:
+    """Cover west, south, east, north (m) with nodes at whole multiples of the spacing.
+
+    If `first` (E, N) is given, the nodes lie at whole multiples of the spacing from there.
+    """
+    if not (np.isfinite(spacing) and spacing > 0):
+        raise InputInvalid(f"resolution {spacing:g} m; expected more than 0")
+    x, y = first or (0.0, 0.0)
+    west, south, east, north = bounds[0] - x, bounds[1] - y, bounds[2] - x, bounds[3] - y
+    near = 1e-6 if first else 1e-9  # of a spacing, by which bounds may miss a node
+    corner = floor(west / spacing + near), floor(south / spacing + near)
+    columns = ceil(east / spacing - near) - corner[0] + 1
+    rows = ceil(north / spacing - near) - corner[1] + 1
+    if rows * columns > most:
+        coarse = spacing * (rows * columns / most) ** 0.5
+        step = 10 ** floor(np.log10(coarse))
+        fits = ceil(coarse / step * 1.02) * step
+        raise TooManyNodes(
+            f"{(east - west) / 1e3:.4g} x {(north - south) / 1e3:.4g} km at {spacing:g} m are "
+            f"{rows * columns:,} nodes, more than the {most:,} that are made at once; "
+            f"--resolution {fits:g} fits, or a piece by --around LAT,LON --size KM, or, of a "
+            "chart, -o FILE.tif, which is written in tiles",
+            fits,
+        )
+    return Grid(
+        x + corner[0] * spacing, y + corner[1] * spacing, spacing, max(rows, 2), max(columns, 2)
+    )

@@ -1,0 +1,171 @@
+"""Any file that describes a seabed becomes a terrain: an S-57 cell, a grid, a terrain, a scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.near_names import did_you_mean
+from uuvsim_cosim.models.worlds.scene import load_scene, scene_ids
+from uuvsim_cosim.models.worlds.terrain import Terrain, load_terrain
+from uuvsim_cosim.scene.terrain.chart import Made, chart_terrain
+from uuvsim_cosim.scene.terrain.large_charts import Large, write_large
+from uuvsim_cosim.scene.terrain.piece import piece_of
+from uuvsim_cosim.scene.terrain.raster import raster_terrain
+
+__all__ = ["Wishes", "make_large", "make_terrain"]
+
+
+CHART_RESOLUTION = 10.0  # m
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What the user wants of a terrain; None where the file decides."""
+
+    resolution: float | None = None  # m; None: 10 m of a chart, a grid's own cells
+    around: str | None = None  # "LAT,LON"
+    size: str | None = None  # "KM" or "KMxKM"
+    land: str | None = None  # height of land above the datum in m, or "unknown"
+    relief: int | None = None  # seed
+    datum: str | None = None  # that the depths have to be from
+    unit: str | None = None  # of a grid that is silent
+    positive: str | None = None  # "up" or "down", of a grid
+    fill: float = 0.0  # m, reach of bridges over a grid's holes
+    crs: str | None = None  # of a grid that states none
+    local: bool = False  # a grid's x and y are E and N of the local frame
+
+
+def make_terrain(file: Path, wishes: Wishes) -> Made:
+    """Read a file and make its terrain; raises `InputInvalid` in words."""
+    if not file.exists() and str(file) not in scene_ids():
+        hint = did_you_mean(file.name, _beside(file))
+        raise InputInvalid(f"{file}: no such file{hint}; expected a chart (.000) or a grid")
+    placing: dict[str, object] = {"--crs": wishes.crs, "--local": wishes.local or None}
+    if str(file) in scene_ids() or (file / "scene.yaml").is_file() or file.name == "scene.yaml":
+        _refuse_for(file, "a scene", placing)
+        scene = load_scene(str(file) if str(file) in scene_ids() else file)
+        if scene.terrain is None:
+            raise InputInvalid(f"{file}: this scene has no terrain")
+        facts = {"scene": scene.description, **_terrain_facts(scene.terrain),
+                 "obstacles": str(len(scene.obstacles))}  # fmt: skip
+        facts |= {f"mesh {m.name or m.file.name}": m.facts for m in scene.meshes}
+        return _checked(Made(scene.terrain, scene.obstacles, facts, meshes=scene.meshes), wishes)
+    if file.is_dir():
+        file = _cell_in(file)
+    if file.suffix == ".npz":
+        _refuse_for(file, "a terrain", placing)
+        terrain = load_terrain(file)
+        return _checked(Made(terrain, (), _terrain_facts(terrain)), wishes)
+    if file.suffix == ".zip":
+        raise InputInvalid(f"{file}: unpack it first; the updates lie beside the base cell (.000)")
+    piece = piece_of(wishes.around, wishes.size)
+    if _is_chart(file):
+        _refuse_for(file, "a chart", {"--unit": wishes.unit, "--positive": wishes.positive,
+                                      "--fill": wishes.fill or None, **placing})  # fmt: skip
+        made = chart_terrain(file, _of_chart(wishes), piece, _height(wishes.land), wishes.relief)
+    else:
+        _refuse_for(file, "a grid", {"--land": wishes.land, "--relief": wishes.relief})
+        made = raster_terrain(
+            file, wishes.resolution, piece,
+            unit=wishes.unit, positive=wishes.positive, fill=wishes.fill, crs=wishes.crs,
+            local=wishes.local,
+        )  # fmt: skip
+    return _checked(made, wishes)
+
+
+def make_large(file: Path, target: Path, wishes: Wishes) -> Large | None:
+    """Write a chart's GeoTIFF in tiles where it has too many nodes; None where nothing was done."""
+    if target.suffix.lower() not in (".tif", ".tiff") or not file.is_file() or not _is_chart(file):
+        return None
+    if wishes.relief is not None or wishes.datum is not None:
+        return None  # of a terrain as a whole
+    piece = piece_of(wishes.around, wishes.size)
+    return write_large(file, target, _of_chart(wishes), piece, _height(wishes.land))
+
+
+def _beside(file: Path) -> list[str]:
+    return [p.name for p in file.parent.iterdir()] if file.parent.is_dir() else []
+
+
+def _cell_in(folder: Path) -> Path:
+    """Return the one base cell in a folder, or in the exchange set that it is."""
+    cells = sorted(folder.rglob("*.000"))
+    if len(cells) != 1:
+        names = ", ".join(str(c.relative_to(folder)) for c in cells[:5]) or "none"
+        raise InputInvalid(f"{folder}: expected a folder with one base cell (.000); it has {names}")
+    return cells[0]
+
+
+def _is_chart(file: Path) -> bool:
+    if len(file.suffix) == 4 and file.suffix[1:].isdigit():
+        return True
+    with file.open("rb") as opened:
+        head = opened.read(24)
+    return len(head) == 24 and head[:5].isdigit() and head[6:7] == b"L"
+
+
+def _of_chart(wishes: Wishes) -> float:
+    return CHART_RESOLUTION if wishes.resolution is None else wishes.resolution
+
+
+def _height(land: str | None) -> float | None:
+    if land is None:
+        return None
+    if land == "unknown":
+        return float("nan")
+    try:
+        height = float(land)
+        if not (np.isfinite(height) and 0 < height < 9000):
+            raise ValueError
+    except ValueError:
+        raise InputInvalid(
+            f"--land {land}; expected metres above the datum, more than 0, or unknown"
+        ) from None
+    return height
+
+
+def _refuse_for(file: Path, what: str, options: dict[str, object]) -> None:
+    for name, given in options.items():
+        if given is not None:
+            raise InputInvalid(f"{name} {given}: not for {what}, which {file.name} is")
+
+
+def _checked(made: Made, wishes: Wishes) -> Made:
+    """Refuse depths from another datum than wished; between datums nothing is shifted here."""
+    found, wished = made.terrain.vertical_datum, wishes.datum
+    if wished is None or found.lower() == wished.lower():
+        return made
+    if not found:
+        from dataclasses import replace
+
+        return replace(
+            made,
+            terrain=replace(made.terrain, vertical_datum=wished),
+            facts={**made.facts, "datum": f"{wished}, as --datum says"},
+        )
+    raise InputInvalid(
+        f"depths are from {found}, not from {wished}; the height between the two differs from "
+        "place to place, and nothing is shifted here"
+    )
+
+
+def _terrain_facts(terrain: Terrain) -> dict[str, str]:
+    known = np.isfinite(terrain.z)
+    z = terrain.z[known]
+    facts = {
+        "grid": f"{terrain.z.shape[0]} x {terrain.z.shape[1]} nodes at {terrain.spacing:g} m, "
+        f"{terrain.crs or 'nowhere on Earth'}, origin N {terrain.northing:.9g} "
+        f"E {terrain.easting:.9g}",
+        "datum": terrain.vertical_datum or "not stated",
+        "depth": f"{z.min():.2f} to {z.max():.2f} m" if len(z) else "all unknown",
+        "known": f"{100 * known.mean():.1f} % of nodes",
+        "seabed's nature": ", ".join(terrain.materials) or "not stated",
+        "source": terrain.source or "not stated",
+    }
+    if terrain.sigma is not None and np.isfinite(terrain.sigma).any():
+        facts["uncertainty"] = f"{np.nanmedian(terrain.sigma):.2f} m, the median"
+    return facts

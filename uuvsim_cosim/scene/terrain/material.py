@@ -1,0 +1,46 @@
+"""The seabed's nature between the places where a chart states it: as at the nearest of them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.scene.chart.codes import NATURES
+from uuvsim_cosim.scene.chart.read import Chart
+from uuvsim_cosim.scene.terrain.grid import Grid
+
+__all__ = ["materials_of"]
+
+_REACH = 2000.0  # m; farther from any statement the nature is unknown
+
+
+def materials_of(
+    chart: Chart, grid: Grid, land: Any, unknown: Any
+) -> tuple[NDArray[np.uint8] | None, tuple[str, ...]]:
+    """Return each node's index into the names, and the names; (None, ()) if nothing is charted.
+
+    Of several natures the chart names the most important first: that one counts.
+    """
+    codes = [next((c for c in said if c in NATURES), 0) for said in chart.natures]
+    stated = [(s, c) for s, c in zip(chart.nature, codes, strict=True) if c]
+    if not stated:
+        return None, ()
+    from scipy.ndimage import distance_transform_edt
+
+    numbers = sorted({c for _, c in stated})
+    names = ("unknown", *(NATURES[n] for n in numbers))
+    index = {n: k + 1 for k, n in enumerate(numbers)}
+    flat = [(s, c) for s, c in stated if s.geom_type in ("Polygon", "MultiPolygon")]
+    thin = [(s, c) for s, c in stated if s.geom_type not in ("Polygon", "MultiPolygon")]
+    burnt = np.full(grid.shape, -1, np.int32)
+    for group, touched in ((flat, False), (thin, True)):
+        found = grid.burn([s for s, _ in group], [index[c] for _, c in group], touched=touched)
+        burnt = np.where(found > 0, found, burnt)
+    if not (burnt > 0).any():
+        return None, ()
+    distance, at = distance_transform_edt(burnt <= 0, sampling=grid.spacing, return_indices=True)
+    material = np.where(distance <= _REACH, burnt[tuple(at)], 0)
+    material[land | unknown] = 0
+    return material.astype(np.uint8), names

@@ -1,0 +1,183 @@
+"""Depth and doubt of a chart at the nodes of any grid over it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.scene.chart.codes import ZONES_OF_CONFIDENCE
+from uuvsim_cosim.scene.chart.read import Chart
+from uuvsim_cosim.scene.shared.extra import wanted
+from uuvsim_cosim.scene.terrain.grid import Grid
+from uuvsim_cosim.scene.terrain.points import known_points
+from uuvsim_cosim.scene.terrain.tin import HoldOut, Triangulation
+
+__all__ = ["Prepared", "Surface", "prepared", "surface_on"]
+
+Floats = NDArray[np.float64]
+
+_LEAST_LAND = 2.0  # m above the datum, where no area dries higher
+_SLACK = 0.05  # m; half of the least step in which depths are charted
+_SQRT_12 = 12**0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A chart with its triangles, judged; what every grid over it needs."""
+
+    chart: Chart
+    mesh: Triangulation
+    hold_out: HoldOut
+    height: float  # m, of land above the datum; NaN leaves it unknown
+    beyond: Floats  # (points,), m; how far a sounding lies outside the band charted around it
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is to be said of the chart."""
+        said = self.chart.notes
+        if not len(self.chart.quality):
+            said += ("no M_QUAL: the soundings count as unassessed (CATZOC U)",)
+        if against := int((self.beyond > 0).sum()):
+            said += (
+                f"{against} soundings lie outside the depths charted for their area, by up to "
+                f"{self.beyond.max():.1f} m: clipped like the rest, and sigma says so",
+            )
+        return said
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """What a chart says at the nodes of a grid."""
+
+    z: Floats  # m, down; NaN: unknown
+    sigma: Floats  # m; NaN on land
+    land: Any  # whether land
+    charted: Any  # whether interpolated in a charted band
+    held: Any  # whether, of these, in it before clipping
+    relief: str = ""  # what is to be said of invented relief
+
+
+def prepared(chart: Chart, spacing: float, land: float | None) -> Prepared:
+    """Triangulate a chart for grids of a spacing (m), and leave its soundings out one by one."""
+    mesh = Triangulation(known_points(chart, spacing))
+    height = _land_height(chart) if land is None else land
+    low, high = _charted(chart, mesh.points.xy[: mesh.points.soundings])
+    sounded, beyond = mesh.points.z[: len(low)], np.zeros(len(mesh.points.z))
+    apart = np.maximum(low - sounded, sounded - high)
+    beyond[: len(low)] = np.where((low <= high) & (apart > _SLACK), apart, 0.0)
+    return Prepared(chart, mesh, _hold_out(chart, mesh), height, beyond)
+
+
+def surface_on(of: Prepared, grid: Grid, relief: int | None = None) -> Surface:
+    """Interpolate, clip into the charted areas, and judge, at the nodes of a grid."""
+    chart, mesh, hold_out = of.chart, of.mesh, of.hold_out
+    area, band = _bands(chart, grid)
+    wet = band[0] <= band[1]
+    raw, slope = mesh.over(grid)
+    raw[~wet] = np.nan
+    known = mesh.points.xy[: len(mesh.points.xy) - mesh.points.border]
+    distance, raw = _distance_and_filled(grid, known, raw, wet)
+    charted = np.isfinite(raw) & (area >= 0)
+    held = charted & (raw >= band[0] - _SLACK) & (raw <= band[1] + _SLACK)
+    z = np.clip(raw, band[0], band[1])
+    spread = np.full(grid.shape, np.inf)
+    if len(hold_out.errors):
+        typical = np.median(hold_out.slopes)  # where nothing is triangulated
+        spread = hold_out.sigma(distance, np.where(np.isnan(slope), typical, slope))
+    spread = np.minimum(spread, np.where(area >= 0, band[1] - band[0], np.inf) / _SQRT_12)
+    if of.beyond.any():
+        spread = np.fmax(spread, mesh.over(grid, of.beyond)[0])
+    said = ""
+    if relief is not None and np.isfinite(z).any():
+        from uuvsim_cosim.scene.terrain.relief import add_relief
+
+        z, said = add_relief(z, distance, spread, grid.spacing, relief, band)
+    sigma = np.hypot(np.where(np.isfinite(spread), spread, 0.0), _zone_sigma(chart, grid, z))
+    land = grid.burn(*_numbered(chart.land), touched=False) >= 0
+    small = [s for s in chart.land if s.geom_type not in ("Polygon", "MultiPolygon")]
+    land |= grid.burn(*_numbered(small), touched=True) >= 0
+    # rounded, because that compresses; a chart says 0.1 m
+    z, sigma = np.clip(np.rint(256 * z) / 256, *band), np.rint(64 * sigma) / 64
+    z[land] = -of.height
+    sigma[land | np.isnan(z)] = np.nan
+    return Surface(z, sigma, land, charted, held, said)
+
+
+def _land_height(chart: Chart) -> float:
+    low = chart.depth_areas.low
+    dries = -low[np.isfinite(low)].min() if np.isfinite(low).any() else 0.0
+    return max(float(dries), _LEAST_LAND)
+
+
+def _numbered(shapes: Any) -> tuple[Any, Any]:
+    return shapes, range(len(shapes))
+
+
+def _bands(chart: Chart, grid: Grid) -> tuple[Any, tuple[Any, Any]]:
+    """Return each node's depth area (-1: none), its least and greatest depth (inf, -inf: dry)."""
+    areas = chart.depth_areas
+    area = grid.burn(*_numbered(areas.shapes))
+    area[grid.burn(*_numbered(chart.unsurveyed)) >= 0] = -1
+    low = np.append(areas.low, np.inf)[area]
+    high = np.append(areas.high, -np.inf)[area]
+    hidden = (area < 0) & (grid.burn(*_numbered(chart.floating)) >= 0)
+    low[hidden], high[hidden] = -np.inf, np.inf
+    return area, (low, high)
+
+
+def _distance_and_filled(grid: Grid, xy: Floats, raw: Floats, wet: Any) -> tuple[Floats, Floats]:
+    """Return each node's distance to data (m), and the depths where the nearest known fills."""
+    from scipy.ndimage import distance_transform_edt
+
+    row, column, inside = grid.nearest(xy)
+    empty = np.ones(grid.shape, bool)
+    empty[row[inside], column[inside]] = False
+    if empty.all():
+        from scipy.spatial import cKDTree
+
+        nodes = np.column_stack([a.ravel() for a in np.meshgrid(grid.east, grid.north)])
+        distance = np.asarray(cKDTree(xy).query(nodes)[0]).reshape(grid.shape)
+    else:
+        distance = distance_transform_edt(empty, sampling=grid.spacing)
+    missing = wet & np.isnan(raw)
+    if missing.any() and np.isfinite(raw).any():
+        at = distance_transform_edt(np.isnan(raw), return_distances=False, return_indices=True)
+        raw = np.where(missing, raw[tuple(at)], raw)
+    return distance, raw
+
+
+def _hold_out(chart: Chart, mesh: Triangulation) -> HoldOut:
+    """Leave out soundings one by one; what is interpolated is clipped as the terrain is."""
+    rows, value, slope, distance = mesh.left_out()
+    points = mesh.points
+    low, high = _charted(chart, points.xy[rows])
+    charted = low <= high
+    value[charted] = np.clip(value[charted], low[charted], high[charted])
+    kept = np.isfinite(value)
+    return HoldOut((value - points.z[rows])[kept], distance[kept], slope[kept])
+
+
+def _charted(chart: Chart, xy: Floats) -> tuple[Floats, Floats]:
+    """Return the least and greatest depth charted at places (inf, -inf: nothing is)."""
+    shapely = wanted("shapely", "gridding a chart")
+    areas = chart.depth_areas
+    at, area = shapely.STRtree(areas.shapes).query(shapely.points(xy), predicate="intersects")
+    low, high = np.full(len(xy), np.inf), np.full(len(xy), -np.inf)
+    np.minimum.at(low, at, areas.low[area])
+    np.maximum.at(high, at, areas.high[area])
+    return low, high
+
+
+def _zone_sigma(chart: Chart, grid: Grid, z: Floats) -> Floats:
+    """Return the standard deviation (m) of soundings in the charted zones of confidence."""
+    order = np.argsort(-chart.zones, kind="stable")  # the best last, so that it wins
+    zone = grid.burn(chart.quality[order], chart.zones[order])
+    a, b = np.zeros(8), np.zeros(8)
+    for number in range(8):
+        _, a[number], b[number] = ZONES_OF_CONFIDENCE.get(number, ZONES_OF_CONFIDENCE[6])
+    zone = np.clip(np.where(zone < 0, 6, zone), 0, 7)
+    sigma: Floats = (a[zone] + b[zone] * np.abs(z)) / 1.96
+    return sigma

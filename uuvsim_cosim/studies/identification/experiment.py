@@ -1,0 +1,257 @@
+"""The manoeuvre that would tell more: from a small library, by D-optimality.
+
+Each is flown in the model as it was fitted, open loop, from rest, with the noise that the residuals
+had; what it would add to the Fisher information is computed as for a recording. The best one has
+the largest determinant of the information of data and manoeuvre together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.studies.identification.ambiguity import scaled_information
+from uuvsim_cosim.studies.identification.fit import Fit
+from uuvsim_cosim.studies.identification.fitted_model import GreyBox
+
+__all__ = ["LIBRARY", "Proposal", "propose"]
+
+Array = NDArray[np.float64]
+AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
+_SPEED = np.array([0.5, 0.3, 0.3, 0.5, 0.5, 0.6])  # m/s and rad/s that each axis is to reach
+_LENGTH = 40.0  # s
+
+
+def _steps(t: Array, period: float = 8.0) -> Array:
+    """Ahead, rest, astern, rest at two heights: speeds that settle, and changes between them."""
+    phase = np.floor(t / (period / 2)).astype(int)
+    pattern = np.array([1.0, 0.0, -1.0, 0.0, 0.5, 0.0, -0.5, 0.0])
+    return np.asarray(pattern[phase % 8], dtype=float)
+
+
+def _sines(t: Array, seed: int) -> Array:
+    """Five sines from 0.05 to 0.5 Hz, with phases of their own (Schroeder's for a low peak)."""
+    k = np.arange(5)
+    f = 0.05 * 10.0 ** (k / 4.0)
+    phases = -np.pi * k * (k + 1) / 5 + seed
+    return np.asarray(np.sin(2 * np.pi * f * t[:, None] + phases).sum(axis=1) / 3.0, dtype=float)
+
+
+Shape = Callable[[Array], Array]  # times (n,) -> share of each axis' force (n, 6)
+
+
+def _alone(axis: int) -> Shape:
+    return lambda t: np.outer(_steps(t), np.eye(6)[axis])
+
+
+def _pair(a: int, b: int) -> Shape:
+    return lambda t: np.outer(_steps(t), np.eye(6)[a]) + np.outer(_steps(t, 6.0), np.eye(6)[b])
+
+
+def _all(axes: tuple[int, ...]) -> Shape:
+    return lambda t: sum(
+        (np.outer(_sines(t, i), np.eye(6)[i]) for i in axes), np.zeros((len(t), 6))
+    )
+
+
+LIBRARY: dict[str, Shape] = {
+    **{f"{name}, ahead and back in steps": _alone(i) for i, name in enumerate(AXES)},
+    "surge and yaw in steps": _pair(0, 5),
+    "surge and sway in steps": _pair(0, 1),
+    "sway and yaw in steps": _pair(1, 5),
+    "heave and pitch in steps": _pair(2, 4),
+    "five sines in surge, sway, heave and yaw": _all((0, 1, 2, 5)),
+    "five sines in all six": _all((0, 1, 2, 3, 4, 5)),
+}
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A manoeuvre, the gain in log det of the information, and the 95 % half widths (n_p,)."""
+
+    name: str
+    gain: float
+    half_widths: Array
+    t: Array
+    tau: Array  # (n, 6) [N, N.m]
+    reached: Array  # largest |nu| (6,)
+
+
+def propose(box: GreyBox, found: Fit) -> list[Proposal]:
+    """Return the manoeuvres that can be flown, the best first; none where nothing pushes."""
+    h = 0.1
+    t: Array = h * np.arange(round(_LENGTH / h), dtype=float)
+    drive = _Drive(box, found, h)
+    if drive.gain is None:
+        return []
+    step = box.step(h)
+    n_x, n_p = box.x.numel(), len(box.fitted)
+    x, w, theta = (ca.SX.sym(n, s) for n, s in (("x", n_x), ("w", box.w.numel()), ("theta", n_p)))
+    x_1, y = step(x, w, theta), box.h(x, w, theta)
+    parts = ca.Function("parts", [x, w, theta], [ca.jacobian(x_1, x), ca.jacobian(x_1, theta),
+                        ca.jacobian(y, x), ca.jacobian(y, theta)])  # fmt: skip
+    flown = step.mapaccum("flown", len(t))
+    start = np.array([f.start for f in box.fitted])
+    before: Array = scaled_information(found.information, found.theta, start)
+    before = before + 1e-4 * np.eye(n_p)
+    _, base = np.linalg.slogdet(before)
+    proposals = []
+    x_0 = drive.rest()
+    for name, shape in LIBRARY.items():
+        feeds, tau = drive.feeds(shape(t))
+        if feeds is None:
+            continue
+        states = np.array(flown(x_0, feeds, np.repeat(found.theta[:, None], len(t), 1)))
+        before_each = np.hstack([x_0[:, None], states[:, :-1]])
+        if not np.all(np.isfinite(states)):
+            continue
+        A, B, C, D = (np.array(m) for m in parts.map(len(t))(before_each, feeds, found.theta))
+        information = _added(A, B, C, D, found, len(t), n_x, n_p)
+        added = scaled_information(information, found.theta, start)
+        if not np.all(np.isfinite(added)):
+            continue
+        total = before + added
+        _, value = np.linalg.slogdet(total)
+        size = np.sqrt(np.diag(scaled_information(np.eye(n_p), found.theta, start)))
+        spread = np.maximum(np.diag(np.linalg.inv(total)), 0.0)
+        half: Array = np.asarray(1.96 * size * np.sqrt(spread), dtype=float)
+        place = box.x_places[box.hull, "nu_b"]
+        proposals.append(
+            Proposal(name, float(value - base), half, t, tau, np.abs(states[place]).max(axis=1))
+        )
+    return sorted(proposals, key=lambda p: -p.gain)
+
+
+def _added(A: Array, B: Array, C: Array, D: Array, found: Fit, n: int, n_x: int, n_p: int) -> Array:
+    """Return the information of theta, the state at the start unknown as well."""
+    S = np.hstack([np.eye(n_x), np.zeros((n_x, n_p))])
+    weights = 1.0 / found.sigma * np.sqrt((1 - found.correlation) / (1 + found.correlation))
+    weights[found.sigma == 1.0] = 0.0  # what was not measured will not be either
+    rows = []
+    for k in range(n):
+        row = C[:, k * n_x : (k + 1) * n_x] @ S
+        row[:, n_x:] += D[:, k * n_p : (k + 1) * n_p]
+        rows.append(row * weights[:, None])
+        S = A[:, k * n_x : (k + 1) * n_x] @ S
+        S[:, n_x:] += B[:, k * n_p : (k + 1) * n_p]
+    J = np.vstack([*rows, np.hstack([np.eye(n_x), np.zeros((n_x, n_p))])])
+    Q, _ = np.linalg.qr(J[:, :n_x])
+    rest = J[:, n_x:] - Q @ (Q.T @ J[:, n_x:])
+    return np.asarray(rest.T @ rest, dtype=float)
+
+
+class _Drive:
+    """What feeds make a wanted force on the hull, found by trying each."""
+
+    def __init__(self, box: GreyBox, found: Fit, h: float) -> None:
+        self.box, self.theta = box, found.theta
+        self.x_0 = found.x_0.copy()
+        self.base = np.zeros(box.w.numel())
+        names = [f.variable for f in box.feeds]
+        for k, (feed, name) in enumerate(zip(box.feeds, names, strict=True)):
+            if name == "voltage":
+                start = box.plan.components[feed.component].description.variables[name].start
+                self.base[k] = 16.0 if start is None else float(np.ravel(start)[0])
+        self.pushing = [k for k, n in enumerate(names) if n in ("tau", "thrust", "force", "u")]
+        self.commands = [k for k in self.pushing if names[k] == "u"]
+        x = self.rest()
+        self.M = np.linalg.inv(self._mobility(x))
+        self.gain: Array | None = None
+        if self.pushing:
+            self.gain = self._gains(x, h)
+        self.full = self._forces(x)
+
+    def rest(self) -> Array:
+        """Return the hull at rest and level, where the recording began but 5 m deep or more."""
+        x = self.x_0.copy()
+        box, hull = self.box, self.box.hull
+        for (i, _), place in box.x_places.items():
+            if i != hull:
+                x[place] = 0.0
+        x[box.x_places[hull, "q_nb"]] = [1.0, 0.0, 0.0, 0.0]
+        x[box.x_places[hull, "nu_b"]] = 0.0
+        p = box.x_places[hull, "p"]
+        x[p] = [0.0, 0.0, max(float(x[p][2]), 20.0)]
+        return x
+
+    def _nu_dot(self, x: Array, w: Array) -> Array:
+        return np.array(self.box.nu_dot(x, w, self.theta)).ravel()
+
+    def _mobility(self, x: Array) -> Array:
+        """Return M^-1: nu_dot by a unit force, through the hull's own tau."""
+        part = self.box.parts[self.box.hull]
+        f = part.f
+        y = next(v for v in part.model.of_kind("output") if v.name == "nu_dot")
+        p = part.p.copy()
+        for j, fit in enumerate(self.box.fitted):
+            for component, name in fit.places:
+                if component == self.box.hull:
+                    p[part.place(name)] = self.theta[j]
+        d = np.array(f.derived(p)).ravel()
+        at, here = 0, 0
+        for v in part.model.of_kind("output"):
+            if v is y:
+                here = at
+            at += v.size
+        first = np.array(f.initial(p, d)).ravel()
+        place, u = 0, np.zeros(sum(v.size for v in part.model.of_kind("input")))
+        for v in part.model.of_kind("input"):
+            if v.name == "tau":
+                break
+            place += v.size
+
+        def of(force: Array) -> Array:
+            u[place : place + 6] = force
+            return np.array(f.outputs(0.0, u, p, d, first, [])).ravel()[here : here + 6]
+
+        return np.stack([of(np.eye(6)[i]) - of(np.zeros(6)) for i in range(6)], axis=1)
+
+    def _gains(self, x: Array, h: float) -> Array:
+        """Return the settled force (6, n) of each feed at a command of 1, or of one half."""
+        step = self.box.step(h)
+        columns = []
+        hull = [self.box.x_places[self.box.hull, n] for n in ("p", "q_nb", "nu_b")]
+        for k in self.pushing:
+            forces = []
+            for value in (0.5, 0.0) if k in self.commands else (1.0, 0.0):
+                w, s = self.base.copy(), x.copy()
+                w[k] = value
+                for _ in range(10 if k in self.commands else 0):
+                    s = np.array(step(s, w, self.theta)).ravel()
+                    for place in hull:
+                        s[place] = x[place]
+                forces.append(self.M @ self._nu_dot(s, w))
+            scale = 4.0 if k in self.commands else 1.0  # thrust goes with |u| u
+            columns.append(scale * (forces[0] - forces[1]))
+        return np.stack(columns, axis=1)
+
+    def _forces(self, x: Array) -> Array:
+        """Return the force (6,) that keeps each axis at its speed."""
+        place = self.box.x_places[self.box.hull, "nu_b"]
+        found = np.zeros(6)
+        still = self._nu_dot(x, self.base)
+        for i in range(6):
+            moving = x.copy()
+            moving[place] = _SPEED[i] * np.eye(6)[i]
+            found[i] = float((self.M @ (still - self._nu_dot(moving, self.base)))[i])
+        return np.asarray(np.maximum(found, 0.02 * np.diag(self.M) * _SPEED), dtype=float)
+
+    def feeds(self, share: Array) -> tuple[Array | None, Array]:
+        """Return feeds (n_w, n) for shares (n, 6) of the full force; None if it cannot be made."""
+        assert self.gain is not None
+        tau = share * self.full
+        amounts = np.linalg.pinv(self.gain, rcond=1e-3) @ tau.T
+        made = self.gain @ amounts
+        wanted = np.abs(tau.T) > 1e-9
+        if np.any(np.abs(made - tau.T)[wanted] > 0.2 * np.abs(tau.T)[wanted]):
+            return None, tau
+        w = np.repeat(self.base[:, None], len(share), 1)
+        for row, k in zip(amounts, self.pushing, strict=True):
+            w[k] = (
+                np.clip(np.sign(row) * np.sqrt(np.abs(row)), -1, 1) if k in self.commands else row
+            )
+        return w, tau

@@ -1,0 +1,277 @@
+"""The fit: direct multiple shooting, solved by ipopt with the Gauss-Newton matrix as Hessian.
+
+    min over theta, x_0 … x_S   sum of (y_k - h(x_k, w_k, theta))² / sigma²
+    such that each segment of the recording, begun at x_i, ends at x_(i + 1)
+
+(Bock 1983; Schloeder and Bock's recipe for parameters of differential equations). Segments keep a
+long recording from running away at wrong parameters. sigma is what each signal's residuals say,
+in a second and third pass. The covariance is that of the last Gauss-Newton matrix with the states
+eliminated, widened by what residuals have in common with the ones before them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.studies.identification.fitted_model import GreyBox
+from uuvsim_cosim.studies.identification.signals import ANGLES, Grid
+
+__all__ = ["Fit", "fit"]
+
+Array = NDArray[np.float64]
+# Where sigma begins, and the least that it can be: N E D [m], angles, u v w [m/s], p q r [rad/s].
+_FIRST = np.array([0.05] * 3 + [0.02] * 3 + [0.02] * 3 + [0.02] * 3)
+_LEAST = np.array([1e-4] * 3 + [1e-5] * 3 + [1e-5] * 3 + [1e-5] * 3)
+_SEGMENT = 3.0  # s
+_PRIOR = 3e-2  # of theta, over its scale: only what the data say nothing of stays where it was
+
+
+@dataclass(frozen=True)
+class Fit:
+    """theta (n_p,), its covariance, and sigma (12,) of each signal; sensitivity without states."""
+
+    theta: Array
+    covariance: Array
+    sigma: Array  # of each signal's residuals
+    correlation: Array  # of each signal's residuals with those one step before
+    information: Array  # of theta, states eliminated
+    x_0: Array
+    samples: int
+    iterations: int
+    converged: bool
+    status: str
+
+
+_AWAY = (
+    "the fit ran away: no finite trajectory of the model follows the recording; expected a start "
+    "nearer to the vehicle (another set), fewer --parameters, or a smaller --step"
+)
+
+
+class _Problem:
+    """The nonlinear programme over z = (theta scaled, states of the segments scaled)."""
+
+    def __init__(self, box: GreyBox, grid: Grid) -> None:
+        self.box = box
+        K = grid.w.shape[1]
+        self.S = max(1, round(K * grid.h / _SEGMENT))
+        self.M = K // self.S
+        self.K = self.M * self.S
+        self.h = grid.h
+        self.n_x, self.n_p = box.x.numel(), len(box.fitted)
+        start = np.array([f.start for f in box.fitted])
+        self.scale = np.where(np.abs(start) > 1e-9, np.abs(start), 1.0)
+        self.center = start
+        self.w, self.y = grid.w[:, : self.K], grid.y[:, : self.K + 1]
+        self.guess = _guess(box, grid, self.S, self.M)
+        self.x_scale = np.maximum(np.abs(self.guess).max(axis=1), 0.1)
+        step = box.step(grid.h, sloped=True)
+        self.segment = step.mapaccum("segment", self.M)
+        z = ca.MX.sym("z", self.n_p + self.S * self.n_x)
+        weights = ca.MX.sym("weights", 12, self.K + 1)
+        theta = self.center + self.scale * z[: self.n_p]
+        starts = ca.diag(self.x_scale) @ ca.reshape(z[self.n_p :], self.n_x, self.S)
+        w = ca.DM(self.w) if self.w.size else ca.DM(0, self.K)
+        ends = self.segment.map(self.S)(starts, w, ca.repmat(theta, 1, self.K))
+        columns = [ends[:, self.M * (i + 1) - 1] for i in range(self.S)]
+        inner = [
+            ca.horzcat(starts[:, i], ends[:, self.M * i : self.M * (i + 1) - 1])
+            for i in range(self.S)
+        ]
+        x = ca.horzcat(*inner, columns[-1])
+        n_w = box.w.numel()
+        last = ca.horzcat(w[:n_w, :], w[:n_w, -1]) if n_w else ca.DM(0, self.K + 1)
+        y = box.h.map(self.K + 1)(x, last, ca.repmat(theta, 1, self.K + 1))
+        difference = y - ca.DM(np.nan_to_num(self.y))
+        rows = [
+            ca.atan2(ca.sin(difference[j, :]), ca.cos(difference[j, :])) if j in ANGLES
+            else difference[j, :]
+            for j in range(12)
+        ]  # fmt: skip
+        self.residual = ca.Function("residual", [z], [ca.vertcat(*rows)])
+        data = ca.vec(ca.vertcat(*rows) * weights)
+        prior = [_PRIOR * z[: self.n_p], *self._of_start(starts[:, 0])]
+        r = ca.vertcat(data, *prior)
+        gaps = [(columns[i] - starts[:, i + 1]) / ca.DM(self.x_scale) for i in range(self.S - 1)]
+        g = ca.vertcat(*gaps) if gaps else ca.MX(0, 1)
+        J = ca.jacobian(r, z)
+        H = ca.triu(J.T @ J)
+        lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.numel())
+        hessian = ca.Function("nlp_hess_l", [z, weights, lam_f, lam_g], [lam_f * H])
+        nlp = {"x": z, "p": weights, "f": 0.5 * ca.sumsqr(r), "g": g}
+        options: Any = {
+            "hess_lag": hessian,
+            "print_time": False,
+            "show_eval_warnings": False,
+            # Bounds are seldom met, so the barrier begins low; a fit needs an objective that
+            # stands still at states that join, not the last digits of the multipliers.
+            "ipopt": {"print_level": 0, "sb": "yes", "max_iter": 60, "tol": 1e-6, "mu_init": 1e-8,
+                      "acceptable_tol": 1e4, "acceptable_constr_viol_tol": 1e-5,
+                      "acceptable_dual_inf_tol": 1e6, "acceptable_compl_inf_tol": 1e-3,
+                      "acceptable_obj_change_tol": 1e-6, "acceptable_iter": 2},
+        }  # fmt: skip
+        self.solver = ca.nlpsol("identify", "ipopt", nlp, options)
+        of_data = ca.jacobian(data, z)
+        self.sensitivity = ca.Function("sensitivity", [z, weights], [of_data, ca.jacobian(g, z)])
+
+    def _of_start(self, x_0: Any) -> list[Any]:
+        """Hold what no signal sees near where it begins: the length of q, a shaft's first speed."""
+        rows = []
+        for (i, name), place in self.box.x_places.items():
+            x = x_0[place]
+            if i == self.box.hull and name == "q_nb":
+                rows.append(1e2 * (ca.sumsqr(x) - 1.0))
+            else:
+                guess = self.guess[place, 0]
+                rows.append((x - guess) / (10.0 * self.x_scale[place]))
+        return rows
+
+    def bounds(self) -> tuple[Array, Array]:
+        low = np.full(self.n_p + self.S * self.n_x, -np.inf)
+        high = -low
+        for j, f in enumerate(self.box.fitted):
+            low[j] = (f.low - self.center[j]) / self.scale[j]
+            high[j] = (f.high - self.center[j]) / self.scale[j]
+        return low, high
+
+
+def fit(box: GreyBox, grid: Grid) -> Fit:
+    """Fit the parameters of `box` to what was measured; InputInvalid if nothing converges."""
+    p = _Problem(box, grid)
+    seen = np.isfinite(p.y)
+    z = np.concatenate([np.zeros(p.n_p), (p.guess / p.x_scale[:, None]).T.ravel()])
+    low, high = p.bounds()
+    sigma = _FIRST.copy()
+    iterations, stats = 0, {}
+    for _ in range(3):
+        weights = np.where(seen, 1.0 / sigma[:, None], 0.0)
+        found = p.solver(x0=z, p=weights, lbx=low, ubx=high, lbg=0.0, ubg=0.0)
+        stats = p.solver.stats()
+        iterations += int(stats["iter_count"])
+        z_new = np.array(found["x"]).ravel()
+        if not np.all(np.isfinite(z_new)):
+            raise InputInvalid(_AWAY)
+        z = z_new
+        residual = np.where(seen, np.array(p.residual(z)), np.nan)
+        before = sigma
+        sigma = np.array([_rms(residual[j], _LEAST[j]) for j in range(12)])
+        if np.all(np.abs(np.log(sigma / before)) < 0.05):
+            break
+    rho = np.array([_lag(residual[j]) for j in range(12)])
+    weights = np.where(seen, 1.0 / sigma[:, None], 0.0)
+    widened = weights * np.sqrt((1.0 - rho) / (1.0 + rho))[:, None]
+    information = _information(p, z, widened)
+    if not np.all(np.isfinite(information)):
+        raise InputInvalid(_AWAY)
+    scaled = np.diag(p.scale)
+    theta = p.center + p.scale * z[: p.n_p]
+    inverse = np.linalg.inv(information + _PRIOR**2 * np.eye(p.n_p))
+    return Fit(
+        theta, scaled @ inverse @ scaled, sigma, rho, information / np.outer(p.scale, p.scale),
+        z[p.n_p : p.n_p + p.n_x] * p.x_scale, int(seen.sum()), iterations,
+        bool(stats["success"]), str(stats["return_status"]),
+    )  # fmt: skip
+
+
+def _information(p: _Problem, z: Array, weights: Array) -> Array:
+    """Return the Fisher information of theta (scaled), every state eliminated."""
+    J, G = (m.sparse() for m in p.sensitivity(z, weights))
+    J, G = J.tocsc(), G.tocsc()
+    n_x, n_p = p.n_x, p.n_p
+    # States of segment i by those of the first and by theta: s_(i + 1) = A_i s_i + B_i theta.
+    S_i = np.hstack([np.eye(n_x), np.zeros((n_x, n_p))])
+    columns = [n_p + i * n_x for i in range(p.S)]
+    total = np.zeros((J.shape[0], n_x + n_p))
+    total[:, n_x:] = J[:, :n_p].toarray()
+    for i, at in enumerate(columns):
+        total += J[:, at : at + n_x] @ S_i
+        if i + 1 < p.S:
+            rows = slice(i * n_x, (i + 1) * n_x)
+            A, B = G[rows, at : at + n_x].toarray(), G[rows, :n_p].toarray()
+            following = A @ S_i
+            following[:, n_x:] += B
+            S_i = following
+    # Least squares against the first states, the weak hold on what no signal sees below them.
+    held = np.vstack([total, np.hstack([0.1 * np.eye(n_x), np.zeros((n_x, n_p))])])
+    Q, _ = np.linalg.qr(held[:, :n_x])
+    rest = held[:, n_x:]
+    rest = rest - Q @ (Q.T @ rest)
+    return np.asarray(rest.T @ rest, dtype=float)
+
+
+def _rms(values: Array, least: float) -> float:
+    good = values[np.isfinite(values)]
+    return max(float(np.sqrt(np.mean(good**2))), least) if len(good) else 1.0
+
+
+def _lag(values: Array) -> float:
+    """Return the correlation of residuals with those a step before, from 0 to 0.98."""
+    a, b = values[:-1], values[1:]
+    both = np.isfinite(a) & np.isfinite(b)
+    if both.sum() < 8:
+        return 0.0
+    power = float(np.mean(a[both] ** 2))
+    return float(np.clip(np.mean(a[both] * b[both]) / power, 0.0, 0.98)) if power > 0 else 0.0
+
+
+def _guess(box: GreyBox, grid: Grid, S: int, M: int) -> Array:
+    """Return states (n_x, S) where segments begin: the hull's measured, the others simulated."""
+    from uuvsim_cosim.models.declaration.kinematics import q_of_euler
+
+    n_x = box.x.numel()
+    start = box.start()
+    y = _filled(grid)
+    step = box.step(grid.h, sloped=True)
+    theta = np.array([f.start for f in box.fitted])
+    euler = ca.SX.sym("e", 3)
+    q_of = ca.Function("q", [euler], [q_of_euler(euler[0], euler[1], euler[2])])
+    hull = box.hull
+    x = start.copy()
+    out = np.zeros((n_x, S))
+    for i in range(S):
+        k = i * M
+        x[box.x_places[hull, "p"]] = y[:3, k]
+        x[box.x_places[hull, "q_nb"]] = np.array(q_of(y[3:6, k])).ravel()
+        x[box.x_places[hull, "nu_b"]] = y[6:, k]
+        out[:, i] = x
+        for j in range(k, min(k + M, grid.w.shape[1])):
+            x = np.array(step(x, grid.w[:, j], theta)).ravel()
+        if not np.all(np.isfinite(x)):
+            x = start.copy()
+    return out
+
+
+def _filled(grid: Grid) -> Array:
+    """Return eta and nu at every grid point: interpolated; velocities by differences."""
+    y = grid.y.copy()
+    n = y.shape[1]
+    for j in range(12):
+        good = np.isfinite(y[j])
+        if good.any():
+            y[j] = np.interp(np.arange(n), np.flatnonzero(good), y[j, good])
+    if not np.isfinite(y[2]).all():
+        y[2] = 10.0  # deep enough that no surface is near
+    y[:6] = np.nan_to_num(y[:6])
+    for j in range(6):
+        if not np.isfinite(y[6 + j]).all():
+            rate = np.gradient(y[j], grid.h)
+            y[6 + j] = np.convolve(rate, np.ones(5) / 5, mode="same") if j >= 3 else 0.0
+    if not np.isfinite(grid.y[6:9]).any():
+        y[6:9] = _body_velocity(y, grid.h)
+    return y
+
+
+def _body_velocity(y: Array, h: float) -> Array:
+    """Return u v w [m/s] of positions and attitude, smoothed over five steps."""
+    from scipy.ndimage import uniform_filter1d
+    from scipy.spatial.transform import Rotation
+
+    rates = uniform_filter1d(np.gradient(y[:3], h, axis=1), 5, axis=1)
+    turned: Array = Rotation.from_euler("ZYX", y[[5, 4, 3]].T).inv().apply(rates.T).T
+    return turned

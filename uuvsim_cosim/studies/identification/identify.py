@@ -1,0 +1,232 @@
+"""Identification: parameters of a system's declarations, fitted to a recording of the vehicle."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.orchestrator.plan.flatten import flatten
+from uuvsim_cosim.orchestrator.plan.plan import Plan
+from uuvsim_cosim.orchestrator.recording.signals import Signals
+from uuvsim_cosim.orchestrator.system.system import System
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.studies.identification.experiment import Proposal
+    from uuvsim_cosim.studies.identification.fitted_model import GreyBox
+
+__all__ = ["Actuator", "Identified", "Number", "identify", "unanswered"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Number:
+    """A parameter that was fitted: value, 95 % interval, where it began, and its places."""
+
+    name: str
+    value: float
+    low: float
+    high: float
+    start: float
+    unit: str
+    places: tuple[str, ...]
+    at_bound: bool
+
+    @property
+    def half_width(self) -> float:
+        """Return half of the 95 % interval."""
+        return 0.5 * (self.high - self.low)
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """A thruster with fitted numbers: where it is in the system, and among the vehicle's."""
+
+    path: str
+    source: str  # model:…
+    number: int  # from 1, as its thrust goes into the wrench
+    of: int  # how many thrusters the wrench takes
+    held: Mapping[str, float]  # its numbers in the system, where they were not fitted
+
+
+@dataclass(frozen=True)
+class Identified:
+    """What a fit found, how well it follows the recording, and what it leaves open."""
+
+    numbers: tuple[Number, ...]
+    correlation: Array  # of the numbers' errors (n, n)
+    residuals: Mapping[str, float]  # root mean square of what was measured, by element
+    open: tuple[str, ...]  # sentences: what the data cannot tell
+    proposals: tuple[Proposal, ...]  # manoeuvres, the most telling first
+    hull: str  # its path
+    source: str  # its source, model:…
+    held: Mapping[str, float]  # the hull's numbers as the system set them
+    actuators: tuple[Actuator, ...]  # the thrusters that have fitted numbers
+    recording: str
+    samples: int
+    seconds: float
+    step: float
+    iterations: int
+    converged: bool
+    status: str
+    notes: tuple[str, ...]
+
+    def __getitem__(self, name: str) -> Number:
+        """Return a number by its name; the hull's without its path too."""
+        for n in self.numbers:
+            if name in (n.name, n.name.rpartition(".")[2]):
+                return n
+        raise InputInvalid(
+            f"no number {name!r}; expected {', '.join(n.name for n in self.numbers)}"
+        )
+
+
+def identify(
+    recording: Signals | str | Path,
+    system: System | str | Path,
+    parameters: Sequence[str],
+    *,
+    mapped: Mapping[str, str] | None = None,
+    hull: str | None = None,
+    step: float | None = None,
+    first: float = 0.0,
+    last: float | None = None,
+    proposals: bool = True,
+) -> Identified:
+    """Fit parameters of a system to a recording, by multiple shooting on its own equations.
+
+    `recording` is a folder, .parquet, .mcap, .csv, ArduSub's .BIN or .tlog, or `Signals`; `system`
+    a name, a file, a `System`, or a hull alone (``model:bluerov2``). `parameters` are names such as
+    ``D_q_11`` (of the hull), ``hull.m``, ``thruster_*.K_n`` (one number for all). `mapped` says
+    which signal of the recording stands for which of the system. `step` [s] is that of the grid.
+
+    Raises InputInvalid that names the signals that lack, or the parameters that are not there.
+    """
+    from uuvsim_cosim.studies.identification.ambiguity import ambiguities, scaled_information
+    from uuvsim_cosim.studies.identification.experiment import propose
+    from uuvsim_cosim.studies.identification.fit import fit
+    from uuvsim_cosim.studies.identification.fitted_model import GreyBox
+    from uuvsim_cosim.studies.identification.logs import read_log
+    from uuvsim_cosim.studies.identification.parameters import wanted_parameters
+    from uuvsim_cosim.studies.identification.signals import MEASURED, Lookup, grid_of
+
+    signals = recording if isinstance(recording, Signals) else read_log(recording)
+    plan = flatten(_system(system))
+    at = _hull(plan, hull)
+    fitted = wanted_parameters(plan, at, parameters)
+    box = GreyBox(plan, at, fitted, exact="tick" in signals.metadata)
+    grid = grid_of(box, Lookup(signals, mapped or {}), h=step, first=first, last=last)
+    found = fit(box, grid)
+    names = [f.name for f in fitted]
+    start = np.array([f.start for f in fitted])
+    error = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
+    scaled = scaled_information(found.information, found.theta, start)
+    numbers = tuple(
+        Number(
+            f.name, float(v), float(v - 1.96 * s), float(v + 1.96 * s), f.start, f.unit,
+            tuple(f"{plan.components[i].path}.{n}" for i, n in f.places),
+            bool(min(abs(v - f.low), abs(v - f.high)) < 1e-4 * max(abs(f.start), 1e-9)),
+        )
+        for f, v, s in zip(fitted, found.theta, error, strict=True)
+    )  # fmt: skip
+    unseen = [not bool(np.isfinite(row).any()) for row in grid.y]
+    notes = [f"{n} is at its bound: its interval says little" for n in names
+             if next(x for x in numbers if x.name == n).at_bound]  # fmt: skip
+    if grid.computed:
+        notes.append(f"computed from recorded signals: {', '.join(grid.computed)}")
+    if any(unseen):
+        missed = ", ".join(n for n, u in zip(MEASURED, unseen, strict=True) if u)
+        notes.append(f"not measured: {missed}")
+    flown = tuple(propose(box, found)) if proposals else ()
+    notes += unanswered(numbers, flown)
+    recorded = str(signals.metadata.get("file", recording if isinstance(recording, (str, Path))
+                   else signals.metadata.get("system", "signals")))  # fmt: skip
+    return Identified(
+        numbers,
+        found.covariance / np.outer(error, error),
+        {n: float(s) for n, s, u in zip(MEASURED, found.sigma, unseen, strict=True) if not u},
+        tuple(ambiguities(names, scaled)),
+        flown,
+        plan.components[at].path,
+        box.parts[at].source,
+        {
+            v.name: float(box.parts[at].p[box.parts[at].place(v.name)])
+            for v in box.parts[at].model.of_kind("parameter")
+            if v.size == 1
+        },
+        tuple(_actuators(plan, box)),
+        Path(recorded).name,
+        found.samples,
+        float(grid.t[-1]),
+        grid.h,
+        found.iterations,
+        found.converged,
+        found.status,
+        tuple(notes),
+    )
+
+
+def unanswered(numbers: Sequence[Number], flown: Sequence[Proposal]) -> list[str]:
+    """Return a sentence on numbers that are open, and that no manoeuvre would tell either."""
+    from uuvsim_cosim.studies.identification.ambiguity import WEAK
+
+    limits = [2.0 * WEAK * abs(n.value) for n in numbers]
+    left = [
+        n.name
+        for k, n in enumerate(numbers)
+        if n.half_width > limits[k] and all(p.half_widths[k] > limits[k] for p in flown)
+    ]
+    if not left or not flown:
+        return []
+    return [
+        f"none of the {len(flown)} manoeuvres tells {', '.join(left)}: take some of them from "
+        "elsewhere (--set), and fit the others"
+    ]
+
+
+def _actuators(plan: Plan, box: GreyBox) -> Iterator[Actuator]:
+    """Return the components with fitted numbers whose thrust a wrench takes."""
+    for i in sorted({i for f in box.fitted for i, _ in f.places} - {box.hull}):
+        part = box.parts[i]
+        fitted = {n for f in box.fitted for k, n in f.places if k == i}
+        held = {n: part.start_of(n) for n in part.usual if n not in fitted}
+        for t in plan.transfers:
+            if t.source == i and t.source_variable.name == t.target_variable.name == "thrust":
+                size = int(np.prod(t.target_variable.shape, dtype=int))
+                yield Actuator(part.path, part.source, t.target_elements[0] + 1, size, held)
+
+
+def _system(system: System | str | Path) -> System:
+    if isinstance(system, System):
+        return system
+    if str(system).startswith("model:"):
+        return System("identified").add("hull", str(system))
+    from uuvsim_cosim.orchestrator.running.library import load
+
+    return load(system)
+
+
+def _hull(plan: Plan, wanted: str | None) -> int:
+    """Find the hull: the component with the connectors of one, by its path if there are more."""
+    found = {
+        c.path: i
+        for i, c in enumerate(plan.components)
+        if {"tau", "eta", "nu", "nu_r"} <= c.description.variables.keys()
+        and c.description.variables["eta"].causality == "output"
+    }
+    if wanted is not None:
+        if wanted not in found:
+            raise InputInvalid(
+                f"--hull {wanted}: expected {' or '.join(found) or 'a system with one'}"
+            )
+        return found[wanted]
+    if len(found) != 1:
+        which = f"{len(found)} hulls ({', '.join(found)})" if found else "no hull"
+        raise InputInvalid(f"the system has {which}; expected one, or --hull with its path")
+    return next(iter(found.values()))

@@ -1,0 +1,166 @@
+"""What is to be fitted: numbers by name, and the declared components that they belong to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.evaluation import Evaluation
+from uuvsim_cosim.models.declaration.model import Model
+from uuvsim_cosim.models.declaration.near_names import expected_names
+from uuvsim_cosim.models.intrinsics.table import TABLES, interpolants
+from uuvsim_cosim.orchestrator.plan.plan import Plan
+from uuvsim_cosim.orchestrator.system.resolve import resolve
+from uuvsim_cosim.orchestrator.system.sources import ModelSource
+
+__all__ = ["HULL_STATES", "Fitted", "Part", "wanted_parameters"]
+
+HULL_STATES = ("p", "q_nb", "nu_b")
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """One number to fit: the name to show, its places, where it starts, its unit and bounds."""
+
+    name: str
+    places: tuple[tuple[int, str], ...]  # component, parameter or input: all get this number
+    start: float
+    unit: str
+    low: float
+    high: float
+
+
+class Part:
+    """A component of the plan that is a declaration, with the system's own values."""
+
+    def __init__(self, plan: Plan, index: int) -> None:
+        planned = plan.components[index]
+        source = resolve(planned.source)
+        if not isinstance(source, ModelSource):
+            raise InputInvalid(
+                f"{planned.path} is {planned.description.kind} ({planned.source}), "
+                "whose equations are "
+                "not known; expected a declaration (model:…) in what is identified"
+            )
+        self.index, self.path = index, planned.path
+        self.source = source.text
+        with interpolants():
+            self.model: Model = source.declaration()
+        self.f = Evaluation(self.model)
+        start = {k: np.asarray(v, dtype=float).ravel() for k, v in planned.start.items()}
+        known = {v.name for v in self.model.of_kind("parameter")}
+        self.p = self.f.values_of("parameter", {k: v for k, v in start.items() if k in known})
+        self.inputs = {
+            v.name: np.asarray(start.get(v.name, v.start), dtype=float).ravel()
+            for v in self.model.of_kind("input")
+        }
+
+    @property
+    def is_hull(self) -> bool:
+        """Whether it has the states that every hull has."""
+        return {v.name for v in self.model.of_kind("state")} >= set(HULL_STATES)
+
+    @property
+    def calls(self) -> list[str]:
+        """The names of functions that its equations call, tables aside."""
+        found = []
+        for f in (self.f.rhs, self.f.outputs):
+            places = [k for k in range(f.n_instructions()) if f.instruction_id(k) == ca.OP_CALL]
+            nodes: Any = f.instructions_sx() if places else []
+            found += [nodes[k].which_function().name() for k in places]
+        return sorted(set(found) - TABLES.keys())
+
+    @property
+    def usual(self) -> list[str]:
+        """The names of what is one number and could be saved: parameters, the voltage."""
+        every = self.model.of_kind("parameter", "input")
+        return [v.name for v in every
+                if v.size == 1 and (v.kind == "parameter" or v.name == "voltage")]  # fmt: skip
+
+    def start_of(self, name: str) -> float:
+        """Return the system's value of a parameter, or of an input, that is one number."""
+        return float(self.inputs[name][0] if name in self.inputs else self.p[self.place(name)])
+
+    def place(self, parameter: str) -> int:
+        """Return where a parameter begins in `p`."""
+        at = 0
+        for v in self.model.of_kind("parameter"):
+            if v.name == parameter:
+                return at
+            at += v.size
+        raise KeyError(parameter)
+
+
+def wanted_parameters(plan: Plan, hull: int, texts: Sequence[str]) -> list[Fitted]:
+    """Find the parameters that texts name: ``D_q_11`` (the hull's), ``hull.m``, ``thruster_*.K_n``.
+
+    A pattern with a * is one number that all of its places share. Raises InputInvalid with all
+    that are unknown, and near names.
+    """
+    names: dict[str, tuple[int, str]] = {}
+    parts: dict[int, Part] = {}
+    sizes: dict[str, int] = {}
+    for i, c in enumerate(plan.components):
+        for v in (*c.description.of("parameter"), *_held_inputs(plan, i)):
+            names[f"{c.path}.{v.name}"] = (i, v.name)
+            sizes[f"{c.path}.{v.name}"] = int(np.prod(v.shape, dtype=int))
+    wrong, found = [], []
+    taken: set[str] = set()
+    for text in dict.fromkeys(t.strip() for t in texts if t.strip()):
+        full = text if "." in text else f"{plan.components[hull].path}.{text}"
+        hits = [n for n in names if n == full or ("*" in full and fnmatchcase(n, full))]
+        if not hits:
+            wrong.append(f"there is no parameter {text!r}; expected {expected_names(full, names)}")
+            continue
+        wide = [n for n in hits if sizes[n] != 1]
+        if wide or taken & set(hits):
+            wrong.append(
+                f"{wide[0]} has {sizes[wide[0]]} elements; expected a parameter that is one number"
+                if wide
+                else f"{text}: {', '.join(sorted(taken & set(hits)))} is named twice; expected once"
+            )
+            continue
+        taken |= set(hits)
+        for n in hits:
+            parts.setdefault(names[n][0], Part(plan, names[n][0]))
+        places = tuple(names[n] for n in hits)
+        part = parts[places[0][0]]
+        declared = part.model.variables[places[0][1]]
+        starts = [parts[i].start_of(n) for i, n in places]
+        low, high = _bounds(declared, float(np.mean(starts)))
+        found.append(Fitted(full, places, float(np.mean(starts)), declared.unit, low, high))
+    if not found and not wrong:
+        wrong = ["no parameters; expected names such as D_q_11,M_A_11,thruster_*.K_n"]
+    if wrong:
+        raise InputInvalid("--parameters: " + "; ".join(wrong))
+    return found
+
+
+def _held_inputs(plan: Plan, i: int) -> Iterator[Any]:
+    """Return the inputs that nothing feeds and that could be a constant, as a supply's voltage."""
+    fed = {t.target_variable.name for t in plan.transfers if t.target == i}
+    for v in plan.components[i].description.of("input"):
+        if v.name not in fed and v.name not in ("u", "tau", "thrust", "force") and v.shape == ():
+            yield v
+
+
+def _bounds(declared: Any, start: float) -> tuple[float, float]:
+    """Return the declared bounds; if a value cannot be negative, 1/50 to 30 times the start.
+
+    Without an end, what the data say nothing of could grow until no step is short enough.
+    """
+    low = -np.inf if declared.min is None else float(declared.min)
+    high = np.inf if declared.max is None else float(declared.max)
+    kind, _, indices = declared.name.rpartition("_")
+    brakes = kind in ("M_A", "D_l", "D_q", "D_u", "I_g", "I_b") and len(set(indices)) == 1
+    if brakes:
+        low = max(low, 0.0)
+    if start > 0 and (brakes or low >= 0.0):
+        return max(low, 0.02 * start), min(high, 30.0 * start)
+    return low, high

@@ -1,0 +1,228 @@
+"""What was identified as a named set of the vehicle, with its interval for domain randomisation.
+
+Numbers of thrusters become a set of the same name in thrusters.yaml (save_thrusters.py).
+Of the hull, the set is the one that it was declared with, the fitted numbers in the place of its
+own. Each says where it is from and its 95 % interval; both ends of the interval go into
+`published.yaml`, which `published(...)` draws from.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from urllib.parse import parse_qsl
+
+from uuvsim_cosim.cache import whole_file
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.hull_parameters import meaning_of
+from uuvsim_cosim.models.declaration.parameters import (
+    Quantity,
+    parameter_set,
+    read_yaml,
+    split_address,
+    vehicle_file,
+    vehicle_folder,
+)
+from uuvsim_cosim.models.importing.vehicle_draft import quoted, row_of
+from uuvsim_cosim.studies.identification.identify import Identified, Number
+from uuvsim_cosim.studies.identification.save_thrusters import thruster_set
+from uuvsim_cosim.studies.identification.vehicle_text import inserted, is_known, replaced, words_of
+
+__all__ = ["Saved", "address_of", "save_as"]
+
+_COPIED = ("parameters.yaml", "thrusters.yaml", "fins.yaml", "propeller.yaml", "control.yaml",
+           "published.yaml", "README.md")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Saved:
+    """A file that a set was written to, and the source that the set is used as."""
+
+    file: Path
+    source: str
+
+
+def address_of(source: str) -> tuple[str, str | None]:
+    """Return (vehicle, set) of a hull's source, such as ``model:bluerov2_heavy@wu_2018``."""
+    name, _, query = source.removeprefix("model:").partition("?")
+    options = dict(parse_qsl(query))
+    id, chosen = split_address(options.get("id", name))
+    return id, options.get("set", chosen)
+
+
+def save_as(found: Identified, name: str) -> list[Saved]:
+    """Write the set `name` into the vehicle's folder; ``folder@name`` into a copy of it at folder.
+
+    Gives the files that were written, and what each is used as. Raises InputInvalid if there is
+    such a set, or nothing to save.
+    """
+    place, set_name = split_address(name) if "@" in name else ("", name)
+    set_name = set_name or ""
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", set_name):
+        raise InputInvalid(
+            f"--save-as {name}: expected lower case letters, digits and _, as "
+            "my_fit or my_rov@my_fit"
+        )
+    id, base = address_of(found.source)
+    prefix = f"{found.hull}."
+    fitted: dict[str, Number] = {}
+    for number in found.numbers:
+        own = [p.removeprefix(prefix) for p in number.places if p.startswith(prefix)]
+        fitted |= dict.fromkeys(own, number)
+    known = {k: n for k, n in fitted.items() if is_known(n)}
+    turned = thruster_set(found, set_name, datetime.now(UTC).date().isoformat())
+    if not known and turned is None:
+        why = (
+            "the data say too little of each"
+            if fitted or found.actuators
+            else "none of the numbers is the hull's or a thruster's"
+        )
+        raise InputInvalid(f"--save-as {name}: {why}; nothing to save")
+    folder = vehicle_folder(id) if not place else _copied(id, Path(place))
+    _, data = vehicle_file(str(folder / "parameters.yaml"))
+    there = set(data["sets"]) if known else set()
+    if turned is not None:
+        there |= turned.names_in(folder)
+    if set_name in there:
+        raise InputInvalid(
+            f"--save-as {name}: {folder} has a set of this name; expected a name other than "
+            f"{', '.join(sorted(there))}"
+        )
+    address = f"{place or folder.name}@{set_name}"
+    saved = []
+    if turned is not None:
+        saved.append(Saved(turned.written(folder), f"model:{turned.model}?vehicle={address}"))
+    if known:
+        saved.append(Saved(_hull(found, id, base, known, folder, set_name, turned is not None),
+                           f"model:{address}"))  # fmt: skip
+    return saved
+
+
+def _hull(
+    found: Identified,
+    id: str,
+    base: str | None,
+    known: dict[str, Number],
+    folder: Path,
+    set_name: str,
+    with_thrusters: bool,
+) -> Path:
+    """Write the hull's set and its intervals."""
+    origin = parameter_set(id, base)
+    day = datetime.now(UTC).date().isoformat()
+    quantities = dict(origin.quantities)
+    for key, quantity in origin.quantities.items():
+        held = found.held.get(key, quantity.value)
+        if abs(held - quantity.value) > 1e-9 * abs(quantity.value):
+            quantities[key] = Quantity(held, quantity.unit, "set for the fit, not identified")
+    for key, number in known.items():
+        words = words_of(found, number, day)
+        quantities[key] = Quantity(number.value, number.unit, words)
+    also = "; its thrusters: the set of this name in thrusters.yaml" if with_thrusters else ""
+    text = _set(found, set_name, origin.name, quantities, set(known), day, also)
+    file = folder / "parameters.yaml"
+    _, data = vehicle_file(str(file))
+    replaced(file, inserted(file.read_text(encoding="utf-8"), data, text), vehicle_file)
+    _published(folder, str(data["id"]), known, found, day, set_name)
+    return file
+
+
+def _set(
+    found: Identified,
+    name: str,
+    base: str,
+    quantities: dict[str, Quantity],
+    fitted: set[str],
+    day: str,
+    also: str,
+) -> str:
+    worst = ", ".join(f"{n} {s:.2g}" for n, s in found.residuals.items())
+    rows = [
+        row_of(key, q if key in fitted else Quantity(q.value, q.unit, f"{q.source} (set {base})"))
+        for key, q in quantities.items()
+    ]
+    said = f"{found.samples} samples of {found.seconds:.4g} s; residuals (rms): {worst}"
+    cited = f"identified from {found.recording} on {day} by uuvsim identify"
+    return (
+        f"  {name}:\n"
+        f"    citation: {quoted(cited)}\n"
+        f"    obtained: {quoted(f'{said}; what was not fitted is of the set {base}{also}')}\n"
+        "    parameters:\n" + "".join(rows)
+    )
+
+
+def _published(
+    folder: Path, id: str, fitted: dict[str, Number], found: Identified, day: str, set_name: str
+) -> None:
+    """Add both ends of each interval to published.yaml."""
+    file = folder / "published.yaml"
+    data = read_yaml(file, "published.schema.json") if file.is_file() else None
+    have = dict(data["parameters"]) if data is not None else {}
+    head = (
+        "# Every published value of each number, for `published(...)` in "
+        "uuvsim_cosim/envs/randomisation/published.py.\n"
+    )
+    text = (
+        file.read_text(encoding="utf-8") if data is not None else f"{head}id: {id}\nparameters:\n"
+    )
+    lines = text.splitlines(keepends=True)
+    for key, n in fitted.items():
+        meaning = meaning_of(key)
+        least = meaning.min if meaning is not None and meaning.min is not None else None
+        if re.match(r"(M_A|D_l|D_q|D_u)_(\d)\2$", key):
+            least = 0.0
+        low = n.low if least is None else max(n.low, least)
+        end = f"identified from {found.recording} on {day}"
+        rows = "".join(
+            f"    - {{value: {v:.9g}, unit: {quoted(n.unit)}, source: "
+            f"{quoted(f'{end}: {which} end of the 95 % interval')}, set: {set_name}}}\n"
+            for v, which in ((low, "lower"), (n.high, "upper"))
+        )
+        row = next((k for k, line in enumerate(lines) if line.rstrip() == f"  {key}:"), None)
+        if key in have and row is not None:
+            lines.insert(row + 1, rows)
+        elif key not in have:
+            lines.insert(_end_of_parameters(lines), f"  {key}:\n{rows}")
+    made = "".join(lines)
+    with whole_file(file) as scratch:
+        scratch.write_text(made, encoding="utf-8")
+        read_yaml(scratch, "published.schema.json")
+
+
+def _end_of_parameters(lines: list[str]) -> int:
+    """Return the line before the key that follows `parameters`, in the lines as they are now."""
+    begun = False
+    for k, line in enumerate(lines):
+        if line.startswith("parameters:"):
+            begun = True
+        elif begun and line[:1].isalpha():
+            return k
+    return len(lines)
+
+
+def _copied(id: str, folder: Path) -> Path:
+    """Copy a vehicle's folder to a place of one's own, unless one is there."""
+    if (folder / "parameters.yaml").is_file():
+        return folder
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", folder.name):
+        raise InputInvalid(f"--save-as: folder {folder.name!r}; expected lower case, digits and _")
+    if folder.exists():
+        raise InputInvalid(f"{folder} is there, and is no vehicle; expected a name that is free")
+    source = vehicle_folder(id)
+    try:
+        folder.mkdir(parents=True)
+        for name in _COPIED:
+            if (source / name).is_file():
+                shutil.copyfile(source / name, folder / name)
+        for name in _COPIED:
+            if name.endswith(".yaml") and (folder / name).is_file():
+                text = (folder / name).read_text(encoding="utf-8")
+                own = rf"\1: {folder.name}"
+                text = re.sub(r"^(id|vehicle): .*$", own, text, count=1, flags=re.M)
+                (folder / name).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputInvalid(f"{folder}: cannot be written ({error.strerror})") from None
+    return folder

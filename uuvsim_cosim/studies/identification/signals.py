@@ -1,0 +1,373 @@
+"""A recording laid on the grid of a fit: what is fed in, step by step, and what was measured.
+
+A feed is held from its sample to the next; on the grid it is a line over each step, so that
+neither impulse nor first moment is lost. A measurement is the mean of the samples within half a
+step of a grid point; where there is none, it does not count. What is missing is refused by name,
+with names that come near.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.element_names import split_element_name
+from uuvsim_cosim.models.declaration.model import Model
+from uuvsim_cosim.models.declaration.near_names import close_names, expected_names
+from uuvsim_cosim.models.guidance.sampled_signal import Signal
+from uuvsim_cosim.orchestrator.plan.plan import Plan
+from uuvsim_cosim.orchestrator.recording.signals import Signals
+from uuvsim_cosim.orchestrator.system.resolve import resolve
+from uuvsim_cosim.orchestrator.system.sources import ModelSource
+from uuvsim_cosim.studies.identification.fitted_model import Feed, GreyBox
+
+__all__ = ["ANGLES", "MEASURED", "Grid", "Lookup", "grid_of"]
+
+Array = NDArray[np.float64]
+MEASURED = (
+    "N", "E", "D", "phi", "theta", "psi", "u", "v", "w", "p", "q", "r",
+)  # fmt: skip
+ANGLES = (3, 4, 5)
+_FORCES = {"thrust", "tau", "force"}
+_FINE, _FINEST = 0.05, 0.02  # s: the longest and the shortest step that is chosen
+_ENOUGH_STEPS, _MOST_STEPS = 1500, 8000
+
+
+@dataclass(frozen=True)
+class Grid:
+    """K + 1 points [s] a step h apart: feeds w, measured y (12, K + 1), NaN for none.
+
+    w (2 n_w, K) holds each feed's mean over a step, then its change along the step.
+    """
+
+    t: Array
+    h: float
+    w: Array
+    y: Array
+    computed: tuple[str, ...]  # what was computed from recorded signals beforehand
+    measured: tuple[str, ...]  # the signals that eta and nu were read from
+
+
+class Lookup:
+    """Signals by the system's names: as mapped, else as they are, else by their last part alone.
+
+    What is mapped may name an element, from 1: ``thruster_3.u=u[3]``.
+    """
+
+    def __init__(self, signals: Signals, mapped: Mapping[str, str]) -> None:
+        self.signals, self.mapped = signals, dict(mapped)
+        for name in self.mapped.values():
+            base, indices = split_element_name(name)
+            if name in signals:
+                continue
+            if base not in signals:
+                raise InputInvalid(
+                    f"--map: there is no signal {name!r} in the recording; expected "
+                    f"{expected_names(name, sorted(signals))}"
+                )
+            size = self.values(base).shape[1]
+            if len(indices) != 1 or not 1 <= indices[0] <= size:
+                raise InputInvalid(f"--map: {name}: expected {base}[1] to {base}[{size}]")
+
+    def find(self, name: str) -> str | None:
+        """Return the recording's name of a signal, None if there is none."""
+        if name in self.mapped:
+            return self.mapped[name]
+        for candidate in (name, name.rpartition(".")[2]):
+            if candidate in self.signals:
+                return candidate
+        return None
+
+    def values(self, name: str) -> Array:
+        """Return the values of a signal, or of an element of one, as (n, size)."""
+        base, indices = (name, ()) if name in self.signals else split_element_name(name)
+        values = np.asarray(self.signals[base], dtype=float)
+        values = values[:, None] if values.ndim == 1 else values
+        return values[:, indices[0] - 1 : indices[0]] if indices else values
+
+    def near(self, name: str) -> str:
+        """Return names that were recorded and come near; all of them if none does."""
+        every = list(self.signals)
+        close = close_names(name, every)
+        last = name.rpartition(".")[2]
+        same = [n for n in every if n.rpartition(".")[2] == last]
+        found = list(dict.fromkeys([*same[:3], *close]))
+        if found:
+            return ", ".join(found)
+        more = f" and {len(every) - 12} more" if len(every) > 12 else ""
+        return f"nothing like it, but {', '.join(sorted(every)[:12])}{more}"
+
+
+def grid_of(
+    box: GreyBox, lookup: Lookup, *, h: float | None, first: float, last: float | None
+) -> Grid:
+    """Lay the signals that `box` needs on a grid from `first` to `last` [s]."""
+    t, place = _times(lookup.signals, first, last)
+    # What drives the hull at first was fed before the recording began: that is not known.
+    begin = float(t[min(np.searchsorted(t, t[0] + max((f.delay for f in box.feeds), default=0.0)
+                                        - 1e-9), len(t) - 1)])  # fmt: skip
+    step = _step(t, h)
+    K = int(np.floor((t[-1] - begin) / step + 1e-6))
+    if not 20 <= K <= _MOST_STEPS:
+        raise InputInvalid(
+            f"the recording from {begin:g} to {t[-1]:g} s has {K} steps of {step:g} s; expected 20 "
+            f"to {_MOST_STEPS}: choose --from, --to or --step"
+        )
+    grid: Array = begin + step * np.arange(K + 1, dtype=float)
+    hull = box.plan.components[box.hull].path
+    eta, nu = lookup.find(f"{hull}.eta"), lookup.find(f"{hull}.nu")
+    wrong = []
+    if eta is None and nu is None:
+        wrong.append(f"{hull}.eta or {hull}.nu (recorded: {lookup.near(f'{hull}.nu')})")
+    supply = _Supply(box.plan, lookup, t, place)
+    columns = []
+    for feed in box.feeds:
+        column = supply.of(feed)
+        if column is None:
+            label = box.label(feed)
+            wrong.append(f"{label} (recorded: {lookup.near(label)})")
+        else:
+            columns.append(column)
+    if wrong:
+        raise InputInvalid(
+            f"the recording lacks {', '.join(dict.fromkeys(wrong))}; expected what drives "
+            f"{', '.join(p.path for p in box.parts.values())}, and what was measured of {hull} "
+            "(--map component.variable=signal says what stands for it)"
+        )
+    y = np.full((12, K + 1), np.nan)
+    for k, name in ((0, eta), (6, nu)):
+        if name is not None:
+            values = lookup.values(name)[place]
+            if values.shape[1] != 6:
+                raise InputInvalid(f"signal {name} has {values.shape[1]} elements; expected 6")
+            for j in range(6):
+                y[k + j] = _measured(t, values[:, j], grid, step, k + j in ANGLES)
+    if not np.isfinite(y).any():
+        raise InputInvalid(f"{eta or nu}: no number from {t[0]:g} to {t[-1]:g} s; expected some")
+    moments = np.array(
+        [_moments(t, c, grid, f.delay) for f, c in zip(box.feeds, columns, strict=True)]
+    ).reshape(len(box.feeds), 2, K)
+    w = np.concatenate([moments[:, 0], moments[:, 1]])
+    return Grid(
+        grid - grid[0], step, w, y, tuple(supply.computed), tuple(n for n in (eta, nu) if n)
+    )
+
+
+def _times(signals: Signals, first: float, last: float | None) -> tuple[Array, Any]:
+    time = np.asarray(signals.time, dtype=float)
+    keep = np.isfinite(time) & (time >= first) & (time <= (np.inf if last is None else last))
+    # A communication point may have been recorded twice (a restart): the first counts.
+    rising = np.zeros(len(time), bool)
+    if keep.any():
+        held = np.maximum.accumulate(np.where(keep, time, -np.inf))
+        rising = keep & np.concatenate([[True], held[1:] > held[:-1]])
+    if rising.sum() < 2:
+        span = f"{np.nanmin(time):g} to {np.nanmax(time):g} s" if len(time) else "nothing"
+        raise InputInvalid(f"no samples from {first:g} s on; the recording holds {span}")
+    place = np.flatnonzero(rising)
+    return time[place], place
+
+
+def _step(t: Array, h: float | None) -> float:
+    if h is not None:
+        if not (np.isfinite(h) and h > 0):
+            raise InputInvalid(f"--step {h:g}: expected seconds above 0")
+        return h
+    usual = float(np.median(np.diff(t)))
+    if usual >= _FINE:
+        return usual
+    # As fine as the samples, where that is not too dear: a step's error is no noise, and an
+    # interval does not know of it.
+    least = max(usual, _FINEST, (t[-1] - t[0]) / _ENOUGH_STEPS)
+    return usual * max(1.0, float(np.floor(min(least, _FINE) / usual + 1e-9)))
+
+
+def _moments(t: Array, values: Array, grid: Array, delay: float) -> Array:
+    """Return mean and change (2, K) over each step of values held from sample to sample, late.
+
+    The change is that of the line with the same mean and first moment over the step.
+    """
+    good = np.flatnonzero(np.isfinite(values))
+    if not len(good):
+        raise InputInvalid("a signal that drives the vehicle holds no number; expected some")
+    at, v = t[good], values[good]
+    impulse = np.concatenate([[0.0], np.cumsum(v[:-1] * np.diff(at))])
+    moment = np.concatenate([[0.0], np.cumsum(v[:-1] * np.diff((at - at[0]) ** 2) / 2.0)])
+
+    edges = grid - delay
+    i = np.clip(np.searchsorted(at, edges, side="right") - 1, 0, len(at) - 1)
+    upto = impulse[i] + v[i] * (edges - at[i])
+    turning = moment[i] + v[i] * ((edges - at[0]) ** 2 - (at[i] - at[0]) ** 2) / 2.0
+    h, middle = np.diff(edges), 0.5 * (edges[:-1] + edges[1:]) - at[0]
+    mean = np.diff(upto) / h
+    change = 12.0 / h**2 * (np.diff(turning) - middle * np.diff(upto))
+    return np.stack([mean, change])
+
+
+def _measured(t: Array, values: Array, grid: Array, h: float, angle: bool) -> Array:
+    good = np.isfinite(values)
+    found = np.full(len(grid), np.nan)
+    if not good.any():
+        return found
+    at, v = t[good], values[good]
+    if angle:
+        v = np.unwrap(v)
+    # A mean about a grid point is taken over an odd number of samples, so that it is not late.
+    cell = np.rint((at - grid[0]) / h).astype(int)
+    near = np.abs(at - grid[0] - cell * h) < 0.499 * h
+    cell, v, at = cell[near], v[near], at[near]
+    inside = (cell >= 0) & (cell < len(grid))
+    cell, v, at = cell[inside], v[inside], at[inside]
+    count = np.bincount(cell, minlength=len(grid))
+    some = count > 0
+    total = np.bincount(cell, v, len(grid))
+    late = np.bincount(cell, at, len(grid))
+    middle = late[some] / count[some] - grid[some]
+    mean = total[some] / count[some]
+    # Where samples are uneven about the grid point, take the slope between neighbours out; and the
+    # bend between them, by which a mean over a curve lies inside it.
+    if some.sum() > 2:
+        place = grid[some]
+        slope = np.gradient(mean, place + middle)
+        spread = np.bincount(cell, (at - grid[cell]) ** 2, len(grid))[some] / count[some]
+        bend = np.zeros(len(mean))
+        rise = np.diff(mean) / np.diff(place)
+        bend[1:-1] = 2.0 * np.diff(rise) / (place[2:] - place[:-2])
+        mean = mean - slope * middle - 0.5 * spread * bend
+    found[some] = mean
+    return found
+
+
+class _Supply:
+    """Columns of feeds over the recording's own times: recorded, computed, or a start value."""
+
+    def __init__(self, plan: Plan, lookup: Lookup, t: Array, place: Any) -> None:
+        self.plan, self.lookup, self.t, self.place = plan, lookup, t, place
+        self.computed: list[str] = []
+        self._done: dict[int, Mapping[str, Array] | None] = {}
+
+    def of(self, feed: Feed) -> Array | None:
+        """Return a feed's values (n,), None if they can neither be read nor computed."""
+        component = self.plan.components[feed.component]
+        name = self.lookup.find(f"{component.path}.{feed.variable}")
+        if name is not None:
+            values = self.lookup.values(name)[self.place]
+            e = self._column(feed, name, values.shape[1])
+            return np.asarray(feed.factor * values[:, e] + feed.offset, dtype=float)
+        if feed.free:
+            return self._start(feed)
+        made = self._simulated(feed.component)
+        if made is None:
+            return None
+        values = made[feed.variable]
+        column = values if values.ndim == 1 else values[:, feed.element]
+        return feed.factor * column + feed.offset
+
+    def _column(self, feed: Feed, name: str, width: int) -> int:
+        """Return the column of a signal that a feed is: of many commands, that of the thruster."""
+        component = self.plan.components[feed.component]
+        label = f"{component.path}.{feed.variable}"
+        shape = component.description.variables[feed.variable].shape
+        size = int(np.prod(shape, dtype=int))
+        if width == size:
+            return feed.element
+        if size == 1 and label not in self.lookup.mapped and feed.variable == "u":
+            for t in self.plan.transfers:
+                to = t.target_variable
+                if t.source == feed.component and to.name == "thrust" and to.shape == (width,):
+                    return t.target_elements[0]
+        raise InputInvalid(
+            f"signal {name} has {width} elements, and {label} has {size}; expected as many, or "
+            f"--map {label}={name}[1] for one of them"
+        )
+
+    def _start(self, feed: Feed) -> Array | None:
+        """Return the start value of an input that nothing feeds; commands and forces have none."""
+        if feed.variable in ("u", "tau", "thrust", "force"):
+            return None
+        component = self.plan.components[feed.component]
+        variable = component.description.variables[feed.variable]
+        value = component.start.get(feed.variable, variable.start)
+        flat = np.asarray(0.0 if value is None else value, dtype=float).ravel()
+        return np.full(len(self.t), flat[min(feed.element, len(flat) - 1)])
+
+    def _simulated(self, i: int) -> Mapping[str, Array] | None:
+        """Compute a declaration's outputs from recorded signals alone, once."""
+        if i not in self._done:
+            self._done[i] = None  # a loop finds nothing
+            self._done[i] = self._run(i)
+        return self._done[i]
+
+    def _run(self, i: int) -> Mapping[str, Array] | None:
+        from uuvsim_cosim.models.analysis.simulate import simulate
+
+        component = self.plan.components[i]
+        source = resolve(component.source)
+        if not isinstance(source, ModelSource):
+            return None
+        model = source.declaration()
+        if model.clocks or not _acts_at_once(model):
+            return None
+        signals: dict[str, Array] = {}
+        used = _used_inputs(model)
+        for v in model.of_kind("input"):
+            if v.name not in used:
+                continue
+            columns = []
+            for e in range(v.size):
+                column = self._into(i, v.name, e)
+                if column is None:
+                    return None
+                columns.append(column)
+            signals[v.name] = np.stack(columns, axis=1)
+        known = {v.name for v in model.of_kind("parameter")}
+        given = {k: np.asarray(v, dtype=float) for k, v in component.start.items() if k in known}
+        held = {
+            n: [Signal(self.t, np.nan_to_num(c), True) for c in columns.T]
+            for n, columns in signals.items()
+        }
+        made = simulate(
+            model,
+            at=[float(s) for s in self.t],
+            h=model.h_max,
+            inputs={n: _together(f) for n, f in held.items()},
+            parameters=given,
+        )
+        self.computed.append(component.path)
+        return {v.name: made[v.name] for v in model.of_kind("output")}
+
+    def _into(self, i: int, name: str, element: int) -> Array | None:
+        for t in self.plan.transfers:
+            if t.target == i and t.target_variable.name == name and element in t.target_elements:
+                e = t.source_elements[t.target_elements.index(element)]
+                return self.of(Feed(t.source, t.source_variable.name, e, t.factor, t.offset))
+        return self.of(Feed(i, name, element, free=True))
+
+
+def _together(signals: list[Signal]) -> Callable[[float], list[float]]:
+    return lambda s: [signal(s) for signal in signals]
+
+
+def _used_inputs(model: Model) -> set[str]:
+    """Return the inputs that a model's equations of force read; a shaft may declare more."""
+    import casadi as ca
+
+    outputs = [v.symbol for v in model.of_kind("output") if v.name in _FORCES]
+    every = ca.vertcat(*(ca.vec(e) for e in (*outputs, *model.derivatives.values())))
+    used = {s.element_hash() for s in ca.symvar(every)}
+    return {
+        v.name
+        for v in model.of_kind("input")
+        if used & {s.element_hash() for s in v.symbol.nonzeros()}
+    }
+
+
+def _acts_at_once(model: Model) -> bool:
+    """Return whether a model makes a force of a command: thruster, wrench, fin."""
+    outputs = {v.name for v in model.of_kind("output")}
+    return bool(outputs & _FORCES) and "tau_d" not in outputs

@@ -1,0 +1,56 @@
+"""What a vehicle's files gain when a fit is saved: sets behind sets, words beside numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from uuvsim_cosim.cache import whole_file
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.studies.identification.ambiguity import WEAK
+from uuvsim_cosim.studies.identification.identify import Identified, Number
+
+__all__ = ["inserted", "is_known", "replaced", "words_of"]
+
+
+def is_known(number: Number) -> bool:
+    """Return whether a number's 95 % interval is within half of it."""
+    return bool(number.half_width < 2.0 * WEAK * abs(number.value))
+
+
+def words_of(found: Identified, number: Number, day: str) -> str:
+    """Return the source of a fitted number: the recording, the day, the interval."""
+    return (
+        f"identified from {found.recording} on {day}, 95 % interval {number.low:.6g} to "
+        f"{number.high:.6g}"
+    )
+
+
+def inserted(text: str, data: Any, block: str) -> str:
+    """Put a set (indented by two) behind the last one, or begin `sets` at the file's end."""
+    lines = text.splitlines(keepends=True)
+    if lines and not lines[-1].endswith("\n"):
+        lines[-1] += "\n"
+    if "sets" not in data:
+        return "".join([*lines, "sets:\n", block])
+    keys = sorted(data.lc.key(k)[0] for k in data)
+    sets_at = data.lc.key("sets")[0]
+    end = next((k for k in keys if k > sets_at), len(lines))
+    indent = data["sets"].lc.key(next(iter(data["sets"])))[1]
+    if indent != 2:
+        block = "".join(" " * (indent - 2) + row for row in block.splitlines(keepends=True))
+    return "".join([*lines[:end], block, *lines[end:]])
+
+
+def replaced(file: Path, text: str, read: Callable[[Any], object]) -> None:
+    """Write a parameter file if `read` takes it; else leave what was there."""
+    try:
+        with whole_file(file) as scratch:
+            scratch.write_text(text, encoding="utf-8")
+            read(str(scratch))
+    except OSError as error:
+        raise InputInvalid(
+            f"{file}: cannot be written ({error.strerror}); expected a folder of your own, as "
+            "--save-as my_rov@my_fit"
+        ) from None

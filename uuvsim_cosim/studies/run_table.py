@@ -1,0 +1,140 @@
+"""The runs of a study as a table: grid points times seeds, each with all of its start values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from itertools import product
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.envs.randomisation.distributions import Choice
+from uuvsim_cosim.envs.randomisation.mass import hulls_of
+from uuvsim_cosim.envs.randomisation.randomisation import Randomisation, Vary
+from uuvsim_cosim.envs.randomisation.targets import Places, Quantity, resolved
+from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.errors import InputInvalid, Problem, SystemInvalid
+from uuvsim_cosim.studies.size import check_runs
+
+__all__ = ["Runs"]
+
+Array = NDArray[np.float64]
+
+
+@final
+class Runs:
+    """Run r is grid point r // len(seeds) under seed r % len(seeds).
+
+    A seed draws the same parameters at every grid point, and is the system's seed of its run, so
+    that grid points are compared under equal chance. Raises SystemInvalid, and InputInvalid for a
+    grid point that is no possible body.
+    """
+
+    def __init__(
+        self, drawn: Randomisation, grid: Sequence[Vary], seeds: Sequence[int], places: Places
+    ) -> None:
+        self.drawn, self.seeds, self.places = drawn, tuple(seeds), places
+        self.grid: list[Quantity] = []
+        problems: list[Problem] = []
+        for axis in grid:
+            found, wrong = resolved(places, [axis])
+            self.grid += found
+            problems += wrong
+            if len(found) > 1:
+                problems.append(
+                    Problem(axis.name, f"a grid over {len(found)} numbers at once",
+                            "one element, values that are vectors, or together: true")
+                )  # fmt: skip
+        problems += resolved(places, [*grid, *drawn.parameters])[1]
+        if problems:
+            raise SystemInvalid(list(dict.fromkeys(problems)))
+        counts = [len(_choice(q).values) for q in self.grid]
+        check_runs(math.prod(counts), len(self.seeds))
+        self.points = list(product(*(range(n) for n in counts)))
+        self._axis_u = [(np.arange(n) + 0.5) / n for n in counts]
+
+    @property
+    def n(self) -> int:
+        """The number of runs."""
+        return len(self.points) * len(self.seeds)
+
+    def point(self, run: int) -> int:
+        """Return the grid point of a run."""
+        return run // len(self.seeds)
+
+    def seed(self, run: int) -> int:
+        """Return the seed of a run."""
+        return self.seeds[run % len(self.seeds)]
+
+    @cached_property
+    def start(self) -> Mapping[str, Array]:
+        """All start values by variable, of shape (runs, *shape)."""
+        zeros = np.zeros(len(self.seeds), np.uint64)
+        words = [seed % 2**64 for seed in self.seeds]
+        once = self.drawn.draw(Draws(words, zeros)) if self.drawn.parameters else {}
+        start = {k: np.tile(v, (len(self.points), *([1] * (v.ndim - 1)))) for k, v in once.items()}
+        for k, q in enumerate(self.grid):
+            u = np.repeat([self._axis_u[k][p[k]] for p in self.points], len(self.seeds))
+            for name, values in self.places.assembled([q], {q.label: u}).items():
+                whole = start.setdefault(name, values).reshape(self.n, -1)
+                fresh = values.reshape(self.n, -1)
+                for t in (t for t in q.targets if t.name == name):
+                    whole[:, t.element] = fresh[:, t.element]
+        for hull in hulls_of(self.places, start):
+            wrong = np.flatnonzero(~hull.right(start, self.n))
+            if len(wrong):
+                at = int(wrong[0])
+                told = ", ".join(f"{k} = {float(c[at]):g}" for k, c in self.columns(start).items())
+                raise InputInvalid(
+                    f"{hull.path}: {len(wrong)} of {self.n} runs have no possible body (M not "
+                    f"positive definite, or inertia against its triangle rule), the first with "
+                    f"{told}; expected masses and inertia that agree with each other"
+                )
+        return start
+
+    def columns(self, start: Mapping[str, Array] | None = None) -> dict[str, Array]:
+        """Return what tells runs apart, a column a number: the grid first, then what is drawn."""
+        start = self.start if start is None else start
+        found: dict[str, Array] = {}
+        for _, name, element, column in self._places():
+            found[column] = start[name].reshape(self.n, -1)[:, element]
+        return found
+
+    def _places(self) -> list[tuple[Quantity, str, int, str]]:
+        found: list[tuple[Quantity, str, int, str]] = []
+        for q in [*self.grid, *(self.drawn.quantities if self.drawn.parameters else ())]:
+            alike = all(
+                (t.distribution, t.factor, t.offset)
+                == (q.targets[0].distribution, q.targets[0].factor, q.targets[0].offset)
+                for t in q.targets
+            )
+            if alike:
+                found.append((q, q.targets[0].name, q.targets[0].element, q.label))
+                continue
+            for t in q.targets:
+                shape = self.places.variables[t.name].shape
+                index = [str(int(i) + 1) for i in np.unravel_index(t.element, shape)]
+                text = f"{t.name}[{','.join(index)}]" if shape else t.name
+                found.append((q, t.name, t.element, text))
+        return found
+
+    def about(self) -> list[dict[str, Any]]:
+        """Describe each column: its unit, and whether it is a grid's axis or drawn."""
+        axes = {id(q) for q in self.grid}
+        return [
+            {
+                "name": column,
+                "unit": self.places.variables[name].unit_of_element(element) or "1",
+                "kind": "grid" if id(q) in axes else "drawn",
+            }
+            for q, name, element, column in self._places()
+        ]
+
+
+def _choice(q: Quantity) -> Choice:
+    found = q.targets[0].distribution
+    assert isinstance(found, Choice)
+    return found

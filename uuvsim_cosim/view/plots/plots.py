@@ -1,0 +1,228 @@
+"""Panels over time: lines and bands, rows of filled bars, and sticks for a direction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from uuvsim_cosim.view.plots.svg import (
+    Scale,
+    decimate,
+    nice_ticks,
+    path,
+    polygon,
+    text,
+    time_ticks,
+)
+from uuvsim_cosim.view.recorded.traces import Array
+
+__all__ = ["Band", "Frame", "Line", "Panel", "Rows", "Sticks", "TimePanel", "unwrapped_degrees"]
+
+BINS = 420
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The size of a panel and the margins around its plotting area [px]."""
+
+    width: float = 560
+    height: float = 176
+    left: float = 46
+    right: float = 12
+    top: float = 8
+    bottom: float = 24
+
+    def time_scale(self, time: Array) -> Scale:
+        """Return the scale of the time axis."""
+        return Scale(float(time[0]), float(time[-1]), self.left, self.width - self.right)
+
+
+@dataclass(frozen=True)
+class Line:
+    """A curve over time; `style` is one of the page's classes, `digits` those of its read-out."""
+
+    label: str
+    value: Array
+    style: str
+    digits: int = 2
+    dashed: bool = False
+    readout_only: bool = False
+
+
+@dataclass(frozen=True)
+class Band:
+    """A filled region between two curves over time."""
+
+    label: str
+    low: Array
+    high: Array
+    style: str = "band"
+
+
+@dataclass(frozen=True)
+class Panel:
+    """What every panel has: a title, a unit, and lines whose values are read out on hovering."""
+
+    title: str
+    unit: str
+    lines: Sequence[Line] = ()
+
+    def draw(self, time: Array, frame: Frame) -> str:
+        """Return the inside of an SVG of the frame's size."""
+        raise NotImplementedError
+
+
+def _time_axis(time: Array, frame: Frame) -> str:
+    x = frame.time_scale(time)
+    ticks, unit, size = time_ticks(float(time[0]), float(time[-1]), int(frame.width / 95))
+    bottom = frame.height - frame.bottom
+    parts: list[str] = []
+    for tick in ticks:
+        px = float(x(tick))
+        parts.append(f'<path class="grid" d="M{px:.1f} {frame.top:g}V{bottom:g}"/>')
+        label = f"{tick / size:g}" + (f" {unit}" if tick == ticks[-1] else "")
+        anchor = "end" if px > frame.width - frame.right - 12 else "middle"
+        parts.append(text(px, bottom + 15, label, "tick", anchor))
+    return "".join(parts)
+
+
+def _value_axis(y: Scale, frame: Frame, count: int) -> str:
+    parts: list[str] = []
+    for tick in nice_ticks(y.low, y.high, count):
+        py = float(y(tick))
+        style = "zero" if tick == 0 else "grid"
+        parts.append(
+            f'<path class="{style}" d="M{frame.left:g} {py:.1f}H{frame.width - frame.right:g}"/>'
+        )
+        parts.append(text(frame.left - 6, py + 3.5, f"{tick:g}".replace("-", "−"), "tick", "end"))
+    return "".join(parts)
+
+
+@dataclass(frozen=True)
+class TimePanel(Panel):
+    """Curves and bands over time; `down` puts positive values below, as depth is drawn."""
+
+    bands: Sequence[Band] = ()
+    down: bool = False
+    include: Sequence[float] = ()
+    least_span: float = 0.0
+
+    def limits(self) -> tuple[float, float]:
+        """Return the range of the value axis: all of the lines, most of the bands."""
+        lines = [line.value for line in self.lines if not line.readout_only]
+        low, high = _range(lines, self.include)
+        for band in self.bands:  # as it is most of the time; at the start it may be far wider
+            low = min(low, 1.25 * float(np.nanpercentile(band.low, 15)))
+            high = max(high, 1.25 * float(np.nanpercentile(band.high, 85)))
+        span = max(high - low, self.least_span, 1e-9)
+        middle = 0.5 * (low + high)
+        return middle - 0.55 * span, middle + 0.55 * span
+
+    def draw(self, time: Array, frame: Frame) -> str:
+        """Return the inside of an SVG of the frame's size."""
+        low, high = self.limits()
+        bottom = frame.height - frame.bottom
+        y = (
+            Scale(low, high, frame.top, bottom)
+            if self.down
+            else Scale(low, high, bottom, frame.top)
+        )
+        x = frame.time_scale(time)
+        parts = [_time_axis(time, frame), _value_axis(y, frame, max(3, int(frame.height / 34)))]
+        every = max(1, len(time) // BINS)
+        for band in self.bands:
+            limit = [np.clip(v[::every], low, high) for v in (band.low, band.high)]
+            parts.append(polygon(x(time[::every]), y(limit[0]), y(limit[1]), band.style))
+        for line in self.lines:
+            if line.readout_only:
+                continue
+            t, v = decimate(time, line.value, BINS)
+            style = f"line {line.style}" + (" dash" if line.dashed else "")
+            parts.append(path(x(t), y(v), style))
+        return "".join(parts)
+
+
+def _range(values: Sequence[Array], include: Sequence[float]) -> tuple[float, float]:
+    finite = [v[np.isfinite(v)] for v in values]
+    lows = [float(v.min()) for v in finite if v.size] + list(include)
+    highs = [float(v.max()) for v in finite if v.size] + list(include)
+    return (min(lows), max(highs)) if lows else (0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Rows(Panel):
+    """One row for each line on a common scale, filled from zero: the mean and the extremes."""
+
+    def draw(self, time: Array, frame: Frame) -> str:
+        """Return the inside of an SVG of the frame's size."""
+        reach = max((float(np.nanmax(np.abs(v.value), initial=0.0)) for v in self.lines),
+                    default=0.0) or 1.0  # fmt: skip
+        top = frame.top + 12
+        row = (frame.height - top - frame.bottom) / max(len(self.lines), 1)
+        x = frame.time_scale(time)
+        size = max(1, len(time) // BINS)
+        whole = len(time) // size
+        parts = [_time_axis(time, frame)]
+        px = x(time[: whole * size].reshape(whole, size).mean(axis=1))
+        for number, line in enumerate(self.lines):
+            middle = top + row * (number + 0.5)
+            y = Scale(-reach, reach, middle + 0.48 * row, middle - 0.48 * row)
+            block = line.value[: whole * size].reshape(whole, size)
+            low, high, mean = block.min(axis=1), block.max(axis=1), block.mean(axis=1)
+            zero = np.full(whole, middle)
+            parts.append(polygon(px, y(np.minimum(low, 0)), y(np.maximum(high, 0)), "extreme"))
+            parts.append(polygon(px, zero, y(np.maximum(mean, 0)), "ahead"))
+            parts.append(polygon(px, y(np.minimum(mean, 0)), zero, "astern"))
+            right = frame.width - frame.right
+            parts.append(f'<path class="grid" d="M{frame.left:g} {middle:.1f}H{right:g}"/>')
+            parts.append(text(frame.left - 6, middle + 3.5, line.label, "tick", "end"))
+        right = frame.width - frame.right
+        parts.append(f'<path class="axis" d="M{right + 3:g} {top:.1f}v{row:.1f}"/>')
+        said = f"height of a row: ±{reach:.3g} {self.unit}"
+        return "".join(parts) + text(right + 3, top - 4, said, "tick", "end")
+
+
+@dataclass(frozen=True)
+class Sticks(Panel):
+    """Sticks along time that point where a horizontal vector points: up is north, right east."""
+
+    north: Array | None = None
+    east: Array | None = None
+
+    def draw(self, time: Array, frame: Frame) -> str:
+        """Return the inside of an SVG of the frame's size."""
+        if self.north is None or self.east is None:
+            return ""
+        x = frame.time_scale(time)
+        speed = np.hypot(self.north, self.east)
+        reach = float(np.nanmax(speed, initial=0.0)) or 1.0
+        bottom = frame.height - frame.bottom
+        up = max(float(np.nanmax(self.north)), 0.0)
+        down = max(float(np.nanmax(-self.north)), 0.0)
+        scale = min((bottom - frame.top - 10) / max(up + down, 0.5 * reach), 46.0 / reach)
+        spare = bottom - frame.top - (up + down) * scale
+        middle = frame.top + 0.5 * spare + up * scale
+        picks = np.linspace(0, len(time) - 1, min(len(time), 130)).astype(int)
+        parts = [_time_axis(time, frame)]
+        right = frame.width - frame.right
+        parts.append(f'<path class="zero" d="M{frame.left:g} {middle:.1f}H{right:g}"/>')
+        sticks = "".join(
+            f"M{float(x(time[i])):.1f} {middle:.1f}"
+            f"l{self.east[i] * scale:.1f} {-self.north[i] * scale:.1f}"
+            for i in picks
+            if np.isfinite(speed[i])
+        )
+        parts.append(f'<path class="line {self.lines[0].style} thin" d="{sticks}"/>')
+        key = nice_ticks(0, reach, 2)[1] if len(nice_ticks(0, reach, 2)) > 1 else reach
+        parts.append(
+            f'<path class="axis" d="M{frame.left - 10:g} {middle:.1f}v{-key * scale:.1f}"/>'
+        )
+        parts.append(text(2, middle + 12, f"{key:g} {self.unit}", "tick"))
+        return "".join(parts)
+
+
+def unwrapped_degrees(angle: Array) -> Array:
+    """Return an angle [rad] in degrees without jumps at ±180."""
+    return np.degrees(np.unwrap(angle))

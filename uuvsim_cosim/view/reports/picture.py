@@ -1,0 +1,111 @@
+"""A run as one static SVG for a README or a paper: the report's panels, without its scripts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.view.plots.palette import picture_styles
+from uuvsim_cosim.view.plots.plots import Frame, Panel, Rows, TimePanel
+from uuvsim_cosim.view.plots.svg import text
+from uuvsim_cosim.view.recorded.metrics import figures
+from uuvsim_cosim.view.recorded.traces import Traces
+from uuvsim_cosim.view.reports.panels import lead_panels, sections, track_of
+
+__all__ = ["picture_svg", "write_picture"]
+
+WIDTH, GAP, MARGIN, HEAD = 1200.0, 14.0, 18.0, 30.0
+
+
+def picture_svg(traces: Traces, provenance: Mapping[str, Any]) -> str:
+    """Return the picture: key figures, the track, and four panels over time beside it."""
+    waypoints = provenance.get("waypoints")
+    path = None if waypoints is None else np.asarray(waypoints, dtype=float)
+    track = track_of(traces, path)
+    if track is None:
+        raise InputInvalid("the run has no signal hull.eta; expected a vehicle's mission")
+    left = 640.0
+    track = replace(track, width=left - 24, tallest=560)
+    _, _, track_height = track.scales()
+    below = {s.title: s.panels for s in sections(traces)}
+    extra = list(below.get("Thrust", []))[:1]
+    panels = [*lead_panels(traces, path)[:2], *_navigation(below), *extra][:4]
+    tall = track_height + HEAD + 16
+    top = 62.0
+    parts = [_title(traces, provenance, path)]
+    parts.append(_card(MARGIN, top, left, tall, "Track, seen from above [m]", track.draw(),
+                       _keys(track.estimate is not None)))  # fmt: skip
+    right = WIDTH - left - GAP - 2 * MARGIN
+    shares = np.array([1.7 if isinstance(panel, Rows) else 1.0 for panel in panels])
+    heights = (tall - GAP * (len(panels) - 1)) * shares / shares.sum()
+    y = top
+    for panel, each in zip(panels, heights, strict=True):
+        frame = Frame(width=right - 24, height=each - HEAD - 10, bottom=20, top=4)
+        title = f"{panel.title} [{panel.unit}]"
+        inside = panel.draw(traces.time, frame)
+        parts.append(_card(MARGIN + left + GAP, y, right, each, title, inside, ""))
+        y += each + GAP
+    height = top + tall + MARGIN
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:g} {height:.0f}" '
+        f'width="{WIDTH:g}" height="{height:.0f}"><style>{picture_styles()}</style>'
+        f'<rect class="page" width="{WIDTH:g}" height="{height:.0f}" rx="14"/>'
+        + "".join(parts)
+        + "</svg>\n"
+    )
+
+
+def write_picture(traces: Traces, provenance: Mapping[str, Any], out: str | Path) -> Path:
+    """Write the picture as SVG and give its path."""
+    out = Path(out)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    out.write_text(picture_svg(traces, provenance), encoding="utf-8")
+    return out
+
+
+def _navigation(below: Mapping[str, Sequence[Panel]]) -> list[Panel]:
+    found: Sequence[Panel] = next(
+        (panels for title, panels in below.items() if title.startswith("Nav")), []
+    )
+    return [
+        replace(p, title=f"Navigation error, {p.title.lower()}, and ±3 σ")
+        for p in found[:1]
+        if isinstance(p, TimePanel)
+    ]
+
+
+def _title(traces: Traces, provenance: Mapping[str, Any], path: Any) -> str:
+    shown = ("cross_track_rms", "cross_track_max", "navigation_horizontal_rms", "energy")
+    said = "   ·   ".join(f"{f.label} {f}" for f in figures(traces, path) if f.key in shown)
+    name = provenance.get("system", "run")
+    return (
+        f'<text x="{MARGIN + 2}" y="27" class="ink" style="font-size:18px;font-weight:650">'
+        f"{name}</text>" + text(MARGIN + 2, 48, said, "tick")
+    )
+
+
+def _card(x: float, y: float, w: float, h: float, title: str, inside: str, keys: str) -> str:
+    return (
+        f'<g transform="translate({x:.1f} {y:.1f})">'
+        f'<rect class="card" width="{w:.1f}" height="{h:.1f}" rx="10"/>'
+        + text(14, 20, title, "heading")
+        + f'<g transform="translate({w - 14:.1f} 20)">{keys}</g>'
+        + f'<g transform="translate(12 {HEAD:g})">{inside}</g></g>'
+    )
+
+
+def _keys(estimate: bool) -> str:
+    entries = [("line desired dash", "path"), ("line truth thick", "true")]
+    if estimate:
+        entries.append(("line estimate", "estimate"))
+    entries.append(("current", "current"))
+    parts, x = [], 0.0
+    for style, label in reversed(entries):
+        x -= 6.2 * len(label) + 26
+        parts.append(f'<path class="{style}" d="M{x:.0f} -4h16"/>' + text(x + 21, 0, label, "tick"))
+    return "".join(parts)

@@ -1,0 +1,94 @@
+"""Where a run came from, as HTML: version, seed, changes, components, notes and formulas."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from uuvsim_cosim.view.plots.svg import escape
+
+__all__ = ["provenance_html"]
+
+SHOWN = (
+    ("system", "System"),
+    ("source", "Source"),
+    ("version", "uuvsim-cosim"),
+    ("seed", "Seed"),
+    ("backend", "Components run as"),
+    ("until", "Until [s]"),
+    ("tick", "Communication step [s]"),
+    ("steps", "Communication steps"),
+    ("record_every", "Recorded every (steps)"),
+    ("wall_time", "Wall time [s]"),
+    ("real_time_factor", "Real-time factor"),
+    ("started", "Started"),
+    ("python", "Python"),
+    ("platform", "Platform"),
+    ("command", "Command"),
+)
+FORMULAS = (
+    "Cross-track error: horizontal distance of the true position to the nearest point of the "
+    "polyline through the waypoints, positive to starboard. RMS and max are over all samples "
+    "after the approach, which ends when the distance is first at most 1 m.",
+    "Navigation error: estimate minus truth at the same communication point, so delays count; "
+    "horizontal RMS = √mean(e_N² + e_E²). Inside 3 σ: share of samples with |e| ≤ 3 σ, mean of "
+    "the axes; a consistent Gaussian filter has 99.7 %.",
+    "Energy: what the battery integrates, ∫ V I dt; without that output, by trapezoids from "
+    "voltage and total current.",
+    "Curves are drawn through the least and greatest sample of each pixel column or two; all "
+    "samples are in signals.parquet.",
+)
+
+
+def provenance_html(provenance: Mapping[str, Any]) -> str:
+    """Return the sections below the plots; what is not known is left out."""
+    rows = [
+        (label, _shown(provenance[key]))
+        for key, label in SHOWN
+        if provenance.get(key) not in (None, "")
+    ]
+    changes = provenance.get("changes") or {}
+    rows += [(f"Changed: {kind}", _shown(value)) for kind, value in changes.items() if value]
+    parts = ["<h2>Where this comes from</h2>"]
+    if rows:
+        cells = "".join(f"<tr><th>{escape(k)}</th><td>{escape(v)}</td></tr>" for k, v in rows)
+        parts.append(f'<div class="card"><table>{cells}</table></div>')
+    for key, title in (("notes", "Notes: what was assumed"), ("warnings", "Warnings")):
+        if provenance.get(key):
+            parts.append(_listed(title, provenance[key], opened=True))
+    if provenance.get("components"):
+        parts.append(_components(provenance["components"]))
+    parts.append(_listed("How the figures are computed", FORMULAS))
+    version = escape(provenance.get("version", ""))
+    parts.append(f"<footer>Written by uuvsim-cosim {version}. This file needs no network.</footer>")
+    return "".join(parts)
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{k} = {_shown(v)}" for k, v in value.items())
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return ", ".join(_shown(v) for v in value)
+    return str(value)
+
+
+def _listed(title: str, items: Sequence[str], *, opened: bool = False) -> str:
+    inside = "".join(f"<li>{escape(item)}</li>" for item in items)
+    state = " open" if opened else ""
+    head = f'<details class="card"{state}><summary>{escape(title)}</summary>'
+    return f"{head}<ul>{inside}</ul></details>"
+
+
+def _components(components: Sequence[Mapping[str, Any]]) -> str:
+    head = "<tr><th>Component</th><th>Kind</th><th>Source</th><th>Step [s]</th></tr>"
+    rows = "".join(
+        f"<tr><td>{escape(c.get('path', ''))}</td><td>{escape(c.get('kind', ''))}</td>"
+        f"<td>{escape(c.get('source', ''))}</td><td>{escape(_shown(c.get('step', '')))}</td></tr>"
+        for c in components
+    )
+    return (
+        f'<details class="card"><summary>{len(components)} components</summary>'
+        f"<table>{head}{rows}</table></details>"
+    )

@@ -1,0 +1,150 @@
+"""Pictures of the benchmark: learning curves with their spread, and an episode from above."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from uuvsim_cosim.view.plots.svg import Scale, escape, nice_ticks, path, polygon, text
+from uuvsim_cosim.view.recorded.traces import Array
+
+__all__ = ["Curve", "Panel", "curves_svg", "episode_svg"]
+
+COLOURS = ("#1f5fa8", "#c2571a", "#3d8a4c", "#8c4a9e", "#7a6a2b", "#555c66")
+SIZE = (330.0, 220.0)  # of a panel, pixels
+LEFT, TOP, RIGHT, BOTTOM = 46.0, 30.0, 10.0, 34.0
+PER_METRE = 95.0
+STYLE = (
+    ".page{fill:#fff}.frame{fill:none;stroke:#9aa3ad}.grid{stroke:#e3e7eb}"
+    "text{font:11px system-ui,sans-serif;fill:#28303a}.title{font-weight:600;font-size:12px}"
+    ".muted{fill:#5b6672}.yard{stroke:#28303a;stroke-dasharray:5 4;fill:none}"
+    ".obstacle{fill:#b9c0c8;stroke:#7d868f}.safe{fill:none;stroke:#b9c0c8;stroke-dasharray:3 3}"
+    + "".join(
+        f".c{i}{{fill:none;stroke:{c};stroke-width:1.8}}.a{i}{{fill:{c};opacity:.18}}"
+        f".d{i}{{fill:{c}}}.t{i}{{fill:{c}}}"
+        for i, c in enumerate(COLOURS)
+    )
+)
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Evaluations of one way of learning: each seed's row over common steps."""
+
+    name: str
+    x: Array  # (k,)
+    y: Array  # (seeds, k)
+
+
+@final
+@dataclass(frozen=True)
+class Panel:
+    """One scenario: curves, and the hand-written controller's value, a dashed line."""
+
+    title: str
+    x_label: str
+    curves: Sequence[Curve]
+    yardstick: float | None = None
+
+
+def curves_svg(panels: Sequence[Panel], y_label: str, size: tuple[float, float] = SIZE) -> str:
+    """Return panels side by side: medians of seeds, and all between their least and greatest.
+
+    `size` is that of a panel, in pixels.
+    """
+    ways = list(dict.fromkeys(c.name for p in panels for c in p.curves))
+    wide = size[0] * max(len(panels), 1)
+    parts = [_panel(p, k * size[0], ways, y_label, size) for k, p in enumerate(panels)]
+    words = [(f"c{i % 6}", name) for i, name in enumerate(ways)]
+    if any(p.yardstick is not None for p in panels):
+        words.append(("yard", "hand-written controller"))
+    x, high = LEFT, size[1] + 18.0
+    for kind, name in words:
+        if x > LEFT and x + 23 + 6.2 * len(name) > wide:
+            x, high = LEFT, high + 18.0
+        parts.append(f'<path class="{kind}" d="M{x:.1f} {high - 9:.1f}h18"/>')
+        parts.append(text(x + 23, high - 5, name, "muted"))
+        x += 40 + 6.2 * len(name)
+    return _whole(wide, high, parts)
+
+
+def episode_svg(
+    episode: Mapping[str, Array], trackers: int, arena: tuple[float, float], title: str
+) -> str:
+    """Return an episode from above, north up: paths, ends as dots, obstacles with d_so around.
+
+    `episode` has columns x_1, y_1, …, x_T, y_T, x_o1, y_o1, r_o1, … [m]; `arena` is its size.
+    """
+    wide, tall = (PER_METRE * s for s in (arena[1], arena[0]))
+    sx = Scale(-arena[1] / 2, arena[1] / 2, 10.0, 10.0 + wide)
+    sy = Scale(-arena[0] / 2, arena[0] / 2, 24.0 + tall, 24.0)
+    frame = f'<rect class="frame" x="10" y="24" width="{wide:.1f}" height="{tall:.1f}"/>'
+    parts = [text(10, 15, title, "title"), frame]
+    k = 1
+    while f"x_o{k}" in episode:
+        x, y, r = (float(episode[f"{a}_o{k}"][-1]) for a in "xyr")
+        for kind, radius in (("obstacle", r), ("safe", r + 0.38)):
+            parts.append(
+                f'<circle class="{kind}" cx="{float(sx(y)):.1f}" cy="{float(sy(x)):.1f}" '
+                f'r="{radius * PER_METRE:.1f}"/>'
+            )
+        k += 1
+    names = [*(f"{i + 1}" for i in range(trackers)), "T"]
+    for i, name in enumerate(names):
+        colour = 5 if name == "T" else i % 5
+        px, py = sx(episode[f"y_{name}"]), sy(episode[f"x_{name}"])
+        parts.append(path(px, py, f"c{colour}"))
+        parts.append(f'<circle class="d{colour}" cx="{px[-1]:.1f}" cy="{py[-1]:.1f}" r="4.5"/>')
+        word = "target" if name == "T" else f"tracker {name}"
+        parts.append(text(12 + 90 * i, 24 + tall + 17, word, f"t{colour}"))
+    return _whole(wide + 20, tall + 50, parts)
+
+
+def _panel(
+    panel: Panel, at: float, ways: Sequence[str], y_label: str, size: tuple[float, float]
+) -> str:
+    width, height = size
+    given = [c for c in panel.curves if c.y.size]
+    values = [0.0, *(v for c in given for v in (c.y.min(), c.y.max()))]
+    values += [] if panel.yardstick is None else [panel.yardstick]
+    if not given:
+        return text(at + LEFT, TOP - 12, f"{panel.title}: not yet run", "title")
+    low, top = min(values), max(values)
+    pad = 0.05 * (top - low or 1.0)
+    sx = Scale(0.0, max(float(c.x[-1]) for c in given), at + LEFT, at + width - RIGHT)
+    sy = Scale(low - pad, top + pad, height - BOTTOM, TOP)
+    parts = [text(at + LEFT, TOP - 12, panel.title, "title")]
+    for tick in nice_ticks(sy.low, sy.high):
+        y = float(sy(tick))
+        parts.append(f'<path class="grid" d="M{sx.start:.1f} {y:.1f}H{sx.end:.1f}"/>')
+        parts.append(text(sx.start - 5, y + 4, f"{tick:g}", "muted", "end"))
+    for tick in nice_ticks(sx.low, sx.high, 3):
+        word = f"{tick / 1000:g}k" if tick >= 1000 else f"{tick:g}"
+        parts.append(text(float(sx(tick)), height - BOTTOM + 15, word, "muted", "middle"))
+    parts.append(text((sx.start + sx.end) / 2, height - 5, panel.x_label, "muted", "middle"))
+    parts.append(text(at + width - RIGHT, TOP - 12, y_label, "muted", "end"))
+    if panel.yardstick is not None:
+        y = float(sy(panel.yardstick))
+        parts.append(f'<path class="yard" d="M{sx.start:.1f} {y:.1f}H{sx.end:.1f}"/>')
+    for c in given:
+        i = ways.index(c.name) % 6
+        if len(c.y) > 1:
+            parts.append(polygon(sx(c.x), sy(c.y.min(axis=0)), sy(c.y.max(axis=0)), f"a{i}"))
+        parts.append(path(sx(c.x), sy(np.median(c.y, axis=0)), f"c{i}"))
+    return "".join(parts)
+
+
+def _whole(width: float, height: float, parts: Sequence[str]) -> str:
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.0f}" height="{height:.0f}" '
+        f'viewBox="0 0 {width:.0f} {height:.0f}"><style>{escape_style(STYLE)}</style>'
+        f'<rect class="page" width="100%" height="100%"/>{"".join(parts)}</svg>\n'
+    )
+
+
+def escape_style(style: str) -> str:
+    """Return a style sheet as SVG holds it."""
+    return escape(style).replace("&quot;", '"').replace("&#39;", "'")

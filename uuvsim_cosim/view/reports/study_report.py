@@ -1,0 +1,231 @@
+"""The one-file report of a study, from its folder: intervals, pictures, and what was asked."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.view.plots.palette import page_styles
+from uuvsim_cosim.view.plots.study_plots import STYLES, Course, card, grid_lines, histogram, scatter
+from uuvsim_cosim.view.plots.svg import escape
+from uuvsim_cosim.view.recorded.traces import Array
+
+__all__ = ["study_html", "write_study_report"]
+
+MOST_SCATTERS = 4
+MOST_ROWS = 60
+STYLE = (
+    ".bar{fill:var(--truth)}.dots{fill:none;stroke:var(--truth);stroke-width:5;"
+    "stroke-linecap:round;opacity:.45}.area{stroke:none;opacity:.18}"
+    + "".join(f".area.{s},.point.{s}{{fill:var(--{s})}}" for s in STYLES)
+    + ".point{stroke:none}h2 code{font-weight:400;color:var(--muted);font-size:13px;"
+    "margin-left:10px}.wide{overflow-x:auto}.note{color:var(--muted);font-size:13px}"
+)
+
+
+def write_study_report(folder: str | Path) -> Path:
+    """Write report.html into a study's folder; raises InputInvalid if it is none."""
+    import pyarrow.parquet as pq
+
+    folder = Path(folder)
+    try:
+        about = json.loads((folder / "study.json").read_text(encoding="utf-8"))
+        table = pq.read_table(folder / "runs.parquet")
+        columns = {n: table[n].to_numpy() for n in table.column_names if n != "failure"}
+        page = study_html(about, columns, table["failure"].to_pylist())
+    except (OSError, ValueError, KeyError) as error:
+        raise InputInvalid(f"{folder}: is no finished study ({error}); expected one") from None
+    path = folder / "report.html"
+    path.write_text(page, encoding="utf-8")
+    return path
+
+
+def study_html(
+    about: Mapping[str, Any], columns: Mapping[str, Array], failures: Sequence[str | None]
+) -> str:
+    """Return the report as one HTML page."""
+    grid = [p for p in about["parameters"] if p["kind"] == "grid" and _varies(columns, p)]
+    body = [
+        f"<header><h1>{escape(about['name'])}</h1><p>{escape(_subtitle(about))}</p></header>",
+        *(f"<p>{escape(remark)}</p>" for remark in about["remarks"]),
+    ]
+    body += [_section(metric, about, grid, columns) for metric in about["metrics"]]
+    body += [_table(about, grid), _failures(failures, columns), _asked(about)]
+    return (
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width,initial-scale=1">'
+        f"<title>{escape(about['name'])} · uuvsim study</title>\n"
+        f"<style>{page_styles()}{STYLE}</style></head>\n"
+        f"<body><main>{''.join(body)}</main></body></html>\n"
+    )
+
+
+def _varies(columns: Mapping[str, Array], parameter: Mapping[str, Any]) -> bool:
+    return len(np.unique(columns[parameter["name"]])) > 1
+
+
+def _subtitle(about: Mapping[str, Any]) -> str:
+    points = len({i["point"] for i in about["intervals"]})
+    parts = [
+        f"{about['system']}, {about['duration']:g} s",
+        f"{about['runs']} runs"
+        + (f": {points} grid points, {about['runs'] // points} seeds" if points > 1 else ""),
+    ]
+    if about["failed"]:
+        parts.append(f"{about['failed']} failed")
+    return " · ".join(parts)
+
+
+def _section(
+    metric: Mapping[str, Any], about: Mapping[str, Any], grid: Sequence[Mapping[str, Any]],
+    columns: Mapping[str, Array],
+) -> str:  # fmt: skip
+    name, unit = metric["name"], metric["unit"]
+    values = columns[name]
+    cards = []
+    if grid:
+        cards.append(_along(name, unit, about, grid))
+    cards.append(card("number of runs by value", unit, histogram(values),
+                      [("estimate dash", "median")]))  # fmt: skip
+    here, where = _widest(name, about, grid, columns)
+    ranks = about["rank correlation"][name]
+    drawn = [p for p in about["parameters"] if p["kind"] == "drawn" and _varies(columns, p)]
+    known = [p for p in drawn if ranks[p["name"]] is not None]
+    best = sorted(known, key=lambda p: -abs(ranks[p["name"]]))[:MOST_SCATTERS]
+    for p in best:
+        title = f"against {p['name']}, rank correlation {ranks[p['name']]:+.2f}"
+        picture = scatter(columns[p["name"]][here], values[here], _with_unit(p))
+        cards.append(card(title.replace("-", "−"), "", picture))
+    notes = []
+    if best and where:
+        notes.append(f"Dots are the runs at {where}, where they differ most; rank correlations are "
+                     "within grid points, over all of them.")  # fmt: skip
+    if len(known) > len(best):
+        notes.append(f"{len(known) - len(best)} more parameters have less rank correlation.")
+    rest = f'<p class="note">{escape(" ".join(notes))}</p>' if notes else ""
+    return (
+        f"<h2>{escape(name)} {escape(f'[{unit}]' if unit not in ('', '1') else '')}"
+        f"<code>{escape(metric['expression'])}</code></h2>"
+        f'<div class="grid3">{"".join(cards)}</div>{rest}'
+    )
+
+
+def _widest(
+    name: str, about: Mapping[str, Any], grid: Sequence[Mapping[str, Any]],
+    columns: Mapping[str, Array],
+) -> tuple[Array, str]:  # fmt: skip
+    """Return the runs of the grid point where a metric varies most, and what is set there."""
+    rows = [i for i in about["intervals"] if i["metric"] == name and i["std"] is not None]
+    if not grid or not rows:
+        return np.ones(len(columns["point"]), bool), ""
+    row = max(rows, key=lambda i: i["std"])
+    where = ", ".join(f"{p['name']} = {row['at'][p['name']]:g} {p['unit']}" for p in grid)
+    return columns["point"] == row["point"], where
+
+
+def _along(
+    name: str, unit: str, about: Mapping[str, Any], grid: Sequence[Mapping[str, Any]]
+) -> str:
+    """Draw means along the grid's longest axis, a course for each value of the next."""
+    rows = [i for i in about["intervals"] if i["metric"] == name]
+    count = {p["name"]: len({r["at"][p["name"]] for r in rows}) for p in grid}
+    axes = sorted(grid, key=lambda p: -count[p["name"]])
+    axis, others = axes[0], axes[1:]
+    if others and count[others[0]["name"]] > len(STYLES):
+        others = []
+    courses = []
+    for value in sorted({r["at"][others[0]["name"]] for r in rows}) if others else [None]:
+        mine = [r for r in rows if value is None or r["at"][others[0]["name"]] == value]
+        x = sorted({r["at"][axis["name"]] for r in mine})
+        stacks = {
+            k: [[_float(r[k]) for r in mine if r["at"][axis["name"]] == at] for at in x]
+            for k in ("mean", "low", "high")
+        }
+        label = "" if value is None else f"{others[0]['name']} = {value:g} {others[0]['unit']}"
+        courses.append(
+            Course(label, np.array(x), *(np.array([_mean(s) for s in stacks[k]])
+                                         for k in ("mean", "low", "high")))
+        )  # fmt: skip
+    left = len(axes) - 1 - len(others[:1])
+    title = "mean with 95 % interval" + (f", over {left} other axes" if left else "")
+    keys = [(s, c.label) for s, c in zip(STYLES, courses, strict=False) if c.label]
+    return card(title, unit, grid_lines(courses, _with_unit(axis)), keys)
+
+
+def _with_unit(p: Mapping[str, Any]) -> str:
+    return p["name"] if p["unit"] in ("", "1") else f"{p['name']} [{p['unit']}]"
+
+
+def _float(value: Any) -> float:
+    return float("nan") if value is None else float(value)
+
+
+def _mean(values: Sequence[float]) -> float:
+    finite = [v for v in values if np.isfinite(v)]
+    return float(np.mean(finite)) if finite else float("nan")
+
+
+def _table(about: Mapping[str, Any], grid: Sequence[Mapping[str, Any]]) -> str:
+    names = [m["name"] for m in about["metrics"]]
+    points: dict[int, dict[str, Any]] = {}
+    for row in about["intervals"]:
+        points.setdefault(row["point"], {"at": row["at"]})[row["metric"]] = row
+    head = "".join(f"<th>{escape(_with_unit(p))}</th>" for p in grid)
+    head += "<th>runs</th>" + "".join(f"<th>{escape(n)}</th>" for n in names)
+    rows = []
+    for found in list(points.values())[:MOST_ROWS]:
+        cells = [f'<td class="number">{found["at"][p["name"]]:g}</td>' for p in grid]
+        cells.append(f'<td class="number">{max(found[n]["n"] for n in names)}</td>')
+        for n in names:
+            r = found[n]
+            mean = "–" if r["mean"] is None else f"{r['mean']:.4g}"
+            band = "" if r["low"] is None else f" [{r['low']:.4g}, {r['high']:.4g}]"
+            cells.append(f'<td class="number">{(mean + band).replace("-", "−")}</td>')
+        rows.append(f"<tr>{''.join(cells)}</tr>")
+    more = len(points) - len(rows)
+    rest = f"<p>and {more} more, in study.json</p>" if more > 0 else ""
+    return (
+        "<h2>Means with 95 % bootstrap intervals</h2>"
+        f'<div class="card wide"><table><thead><tr>{head}</tr></thead>'
+        f"<tbody>{''.join(rows)}</tbody></table>{rest}</div>"
+    )
+
+
+def _failures(failures: Sequence[str | None], columns: Mapping[str, Array]) -> str:
+    failed = [(i, f) for i, f in enumerate(failures) if f is not None]
+    if not failed:
+        return ""
+    rows = "".join(
+        f'<tr><td class="number">{i}</td><td class="number">{int(columns["seed"][i])}</td>'
+        f"<td>{escape(why)}</td></tr>"
+        for i, why in failed[:20]
+    )
+    more = f"<p>and {len(failed) - 20} more, in runs.parquet</p>" if len(failed) > 20 else ""
+    return (
+        f"<h2>{len(failed)} runs failed</h2>"
+        '<div class="card"><table><thead><tr><th>run</th><th>seed</th><th>failure</th></tr></thead>'
+        f"<tbody>{rows}</tbody></table>{more}</div>"
+    )
+
+
+def _asked(about: Mapping[str, Any]) -> str:
+    rows = "".join(
+        f"<tr><th>{escape(k)}</th><td>{escape(_text(v))}</td></tr>"
+        for k, v in about["asked"].items()
+    )
+    return (
+        '<details class="card"><summary>What was asked</summary>'
+        f"<table><tbody>{rows}</tbody></table></details>"
+    )
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, list):
+        shown = "; ".join(str(v) for v in value[:40])
+        return shown + (f"; and {len(value) - 40} more" if len(value) > 40 else "")
+    return str(value)

@@ -1,0 +1,193 @@
+"""What reports of trainings are made of: curves, figures, episodes, and what was asked."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from uuvsim_cosim.cache import write_whole
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.view.plots.palette import page_styles
+from uuvsim_cosim.view.plots.study_plots import STYLES, Course, card, grid_lines
+from uuvsim_cosim.view.plots.svg import escape
+from uuvsim_cosim.view.recorded.traces import Array
+
+__all__ = [
+    "CURVES_NOTE",
+    "Columns",
+    "Pictures",
+    "asked_html",
+    "columns_of",
+    "curves_html",
+    "episodes_html",
+    "judged_html",
+    "page_html",
+    "write_report",
+]
+
+POINTS = 60  # of a curve of episodes
+HIDDEN = ("step", "episodes", "stopped", "return")
+STYLE = (
+    ".area{stroke:none;opacity:.18}"
+    + "".join(f".area.{s},.point.{s}{{fill:var(--{s})}}" for s in STYLES)
+    + ".point{stroke:none}.wide{overflow-x:auto}.note{color:var(--muted);font-size:13px}"
+    ".episodes img{width:100%;display:block}"
+)
+CURVES_NOTE = (
+    '<p class="note">Episodes: means of those that ended together, or one after the other, and '
+    "their quartiles. Evaluations: means of episodes without exploration, on seeds never "
+    "trained on; metrics are over the second half of each episode.</p>"
+)
+Columns = Mapping[str, Array]
+Pictures = Sequence[tuple[str, bytes]]  # PNG files by seed
+
+
+def write_report(
+    folder: str | Path, what: str, page: Callable[[Path, Any, Any, Pictures], str]
+) -> Path:
+    """Write report.html into the folder of a `what`: "training", whose training.json is there.
+
+    `page` makes it of the folder, of what that file and judged.json hold (None where nothing was
+    judged), and of pictures. Raises InputInvalid if the folder is none of the kind.
+    """
+    folder = Path(folder)
+    try:
+        about = json.loads((folder / f"{what}.json").read_text(encoding="utf-8"))
+        judged = folder / "judged.json"
+        figures = json.loads(judged.read_text(encoding="utf-8")) if judged.is_file() else None
+        pictures = [(p.stem, p.read_bytes()) for p in sorted(folder.glob("pictures/*.png"))]
+        made = page(folder, about, figures, pictures)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputInvalid(f"{folder}: is no {what} ({error}); expected one") from None
+    path = folder / "report.html"
+    write_whole(path, made.encode())
+    return path
+
+
+def page_html(title: str, told: str, body: Sequence[str]) -> str:
+    """Return a page of its own, that opens offline."""
+    return (
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width,initial-scale=1">'
+        f"<title>{escape(title)} · uuvsim train</title>\n"
+        f"<style>{page_styles()}{STYLE}</style></head>\n"
+        f"<body><main><header><h1>{escape(title)}</h1><p>{escape(told)}</p></header>"
+        f"{''.join(body)}</main></body></html>\n"
+    )
+
+
+def columns_of(path: Path) -> dict[str, Array]:
+    """Read a curve, a column a name; nothing, where there is no file."""
+    if not path.is_file():
+        return {}
+    with path.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    return {k: np.array([float(row[k] or "nan") for row in rows]) for k in (rows or [{}])[0]}
+
+
+def curves_html(evaluations: Columns, episodes: Columns, scripted: Mapping[str, float]) -> str:
+    """Return a plot of each figure over environment steps; `scripted` are figures, if known."""
+    names = [k for k in ("return", *evaluations) if k in evaluations and k not in HIDDEN[:3]]
+    cards, still = [], []
+    for name in dict.fromkeys(names):
+        every = np.concatenate([evaluations[name], episodes.get(name, np.zeros(0))])
+        if len(every) > 1 and np.all(every == every[0]):
+            still.append(f"{name} {every[0]:g}")
+            continue
+        courses = [Course("", *(np.zeros(0),) * 4)]
+        keys = [("truth", "episodes, with exploration"), ("estimate", "evaluations")]
+        if len(episodes.get(name, ())):
+            courses = [_spread(episodes["step"], episodes[name])]
+        courses.append(_plain("evaluations", evaluations["step"], evaluations[name]))
+        if name in scripted and len(evaluations["step"]) > 1:
+            ends = evaluations["step"][[0, -1]]
+            courses.append(_plain("scripted", ends, np.full(2, float(scripted[name]))))
+            keys.append(("third", "scripted"))
+        cards.append(card(name, "", grid_lines(courses, "environment steps"), keys))
+    rest = f'<p class="note">The same throughout: {escape(", ".join(still))}.</p>' if still else ""
+    return f'<div class="grid3">{"".join(cards)}</div>{rest}'
+
+
+def judged_html(judged: Mapping[str, Any] | None, what: str = "The best policy") -> str:
+    """Return a table of how good the best policy is; nothing, where it was not judged."""
+    if judged is None:
+        return ""
+    who = list(judged["figures"])
+    head = "".join(f"<th>{escape(w)}</th>" for w in who)
+    rows = "".join(
+        f"<tr><td>{escape(name)}</td>"
+        + "".join(f'<td class="number">{_figure(judged["figures"][w][name])}</td>' for w in who)
+        + "</tr>"
+        for name in judged["figures"][who[0]]
+    )
+    return (
+        f"<h2>{escape(what)}, judged</h2>"
+        f'<div class="card wide"><table><thead><tr><th>figure</th>{head}</tr></thead>'
+        f"<tbody>{rows}</tbody></table></div>"
+        f'<p class="note">Means of {judged["episodes"]} episodes from seed {judged["seed"]}, by '
+        "which nothing was chosen, with 95 % bootstrap intervals.</p>"
+    )
+
+
+def episodes_html(pictures: Pictures) -> str:
+    """Return pictures of episodes."""
+    if not pictures:
+        return ""
+    cards = "".join(
+        f'<div class="card"><h3>seed {escape(seed)}</h3><img alt="Episode of seed {escape(seed)}" '
+        f'src="data:image/png;base64,{base64.b64encode(data).decode()}"></div>'
+        for seed, data in pictures
+    )
+    title = "Episodes of the best policy, at their end"
+    return f'<h2>{title}</h2><div class="grid2 episodes">{cards}</div>'
+
+
+def asked_html(asked: Mapping[str, Any]) -> str:
+    """Return what was asked as a table."""
+    rows = "".join(
+        f"<tr><th>{escape(k)}</th><td>{escape(_text(v))}</td></tr>" for k, v in asked.items()
+    )
+    return (
+        '<details class="card" open><summary>What was asked</summary>'
+        f"<table><tbody>{rows}</tbody></table></details>"
+    )
+
+
+# ---- inside -------------------------------------------------------------------------------
+
+
+def _spread(step: Array, values: Array) -> Course:
+    """Return means of episodes that ended together, or are neighbours, with their quartiles."""
+    ends, place = np.unique(step, return_inverse=True)
+    groups = [
+        np.flatnonzero(np.isin(place, part))
+        for part in np.array_split(np.arange(len(ends)), min(POINTS, len(ends)))
+    ]
+    quartiles = np.array([np.quantile(values[g], [0.25, 0.75]) for g in groups])
+    return Course(
+        "episodes",
+        np.array([step[g].mean() for g in groups]),
+        np.array([values[g].mean() for g in groups]),
+        quartiles[:, 0],
+        quartiles[:, 1],
+    )
+
+
+def _plain(label: str, x: Array, y: Array) -> Course:
+    return Course(label, x, y, y, y)
+
+
+def _figure(i: Mapping[str, float]) -> str:
+    return f"{i['value']:.4g} [{i['low']:.4g}, {i['high']:.4g}]".replace("-", "−")
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(f"{k} = {_text(v)}" for k, v in value.items()) or "as it is"
+    return "as it is" if value is None else str(value)

@@ -1,0 +1,173 @@
+"""A run watched while it runs: an observer keeps rows, a thread of its own draws the newest."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.orchestrator.master.observer import Chunk, Column, seconds
+from uuvsim_cosim.orchestrator.plan.plan import Plan
+from uuvsim_cosim.view.recorded.traces import Traces, joined
+from uuvsim_cosim.view.scene3d.motion import LEAST, REACH, extent, motion_of
+from uuvsim_cosim.view.scene3d.scene_of_plan import stage_of_plan
+from uuvsim_cosim.view.scene3d.viser_panel import Panel
+from uuvsim_cosim.view.scene3d.viser_scene import ViserStage
+
+__all__ = ["History", "LiveView"]
+
+Array = NDArray[np.float64]
+FRAMES = 20.0  # Hz
+SLOW = 1.0  # Hz, of tracks and plots
+KEPT = 2000  # rows; when there are more, every other one goes
+
+
+class History:
+    """Rows (time and columns) of a whole run, ever thinner, so that they stay few."""
+
+    def __init__(self, most: int = KEPT) -> None:
+        self._most = most
+        self._rows: list[tuple[float, Array]] = []
+        self._gap = 0.0  # s, least between two that are kept
+
+    def add(self, t: float, row: Array) -> None:
+        """Keep a row, which is not changed afterwards; the newest is always there."""
+        rows = self._rows
+        if rows and t < rows[-1][0]:
+            rows.clear()  # a new beginning
+            self._gap = 0.0
+        if len(rows) > 1 and rows[-1][0] - rows[-2][0] < self._gap:
+            rows[-1] = (t, row)
+        else:
+            rows.append((t, row))
+        if len(rows) > self._most:
+            del rows[1:-1:2]
+            self._gap = 2.0 * (rows[-1][0] - rows[0][0]) / self._most
+
+    def traces(self, names: Sequence[str], units: dict[str, str], *, last: bool = False) -> Traces:
+        """Return what is kept, or its last row alone."""
+        rows = self._rows[-1:] if last else list(self._rows)
+        time_ = np.array([t for t, _ in rows])
+        table = np.array([r for _, r in rows]).reshape(len(rows), len(names))
+        return Traces(time_, joined(dict(zip(names, table.T, strict=True))), units)
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+
+class LiveView:
+    """An observer of one run, and the page that shows it; it cannot change anything.
+
+    In `observe`, a row is copied at most 20 times a second, which is all that a run pays.
+    """
+
+    def __init__(
+        self, server: Any, name: str, clock: Callable[[], float] = time.perf_counter
+    ) -> None:
+        self.server, self.name, self._clock = server, name, clock
+        self.history = History()
+        self._lock = threading.Lock()
+        self._over = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._next = -np.inf
+        self._units: dict[str, str] = {}
+        self._names: list[str] = []
+        self._read: list[tuple[NDArray[np.intp], NDArray[np.intp], Any]] = []
+        self._waiting = server.gui.add_markdown("The first step is being prepared.")
+        self.failure: Exception | None = None  # of drawing; the run goes on
+
+    def begin(self, plan: Plan, columns: Sequence[Column]) -> None:
+        """Build the page of a plan, and begin to draw."""
+        self.stage = stage_of_plan(plan, self.name)
+        numeric = [i for i, c in enumerate(columns) if not c.type.is_blob]
+        self._names = [columns[i].name for i in numeric]
+        dtypes = [columns[i].type.dtype for i in numeric]
+        for dtype in dict.fromkeys(dtypes):
+            places = np.array([k for k, d in enumerate(dtypes) if d == dtype], np.intp)
+            self._read.append((places, np.array(numeric, np.intp)[places], dtype))
+        for i in numeric:
+            variable = columns[i].variable
+            units = dict.fromkeys(u or "1" for u in variable.units)
+            self._units[f"{columns[i].path}.{variable.name}"] = ", ".join(units)
+        self._thread = threading.Thread(target=self._draw, name="uuvsim live view", daemon=True)
+        self._thread.start()
+
+    def observe(self, chunk: Chunk) -> None:
+        """Keep the newest row, if the last one is old enough."""
+        now = self._clock()
+        if now < self._next or not len(chunk.ticks):
+            return
+        self._next = now + 1.0 / FRAMES
+        slots = np.ascontiguousarray(chunk.rows[-1])
+        row = np.empty(len(self._names))
+        for places, columns, dtype in self._read:
+            row[places] = slots.view(dtype)[columns]
+        with self._lock:
+            self.history.add(float(seconds(chunk.ticks[-1:], chunk.tick)[0]), row)
+
+    def end(self) -> None:
+        """Stop drawing."""
+        self._over.set()
+        if self._thread is not None:
+            self._thread.join(timeout=5.0)
+
+    def _draw(self) -> None:
+        try:
+            self._drawn()
+        except Exception as error:  # the run is worth more than its picture
+            self.failure = error
+
+    def _drawn(self) -> None:
+        page: _Page | None = None
+        while not self._over.wait(1.0 / FRAMES):
+            if not self.server.get_clients() or not len(self.history):
+                continue
+            with self._lock:
+                newest = self.history.traces(self._names, self._units, last=True)
+                due = page is None or self._clock() - page.told >= 1.0 / SLOW
+                whole = self.history.traces(self._names, self._units) if due else None
+            if page is None:
+                self._waiting.remove()
+                page = _Page(self.server, self, newest)
+            page.show(newest, whole, self._clock())
+
+
+class _Page:
+    """What is drawn of a live run."""
+
+    def __init__(self, server: Any, live: LiveView, newest: Traces) -> None:
+        self.server, self.stage = server, live.stage
+        self.low, self.high = extent(self.stage, motion_of(self.stage, newest))
+        self.drawn = ViserStage(server, self.stage, self.low, self.high)
+        server.gui.add_markdown(f"### {live.name.replace('_', ' ')}, live")
+        self.clock = server.gui.add_text("time [s]", "", disabled=True)
+        self.panel = Panel(server, self.drawn, self.low, self.high)
+        self.panel.add_parts()
+        self.panel.add_plots(self.panel.signals(newest))
+        self.panel.say_notes(self.stage)
+        self.greatest = {b.name: LEAST for b in self.stage.bodies}  # N
+        self.told = -np.inf
+        for client in server.get_clients().values():
+            self.panel.look(client)
+
+    def show(self, newest: Traces, whole: Traces | None, now: float) -> None:
+        motion = motion_of(self.stage, newest)
+        scales = {}
+        for body in self.stage.bodies:
+            thrust = motion.thrusts.get(body.name)
+            if thrust is not None:
+                self.greatest[body.name] = max(self.greatest[body.name], float(abs(thrust).max()))
+                scales[body.name] = REACH * body.size / self.greatest[body.name]
+        motion = type(motion)(**{**vars(motion), "scales": scales})
+        with self.server.atomic():
+            self.drawn.show(motion, 0)
+            self.clock.value = f"{float(newest.time[0]):.2f}"
+            if whole is not None:
+                self.told = now
+                self.drawn.tracks(motion_of(self.stage, whole))
+                self.panel.plot(whole)
+        self.panel.move_camera(motion, 0)

@@ -1,0 +1,170 @@
+"""Where everything on a stage is at each moment of a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.models.declaration.element_names import split_element_name
+from uuvsim_cosim.view.recorded.traces import Array, Traces
+from uuvsim_cosim.view.scene3d.scene import Body, Rays, Stage
+
+__all__ = ["Motion", "echoes", "extent", "motion_of", "quaternions", "turned"]
+
+REACH = 1.5  # of the hull's longest extent: the longest arrow
+LEAST = 0.1  # N; that thrust, or the greatest of the recording, has the longest arrow
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """T moments: times [s], and by name what is where; NaN where a signal is not finite."""
+
+    time: Array
+    positions: Mapping[str, Array]  # (T, 3) in n, of bodies and markers
+    attitudes: Mapping[str, Array]  # (T, 4) from n to b, scalar first, of length 1
+    thrusts: Mapping[str, Array] = field(default_factory=dict)  # (T, n) [N]
+    scales: Mapping[str, float] = field(default_factory=dict)  # m of arrow for a newton
+    ranges: Mapping[str, Array] = field(default_factory=dict)  # (T, n) [m]; NaN without an echo
+    estimates: Mapping[str, Array] = field(default_factory=dict)  # (T, 3) of bodies
+
+    def moment(self, t: float) -> int:
+        """Return the last moment that is not after t [s]."""
+        return int(np.clip(np.searchsorted(self.time, t, side="right") - 1, 0, len(self.time) - 1))
+
+
+def motion_of(stage: Stage, traces: Traces, most: int | None = None) -> Motion:
+    """Return the motion of what was recorded, thinned evenly to at most `most` moments."""
+    n = len(traces.time)
+    picks: slice | NDArray[np.intp] = slice(None)
+    if most is not None and n > most:
+        picks = np.unique(np.linspace(0, n - 1, most).astype(np.intp))
+    positions, attitudes, thrusts, scales, ranges, estimates = {}, {}, {}, {}, {}, {}
+    for body in stage.bodies:
+        eta = _signal(traces, body.eta)
+        if eta is None or eta.ndim != 2 or eta.shape[1] < 6:
+            continue
+        positions[body.name] = eta[picks, :3]
+        q = _signal(traces, body.q)
+        attitudes[body.name] = _unit(q[picks]) if q is not None else quaternions(eta[picks, 3:6])
+        thrust = _thrusts(traces, body, n)
+        if thrust is not None and len(thrust):
+            scales[body.name] = REACH * body.size / max(float(np.abs(thrust).max()), LEAST)
+            thrusts[body.name] = thrust[picks]
+        believed = _signal(traces, body.estimate)
+        if believed is not None and believed.ndim == 2 and believed.shape[1] >= 3:
+            estimates[body.name] = believed[picks, :3]
+        for rays in body.rays:
+            distance = _ranges(traces, rays)
+            if distance is not None:
+                ranges[rays.name] = distance[picks]
+    for marker in stage.markers:
+        at = _signal(traces, marker.signal)
+        if at is not None and at.ndim == 2 and at.shape[1] >= 3:
+            positions[marker.name] = at[picks, :3]
+    return Motion(traces.time[picks], positions, attitudes, thrusts, scales, ranges, estimates)
+
+
+def _signal(traces: Traces, name: str) -> Array | None:
+    """Return a signal, or an element ``x[2]`` of one."""
+    if not name:
+        return None
+    if name in traces.values:
+        return np.asarray(traces.values[name], float)
+    whole, indices = split_element_name(name)
+    value = traces.values.get(whole)
+    if value is None or value.ndim != 2 or len(indices) != 1 or indices[0] > value.shape[1]:
+        return None
+    return np.asarray(value[:, indices[0] - 1], float)
+
+
+def _thrusts(traces: Traces, body: Body, n: int) -> Array | None:
+    columns = [_signal(traces, arrow.signal) for arrow in body.arrows]
+    if not any(c is not None for c in columns):
+        return None
+    thrust = np.column_stack([np.zeros(n) if c is None else c for c in columns])
+    return np.where(np.isfinite(thrust), thrust, 0.0)
+
+
+def _ranges(traces: Traces, rays: Rays) -> Array | None:
+    given = _signal(traces, rays.signal)
+    if given is None:
+        return None
+    distance = given.reshape(len(given), -1)
+    if distance.shape[1] != len(rays.directions):
+        return None
+    heard = np.isfinite(distance) & (distance > 0)
+    valid = _signal(traces, rays.valid)
+    if valid is not None:
+        heard &= valid.reshape(len(valid), -1) > 0.5
+    return np.where(heard, distance, np.nan)
+
+
+def _unit(q: Array) -> Array:
+    length = np.linalg.norm(q, axis=1, keepdims=True)
+    return np.where(length > 1e-9, q / np.where(length > 1e-9, length, 1.0), [1.0, 0.0, 0.0, 0.0])
+
+
+def quaternions(angles: Array) -> Array:
+    """Return (T, 4) of Euler angles zyx (T, 3) [rad]; Fossen (2021), section 2.2.2."""
+    c, s = np.cos(0.5 * angles).T, np.sin(0.5 * angles).T
+    return np.column_stack([
+        c[0] * c[1] * c[2] + s[0] * s[1] * s[2], s[0] * c[1] * c[2] - c[0] * s[1] * s[2],
+        c[0] * s[1] * c[2] + s[0] * c[1] * s[2], c[0] * c[1] * s[2] - s[0] * s[1] * c[2],
+    ])  # fmt: skip
+
+
+def turned(q: Array, vectors: Array) -> Array:
+    """Turn vectors (..., 3) of `b` into `n` by unit quaternions (..., 4)."""
+    w, e = q[..., :1], q[..., 1:]
+    t = 2.0 * np.cross(e, vectors)
+    return np.asarray(vectors + w * t + np.cross(e, t))
+
+
+def echoes(body: Body, motion: Motion, most: int = 60_000) -> Array:
+    """Return the points (n, 3) in `n` where rays have ended: each reading once, thinned evenly."""
+    if body.name not in motion.positions:
+        return np.zeros((0, 3))
+    found = []
+    at, q = motion.positions[body.name], motion.attitudes[body.name]
+    for rays in body.rays:
+        distance = motion.ranges.get(rays.name)
+        if distance is None:
+            continue
+        known = np.nan_to_num(distance, nan=-1.0)
+        fresh = np.ones(len(known), bool)
+        fresh[1:] = (known[1:] != known[:-1]).any(axis=1)
+        share = max(1, -(-int(fresh.sum()) * distance.shape[1] // most))
+        rows = np.flatnonzero(fresh)[::share]
+        inside = rays.r + rays.directions * distance[rows][:, :, None]
+        points = at[rows][:, None] + turned(q[rows][:, None], inside)
+        points = points.reshape(-1, 3)
+        found.append(points[np.isfinite(points).all(axis=1)])
+    return np.concatenate(found)[:most] if found else np.zeros((0, 3))
+
+
+def extent(stage: Stage, motion: Motion) -> tuple[Array, Array]:
+    """Return the least and greatest N, E, D of what moves, of what is planned, and of a basin.
+
+    Obstacles count where they stand near that: a chart has them kilometres away.
+    """
+    parts = [p for p in motion.positions.values() if len(p)]
+    parts += [line.points for line in stage.lines]
+    parts += [s.mesh.vertices.astype(float) for s in stage.solids if s.kind == "basin"]
+    points = np.concatenate(parts) if parts else np.zeros((0, 3))
+    points = points[np.isfinite(points).all(axis=1)]
+    if not len(points) and stage.terrain is not None:
+        a, b, c, d = stage.terrain.extent
+        return np.array([a, c, 0.0]), np.array([b, d, float(np.nanmax(stage.terrain.z))])
+    if not len(points):
+        return -np.ones(3), np.ones(3)
+    margin = max((b.size for b in stage.bodies), default=0.5)
+    low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
+    near = 0.5 * float(max(high[:2] - low[:2]))
+    for solid in stage.solids:
+        a, b = solid.mesh.vertices.min(axis=0), solid.mesh.vertices.max(axis=0)
+        if (a[:2] > low[:2] - near).all() and (b[:2] < high[:2] + near).all():
+            low, high = np.minimum(low, a), np.maximum(high, b)
+    return low, high

@@ -1,0 +1,105 @@
+"""A recording replayed in a browser: pause, speed, scrub; as many may look as like."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+from uuvsim_cosim.view.recorded.traces import Traces
+from uuvsim_cosim.view.scene3d.motion import Motion, extent
+from uuvsim_cosim.view.scene3d.scene import Stage
+from uuvsim_cosim.view.scene3d.viser_panel import Panel
+from uuvsim_cosim.view.scene3d.viser_scene import ViserStage
+
+__all__ = ["Replay"]
+
+FRAMES = 30.0  # Hz
+SLOW = 5.0  # Hz, at which the slider and the plots move on their own
+IDLE = 0.2  # s between two looks for a viewer, while there is none
+
+
+class Replay:
+    """The page of a recording; `serve` keeps it moving until it is interrupted."""
+
+    def __init__(self, server: Any, stage: Stage, motion: Motion, traces: Traces) -> None:
+        self.server, self.motion, self.traces = server, motion, traces
+        self.start, self.end = float(motion.time[0]), float(motion.time[-1])
+        self.t = self.start
+        low, high = extent(stage, motion)
+        self.drawn = ViserStage(server, stage, low, high)
+        self.drawn.tracks(motion)
+        gui = server.gui
+        gui.add_markdown(f"### {stage.name.replace('_', ' ')}")
+        self.clock = gui.add_text("time [s]", "", disabled=True)
+        whole = max(self.end - self.start, 1e-9)
+        self.slider = gui.add_slider("moment", 0.0, whole, whole / 2000.0, 0.0)
+        self.playing = gui.add_checkbox("play", True)
+        self.speed = gui.add_slider("speed, log2", -3.0, 6.0, 0.5, 0.0)
+        self.again = gui.add_checkbox("again and again", False)
+        panel = self.panel = Panel(server, self.drawn, low, high)
+        panel.add_parts()
+        panel.add_plots(panel.signals(traces))
+        panel.say_notes(stage)
+        self.slider.on_update(self._moved)
+        self.playing.on_update(self._begun)
+        self.show()
+
+    def _moved(self, event: Any) -> None:
+        if event.client is not None:  # somebody moved it, not the replay
+            self.t = self.start + float(self.slider.value)
+
+    def _begun(self, event: Any) -> None:
+        if self.playing.value and self.t >= self.end:
+            self.t = self.start
+
+    @property
+    def factor(self) -> float:
+        """The seconds of the recording in one of the wall clock."""
+        return float(2.0**self.speed.value)
+
+    def advance(self, seconds: float) -> None:
+        """Play so many seconds of wall time on; at the end it stops, or begins again."""
+        if not self.playing.value:
+            return
+        self.t += seconds * self.factor
+        if self.t >= self.end:
+            if self.again.value and self.end > self.start:
+                self.t = self.start + (self.t - self.end) % (self.end - self.start)
+            else:
+                self.t = self.end
+                self.playing.value = False
+
+    def show(self, *, all_: bool = True) -> None:
+        """Show the present moment; with `all_` the slider, the clock and the plots too."""
+        k = self.motion.moment(self.t)
+        with self.server.atomic():
+            self.drawn.show(self.motion, k)
+            if all_:
+                factor = f"x {self.factor:g}"
+                self.clock.value = f"{self.t:.2f} of {self.end:.2f}, {factor}"
+                self.slider.value = self.t - self.start
+                self.panel.plot(self.traces, self.t)
+        self.panel.move_camera(self.motion, k)
+
+    def serve(
+        self,
+        *,
+        until: Callable[[], bool] = lambda: False,
+        clock: Callable[[], float] = time.perf_counter,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        """Play while somebody looks, until `until` says so or KeyboardInterrupt ends it."""
+        last, told = clock(), -1.0
+        while not until():
+            if not self.server.get_clients():
+                sleep(IDLE)
+                last = clock()
+                continue
+            now = clock()
+            self.advance(now - last)
+            last = now
+            slow = now - told >= 1.0 / SLOW
+            self.show(all_=slow)
+            told = now if slow else told
+            sleep(max(0.0, 1.0 / FRAMES - (clock() - now)))

@@ -1,0 +1,137 @@
+"""A stage and its motion as a Rerun recording (.rrd); needs the extra `rerun`."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from uuvsim_cosim.cache import whole_file
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.view.recorded.traces import Traces
+from uuvsim_cosim.view.scene3d.colours import (
+    ARROW,
+    BODIES,
+    ESTIMATE,
+    MARKER,
+    PATH,
+    SOLIDS,
+    depth_colours,
+    rgb,
+)
+from uuvsim_cosim.view.scene3d.motion import Motion, echoes
+from uuvsim_cosim.view.scene3d.scene import Stage
+from uuvsim_cosim.view.scene3d.scene_of_run import placed
+from uuvsim_cosim.view.scene3d.shapes import terrain_mesh
+
+__all__ = ["export_rrd"]
+
+ARROWS_MOST = 2000  # moments of the thrusts, which are drawn one by one
+
+
+def export_rrd(run: str | Path, out: Path) -> Path:
+    """Write a run as .rrd: the scene, and every signal of numbers below /signals."""
+    try:
+        import rerun
+    except ImportError:
+        raise InputInvalid(
+            f"{out}: writing .rrd needs rerun-sdk, which is not installed; expected the extra "
+            "`rerun`: pip install 'uuvsim-cosim[rerun]'"
+        ) from None
+    stage, motion, traces = placed(run)
+    if not out.absolute().parent.is_dir():
+        raise InputInvalid(f"{out}: its folder does not exist; expected a file in a folder")
+    recording = rerun.RecordingStream("uuvsim", recording_id=stage.name or "run")
+    with whole_file(out) as fresh:
+        recording.save(str(fresh))
+        try:
+            _still(recording, rerun, stage, motion)
+            _moving(recording, rerun, stage, motion)
+            _signals(recording, rerun, traces)
+            recording.flush()
+        finally:
+            recording.disconnect()
+    return out
+
+
+def _still(to: Any, rr: Any, stage: Stage, motion: Motion) -> None:
+    to.log("world", rr.ViewCoordinates.FRD, static=True)  # N, E, D lie as ahead, right, down
+    if stage.terrain is not None:
+        mesh = terrain_mesh(stage.terrain, 320)
+        to.log("world/terrain", rr.Mesh3D(
+            vertex_positions=mesh.vertices, triangle_indices=mesh.faces,
+            vertex_colors=depth_colours(mesh.vertices[:, 2]),
+        ), static=True)  # fmt: skip
+    for solid in stage.solids:
+        filled = [*rgb(SOLIDS.get(solid.kind, PATH)), 90 if solid.kind == "basin" else 255]
+        shape = rr.Mesh3D(
+            vertex_positions=solid.mesh.vertices, triangle_indices=solid.mesh.faces,
+            albedo_factor=filled,
+        )  # fmt: skip
+        to.log(f"world/solids/{_name(solid.name)}", shape, static=True)
+    for line in stage.lines:
+        strip = rr.LineStrips3D([line.points], colors=[rgb(PATH)])
+        to.log(f"world/{_name(line.name)}", strip, static=True)
+    for i, body in enumerate(stage.bodies):
+        place = f"world/{_name(body.name)}"
+        colour = rgb(BODIES[i % len(BODIES)])
+        to.log(f"{place}/hull", rr.Mesh3D(
+            vertex_positions=body.hull.vertices, triangle_indices=body.hull.faces,
+            albedo_factor=[*colour, 255],
+        ), static=True)  # fmt: skip
+        for what, tracks, tint in (
+            ("track", motion.positions, colour), ("estimate", motion.estimates, rgb(ESTIMATE))
+        ):  # fmt: skip
+            if body.name in tracks:
+                track = tracks[body.name]
+                strip = rr.LineStrips3D([track[np.isfinite(track).all(axis=1)]], colors=[tint])
+                to.log(f"world/tracks/{_name(body.name)}_{what}", strip, static=True)
+        points = echoes(body, motion)
+        if len(points):
+            cloud = rr.Points3D(points, colors=depth_colours(points[:, 2]), radii=0.03)
+            to.log(f"world/echoes/{_name(body.name)}", cloud, static=True)
+    for marker in stage.markers:
+        ball = rr.Points3D([[0.0, 0.0, 0.0]], colors=[rgb(MARKER)], radii=marker.radius)
+        to.log(f"world/{_name(marker.name)}", ball, static=True)
+
+
+def _moving(to: Any, rr: Any, stage: Stage, motion: Motion) -> None:
+    when = [rr.TimeColumn("time", duration=motion.time)]
+    for name, positions in motion.positions.items():
+        columns: dict[str, Any] = {"translation": positions}
+        if name in motion.attitudes:
+            columns["quaternion"] = motion.attitudes[name][:, [1, 2, 3, 0]]
+        to.send_columns(f"world/{_name(name)}", when, rr.Transform3D.columns(**columns))
+    for body in stage.bodies:
+        thrust = motion.thrusts.get(body.name)
+        if thrust is None:
+            continue
+        picks = np.unique(np.linspace(0, len(thrust) - 1, ARROWS_MOST).astype(int))
+        r, e = np.array([a.r for a in body.arrows]), np.array([a.e for a in body.arrows])
+        lengths = thrust[picks] * motion.scales[body.name]
+        vectors = (lengths[:, :, None] * e).reshape(-1, 3)
+        n = len(body.arrows)
+        columns = rr.Arrows3D.columns(
+            origins=np.tile(r, (len(picks), 1)), vectors=vectors,
+        ).partition([n] * len(picks))  # fmt: skip
+        place = f"world/{_name(body.name)}/thrust"
+        to.log(place, rr.Arrows3D.from_fields(colors=[rgb(ARROW)]), static=True)
+        to.send_columns(place, [rr.TimeColumn("time", duration=motion.time[picks])], columns)
+
+
+def _signals(to: Any, rr: Any, traces: Traces) -> None:
+    when = [rr.TimeColumn("time", duration=traces.time)]
+    for name, values in traces.values.items():
+        table = values.reshape(len(values), -1)
+        if table.shape[1] > 64:
+            continue
+        place = "signals/" + "/".join(_name(part) for part in name.split("."))
+        columns = rr.Scalars.columns(scalars=table.reshape(-1).astype(float))
+        to.send_columns(place, when, columns.partition([table.shape[1]] * len(table)))
+
+
+def _name(text: str) -> str:
+    """Keep a name from being read as several parts of a path."""
+    return re.sub(r"[^\w.-]+", "_", text)

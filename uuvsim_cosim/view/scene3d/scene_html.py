@@ -1,0 +1,166 @@
+"""The 3-D scene of the one-file report: its data, its canvas and its script; nothing is fetched."""
+
+from __future__ import annotations
+
+import base64
+import json
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from uuvsim_cosim.models.worlds.terrain import Terrain
+from uuvsim_cosim.view.plots.svg import escape
+from uuvsim_cosim.view.recorded.traces import Array
+from uuvsim_cosim.view.scene3d.colours import ARROW, BODIES, ESTIMATE, MARKER, PATH, SOLIDS
+from uuvsim_cosim.view.scene3d.motion import Motion, extent
+from uuvsim_cosim.view.scene3d.scene import Mesh, Solid, Stage
+from uuvsim_cosim.view.scene3d.shapes import cropped, floor, lathe, surface
+
+__all__ = ["MOMENTS", "scene_data", "scene_html"]
+
+MOMENTS = 900  # of the motion; between two the page interpolates
+NODES = 128  # of the terrain, a side
+BODIES_MOST = 16
+ALPHA = {"basin": 0.35, "surface": 0.15}  # of what one sees through
+AROUND = 2.0  # extents of the motion: so much terrain is shown about it
+
+
+def scene_html(stage: Stage, motion: Motion) -> str:
+    """Return the card with the scene, its data and its script; nothing where nothing moves."""
+    if not motion.positions or len(motion.time) < 2:
+        return ""
+    data = json.dumps(scene_data(stage, motion), separators=(",", ":"), allow_nan=False)
+    script = _own("scene.js").replace("/*MATH*/", _own("scene_math.js"))
+    script = script.replace("/*GL*/", _own("scene_gl.js"))
+    speeds = "".join(
+        f'<option value="{s}"{" selected" if s == 4 else ""}>{s} x</option>'
+        for s in (0.25, 1, 4, 16, 64)
+    )
+    first = stage.bodies[0].name if stage.bodies else ""
+    notes = "".join(f"<small>{escape(note)}</small>" for note in stage.notes)
+    return (
+        '<div class="card" id="scene"><h3>Scene<span class="keys">drag to turn, shift-drag to '
+        "move, click and wheel to zoom</span></h3>"
+        '<div class="stage"><canvas tabindex="0" aria-label="The run in three dimensions"></canvas>'
+        '</div><p class="controls"><button class="go" type="button">play</button>'
+        '<input type="range" aria-label="moment"><span class="clock"></span>'
+        f'<select aria-label="speed">{speeds}</select>'
+        f'<label><input class="follow" type="checkbox"> follow {escape(first)}</label></p>{notes}'
+        f'<script id="scene-data" type="application/json">{data.replace("<", chr(92) + "u003c")}'
+        f"</script>\n<script>{script}</script></div>"
+    )
+
+
+def scene_data(stage: Stage, motion: Motion) -> dict[str, Any]:
+    """Return what the script draws: meshes, poses, arrows, lines; binary parts as base64."""
+    low, high = extent(stage, motion)
+    data: dict[str, Any] = {
+        "time": _floats(motion.time), "extent": [_list(low), _list(high)], "arrow": ARROW,
+        "bodies": [], "lines": [], "solids": [], "terrain": None,
+    }  # fmt: skip
+    for i, body in enumerate(stage.bodies[:BODIES_MOST]):
+        if body.name not in motion.positions:
+            continue
+        colour = BODIES[i % len(BODIES)]
+        at = motion.positions[body.name]
+        entry: dict[str, Any] = {
+            "name": body.name, "p": _floats(_held(at)), "size": body.size, "colour": colour,
+            "q": _shorts(motion.attitudes[body.name]), **_mesh(body.hull), "arrows": None,
+        }  # fmt: skip
+        thrust = motion.thrusts.get(body.name)
+        if thrust is not None:
+            length = thrust * motion.scales[body.name]
+            most = max(float(np.abs(length).max()), 1e-9)
+            r, e = [_list(a.r) for a in body.arrows], [_list(a.e) for a in body.arrows]
+            entry["arrows"] = {"r": r, "e": e, "v": _shorts(length / most), "scale": most}
+        data["bodies"].append(entry)
+        data["lines"].append(_line(at, colour, 1.6))
+        if body.name in motion.estimates:
+            data["lines"].append(_line(motion.estimates[body.name], ESTIMATE, 1.0))
+    t = np.linspace(0.0, np.pi, 9)
+    for marker in stage.markers[:BODIES_MOST]:
+        if marker.name in motion.positions:
+            ball = _mesh(lathe(-marker.radius * np.cos(t), marker.radius * np.sin(t), 14))
+            p = motion.positions[marker.name]
+            data["bodies"].append({
+                "name": marker.name, "p": _floats(_held(p)), "size": 4 * marker.radius, "q": None,
+                "colour": MARKER, "arrows": None, **ball,
+            })  # fmt: skip
+            data["lines"].append(_line(p, MARKER, 1.0))
+    data["lines"] += [_line(line.points, PATH, 1.8) for line in stage.lines]
+    data["lines"] = [line for line in data["lines"] if line]
+    margin = 0.5 * float(max(high[:2] - low[:2])) + 5.0
+    if stage.terrain is not None:
+        margin = max(AROUND * float(max(high[:2] - low[:2])), 60.0)
+        data["terrain"] = _terrain(cropped(stage.terrain, low, high, margin))
+    around = low[:2] - margin, high[:2] + margin
+    shown = [s for s in stage.solids if stage.terrain is None or _within(s.mesh, *around)]
+    if stage.terrain is None and stage.bottom is not None:
+        shown.append(Solid("bottom", floor(*around, stage.bottom), "floor"))
+    if stage.terrain is not None or stage.bottom is not None:
+        shown.append(Solid("surface", surface(*around), "surface"))
+    for solid in shown:
+        colour, alpha = SOLIDS.get(solid.kind, PATH), ALPHA.get(solid.kind, 1)
+        data["solids"].append({**_mesh(solid.mesh), "colour": colour, "alpha": alpha})
+    return data
+
+
+def _within(mesh: Mesh, low: Array, high: Array) -> bool:
+    at = mesh.vertices[:, :2]
+    return bool((at.max(axis=0) > low).all() and (at.min(axis=0) < high).all())
+
+
+def _own(name: str) -> str:
+    return files("uuvsim_cosim.view.scene3d").joinpath(name).read_text(encoding="utf-8")
+
+
+def _encoded(data: Any) -> str:
+    return base64.b64encode(np.ascontiguousarray(data).tobytes()).decode("ascii")
+
+
+def _floats(values: Any) -> str:
+    return _encoded(np.asarray(values, "<f4"))
+
+
+def _shorts(values: Array) -> str:
+    """Return numbers of -1 to 1 in 16 bits each."""
+    return _encoded(np.clip(np.nan_to_num(values) * 32767, -32767, 32767).round().astype("<i2"))
+
+
+def _list(values: Any) -> list[float]:
+    return [round(float(v), 4) for v in values]
+
+
+def _mesh(mesh: Mesh) -> dict[str, str]:
+    return {"v": _floats(mesh.vertices), "f": _encoded(mesh.faces.astype("<u4"))}
+
+
+def _held(points: Array) -> Array:
+    """Keep what is not finite from the page's sums: NaN where any of the three is."""
+    return np.where(np.isfinite(points).all(axis=1, keepdims=True), points, np.nan)
+
+
+def _line(points: Array, colour: str, width: float) -> dict[str, Any]:
+    known = points[np.isfinite(points).all(axis=1)]
+    if len(known) < 2:
+        return {}
+    return {"points": _floats(known), "colour": colour, "width": width}
+
+
+def _terrain(terrain: Terrain) -> dict[str, Any]:
+    """Return a height field with at most NODES a side, depths in 16 bits; -32768 is unknown."""
+    steps = [max(1, -(-size // NODES)) for size in terrain.z.shape]
+    z = terrain.z[:: steps[0], :: steps[1]].astype(float)
+    known = np.isfinite(z)
+    low, high = (float(z[known].min()), float(z[known].max())) if known.any() else (0.0, 1.0)
+    step = max(high - low, 1e-6) / 32767
+    coded = np.where(known, (np.where(known, z, low) - low) / step, -32768).round().astype("<i2")
+    rows, columns = (
+        start + np.arange(n) * terrain.spacing * k
+        for start, n, k in zip(terrain.origin, z.shape, steps, strict=True)
+    )
+    return {
+        "z": _encoded(coded), "shape": list(z.shape), "low": low, "step": step,
+        "north": _list(rows), "east": _list(columns), "depths": [low, max(high, low + 1e-3)],
+    }  # fmt: skip

@@ -1,0 +1,114 @@
+"""The stage of a recording: by the system in its folder, else by the names of its signals."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from uuvsim_cosim.errors import InputInvalid, UuvsimError
+from uuvsim_cosim.view.recorded.run_folder import provenance_of, traces_of
+from uuvsim_cosim.view.recorded.traces import Traces
+from uuvsim_cosim.view.scene3d.motion import Motion, motion_of
+from uuvsim_cosim.view.scene3d.scene import Arrow, Body, Line, Marker, Stage
+
+__all__ = ["newest_run", "placed", "stage_of_run", "stage_of_signals"]
+
+RECORDINGS = ("signals.parquet", "signals.arrows")
+
+
+def newest_run(runs: str | Path = "runs") -> Path:
+    """Return the folder of the newest recording below `runs`, or of the current folder itself."""
+    found = [p for name in RECORDINGS for p in Path(runs).glob(f"*/{name}") if p.stat().st_size]
+    if not found:
+        raise InputInvalid(
+            f"{runs}: no run lies below it; expected the path of a run's folder, or to stand where "
+            "`uuvsim run` has written one"
+        )
+    return max(found, key=lambda p: p.stat().st_mtime).parent
+
+
+def stage_of_run(run: str | Path, traces: Traces) -> Stage:
+    """Return the stage of a run's folder or recording, whose signals are these."""
+    path = Path(run)
+    folder = path if path.is_dir() else path.parent
+    name = path.resolve().name if path.is_dir() else path.stem
+    stage = None
+    if (folder / "system.ssd").is_file():
+        from uuvsim_cosim.orchestrator.plan.flatten import flatten
+        from uuvsim_cosim.orchestrator.running.library import load
+        from uuvsim_cosim.view.scene3d.scene_of_plan import stage_of_plan
+
+        try:
+            stage = stage_of_plan(flatten(load(folder / "system.ssd"), loops="delay"), name)
+        except (UuvsimError, OSError) as error:
+            reason = f"system.ssd: not understood ({error}); hulls are drawn as boxes"
+            stage = stage_of_signals(traces, name, (reason,))
+        if not any(s in traces.values for s in stage.signals):
+            stage = None  # the recording of another system lies beside this one
+    return stage or _with_path(stage_of_signals(traces, name), provenance_of(folder))
+
+
+def placed(run: str | Path) -> tuple[Stage, Motion, Traces]:
+    """Read a run: its stage, its motion, its signals; raises InputInvalid without a position."""
+    traces = traces_of(run)
+    if not len(traces.time):
+        raise InputInvalid(f"{run}: nothing was recorded; expected one sample or more")
+    stage = stage_of_run(run, traces)
+    motion = motion_of(stage, traces)
+    if not motion.positions:
+        some = ", ".join(list(traces.values)[:4]) or "none"
+        raise InputInvalid(
+            f"{run}: no position was recorded; expected a signal eta of 6 elements, such as "
+            f"hull.eta, and found {some}; `uuvsim report` plots any signal"
+        )
+    return stage, motion, traces
+
+
+def stage_of_signals(traces: Traces, name: str, notes: tuple[str, ...] = ()) -> Stage:
+    """Return a stage of signals alone: X.eta and X.nu are a hull, X.position of X.velocity a mark.
+
+    A hull's thrusters cannot be placed, and its size is not known: it is drawn as a box.
+    """
+    from uuvsim_cosim.view.scene3d.scene_of_plan import ANYTHING
+
+    hulls = [
+        key.removesuffix(".eta")
+        for key, value in traces.values.items()
+        if key.endswith(".eta") and value.ndim == 2 and value.shape[1] == 6
+        and f"{key.removesuffix('.eta')}.nu_dot" in traces.values
+    ]  # fmt: skip
+    hulls = hulls or [
+        key.removesuffix(".eta")
+        for key, value in traces.values.items()
+        if key.endswith(".eta") and value.ndim == 2 and value.shape[1] == 6
+        and f"{key.removesuffix('.eta')}.sigma" not in traces.values
+    ]  # fmt: skip
+    none: tuple[Arrow, ...] = ()
+    bodies = tuple(
+        Body(h, ANYTHING, f"{h}.eta", f"{h}.q" if f"{h}.q" in traces.values else "", none,
+             estimate=_estimate(traces, h))
+        for h in hulls
+    )  # fmt: skip
+    markers = tuple(
+        Marker(key.removesuffix(".position"), key)
+        for key, value in traces.values.items()
+        if key.endswith(".position") and value.ndim == 2 and value.shape[1] == 3
+        and f"{key.removesuffix('.position')}.velocity" in traces.values
+    )  # fmt: skip
+    return Stage(name, bodies, markers, notes=notes)
+
+
+def _estimate(traces: Traces, hull: str) -> str:
+    prefix = f"{hull.rpartition('.')[0]}.".removeprefix(".")
+    name = f"{prefix}navigation.eta"
+    return name if name in traces.values else ""
+
+
+def _with_path(stage: Stage, provenance: dict[str, Any]) -> Stage:
+    given = provenance.get("waypoints")
+    points = np.zeros(0) if given is None else np.asarray(given, float)
+    if points.ndim != 2 or points.shape[1] != 3 or not len(points):
+        return stage
+    return stage.with_lines(Line("waypoints", points))

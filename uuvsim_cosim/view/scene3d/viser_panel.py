@@ -1,0 +1,126 @@
+"""The panel that replay and live view share: what is shown, whom the camera follows, plots."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.view.recorded.traces import Traces
+from uuvsim_cosim.view.scene3d.motion import Motion
+from uuvsim_cosim.view.scene3d.scene import Stage
+from uuvsim_cosim.view.scene3d.viser_plots import plot_markdown, plotted
+from uuvsim_cosim.view.scene3d.viser_scene import ViserStage
+
+__all__ = ["Panel"]
+
+Array = NDArray[np.float64]
+PARTS = ("terrain", "surface", "obstacles", "path", "tracks", "thrust", "rays", "echoes")
+NOBODY, NOTHING = "nobody", "nothing"
+MOST_PLOTS = 3
+BESIDE = 0.17 * np.array([-0.51, 0.86, 0.0])  # to the right of what is looked at: the panel's place
+
+
+class Panel:
+    """Controls of a server's page; a stage that is drawn obeys them."""
+
+    def __init__(self, server: Any, drawn: ViserStage, low: Array, high: Array) -> None:
+        self.server, self.drawn = server, drawn
+        self._low, self._high = low, high
+        self._followed: Array | None = None
+        server.on_client_connect(self.look)  # who comes sees the whole scene first
+        stage = drawn.stage
+        with server.gui.add_folder("Camera"):
+            names = [NOBODY, *(b.name for b in stage.bodies), *(m.name for m in stage.markers)]
+            self.follow = server.gui.add_dropdown("follow", tuple(names))
+            home = server.gui.add_button("whole scene")
+        home.on_click(self._go_home)
+        self._boxes: dict[str, Any] = {}
+        self._plots: list[tuple[Any, Any]] = []
+
+    def add_parts(self) -> None:
+        """Add a box for each part that there is."""
+        with self.server.gui.add_folder("Shown", expand_by_default=False):
+            for part in PARTS:
+                if part in self.drawn.parts or part in self.drawn.coming:
+                    self._box(part)
+
+    def _box(self, part: str) -> None:
+        box = self.server.gui.add_checkbox(part, True)
+        self._boxes[part] = box
+        box.on_update(lambda event: self.drawn.hide(part, not box.value))
+
+    def add_plots(self, names: Sequence[str]) -> None:
+        """Add places for plots, each with the choice of a signal."""
+        with self.server.gui.add_folder("Plots"):
+            for i in range(min(MOST_PLOTS, len(names))):
+                choice = self.server.gui.add_dropdown(
+                    f"signal {i + 1}", (NOTHING, *names),
+                    initial_value=names[i] if i < 1 else NOTHING,
+                )  # fmt: skip
+                self._plots.append((choice, self.server.gui.add_markdown("", image_root=Path())))
+
+    def say_notes(self, stage: Stage) -> None:
+        """Say what could not be drawn."""
+        if stage.notes:
+            with self.server.gui.add_folder("Not drawn", expand_by_default=False):
+                said = "\n".join(f"- {_plain(note)}" for note in stage.notes)
+                self.server.gui.add_markdown(said)
+
+    def plot(self, traces: Traces, t: float | None = None) -> None:
+        """Draw the chosen plots anew."""
+        for choice, place in self._plots:
+            name = choice.value
+            shown = name in traces.values and len(traces.time) > 1
+            text = plot_markdown(traces, name, t) if shown else ""
+            if place.content != text:
+                place.content = text
+
+    def move_camera(self, motion: Motion, k: int) -> None:
+        """Move every camera as far as what it follows has moved."""
+        at = motion.positions.get(self.follow.value)
+        if at is None or not np.isfinite(at[k]).all():
+            self._followed = None
+            return
+        here, before = at[k], self._followed
+        self._followed = here.copy()
+        for client in self.server.get_clients().values():
+            with suppress(AssertionError, AttributeError, KeyError, RuntimeError):  # it is leaving
+                camera = client.camera
+                with client.atomic():
+                    if before is None:
+                        size = max(4.0 * self._size(self.follow.value), 1.0)
+                        camera.position = here + np.array([-size, -0.7 * size, -0.7 * size])
+                    else:
+                        camera.position = camera.position + (here - before)
+                    camera.look_at = here
+
+    def _size(self, name: str) -> float:
+        return next((b.size for b in self.drawn.stage.bodies if b.name == name), 0.5)
+
+    def _go_home(self, event: Any) -> None:
+        self.follow.value = NOBODY
+        if event.client is not None:
+            self.look(event.client)
+
+    def look(self, client: Any) -> None:
+        """Let one browser see the whole scene."""
+        middle = 0.5 * (self._low + self._high)
+        away = float(np.linalg.norm(self._high - self._low))
+        with suppress(AssertionError, AttributeError, KeyError, RuntimeError), client.atomic():
+            seen = middle + away * BESIDE
+            client.camera.position = seen + away * np.array([-0.75, -0.45, -0.7])
+            client.camera.look_at = seen
+
+    def signals(self, traces: Traces) -> list[str]:
+        """List the signals to choose from."""
+        return plotted(traces)
+
+
+def _plain(text: str) -> str:
+    """Keep MDX from reading a sentence as markup."""
+    return "`" + text.replace("`", "'").replace("\n", " ") + "`"
