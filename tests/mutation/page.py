@@ -31,10 +31,10 @@ mutant of the statement is drawn. Text is not changed: strings, messages, docstr
 
 Which test runs which line of Python was recorded by coverage.py. A mutant of Python meets the
 tests that run its line, the fastest and nearest first: up to 60 of them, then up to 400, with up to
-240 s of processor time. (The first round of this sample, before the record, chose five test files by
-names and imports instead.) A mutant of C meets the test files that a table names
-for its file. A mutant counts as caught if a test fails, if the process ends by a signal, or if a
-test exceeds its limit of processor time. Tests marked `slow` do not run, so all tests together
+240 s of processor time. (The first round of this sample, before the record, chose five test files
+by names and imports instead.) A mutant of C meets the test files that a table names for its file.
+A mutant counts as caught if a test fails, if the process ends by a signal, or if a test exceeds
+its limit of processor time. Tests marked `slow` do not run, so all tests together
 catch at least as many.
 
 If a mutant survives, its place is read. Then tests that should catch it run by name. If there is

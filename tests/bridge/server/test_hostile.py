@@ -227,7 +227,7 @@ class _Stuck:
         self._free.wait()
         self._told.append("answer")
 
-    def reply_err(self, said: str) -> None:
+    def reply_err(self, said: str, **_: object) -> None:
         self._told.append(said)
 
     def drop(self) -> None:
@@ -243,7 +243,7 @@ def test_an_answer_that_nobody_takes_holds_only_its_client_up() -> None:
         assert client.step(2) == {}
         assert bridge.conductor.moment().tick == 5
         assert "answer" not in told  # it waits still
-        # Of 200, beyond 64 that wait and 64 that are told: they end in a thread of their own.
+        # Of 200, 64 wait for an answer, and at most 64 wait to be refused; the others have ended.
         begin = time.monotonic()
         while told.count("end") < 72 and time.monotonic() < begin + 60.0:
             free.wait(0.01)

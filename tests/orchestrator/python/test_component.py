@@ -66,6 +66,25 @@ def test_a_file_that_raises_is_not_half_imported(tmp_path: Path) -> None:
     assert not [name for name in sys.modules if name.startswith("uuvsim_user_half_")]
 
 
+def with_gain(folder: Path, gain: float) -> str:
+    folder.mkdir(exist_ok=True)
+    (folder / "beside.py").write_text(f"GAIN = {gain}\n")
+    return write(folder, "from beside import GAIN\n\n" + GOOD)
+
+
+def test_files_of_two_folders_each_import_their_own_neighbours(tmp_path: Path) -> None:
+    one, two = with_gain(tmp_path / "one", 1.5), with_gain(tmp_path / "two", 22.5)
+    gains = [sys.modules[load(s).__module__].GAIN for s in (one, two, one)]
+    assert gains == [1.5, 22.5, 1.5]
+
+
+def test_a_neighbour_that_was_edited_is_read_again(tmp_path: Path) -> None:
+    first = load(with_gain(tmp_path / "one", 1.5))
+    assert load(f"{tmp_path / 'one' / 'my.py'}:Mine") is first
+    again = load(with_gain(tmp_path / "one", 22.25))
+    assert sys.modules[again.__module__].GAIN == 22.25
+
+
 def test_an_edited_file_is_read_again(tmp_path: Path) -> None:
     assert load(write(tmp_path, GOOD)).inputs == {"u": (2, "m")}
     assert load(write(tmp_path, GOOD.replace('(2, "m")}\n    out', '(3, "m")}\n    out'))).inputs == {"u": (3, "m")}  # fmt: skip  # noqa: E501

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import inspect
 import reprlib
 import sys
@@ -13,10 +12,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from uuvsim_cosim.cache import content_hash
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid
 from uuvsim_cosim.fmus.description import Causality, Description
 from uuvsim_cosim.orchestrator.python.ports import parameter, signal
+from uuvsim_cosim.orchestrator.python.user_module import import_file
 
 __all__ = ["definition", "described", "imported", "load", "place_of"]
 
@@ -46,22 +45,7 @@ def imported(where: str, source: str) -> ModuleType:
         path = Path(where).expanduser().absolute()
         if not path.is_file():
             raise InputInvalid(f"{path}: no such file; expected a Python file")
-        # A new module for each content, so that an edited file is read again.
-        name = f"uuvsim_user_{path.stem}_{content_hash([str(path), path.read_bytes()])}"
-        if name in sys.modules:
-            return sys.modules[name]
-        spec = importlib.util.spec_from_file_location(name, path)
-        assert spec is not None
-        assert spec.loader is not None
-        module = importlib.util.module_from_spec(spec)
-        sys.modules[name] = module
-        if str(path.parent) not in sys.path:
-            sys.path.append(str(path.parent))  # as a script, it may import its neighbours
-        try:
-            spec.loader.exec_module(module)
-        except BaseException:
-            del sys.modules[name]
-            raise
+        return import_file(path)
     except InputInvalid:
         raise
     except SyntaxError as error:
@@ -76,7 +60,6 @@ def imported(where: str, source: str) -> ModuleType:
         raise
     except BaseException as error:  # SystemExit too: a file must not end the run
         raise _not_imported(source, error) from error
-    return module
 
 
 def _not_imported(source: str, error: BaseException) -> InputInvalid:

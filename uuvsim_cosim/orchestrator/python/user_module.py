@@ -1,0 +1,83 @@
+"""Import of a user's Python file, which may import the modules that lie beside it.
+
+Two folders may each have a `gains.py`, and Python keeps one module of a name. So modules of other
+users' folders are forgotten before a file is imported, and so are those that were edited since.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+from uuvsim_cosim.cache import content_hash
+
+__all__ = ["import_file"]
+
+# Modules beside users' files, by their names: the file and the hash of its content when imported.
+_BESIDE: dict[str, tuple[Path, str]] = {}
+# What each user's module has imported of them.
+_IMPORTED: dict[str, dict[str, tuple[Path, str]]] = {}
+_FOLDERS: set[str] = set()  # of users' files, as they stand in sys.path
+
+
+def import_file(path: Path) -> ModuleType:
+    """Return the module of a file, imported anew if it or a module beside it was edited.
+
+    Raises what the file raises.
+    """
+    name = f"uuvsim_user_{path.stem}_{content_hash([str(path), path.read_bytes()])}"
+    if name in sys.modules and all(_is_unchanged(m) for m in _IMPORTED.get(name, {}).values()):
+        return sys.modules[name]
+    for other, beside in list(_BESIDE.items()):
+        if _root(other, beside[0]) != path.parent or not _is_unchanged(beside):
+            sys.modules.pop(other, None)
+            del _BESIDE[other]
+    _search_first(path.parent)
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    others = sys.modules.keys() - _BESIDE.keys()
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    finally:
+        for fresh in sys.modules.keys() - others:
+            file = getattr(sys.modules[fresh], "__file__", None)
+            if file is None or fresh.partition(".")[0] in others:
+                continue  # a part of a package that others have imported is nobody's own
+            if _root(fresh, Path(file)) == path.parent:
+                _BESIDE[fresh] = (Path(file), content_hash([Path(file).read_bytes()]))
+    _IMPORTED[name] = dict(_BESIDE)
+    return module
+
+
+def _search_first(folder: Path) -> None:
+    """Search a user's folder before those of others, and after all that Python searches."""
+    importlib.invalidate_caches()
+    if str(folder) in _FOLDERS:
+        sys.path.remove(str(folder))
+    elif str(folder) in sys.path:
+        return
+    first = next((i for i, p in enumerate(sys.path) if p in _FOLDERS), len(sys.path))
+    sys.path.insert(first, str(folder))
+    _FOLDERS.add(str(folder))
+
+
+def _root(name: str, file: Path) -> Path:
+    """Return the folder where a module of this dotted name was found."""
+    return file.parents[name.count(".") + (file.name == "__init__.py")]
+
+
+def _is_unchanged(beside: tuple[Path, str]) -> bool:
+    file, content = beside
+    try:
+        return content_hash([file.read_bytes()]) == content
+    except OSError:
+        return False
