@@ -58,7 +58,10 @@ def network_data(name: str) -> str:
         return "".join(contact_text(n))
     if isinstance(n, Rays | Frame):
         return "".join(ray_text(n))
-    return "".join(transformer_text(n) if isinstance(n, Transformer) else _text(n))
+    if isinstance(n, Transformer):
+        return "".join(transformer_text(n))
+    assert isinstance(n, Network)
+    return "".join(_text(n))
 
 
 def _text(n: Network) -> Iterator[str]:

@@ -10,6 +10,7 @@ epsilon is 0 where the propeller drives the hull at its steady speed, more where
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import casadi as ca
@@ -25,7 +26,9 @@ VELOCITIES, FORCES = "uvwpqr", "XYZKMN"
 SLOWEST = 0.05  # m/s, below which eta counts as at this speed
 
 
-def control_force(m: Model, vehicle: str, names: tuple[str, ...], nu_r: Any, delta: Any) -> Any:
+def control_force(
+    m: Model, vehicle: str, names: tuple[str, ...], nu_r: ca.SX, delta: ca.SX
+) -> ca.SX:
     """Declare the terms of folder/control.yaml; give their force (6) about CO in b.
 
     `names` are those of the fins, in the order of `delta` [rad]. Where a term has a slipstream an
@@ -35,7 +38,7 @@ def control_force(m: Model, vehicle: str, names: tuple[str, ...], nu_r: Any, del
     if not path.is_file():
         raise ParameterInvalid(f"form=derivatives: {vehicle!r} has none; expected a file {path}")
     data = read_yaml(path, "control.schema.json")
-    factors: dict[str, Any] = {x: nu_r[i] for i, x in enumerate(VELOCITIES)}
+    factors: dict[str, ca.SX] = {x: nu_r[i] for i, x in enumerate(VELOCITIES)}
     factors |= {name: delta[i] for i, name in enumerate(names)}
     if "slipstream" in data:
         factors["slipstream"] = _slipstream(m, data["slipstream"], nu_r[0])
@@ -74,7 +77,7 @@ def _unit(force: str, moving: list[str]) -> str:
     return f"{top}.s2/" + ("m2", "(m.rad)", "rad2")[turns]
 
 
-def _slipstream(m: Model, data: Any, u: Any) -> Any:
+def _slipstream(m: Model, data: Mapping[str, Any], u: ca.SX) -> ca.SX:
     n = m.input("n", unit="rad/s", description="speed of the propeller, for its slipstream")
     k_u, C_t = (
         m.parameter(

@@ -17,6 +17,7 @@ it stays where it is) and `health` (factor of what turning it adds: 0 lost), tun
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import ParameterInvalid
 from uuvsim_cosim.models.actuators.control_derivatives import control_force
+from uuvsim_cosim.models.declaration.expression import Number
 from uuvsim_cosim.models.declaration.files_read import shared_until_changed
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.options import is_on
@@ -128,7 +130,7 @@ def fins(
     return m
 
 
-def fin_force(nu_r: Any, r: Any, a: Any, delta: Any, p: dict[str, Any]) -> Any:
+def fin_force(nu_r: ca.SX, r: ca.SX, a: ca.SX, delta: Number, p: Mapping[str, Number]) -> ca.SX:
     """Return the force (3) [N] in b of one fin at r with hinge a, turned by delta [rad]."""
     v = nu_r[:3] + ca.cross(nu_r[3:], r)
     ahead = ca.vertcat(1.0 - a[0] * a[0], -a[0] * a[1], -a[0] * a[2])
@@ -162,7 +164,7 @@ def read_fins(path: Path) -> FinGeometry:
     items, common = data["fins"], data["figures"]
     problems: list[str] = []
 
-    def read(entry: Any, name: str, unit: str, line: int) -> list[float]:
+    def read(entry: Mapping[str, Any], name: str, unit: str, line: int) -> list[float]:
         value = entry["value"] if isinstance(entry["value"], list) else [entry["value"]]
         try:
             return [in_unit(float(x), str(entry["unit"]), unit) for x in value]

@@ -22,7 +22,6 @@ The four figures were not checked against either; what speaks for them is that t
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import casadi as ca
 
@@ -114,7 +113,7 @@ def read_propeller(path: Path) -> dict[str, float]:
     return file.numbers({name: unit for name, (unit, _, _) in _FIGURES.items()})
 
 
-def _share_left(m: Model, r: Any) -> Any:
+def _share_left(m: Model, r: ca.SX) -> ca.SX:
     """Declare what ventilation needs; give the share of thrust that it leaves."""
     eta = m.input("eta", 6, start=(0, 0, 5, 0, 0, 0), unit=ETA, description="of the hull")
     R_p = m.parameter(

@@ -12,8 +12,6 @@ bessa    J dn/dt = k_t / R_m (u V - k_t n) - k_v |n| n: a motor at a voltage tha
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 
 from uuvsim_cosim.errors import InputInvalid
@@ -28,7 +26,14 @@ _ASSUMED = "assumption, a T200 at 16 V"
 _PAIR = "the complex pair of von Benzon et al. (2022)"
 
 
-def shaft(m: Model, kind: str, n_d: Any, T_n: Any, u: Any = None, voltage: Any = None) -> Any:
+def shaft(
+    m: Model,
+    kind: str,
+    n_d: ca.SX,
+    T_n: ca.SX | None,
+    u: ca.SX | None = None,
+    voltage: ca.SX | None = None,
+) -> ca.SX:
     """Declare a shaft of a kind; give its speed n [rad/s]. `u` and `voltage` are for bessa."""
     if kind not in SHAFTS or (kind == "bessa" and u is None):
         known = [s for s in SHAFTS if s != "bessa" or u is not None]
@@ -37,6 +42,7 @@ def shaft(m: Model, kind: str, n_d: Any, T_n: Any, u: Any = None, voltage: Any =
         return _third(m, n_d)
     n = m.state("shaft", unit="rad/s", description="shaft speed; its sign is the thrust's")
     if kind == "first":
+        assert T_n is not None
         m.der(n, (n_d - n) * m.derived("rate", 1.0 / T_n))
     elif kind == "second":
         omega_n = _parameter(m, "omega_n", 90.9, "rad/s", f"natural frequency ({_PAIR})")
@@ -52,11 +58,13 @@ def shaft(m: Model, kind: str, n_d: Any, T_n: Any, u: Any = None, voltage: Any =
         k_t = _parameter(m, "k_t", 0.0195, "N.m/A", f"torque constant ({_ASSUMED})")
         R_m = _parameter(m, "R_m", 0.238, "Ohm", f"resistance ({_ASSUMED})")
         k_v = _parameter(m, "k_v", 5.27e-6, "N.m.s2/rad2", f"torque of |n| n ({_ASSUMED})")
+        assert u is not None
+        assert voltage is not None
         m.der(n, (k_t / R_m * (u * voltage - k_t * n) - k_v * abs_(n) * n) / J)
     return n
 
 
-def _third(m: Model, n_d: Any) -> Any:
+def _third(m: Model, n_d: ca.SX) -> ca.SX:
     source = "von Benzon et al. (2022)"
     a = [
         _parameter(m, name, value, unit, source)
@@ -73,5 +81,5 @@ def _third(m: Model, n_d: Any) -> Any:
     return x[0] + a[3] / a[0] * x[1]
 
 
-def _parameter(m: Model, name: str, value: float, unit: str, words: str) -> Any:
+def _parameter(m: Model, name: str, value: float, unit: str, words: str) -> ca.SX:
     return m.parameter(name, value, unit=unit, min=1e-9, description=words)

@@ -9,7 +9,6 @@ other. Flow past the propeller is left out: thrust is bollard pull. Options, all
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 
@@ -114,12 +113,12 @@ def thruster_t200(
 
 def _command(
     m: Model,
-    u: Any,
+    u: ca.SX,
     dead_band: bool | str,
     limits: bool | str,
     f: ThrusterFaults,
     saturated: bool = False,
-) -> Any:
+) -> ca.SX:
     """Return the command at the motor's driver: limited to its range, then as options say."""
     plain = not is_on("limits", limits) and isinstance(f.stuck, float)
     if not (saturated and plain):
@@ -139,11 +138,11 @@ def _command(
     return ca.if_else(beyond > 0.0, ca.sign(u) * beyond / (1.0 - u_0), 0.0)
 
 
-def _turned(n_d: Any, f: ThrusterFaults) -> Any:
+def _turned(n_d: ca.SX, f: ThrusterFaults) -> ca.SX:
     return n_d if isinstance(f.entangled, float) else (1.0 - f.entangled) * n_d
 
 
-def _bessa(m: Model, n: Any) -> Any:
+def _bessa(m: Model, n: ca.SX) -> ca.SX:
     rows = "least squares of the T200's bench rows at 16 V"
     c_r = m.parameter("c_r", 3.786e-4, unit="N.s2/rad2", description=f"slope ahead ({rows})")
     d_r = m.parameter("d_r", 1459.0, unit="rad2/s2", min=0, description=f"dead zone ({rows})")
@@ -153,20 +152,20 @@ def _bessa(m: Model, n: Any) -> Any:
     return ca.if_else(x > d_r, c_r * (x - d_r), ca.if_else(x < d_l, c_l * (x - d_l), 0.0))
 
 
-def _inputs(m: Model) -> tuple[Any, Any]:
+def _inputs(m: Model) -> tuple[ca.SX, ca.SX]:
     u = m.input("u", unit="1", min=-1, max=1, description="command; (pwm - 1500 us) / 400 us")
     voltage = m.input("voltage", unit="V", start=16.0, description="of the supply")
     m.input("nu_r", 6, unit=NU, description="unused: thrust is bollard pull")
     return u, voltage
 
 
-def _time_constant(m: Model, value: float) -> Any:
+def _time_constant(m: Model, value: float) -> ca.SX:
     return m.parameter(
         "T_n", value, unit="s", min=4e-3, description="time constant of the shaft (assumption)"
     )
 
 
-def _outputs(m: Model, thrust: Any, n: Any, current: Any, f: ThrusterFaults) -> Model:
+def _outputs(m: Model, thrust: ca.SX, n: ca.SX, current: ca.SX, f: ThrusterFaults) -> Model:
     if not isinstance(f.health, float):
         thrust = f.health * thrust
     m.output("thrust", thrust, unit="N", description="along the thruster's direction e")

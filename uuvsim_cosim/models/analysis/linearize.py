@@ -8,7 +8,7 @@ which y[k] is what the tick at k·T makes of u[k].
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -22,7 +22,7 @@ from uuvsim_cosim.models.analysis.operating_point import (
 )
 from uuvsim_cosim.models.declaration.element_names import element_names
 from uuvsim_cosim.models.declaration.evaluation import Evaluation
-from uuvsim_cosim.models.declaration.model import Model
+from uuvsim_cosim.models.declaration.model import Kind, Model
 
 if TYPE_CHECKING:
     import control
@@ -88,7 +88,7 @@ def _sampled(
     d = np.array(f.derived(p)).ravel()
     z_0 = np.array(f.initial(p, d)).ravel()
 
-    def names(kind: Any) -> list[str]:
+    def names(kind: Kind) -> list[str]:
         return [n for v in model.of_kind(kind) for n in element_names(v.name, v.shape)]
 
     known = names("input")

@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -22,7 +21,7 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.element_names import element_names, split_element_name
 from uuvsim_cosim.models.declaration.evaluation import Evaluation
 from uuvsim_cosim.models.declaration.kinematics import T_zyx, euler_of_q, q_of_euler
-from uuvsim_cosim.models.declaration.model import Model
+from uuvsim_cosim.models.declaration.model import Kind, Model
 from uuvsim_cosim.models.declaration.near_names import did_you_mean
 
 __all__ = ["Coordinates", "OperatingPoint", "is_hull", "place_of"]
@@ -98,7 +97,7 @@ class Coordinates:
         self.x_0 = self._reduced(start[:n_x])
         self.u_0 = f.values_of("input", {})
 
-    def _names(self, kind: Any) -> list[str]:
+    def _names(self, kind: Kind) -> list[str]:
         declared = self.model.of_kind(kind)
         return [n for v in declared for n in element_names(v.name, v.shape)]
 
@@ -109,7 +108,7 @@ class Coordinates:
         return np.concatenate([x[:3], theta, x[7:]])
 
     @cached_property
-    def symbols(self) -> tuple[Any, Any, Any, Any]:
+    def symbols(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         """Return (x, u, dx/dt, y) as expressions, in the order of the names."""
         x, u = ca.SX.sym("x", len(self.states)), ca.SX.sym("u", len(self.inputs))
         full = ca.vertcat(x[:3], q_of_euler(x[3], x[4], x[5]), x[6:]) if self.hull else x
@@ -122,7 +121,7 @@ class Coordinates:
         return x, u, rates, y
 
     @cached_property
-    def functions(self) -> tuple[Any, Any]:
+    def functions(self) -> tuple[ca.Function, ca.Function]:
         """Return (f, Jacobians):  f(x, u) -> (dx/dt, y),  and of both by x and u: A, B, C, D."""
         x, u, rates, y = self.symbols
         jacobians = [ca.jacobian(e, by) for e in (rates, y) for by in (x, u)]
@@ -151,12 +150,15 @@ class Coordinates:
                     u[place - len(x)] = number
         return x, u
 
-    def named(self, x: Array, u: Array, **more: Any) -> OperatingPoint:
+    def named(
+        self, x: Array, u: Array, parameters: Mapping[str, ArrayLike], residual: float = 0.0
+    ) -> OperatingPoint:
         """Return the operating point at x and u."""
         y = np.array(self.functions[0](x, u)[1]).ravel()
         return OperatingPoint(
             dict(zip(self.states, map(float, x), strict=True)),
             dict(zip(self.inputs, map(float, u), strict=True)),
             dict(zip(self.outputs, map(float, y), strict=True)),
-            **more,
+            parameters,
+            residual,
         )

@@ -8,7 +8,6 @@ speed or a steady turn can be asked for.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -82,7 +81,9 @@ def trim_model(
     return c.named(found[:n], found[n:], parameters=dict(parameters or {}), residual=residual)
 
 
-def _solved(f: Any, J: Any, start: Array, unknown: list[int]) -> tuple[Array, float]:
+def _solved(
+    f: ca.Function, J: ca.Function, start: Array, unknown: list[int]
+) -> tuple[Array, float]:
     """Return the nearest point that least squares finds from the start, and its largest rate."""
     from scipy.optimize import least_squares
 

@@ -9,8 +9,6 @@ thrust exceeds its limit, all are scaled by one factor, so that tau keeps its di
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 import numpy as np
 
@@ -44,7 +42,7 @@ def command_of_thrust(thruster: str, voltage: float) -> tuple[list[float], list[
     return rows.tolist(), np.concatenate([u[reverse], [0.0], u[forward]]).tolist()
 
 
-def _pseudo_inverse(T: Any, WT: Any) -> Any:
+def _pseudo_inverse(T: ca.SX, WT: ca.SX) -> ca.SX:
     """Return W T' (T W T' + epsilon I)^-1."""
     return ca.mtimes(WT, inverse(ca.mtimes(T, WT) + 1e-9 * ca.SX.eye(6)))
 

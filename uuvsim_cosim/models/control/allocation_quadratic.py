@@ -9,8 +9,6 @@ its direction. Below 1e-3 of f_max the curve is a line: the root's slope at 0 is
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 
 from uuvsim_cosim.models.actuators.thruster_geometry import thruster_geometry
@@ -53,7 +51,7 @@ def allocation_quadratic(vehicle: str = "pool8", thruster: str = "pool8_jet") ->
     return m
 
 
-def _command(f: Any) -> Any:
+def _command(f: ca.SX) -> ca.SX:
     """Return u of a thrust over f_max: odd, continuous, and sqrt beyond the line near 0."""
     size = abs_(f)
     root = ca.sqrt(clip(size, LINEAR, 1.0))

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -38,7 +37,7 @@ _LINEAR = ("N.s/m", "N.s/rad", "N.m.s/m", "N.m.s/rad")
 _QUADRATIC = ("N.s2/m2", "N.s2/rad2", "N.m.s2/m2", "N.m.s2/rad2")
 
 
-def nominal_matrices(vehicle: str) -> dict[str, Any]:
+def nominal_matrices(vehicle: str) -> dict[str, np.ndarray]:
     """Return M, D_l, D_q (6, 6), W, B, r_g and r_b of a vehicle's file, in SI about CO."""
     numbers = {k: q.value for k, q in parameter_set(*split_address(vehicle)).quantities.items()}
     names = ("M", "W", "B", "r_g", "r_b", "D_l", "D_q")
@@ -50,23 +49,23 @@ def nominal_matrices(vehicle: str) -> dict[str, Any]:
 class NominalHull:
     """The hull as a controller knows it; each method takes and gives vectors of 6 in b."""
 
-    M: Any
-    D_l: Any
-    D_q: Any
-    W: Any
-    B: Any
-    r_g: Any
-    r_b: Any
+    M: ca.SX
+    D_l: ca.SX
+    D_q: ca.SX
+    W: ca.SX
+    B: ca.SX
+    r_g: ca.SX
+    r_b: ca.SX
 
-    def C(self, nu: Any) -> Any:
+    def C(self, nu: ca.SX) -> ca.SX:
         """Return the skew-symmetric 6x6 matrix of Coriolis, of M = M_RB + M_A."""
         return m2c(self.M, nu)
 
-    def D(self, nu: Any) -> Any:
+    def D(self, nu: ca.SX) -> ca.SX:
         """Return the 6x6 damping  D_l + D_q diag(|nu|)."""
         return self.D_l + ca.mtimes(self.D_q, ca.diag(abs_(nu)))
 
-    def g(self, eta: Any) -> Any:
+    def g(self, eta: ca.SX) -> ca.SX:
         """Return the restoring force of the submerged hull at the attitude of eta."""
         down = R_zyx(eta[3], eta[4], eta[5])[2, :].T
         return g(self.W, self.B, self.r_g, self.r_b, down)
@@ -76,7 +75,7 @@ def nominal_hull(m: Model, vehicle: str) -> NominalHull:
     """Declare the nominal hull of a vehicle as parameters of a controller."""
     v = nominal_matrices(vehicle)
 
-    def matrix(name: str, units: tuple[str, ...], words: str) -> Any:
+    def matrix(name: str, units: tuple[str, ...], words: str) -> ca.SX:
         each = [units[2 * (i > 2) + (j > 2)] for i in range(6) for j in range(6)]
         return m.parameter(name, v[name], unit=each, description=f"{words}, as the law knows it")
 
@@ -98,32 +97,32 @@ class Loop:
     m: Model
     sample: Clock
     T: float  # s, the period
-    eta_d: Any
-    eta: Any
-    nu: Any
-    e: Any  # error of eta
-    e_dot: Any
-    nu_b: Any  # wanted velocity
-    a_b: Any  # wanted acceleration
-    tau_max: Any
+    eta_d: ca.SX
+    eta: ca.SX
+    nu: ca.SX
+    e: ca.SX  # error of eta
+    e_dot: ca.SX
+    nu_b: ca.SX  # wanted velocity
+    a_b: ca.SX  # wanted acceleration
+    tau_max: ca.SX
 
-    def in_body(self, x: Any) -> Any:
+    def in_body(self, x: ca.SX) -> ca.SX:
         """Turn a vector, force in n and moment in b, into b."""
         return ca.vertcat(ca.mtimes(self._R.T, x[:3]), x[3:])
 
-    def in_ned(self, x: Any) -> Any:
+    def in_ned(self, x: ca.SX) -> ca.SX:
         """Turn the force of a vector into n; the moment stays in b."""
         return ca.vertcat(ca.mtimes(self._R, x[:3]), x[3:])
 
     @property
-    def _R(self) -> Any:
+    def _R(self) -> ca.SX:
         return R_zyx(self.eta[3], self.eta[4], self.eta[5])
 
-    def integral(self, name: str, unit: tuple[str, ...] = TAU) -> Any:
+    def integral(self, name: str, unit: tuple[str, ...] = TAU) -> ca.SX:
         """Declare an integral, held in n (its moment in b), which starts at 0."""
         return self.m.discrete(name, (0,) * 6, unit=unit, description="held in n, moment in b")
 
-    def close(self, tau: Any, z: Any, rate: Callable[[Any], Any], limit: Any) -> None:
+    def close(self, tau: ca.SX, z: ca.SX, rate: Callable[[ca.SX], ca.SX], limit: ca.SX) -> None:
         """Declare tau, limited; z grows by rate(tau_d - tau), so that it can stop at a limit."""
         tau_d = saturate(tau, self.tau_max)
         self.m.update(self.sample, z, saturate(z + self.T * rate(tau_d - tau), limit))
@@ -167,7 +166,7 @@ def law(m: Model, p: Preset, period: str) -> Loop:
     return Loop(m, sample, T, eta_d, eta, nu, e, e_dot, nu_b, a_b, tau_max)
 
 
-def gains(m: Model, p: Preset, *named: tuple[str, str, str, str]) -> list[Any]:
+def gains(m: Model, p: Preset, *named: tuple[str, str, str, str]) -> list[ca.SX]:
     """Declare diagonal gains (name, unit of forces, unit of moments, meaning) of a preset."""
     return [
         m.parameter(name, p.vector(name, per(f, k), 6), unit=per(f, k), min=0, description=words)

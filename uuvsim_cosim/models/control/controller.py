@@ -10,8 +10,6 @@ back-calculation from the saturated tau, stop it from winding up.
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 
 from uuvsim_cosim.models.declaration.angle import wrap
@@ -77,10 +75,10 @@ def controller(
     slope = ca.if_else(started > 0.5, (nu_d - before) / T, ca.SX.zeros(6))
     acceleration = nu_d_dot + blend * (slope - nu_d_dot)
 
-    def in_body(x: Any) -> Any:
+    def in_body(x: ca.SX) -> ca.SX:
         return ca.vertcat(ca.mtimes(R.T, x[:3]), x[3:])
 
-    def in_ned(x: Any) -> Any:
+    def in_ned(x: ca.SX) -> ca.SX:
         return ca.vertcat(ca.mtimes(R, x[:3]), x[3:])
 
     tau = (
@@ -105,7 +103,7 @@ def controller(
     return m
 
 
-def attitude_error(eta: Any, eta_d: Any) -> Any:
+def attitude_error(eta: ca.SX, eta_d: ca.SX) -> ca.SX:
     """Return the attitude error in body axes: T(Theta)^-1 (Theta_d - Theta), shortest way."""
     d = wrap(eta_d[3:] - eta[3:])
     phi, theta = eta[3], eta[4]

@@ -10,8 +10,6 @@ does not know, in n, by Fossen's rule of a tenth of the bandwidth (as in his MSS
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 
 from uuvsim_cosim.models.control.control_law import gains, law, nominal_hull
@@ -47,7 +45,7 @@ def feedback_linearisation(
     tau = ca.mtimes(hull.M, a) + known + loop.in_body(z)
     weight = ca.diag(hull.M)
 
-    def grow(short: Any) -> Any:
+    def grow(short: ca.SX) -> ca.SX:
         return loop.in_ned(0.1 * omega * (weight * omega**2 * loop.e + short))
 
     loop.close(tau, z, grow, limit)

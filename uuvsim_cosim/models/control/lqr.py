@@ -9,8 +9,6 @@ computes it; that of the shipped preset lies in its file.
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 import numpy as np
 
@@ -59,7 +57,7 @@ def lqr(id: str = PRESET, vehicle: str = "bluerov2_heavy", period: str = "0.02")
     return m
 
 
-def _gains(p: Preset, id: str, vehicle: str) -> Any:
+def _gains(p: Preset, id: str, vehicle: str) -> np.ndarray:
     if "K" in p.values and (id, vehicle) == (PRESET, "bluerov2_heavy"):
         return np.array(p.vector("K", K_UNITS, 108)).reshape(6, 18)
     return design_lqr(vehicle, p.vector("Q", "1", 18), p.vector("R", "1", 6)).K

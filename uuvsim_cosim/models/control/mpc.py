@@ -13,7 +13,7 @@ iteration); its C is CasADi's own. It is exported as an FMU, and is no part of a
 from __future__ import annotations
 
 import hashlib
-from typing import Any
+from collections.abc import Callable
 
 import casadi as ca
 import numpy as np
@@ -107,7 +107,9 @@ def mpc(
 
 
 @shared_until_changed
-def solution(vehicle: str, N: int, h: float, iterations: int) -> Any:
+def solution(
+    vehicle: str, N: int, h: float, iterations: int
+) -> Callable[[ca.SX, ca.SX, ca.SX], list[ca.SX]]:
     """Return data (54), guess (6 N), tau_max (6)  ->  the N forces (6 N), nu after h (6), cost."""
     of = programme(vehicle, N, h)
     data, guess, limit = ca.MX.sym("p", 54), ca.MX.sym("guess", 6 * N), ca.MX.sym("tau_max", 6)

@@ -6,7 +6,7 @@ It runs in this process and is neither exported nor fused; ipopt, which cannot b
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -18,6 +18,7 @@ from uuvsim_cosim.models.control.mpc import PRESET, Q_UNITS, S_UNITS
 from uuvsim_cosim.models.control.mpc_problem import Programme, Solver, packed, programme, solver
 from uuvsim_cosim.models.declaration.files_read import shared_until_changed
 from uuvsim_cosim.models.declaration.kinematics import R_zyx
+from uuvsim_cosim.models.declaration.model import Units
 from uuvsim_cosim.models.declaration.preset import preset
 from uuvsim_cosim.models.declaration.vectors import ETA, NU, TAU
 
@@ -28,7 +29,7 @@ _preset = preset("controllers", PRESET, "controller")
 
 
 @shared_until_changed
-def _made(vehicle: str, N: int, h: float, kind: Solver) -> tuple[Programme, Any, Array]:
+def _made(vehicle: str, N: int, h: float, kind: Solver) -> tuple[Programme, ca.Function, Array]:
     of = programme(vehicle, N, h)
     return of, solver(of, kind), np.array(nominal_matrices(vehicle)["M"])
 
@@ -43,14 +44,14 @@ class MPC:
     N: ClassVar[int] = 10
     h: ClassVar[float] = 0.1  # s, a step of the horizon, and the time between two solutions
     solver: ClassVar[Solver] = "sqpmethod"
-    inputs: ClassVar[Mapping[str, Any]] = {
+    inputs: ClassVar[Mapping[str, tuple[int, Units]]] = {
         "eta_d": (6, ETA),
         "nu_d": (6, NU),
         "eta": (6, ETA),
         "nu": (6, NU),
     }
-    outputs: ClassVar[Mapping[str, Any]] = {"tau_d": (6, TAU)}
-    parameters: ClassVar[Mapping[str, Any]] = {
+    outputs: ClassVar[Mapping[str, tuple[int, Units]]] = {"tau_d": (6, TAU)}
+    parameters: ClassVar[Mapping[str, tuple[object, str | None]]] = {
         "Q": (_preset.vector("Q", Q_UNITS, 12), None),
         "S": (_preset.vector("S", S_UNITS, 6), None),
         "tau_max": (_preset.vector("tau_max", TAU, 6), None),

@@ -16,11 +16,13 @@ next one calls and none inlines; Jacobians are chained from step to step. So the
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.control.control_law import NominalHull, nominal_matrices
@@ -44,12 +46,12 @@ class Programme:
 
     N: int
     h: float
-    step: Any
-    tau: Any
-    p: Any
-    cost: Any
-    jac_fg: Any
-    hessian: Any
+    step: ca.Function
+    tau: ca.SX
+    p: ca.SX
+    cost: ca.SX
+    jac_fg: ca.Function
+    hessian: ca.Function
 
 
 def programme(vehicle: str = "bluerov2_heavy", N: int = 10, h: float = 0.1) -> Programme:
@@ -67,7 +69,8 @@ def programme(vehicle: str = "bluerov2_heavy", N: int = 10, h: float = 0.1) -> P
     change = weight * (ca.mtimes(shift, tau) - ca.vertcat(before, ca.MX.zeros(6 * N - 6)))
 
     errors, rows = [], []
-    at, exact, wanted, chained = x, x, eta_d, ca.MX(12, 0)
+    at, exact, wanted = x, x, eta_d
+    chained: ca.SX = ca.MX(12, 0)
     plain = []
     for k, force in enumerate(forces):
         wanted = stage.wanted(wanted, nu_d)
@@ -79,7 +82,7 @@ def programme(vehicle: str = "bluerov2_heavy", N: int = 10, h: float = 0.1) -> P
         errors.append(e)
         rows.append(ca.horzcat(ca.mtimes(C, chained), ca.MX(12, 6 * (N - 1 - k))))
 
-    def cost(parts: list[Any]) -> Any:
+    def cost(parts: list[ca.SX]) -> ca.SX:
         return 0.5 * (ca.sumsqr(ca.vertcat(*parts)) + ca.sumsqr(change))
 
     J = ca.densify(ca.vertcat(*rows))
@@ -101,7 +104,7 @@ def programme(vehicle: str = "bluerov2_heavy", N: int = 10, h: float = 0.1) -> P
 class _Stage:
     """The functions of one step of the horizon: `step`, `wanted`, `error`, and `…_slope`."""
 
-    def __init__(self, matrices: dict[str, Any], h: float) -> None:
+    def __init__(self, matrices: Mapping[str, np.ndarray], h: float) -> None:
         hull = NominalHull(**{k: ca.DM(v) for k, v in matrices.items()})
         M_inv = ca.densify(ca.inv(hull.M))
         x, tau, b = ca.SX.sym("x", 12), ca.SX.sym("tau", 6), ca.SX.sym("b", 6)
@@ -129,7 +132,7 @@ class _Stage:
         e_x = ca.densify(ca.jacobian(e, x))
         self.error_slope = _function("error_slope", [x, w, nu_d, Q], [e, e_x])
 
-    def _step(self, h: float) -> Any:
+    def _step(self, h: float) -> ca.Function:
         x, tau, b = ca.MX.sym("x", 12), ca.MX.sym("tau", 6), ca.MX.sym("b", 6)
         k1 = self._rates(x, tau, b)
         k2 = self._rates(x + 0.5 * h * k1, tau, b)
@@ -137,13 +140,13 @@ class _Stage:
         k4 = self._rates(x + h * k3, tau, b)
         return _function("step", [x, tau, b], [x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)])
 
-    def _step_slope(self, h: float) -> Any:
+    def _step_slope(self, h: float) -> ca.Function:
         """The step, with its derivatives by x (12, 12) and by tau (12, 6): RK4 of both at once."""
         x, tau, b = ca.MX.sym("x", 12), ca.MX.sym("tau", 6), ca.MX.sym("b", 6)
         start = ca.MX(ca.densify(ca.horzcat(ca.DM.eye(12), ca.DM.zeros(12, 6))))
         by_tau = ca.MX(ca.densify(ca.horzcat(ca.DM.zeros(12, 12), self._of_tau)))
 
-        def rates(at: Any, d: Any) -> tuple[Any, Any]:
+        def rates(at: ca.SX, d: ca.SX) -> tuple[ca.SX, ca.SX]:
             k, J = self._rates_slope(at, tau, b)
             return k, ca.mtimes(J, d) + by_tau
 
@@ -156,11 +159,11 @@ class _Stage:
         return _function("step_slope", [x, tau, b], [after, d[:, :12], d[:, 12:]])
 
 
-def _function(name: str, inputs: list[Any], outputs: list[Any]) -> Any:
+def _function(name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
     return ca.Function(name, inputs, outputs, {"cse": True, "never_inline": True})
 
 
-def solver(of: Programme, kind: Solver = "sqpmethod", iterations: int = ITERATIONS) -> Any:
+def solver(of: Programme, kind: Solver = "sqpmethod", iterations: int = ITERATIONS) -> ca.Function:
     """Return the CasADi solver of the programme; in `sqpmethod`, Gauss-Newton steps by qrqp.
 
     Both are `casadi.nlpsol` of the same problem. ipopt runs to convergence; sqpmethod does
@@ -169,7 +172,7 @@ def solver(of: Programme, kind: Solver = "sqpmethod", iterations: int = ITERATIO
     if kind not in get_args(Solver):
         raise InputInvalid(f"mpc: solver {kind!r}; expected {' or '.join(get_args(Solver))}")
     nlp = {"x": of.tau, "p": of.p, "f": of.cost, "g": ca.MX(0, 1)}
-    options: dict[str, Any] = {"print_time": False, "error_on_fail": False, "calc_lam_p": False}
+    options: dict[str, object] = {"print_time": False, "error_on_fail": False, "calc_lam_p": False}
     if kind == "ipopt":
         f = of.hessian
         upper = ca.Function(
@@ -188,6 +191,6 @@ def solver(of: Programme, kind: Solver = "sqpmethod", iterations: int = ITERATIO
     })  # fmt: skip
 
 
-def packed(*parts: Any) -> np.ndarray:
+def packed(*parts: ArrayLike) -> np.ndarray:
     """Return the data p of the programme as one vector."""
     return np.concatenate([np.asarray(x, dtype=float).ravel() for x in parts])

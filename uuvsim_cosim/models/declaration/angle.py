@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 
 __all__ = ["wrap"]
@@ -11,6 +9,6 @@ __all__ = ["wrap"]
 TURN = 6.283185307179586
 
 
-def wrap(angle: Any) -> Any:
+def wrap(angle: ca.SX) -> ca.SX:
     """Return the angle in [-pi, pi); its gradient is 1."""
     return angle - TURN * ca.floor((angle + 0.5 * TURN) / TURN)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -42,7 +41,7 @@ class Evaluation:
             w = ca.vertcat(*clock.draws) if clock.draws else ca.SX(0, 1)
             self.updates.append(ca.Function(clock.name, [*arguments, w], [z_new]))
 
-    def _rk4(self, arguments: list[Any]) -> Any:
+    def _rk4(self, arguments: list[ca.SX]) -> ca.Function:
         """One step of length h with the inputs at its start, middle and end."""
         t, u, p, d, x, z = (ca.SX.sym(f"a{i}", *a.shape) for i, a in enumerate(arguments))
         u_m, u_e = ca.SX.sym("u_m", *u.shape), ca.SX.sym("u_e", *u.shape)
@@ -78,21 +77,21 @@ class Evaluation:
 _PARTS: tuple[Kind, ...] = ("input", "parameter", "derived", "state", "discrete")
 
 
-def _column(parts: list[Any]) -> Any:
+def _column(parts: list[ca.SX]) -> ca.SX:
     return ca.densify(ca.vertcat(*(ca.vec(ca.densify(p)) for p in parts))) if parts else ca.SX(0, 1)
 
 
-def _symbols(model: Model, kind: Kind) -> Any:
+def _symbols(model: Model, kind: Kind) -> ca.SX:
     declared = model.of_kind(kind)
     if kind == "derived":
         return _column([ca.vertcat(*v.symbol.nonzeros()) for v in declared])
     return _column([v.symbol for v in declared])
 
 
-def _derived(model: Model) -> Any:
+def _derived(model: Model) -> ca.SX:
     """Return the derived values by parameters alone: each may use earlier ones."""
-    symbols: list[Any] = []
-    values: list[Any] = []
+    symbols: list[ca.SX] = []
+    values: list[ca.SX] = []
     for v in model.of_kind("derived"):
         value = ca.vertcat(*v.start.nonzeros())
         if symbols:

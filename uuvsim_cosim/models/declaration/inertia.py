@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator, Mapping
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from uuvsim_cosim.models.declaration.expression import Number
 from uuvsim_cosim.models.declaration.hull_parameters import ELEMENT
 from uuvsim_cosim.models.declaration.kinematics import S, sparse
 
@@ -26,18 +26,18 @@ __all__ = [
 ]
 
 
-def inertia_about_CO(m: Any, I_g: Any, r_g: Any) -> Any:
+def inertia_about_CO(m: Number, I_g: ca.SX, r_g: ca.SX) -> ca.SX:
     """Return I_b = I_g - m S²(r_g): the inertia about CO [kg.m2] of the one about CG."""
     return I_g - m * ca.mtimes(S(r_g), S(r_g))
 
 
-def M_RB(m: Any, I_b: Any, r_g: Any) -> Any:
+def M_RB(m: Number, I_b: ca.SX, r_g: ca.SX) -> ca.SX:
     """Return the 6x6 rigid-body mass of m [kg], I_b about CO [kg.m2], CG at r_g [m] from CO."""
     mS = m * S(r_g)
     return ca.blockcat([[m * ca.SX.eye(3), -mS], [mS, I_b]])
 
 
-def rigid_mass(p: Mapping[str, Any]) -> Any:
+def rigid_mass(p: Mapping[str, Number]) -> ca.SX:
     """Return M_RB (6, 6) about CO."""
     r_g, inertia = parameter_vector(p, "g"), symmetric(p, "I_b")
     if not inertia.nnz():
@@ -45,13 +45,13 @@ def rigid_mass(p: Mapping[str, Any]) -> Any:
     return M_RB(p["m"], inertia, r_g)
 
 
-def parameter_vector(p: Mapping[str, Any], point: str) -> Any:
+def parameter_vector(p: Mapping[str, Number], point: str) -> ca.SX:
     """Return the vector x_, y_, z_ of a point (`g`: CG, `b`: CB) [m], sparse where not given."""
     at = {(i, 0): p[f"{a}_{point}"] for i, a in enumerate("xyz") if f"{a}_{point}" in p}
     return sparse(3, 1, at)
 
 
-def elements(p: Mapping[str, Any], kind: str, size: int) -> Any:
+def elements(p: Mapping[str, Number], kind: str, size: int) -> ca.SX:
     """Return the matrix of the parameters `kind`_ij, sparse where none is given."""
     found = {}
     for name, symbol in p.items():
@@ -61,7 +61,7 @@ def elements(p: Mapping[str, Any], kind: str, size: int) -> Any:
     return sparse(size, size, found)
 
 
-def symmetric(p: Mapping[str, Any], kind: str) -> Any:
+def symmetric(p: Mapping[str, Number], kind: str) -> ca.SX:
     """Return the symmetric matrix of the parameters `kind`_ij, sparse where there is none."""
     out = elements(p, kind, 3 if kind.startswith("I") else 6)
     rows, columns = out.sparsity().get_triplet()
@@ -98,7 +98,7 @@ def not_positive(names: Collection[str], numbers: Mapping[str, float]) -> Iterat
 
 
 def _indefinite(
-    what: str, name: str, matrix: Any, least: float, names: Collection[str]
+    what: str, name: str, matrix: np.ndarray, least: float, names: Collection[str]
 ) -> Iterator[tuple[str, str]]:
     size = np.sqrt(np.maximum(np.abs(np.diag(matrix)), 1e-12))
     values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T) / np.outer(size, size))

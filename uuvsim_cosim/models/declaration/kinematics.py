@@ -6,16 +6,17 @@ A quaternion q = (eta, eps1, eps2, eps3) is scalar first; Euler angles are zyx: 
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
 
 import casadi as ca
 
+from uuvsim_cosim.models.declaration.expression import Number
 from uuvsim_cosim.models.declaration.safe_math import atan2_or, safe_sqrt
 
 __all__ = ["H", "R", "R_zyx", "S", "T_q", "T_zyx", "euler_of_q", "q_of_euler", "sparse"]
 
 
-def sparse(rows: int, columns: int, entries: dict[tuple[int, int], Any]) -> Any:
+def sparse(rows: int, columns: int, entries: Mapping[tuple[int, int], Number]) -> ca.SX:
     """Return a matrix whose only entries, also structurally, are those given (from 0)."""
     M = ca.SX(rows, columns)
     for (i, j), value in entries.items():
@@ -23,7 +24,7 @@ def sparse(rows: int, columns: int, entries: dict[tuple[int, int], Any]) -> Any:
     return M
 
 
-def S(a: Any) -> Any:
+def S(a: ca.SX) -> ca.SX:
     """Return the skew-symmetric matrix of  a x b = S b; zeros of `a` stay structural."""
     a = ca.SX(a)
     has = a.sparsity().has_nz
@@ -35,7 +36,7 @@ def S(a: Any) -> Any:
     return sparse(3, 3, entries)
 
 
-def R(q: Any) -> Any:
+def R(q: ca.SX) -> ca.SX:
     """Return R from `b` to `n`; q is normalised here, so that its drift does no harm.
 
     R(q) = I + 2 eta S(eps) + 2 S(eps)², for |q| = 1.
@@ -53,7 +54,7 @@ def R(q: Any) -> Any:
     )
 
 
-def T_q(q: Any) -> Any:
+def T_q(q: ca.SX) -> ca.SX:
     """Return the 4x3 matrix T of  dq/dt = T omega."""
     w, x, y, z = q[0], q[1], q[2], q[3]
     return 0.5 * ca.vertcat(
@@ -64,7 +65,7 @@ def T_q(q: Any) -> Any:
     )
 
 
-def R_zyx(phi: Any, theta: Any, psi: Any) -> Any:
+def R_zyx(phi: Number, theta: Number, psi: Number) -> ca.SX:
     """Return R from `b` to `n` of Euler angles [rad]."""
     cphi, sphi = ca.cos(phi), ca.sin(phi)
     cth, sth = ca.cos(theta), ca.sin(theta)
@@ -76,7 +77,7 @@ def R_zyx(phi: Any, theta: Any, psi: Any) -> Any:
     )
 
 
-def T_zyx(phi: Any, theta: Any) -> Any:
+def T_zyx(phi: Number, theta: Number) -> ca.SX:
     """Return T of  (dphi, dtheta, dpsi)/dt = T omega; singular at theta = ±pi/2."""
     cphi, sphi = ca.cos(phi), ca.sin(phi)
     cth, tth = ca.cos(theta), ca.tan(theta)
@@ -87,7 +88,7 @@ def T_zyx(phi: Any, theta: Any) -> Any:
     )
 
 
-def q_of_euler(phi: Any, theta: Any, psi: Any) -> Any:
+def q_of_euler(phi: Number, theta: Number, psi: Number) -> ca.SX:
     """Return the unit quaternion, scalar first, of Euler angles [rad]."""
     cphi, sphi = ca.cos(0.5 * phi), ca.sin(0.5 * phi)
     cth, sth = ca.cos(0.5 * theta), ca.sin(0.5 * theta)
@@ -100,7 +101,7 @@ def q_of_euler(phi: Any, theta: Any, psi: Any) -> Any:
     )
 
 
-def euler_of_q(q: Any) -> Any:
+def euler_of_q(q: ca.SX) -> ca.SX:
     """Return (phi, theta, psi) [rad]; finite at the pole, where phi is 0 and psi all of it."""
     Rnb = R(q)
     theta = ca.atan2(-Rnb[2, 0], safe_sqrt(Rnb[0, 0] ** 2 + Rnb[1, 0] ** 2))
@@ -109,7 +110,7 @@ def euler_of_q(q: Any) -> Any:
     return ca.vertcat(phi, theta, psi)
 
 
-def H(r: Any) -> Any:
+def H(r: ca.SX) -> ca.SX:
     """Return the 6x6 transformation from CO to the point r [m]:  nu_at_r = H nu."""
     I3 = ca.SX.eye(3)
     return ca.blockcat([[I3, S(r).T], [ca.SX(3, 3), I3]])

@@ -38,10 +38,10 @@ class Declared:
 
     name: str
     kind: Kind
-    symbol: Any
+    symbol: ca.SX
     unit: str
     shape: tuple[int, ...]
-    start: Any
+    start: Any  # ca.SX of a derived value; numbers or ca.SX of a state; None of an output
     type: Type = "Float64"
     min: float | None = None
     max: float | None = None
@@ -62,8 +62,8 @@ class Clock:
     name: str
     period: Fraction
     index: int
-    updates: list[tuple[Any, Any]] = field(default_factory=list)
-    draws: list[Any] = field(default_factory=list)
+    updates: list[tuple[Declared, ca.SX]] = field(default_factory=list)
+    draws: list[ca.SX] = field(default_factory=list)
 
 
 class Model:
@@ -78,7 +78,7 @@ class Model:
         self.t = ca.SX.sym("time")
         self.variables: dict[str, Declared] = {}
         self.clocks: list[Clock] = []
-        self.derivatives: dict[str, Any] = {}
+        self.derivatives: dict[str, ca.SX] = {}
         self.peers: dict[str, str] = {}  # what an input is for, see `orchestrator/system/peers.py`
 
     # ---- declarations ---------------------------------------------------------------------
@@ -94,7 +94,7 @@ class Model:
         max: float | None = None,
         type: Type = "Float64",
         description: str = "",
-    ) -> Any:
+    ) -> ca.SX:
         """Declare an input, held over each communication step."""
         variability = "continuous" if type == "Float64" else "discrete"
         return self._declare(
@@ -113,7 +113,7 @@ class Model:
         type: Type = "Float64",
         tunable: bool = True,
         description: str = "",
-    ) -> Any:
+    ) -> ca.SX:
         """Declare a parameter; its shape is that of `value` unless given (matrices row by row)."""
         if shape is None:
             shape = np.shape(value)
@@ -130,7 +130,7 @@ class Model:
             description,
         )
 
-    def derived(self, name: str, expression: Any) -> Any:
+    def derived(self, name: str, expression: ca.SX | Value) -> ca.SX:
         """Declare a value that depends on parameters alone; zeros of it stay structural."""
         expression = ca.SX(expression)
         symbol = ca.SX.sym(name, expression.sparsity())
@@ -141,12 +141,12 @@ class Model:
     def state(
         self,
         name: str,
-        start: Any = 0.0,
+        start: Value | ca.SX = 0.0,
         shape: int | tuple[int, ...] = (),
         *,
         unit: Units,
         description: str = "",
-    ) -> Any:
+    ) -> ca.SX:
         """Declare a continuous state; `start` is a number, an array or an SX of parameters."""
         return self._declare(
             name, "state", shape, unit, start, "Float64", None, None, "continuous", description
@@ -155,12 +155,12 @@ class Model:
     def discrete(
         self,
         name: str,
-        start: Any = 0.0,
+        start: Value | ca.SX = 0.0,
         shape: int | tuple[int, ...] = (),
         *,
         unit: Units,
         description: str = "",
-    ) -> Any:
+    ) -> ca.SX:
         """Declare a discrete state, which changes only in `update` at ticks of a clock."""
         return self._declare(
             name, "discrete", shape, unit, start, "Float64", None, None, "discrete", description
@@ -175,7 +175,7 @@ class Model:
         self.clocks.append(clock)
         return clock
 
-    def normal(self, clock: Clock, size: int = 1) -> Any:
+    def normal(self, clock: Clock, size: int = 1) -> ca.SX:
         """Return `size` standard normal draws, fresh and independent at each tick of the clock."""
         if "seed" not in self.variables:
             self.parameter(
@@ -192,14 +192,14 @@ class Model:
 
     # ---- equations ------------------------------------------------------------------------
 
-    def der(self, state: Any, expression: Any) -> None:
+    def der(self, state: ca.SX, expression: ca.SX | Value) -> None:
         """Set the time derivative of a continuous state."""
         declared = self._declared(state, "state")
         if declared.name in self.derivatives:
             raise ParameterInvalid(f"{self.name}.{declared.name}: der() is given twice")
         self.derivatives[declared.name] = self._shaped(declared, expression)
 
-    def update(self, clock: Clock, discrete: Any, expression: Any) -> None:
+    def update(self, clock: Clock, discrete: ca.SX, expression: ca.SX | Value) -> None:
         """Set the value of a discrete state after a tick, from the values before it."""
         declared = self._declared(discrete, "discrete")
         clock.updates.append((declared, self._shaped(declared, expression)))
@@ -207,13 +207,13 @@ class Model:
     def output(
         self,
         name: str,
-        expression: Any,
+        expression: ca.SX | Value,
         *,
         unit: Units,
         type: Type = "Float64",
         description: str = "",
         discrete: bool = False,
-    ) -> Any:
+    ) -> ca.SX:
         """Declare an output, evaluated at the end of each communication step."""
         expression = ca.densify(ca.SX(expression))
         shape: tuple[int, ...] = () if expression.numel() == 1 else (int(expression.numel()),)
@@ -248,13 +248,13 @@ class Model:
         kind: Kind,
         shape: int | tuple[int, ...],
         unit: Units,
-        start: Any,
+        start: Value | ca.SX,
         type: Type,
         low: float | None,
         high: float | None,
         variability: str,
         description: str,
-    ) -> Any:
+    ) -> ca.SX:
         if shape == ():
             if isinstance(start, ca.SX):
                 shape = int(start.numel()) if start.numel() > 1 else ()
@@ -304,13 +304,13 @@ class Model:
             raise ParameterInvalid(f"{self.name}: variable {declared.name!r} is declared twice")
         self.variables[declared.name] = declared
 
-    def _declared(self, symbol: Any, kind: Kind) -> Declared:
+    def _declared(self, symbol: ca.SX, kind: Kind) -> Declared:
         for v in self.of_kind(kind):
             if v.symbol.shape == symbol.shape and ca.is_equal(v.symbol, symbol):
                 return v
         raise ParameterInvalid(f"{self.name}: {symbol} is not a declared {kind}")
 
-    def _shaped(self, declared: Declared, expression: Any) -> Any:
+    def _shaped(self, declared: Declared, expression: ca.SX | Value) -> ca.SX:
         flat = ca.densify(ca.SX(expression))
         if flat.numel() != declared.size:
             raise ParameterInvalid(

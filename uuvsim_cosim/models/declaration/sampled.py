@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 
+from uuvsim_cosim.models.declaration.expression import Number
 from uuvsim_cosim.models.declaration.model import Clock, Model, Type, Units, Value
 
 __all__ = ["BEFORE_FIRST", "held_output", "only_when", "sample_time"]
@@ -17,13 +16,13 @@ def held_output(
     m: Model,
     clock: Clock,
     name: str,
-    value: Any,
+    value: Number,
     *,
     unit: Units,
     start: Value = 0.0,
     type: Type = "Float64",
     description: str = "",
-) -> Any:
+) -> ca.SX:
     """Declare an output that takes `value` at each tick; gives the discrete state behind it."""
     size = int(ca.SX(value).numel())
     shape: tuple[int, ...] = () if size == 1 else (size,)
@@ -33,7 +32,7 @@ def held_output(
     return held
 
 
-def sample_time(m: Model, clock: Clock) -> Any:
+def sample_time(m: Model, clock: Clock) -> ca.SX:
     """Declare the output `t_sample`: when the reading that is shown was taken."""
     return held_output(
         m,
@@ -46,7 +45,7 @@ def sample_time(m: Model, clock: Clock) -> Any:
     )
 
 
-def only_when(clock: Clock, condition: Any) -> None:
+def only_when(clock: Clock, condition: ca.SX) -> None:
     """Make all updates of a clock so far happen only at the ticks at which a condition holds."""
     clock.updates[:] = [
         (declared, ca.if_else(condition, value, declared.symbol))

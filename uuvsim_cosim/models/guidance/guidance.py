@@ -13,7 +13,6 @@ followed with limited yaw rate and yaw acceleration. Behind the last waypoint it
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -150,7 +149,9 @@ def guidance(
     return m
 
 
-def waypoint_parameters(m: Model, waypoints: Sequence[Sequence[float]] | None) -> tuple[Any, Any]:
+def waypoint_parameters(
+    m: Model, waypoints: Sequence[Sequence[float]] | None
+) -> tuple[ca.SX, ca.SX]:
     """Declare the table of waypoints and the count in use; by default a lawn-mower's."""
     points = [list(map(float, w)) for w in waypoints or lawn_mower(20.0, 5.0, 4, 5.0)]
     if not 1 <= len(points) <= MAX_WAYPOINTS or any(len(w) != 3 for w in points):
@@ -173,7 +174,7 @@ def waypoint_parameters(m: Model, waypoints: Sequence[Sequence[float]] | None) -
     return table, count
 
 
-def row_of(table: Any, index: Any, first: int = 0) -> Any:
+def row_of(table: ca.SX, index: ca.SX, first: int = 0) -> ca.SX:
     """Return the row of a whole number `index`, by halves: one selection a row, not three."""
     n = table.size1()
     if n == 1:
@@ -183,7 +184,7 @@ def row_of(table: Any, index: Any, first: int = 0) -> Any:
     return ca.if_else(index < middle, row_of(low, index, first), row_of(high, index, middle))
 
 
-def turn_rate(turn: Any, figure: dict[str, Any]) -> Any:
+def turn_rate(turn: ca.SX, figure: dict[str, ca.SX]) -> ca.SX:
     """Return the yaw rate that can still be braked within `turn`, at most r_max."""
     size = abs_(turn)
     braking = safe_sqrt(figure["r_dot_max"] * size)

@@ -21,12 +21,12 @@ at the end it holds station.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import casadi as ca
 
 from uuvsim_cosim.errors import ParameterInvalid
 from uuvsim_cosim.models.declaration.angle import wrap
+from uuvsim_cosim.models.declaration.expression import Number
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.preset import preset
 from uuvsim_cosim.models.declaration.safe_math import atan2_or, clip, norm, saturate
@@ -132,13 +132,16 @@ def path_following(
     return m
 
 
-def _law(method: str, chi: Any, y: Any, learnt: Any, figure: dict[str, Any]) -> tuple[Any, Any]:
+def _law(
+    method: str, chi: ca.SX, y: ca.SX, learnt: ca.SX, figure: dict[str, ca.SX]
+) -> tuple[ca.SX, Number]:
     """Return the wanted heading and the rate of what is learnt: kappa y_i / Delta, or b."""
     Delta = figure["lookahead"]
     if method == "ilos":
         total = y + Delta * learnt
         rate = figure["kappa"] * y / (Delta**2 + total**2)
         return chi - ca.atan(total / Delta), rate
-    b = learnt if method == "alos" else 0.0
-    rate = figure["gamma"] * Delta * y / ca.sqrt(Delta**2 + y**2) if method == "alos" else 0.0
-    return chi - b - ca.atan(y / Delta), rate
+    if method == "alos":
+        rate = figure["gamma"] * Delta * y / ca.sqrt(Delta**2 + y**2)
+        return chi - learnt - ca.atan(y / Delta), rate
+    return chi - ca.atan(y / Delta), 0.0

@@ -16,7 +16,6 @@ z are limited integrals. A policy so drives a vehicle with its lags and limits, 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import casadi as ca
 
@@ -30,7 +29,7 @@ from uuvsim_cosim.models.hull.matrices import nominal
 __all__ = ["Wanted", "declare_pilot", "pilot"]
 
 # Of the clock, the parameters by name and u_d: the surge acceleration and yaw rate wanted.
-Wanted = Callable[[Clock, dict[str, Any], Any], tuple[Any, Any]]
+Wanted = Callable[[Clock, dict[str, ca.SX], ca.SX], tuple[ca.SX, ca.SX]]
 
 NUMBERS = (
     ("u_max", "m/s", "limit of the wanted surge speed, either way"),
@@ -59,7 +58,7 @@ def pilot(id: str = "tracking_pilot", vehicle: str = "pool8", period: str = "0.0
 
 
 def declare_pilot(
-    m: Model, id: str, vehicle: str, period: str, eta: Any, nu: Any, wanted: Wanted
+    m: Model, id: str, vehicle: str, period: str, eta: ca.SX, nu: ca.SX, wanted: Wanted
 ) -> None:
     """Declare all of a pilot but its inputs: at each sample it follows what `wanted` gives."""
     preset_ = preset("controllers", id, "pilot")
@@ -89,7 +88,7 @@ def declare_pilot(
     sample = m.clock("sample", period)
     T = float(sample.period)
 
-    def drag(i: int, x: Any) -> Any:
+    def drag(i: int, x: ca.SX) -> ca.SX:
         return (D_l[i] + D_q[i] * abs_(x)) * x
 
     before = m.discrete("u_d", unit="m/s", description="wanted surge speed")

@@ -9,8 +9,6 @@ velocity.
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 
 from uuvsim_cosim.models.declaration.model import Model
@@ -34,11 +32,11 @@ def reference() -> Model:
     A_c = m.parameter("A_c", 0.0, unit="m", description="radius of a circle, as A_1 is")
     dt = m.parameter("dt_ahead", 0.5, unit="s", min=0, description="between points of `ahead`")
 
-    def turned(x: Any, y: Any, z: Any) -> Any:
+    def turned(x: ca.SX, y: ca.SX, z: ca.SX) -> ca.SX:
         c, s = ca.cos(course), ca.sin(course)
         return ca.vertcat(c * x - s * y, s * x + c * y, z)
 
-    def p(t: Any) -> Any:
+    def p(t: ca.SX) -> ca.SX:
         a = rate * t
         sin, cos = ca.sin(a), ca.cos(a)
         y = A[1] * 2.0 * sin * cos + A_c * (1.0 - cos)

@@ -11,7 +11,6 @@ mirrored. The speed is V at every instant.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -93,11 +92,11 @@ def target(
     return m
 
 
-def _leaves(beyond: Any, ahead: Any, direction: Any) -> Any:
+def _leaves(beyond: ca.SX, ahead: ca.SX, direction: ca.SX) -> ca.SX:
     return ca.logic_and(beyond, ahead * direction > 0.0)
 
 
-def _wander(m: Model, clock: Clock) -> Any:
+def _wander(m: Model, clock: Clock) -> ca.SX:
     """Return a yaw rate that wanders: Gauss-Markov, stationary from the start."""
     sigma = m.parameter("sigma_r", 0.4, unit="rad/s", min=0, description="deviation of yaw rate")
     tau = m.parameter("tau_r", 2.0, unit="s", min=1e-3, description="its correlation time")
@@ -112,7 +111,9 @@ def _wander(m: Model, clock: Clock) -> Any:
     return sigma * x
 
 
-def _flee(m: Model, n: int, p: Any, room: Any, psi: Any, wandering: Any, origin: Any) -> Any:
+def _flee(
+    m: Model, n: int, p: ca.SX, room: ca.SX, psi: ca.SX, wandering: ca.SX, origin: ca.SX
+) -> ca.SX:
     """Return the yaw rate that turns away from the nearest tracker, and from walls."""
     if not 1 <= n <= 8:
         raise ParameterInvalid(f"target: {n} trackers; expected 1 to 8")
@@ -133,7 +134,7 @@ def _flee(m: Model, n: int, p: Any, room: Any, psi: Any, wandering: Any, origin:
     return ca.if_else(distance < fright, saturate(TURN_GAIN * wrap(psi_d - psi), r_max), wandering)
 
 
-def _towards_waypoints(m: Model, clock: Clock, p: Any, psi: Any, stride: Any) -> Any:
+def _towards_waypoints(m: Model, clock: Clock, p: ca.SX, psi: ca.SX, stride: ca.SX) -> ca.SX:
     """Return the yaw rate that leads to the next waypoint, and count those that are reached."""
     points = m.parameter(
         "waypoints",
@@ -157,5 +158,5 @@ def _towards_waypoints(m: Model, clock: Clock, p: Any, psi: Any, stride: Any) ->
     return saturate(TURN_GAIN * wrap(psi_d - psi), r_max)
 
 
-def _r_max(m: Model) -> Any:
+def _r_max(m: Model) -> ca.SX:
     return m.parameter("r_max", 1.0, unit="rad/s", min=0, description="limit of the yaw rate")

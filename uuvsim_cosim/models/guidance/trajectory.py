@@ -12,7 +12,6 @@ behind, unlike `guidance`. The bow looks along the level part of a leg.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import casadi as ca
 
@@ -96,13 +95,13 @@ def trajectory(
     return m
 
 
-def _duration(way: Any, speed: Any, acceleration: Any, least: float) -> Any:
+def _duration(way: ca.SX, speed: ca.SX, acceleration: ca.SX, least: float) -> ca.SX:
     by_speed, by_force = way / speed, safe_sqrt(5.774 * way / acceleration)
     longer = ca.if_else(by_speed > by_force, by_speed, by_force)
     return ca.if_else(longer > least, longer, least)
 
 
-def _least_jerk(t: Any, T: Any) -> tuple[Any, Any]:
+def _least_jerk(t: ca.SX, T: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Return s and ds/dt at t of 0 … T; at rest before and after."""
     x = clip(t / T, 0.0, 1.0)
     return x**3 * (10.0 + x * (6.0 * x - 15.0)), 30.0 * x * x * (1.0 - x) ** 2 / T

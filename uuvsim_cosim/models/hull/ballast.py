@@ -10,8 +10,6 @@ of M, and the reaction to their acceleration, are left out (of the second order 
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 
 from uuvsim_cosim.models.declaration.kinematics import R, q_of_euler
@@ -45,7 +43,7 @@ def ballast(contact: bool | str = False) -> Model:
     V_d = m.input("V_d", unit="m3", start=_TETHYS["V_0"][0], description="wanted volume")
     x_d = m.input("x_d", unit="m", description="wanted place of the mass along its rail")
     eta = m.input("eta", 6, unit=ETA, description="of the hull")
-    p: dict[str, Any] = {
+    p: dict[str, ca.SX] = {
         name: m.parameter(name, value, unit=unit, min=low, description=words)
         for name, (value, unit, low, words) in _TETHYS.items()
     }

@@ -34,8 +34,6 @@ The solver is in fmus/runtime/worlds/uuv_contact.h.
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 
 from uuvsim_cosim.errors import ParameterInvalid
@@ -113,7 +111,9 @@ def contact(
     return m
 
 
-def _within(shape: tuple[int, ...], origin: tuple[float, float], spacing: float, eta: Any) -> Any:
+def _within(
+    shape: tuple[int, ...], origin: tuple[float, float], spacing: float, eta: ca.SX
+) -> ca.SX:
     inside = [ca.SX(1.0)]
     for axis in (0, 1):
         if shape[axis]:

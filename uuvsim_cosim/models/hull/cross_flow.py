@@ -15,10 +15,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import sqrt
-from typing import Any
 
 import casadi as ca
+import numpy as np
 
+from uuvsim_cosim.models.declaration.expression import Number
 from uuvsim_cosim.models.declaration.safe_math import safe_sqrt
 
 __all__ = ["STRIPS", "cross_flow", "cross_flow_of"]
@@ -26,7 +27,7 @@ __all__ = ["STRIPS", "cross_flow", "cross_flow_of"]
 STRIPS = 10
 
 
-def cross_flow_of(p: Mapping[str, Any], nu_r: Any) -> Any:
+def cross_flow_of(p: Mapping[str, ca.SX], nu_r: ca.SX) -> ca.SX | None:
     """Return the drag of a hull's parameters, or None where it lists no strips."""
     if "x_bow" not in p:
         return None
@@ -36,8 +37,13 @@ def cross_flow_of(p: Mapping[str, Any], nu_r: Any) -> Any:
 
 
 def cross_flow(
-    nu_r: Any, x_stern: Any, x_bow: Any, k_y: Any, k_z: Any, strips: int = STRIPS
-) -> Any:
+    nu_r: ca.SX | np.ndarray,
+    x_stern: Number,
+    x_bow: Number,
+    k_y: Number,
+    k_z: Number,
+    strips: int = STRIPS,
+) -> ca.SX:
     """Return the drag (6) [N, N.m] of a hull from x_stern to x_bow [m]; positive for a brake.
 
     k = 1/2 rho C_D times the mean height or breadth [N.s2/m3] of what is seen from that side.

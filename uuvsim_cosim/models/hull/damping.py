@@ -7,8 +7,6 @@ Both matrices are positive for a force that brakes (uuv_simulator and SNAME stor
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 
 from uuvsim_cosim.models.declaration.safe_math import abs_
@@ -16,12 +14,12 @@ from uuvsim_cosim.models.declaration.safe_math import abs_
 __all__ = ["D", "damping"]
 
 
-def D(D_l: Any, D_q: Any, nu_r: Any) -> Any:
+def D(D_l: ca.SX, D_q: ca.SX, nu_r: ca.SX) -> ca.SX:
     """Return the 6x6 damping matrix  D_l + D_q diag|nu_r|."""
     return D_l + ca.mtimes(D_q, ca.diag(abs_(nu_r)))
 
 
-def damping(D_l: Any, D_q: Any, nu_r: Any) -> Any:
+def damping(D_l: ca.SX, D_q: ca.SX, nu_r: ca.SX) -> ca.SX:
     """Return the generalised force D(nu_r) nu_r [N, N.m], structural zeros left out."""
     needed = {int(j) for _, j in zip(*ca.SX(D_q).sparsity().get_triplet(), strict=True)}
     square = ca.SX(6, 1)

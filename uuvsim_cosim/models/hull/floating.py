@@ -20,7 +20,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import product
 from math import pi
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -35,8 +34,8 @@ ROUNDED = 0.01
 
 
 def floating(
-    m: Model, volumes: Sequence[Volume], r_b: Any, depth: Any, down: Any
-) -> tuple[Any, Any]:
+    m: Model, volumes: Sequence[Volume], r_b: ca.SX, depth: ca.SX, down: ca.SX
+) -> tuple[ca.SX, ca.SX]:
     """Declare the volumes; give the share under water and the gradient of U to `down` (3) [m].
 
     `depth` is that of CO below the surface [m]; r_b (3) is where the whole buoyancy acts.
@@ -64,7 +63,7 @@ def floating(
     return found[0], found[1:]
 
 
-def mean_depth(volume: Volume, h: Any, D: Any, down: Any) -> Any:
+def mean_depth(volume: Volume, h: ca.SX, D: ca.SX, down: ca.SX) -> ca.SX:
     """Return U [m] of a volume of half-extents h (3) whose middle is at depth D."""
     if volume.shape == "ellipsoid":
         return _ellipsoid(h, D, down)
@@ -77,18 +76,18 @@ def mean_depth(volume: Volume, h: Any, D: Any, down: Any) -> Any:
     return _cylinder(_half_width(h[i], down[i]), across, D)
 
 
-def _half_width(h: Any, d: Any) -> Any:
+def _half_width(h: ca.SX, d: ca.SX) -> ca.SX:
     return h * ca.sqrt((d * d + ROUNDED**2) / (1.0 + ROUNDED**2))
 
 
-def _ellipsoid(h: Any, D: Any, down: Any) -> Any:
+def _ellipsoid(h: ca.SX, D: ca.SX, down: ca.SX) -> ca.SX:
     H = ca.sqrt(ca.sumsqr(h * down))
     y = clip(D / H, -1.0, 1.0)
     part = H * (0.1875 + y * (0.5 + y * (0.375 - 0.0625 * y * y)))
     return ca.if_else(D > H, D, part)
 
 
-def _box(w: Sequence[Any], D: Any) -> Any:
+def _box(w: Sequence[ca.SX], D: ca.SX) -> ca.SX:
     reach = w[0] + w[1] + w[2]
     x = clip(D, -reach, reach)
     total = ca.SX(0.0)
@@ -100,7 +99,7 @@ def _box(w: Sequence[Any], D: Any) -> Any:
     return ca.if_else(reach < D, D, total / (192.0 * w[0] * w[1] * w[2]))
 
 
-def _cylinder(w: Any, s: Any, D: Any) -> Any:
+def _cylinder(w: ca.SX, s: ca.SX, D: ca.SX) -> ca.SX:
     """Mean over U in [-w, w] of E[(D + U + s W)_+], W with the density 2/pi sqrt(1 - W²)."""
     reach = w + s
     x = clip(D, -reach, reach)
@@ -108,7 +107,7 @@ def _cylinder(w: Any, s: Any, D: Any) -> Any:
     return ca.if_else(reach < D, D, part)
 
 
-def _twice(x: Any, s: Any) -> Any:
+def _twice(x: ca.SX, s: ca.SX) -> ca.SX:
     """Return 1/2 E[((x + s W)_+)²], the integral over x of E[(x + s W)_+]."""
     y = clip(x / s, -1.0 + 1e-9, 1.0 - 1e-9)
     c = ca.sqrt(1.0 - y * y)

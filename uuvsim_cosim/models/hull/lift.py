@@ -15,8 +15,6 @@ is linear damping at low speed (Fossen 2021, 2nd ed., chapter 6), which drag tak
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 
 from uuvsim_cosim.models.declaration.safe_math import abs_, norm
@@ -24,11 +22,11 @@ from uuvsim_cosim.models.declaration.safe_math import abs_, norm
 __all__ = ["fading", "lift"]
 
 
-def lift(D_u: Any, nu_r: Any) -> Any:
+def lift(D_u: ca.SX, nu_r: ca.SX) -> ca.SX:
     """Return the generalised force [N, N.m] that D_u takes from the hull, positive for a brake."""
     return ca.mtimes(ca.SX(D_u), abs_(nu_r[0]) * nu_r)
 
 
-def fading(D_f: Any, U_f: Any, nu_r: Any) -> Any:
+def fading(D_f: ca.SX, U_f: ca.SX, nu_r: ca.SX) -> ca.SX:
     """Return the generalised force [N, N.m] of damping that fades over the speed U_f [m/s]."""
     return ca.mtimes(ca.SX(D_f), ca.exp(-norm(nu_r[:3]) / U_f) * nu_r)

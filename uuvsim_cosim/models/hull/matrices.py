@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import casadi as ca
 
 from uuvsim_cosim.errors import ParameterInvalid
+from uuvsim_cosim.models.declaration.expression import Number
 from uuvsim_cosim.models.declaration.hull_parameters import meaning_of, missing, near_names
 from uuvsim_cosim.models.declaration.inertia import (
     elements,
@@ -23,7 +23,7 @@ __all__ = ["declare_parameters", "mass_of_water", "nominal", "structure"]
 
 def declare_parameters(
     m: Model, numbers: Mapping[str, float], surface: bool, sources: Mapping[str, str]
-) -> dict[str, Any]:
+) -> dict[str, ca.SX]:
     """Declare the parameters of a hull, each with its unit and source; gives their symbols."""
     wrong = [
         f"{n!r} is not a parameter of a hull; expected {near_names(n)}"
@@ -33,7 +33,7 @@ def declare_parameters(
     wrong += missing(numbers, surface)
     if wrong:
         raise ParameterInvalid(f"{m.name}: " + "; ".join(wrong))
-    symbols: dict[str, Any] = {}
+    symbols: dict[str, ca.SX] = {}
     for name, value in numbers.items():
         meaning = meaning_of(name)
         if meaning is None or (name == "height" and not surface):
@@ -49,7 +49,7 @@ def declare_parameters(
     return symbols
 
 
-def structure(p: Mapping[str, Any]) -> tuple[Any, ...]:
+def structure(p: Mapping[str, Number]) -> tuple[ca.SX, Number, Number, ca.SX, ca.SX, ca.SX, ca.SX]:
     """Return (M, W, B, r_g, r_b, D_l, D_q) of a hull's parameters, zeros structural."""
     r_g, r_b = parameter_vector(p, "g"), parameter_vector(p, "b")
     M = rigid_mass(p) + symmetric(p, "M_A")
@@ -60,7 +60,7 @@ def structure(p: Mapping[str, Any]) -> tuple[Any, ...]:
     return M, W, B, r_g, r_b, elements(p, "D_l", 6), elements(p, "D_q", 6)
 
 
-def mass_of_water(p: Mapping[str, Any]) -> Any:
+def mass_of_water(p: Mapping[str, ca.SX]) -> ca.SX:
     """Return the mass [kg] of the water that a submerged hull displaces: B / g, with g = W / m."""
     if "W" not in p:
         return p["rho"] * p["nabla"]

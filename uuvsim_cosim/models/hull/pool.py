@@ -13,8 +13,6 @@ buoyancy there.
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 import numpy as np
 
@@ -59,7 +57,7 @@ def pool(
         "B", KAPPA * mass / h, unit="N.s/m", min=0, max=0.5 * mass / h, description="damping"
     )
 
-    def push(d: Any, d_dot: Any) -> Any:
+    def push(d: ca.SX, d_dot: ca.SX) -> ca.SX:
         f = K * d + (B + K * h) * d_dot
         return ca.if_else(f > 0.0, f, 0.0 * f)
 
@@ -88,7 +86,7 @@ def pool(
     return m
 
 
-def declare_arena(m: Model, obstacles: int) -> tuple[Any, Any, list[tuple[Any, ...]]]:
+def declare_arena(m: Model, obstacles: int) -> tuple[ca.SX, ca.SX, list[tuple[ca.SX, ...]]]:
     """Declare where a pool lies, and its obstacles; gives (origin, size, [(x, y, r, h)])."""
     if not 0 <= obstacles <= 64:
         raise ParameterInvalid(f"{m.name}: {obstacles} obstacles; expected 0 to 64")

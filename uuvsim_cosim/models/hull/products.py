@@ -11,7 +11,6 @@ direction is no product: |u| v belongs to `D_u` (lift.py), |v| v to `D_q` (dampi
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import casadi as ca
 
@@ -20,7 +19,7 @@ from uuvsim_cosim.models.declaration.hull_parameters import product_of
 __all__ = ["products"]
 
 
-def products(p: Mapping[str, Any], nu_r: Any) -> Any:
+def products(p: Mapping[str, ca.SX], nu_r: ca.SX) -> ca.SX:
     """Return the generalised force (6) [N, N.m] of all products among the parameters."""
     force = ca.SX(6, 1)
     for name, coefficient in p.items():

@@ -5,17 +5,16 @@ Fossen (2021), 2nd ed., section 4.1:  g = -(f_g + f_b, r_g x f_g + r_b x f_b).
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 
+from uuvsim_cosim.models.declaration.expression import Number
 from uuvsim_cosim.models.declaration.kinematics import S
 from uuvsim_cosim.models.declaration.safe_math import smoothstep
 
 __all__ = ["g", "submerged_fraction"]
 
 
-def g(W: Any, B: Any, r_g: Any, r_b: Any, down: Any) -> Any:
+def g(W: Number, B: Number, r_g: ca.SX, r_b: ca.SX, down: ca.SX) -> ca.SX:
     """Return the restoring force [N, N.m] of weight W, buoyancy B [N] at r_g, r_b [m] from CO.
 
     `down` is the unit vector of gravity in `b`: the third row of R.
@@ -24,7 +23,7 @@ def g(W: Any, B: Any, r_g: Any, r_b: Any, down: Any) -> Any:
     return -ca.vertcat((W - B) * down, ca.mtimes(S(lever), down))
 
 
-def submerged_fraction(D: Any, r_b: Any, down: Any, height: Any) -> Any:
+def submerged_fraction(D: ca.SX, r_b: ca.SX, down: ca.SX, height: ca.SX) -> ca.SX:
     """Return the submerged part of the volume, C1 in the depth of the centre of buoyancy.
 
     It rises by a smooth step over the hull's height, from 0 where CB is height/2 above the

@@ -6,16 +6,15 @@ Theorem 3.2 (C from any M, here `m2c`). M_RB is in `declaration/inertia.py`.
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 
+from uuvsim_cosim.models.declaration.expression import Number
 from uuvsim_cosim.models.declaration.kinematics import S
 
 __all__ = ["C_RB", "coriolis", "inverse", "m2c"]
 
 
-def C_RB(m: Any, I_b: Any, r_g: Any, omega: Any) -> Any:
+def C_RB(m: Number, I_b: ca.SX, r_g: ca.SX, omega: ca.SX) -> ca.SX:
     """Return the 6x6 C_RB of omega = (p, q, r) alone, so that C_RB nu_r serves in a current too."""
     Sr, mS = S(r_g), m * S(omega)
     I_g = I_b + m * ca.mtimes(Sr, Sr)
@@ -23,14 +22,14 @@ def C_RB(m: Any, I_b: Any, r_g: Any, omega: Any) -> Any:
     return ca.blockcat([[mS, -ca.mtimes(mS, Sr)], [ca.mtimes(Sr, mS), rotation]])
 
 
-def m2c(M: Any, nu: Any) -> Any:
+def m2c(M: ca.SX, nu: ca.SX) -> ca.SX:
     """Return the skew-symmetric C(nu) of a 6x6 M, as published (M is not made symmetric)."""
     momentum = ca.mtimes(ca.SX(M), nu)
     a, b = momentum[:3], momentum[3:]
     return ca.blockcat([[ca.SX(3, 3), -S(a)], [-S(a), -S(b)]])
 
 
-def coriolis(M: Any, nu: Any) -> Any:
+def coriolis(M: ca.SX, nu: ca.SX) -> ca.SX:
     """Return m2c(M, nu) nu without forming the matrix:  (w x a, v x a + w x b), (a, b) = M nu."""
     momentum = ca.mtimes(ca.SX(M), nu)
     a, b = momentum[:3], momentum[3:]
@@ -38,7 +37,7 @@ def coriolis(M: Any, nu: Any) -> Any:
     return ca.vertcat(ca.cross(w, a), ca.cross(v, a) + ca.cross(w, b))
 
 
-def inverse(M: Any) -> Any:
+def inverse(M: ca.SX) -> ca.SX:
     """Return M⁻¹ by elimination without pivots, for M with positive definite symmetric part.
 
     What is structurally zero in M⁻¹ stays so, and no more instructions arise than needed.
@@ -46,10 +45,10 @@ def inverse(M: Any) -> Any:
     M = ca.SX(M)
     n = M.size1()
     has = M.sparsity().has_nz
-    A: list[dict[int, Any]] = [{j: M[i, j] for j in range(n) if has(i, j)} for i in range(n)]
-    X: list[dict[int, Any]] = [{i: ca.SX(1)} for i in range(n)]
+    A: list[dict[int, ca.SX]] = [{j: M[i, j] for j in range(n) if has(i, j)} for i in range(n)]
+    X: list[dict[int, ca.SX]] = [{i: ca.SX(1)} for i in range(n)]
 
-    def subtract(target: dict[int, Any], factor: Any, source: dict[int, Any]) -> None:
+    def subtract(target: dict[int, ca.SX], factor: ca.SX, source: dict[int, ca.SX]) -> None:
         for j, value in source.items():
             target[j] = target[j] - factor * value if j in target else -factor * value
 

@@ -20,11 +20,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from uuvsim_cosim.models.declaration.expression import Number
 from uuvsim_cosim.models.declaration.inertia import elements, symmetric
 from uuvsim_cosim.models.declaration.kinematics import R, T_q, euler_of_q, q_of_euler
 from uuvsim_cosim.models.declaration.model import Model
@@ -122,13 +122,15 @@ def hull(
     depth = position[2]
     if waves and surface:
         depth = depth + m.input("zeta", unit="m", description="water's rise at the hull's N and E")
+    afloat: Number = 1.0
     B = _at_depth(p, B, r_b, depth, down)
     if surface and volumes:
         afloat, turning = floating(m, volumes, r_b, depth, down)
         buoyancy = ca.vertcat(B * afloat * down, B * ca.cross(turning, down))
         restoring = g(W, 0.0, r_g, ca.SX(3, 1), down) + buoyancy
     else:
-        afloat = submerged_fraction(depth, r_b, down, p["height"]) if surface else 1.0
+        if surface:
+            afloat = submerged_fraction(depth, r_b, down, p["height"])
         restoring = g(W, B * afloat, r_g, r_b, down)
     load = tau - coriolis(M, nu_r) - damping(D_l, D_q, nu_r) - restoring
     if waves:
@@ -153,7 +155,7 @@ def hull(
     return m
 
 
-def _at_depth(p: Mapping[str, Any], B: Any, r_b: Any, depth: Any, down: Any) -> Any:
+def _at_depth(p: Mapping[str, ca.SX], B: Number, r_b: ca.SX, depth: ca.SX, down: ca.SX) -> Number:
     """Return the buoyancy [N] at a depth [m] of CO; B itself where nothing is compressible."""
     if "beta_rho" not in p and "beta_nabla" not in p:
         return B
@@ -161,7 +163,9 @@ def _at_depth(p: Mapping[str, Any], B: Any, r_b: Any, depth: Any, down: Any) -> 
     return B * (1.0 + beta * (depth + ca.dot(ca.densify(ca.SX(r_b)), down)))
 
 
-def _of_waves(m: Model, p: Mapping[str, Any], Rnb: Any, afloat: Any, r_b: Any) -> Any:
+def _of_waves(
+    m: Model, p: Mapping[str, ca.SX], Rnb: ca.SX, afloat: Number, r_b: ca.SX
+) -> ca.SX:
     """Return the generalised force of water that accelerates: on M_A, and on what is displaced."""
     a_c = m.input("a_c", 3, unit="m/s2", description="acceleration of the water in n, of waves")
     a = ca.mtimes(Rnb.T, a_c)
@@ -170,7 +174,7 @@ def _of_waves(m: Model, p: Mapping[str, Any], Rnb: Any, afloat: Any, r_b: Any) -
     return krylov + ca.mtimes(symmetric(p, "M_A"), ca.vertcat(a, ca.SX.zeros(3)))
 
 
-def _longest_step(m: Model, M: Any, D_l: Any, h: float = 0.01) -> float:
+def _longest_step(m: Model, M: ca.SX, D_l: ca.SX, h: float = 0.01) -> float:
     """Return a sub-step at which RK4 damps what linear damping damps:  h lambda(M^-1 D_l) <= 1.
 
     A published set may brake a light axis hard (SAGA's roll, with no added mass, in 3 ms).
@@ -187,7 +191,7 @@ def _longest_step(m: Model, M: Any, D_l: Any, h: float = 0.01) -> float:
     return h / max(1, math.ceil(h * rate))
 
 
-def _further(p: Mapping[str, Any], nu_r: Any) -> Iterator[Any]:
+def _further(p: Mapping[str, ca.SX], nu_r: ca.SX) -> Iterator[ca.SX]:
     """Yield the generalised forces that only some vehicles list, none of the others."""
     D_u, D_f = elements(p, "D_u", 6), elements(p, "D_f", 6)
     if D_u.nnz():

@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Any, Literal, Protocol, get_args
 
 import casadi as ca
 import numpy as np
@@ -57,11 +57,11 @@ class Network:
         """Return the size of the largest layer, the inputs included."""
         return max(self.n_in, *(len(layer.bias) for layer in self.layers))
 
-    def __call__(self, x: NDArray[Any]) -> Array:
+    def __call__(self, x: Array) -> Array:
         """Return the outputs (n_out,) of inputs (n_in,), to the bits of the C."""
         return self._forward(np.asarray(x, np.float32)[:, None])[0][:, 0]
 
-    def jacobian(self, x: NDArray[Any]) -> Array:
+    def jacobian(self, x: Array) -> Array:
         """Return d outputs / d inputs, of shape (n_out, n_in)."""
         return self._forward(np.asarray(x, np.float32)[:, None])[1]
 
@@ -90,18 +90,29 @@ def sums(weight: Array, x: Array, bias: Array) -> Array:
     return total
 
 
+class Intrinsic(Protocol):
+    """A function that the equations call by its name, and whose data the C code holds."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def n_in(self) -> int: ...
+    @property
+    def n_out(self) -> int: ...
+
+
 # By name: a Network, a Transformer (transformer.py) or a Field (field.py).
-NETWORKS: dict[str, Any] = {}
-_CALLBACKS: dict[str, Any] = {}  # CasADi does not keep a Callback alive
+NETWORKS: dict[str, Intrinsic] = {}
+_CALLBACKS: dict[str, ca.Function] = {}  # CasADi does not keep a Callback alive
 
 
-def network(layers: Sequence[Layer]) -> Callable[[Any], Any]:
+def network(layers: Sequence[Layer]) -> Callable[[ca.SX], ca.SX]:
     """Return a multilayer perceptron as a function of an SX (n_in,) with values (n_out,)."""
     made = _register(layers)
     return called(made.name)
 
 
-def called(name: str) -> Callable[[Any], Any]:
+def called(name: str) -> Callable[[ca.SX], ca.SX]:
     """Return the intrinsic of this name as a function of an SX."""
     return lambda x: _CALLBACKS[name].call([x], False, True)[0]
 
@@ -139,8 +150,12 @@ def _register(layers: Sequence[Layer]) -> Network:
 
 
 def callback(
-    name: str, function: Callable[..., NDArray[Any]], n_in: int, out: tuple[int, int], gradient: Any
-) -> Any:
+    name: str,
+    function: Callable[[NDArray[Any]], NDArray[Any]],
+    n_in: int,
+    out: tuple[int, int],
+    gradient: ca.Function | None,
+) -> ca.Function:
     """Make a CasADi function of one column (n_in,), with its gradient, or none."""
 
     class NetworkCallback(ca.Callback):
@@ -156,19 +171,22 @@ def callback(
         def get_n_out(self) -> int:
             return 1
 
-        def get_sparsity_in(self, i: int) -> Any:
+        def get_sparsity_in(self, i: int) -> ca.Sparsity:
             return ca.Sparsity.dense(n_in, 1)
 
-        def get_sparsity_out(self, i: int) -> Any:
+        def get_sparsity_out(self, i: int) -> ca.Sparsity:
             return ca.Sparsity.dense(*out)
 
-        def eval(self, arguments: Sequence[Any]) -> list[Any]:
+        def eval(self, arguments: Sequence[ca.DM]) -> list[ca.DM]:
             return [ca.DM(np.asarray(function(np.array(arguments[0]).ravel()), float))]
 
         def has_jacobian(self) -> bool:
             return gradient is not None
 
-        def get_jacobian(self, name: str, inputs: Any, outputs: Any, options: Any) -> Any:
+        def get_jacobian(
+            self, name: str, inputs: list[str], outputs: list[str], options: dict[str, object]
+        ) -> ca.Function:
+            assert gradient is not None
             at = ca.MX.sym("at", n_in)
             value = ca.MX.sym("value", ca.Sparsity(*out))
             return ca.Function(name, [at, value], [gradient(at)], inputs, outputs, options)

@@ -15,7 +15,6 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from math import isnan
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -63,11 +62,11 @@ class Table:
 
 
 TABLES: dict[str, Table] = {}
-_CALLBACKS: dict[str, Any] = {}  # CasADi does not keep a Callback alive
+_CALLBACKS: dict[str, ca.Function] = {}  # CasADi does not keep a Callback alive
 _INTERPOLANTS: ContextVar[bool] = ContextVar("interpolants", default=False)
 
 
-def table1(x: Sequence[float], values: Sequence[float]) -> Callable[[Any], Any]:
+def table1(x: Sequence[float], values: Sequence[float]) -> Callable[[ca.SX], ca.SX]:
     """Return the linear table of `values` over the rising grid `x`, as a function of an SX."""
     table = _register("table1", x, (), values)
     return lambda at: _callable(table).call([at], False, True)[0]
@@ -75,7 +74,7 @@ def table1(x: Sequence[float], values: Sequence[float]) -> Callable[[Any], Any]:
 
 def table2(
     x: Sequence[float], y: Sequence[float], values: Sequence[Sequence[float]]
-) -> Callable[[Any, Any], Any]:
+) -> Callable[[ca.SX, ca.SX], ca.SX]:
     """Return the bilinear table of values[y][x] over two rising grids, as a function of two SX."""
     flat = [float(v) for row in values for v in row]
     table = _register("table2", x, y, flat)
@@ -92,11 +91,11 @@ def interpolants() -> Iterator[None]:
         _INTERPOLANTS.reset(token)
 
 
-def _callable(table: Table) -> Any:
+def _callable(table: Table) -> ca.Function:
     return _interpolant(table) if _INTERPOLANTS.get() else _CALLBACKS[table.name]
 
 
-def _interpolant(table: Table) -> Any:
+def _interpolant(table: Table) -> ca.Function:
     """Return the same function by CasADi's interpolant, which would go on beyond its edges."""
     grids = [list(g) for g in (table.x, table.y) if g]
     inner = ca.interpolant("table", "linear", grids, list(table.values))
@@ -143,7 +142,9 @@ def _register(kind: str, x: Sequence[float], y: Sequence[float], values: Sequenc
     return table
 
 
-def _callback(name: str, function: Callable[..., float], n_in: int, gradient: Sequence[Any]) -> Any:
+def _callback(
+    name: str, function: Callable[..., float], n_in: int, gradient: Sequence[ca.Function]
+) -> ca.Function:
     class TableCallback(ca.Callback):
         """A scalar function of scalars, with its gradient by further callbacks."""
 
@@ -157,13 +158,15 @@ def _callback(name: str, function: Callable[..., float], n_in: int, gradient: Se
         def get_n_out(self) -> int:
             return 1
 
-        def eval(self, arguments: Sequence[Any]) -> list[float]:
+        def eval(self, arguments: Sequence[ca.SX]) -> list[float]:
             return [function(*(float(a) for a in arguments))]
 
         def has_jacobian(self) -> bool:
             return bool(gradient)
 
-        def get_jacobian(self, name: str, inputs: Any, outputs: Any, options: Any) -> Any:
+        def get_jacobian(
+            self, name: str, inputs: list[str], outputs: list[str], options: dict[str, object]
+        ) -> ca.Function:
             at = [ca.MX.sym(f"at{i}") for i in range(n_in)]
             value = ca.MX.sym("value", ca.Sparsity(1, 1))
             partials = [g(*at) for g in gradient]

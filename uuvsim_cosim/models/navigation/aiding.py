@@ -13,13 +13,13 @@ there is a correction, at most `WAIT`, so that the covariance need not be brough
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import casadi as ca
 
 from uuvsim_cosim.models.declaration.angle import wrap
+from uuvsim_cosim.models.declaration.expression import Number
 from uuvsim_cosim.models.declaration.kinematics import S
 from uuvsim_cosim.models.declaration.model import Clock, Model
 from uuvsim_cosim.models.declaration.safe_math import abs_
@@ -40,16 +40,16 @@ SPACING = 0.1  # s between them
 class History:
     """Past positions of the IMU, newest first, and the time of the newest."""
 
-    past: Any
-    newest: Any
+    past: ca.SX
+    newest: ca.SX
 
     @classmethod
-    def declare(cls, m: Model, p_0: Any) -> History:
+    def declare(cls, m: Model, p_0: ca.SX) -> History:
         """Declare it, at p_0 before it begins."""
         past = m.discrete("past", ca.repmat(p_0, LENGTH, 1), unit="m")
         return cls(past, m.discrete("past_time", BEFORE_FIRST, unit="s"))
 
-    def at(self, t_sample: Any, now: Any, x: Inertial) -> tuple[Any, Any]:
+    def at(self, t_sample: ca.SX, now: ca.SX, x: Inertial) -> tuple[ca.SX, ca.SX]:
         """Return the position at a time before now, when the estimate is x; and if it is known."""
         steps_back = (self.newest - t_sample) / SPACING
         then = ca.SX.zeros(3)
@@ -60,7 +60,7 @@ class History:
         recent = x.p - (now - t_sample) * x.v
         return ca.if_else(steps_back < 0.0, recent, then), steps_back <= LENGTH - 1
 
-    def moved(self, dp: Any) -> Any:
+    def moved(self, dp: ca.SX) -> ca.SX:
         """Return all positions shifted by dp."""
         return self.past + ca.repmat(dp, LENGTH, 1)
 
@@ -72,9 +72,9 @@ class Aiding:
     m: Model
     step: Clock
     c: Figures
-    is_new: dict[str, Any] = field(default_factory=dict)
-    reading: dict[str, Any] = field(default_factory=dict)
-    now_due: Any = None
+    is_new: dict[str, ca.SX] = field(default_factory=dict)
+    reading: dict[str, ca.SX] = field(default_factory=dict)
+    now_due: ca.SX | None = None
 
     def __post_init__(self) -> None:
         m = self.m
@@ -118,7 +118,7 @@ class Aiding:
         if not waits:
             self.m.update(self.step, last, t_sample)
 
-    def due(self, since: Any) -> Any:
+    def due(self, since: ca.SX) -> ca.SX:
         """Say if there is a reading that cannot wait, or `since` the last correction is long."""
         urgent = (self.is_new[name] for name in ("dvl", "pressure", "compass"))
         due = since >= WAIT - 1e-6
@@ -130,8 +130,15 @@ class Aiding:
         return due
 
     def correct(
-        self, by: Correction, x: Inertial, Rnb: Any, omega: Any, b_s: Any, past: History, now: Any
-    ) -> Any:
+        self,
+        by: Correction,
+        x: Inertial,
+        Rnb: ca.SX,
+        omega: ca.SX,
+        b_s: ca.SX,
+        past: History,
+        now: ca.SX,
+    ) -> ca.SX:
         """Correct by DVL, pressure, compass, USBL; gives a row (refused, nu²/S) of each (4, 2)."""
         return ca.vertcat(
             self._take("dvl", by, self._dvl(x, Rnb, omega)),
@@ -140,11 +147,12 @@ class Aiding:
             self._take("usbl", by, self._usbl(x, Rnb, past, now)),
         )
 
-    def _state(self, name: str) -> Any:
+    def _state(self, name: str) -> ca.SX:
         return self.m.variables[name].symbol
 
-    def _take(self, name: str, by: Correction, measured: Sequence[Measured]) -> Any:
+    def _take(self, name: str, by: Correction, measured: Sequence[Measured]) -> ca.SX:
         """Correct by a reading's scalars; gives (refused so far, mean nu²/S of the latest)."""
+        assert self.now_due is not None  # `due` comes first
         in_a_row = self.m.discrete(f"{name}_in_a_row", unit="1", description="readings refused")
         total = self.m.discrete(f"{name}_refused", unit="1", description="scalars refused")
         insists = in_a_row >= self.c.patience
@@ -169,7 +177,7 @@ class Aiding:
             self.m.update(self.step, state, ca.if_else(self.now_due, taken, state))
         return ca.horzcat(total, consistency)
 
-    def _dvl(self, x: Inertial, Rnb: Any, omega: Any) -> list[Measured]:
+    def _dvl(self, x: Inertial, Rnb: ca.SX, omega: ca.SX) -> list[Measured]:
         c = self.c
         lever = c.r_dvl - c.r_imu
         there = ca.mtimes(Rnb.T, x.v) + ca.cross(omega, lever)
@@ -183,7 +191,7 @@ class Aiding:
             out.append(Measured(self.reading["beam"][k] - expected, H, variance, is_new))
         return out
 
-    def _pressure(self, x: Inertial, Rnb: Any, bias: Any) -> list[Measured]:
+    def _pressure(self, x: Inertial, Rnb: ca.SX, bias: ca.SX) -> list[Measured]:
         c = self.c
         p_atm, salinity, temperature, g = c.water
         depth = depth_of_pressure(self.reading["pressure"] - p_atm, salinity, temperature, g)
@@ -192,7 +200,7 @@ class Aiding:
         innovation = depth - (x.p[2] + lever[2] + bias)
         return [Measured(innovation, H, c.sigma_depth**2 + 1e-12, self.is_new["pressure"])]
 
-    def _compass(self, Rnb: Any, bias: Any) -> list[Measured]:
+    def _compass(self, Rnb: ca.SX, bias: ca.SX) -> list[Measured]:
         c = self.c
         level = Rnb[0, 0] ** 2 + Rnb[1, 0] ** 2  # cos(theta)²
         upright = level > 0.01  # near the pole, heading says nothing
@@ -203,7 +211,7 @@ class Aiding:
         is_new = ca.logic_and(self.is_new["compass"], upright)
         return [Measured(innovation, H, c.sigma_psi**2 + 1e-12, is_new)]
 
-    def _usbl(self, x: Inertial, Rnb: Any, past: History, now: Any) -> list[Measured]:
+    def _usbl(self, x: Inertial, Rnb: ca.SX, past: History, now: ca.SX) -> list[Measured]:
         c = self.c
         then, known = past.at(self.reading["usbl_t"], now, x)
         is_new = ca.logic_and(self.is_new["usbl"], known)
@@ -221,7 +229,7 @@ class Aiding:
         ]
 
 
-def _row(parts: dict[int, Any], n: int = 17) -> Any:
+def _row(parts: Mapping[int, Number], n: int = 17) -> ca.SX:
     """Return the sparse row H that has the given row vectors at the given columns."""
     H = ca.SX(1, n)
     for at, part in parts.items():

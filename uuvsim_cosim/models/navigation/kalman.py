@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 
 __all__ = ["Correction", "Measured", "pack", "propagated", "unpack"]
 
 
-def unpack(upper: Any, n: int) -> Any:
+def unpack(upper: ca.SX, n: int) -> ca.SX:
     """Return the symmetric n x n matrix whose upper triangle is stored row by row."""
     P = ca.SX(n, n)
     k = 0
@@ -23,13 +22,13 @@ def unpack(upper: Any, n: int) -> Any:
     return P
 
 
-def pack(P: Any) -> Any:
+def pack(P: ca.SX) -> ca.SX:
     """Return the upper triangle, row by row."""
     n = P.size1()
     return ca.vertcat(*(P[i, j] for i in range(n) for j in range(i, n)))
 
 
-def propagated(P: Any, transition: Callable[[Any], Any], Q: Any) -> Any:
+def propagated(P: ca.SX, transition: Callable[[ca.SX], ca.SX], Q: ca.SX) -> ca.SX:
     """Return Phi (P + Q/2) Phi' + Q/2, where `transition` gives Phi X; symmetric by construction.
 
     Noise that comes in all along is as good as half of it at either end, to second order.
@@ -43,10 +42,10 @@ def propagated(P: Any, transition: Callable[[Any], Any], Q: Any) -> Any:
 class Measured:
     """One scalar: z - h(x) before correction, sparse row H, variance, and if it is new."""
 
-    innovation: Any
-    H: Any
-    variance: Any
-    is_new: Any
+    innovation: ca.SX
+    H: ca.SX
+    variance: ca.SX
+    is_new: ca.SX
 
 
 class Correction:
@@ -56,13 +55,13 @@ class Correction:
     a row have been. `dx` is the error to inject afterwards.
     """
 
-    def __init__(self, P: Any, gate: Any) -> None:
+    def __init__(self, P: ca.SX, gate: ca.SX) -> None:
         self.P = P
         self.gate = gate
         self.n = P.size1()
         self.dx = ca.SX.zeros(self.n)
 
-    def update(self, z: Measured, insists: Any) -> tuple[Any, Any]:
+    def update(self, z: Measured, insists: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Take one scalar in; gives (1 where it was left out by the gate, its nu²/S)."""
         P, H = self.P, z.H
         p = ca.densify(ca.mtimes(P, H.T))
@@ -79,7 +78,7 @@ class Correction:
         refused = ca.if_else(ca.logic_and(z.is_new, ca.logic_not(inside)), 1.0, 0.0)
         return refused, nis
 
-    def keep_unless(self, some: Any, before: tuple[Any, Any]) -> None:
+    def keep_unless(self, some: ca.SX, before: tuple[ca.SX, ca.SX]) -> None:
         """Take back what was done since `before` = (P, dx), unless there was `some` reading.
 
         It changes no value: without one, w is 0. It says what need not be computed then.

@@ -15,8 +15,6 @@ of it pitch drifts by 0.013 rad on average, about its deviation (0.015 rad).
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 
 from uuvsim_cosim.models.declaration.kinematics import R, S, T_zyx, euler_of_q, q_of_euler
@@ -132,7 +130,7 @@ def navigation(
     return m
 
 
-def _process_noise(c: Figures, v: Any, t: Any) -> Any:
+def _process_noise(c: Figures, v: ca.SX, t: ca.SX) -> ca.SX:
     """Return Q over t: velocity and angle random walk, biases that wander.
 
     The turning noise of `b` shifts zeta by -S(v) R n_g: with eta, the one term off the diagonal.
@@ -157,7 +155,7 @@ def _process_noise(c: Figures, v: Any, t: Any) -> Any:
     return Q
 
 
-def _sigma(upper: Any, q: Any, c: Figures, T: float) -> Any:
+def _sigma(upper: ca.SX, q: ca.SX, c: Figures, T: float) -> ca.SX:
     """Return the deviations of eta, then of nu, of the covariance and the attitude."""
     P, Rnb, Theta = unpack(upper, N_ERRORS), R(q), euler_of_q(q)
     T_n = ca.mtimes(T_zyx(Theta[0], Theta[1]), Rnb.T)
@@ -168,7 +166,7 @@ def _sigma(upper: Any, q: Any, c: Figures, T: float) -> Any:
 
 
 def _outputs(
-    m: Model, x: Inertial, omega: Any, sigma: Any, t_k: Any, quality: Any, c: Figures
+    m: Model, x: Inertial, omega: ca.SX, sigma: ca.SX, t_k: ca.SX, quality: ca.SX, c: Figures
 ) -> None:
     """Declare the outputs, about CO: estimate, its deviations, biases, and what was refused."""
     Rnb = R(x.q)

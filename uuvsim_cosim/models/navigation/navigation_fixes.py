@@ -16,8 +16,6 @@ A fix beyond `gate` deviations is believed at once, and the filter begun anew: a
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 
 from uuvsim_cosim.models.declaration.angle import wrap
@@ -45,7 +43,7 @@ def navigation_fixes(period: str = "0.02", imu: str = "adis16448") -> Model:
     fix_time = m.input("fix_t_sample", unit="s", start=BEFORE_FIRST, description="of it; -1: none")
     i = preset("sensors", imu, "imu")
 
-    def positive(name: str, value: float, unit: str, words: str, least: float = 0.0) -> Any:
+    def positive(name: str, value: float, unit: str, words: str, least: float = 0.0) -> ca.SX:
         return m.parameter(name, value, unit=unit, min=least, description=words)
 
     eta_0 = m.parameter("eta_0", (0,) * 6, unit=ETA, description="start, N E D phi theta psi")
@@ -152,7 +150,7 @@ def navigation_fixes(period: str = "0.02", imu: str = "adis16448") -> Model:
     return m
 
 
-def _then(past: Any, steps_back: Any, recent: Any) -> Any:
+def _then(past: ca.SX, steps_back: ca.SX, recent: ca.SX) -> ca.SX:
     """Return the position so many steps of the history back; `recent`, if newer than all of it."""
     then = ca.SX.zeros(3)
     back = clip(steps_back, 0.0, LENGTH - 1.0)
@@ -163,7 +161,7 @@ def _then(past: Any, steps_back: Any, recent: Any) -> Any:
     return ca.if_else(steps_back < 0.0, recent, then)
 
 
-def _grown(P: Any, T: Any, q_v: Any, q_b: Any) -> Any:
+def _grown(P: ca.SX, T: ca.SX, q_v: ca.SX, q_b: ca.SX) -> ca.SX:
     """Return F P F' + Q of (p, v, b), F = [1 T -T²/2; 0 1 -T; 0 0 1], upper triangles by rows."""
     F = ca.vertcat(
         ca.horzcat(1.0, T, -0.5 * T**2), ca.horzcat(0.0, 1.0, -T), ca.horzcat(0.0, 0.0, 1.0)
@@ -176,7 +174,7 @@ def _grown(P: Any, T: Any, q_v: Any, q_b: Any) -> Any:
     return ca.vertcat(X[0, 0], X[0, 1], X[0, 2], X[1, 1], X[1, 2], X[2, 2]) + noise
 
 
-def _shrunk(P: Any, k: Any) -> Any:
+def _shrunk(P: ca.SX, k: ca.SX) -> ca.SX:
     """Return P - k P_1', upper triangle by rows."""
     row = P[:3]
     pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))

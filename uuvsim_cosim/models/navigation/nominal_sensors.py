@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 
@@ -22,31 +21,31 @@ __all__ = ["Figures", "figures"]
 class Figures:
     """Symbols of the filter's parameters; positions from CO in `b`, R from sensor to `b`."""
 
-    eta_0: Any
-    sigma_0: Any  # 17 deviations of the errors at the start
-    g: Any
-    r_imu: Any
-    R_imu: Any
-    gyro_noise: Any
-    acc_noise: Any
-    gyro_bias_sigma: Any
-    gyro_bias_tau: Any
-    acc_bias_sigma: Any
-    acc_bias_tau: Any
-    r_dvl: Any
-    beams: Any  # (3, 4) directions in body axes
-    sigma_beam: Any
-    sigma_beam_relative: Any
-    r_pressure: Any
-    water: tuple[Any, Any, Any, Any]  # p_atm, salinity, temperature, g of the place
-    sigma_depth: Any
-    declination: Any
-    sigma_psi: Any
-    r_usbl: Any
-    sigma_aiding: Any  # stationary deviations of the biases of compass [rad] and depth [m]
-    tau_aiding: Any
-    gate: Any
-    patience: Any
+    eta_0: ca.SX
+    sigma_0: ca.SX  # 17 deviations of the errors at the start
+    g: ca.SX
+    r_imu: ca.SX
+    R_imu: ca.SX
+    gyro_noise: ca.SX
+    acc_noise: ca.SX
+    gyro_bias_sigma: ca.SX
+    gyro_bias_tau: ca.SX
+    acc_bias_sigma: ca.SX
+    acc_bias_tau: ca.SX
+    r_dvl: ca.SX
+    beams: ca.SX  # (3, 4) directions in body axes
+    sigma_beam: ca.SX
+    sigma_beam_relative: ca.SX
+    r_pressure: ca.SX
+    water: tuple[ca.SX, ca.SX, ca.SX, ca.SX]  # p_atm, salinity, temperature, g of the place
+    sigma_depth: ca.SX
+    declination: ca.SX
+    sigma_psi: ca.SX
+    r_usbl: ca.SX
+    sigma_aiding: ca.SX  # stationary deviations of the biases of compass [rad] and depth [m]
+    tau_aiding: ca.SX
+    gate: ca.SX
+    patience: ca.SX
 
 
 def figures(m: Model, imu: str, dvl: str, pressure: str, compass: str, usbl: str) -> Figures:
@@ -55,7 +54,7 @@ def figures(m: Model, imu: str, dvl: str, pressure: str, compass: str, usbl: str
     b, c = preset("sensors", pressure, "pressure"), preset("sensors", compass, "compass")
     a = preset("sensors", usbl, "usbl")
 
-    def positive(name: str, value: float, unit: str, words: str = "") -> Any:
+    def positive(name: str, value: float, unit: str, words: str = "") -> ca.SX:
         return m.parameter(name, value, unit=unit, min=0, description=words)
 
     gyro_sigma, acc_sigma = i.number("gyro_bias_sigma", "rad/s"), i.number("acc_bias_sigma", "m/s2")

@@ -12,8 +12,6 @@ last position holds. A position beyond `gate` deviations is believed, and the ve
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 
 from uuvsim_cosim.models.declaration.model import Model
@@ -53,7 +51,7 @@ def predictor(period: str = "0.02") -> Model:
     S = P_11 + sigma**2
     lost = ca.logic_or(first, norm(innovation) ** 2 > gate**2 * S)
     k = ca.vertcat(P_11, P_12) / S
-    values: tuple[tuple[Any, Any, Any], ...] = (
+    values: tuple[tuple[ca.SX, ca.SX, ca.SX], ...] = (
         (p, ca.vertcat(expected + k[0] * innovation, z[2]), z),
         (v, v + k[1] * innovation, ca.SX.zeros(2)),
         (

@@ -19,7 +19,6 @@ so that one transition may span many steps of the mechanisation.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 
@@ -40,35 +39,35 @@ __all__ = [
 class Inertial:
     """Position and velocity of the IMU in `n` [m, m/s], attitude, biases in body axes."""
 
-    p: Any
-    v: Any
-    q: Any
-    b_g: Any
-    b_a: Any
+    p: ca.SX
+    v: ca.SX
+    q: ca.SX
+    b_g: ca.SX
+    b_a: ca.SX
 
 
-def _turn(a: Any) -> Any:
+def _turn(a: ca.SX) -> ca.SX:
     """Return the quaternion of a small rotation vector [rad]; third order, not normalised."""
     n = ca.sumsqr(a)
     return ca.vertcat(1.0 - n / 8.0, (0.5 - n / 48.0) * a)
 
 
-def _unit(q: Any) -> Any:
+def _unit(q: ca.SX) -> ca.SX:
     return q / ca.sqrt(ca.sumsqr(q))
 
 
-def q_of_rotation(a: Any) -> Any:
+def q_of_rotation(a: ca.SX) -> ca.SX:
     """Return the unit quaternion of a small rotation vector [rad]; third order, normalised."""
     return _unit(_turn(a))
 
 
-def multiply(a: Any, b: Any) -> Any:
+def multiply(a: ca.SX, b: ca.SX) -> ca.SX:
     """Return the quaternion product a ⊗ b."""
     s = a[0] * b[0] - ca.dot(a[1:], b[1:])
     return ca.vertcat(s, a[0] * b[1:] + b[0] * a[1:] + ca.cross(a[1:], b[1:]))
 
 
-def mechanised(x: Inertial, omega: Any, f: Any, g: Any, dt: Any) -> Inertial:
+def mechanised(x: Inertial, omega: ca.SX, f: ca.SX, g: ca.SX, dt: ca.SX) -> Inertial:
     """Advance by dt, with mean angular velocity and specific force in body axes over it."""
     half = _turn(0.5 * dt * omega)
     middle = multiply(x.q, half)
@@ -77,7 +76,7 @@ def mechanised(x: Inertial, omega: Any, f: Any, g: Any, dt: Any) -> Inertial:
     return Inertial(x.p + 0.5 * dt * (x.v + v), v, q, x.b_g, x.b_a)
 
 
-def corrected(x: Inertial, e: Any) -> Inertial:
+def corrected(x: Inertial, e: ca.SX) -> Inertial:
     """Return the estimate with its errors (dp, zeta, eta, db_g, db_a, ...) taken out."""
     turn = _turn(e[6:9])
     q = _unit(multiply(turn, x.q))
@@ -85,7 +84,7 @@ def corrected(x: Inertial, e: Any) -> Inertial:
     return Inertial(x.p + e[:3], v, q, x.b_g + e[9:12], x.b_a + e[12:15])
 
 
-def transported(P: Any, before: Any, after: Any) -> Any:
+def transported(P: ca.SX, before: ca.SX, after: ca.SX) -> ca.SX:
     """Return the covariance after a correction that turned the attitude from `before` to `after`.
 
     The errors of the biases are turned against it in body axes, and so stay what they were in `n`.
@@ -105,13 +104,13 @@ class ErrorTransition:
     Exact to second order in t, by the way dp of the estimate and the mean of R meanwhile.
     """
 
-    t: Any
-    way: Any
-    mean_R: Any
-    g: Any
-    decay: Any
+    t: ca.SX
+    way: ca.SX
+    mean_R: ca.SX
+    g: ca.SX
+    decay: ca.SX
 
-    def __call__(self, e: Any) -> Any:
+    def __call__(self, e: ca.SX) -> ca.SX:
         """Return Phi e, for one column or many."""
         t, half = self.t, 0.5 * self.t * self.t
         S_g = sparse(3, 3, {(0, 1): -self.g, (1, 0): self.g})

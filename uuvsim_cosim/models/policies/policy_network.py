@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import cast
 
 import casadi as ca
 
@@ -14,7 +14,7 @@ from uuvsim_cosim.models.policies.policy_file import PolicyFile
 __all__ = ["acts", "normed"]
 
 
-def acts(file: PolicyFile, observation: Any) -> Any:
+def acts(file: PolicyFile, observation: ca.SX) -> ca.SX:
     """Return actions (width,) in [-1, 1] of an observation (width,), without noise."""
     y = network(_layers(file))(normed(file, observation))
     if file.kind == "tanh":
@@ -22,7 +22,8 @@ def acts(file: PolicyFile, observation: Any) -> Any:
     if file.kind == "clip":
         return saturate(y, 1.0)
     grid = file.tensors["grid"].astype(float)
-    best, action = y[0], ca.DM(grid[0])
+    best = y[0]
+    action: ca.SX = ca.DM(grid[0])
     for i in range(1, len(grid)):
         better = y[i] > best
         best = ca.if_else(better, y[i], best)
@@ -30,7 +31,7 @@ def acts(file: PolicyFile, observation: Any) -> Any:
     return saturate(action, 1.0)
 
 
-def normed(file: PolicyFile, observation: Any) -> Any:
+def normed(file: PolicyFile, observation: ca.SX) -> ca.SX:
     """Shift and scale an observation as the file says."""
     if "shift" not in file.tensors:
         return observation

@@ -7,31 +7,36 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeAlias
 
 import casadi as ca
 import numpy as np
 
+from uuvsim_cosim.models.declaration.expression import Number
 from uuvsim_cosim.models.declaration.safe_math import norm
 
 __all__ = ["Seen", "egocentric", "largest"]
+
+
+# Whether it is there, its distance, and its numbers.
+_Row: TypeAlias = tuple[Number, ca.SX, Sequence[Number]]
 
 
 @dataclass(frozen=True)
 class Seen:
     """What a tracker knows; positions from the arena's middle, in N and E [m]."""
 
-    eta: Any  # (6,)
-    nu: Any  # (6,)
-    u_d: Any  # wanted surge speed, m/s
-    target: Any  # (2,)
-    target_before: Any  # (2,) an action earlier
-    known: Any  # whether the target is
-    others: Sequence[tuple[Any, Any]]  # eta, nu
-    obstacles: Sequence[tuple[Any, Any, Any, Any]]  # N, E, radius, whether it reaches up
+    eta: ca.SX  # (6,)
+    nu: ca.SX  # (6,)
+    u_d: ca.SX  # wanted surge speed, m/s
+    target: ca.SX  # (2,)
+    target_before: ca.SX  # (2,) an action earlier
+    known: Number  # whether the target is
+    others: Sequence[tuple[ca.SX, ca.SX]]  # eta, nu
+    obstacles: Sequence[tuple[ca.SX, ca.SX, ca.SX, ca.SX]]  # N, E, radius, whether it reaches up
 
 
-def largest(slots: Sequence[int], arena: Sequence[float]) -> Any:
+def largest(slots: Sequence[int], arena: Sequence[float]) -> np.ndarray:
     """Return the largest size of each number of an observation (width,)."""
     far = float(np.hypot(arena[0], arena[1]))
     own = [1.5, 1.5, 1.0, 1.0, 3.0, 3.0, 5.0, 1.5]
@@ -43,7 +48,7 @@ def largest(slots: Sequence[int], arena: Sequence[float]) -> Any:
 
 def egocentric(
     seen: Seen, slots: Sequence[int], arena: Sequence[float], v: float, stride: float
-) -> Any:
+) -> ca.SX:
     """Return the observation (width,); `v` [m/s] and `stride` [m] are its scales."""
     psi = seen.eta[5]
     here = seen.eta[:2]
@@ -60,12 +65,20 @@ def egocentric(
         seen.nu[5],
         seen.u_d / v,
     ]
-    others = []
+    others: list[_Row] = []
     for eta, nu in seen.others:
         away, turned = _level(psi, eta[:2] - here), eta[5] - psi
-        row = [1.0, away[0], away[1], ca.cos(turned), ca.sin(turned), nu[0] / v, nu[5]]
+        row: list[Number] = [
+            1.0,
+            away[0],
+            away[1],
+            ca.cos(turned),
+            ca.sin(turned),
+            nu[0] / v,
+            nu[5],
+        ]
         others.append((1.0, _size(away), row))
-    obstacles = []
+    obstacles: list[_Row] = []
     for north, east, radius, reaches in seen.obstacles:
         away = _level(psi, ca.vertcat(north, east) - here)
         surface = _size(away) - radius
@@ -79,12 +92,12 @@ def egocentric(
     )
 
 
-def _slots(rows: Sequence[tuple[Any, Any, list[Any]]], count: int, width: int) -> list[Any]:
+def _slots(rows: Sequence[_Row], count: int, width: int) -> list[Number]:
     """Return the `count` nearest that are there, (there, key, numbers), flat; zeros for none."""
-    flat: list[Any] = []
+    flat: list[Number] = []
     ranks = []
     for i, (_, key, _) in enumerate(rows):
-        nearer: Any = 0.0
+        nearer: Number = 0.0
         for j, (there, other, _) in enumerate(rows):
             if i != j:
                 first = other <= key if j < i else other < key
@@ -92,7 +105,7 @@ def _slots(rows: Sequence[tuple[Any, Any, list[Any]]], count: int, width: int) -
         ranks.append(nearer)
     for place in range(count):
         for column in range(width):
-            value: Any = 0.0
+            value: Number = 0.0
             for (there, _, numbers), rank in zip(rows, ranks, strict=True):
                 mine = ca.logic_and(there, ca.fabs(rank - place) < 0.5)
                 value = ca.if_else(mine, numbers[column], value)
@@ -100,10 +113,10 @@ def _slots(rows: Sequence[tuple[Any, Any, list[Any]]], count: int, width: int) -
     return flat
 
 
-def _level(psi: Any, vector: Any) -> Any:
+def _level(psi: ca.SX, vector: ca.SX) -> ca.SX:
     c, s = ca.cos(psi), ca.sin(psi)
     return ca.vertcat(c * vector[0] + s * vector[1], c * vector[1] - s * vector[0])
 
 
-def _size(v: Any) -> Any:
+def _size(v: ca.SX) -> ca.SX:
     return norm(v)

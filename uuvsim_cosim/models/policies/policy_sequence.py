@@ -6,11 +6,10 @@ parameter `return_to_go` and falls by the input `reward`, what the last action w
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.expression import Number
 from uuvsim_cosim.models.declaration.model import Clock, Model
 from uuvsim_cosim.models.intrinsics.transformer import transformer
 from uuvsim_cosim.models.policies.policy_file import PolicyFile
@@ -19,7 +18,7 @@ from uuvsim_cosim.models.policies.policy_network import acts, normed
 __all__ = ["decided"]
 
 
-def decided(m: Model, sample: Clock, file: PolicyFile, observation: Any, due: Any) -> Any:
+def decided(m: Model, sample: Clock, file: PolicyFile, observation: ca.SX, due: Number) -> ca.SX:
     """Return actions (width,) in [-1, 1] of an observation (width,) at a sample that is due.
 
     A policy of kind "sequence" declares its history in `m`. Its settings: `context` K, `heads`,

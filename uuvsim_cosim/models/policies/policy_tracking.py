@@ -9,7 +9,6 @@ them the equations of the pilot (pilot.py) go on, sample by sample.
 from __future__ import annotations
 
 from fractions import Fraction
-from typing import Any
 
 import casadi as ca
 
@@ -89,7 +88,7 @@ def tracking_policy(file: PolicyFile, action_step: str, period: str, obstacles: 
     scale = ca.DM([a_max, numbers.number("omega_max", "rad/s")])
     seen_within = options.get("knowledge_range")
 
-    def wanted(sample: Clock, p: dict[str, Any], u_d: Any) -> tuple[Any, Any]:
+    def wanted(sample: Clock, p: dict[str, ca.SX], u_d: ca.SX) -> tuple[ca.SX, ca.SX]:
         before = m.discrete("target_before", (0.0, 0.0), unit="m", description="at the last action")
         count = m.discrete("count", unit="1", description="samples until the next action")
         begun = m.discrete("begun", unit="1", description="0 before the first action")

@@ -13,7 +13,6 @@ beta, of which each counts where its own incidence is not too flat.
 from __future__ import annotations
 
 from math import cos, pi, sin
-from typing import Any
 
 import casadi as ca
 
@@ -90,8 +89,8 @@ def altimeter(
 
 
 def _nearest(
-    scene: str, place: Any, R_ns: Any, high: Any, width: Any, flat: Any, moving: Any
-) -> tuple[Any, Any]:
+    scene: str, place: ca.SX, R_ns: ca.SX, high: ca.SX, width: ca.SX, flat: ca.SX, moving: ca.SX
+) -> tuple[ca.SX, ca.SX]:
     """Return the range of the nearest echo within the beam, and 1 where there is one."""
     rings = [(0.0, 1), (0.25, 8), (0.5, 8)]  # of the whole width from the axis, rays
     directions = [

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import cos, sin, tan
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -36,7 +35,7 @@ class Beams:
     R_bs: Array
 
 
-def beams_of(kind: str, id: str = "", **options: Any) -> Beams:
+def beams_of(kind: str, id: str = "", **options: int | str) -> Beams:
     """Return the rays and the mounting of a `multibeam` or `depth_camera` preset.
 
     `options` are those of the component: `beams`, or `columns` and `rows`.

@@ -20,8 +20,6 @@ at the first tick of the clock from then on.
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 
 from uuvsim_cosim.errors import ParameterInvalid
@@ -40,7 +38,7 @@ from uuvsim_cosim.models.worlds.rays import rays
 __all__ = ["beam_directions", "dvl"]
 
 
-def beam_directions(tilt: Any, azimuth: Any) -> Any:
+def beam_directions(tilt: ca.SX, azimuth: ca.SX) -> ca.SX:
     """Return D (3, n): unit vectors of the beams in sensor axes; angles in rad."""
     return ca.horzcat(
         *(
@@ -87,7 +85,7 @@ def dvl(
     v_s = ca.mtimes(R_bs.T, nu[:3] + ca.cross(nu[3:], r))
     Rnb = R(q)
     down = ca.mtimes(D.T, ca.mtimes(R_bs.T, Rnb[2, :].T))  # (R R_bs d_i)_z
-    seen: Any = None
+    seen: ca.SX | None = None
     if scene:
         moving = declare_others(m, others)
         d = ca.mtimes(ca.mtimes(Rnb, R_bs), D)
@@ -133,7 +131,7 @@ def dvl(
 
 
 def _water_track(
-    m: Model, ping: Clock, p: Preset, D: Any, R_bs: Any, R_ns: Any, v: Any, height: Any
+    m: Model, ping: Clock, p: Preset, D: ca.SX, R_bs: ca.SX, R_ns: ca.SX, v: ca.SX, height: ca.SX
 ) -> None:
     """Declare the velocity through the water in a layer below the sensor."""
     v_c = m.input("v_c", 3, unit="m/s", description="current in n, taken as that of the layer")
@@ -161,7 +159,7 @@ def _water_track(
     )
 
 
-def _ping_again(m: Model, ping: Clock, p: Preset, distance: Any, heard: Any) -> None:
+def _ping_again(m: Model, ping: Clock, p: Preset, distance: ca.SX, heard: ca.SX) -> None:
     """Let pings happen only when the last one's echo has come back."""
     low = m.parameter(
         "period_min",
@@ -188,8 +186,8 @@ def _ping_again(m: Model, ping: Clock, p: Preset, distance: Any, heard: Any) -> 
 
 
 def _beams(
-    m: Model, ping: Clock, p: Preset, v: Any, down: Any, height: Any, seen: Any
-) -> tuple[Any, Any, Any]:
+    m: Model, ping: Clock, p: Preset, v: ca.SX, down: ca.SX, height: ca.SX, seen: ca.SX | None
+) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Return each beam's velocity, range, and 1 where it has an echo, all with noise.
 
     `seen` are the ranges and the cosines of the incidence over a scene, None over a plane.
@@ -242,7 +240,7 @@ def _beams(
     )
 
 
-def _least_squares(D: Any, v: Any, ok: Any) -> Any:
+def _least_squares(D: ca.SX, v: ca.SX, ok: ca.SX) -> ca.SX:
     """Solve for the velocity (3) of the valid beams; a ridge of 1e-9 keeps it finite."""
     weighted = ca.mtimes(D, ca.diag(ok))
     normal = ca.mtimes(weighted, D.T) + 1e-9 * ca.SX.eye(3)

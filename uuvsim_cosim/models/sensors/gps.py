@@ -9,12 +9,10 @@ and is not valid. Its connectors are those of a USBL.
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 
 from uuvsim_cosim.models.declaration.kinematics import R
-from uuvsim_cosim.models.declaration.model import Clock, Model
+from uuvsim_cosim.models.declaration.model import Clock, Model, Value
 from uuvsim_cosim.models.declaration.preset import Preset, preset
 from uuvsim_cosim.models.declaration.sampled import BEFORE_FIRST
 from uuvsim_cosim.models.declaration.vectors import ETA, NU
@@ -55,7 +53,7 @@ def gps(id: str = "neo_m9n", period: str = "1") -> Model:
     m.update(sample, since, since_new)
     m.update(sample, was, ca.if_else(above, 1.0, 0.0))
     fixed = ca.logic_and(above, m.t - since_new >= wait - 1e-9)
-    outputs: tuple[tuple[str, Any, Any, str, str], ...] = (
+    outputs: tuple[tuple[str, ca.SX, Value, str, str], ...] = (
         ("position", position + shape * error, (0, 0, 0), "m", "of the antenna in NED"),
         ("velocity", velocity, (0, 0, 0), "m/s", "of the antenna in NED"),
         ("sigma", shape * sigma, (0, 0, 0), "m", "deviations of N, E, D"),
@@ -72,7 +70,7 @@ def gps(id: str = "neo_m9n", period: str = "1") -> Model:
     return m
 
 
-def _error(m: Model, sample: Clock, p: Preset) -> tuple[Any, Any]:
+def _error(m: Model, sample: Clock, p: Preset) -> tuple[ca.SX, ca.SX]:
     """Return the error along N and E, and its deviation."""
     figures = ErrorParameters(
         p.number("noise_density", "m"), p.number("bias_sigma", "m"), p.number("bias_tau", "s"), 0.0

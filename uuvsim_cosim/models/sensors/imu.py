@@ -16,7 +16,6 @@ bias, which moves on every 0.1 s. E and the range are declared where the preset 
 from __future__ import annotations
 
 from fractions import Fraction
-from typing import Any
 
 import casadi as ca
 
@@ -91,7 +90,7 @@ def _errors(p: Preset, axis: str, unit: str) -> ErrorParameters:
     return ErrorParameters(N, sigma, tau, p.number(f"{axis}_turn_on_sigma", unit))
 
 
-def _scaled(m: Model, p: Preset, wander: Clock, axis: str, value: Any) -> Any:
+def _scaled(m: Model, p: Preset, wander: Clock, axis: str, value: ca.SX) -> ca.SX:
     """Return (I + E) value, E drawn at the first tick; without figures of E the value itself."""
     named = (f"{axis}_scale_sigma", f"{axis}_misalignment_sigma")
     given = [p.has(name) for name in named]
@@ -111,7 +110,7 @@ def _scaled(m: Model, p: Preset, wander: Clock, axis: str, value: Any) -> Any:
     return value + ca.mtimes(ca.reshape(E, 3, 3), value)
 
 
-def _limited(m: Model, p: Preset, axis: str, unit: str, value: Any) -> Any:
+def _limited(m: Model, p: Preset, axis: str, unit: str, value: ca.SX) -> ca.SX:
     """Hold a reading within its range, where the preset states one."""
     if not p.has(f"{axis}_range"):
         return value

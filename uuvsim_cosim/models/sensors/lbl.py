@@ -11,8 +11,6 @@ between call and reply is left out. A reply is lost beyond its range, or by chan
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 import numpy as np
 
@@ -92,7 +90,7 @@ def lbl(
     arrived = ca.logic_and(on_way > 0.5, m.t >= due)
     m.update(publish, on_way, ca.if_else(arrived, 0.0, on_way))
     any_reply = ca.sum1(replied) > 0.5
-    shown: tuple[tuple[str, Any, Any, float, str, str], ...] = (
+    shown: tuple[tuple[str, ca.SX, ca.SX, float, str, str], ...] = (
         ("range", ranges, replied > 0.5, 0.0, "m", "to each beacon"),
         ("range_valid", replied, arrived, 0.0, "1", "1: it is of the last call"),
         ("valid", ca.if_else(any_reply, 1.0, 0.0), arrived, 0.0, "1", "a range of the last call"),

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any
 
 import casadi as ca
 
@@ -93,8 +92,8 @@ def link(
     y = m.discrete("y_held", (0.0,) * n, unit=units)
     t_held = m.discrete("t_held", BEFORE_FIRST, unit="s")
     first, t = ca.if_else(running, y, sent), ca.if_else(running, t_held, m.t)
-    arriving: tuple[Any, Any, Any] = (sent, heard, m.t)
-    line: list[tuple[Any, Any, Any]] = []
+    arriving: tuple[ca.SX, ...] = (sent, heard, m.t)
+    line: list[tuple[ca.SX, ca.SX, ca.SX]] = []
     for i in range(1, slots):
         line.append(
             (

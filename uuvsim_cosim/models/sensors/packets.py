@@ -8,7 +8,6 @@ their first bits are less than D apart. The equations of loss and delay are thos
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 
@@ -29,11 +28,11 @@ class Medium:
 
     nodes: int
     packets: int  # that each sender can have under way
-    duration: Any
-    status: dict[tuple[int, int, int], Any]  # of a path: 0 nothing, 1 will arrive, 2 will not
-    arrival: dict[tuple[int, int, int], Any]  # when its first bit is there
-    payload: dict[tuple[int, int], Any]
-    sent: dict[tuple[int, int], Any]
+    duration: ca.SX
+    status: dict[tuple[int, int, int], ca.SX]  # of a path: 0 nothing, 1 will arrive, 2 will not
+    arrival: dict[tuple[int, int, int], ca.SX]  # when its first bit is there
+    payload: dict[tuple[int, int], ca.SX]
+    sent: dict[tuple[int, int], ca.SX]
 
     def pairs(self) -> list[tuple[int, int]]:
         """List sender and receiver of every direction."""
@@ -41,7 +40,7 @@ class Medium:
 
 
 def medium_of(
-    m: Model, n: int, k: int, width: int, units: tuple[str, ...], duration: Any
+    m: Model, n: int, k: int, width: int, units: tuple[str, ...], duration: ca.SX
 ) -> Medium:
     """Declare the states of `n` nodes with `k` packets each of `width` numbers."""
     paths = [(i, a, j) for i in range(n) for a in range(k) for j in range(n) if i != j]
@@ -67,11 +66,11 @@ def send(
     m: Model,
     clock: Clock,
     medium: Medium,
-    places: list[Any],
-    wanted: list[Any],
-    asked: list[Any],
-    turn: tuple[Any, Any],
-    physics: tuple[Any, ...],
+    places: list[ca.SX],
+    wanted: list[ca.SX],
+    asked: list[ca.SX],
+    turn: tuple[ca.SX, ca.SX],
+    physics: tuple[ca.SX, ...],
 ) -> None:
     """Put packets on the air at a tick, and settle which of them will arrive."""
     n, D = medium.nodes, medium.duration
@@ -98,7 +97,7 @@ def send(
         audible[i, j] = ca.logic_and(sends[i], d < far)
         begun[i, j] = ca.if_else(kept, GOOD, SPOILED)
 
-    def meets(a: Any, b: Any) -> Any:
+    def meets(a: ca.SX, b: ca.SX) -> ca.SX:
         return ca.fabs(a - b) < D - LATE
 
     spoiled = {pair: ca.SX(0) for pair in medium.pairs()}  # of the new packets
@@ -126,16 +125,17 @@ def send(
         deaf = ca.logic_and(ca.logic_and(half, sends[j]), meets(medium.arrival[path], m.t))
         old[path] = ca.if_else(ca.logic_and(deaf, status > 0.5), SPOILED, old[path])
 
-    status, arrival = [], []
+    statuses: list[ca.SX] = []
+    arrivals: list[ca.SX] = []
     for i, a, j in medium.status:
         new = ca.if_else(audible[i, j], ca.if_else(spoiled[i, j], SPOILED, begun[i, j]), 0.0)
         before = (i, a - 1, j)
         moved = old[before] if a else new
-        status.append(ca.if_else(sends[i], moved, old[i, a, j]))
+        statuses.append(ca.if_else(sends[i], moved, old[i, a, j]))
         moved = medium.arrival[before] if a else start[i, j]
-        arrival.append(ca.if_else(sends[i], moved, medium.arrival[i, a, j]))
-    m.update(clock, m.variables["status"].symbol, ca.vertcat(*status))
-    m.update(clock, m.variables["arrival"].symbol, ca.vertcat(*arrival))
+        arrivals.append(ca.if_else(sends[i], moved, medium.arrival[i, a, j]))
+    m.update(clock, m.variables["status"].symbol, ca.vertcat(*statuses))
+    m.update(clock, m.variables["arrival"].symbol, ca.vertcat(*arrivals))
     sent = []
     for i, a in medium.sent:
         moved = medium.sent[i, a - 1] if a else m.t
@@ -151,8 +151,8 @@ def arrive(
     medium: Medium,
     width: int,
     units: tuple[str, ...],
-    processing: Any,
-    sigma: Any,
+    processing: ca.SX,
+    sigma: ca.SX,
 ) -> None:
     """Show what has arrived at a tick, and declare the outputs."""
     w = m.normal(clock, medium.nodes)

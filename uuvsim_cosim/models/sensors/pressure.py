@@ -8,10 +8,9 @@ preset states a largest pressure, the reading saturates there and is not valid.
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 
+from uuvsim_cosim.models.declaration.expression import Number
 from uuvsim_cosim.models.declaration.kinematics import R
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.preset import preset
@@ -25,7 +24,7 @@ from uuvsim_cosim.models.water.seawater import gravity, pressure_at_depth
 __all__ = ["pressure", "water_column"]
 
 
-def water_column(m: Model) -> tuple[Any, Any, Any, Any]:
+def water_column(m: Model) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
     """Declare the water above as parameters; gives (p_atm, salinity, temperature [degC], g)."""
     p_atm = m.parameter("p_atm", 101325.0, unit="Pa", description="pressure at the surface")
     S = m.parameter("salinity", 35.0, unit="1", min=0, max=42, description="practical salinity")
@@ -54,7 +53,7 @@ def pressure(id: str = "bar_100m", period: str = "0.1") -> Model:
     depth = eta[2] + ca.dot(R(q)[2, :].T, r)
     gauge = pressure_at_depth(clip(depth, 0.0, 12000.0), S, T, g)
     reading = p_atm + gauge + sensor_error(m, sample, "", error, 1, "Pa")
-    valid: Any = 1.0
+    valid: Number = 1.0
     if p.has("pressure_max"):
         limit = m.parameter(
             "pressure_max",

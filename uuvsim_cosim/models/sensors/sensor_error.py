@@ -12,7 +12,6 @@ A random-walk density B [unit/s/sqrt(Hz)] of the same process is  sigma = B sqrt
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 
@@ -44,7 +43,7 @@ def sensor_error(
     size: int,
     unit: str,
     wander: Clock | None = None,
-) -> Any:
+) -> ca.SX:
     """Declare an error of `size` independent axes; gives its value at a tick of the clock.
 
     Its bias moves on at the ticks of `wander`, where that is given: a slower clock, declared
@@ -99,7 +98,7 @@ def sensor_error(
     return constant + bias + noise
 
 
-def uniform(m: Model, clock: Clock, size: int = 1) -> Any:
+def uniform(m: Model, clock: Clock, size: int = 1) -> ca.SX:
     """Return `size` draws, uniform on (0, 1]:  exp(-(w_1² + w_2²) / 2)  of two standard normals."""
     w = m.normal(clock, 2 * size)
     return ca.exp(-0.5 * (w[:size] ** 2 + w[size:] ** 2))

@@ -11,7 +11,6 @@ The term R^T dv_c/dt is left out: v_c is an input, and piecewise constant.
 from __future__ import annotations
 
 from fractions import Fraction
-from typing import Any
 
 import casadi as ca
 
@@ -20,12 +19,12 @@ from uuvsim_cosim.models.declaration.model import Model
 __all__ = ["current_gauss_markov", "nu_c", "nu_c_dot"]
 
 
-def nu_c(Rnb: Any, v_c: Any) -> Any:
+def nu_c(Rnb: ca.SX, v_c: ca.SX) -> ca.SX:
     """Return nu_c (6) in `b` of the current v_c (3) [m/s] in `n`."""
     return ca.vertcat(ca.mtimes(Rnb.T, v_c), ca.SX.zeros(3))
 
 
-def nu_c_dot(omega: Any, v_c_b: Any) -> Any:
+def nu_c_dot(omega: ca.SX, v_c_b: ca.SX) -> ca.SX:
     """Return d(nu_c)/dt (6) in `b`, of omega [rad/s] and the current v_c_b (3) [m/s] in `b`."""
     return ca.vertcat(-ca.cross(omega, v_c_b), ca.SX.zeros(3))
 

@@ -13,7 +13,6 @@ Dynamics of Marine Sands, chapter 3, where z_0 is 0.2 mm for mud, 6 mm for rippl
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -49,7 +48,7 @@ def current_profile(law: str = "power", file: str = "") -> Model:
     return m
 
 
-def _layer(m: Model, depth: Any, law: str) -> Any:
+def _layer(m: Model, depth: ca.SX, law: str) -> ca.SX:
     V = m.parameter("speed", 0.5, unit="m/s", description="at the surface")
     beta = m.parameter(
         "direction", 0.0, unit="rad", description="direction it flows to, from N to E"
@@ -67,7 +66,7 @@ def _layer(m: Model, depth: Any, law: str) -> Any:
     return V * speed * ca.vertcat(ca.cos(beta), ca.sin(beta))
 
 
-def _levels(m: Model, depth: Any, file: str) -> Any:
+def _levels(m: Model, depth: ca.SX, file: str) -> ca.SX:
     rows = _read(Path(file).expanduser()) if file else np.array(LEVELS)
     n = len(rows)
     d = m.parameter("depths", rows[:, 0], (n,), unit="m", description="of the levels, rising")

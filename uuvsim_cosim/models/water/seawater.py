@@ -6,10 +6,9 @@ takes numbers or CasADi expressions.
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 
+from uuvsim_cosim.models.declaration.expression import Number
 from uuvsim_cosim.models.declaration.safe_math import safe_sqrt
 
 __all__ = [
@@ -24,18 +23,18 @@ __all__ = [
 BAR = 1e5
 
 
-def _polynomial(x: Any, *coefficients: float) -> Any:
-    result: Any = coefficients[-1]
+def _polynomial(x: Number, *coefficients: float) -> Number:
+    result: Number = coefficients[-1]
     for c in reversed(coefficients[:-1]):
         result = result * x + c
     return result
 
 
-def _root(S: Any) -> Any:
+def _root(S: Number) -> Number:
     return safe_sqrt(S) if isinstance(S, ca.SX) else S**0.5
 
 
-def _density_at_surface(S: Any, T: Any) -> Any:
+def _density_at_surface(S: Number, T: Number) -> Number:
     return (
         _polynomial(
             T, 999.842594, 6.793952e-2, -9.095290e-3, 1.001685e-4, -1.120083e-6, 6.536332e-9
@@ -46,7 +45,7 @@ def _density_at_surface(S: Any, T: Any) -> Any:
     )
 
 
-def bulk_modulus(S: Any, T: Any, p: Any = 0.0) -> Any:
+def bulk_modulus(S: Number, T: Number, p: Number = 0.0) -> Number:
     """Return the secant bulk modulus K [Pa]; EOS-80, UNESCO Technical Papers 38 (1981)."""
     b = p / BAR
     S15 = S * _root(S)
@@ -66,12 +65,12 @@ def bulk_modulus(S: Any, T: Any, p: Any = 0.0) -> Any:
     return (K + (A + B * b) * b) * BAR
 
 
-def density(S: Any, T: Any, p: Any = 0.0) -> Any:
+def density(S: Number, T: Number, p: Number = 0.0) -> Number:
     """Return rho [kg/m3] by EOS-80:  rho(S, T, p) = rho(S, T, 0) / (1 - p / K(S, T, p))."""
     return _density_at_surface(S, T) / (1.0 - p / bulk_modulus(S, T, p))
 
 
-def pressure_at_depth(h: Any, S: Any, T: Any, g: Any) -> Any:
+def pressure_at_depth(h: Number, S: Number, T: Number, g: Number) -> Number:
     """Return the gauge pressure [Pa] at depth h of a column of uniform S and T.
 
     dp/dh = rho g with rho = rho_0 / (1 - p / K) and K held at its value at the surface has
@@ -83,18 +82,18 @@ def pressure_at_depth(h: Any, S: Any, T: Any, g: Any) -> Any:
     return K * (1.0 - (safe_sqrt(x) if isinstance(x, ca.SX) else x**0.5))
 
 
-def depth_of_pressure(p: Any, S: Any, T: Any, g: Any) -> Any:
+def depth_of_pressure(p: Number, S: Number, T: Number, g: Number) -> Number:
     """Return the depth [m] of a gauge pressure: the exact inverse of `pressure_at_depth`."""
     return p * (1.0 - 0.5 * p / bulk_modulus(S, T)) / (_density_at_surface(S, T) * g)
 
 
-def gravity(latitude: Any) -> Any:
+def gravity(latitude: ca.SX) -> Number:
     """Return g [m/s2] at sea level at a latitude [rad]; UNESCO Technical Papers 44 (1983)."""
     s2 = ca.sin(latitude) ** 2
     return 9.780318 * (1.0 + (5.2788e-3 + 2.36e-5 * s2) * s2)
 
 
-def sound_speed(T: Any, S: Any, D: Any) -> Any:
+def sound_speed(T: Number, S: Number, D: ca.SX) -> Number:
     """Return c [m/s] at depth D; Mackenzie (1981), J. Acoust. Soc. Am. 70(3), 807-812.
 
     Holds for 2 to 30 degC, salinity 25 to 40, 0 to 8000 m.

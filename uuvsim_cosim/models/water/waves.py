@@ -20,12 +20,12 @@ direction a frequency, components do not interfere (Miles and Funke 1989). The h
 from __future__ import annotations
 
 from math import pi, sqrt
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.expression import Number
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.options import is_on
 from uuvsim_cosim.models.declaration.safe_math import clip
@@ -127,7 +127,7 @@ def waves(
     return m
 
 
-def _numbers_of(omega: Any, g: Any, h: Any, n: int) -> Any:
+def _numbers_of(omega: ca.SX, g: ca.SX, h: ca.SX, n: int) -> ca.SX:
     """Return the wave numbers k of omega² = g k tanh(k h).
 
     y = k h from the start x² (1 - exp(-x^b))^(-1/b), x = omega sqrt(h / g), b = 2.4908, which is
@@ -167,7 +167,7 @@ def _bands(n: int) -> tuple[list[float], list[float]]:
     return [LOWEST + (i + x) * width for i, x in enumerate(places)], [width] * n
 
 
-def _amplitudes(H_s: Any, gamma: Any, ratio: list[float], width: list[float]) -> Any:
+def _amplitudes(H_s: ca.SX, gamma: ca.SX, ratio: list[float], width: list[float]) -> ca.SX:
     """Return a_i = sqrt(2 S(omega_i) d_omega) of JONSWAP, scaled so that sum a_i²/2 = H_s²/16.
 
     S ~ x^-5 exp(-5/4 x^-4) gamma^exp(-(x-1)²/(2 s²)), s = 0.07 below the peak, 0.09 above
@@ -184,7 +184,7 @@ def _amplitudes(H_s: Any, gamma: Any, ratio: list[float], width: list[float]) ->
     return ca.sqrt(spectrum / ca.sum1(spectrum)) * H_s / sqrt(8.0)
 
 
-def _phases(m: Model, n: int, phase_0: Any) -> tuple[Any, Any]:
+def _phases(m: Model, n: int, phase_0: ca.SX) -> tuple[ca.SX, Number]:
     """Return the phases, and 1 once they are drawn: each the angle of two normal draws."""
     if n == 1:
         return phase_0, 1.0

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 import numpy as np
 
@@ -16,7 +14,7 @@ from uuvsim_cosim.models.worlds.rays import MOVERS
 __all__ = ["declare_others"]
 
 
-def declare_others(m: Model, others: int | str, *, moving: bool = False) -> Any:
+def declare_others(m: Model, others: int | str, *, moving: bool = False) -> ca.SX:
     """Declare the others' poses and sizes; gives the numbers of uuv_moving_, 10 for each.
 
     With `moving` there are inputs of their velocities too.
