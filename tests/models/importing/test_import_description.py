@@ -175,6 +175,16 @@ def test_no_element_of_xacro_remains_after_expansion() -> None:
     assert not [e.tag for e in root.iter() if is_xacro(e, local(e))]
 
 
+def test_a_file_that_is_one_include_is_refused_in_words(tmp_path: Path) -> None:
+    (tmp_path / "other.xacro").write_text('<robot name="r"/>')
+    file = tmp_path / "a.xacro"
+    file.write_text(
+        '<xacro:include xmlns:xacro="http://www.ros.org/wiki/xacro" filename="other.xacro"/>'
+    )
+    with pytest.raises(InputInvalid, match=r"a.xacro:1: <include>; expected <robot>"):
+        import_description(file)
+
+
 def test_a_macro_that_calls_itself_is_refused_with_its_line(tmp_path: Path) -> None:
     loop = '<xacro:macro name="a" params=""><xacro:a/></xacro:macro>\n<xacro:a/>'
     head = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'

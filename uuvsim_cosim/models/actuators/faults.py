@@ -12,8 +12,10 @@ Limits and `stuck` are of a servo state c in the command's unit:  dc/dt = ±rate
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
+import casadi as ca
+
+from uuvsim_cosim.models.declaration.expression import Number
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.options import is_on
 from uuvsim_cosim.models.declaration.safe_math import saturate
@@ -27,9 +29,9 @@ T_U = 0.02  # s, of the servo that limits and faults need
 class ThrusterFaults:
     """The symbols of a thruster's faults; numbers where it has none."""
 
-    stuck: Any = 0.0
-    health: Any = 1.0
-    entangled: Any = 0.0
+    stuck: Number = 0.0
+    health: Number = 1.0
+    entangled: Number = 0.0
 
 
 def thruster_faults_of(m: Model, faults: bool | str) -> ThrusterFaults:
@@ -57,7 +59,9 @@ def thruster_faults_of(m: Model, faults: bool | str) -> ThrusterFaults:
     )
 
 
-def servo(m: Model, u: Any, limits: bool | str, faults: ThrusterFaults, rate: float = 5.0) -> Any:
+def servo(
+    m: Model, u: ca.SX, limits: bool | str, faults: ThrusterFaults, rate: float = 5.0
+) -> ca.SX:
     """Return the command after slew limit and `stuck`; u itself where it has neither option."""
     limited = is_on("limits", limits)
     if not limited and isinstance(faults.stuck, float):

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+
+import casadi as ca
 
 from uuvsim_cosim.models.actuators.faults import servo, thruster_faults_of
 from uuvsim_cosim.models.actuators.thruster_set import of_vehicle
@@ -30,7 +31,7 @@ def thruster_jet(
     voltage = m.input("voltage", unit="V", start=12.0, description="of the supply, for its current")
     m.input("nu_r", 6, unit=NU, description="unused: thrust is bollard pull")
 
-    def declared(name: str, unit: str, least: float, words: str) -> Any:
+    def declared(name: str, unit: str, least: float, words: str) -> ca.SX:
         return m.parameter(name, p.number(name, unit), unit=unit, min=least, description=words)
 
     Q_max = declared("Q_max", "m3/s", 0.0, "volume flow at u = 1")

@@ -6,13 +6,13 @@ and in body axes. A published matrix that is not symmetric is kept as it is.
 
 from __future__ import annotations
 
-from typing import Any
+import casadi as ca
 
 from uuvsim_cosim.models.hull.rigid_body import m2c
 
 __all__ = ["C_A"]
 
 
-def C_A(M_A: Any, nu_r: Any) -> Any:
+def C_A(M_A: ca.SX, nu_r: ca.SX) -> ca.SX:
     """Return the 6x6 matrix at nu_r, Munk moment included; Fossen (2021), 2nd ed., Theorem 3.2."""
     return m2c(M_A, nu_r)

@@ -11,8 +11,8 @@ import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -121,7 +121,7 @@ def hull_of(size: Size) -> Hull:
     return Hull(size.at, (reach, 0.0, 0.0), 1 if reach > 0 else 0, radius)
 
 
-def hull_contact(scene: str, hull: Hull, n_moving: int) -> Callable[[Any], Any]:
+def hull_contact(scene: str, hull: Hull, n_moving: int) -> Callable[[ca.SX], ca.SX]:
     """Return `HullContact` as a function of an SX (n_in,) with values (8,)."""
     if not 0 <= n_moving <= MOVERS:
         raise ParameterInvalid(f"others: {n_moving}; expected 0 to {MOVERS}")
@@ -134,14 +134,14 @@ def hull_contact(scene: str, hull: Hull, n_moving: int) -> Callable[[Any], Any]:
     return _called(HullContact(name, ground, hull, material, friction, rub, n_moving))
 
 
-def hull_place(scene: str, hull: Hull) -> Callable[[Any], Any]:
+def hull_place(scene: str, hull: Hull) -> Callable[[ca.SX], ca.SX]:
     """Return `HullPlace` as a function of an SX (17,) with values (4,)."""
     ground = touched_ground(scene)
     digest = hashlib.sha256(f"place {ground.name} {hull}".encode()).hexdigest()
     return _called(HullPlace(f"place_{digest[:12]}", ground, hull))
 
 
-def _called(made: HullContact | HullPlace) -> Callable[[Any], Any]:
+def _called(made: HullContact | HullPlace) -> Callable[[ca.SX], ca.SX]:
     if made.name not in NETWORKS:
         NETWORKS[made.name] = made
         shape = (made.n_out, made.n_in)

@@ -163,9 +163,7 @@ def _at_depth(p: Mapping[str, ca.SX], B: Number, r_b: ca.SX, depth: ca.SX, down:
     return B * (1.0 + beta * (depth + ca.dot(ca.densify(ca.SX(r_b)), down)))
 
 
-def _of_waves(
-    m: Model, p: Mapping[str, ca.SX], Rnb: ca.SX, afloat: Number, r_b: ca.SX
-) -> ca.SX:
+def _of_waves(m: Model, p: Mapping[str, ca.SX], Rnb: ca.SX, afloat: Number, r_b: ca.SX) -> ca.SX:
     """Return the generalised force of water that accelerates: on M_A, and on what is displaced."""
     a_c = m.input("a_c", 3, unit="m/s2", description="acceleration of the water in n, of waves")
     a = ca.mtimes(Rnb.T, a_c)

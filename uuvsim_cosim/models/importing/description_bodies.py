@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from math import cos, pi, sin
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ from uuvsim_cosim.models.importing.description_file import near, place_of
 from uuvsim_cosim.models.importing.xacro_text import local
 from uuvsim_cosim.models.shapes.mesh import raw_triangles, repaired
 from uuvsim_cosim.models.shapes.solid import solid_of
+
+if TYPE_CHECKING:
+    from lxml.etree import _Element
 
 __all__ = ["Bodies", "bodies_of", "child", "gathered", "numbers"]
 
@@ -72,12 +75,12 @@ def gathered(problems: list[str]) -> Iterator[None]:
         problems.append(str(error))
 
 
-def child(element: Any, name: str) -> Any:
+def child(element: _Element, name: str) -> _Element | None:
     """Return the first child of a name, None if there is none."""
     return next((c for c in element if local(c) == name), None)
 
 
-def numbers(path: Path, element: Any, text: str | None, count: int | tuple[int, ...]) -> Array:
+def numbers(path: Path, element: _Element, text: str | None, count: int | tuple[int, ...]) -> Array:
     """Return the numbers of a text; raises InputInvalid with the line."""
     counts = (count,) if isinstance(count, int) else count
     words = (text or "").replace(",", " ").replace(";", " ").split()
@@ -108,7 +111,7 @@ def _rotation(rpy: Array) -> Array:
     )
 
 
-def _pose(path: Path, element: Any) -> tuple[Array, Array]:
+def _pose(path: Path, element: _Element | None) -> tuple[Array, Array]:
     """Return (R, r) of URDF's <origin> or SDF's <pose>; none is the identity."""
     if element is None:
         return np.eye(3), np.zeros(3)
@@ -121,7 +124,7 @@ def _pose(path: Path, element: Any) -> tuple[Array, Array]:
     return _rotation(six[3:]), six[:3]
 
 
-def _value(path: Path, element: Any, name: str, default: float | None = None) -> float:
+def _value(path: Path, element: _Element, name: str, default: float | None = None) -> float:
     """Return a number that stands as an attribute (URDF) or as a child (SDF)."""
     text = element.get(name)
     inner = child(element, name)
@@ -132,7 +135,7 @@ def _value(path: Path, element: Any, name: str, default: float | None = None) ->
     return float(numbers(path, element, text, 1)[0])
 
 
-def bodies_of(path: Path, model: Any, problems: list[str]) -> Bodies:
+def bodies_of(path: Path, model: _Element, problems: list[str]) -> Bodies:
     """Add up the links of a <robot> or a <model>; what is wrong is added to `problems`."""
     found = Bodies()
     for link, (R, r) in _placed_links(path, model, problems):
@@ -152,21 +155,25 @@ def bodies_of(path: Path, model: Any, problems: list[str]) -> Bodies:
 
 
 def _placed_links(
-    path: Path, model: Any, problems: list[str]
-) -> Iterator[tuple[Any, tuple[Array, Array]]]:
+    path: Path, model: _Element, problems: list[str]
+) -> Iterator[tuple[_Element, tuple[Array, Array]]]:
     links = [
-        e for e in model.iter() if local(e) == "link" and child(e, "hydrodynamic_model") is None
+        e
+        for e in model.iter()
+        if local(e) == "link"
+        and child(e, "hydrodynamic_model") is None
+        and ((parent := e.getparent()) is None or local(parent) != "plugin")
     ]
-    links = [e for e in links if local(e.getparent()) != "plugin"]
     if local(model) == "model":
         for link in links:
             with gathered(problems):
                 yield link, _pose(path, child(link, "pose"))
         return
-    above: dict[str, tuple[str, Any]] = {}
+    above: dict[str, tuple[str, _Element | None]] = {}
     for joint in model.iter():
-        if local(joint) == "joint" and child(joint, "child") is not None:
-            parent, below = child(joint, "parent"), child(joint, "child")
+        below = child(joint, "child") if local(joint) == "joint" else None
+        if below is not None:
+            parent = child(joint, "parent")
             name = parent.get("link", "") if parent is not None else ""
             above[below.get("link", "")] = (name, child(joint, "origin"))
     for link in links:
@@ -185,7 +192,13 @@ def _placed_links(
 
 
 def _add_inertial(
-    path: Path, found: Bodies, link: Any, inertial: Any, R: Array, r: Array, problems: list[str]
+    path: Path,
+    found: Bodies,
+    link: _Element,
+    inertial: _Element,
+    R: Array,
+    r: Array,
+    problems: list[str],
 ) -> None:
     m, I = 0.0, np.zeros((3, 3))  # noqa: E741
     R_i, r_i = np.eye(3), np.zeros(3)
@@ -201,7 +214,9 @@ def _add_inertial(
     with gathered(problems):
         pose = child(inertial, "origin")
         R_i, r_i = _pose(path, pose if pose is not None else child(inertial, "pose"))
-    for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)) if tensor is not None else ():
+    for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)):
+        if tensor is None:
+            break
         name = f"i{'xyz'[i]}{'xyz'[j]}"
         with gathered(problems):
             I[i, j] = I[j, i] = _value(path, tensor, name, 0.0 if i != j else None)
@@ -214,7 +229,7 @@ def _add_inertial(
     found.add(m, R @ r_i + r, turned @ I @ turned.T)
 
 
-def _add_collision(path: Path, found: Bodies, collision: Any, R: Array, r: Array) -> None:
+def _add_collision(path: Path, found: Bodies, collision: _Element, R: Array, r: Array) -> None:
     geometry = child(collision, "geometry")
     shapes = ("box", "cylinder", "sphere", "mesh")
     shape = next((c for c in geometry if local(c) in shapes), None) \
@@ -244,7 +259,7 @@ def _add_collision(path: Path, found: Bodies, collision: Any, R: Array, r: Array
     found.low, found.high = np.minimum(found.low, at - half), np.maximum(found.high, at + half)
 
 
-def _add_mesh(path: Path, found: Bodies, shape: Any, R: Array, r: Array) -> None:
+def _add_mesh(path: Path, found: Bodies, shape: _Element, R: Array, r: Array) -> None:
     """Add the solid within a mesh that lies near the file; note one that cannot be read."""
     inner = child(shape, "uri")
     name = (shape.get("filename") or (inner.text if inner is not None else "") or "").strip()

@@ -5,23 +5,26 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.importing.xacro_expand import expand
 from uuvsim_cosim.models.importing.xacro_text import INCLUDED_FROM, is_xacro
+
+if TYPE_CHECKING:
+    from lxml.etree import _Element
 
 __all__ = ["near", "place_of", "read_description"]
 
 _MOST_FILES = 50
 
 
-def place_of(path: Path, element: Any) -> str:
+def place_of(path: Path, element: _Element) -> str:
     """Return file and line of an element, which may stand in a file that was included."""
     return f"{element.get(INCLUDED_FROM) or path}:{element.sourceline}"
 
 
-def read_description(path: Path) -> Any:
+def read_description(path: Path) -> _Element:
     """Read a file and what it includes into one tree, texts resolved; raises InputInvalid."""
     seen: list[Path] = []
     root = _parsed(path)
@@ -30,7 +33,7 @@ def read_description(path: Path) -> Any:
     return root
 
 
-def _parsed(path: Path) -> Any:
+def _parsed(path: Path) -> _Element:
     from lxml import etree
 
     parser = etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True)
@@ -45,11 +48,12 @@ def _parsed(path: Path) -> Any:
         ) from None
 
 
-def _include(root: Any, path: Path, seen: list[Path]) -> None:
+def _include(root: _Element, path: Path, seen: list[Path]) -> None:
     """Put the children of each included file that lies near in the place of its include."""
     seen.append(path.resolve())
     for element in list(root.iter()):
-        if not is_xacro(element, "include"):
+        parent = element.getparent()
+        if parent is None or not is_xacro(element, "include"):
             continue
         found = next(near(element.get("filename") or "", path), None)
         if found is None or found.resolve() in seen or len(seen) >= _MOST_FILES:
@@ -59,7 +63,6 @@ def _include(root: Any, path: Path, seen: list[Path]) -> None:
             if isinstance(e.tag, str):
                 e.set(INCLUDED_FROM, str(found))
         _include(inner, found, seen)
-        parent = element.getparent()
         at = parent.index(element)
         for k, child in enumerate(list(inner)):
             parent.insert(at + 1 + k, child)

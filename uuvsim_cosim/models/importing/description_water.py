@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,9 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.importing.description_bodies import child, gathered, numbers
 from uuvsim_cosim.models.importing.description_file import place_of
 from uuvsim_cosim.models.importing.xacro_text import local
+
+if TYPE_CHECKING:
+    from lxml.etree import _Element
 
 __all__ = ["FLU_TO_FRD", "TURN", "Water", "water_of"]
 
@@ -42,7 +45,7 @@ class Water:
     notes: list[str] = field(default_factory=list)
 
 
-def water_of(path: Path, root: Any, problems: list[str]) -> Water | None:
+def water_of(path: Path, root: _Element, problems: list[str]) -> Water | None:
     """Read the first hydrodynamic model that is there, None if there is none.
 
     What is wrong is added to `problems`.
@@ -57,12 +60,12 @@ def water_of(path: Path, root: Any, problems: list[str]) -> Water | None:
     return None
 
 
-def _matrix(path: Path, element: Any, counts: tuple[int, ...]) -> Array:
+def _matrix(path: Path, element: _Element, counts: tuple[int, ...]) -> Array:
     values = numbers(path, element, element.text, counts)
     return np.diag(values) if len(values) == 6 else values.reshape(6, 6)
 
 
-def _uuv_simulator(path: Path, model: Any, root: Any, problems: list[str]) -> Water:
+def _uuv_simulator(path: Path, model: _Element, root: _Element, problems: list[str]) -> Water:
     water = Water("uuv_simulator's hydrodynamic model")
     kind = child(model, "type")
     if kind is not None and (kind.text or "").strip() != "fossen":
@@ -92,6 +95,7 @@ def _uuv_simulator(path: Path, model: Any, root: Any, problems: list[str]) -> Wa
             )
         water.matrices[name] = matrix
     link = model.getparent()
+    assert link is not None  # <hydrodynamic_model> stands in a <link>
     place = {
         n: child(link, n) for n in ("volume", "box", "center_of_buoyancy", "neutrally_buoyant")
     }
@@ -108,8 +112,9 @@ def _uuv_simulator(path: Path, model: Any, root: Any, problems: list[str]) -> Wa
         with gathered(problems):
             water.r_b = FLU_TO_FRD @ numbers(path, at, at.text, 3)
     if place["box"] is not None:
-        sides = [child(place["box"], n) for n in ("length", "width", "height")]
-        if all(s is not None for s in sides):
+        names = ("length", "width", "height")
+        sides = [s for n in names if (s := child(place["box"], n)) is not None]
+        if len(sides) == len(names):
             with gathered(problems):
                 water.size = np.array([numbers(path, s, s.text, 1)[0] for s in sides])
     neutral = place["neutrally_buoyant"]
@@ -119,14 +124,14 @@ def _uuv_simulator(path: Path, model: Any, root: Any, problems: list[str]) -> Wa
     return water
 
 
-def _density(path: Path, root: Any, tag: str) -> float | None:
+def _density(path: Path, root: _Element, tag: str) -> float | None:
     for element in root.iter():
         if local(element) == tag and "$" not in (element.text or ""):
             return float(numbers(path, element, element.text, 1)[0])
     return None
 
 
-def _gz_sim(path: Path, plugin: Any, problems: list[str]) -> Water:
+def _gz_sim(path: Path, plugin: _Element, problems: list[str]) -> Water:
     water = Water("gz-sim's hydrodynamics plugin")
     found = {name: np.zeros((6, 6)) for name in ("M_A", "D_l", "D_q")}
     seen: set[str] = set()

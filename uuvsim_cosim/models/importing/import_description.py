@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,9 @@ from uuvsim_cosim.models.importing.vehicle_draft import Draft, PlacedThruster
 from uuvsim_cosim.models.importing.xacro_text import local
 from uuvsim_cosim.models.shapes.ellipsoid import added_mass
 from uuvsim_cosim.models.vehicles.closed_forms import closed_forms
+
+if TYPE_CHECKING:
+    from lxml.etree import _Element
 
 __all__ = ["DescriptionImport", "import_description"]
 
@@ -96,7 +99,7 @@ def import_description(path: str | Path) -> DescriptionImport:
     return DescriptionImport(draft, tuple(notes))
 
 
-def _model(path: Path, root: Any) -> Any:
+def _model(path: Path, root: _Element) -> _Element:
     if local(root) == "robot":
         return root
     models = [e for e in root.iter() if local(e) == "model"]
@@ -268,7 +271,7 @@ def _thrusters(path: Path, notes: list[str]) -> tuple[tuple[PlacedThruster, ...]
     return (), ""
 
 
-def _placed(file: Path, tam: Any) -> tuple[PlacedThruster, ...]:
+def _placed(file: Path, tam: _Element) -> tuple[PlacedThruster, ...]:
     try:
         T = np.array(tam, dtype=float)
     except (TypeError, ValueError):

@@ -11,10 +11,13 @@ import shlex
 from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.importing.xacro_text import evaluated, is_included, is_xacro, local, truth
+
+if TYPE_CHECKING:
+    from lxml.etree import _Element
 
 __all__ = ["expand"]
 
@@ -27,33 +30,36 @@ class _Scope:
     """What names stand for: properties (texts) and blocks (elements); and all macros known."""
 
     properties: dict[str, str]
-    blocks: dict[str, list[Any]]
-    macros: dict[str, Any]
+    blocks: dict[str, list[_Element]]
+    macros: dict[str, _Element]
     called: set[str]
     top: dict[str, str]  # the properties of the whole file
     depth: int = 0
 
 
-def expand(root: Any, place: str) -> None:
+def expand(root: _Element, place: str) -> None:
     """Expand a tree, includes already in place; raises InputInvalid where a macro calls itself."""
     known = {"pi": repr(math.pi), "None": "None"}
     for element in root.iter():  # so that a body that stands uncalled knows those of later lines
-        if is_xacro(element, "property") and element.get("value") is not None:
-            known.setdefault(element.get("name") or "", element.get("value"))
-        elif is_xacro(element, "arg") and element.get("default") is not None:
-            known.setdefault(element.get("name") or "", element.get("default"))
+        value = None
+        if is_xacro(element, "property"):
+            value = element.get("value")
+        elif is_xacro(element, "arg"):
+            value = element.get("default")
+        if value is not None:
+            known.setdefault(element.get("name") or "", value)
     scope = _Scope(known, {}, {}, set(), known)
     _children(root, scope, place)
     _uncalled(root, scope, place)
 
 
-def _children(parent: Any, scope: _Scope, place: str) -> None:
+def _children(parent: _Element, scope: _Scope, place: str) -> None:
     for element in list(parent):
         if isinstance(element.tag, str):
             _element(parent, element, scope, place)
 
 
-def _element(parent: Any, element: Any, scope: _Scope, place: str) -> None:
+def _element(parent: _Element, element: _Element, scope: _Scope, place: str) -> None:
     """Expand one element in its place."""
     if not (is_xacro(element, local(element))):
         for key, value in element.attrib.items():
@@ -87,7 +93,7 @@ def _element(parent: Any, element: Any, scope: _Scope, place: str) -> None:
     _replace(parent, element, [])
 
 
-def _define(element: Any, scope: _Scope) -> None:
+def _define(element: _Element, scope: _Scope) -> None:
     name, value = element.get("name") or "", element.get("value")
     if value is None and element.get("default") is not None:
         value = scope.properties.get(name, element.get("default"))
@@ -100,7 +106,7 @@ def _define(element: Any, scope: _Scope) -> None:
         properties[name] = evaluated(value, scope.properties) if f"{name}" in value else value
 
 
-def _call(parent: Any, element: Any, name: str, scope: _Scope, place: str) -> None:
+def _call(parent: _Element, element: _Element, name: str, scope: _Scope, place: str) -> None:
     """Put a macro's body in the place of its call."""
     if scope.depth >= _DEEPEST:
         raise InputInvalid(
@@ -135,7 +141,7 @@ def _call(parent: Any, element: Any, name: str, scope: _Scope, place: str) -> No
         raise InputInvalid(f"{place}: macros make more than {_MOST} elements; expected a vehicle")
 
 
-def _parameters(macro: Any) -> Sequence[str]:
+def _parameters(macro: _Element) -> Sequence[str]:
     text = macro.get("params") or ""
     try:
         return shlex.split(text, posix=False)
@@ -149,14 +155,14 @@ def _split(word: str) -> tuple[str, str | None]:
     return key, default.strip("'\"") if sign else None
 
 
-def _replace(parent: Any, element: Any, new: Sequence[Any]) -> None:
+def _replace(parent: _Element, element: _Element, new: Sequence[_Element]) -> None:
     at = parent.index(element)
     for k, e in enumerate(new):
         parent.insert(at + k, e)
     parent.remove(element)
 
 
-def _uncalled(root: Any, scope: _Scope, place: str) -> None:
+def _uncalled(root: _Element, scope: _Scope, place: str) -> None:
     """Drop macros, but put in place those that alone hold what a vehicle is made of."""
     macros = [e for e in root.iter() if is_xacro(e, "macro")]
     outside = [e for e in root.iter() if not any(is_xacro(a, "macro") for a in e.iterancestors())]
@@ -173,29 +179,31 @@ def _uncalled(root: Any, scope: _Scope, place: str) -> None:
             _children(body, _Scope(properties, {}, scope.macros, called, scope.top), place)
         for has in list(lacking):
             for macro in macros:
-                body = bodies.get(id(macro))
-                if body is None or _name(macro) in called or not any(map(has, body.iter())):
+                inside = bodies.get(id(macro))
+                if inside is None or _name(macro) in called or not any(map(has, inside.iter())):
                     continue
                 if has in lacking:
                     lacking.remove(has)
-                if macro.getparent() is not None:
-                    _replace(macro.getparent(), macro, list(body))
+                parent = macro.getparent()
+                if parent is not None:
+                    _replace(parent, macro, list(inside))
                     del bodies[id(macro)]
     for macro in macros:
-        if macro.getparent() is not None:
-            macro.getparent().remove(macro)
+        parent = macro.getparent()
+        if parent is not None:
+            parent.remove(macro)
 
 
-def _name(macro: Any) -> str:
+def _name(macro: _Element) -> str:
     return (macro.get("name") or "").removeprefix("xacro:")
 
 
-def _has_inertial(element: Any) -> bool:
+def _has_inertial(element: _Element) -> bool:
     above = element.getparent()
     return local(element) == "inertial" and above is not None and local(above) == "link"
 
 
-def _has_water(element: Any) -> bool:
+def _has_water(element: _Element) -> bool:
     return local(element) == "hydrodynamic_model" or (
         local(element) == "plugin" and "hydrodynamics" in (element.get("filename") or "").lower()
     )

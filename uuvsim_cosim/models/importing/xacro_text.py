@@ -11,8 +11,10 @@ import math
 import operator
 import re
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+if TYPE_CHECKING:
+    from lxml.etree import _Element
 __all__ = ["INCLUDED_FROM", "evaluated", "is_included", "is_xacro", "local", "truth"]
 
 _EXPRESSION = re.compile(r"\$\{([^{}]*)\}")
@@ -46,17 +48,17 @@ _UNKNOWN = (
 INCLUDED_FROM = "{urn:uuvsim}file"  # of an element that was included
 
 
-def local(element: Any) -> str:
+def local(element: _Element) -> str:
     """Return an element's name without its namespace; empty for a comment."""
     return element.tag.rpartition("}")[2] if isinstance(element.tag, str) else ""
 
 
-def is_included(element: Any) -> bool:
+def is_included(element: _Element) -> bool:
     """Return whether an element stands in a file that was included."""
     return element.get(INCLUDED_FROM) is not None
 
 
-def is_xacro(element: Any, name: str) -> bool:
+def is_xacro(element: _Element, name: str) -> bool:
     """Return whether an element is xacro's of that name."""
     return isinstance(element.tag, str) and "xacro" in element.tag and local(element) == name
 

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from math import isnan, nan
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -86,7 +87,7 @@ class Field:
 
 def field(
     axes: Sequence[Sequence[float]], nodes: NDArray[Any], held: Sequence[bool]
-) -> Callable[[Any], Any]:
+) -> Callable[[ca.SX], ca.SX]:
     """Return a field over four rising grids as a function of an SX (4,) with values (n_out,).
 
     `nodes` is of shape (len(axes[0]), …, len(axes[3]), n_out), all finite. Raises

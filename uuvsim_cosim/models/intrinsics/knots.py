@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
@@ -28,12 +27,12 @@ _STRAIGHT = 1e-13  # of a row's largest value: what is nearer to the line is on 
 class Bends:
     """Buckets of a table, in the precision of its numbers; the last bucket is the last knot's."""
 
-    first: Any
-    last: Any
-    scale: Any  # buckets a unit
+    first: np.floating
+    last: np.floating
+    scale: np.floating  # buckets a unit
     count: int  # without the last
-    low: Any  # the two rows are at y = low, high
-    high: Any
+    low: np.floating  # the two rows are at y = low, high
+    high: np.floating
     rows: tuple[np.ndarray, ...]  # each [knot][x, value, slope below, slope above]
     at: tuple[np.ndarray, ...]  # each [bucket], the knot of the row
 

@@ -8,14 +8,15 @@ a clock and has no derivative. It is no part of a kernel, whose lanes would wait
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+
+import casadi as ca
 
 __all__ = ["OPTIMISERS", "optimiser"]
 
-OPTIMISERS: dict[str, Any] = {}
+OPTIMISERS: dict[str, ca.Function] = {}
 
 
-def optimiser(function: Any) -> Callable[..., list[Any]]:
+def optimiser(function: ca.Function) -> Callable[..., list[ca.SX]]:
     """Return a CasADi Function as one of SX columns; its name says all that it depends on."""
     OPTIMISERS.setdefault(function.name(), function)
     return lambda *inputs: list(OPTIMISERS[function.name()].call([*inputs], False, True))

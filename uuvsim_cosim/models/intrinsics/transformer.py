@@ -18,6 +18,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -126,7 +127,7 @@ class Transformer:
 
 def transformer(
     tensors: Mapping[str, Array], places: int, heads: int, activation: Literal["relu", "gelu"]
-) -> Callable[[Any], Any]:
+) -> Callable[[ca.SX], ca.SX]:
     """Return a decision transformer as a function of an SX (n_in,) with values (n_out,).
 
     The inputs are the number of actions so far, then place by place, oldest first, R, o and a; the

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+
+import casadi as ca
 
 from uuvsim_cosim.models.declaration.kinematics import R_zyx
 from uuvsim_cosim.models.declaration.model import Model
@@ -23,7 +24,7 @@ class Pose:
 ON_CO = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
-def mounting(m: Model, pose: Pose, name: str = "s") -> tuple[Any, Any]:
+def mounting(m: Model, pose: Pose, name: str = "s") -> tuple[ca.SX, ca.SX]:
     """Declare a pose as parameters; gives (r, R): position in `b`, rotation from `s` to `b`."""
     r = m.parameter(f"r_{name}", pose.r, unit="m", description="position from CO, body axes")
     Theta = m.parameter(

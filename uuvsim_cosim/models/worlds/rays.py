@@ -10,8 +10,8 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -111,14 +111,14 @@ class Frame:
         return y
 
 
-def rays(scene: str, n: int, n_moving: int) -> Callable[[Any], Any]:
+def rays(scene: str, n: int, n_moving: int) -> Callable[[ca.SX], ca.SX]:
     """Return `Rays` as a function of an SX (n_in,) with values (n_out,)."""
     ground = ground_named(scene)
     made = Rays(_name("rays", ground, n, n_moving), ground, n, n_moving)
     return _differentiable(made)
 
 
-def frame(scene: str, directions: Array, depth: bool, n_moving: int) -> Callable[[Any], Any]:
+def frame(scene: str, directions: Array, depth: bool, n_moving: int) -> Callable[[ca.SX], ca.SX]:
     """Return a `Frame` as a function of an SX (n_in,) with values (n_out,); without derivatives."""
     ground, d = ground_named(scene), np.ascontiguousarray(directions, float)
     digest = hashlib.sha256(d.astype("<f8").tobytes()).hexdigest()
@@ -129,7 +129,7 @@ def frame(scene: str, directions: Array, depth: bool, n_moving: int) -> Callable
     return called(made.name)
 
 
-def _differentiable(made: Rays) -> Callable[[Any], Any]:
+def _differentiable(made: Rays) -> Callable[[ca.SX], ca.SX]:
     if made.name not in NETWORKS:
         NETWORKS[made.name] = made
         shape = (made.n_out, made.n_in)
