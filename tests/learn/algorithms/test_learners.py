@@ -100,11 +100,7 @@ def test_an_episode_cut_short_is_worth_what_comes_after_and_an_ended_one_is_not(
 def value_of(learner: Any) -> float:
     agents = learner_agents(learner)
     seen = torch.rand(32, agents, 3, generator=torch.Generator().manual_seed(1)) * 2 - 1
-    if learner.name == "ppo":
-        return float(learner.model.policy.predict_values(seen[:, 0]).mean())
-    if learner.name == "dqn":
-        return float(learner.model.q_net(seen[:, 0]).amax(1).mean())
-    if learner.name == "idqn":
+    if learner.name in ("dqn", "idqn"):
         return float(learner.network(seen.transpose(0, 1)).amax(-1).mean())
     return float(learner._values(seen).mean())
 
@@ -133,18 +129,6 @@ def test_its_policy_acts_as_it_does_without_exploring(name: str) -> None:
         named = tuple(Named(f"o[{k}]", -1, 1) for k in range(3))
         policy = Policy(kind, tensors, named, (Named("a", -1, 1),), "toy")  # type: ignore[arg-type]
         assert np.allclose(policy(seen[:, i]), learner.act(seen, explore=False)[:, i], atol=1e-5)
-
-
-@pytest.mark.parametrize("name", ["ppo", "dqn"])
-def test_stable_baselines3_leaves_everybodys_random_numbers_alone(name: str) -> None:
-    torch.manual_seed(4)
-    np.random.seed(4)  # noqa: NPY002
-    expected = torch.rand(3), np.random.rand(3)  # noqa: NPY002
-    torch.manual_seed(4)
-    np.random.seed(4)  # noqa: NPY002
-    lived(made(name), 30, near)
-    assert torch.equal(torch.rand(3), expected[0])
-    assert np.array_equal(np.random.rand(3), expected[1])  # noqa: NPY002
 
 
 @pytest.mark.parametrize("name", EVERY)

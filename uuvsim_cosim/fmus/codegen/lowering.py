@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -11,7 +13,7 @@ from uuvsim_cosim.fmus.codegen.equations import Equations, equations
 from uuvsim_cosim.fmus.codegen.layout import Layout, Placed
 from uuvsim_cosim.fmus.codegen.optimiser_code import emit_optimisers
 from uuvsim_cosim.fmus.codegen.runtime import runtime_files
-from uuvsim_cosim.models.declaration.model import Model
+from uuvsim_cosim.models.declaration.model import Kind, Model
 
 __all__ = [
     "Lowered",
@@ -44,12 +46,14 @@ def lower(model: Model) -> Lowered:
     eq = equations(model)
     functions = [eq.derived, eq.initial, eq.rhs, eq.outputs, eq.forward, *eq.updates]
     at = eq.layout.offset
-    parts = [
+    data = [
         f"/* Generated from the declaration of {model.name!r}: do not edit. */\n",
         '#include "uuv_component.h"\n#include "uuv_table.h"\n\n',
         emit_tables(functions),
         emit_networks(functions),
         emit_optimisers(functions),
+    ]
+    parts = [
         _writing(eq.derived, "derived", at["derived"]),
         _writing(eq.initial, "initial", at["state"]),
         emit_function(eq.rhs, "rhs(const V *b, V *dx)", ("b", "dx")),
@@ -66,9 +70,47 @@ def lower(model: Model) -> Lowered:
             for i, f in enumerate(eq.updates)
         ),
     ]
-    body = "\n".join(parts)
+    # The token identifies what is computed: the names of places say it to readers only.
+    body = "\n".join([*data, *parts])
     token = content_hash([body, _tables_of(eq, "TOKEN"), _runtime_hash()])
-    return Lowered(model, eq, body + _tables_of(eq, token), token)
+    named = "\n".join([*data, *_with_names(eq.layout, parts)])
+    return Lowered(model, eq, named + _tables_of(eq, token), token)
+
+
+_PLACE = re.compile(r"\bb\[(\d+)")
+_STORE = re.compile(r"^(    \w+\[(\d+)\] = .*;)$", re.M)
+
+
+def _with_names(layout: Layout, functions: Sequence[str]) -> Iterator[str]:
+    """Write the places of the block `b` by the names of variables: ``b[v_nu + 2]``."""
+    names, rows = ["v_time"], ["v_time"]
+    for p in layout.placed:
+        name = f"v_{re.sub('[^0-9A-Za-z_]', '_', p.variable.name)}"
+        name = name if name not in names else f"{name}_at_{p.offset}"
+        names += [name, *(f"{name} + {i}" for i in range(1, p.variable.size))]
+        unit = p.variable.unit or ", ".join(dict.fromkeys(p.variable.units))
+        rows.append(f"{name} = {p.offset}, /* {p.variable.kind} [{unit}] */")
+    yield (
+        "enum { /* places in the block b of an instance */\n    "
+        + "\n    ".join([f"{rows[0]} = 0, /* [s] */", *rows[1:]])
+        + "\n};\n"
+    )
+    written: dict[str, Kind] = {
+        "derived": "derived", "initial": "state", "rhs": "state", "outputs": "output",
+        "update": "discrete",
+    }  # fmt: skip
+    for text in functions:
+        function = re.search(r"static void ([a-z]+)", text)
+        kind = written.get(function[1]) if function is not None else None
+        if function is not None and kind is not None:
+            stored = "der({})" if function[1] == "rhs" else "{}"
+            first = layout.offset[kind]
+
+            def noted(m: re.Match[str], stored: str = stored, first: int = first) -> str:
+                return f"{m[1]} /* {stored.format(names[first + int(m[2])])} */"
+
+            text = _STORE.sub(noted, text)
+        yield _PLACE.sub(lambda m: f"b[{names[int(m[1])]}", text)
 
 
 def _writing(f: object, name: str, offset: int) -> str:

@@ -54,8 +54,6 @@ class DqnSettings:
 class DqnLearner:
     """N agents of equal widths, each with its own network, in one stacked batch."""
 
-    name = "idqn"
-
     def __init__(
         self,
         agents: int,
@@ -64,7 +62,9 @@ class DqnLearner:
         *,
         seed: int = 0,
         settings: DqnSettings | None = None,
+        name: str = "idqn",
     ) -> None:
+        self.name = name
         self.agents, self.observed, self.acted = agents, observed, acted
         self.given = s = settings or DqnSettings()
         self.grid = action_grid(acted)

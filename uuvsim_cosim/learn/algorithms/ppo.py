@@ -1,4 +1,4 @@
-"""Proximal policy optimisation of N agents at once: independent (ippo), or with central critics.
+"""Proximal policy optimisation of N agents: independent (ppo for one, ippo) or central (mappo).
 
 Schulman et al., "Proximal Policy Optimization Algorithms", 2017, with generalised advantages
 (Schulman et al., 2016). For each agent, over `length` steps of n environments:
@@ -69,9 +69,10 @@ class PpoLearner:
         seed: int = 0,
         settings: PpoSettings | None = None,
         central: bool = False,
+        name: str = "ippo",
     ) -> None:
         self.agents, self.observed, self.acted = agents, observed, acted
-        self.given, self.central = settings or PpoSettings(), central
+        self.given, self.central, self.name = settings or PpoSettings(), central, name
         s = self.given
         self._random = torch.Generator().manual_seed(seed)
         hidden = [s.hidden] * s.layers
@@ -87,11 +88,6 @@ class PpoLearner:
         self._kept: list[dict[str, Array]] = []
         self._awake = np.zeros(observed, bool)  # numbers observed that have been other than zero
         self._drawn: tuple[Array, Array] | None = None  # as drawn, before [-1, 1]; log density
-
-    @property
-    def name(self) -> str:
-        """Return "mappo" for central critics, else "ippo"."""
-        return "mappo" if self.central else "ippo"
 
     @property
     def settings(self) -> Mapping[str, Any]:

@@ -40,10 +40,10 @@ ALGORITHMS = {
         Algorithm("sac", True, "soft actor-critic, our own"),
         Algorithm("masac", False, "multi-agent SAC, central critics, our own"),
         Algorithm("isac", False, "SAC for each agent by itself, our own"),
-        Algorithm("ppo", True, "proximal policy optimisation, by stable-baselines3"),
+        Algorithm("ppo", True, "proximal policy optimisation, our own"),
         Algorithm("ippo", False, "PPO for each agent by itself, our own"),
         Algorithm("mappo", False, "PPO with central critics, our own"),
-        Algorithm("dqn", True, "deep Q-learning, by stable-baselines3"),
+        Algorithm("dqn", True, "deep Q-learning, our own"),
         Algorithm("idqn", False, "DQN for each agent by itself, our own"),
     )
 }
@@ -148,31 +148,17 @@ def _makers(name: str, symmetries: Sequence[Symmetry] = ()) -> _Makers:
     if name in ("ippo", "mappo", "ppo"):
         from uuvsim_cosim.learn.algorithms.ppo import PpoLearner, PpoSettings
 
-        if name == "ppo":
-            from uuvsim_cosim.learn.algorithms.sb3_ppo import Sb3Ppo
-
-            return _Makers(
-                (PpoSettings,), {},
-                lambda N, d, a, n, seed, s: Sb3Ppo(d, a, n, seed=seed, settings=s[0]),
-            )  # fmt: skip
         return _Makers(
             (PpoSettings,), {},
             lambda N, d, a, n, seed, s: PpoLearner(
-                N, d, a, seed=seed, settings=s[0], central=name == "mappo"
+                N, d, a, seed=seed, settings=s[0], central=name == "mappo", name=name
             ),
         )  # fmt: skip
     from uuvsim_cosim.learn.algorithms.dqn import DqnLearner, DqnSettings
 
-    if name == "dqn":
-        from uuvsim_cosim.learn.algorithms.sb3_dqn import Sb3Dqn
-
-        return _Makers(
-            (DqnSettings,), {},
-            lambda N, d, a, n, seed, s: Sb3Dqn(d, a, n, seed=seed, settings=s[0]),
-        )  # fmt: skip
     return _Makers(
         (DqnSettings,), {},
-        lambda N, d, a, n, seed, s: DqnLearner(N, d, a, seed=seed, settings=s[0]),
+        lambda N, d, a, n, seed, s: DqnLearner(N, d, a, seed=seed, settings=s[0], name=name),
     )  # fmt: skip
 
 
