@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
 __all__ = [
     "ComponentFailed",
@@ -21,15 +22,9 @@ __all__ = [
 ]
 
 
-class UuvsimError(Exception):
-    """Base of all errors of this package; `exit_status` is what the command line returns."""
-
-    exit_status = 2
-
-
 @dataclass(frozen=True)
 class Problem:
-    """One thing that is wrong: where, what was read, what would have been right."""
+    """One thing that is wrong: where, what was read, what would have been right; "" if unknown."""
 
     place: str
     read: str
@@ -37,29 +32,57 @@ class Problem:
 
     def __str__(self) -> str:
         """Return the sentence that a user reads."""
-        return f"{self.place}: {self.read}; expected {self.expected}"
+        expected = f"; expected {self.expected}" if self.expected else ""
+        return f"{self.place}: {self.read}{expected}" if self.place else f"{self.read}{expected}"
+
+
+class UuvsimError(Exception):
+    """Base of all errors of this package; `exit_status` is what the command line returns.
+
+    An error is made of (place, what was read, what was expected), of the last two, or of one whole
+    sentence. `problems` holds them as data; `str` is the sentence.
+    """
+
+    exit_status = 2
+
+    def __init__(self, *parts: object) -> None:
+        super().__init__(*parts)
+        *place, read, expected = parts if len(parts) > 1 else (*parts, "")
+        where = str(place[0]) if place else ""
+        self.problems: tuple[Problem, ...] = (Problem(where, str(read), str(expected)),)
 
     @classmethod
-    def of(cls, message: str) -> Problem:
-        """Read a sentence "place: what was read; expected what would be right".
+    def of(cls, problems: Iterable[Problem | str]) -> Self:
+        """Make an error of several problems, or whole sentences, which stand below each other."""
+        each = tuple(p if isinstance(p, Problem) else Problem("", p, "") for p in problems)
+        error = cls("\n  ".join(map(str, each)))
+        error.problems = each
+        return error
 
-        A part that the sentence does not have is empty; "--option value" is place and value.
-        """
-        head, _, expected = message.partition("expected ")
-        head = head.rstrip(" ;,:")
-        separator = " " if head.startswith("--") and ": " not in head else ": "
-        place, found, read = head.partition(separator)
-        return cls(place, read, expected) if found or expected else cls("", head, "")
+    def __str__(self) -> str:
+        """Return a sentence for each problem."""
+        return "\n  ".join(str(p) for p in self.problems)
+
+    def at(self, place: str, otherwise: str) -> Problem:
+        """Return this error as a problem at a place; `otherwise` if nothing says what is right."""
+        first, *more = self.problems
+        read = f"{first.place}: {first.read}" if first.place else first.read
+        right = first.expected or ("" if "expected " in read else otherwise)
+        expected = "\n  ".join([right, *map(str, more)])
+        return Problem(place, read, expected)
 
 
 class SystemInvalid(UuvsimError):
     """A system that cannot exist; lists every problem, not only the first."""
 
     def __init__(self, problems: Sequence[Problem]) -> None:
+        super().__init__(problems)
         self.problems = tuple(problems)
+
+    def __str__(self) -> str:
+        """Return a sentence for each problem, and how many there are."""
         count = len(self.problems)
-        head = "" if count == 1 else f"{count} problems:\n  "
-        super().__init__(head + "\n  ".join(str(p) for p in self.problems))
+        return (f"{count} problems:\n  " if count != 1 else "") + super().__str__()
 
 
 class InputInvalid(UuvsimError):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, TypedDict
@@ -69,7 +70,7 @@ def read_study(path: Path, loops: Loops | None = None) -> StudyOptions:
     try:
         check_seeds(seeds)
     except InputInvalid as error:
-        text.wrong(["seeds"], str(error).removeprefix("seeds: "))
+        text.wrong(["seeds"], str(replace(error.problems[0], place="")))
     for key in ("output", "name"):
         if key in data and not isinstance(data[key], str):
             text.wrong([key], f"{shown(data[key])}; expected a text")
@@ -213,8 +214,8 @@ def _grid(text: YamlText, data: Mapping[str, Any]) -> tuple[list[Vary], list[str
         try:
             distribution = Choice(values)
         except InputInvalid as error:
-            text.wrong([*place, "grid"], str(error).replace("Choice: ", "").replace("; expected ",
-                       "; expected a list of ", 1))  # fmt: skip
+            read, expected = error.problems[0].read, error.problems[0].expected
+            text.wrong([*place, "grid"], f"{read}; expected a list of {expected}")
             continue
         flags = {k: entry.get(k, k == "together") for k in ("relative", "together")}
         for k, flag in flags.items():

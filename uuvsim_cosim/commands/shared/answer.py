@@ -15,7 +15,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any, Literal, TextIO
 
-from uuvsim_cosim.errors import ComponentFailed, Problem, SystemInvalid
+from uuvsim_cosim.errors import ComponentFailed, Problem, UuvsimError
 from uuvsim_cosim.strict_json import Shown, strict
 
 __all__ = ["Answer", "Mode", "Shown", "answer", "answering", "error_fields", "mode_of"]
@@ -142,9 +142,23 @@ def error_fields(error: BaseException | None, message: str, status: int) -> dict
     if isinstance(error, ComponentFailed):
         place: dict[str, Any] = {"component": error.path, "time": error.time}
         return {"type": kind, "status": status, "message": message, **place, "reason": error.reason}
-    problems = error.problems if isinstance(error, SystemInvalid) else (Problem.of(message),)
+    problems = error.problems if isinstance(error, UuvsimError) else ()
+    if not problems or not all(p.place and p.expected for p in problems):
+        problems = (_read_sentence(message),)
     found = [{"place": p.place, "value": p.read, "expected": p.expected} for p in problems]
     return {"type": kind, "status": status, "message": message, **found[0], "problems": found}
+
+
+def _read_sentence(message: str) -> Problem:
+    """Read a sentence that has no data beside it: "place: value; expected what is right".
+
+    A part that the sentence does not have is empty; "--option value" is place and value.
+    """
+    head, _, expected = message.partition("expected ")
+    head = head.rstrip(" ;,:")
+    separator = " " if head.startswith("--") and ": " not in head else ": "
+    place, found, read = head.partition(separator)
+    return Problem(place, read, expected) if found or expected else Problem("", head, "")
 
 
 def _key(name: str) -> str:

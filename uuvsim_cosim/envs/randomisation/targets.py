@@ -281,5 +281,4 @@ def problem_of(name: str, error: Misfit | InputInvalid) -> Problem:
     """Return the problem of a parameter that cannot be drawn."""
     if isinstance(error, Misfit):
         return error.at(name)
-    read, _, expected = str(error).partition("; expected ")
-    return Problem(name, read, expected or "another value")
+    return error.at(name, "another value")

@@ -60,7 +60,7 @@ def control_force(
             problems.append(f"{path}:{line}: {term['name']}: {error}")
         sources.append((str(term["name"]), str(term["force"]), of))
     if problems:
-        raise ParameterInvalid("\n  ".join(problems))
+        raise ParameterInvalid.of(problems)
     order = "; ".join(f"{i} {name} in {force}" for i, (name, force, _) in enumerate(sources, 1))
     k = m.parameter("k", values, unit="1", description=f"coefficients, in SI: {order}")
     for i, (_, force, of) in enumerate(sources):

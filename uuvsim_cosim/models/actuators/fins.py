@@ -193,6 +193,6 @@ def read_fins(path: Path) -> FinGeometry:
             sources.setdefault(name, str(entry["source"]))
         figures[name] = np.array(values)
     if problems:
-        raise ParameterInvalid("\n  ".join(dict.fromkeys(problems)))
+        raise ParameterInvalid.of(dict.fromkeys(problems))
     names = tuple(str(f["name"]) for f in items)
     return FinGeometry(names, r, a, figures, sources, bool(data["undeflected_in_hull"]))

@@ -238,7 +238,7 @@ def _sentence(error: Any) -> str:
 
 def _refuse(path: Path, problems: list[tuple[int, str]]) -> None:
     if problems:
-        raise ParameterInvalid("\n  ".join(f"{path}:{n}: {text}" for n, text in sorted(problems)))
+        raise ParameterInvalid.of(f"{path}:{n}: {text}" for n, text in sorted(problems))
 
 
 def _is_path(id: str) -> bool:

@@ -9,7 +9,7 @@ from inspect import signature
 from pathlib import Path
 
 from uuvsim_cosim.content import content
-from uuvsim_cosim.errors import ParameterInvalid
+from uuvsim_cosim.errors import ParameterInvalid, Problem
 from uuvsim_cosim.models.declaration.files_read import shared_until_changed
 from uuvsim_cosim.models.declaration.library import LIBRARY
 from uuvsim_cosim.models.declaration.model import Units
@@ -76,18 +76,19 @@ class Preset:
 
     def numbers(self, units: Mapping[str, str]) -> dict[str, float]:
         """Return the numbers of a file that holds these and no more; mistakes are said together."""
-        found, problems = {}, []
+        found: dict[str, float] = {}
+        problems: list[Problem] = []
         for name, unit in units.items():
             try:
                 found[name] = self.number(name, unit)
             except ParameterInvalid as error:
-                problems.append(str(error))
+                problems += error.problems
         try:
             self.complete()
         except ParameterInvalid as error:
-            problems.append(str(error))
+            problems += error.problems
         if problems:
-            raise ParameterInvalid("\n  ".join(problems))
+            raise ParameterInvalid.of(problems)
         return found
 
     def has(self, name: str) -> bool:
@@ -102,13 +103,16 @@ class Preset:
         """
         self.asked.update(optional)
         unknown = [
-            f"{self.path}:{line}: {name}: not a parameter of this kind; expected "
-            + expected_names(name, sorted(self.asked))
+            Problem(
+                f"{self.path}:{line}: {name}",
+                "not a parameter of this kind",
+                expected_names(name, sorted(self.asked)),
+            )
             for name, (_, _, line) in self.values.items()
             if name not in self.asked
         ]
         if unknown:
-            raise ParameterInvalid("\n  ".join(unknown))
+            raise ParameterInvalid.of(unknown)
 
 
 def presets_of(component: str) -> dict[str, str]:

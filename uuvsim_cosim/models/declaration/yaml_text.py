@@ -47,7 +47,7 @@ class YamlText:
         """Raise InputInvalid with every mistake, if there are any."""
         if self.mistakes:
             lines = [f"{self.path}:{n}: {text}" for n, text in sorted(set(self.mistakes))]
-            raise InputInvalid("\n  ".join(lines))
+            raise InputInvalid.of(lines)
 
     def keys(
         self, place: Place, data: Any, known: Iterable[str], needed: Sequence[str] = ()

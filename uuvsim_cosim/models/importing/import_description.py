@@ -52,7 +52,7 @@ def import_description(path: str | Path) -> DescriptionImport:
     bodies = bodies_of(path, model, problems)
     water = water_of(path, root, problems)
     if problems:
-        raise InputInvalid("\n  ".join(problems))
+        raise InputInvalid.of(problems)
     notes = list(water.notes) if water is not None else []
     if len(bodies.links) > 1:
         notes.append(

@@ -40,11 +40,11 @@ def read_folder(vehicle: str) -> None:
             try:
                 read(folder)
             except ParameterInvalid as error:
-                problems += str(error).split("\n  ")
+                problems += map(str, error.problems)
             else:
                 problems += _owner(folder / name)
     if problems:
-        raise ParameterInvalid("\n  ".join(dict.fromkeys(problems)))
+        raise ParameterInvalid.of(dict.fromkeys(problems))
 
 
 def _strangers(folder: Path) -> Iterator[str]:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from uuvsim_cosim.content import content
-from uuvsim_cosim.errors import InputInvalid, ParameterInvalid
+from uuvsim_cosim.errors import InputInvalid, ParameterInvalid, Problem
 from uuvsim_cosim.models.declaration.near_names import expected_names
 from uuvsim_cosim.models.declaration.parameters import line_of, read_yaml
 from uuvsim_cosim.models.worlds.obstacles import Box, Capsule, Cylinder, Obstacle, Sphere
@@ -71,7 +71,8 @@ def find_scene(scene: str | Path) -> Path:
 def load_scene(scene: str | Path) -> Scene:
     """Read a scene, by id or path; raises `InputInvalid` with all mistakes of its files."""
     folder = find_scene(scene)
-    problems, terrain = [], None
+    problems: list[Problem] = []
+    terrain = None
     meshes: list[PlacedMesh] = []
 
     def mistakes(data: Any) -> Iterator[tuple[int, str]]:
@@ -81,16 +82,16 @@ def load_scene(scene: str | Path) -> Scene:
     try:
         data = read_yaml(folder / "scene.yaml", "scene.schema.json", mistakes)
     except ParameterInvalid as error:
-        problems.append(str(error))
+        problems += error.problems
         data = None
     name = str(data["terrain"]) if data is not None and "terrain" in data else "terrain.npz"
     if (data is not None and "terrain" in data) or (data is None and (folder / name).is_file()):
         try:
             terrain = load_terrain(folder / name)
         except InputInvalid as error:
-            problems.append(str(error))
+            problems += error.problems
     if problems or data is None:
-        raise InputInvalid("\n  ".join(problems))
+        raise InputInvalid.of(problems)
     obstacles = tuple(_obstacle(entry) for entry in data.get("obstacles", ()))
     return Scene(
         str(data["id"]),

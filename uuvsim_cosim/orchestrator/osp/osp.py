@@ -103,8 +103,7 @@ def _step(text: str, place: str, reading: Reading) -> Fraction | None:
     try:
         return as_step(text, place)
     except UuvsimError as error:
-        problem = problem_of(place, error)
-        reading.wrong(place, problem.read.removeprefix(f"{place}: "), problem.expected)
+        reading.wrong(place, error.problems[0].read, error.problems[0].expected)
         return None
 
 
@@ -187,8 +186,8 @@ def _source(text: str, place: str, reading: Reading) -> str:
     try:
         file = proxied(text)
     except InputInvalid as error:
-        read, _, expected = str(error).partition("; expected ")
-        reading.wrong(place, read, expected)
+        problem = error.at(place, "")
+        reading.wrong(place, problem.read, problem.expected)
         return text
     if file is None:
         return unquote(text.replace("file:///", "/"))

@@ -38,7 +38,7 @@ def _yaml(path: Path) -> Scenario:
         except InputInvalid as error:
             wrong.append(f"{path}:{line_of(data, ['events', i])}: event {i + 1}: {error}")
     if wrong:
-        raise InputInvalid("\n  ".join(wrong))
+        raise InputInvalid.of(wrong)
     return Scenario(
         str(data.get("name", path.stem)), tuple(events), str(data.get("description", ""))
     )

@@ -85,11 +85,10 @@ class _Reader:
         self.bindings = Bindings(self.folder, units, enumerations, self._confine)
 
     def wrong(self, error: UuvsimError, place: str = "") -> None:
-        """Note a problem; its place is what the error says of itself before the first colon."""
-        where, colon, message = str(error).partition(": ")
-        self.problems.append(
-            problem_of(where, InputInvalid(message)) if colon else problem_of(place, error)
-        )
+        """Note the problems of an error; `place` is for those that have none of their own."""
+        for p in error.problems:
+            own = UuvsimError(p.read, p.expected) if p.place else error
+            self.problems.append(problem_of(p.place or place, own))
 
     def system(
         self, xml: Xml, tick: str | None, prefix: str = "", remarks: list[str] | None = None
@@ -198,7 +197,7 @@ class _Reader:
         try:
             file = proxied(source)
         except InputInvalid as error:
-            self.wrong(InputInvalid(f"{place}: {error}"))
+            self.problems.append(problem_of(place, error))
             return Element(name, _BROKEN)
         if file is not None:
             source = file
@@ -284,8 +283,11 @@ class _Reader:
                 links, references, own, borders, unit_of, self.bindings.units, prefix
             )
             links.wrap(borders, unit_of, self.bindings.units)
-        except (InputInvalid, Misfit) as error:
-            self.wrong(InputInvalid(str(error)), prefix)
+        except Misfit as error:
+            self.problems.append(error.at(prefix))
+            return
+        except InputInvalid as error:
+            self.wrong(error, prefix)
             return
         remarks += notes
         border.signals = wanted

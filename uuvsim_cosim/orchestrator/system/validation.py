@@ -53,8 +53,7 @@ class Checked:
 
 def problem_of(place: str, error: UuvsimError) -> Problem:
     """Return an error that has been raised elsewhere as a problem at a place."""
-    read, _, expected = str(error).partition("; expected ")
-    return Problem(place, read, expected or "a source that can be read")
+    return error.at(place, "a source that can be read")
 
 
 def as_step(value: Fraction | str | float, place: str) -> Fraction:
