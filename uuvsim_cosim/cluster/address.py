@@ -145,9 +145,9 @@ class _Guard:
         self._before = {name: os.environ.get(name) for name in (*own, "RAY_AUTH_TOKEN_PATH")}
         os.environ |= own
         os.environ.pop("RAY_AUTH_TOKEN_PATH", None)
-        self._constants: Any = importlib.import_module("ray._private.ray_constants")
-        self._cluster_enabled = self._constants.ENABLE_RAY_CLUSTER
-        self._constants.ENABLE_RAY_CLUSTER = False  # this process, too
+        constants: Any = importlib.import_module("ray._private.ray_constants")
+        self._constants, self._cluster_enabled = constants, constants.ENABLE_RAY_CLUSTER
+        constants.ENABLE_RAY_CLUSTER = False  # this process, too
         # A socket's path has at most 107 characters, and TMPDIR may be long.
         short = "/tmp" if os.path.isdir("/tmp") else None
         self._private = tempfile.mkdtemp(prefix="uuvsim-ray-", dir=short)  # mode 0700
