@@ -1,10 +1,10 @@
-"""Work is done by the machines of a Ray cluster: each call anew where its worker dies, once for us.
+"""Distribution of calls to the machines of a Ray cluster; a call whose worker dies is repeated.
 
 >>> with Cluster("10.0.0.7:6379") as cluster:
 ...     for number, square in cluster.spread(pow_2, [3, 4, 5]):
 ...         print(number, square)  # doctest: +SKIP
 
-What is asked must follow from its arguments alone; then it does not matter where it was done.
+The result of a call must depend on its arguments only, so that every machine gives the same result.
 """
 
 from __future__ import annotations
@@ -12,30 +12,33 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any, TypeVar, final
+from typing import TYPE_CHECKING, Any, TypeVar, final
 
 from uuvsim_cosim.closing import Closing
 from uuvsim_cosim.cluster.address import connect
-from uuvsim_cosim.cluster.versions import difference, told_by_a_node, versions
+from uuvsim_cosim.cluster.versions import difference, versions, versions_of_a_node
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
+
+if TYPE_CHECKING:
+    from ray import ObjectRef
 
 __all__ = ["Cluster"]
 
 P = TypeVar("P")
 R = TypeVar("R")
 RETRIES = 3  # of a call whose worker or machine dies
-PATIENCE = 60.0  # s, without any machine that could work
-PROBE = 120.0  # s, for a machine to say which versions it has
+PATIENCE = 60.0  # [s] without a machine that could work
+PROBE = 120.0  # [s] for a machine to report its versions
 
 
 @final
 class Cluster(Closing):
-    """A connection to a Ray cluster; what it began ends with it.
+    """A connection to a Ray cluster; closing it ends its calls.
 
     `address` is host:port of the head, ray://host:port (Ray Client), "auto" (the cluster that this
     machine belongs to, or RAY_ADDRESS), or "local" (started here, with `workers` processes, and
-    ended afterwards). `alike` names packages that must have one version everywhere. Raises
-    InputInvalid for an address where there is no cluster, and for machines with other versions.
+    ended afterwards). `alike` names packages that must have the same version on all machines.
+    Raises InputInvalid for an address without a cluster, and for machines with other versions.
     """
 
     def __init__(
@@ -44,8 +47,9 @@ class Cluster(Closing):
         self.address = address
         self._alike = tuple(alike)
         self._here = versions(self._alike)
+        self._ray: Any  # the module, which has no types; None once closed
         self._ray, self._end = connect(address, workers)
-        self._running: set[Any] = set()
+        self._running: set[ObjectRef] = set()
         self._lock = threading.Lock()
         try:
             self._check_nodes()
@@ -56,21 +60,21 @@ class Cluster(Closing):
 
     @property
     def cpus(self) -> int:
-        """Return how many calls can be worked on at once, as the cluster is now."""
+        """The number of calls that the cluster can work on at once now."""
         return int(self._ray.cluster_resources().get("CPU", 0))
 
-    def put(self, value: Any) -> Any:
-        """Keep a value in the cluster, which calls are then given instead of `Kept.value`."""
+    def put(self, value: object) -> ObjectRef:
+        """Store a value in the cluster; an argument that is the result is the value in a call."""
         return self._ray.put(value)
 
-    def call(self, work: Callable[..., R], *arguments: Any) -> R:
-        """Return `work(*arguments)`, worked out somewhere; from any thread.
+    def call(self, work: Callable[..., R], *arguments: object) -> R:
+        """Return `work(*arguments)`, computed on any machine; may be called from any thread.
 
-        Where the worker dies it is done again, RETRIES times. Raises InputInvalid or UuvsimError
-        with the sentence of whatever went wrong there.
+        If the worker dies, the call is repeated up to RETRIES times. Raises InputInvalid or
+        UuvsimError with the message of the error there.
         """
-        ref = self._begin(work, arguments)
-        return self._result(ref)  # type: ignore[no-any-return]
+        result: R = self._result(self._begin(work, arguments))
+        return result
 
     def spread(
         self,
@@ -78,12 +82,12 @@ class Cluster(Closing):
         pieces: Iterable[P],
         follow: Callable[[int, R], P | None] | None = None,
     ) -> Iterator[tuple[int, R]]:
-        """Return (number of the piece, what work gives of it) as they come.
+        """Yield (number of the piece, result of its work) in the order in which they end.
 
-        `follow(number, result)` may give the piece that comes after a result, with its number.
+        `follow(number, result)` may return a next piece, which gets the same number.
         """
         waiting = deque(enumerate(pieces))
-        running: dict[Any, int] = {}
+        running: dict[ObjectRef, int] = {}
         try:
             while waiting or running:
                 while waiting and len(running) < 2 * max(self.cpus, 1):
@@ -100,7 +104,7 @@ class Cluster(Closing):
             self._cancel(list(running))
 
     def close(self) -> None:
-        """End what is still being done, and the connection; a second call does nothing."""
+        """End the calls that still run, and the connection; a second call does nothing."""
         if self._ray is None:
             return
         with self._lock:
@@ -111,28 +115,29 @@ class Cluster(Closing):
 
     # ---- inside ---------------------------------------------------------------------------
 
-    def _begin(self, work: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-        asked = self._work.options(max_retries=RETRIES)
-        ref = asked.remote(self._here, self._alike, work, arguments)
+    def _begin(self, work: Callable[..., object], arguments: tuple[object, ...]) -> ObjectRef:
+        options = self._work.options(max_retries=RETRIES)
+        ref = options.remote(self._here, self._alike, work, arguments)
         with self._lock:
             self._running.add(ref)
         return ref
 
-    def _first(self, refs: list[Any]) -> Any:
-        """Wait for one; raises UuvsimError when there is nobody left who could do it."""
-        alone = 0.0
+    def _first(self, refs: list[ObjectRef]) -> ObjectRef:
+        """Wait for the first that ends; raises UuvsimError if no machine is left to work."""
+        without_cpu = 0.0  # s
         while True:
             done, _ = self._ray.wait(refs, timeout=5.0)
             if done:
                 return done[0]
-            alone = 0.0 if self.cpus else alone + 5.0
-            if alone >= PATIENCE:
+            without_cpu = 0.0 if self.cpus else without_cpu + 5.0
+            if without_cpu >= PATIENCE:
                 raise UuvsimError(
                     f"{self.address}: no machine with a CPU has been in the cluster for "
                     f"{PATIENCE:g} s; what is finished is kept"
                 )
 
-    def _result(self, ref: Any) -> Any:
+    def _result(self, ref: ObjectRef) -> Any:
+        """Wait for a call; return its result, or raise its error."""
         from ray.exceptions import RayError
 
         try:
@@ -150,7 +155,7 @@ class Cluster(Closing):
             raise answer
         return answer
 
-    def _cancel(self, refs: list[Any]) -> None:
+    def _cancel(self, refs: list[ObjectRef]) -> None:
         for ref in refs:
             if self._ray is not None and self._ray.is_initialized():
                 self._ray.cancel(ref, force=True)
@@ -165,12 +170,12 @@ class Cluster(Closing):
         nodes = [n for n in self._ray.nodes() if n["Alive"] and n["Resources"].get("CPU")]
         if not nodes:
             raise InputInvalid(f"{self.address}: a cluster without a CPU; expected at least one")
-        ask = self._ray.remote(num_cpus=0, max_retries=0)(told_by_a_node())
-        asked = [
-            ask.options(scheduling_strategy=On(n["NodeID"], soft=False)).remote(self._alike)
+        query = self._ray.remote(num_cpus=0, max_retries=0)(versions_of_a_node())
+        refs = [
+            query.options(scheduling_strategy=On(n["NodeID"], soft=False)).remote(self._alike)
             for n in nodes
         ]
-        for node, ref in zip(nodes, asked, strict=True):
+        for node, ref in zip(nodes, refs, strict=True):
             place = f"{self.address}, machine {node['NodeManagerHostname']}"
             try:
                 there: Mapping[str, str] = self._ray.get(ref, timeout=PROBE)
@@ -183,10 +188,10 @@ class Cluster(Closing):
 
 
 def _work(
-    here: Mapping[str, str], alike: tuple[str, ...], work: Callable[..., Any],
-    arguments: tuple[Any, ...],
-) -> tuple[bool, Any]:  # fmt: skip
-    """Do it, in a worker; gives (True, the result) or (False, an error to raise)."""
+    here: Mapping[str, str], alike: tuple[str, ...], work: Callable[..., object],
+    arguments: tuple[object, ...],
+) -> tuple[bool, object]:  # fmt: skip
+    """Make a call, in a worker; return (True, the result) or (False, an error to raise)."""
     import socket
 
     try:

@@ -1,4 +1,4 @@
-"""Machines compute the same bits only with the same code: what each has, and where two differ."""
+"""Versions of the code on each machine: only the same code computes the same bits."""
 
 from __future__ import annotations
 
@@ -8,15 +8,14 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
 
 from uuvsim_cosim._version import __version__
 
-__all__ = ["difference", "told_by_a_node", "versions"]
+__all__ = ["difference", "versions", "versions_of_a_node"]
 
 ALWAYS = ("ray", "numpy", "casadi")
 CONTENT = ("models", "fmus", "orchestrator")
-KINDS = (".py", ".c", ".h", ".yaml", ".ssd", ".ssv", ".ssm")  # files that results follow from
+ENDINGS = (".py", ".c", ".h", ".yaml", ".ssd", ".ssv", ".ssm")  # files that results depend on
 
 
 def versions(alike: Iterable[str] = ()) -> dict[str, str]:
@@ -31,7 +30,7 @@ def versions(alike: Iterable[str] = ()) -> dict[str, str]:
 
 
 def difference(here: Mapping[str, str], there: Mapping[str, str]) -> str:
-    """Say where two differ, in one clause; nothing where they do not."""
+    """Return the first difference of two machines as a clause; empty if they are the same."""
     wrong = [
         f"{name} {there.get(name, 'none')}; expected {here[name]}, as here"
         for name in here
@@ -40,10 +39,13 @@ def difference(here: Mapping[str, str], there: Mapping[str, str]) -> str:
     return wrong[0] if wrong else ""
 
 
-def told_by_a_node() -> Callable[[tuple[str, ...]], Mapping[str, Any]]:
-    """Return the question that a machine is asked, which it understands without this package."""
+def versions_of_a_node() -> Callable[[tuple[str, ...]], Mapping[str, str]]:
+    """Return a function that reports a machine's versions.
 
-    def told(alike: tuple[str, ...]) -> Mapping[str, Any]:
+    It is sent to the machine as code, so that it also runs on one without this package.
+    """
+
+    def report(alike: tuple[str, ...]) -> Mapping[str, str]:
         import platform as of
 
         try:
@@ -52,17 +54,17 @@ def told_by_a_node() -> Callable[[tuple[str, ...]], Mapping[str, Any]]:
             return {"Python": of.python_version()}
         return there(alike)
 
-    return told
+    return report
 
 
 @lru_cache(maxsize=1)
 def _hash() -> str:
-    """Return a hash of the package's files and content, whatever folder they are in."""
+    """Return a hash of the package's files and content, which does not depend on their folder."""
     from uuvsim_cosim.content import content
 
     digest = hashlib.blake2b(digest_size=4)
     for root in (Path(__file__).parents[1], *(content(name) for name in CONTENT)):
-        for file in sorted(f for kind in KINDS for f in root.rglob(f"*{kind}")):
+        for file in sorted(f for ending in ENDINGS for f in root.rglob(f"*{ending}")):
             place = file.relative_to(root)
             if place.parts[0] not in ("_content", "dist"):
                 digest.update(place.as_posix().encode() + b"\0" + file.read_bytes())

@@ -1,13 +1,17 @@
-"""The protocol of everything that a master can step: FMU, native component, Python class."""
+"""The protocol of all components that a master can step: FMU, native component, Python class."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from uuvsim_cosim.fmus.description import Description, Variable
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike
 
 __all__ = ["Binding", "BindingKind", "Component"]
 
@@ -38,7 +42,11 @@ class Binding:
 
 
 class Component(Protocol):
-    """One live instance. Call order as in FMI 3.0: instantiate happens in the constructor."""
+    """One live instance. The order of calls is that of FMI 3.0; the constructor instantiates.
+
+    A state is of the component's own type, so that only the component which copied it can restore
+    it.
+    """
 
     path: str
     description: Description
@@ -46,7 +54,7 @@ class Component(Protocol):
     def get(self, variable: Variable) -> Any:
         """Read a value: float/int/bool/str/bytes for a scalar, else a numpy array of its shape."""
 
-    def set(self, variable: Variable, value: Any) -> None:
+    def set(self, variable: Variable, value: object) -> None:
         """Set a value of the variable's shape (a scalar is not broadcast)."""
 
     def enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
@@ -58,7 +66,7 @@ class Component(Protocol):
     def do_step(self, current_communication_point: float, step_size: float) -> None:
         """Advance by one communication step; raises ComponentFailed."""
 
-    def get_fmu_state(self) -> Any:
+    def get_fmu_state(self) -> object:
         """Copy the state; raises FmuError if the component cannot."""
 
     def set_fmu_state(self, state: Any) -> None:
@@ -67,16 +75,16 @@ class Component(Protocol):
     def serialize_fmu_state(self, state: Any) -> bytes:
         """Write a state as bytes that outlive the process."""
 
-    def deserialize_fmu_state(self, data: bytes) -> Any:
-        """Read such bytes back."""
+    def deserialize_fmu_state(self, data: bytes) -> object:
+        """Read a state back from such bytes."""
 
     def directional_derivative(
-        self, unknowns: list[Variable], knowns: list[Variable], seed: Any
-    ) -> Any:
+        self, unknowns: list[Variable], knowns: list[Variable], seed: ArrayLike
+    ) -> np.ndarray:
         """Return d(unknowns)/d(knowns) · seed, flat; raises FmuError if not provided."""
 
     def reset(self) -> None:
-        """Go back to the state after instantiation; never a reload."""
+        """Return to the state after instantiation, without loading the binary again."""
 
     def terminate(self) -> None:
         """End the simulation."""

@@ -70,7 +70,7 @@ def system() -> System:
 def test_a_pilot_that_falls_silent_flies_with_zeros() -> None:
     clock = Clock()
     manual_axes = ManualAxes("pilot", clock)
-    assert manual_axes.say("page-1", {"surge": 0.5, "yaw": -2.0}) is None
+    assert manual_axes.update("page-1", {"surge": 0.5, "yaw": -2.0}) is None
     assert manual_axes.now() == (0.5, 0.0, 0.0, -1.0)
     clock.now += 0.99 * LASTS
     assert manual_axes.now()[0] == 0.5
@@ -81,16 +81,16 @@ def test_a_pilot_that_falls_silent_flies_with_zeros() -> None:
 def test_one_page_pilots_and_another_may_after_a_silence_or_a_release() -> None:
     clock = Clock()
     manual_axes = ManualAxes("pilot", clock)
-    assert manual_axes.say("page-1", {"surge": 1.0}) is None
-    assert "another page pilots" in str(manual_axes.say("page-2", {"surge": -1.0}))
+    assert manual_axes.update("page-1", {"surge": 1.0}) is None
+    assert "another page pilots" in str(manual_axes.update("page-2", {"surge": -1.0}))
     assert manual_axes.now()[0] == 1.0
     clock.now += HELD + 0.1
-    assert manual_axes.say("page-2", {"surge": -1.0}) is None
-    manual_axes.let_go("page-1")  # not its own any more
+    assert manual_axes.update("page-2", {"surge": -1.0}) is None
+    manual_axes.release("page-1")  # not its own any more
     assert manual_axes.is_held
-    manual_axes.let_go("page-2")
+    manual_axes.release("page-2")
     assert manual_axes.now()[0] == 0.0
-    assert manual_axes.say("page-1", {}) is None
+    assert manual_axes.update("page-1", {}) is None
 
 
 @pytest.mark.parametrize(
@@ -98,7 +98,7 @@ def test_one_page_pilots_and_another_may_after_a_silence_or_a_release() -> None:
 )
 def test_what_is_no_axis_is_refused(axes: Any) -> None:
     with pytest.raises(InputInvalid, match="expected"):
-        ManualAxes("pilot").say("page", axes)
+        ManualAxes("pilot").update("page", axes)
 
 
 # ---- the component ----------------------------------------------------------------------------
@@ -110,7 +110,7 @@ def test_an_axis_becomes_a_wanted_velocity_of_limited_change(
     clock = Clock()
     with Conductor(system()) as service:
         monkeypatch.setattr(manual_axes_of("guidance"), "_clock", clock)
-        manual_axes_of("guidance").say("page", {"surge": 1.0})
+        manual_axes_of("guidance").update("page", {"surge": 1.0})
         largest, change = service.get(ME, ["guidance.surge_max", "guidance.a_max"]).values()
         before = 0.0
         for _ in range(15):
@@ -129,7 +129,7 @@ def test_the_wanted_pose_never_runs_away_from_the_vehicle() -> None:
     component = PythonComponent(type("P", (Piloted,), {"manual_axes": manual_axes}), "held")
     variables = component.description.variables
     for k in range(100):
-        manual_axes.say("page", {"surge": 1.0, "yaw": 1.0, "heave": -1.0})
+        manual_axes.update("page", {"surge": 1.0, "yaw": 1.0, "heave": -1.0})
         component.do_step(0.1 * k, 0.1)  # the vehicle does not move
     wanted = component.get(variables["eta_d"])
     assert (wanted[:3] ** 2).sum() ** 0.5 <= 1.0 + 1e-9
@@ -154,7 +154,7 @@ def test_keys_move_a_vehicle_and_let_it_brake() -> None:
     manual_axes = ManualAxes("pilot", clock)
     over = Over(inner, manual_axes)
     nu_d = over.description.variables["nu_d"]
-    manual_axes.say("page", {"surge": 1.0, "yaw": 0.5})
+    manual_axes.update("page", {"surge": 1.0, "yaw": 0.5})
     for _ in range(30):
         over.do_step(0.0, 0.1)
     assert over.get(nu_d)[0] == pytest.approx(0.3, abs=1e-2)

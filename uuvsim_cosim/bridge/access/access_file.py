@@ -1,4 +1,4 @@
-"""Who may do what at a served co-simulation, as one short file says, and what it says in words."""
+"""Content of an access file: the users, certificates and addresses of a served co-simulation."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LOOPBACK = ("127.0.0.1", "::1")
 
 @dataclass(frozen=True)
 class User:
-    """One who enters with a password, kept as a salted scrypt hash."""
+    """A user with a password, which is stored as a salted scrypt hash."""
 
     name: str
     role: str
@@ -34,23 +34,23 @@ class Tls:
 
 @dataclass(frozen=True)
 class Access:
-    """What an access file says, or the token of a server that has no file."""
+    """The content of an access file, or the token of a server that has no file."""
 
     users: Mapping[str, User] = field(default_factory=dict)
     tls: Tls | None = None
-    anyone: str | None = None  # role of who does not say who he is; None: he may not enter
+    anyone: str | None = None  # role of an anonymous client; None: anonymous clients are refused
     listen: tuple[str, ...] = LOOPBACK
     plain: bool = False  # passwords may cross a network without TLS
-    token: str | None = None  # that of a server without a file; who has it is its owner
+    token: str | None = None  # of a server without a file; it gives the role of the owner
 
     @property
     def anonymous(self) -> frozenset[str]:
-        """What one who does not say who he is may do."""
+        """The permissions of an anonymous client."""
         return frozenset() if self.anyone is None else permissions(self.anyone)
 
 
 def is_loopback(host: str) -> bool:
-    """Return whether an address is reached from this machine only."""
+    """Return whether an address can be reached from this machine only."""
     import ipaddress
 
     try:

@@ -1,4 +1,4 @@
-"""An access file is read: YAML, every mistake with its line and what would have been right."""
+"""Reader of access files (YAML); every mistake is reported with its line and what was expected."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import ipaddress
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
 
 from uuvsim_cosim.bridge.access.access_file import LOOPBACK, Access, Tls, User, is_loopback
 from uuvsim_cosim.bridge.access.passwords import is_hash
@@ -31,7 +30,9 @@ def read_access(path: str | Path) -> Access:
         text.refuse()
     data = text.data
     users = _users(text, data["users"]) if "users" in data else {}
-    anyone = _anyone(text, data)
+    anyone = None
+    if (role := data.get("anyone", _NONE)) != _NONE:
+        anyone = _role(text, ["anyone"], role, (_NONE,))
     plain = data.get("tls") == _NONE
     tls = None if plain or "tls" not in data else _tls(text, data["tls"], file.parent)
     listen = _listen(text, data["listen"]) if "listen" in data else LOOPBACK
@@ -48,33 +49,28 @@ def read_access(path: str | Path) -> Access:
     return Access(users, tls, anyone, listen, plain)
 
 
-def _users(text: YamlText, data: Any) -> dict[str, User]:
+def _users(text: YamlText, data: object) -> dict[str, User]:
     found: dict[str, User] = {}
     if not isinstance(data, Mapping):
         text.wrong(["users"], "expected a mapping, such as ann: {role: owner, password: …}")
         return found
-    for name, said in data.items():
+    for name, entry in data.items():
         place = ["users", name]
         if not _NAME.fullmatch(str(name)):
             text.wrong(place, "a name has letters, digits and . _ @ -, at most 64")
-        elif text.keys(place, said, ("role", "password"), needed=("role", "password")):
-            role = _role(text, [*place, "role"], said.get("role"))
-            if not is_hash(said.get("password")):  # never repeated: it may be the password itself
+        elif text.keys(place, entry, ("role", "password"), needed=("role", "password")):
+            role = _role(text, [*place, "role"], entry.get("role"))
+            if not is_hash(entry.get("password")):  # not shown: it may be the password itself
                 text.wrong(
                     [*place, "password"],
                     "not a salted hash; expected what `uuvsim access password` prints",
                 )
             elif role is not None:
-                found[str(name)] = User(str(name), role, str(said["password"]))
+                found[str(name)] = User(str(name), role, str(entry["password"]))
     return found
 
 
-def _anyone(text: YamlText, data: Any) -> str | None:
-    said = data.get("anyone", _NONE)
-    return None if said == _NONE else _role(text, ["anyone"], said, (_NONE,))
-
-
-def _listen(text: YamlText, data: Any) -> tuple[str, ...]:
+def _listen(text: YamlText, data: object) -> tuple[str, ...]:
     hosts = [data] if isinstance(data, str) else data
     if not isinstance(hosts, list) or not hosts or not all(isinstance(h, str) for h in hosts):
         text.wrong(["listen"], f"{_shown(data)}; expected addresses, such as [127.0.0.1, 0.0.0.0]")
@@ -91,8 +87,9 @@ def _listen(text: YamlText, data: Any) -> tuple[str, ...]:
     return tuple(dict.fromkeys(str(host) for host in hosts))
 
 
-def _tls(text: YamlText, data: Any, folder: Path) -> Tls | None:
-    if not text.keys(["tls"], data, _TLS, needed=("certificate", "key")):
+def _tls(text: YamlText, data: object, folder: Path) -> Tls | None:
+    allowed = text.keys(["tls"], data, _TLS, needed=("certificate", "key"))
+    if not allowed or not isinstance(data, Mapping):  # `keys` has noted what is wrong
         return None
     files: dict[str, Path] = {}
     for key in ("certificate", "key", "ca"):
@@ -103,11 +100,11 @@ def _tls(text: YamlText, data: Any, folder: Path) -> Tls | None:
             text.wrong(["tls", key], f"{data[key]!s}: no such file; expected PEM in {folder}")
         files[key] = file
     roles: dict[str, str] = {}
-    said = data.get("roles", {})
-    if not isinstance(said, Mapping):
-        text.wrong(["tls", "roles"], f"{_shown(said)}; expected common name: role")
-        said = {}
-    for name, role in said.items():
+    given = data.get("roles", {})
+    if not isinstance(given, Mapping):
+        text.wrong(["tls", "roles"], f"{_shown(given)}; expected common name: role")
+        given = {}
+    for name, role in given.items():
         if not _NAME.fullmatch(str(name)):
             text.wrong(["tls", "roles", name], "a name has letters, digits and . _ @ -, at most 64")
         elif (known := _role(text, ["tls", "roles", name], role)) is not None:
@@ -122,8 +119,10 @@ def _tls(text: YamlText, data: Any, folder: Path) -> Tls | None:
     return tls
 
 
-def _role(text: YamlText, place: list[Any], role: Any, others: Iterable[str] = ()) -> str | None:
-    """Return a role that exists, or note that it does not; a missing one is noted before."""
+def _role(
+    text: YamlText, place: list[str | int], role: object, others: Iterable[str] = ()
+) -> str | None:
+    """Return a role that exists, else note the mistake; a missing role has been noted already."""
     if role is None:
         return None
     if not isinstance(role, str) or role not in ROLES:
@@ -133,8 +132,8 @@ def _role(text: YamlText, place: list[Any], role: Any, others: Iterable[str] = (
     return str(role)
 
 
-def _shown(data: Any) -> str:
-    """Return what was read in few words, never what is inside: that may be a password."""
+def _shown(data: object) -> str:
+    """Describe a value for a message, never its content, which may be a password."""
     if isinstance(data, Mapping | list):
         return f"a {'mapping' if isinstance(data, Mapping) else 'list'}"
     return shown(data)

@@ -1,4 +1,4 @@
-"""Authentication, the same for every transport: what a client may do, or why it is refused."""
+"""Authentication for every transport: the permissions of a client, or the reason of a refusal."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["Admission", "Authenticator", "everybody"]
 
-_REMEMBERED = 256  # right passwords that need no scrypt again, as HTTP repeats them
+_REMEMBERED = 256  # correct passwords that skip scrypt: HTTP sends them with each request
 
 
 class Admission(Protocol):
-    """Gives what a client may do; raises UuvsimError in words for who may not enter."""
+    """A function that returns the permissions of a client; raises UuvsimError to refuse it."""
 
     def __call__(
         self,
@@ -28,7 +28,7 @@ class Admission(Protocol):
         token: str | None = None,
         /,
     ) -> frozenset[str]:
-        """`certificate` is the common name of one that TLS has verified."""
+        """`certificate` is the common name of a certificate that TLS has verified."""
 
 
 def everybody(
@@ -38,16 +38,16 @@ def everybody(
     token: str | None = None,
     /,
 ) -> frozenset[str]:
-    """Let everybody do everything, which includes running code as the user who serves."""
+    """Allow everything, which includes running code as the user who runs the server."""
     return permissions("owner")
 
 
 @final
 class Authenticator:
-    """The `Admission` of an access file or a token; `place` says where the token is.
+    """The `Admission` of an access file or a token; `place` is the folder of the token.
 
-    A right password is accepted whatever others have tried before, so that nobody can lock a user
-    out. What limits guessing is that one password is checked at a time, in about 40 ms each.
+    There is no limit of failed attempts, so that nobody can lock a user out. Guessing is limited
+    because only one password is checked at a time, in about 40 ms each.
     """
 
     def __init__(self, access: Access, *, place: str = "") -> None:
@@ -56,9 +56,9 @@ class Authenticator:
         self._lock = threading.Lock()
         self._secret = secrets.token_bytes(32)
         self._right: dict[bytes, str] = {}
-        # Checked for a name that is not known, so that its answer takes as long as a user's.
-        held = [user.password for user in access.users.values()]
-        self._nobody = held[0] if held else hashed(secrets.token_hex(16))
+        # Checked for an unknown user, so that the time of the answer does not reveal the users.
+        hashes = [user.password for user in access.users.values()]
+        self._nobody = hashes[0] if hashes else hashed(secrets.token_hex(16))
 
     def __call__(
         self,
@@ -68,17 +68,24 @@ class Authenticator:
         token: str | None = None,
         /,
     ) -> frozenset[str]:
-        """Return what a client may do; raises InputInvalid in words for who may not enter."""
+        """Return the permissions of a client; raises InputInvalid to refuse it."""
         access = self.access
         if access.token is not None:
-            return self._with_token(access.token, token)
+            given = (token or "").encode("utf-8", "replace")
+            if hmac.compare_digest(given, access.token.encode()):
+                return permissions("owner")
+            read = "the token is wrong" if token else "this co-simulation requires a token"
+            raise InputInvalid(
+                f"{read}. Programs of the user who serves find it in {self._place}; other programs "
+                "pass it as token= or in the environment variable UUVSIM_TOKEN"
+            )
         mutual = access.tls is not None and access.tls.ca is not None
         if mutual and certificate is None:
             raise InputInvalid(
                 "this co-simulation asks for a certificate; expected one that its CA has signed"
             )
         if user is not None:
-            return self._known(user, password or "")
+            return self._by_password(user, password or "")
         role = None if access.tls is None else access.tls.roles.get(certificate or "")
         if role is not None:
             return permissions(role)
@@ -91,24 +98,14 @@ class Authenticator:
             )
         raise InputInvalid("this co-simulation asks who you are; expected user and password")
 
-    def _with_token(self, expected: str, shown: str | None) -> frozenset[str]:
-        given = (shown or "").encode("utf-8", "replace")
-        if hmac.compare_digest(given, expected.encode()):
-            return permissions("owner")
-        read = "the token is wrong" if shown else "this co-simulation requires a token"
-        raise InputInvalid(
-            f"{read}. Programs of the user who serves find it in {self._place}; other programs "
-            "pass it as token= or in the environment variable UUVSIM_TOKEN"
-        )
-
-    def _known(self, name: str, password: str) -> frozenset[str]:
+    def _by_password(self, name: str, password: str) -> frozenset[str]:
         user = self.access.users.get(name)
         mark = hmac.digest(self._secret, f"{name}\0{password}".encode("utf-8", "replace"), "sha256")
         if user is not None and self._right.get(mark) == user.password:
             return permissions(user.role)
-        with self._lock:  # one scrypt at a time: a flood of tries takes one core at most
-            right = matches(password, self._nobody if user is None else user.password)
-            if user is None or not right:
+        with self._lock:  # one scrypt at a time: many attempts use one core at most
+            is_right = matches(password, self._nobody if user is None else user.password)
+            if user is None or not is_right:
                 raise InputInvalid(
                     f"user {name[:64]!r} or the password is wrong; expected those of who serves"
                 )

@@ -1,4 +1,4 @@
-"""A CA of one's own with certificates for a server and its clients, to try TLS or to use it."""
+"""An own CA with certificates for a server and its clients, to try TLS or to use it."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ def make_certificates(
     *,
     days: float = 365.0,
 ) -> list[Path]:
-    """Write ca.pem, server.pem and NAME.pem of each client, each with a key; gives the files.
+    """Write ca.pem, server.pem and NAME.pem of each client, each with a key; return the files.
 
-    Keys are P-256 in PKCS 8, readable by the user only. `days` is how long they are valid, from
-    now; negative: they have expired. A CA that is in the folder already signs the new ones, and a
-    server's certificate there is left as it is.
+    Keys are P-256 in PKCS 8, readable by the user only. `days` is the validity from now; negative:
+    the certificates have expired. If the folder has a CA already, it signs the new certificates;
+    a server's certificate there is kept.
     """
     try:
         import cryptography as _  # noqa: F401
@@ -91,7 +91,7 @@ def _signed(
         encipher_only=False, decipher_only=False,
     )  # fmt: skip
     identifier = x509.SubjectKeyIdentifier.from_public_key(key.public_key())
-    theirs = x509.AuthorityKeyIdentifier.from_issuer_public_key(signing.public_key())
+    issuer = x509.AuthorityKeyIdentifier.from_issuer_public_key(signing.public_key())
     path = 0 if authority else None
     builder = (
         x509.CertificateBuilder()
@@ -104,24 +104,20 @@ def _signed(
         .add_extension(x509.BasicConstraints(ca=authority, path_length=path), critical=True)
         .add_extension(usage, critical=True)
         .add_extension(identifier, critical=False)
-        .add_extension(theirs, critical=False)
+        .add_extension(issuer, critical=False)
     )
     if hosts:
-        names = x509.SubjectAlternativeName([_name(host) for host in hosts])
-        builder = builder.add_extension(names, critical=False)
+        names: list[x509.GeneralName] = []
+        for host in hosts:
+            try:
+                names.append(x509.IPAddress(ipaddress.ip_address(host)))
+            except ValueError:
+                names.append(x509.DNSName(host))
+        builder = builder.add_extension(x509.SubjectAlternativeName(names), critical=False)
     if not authority:
-        for_what = ExtendedKeyUsageOID.SERVER_AUTH if hosts else ExtendedKeyUsageOID.CLIENT_AUTH
-        builder = builder.add_extension(x509.ExtendedKeyUsage([for_what]), critical=False)
+        purpose = ExtendedKeyUsageOID.SERVER_AUTH if hosts else ExtendedKeyUsageOID.CLIENT_AUTH
+        builder = builder.add_extension(x509.ExtendedKeyUsage([purpose]), critical=False)
     return builder.sign(signing, hashes.SHA256()), key
-
-
-def _name(host: str) -> x509.GeneralName:
-    from cryptography import x509
-
-    try:
-        return x509.IPAddress(ipaddress.ip_address(host))
-    except ValueError:
-        return x509.DNSName(host)
 
 
 def _read(place: Path) -> Pair:

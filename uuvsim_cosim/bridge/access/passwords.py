@@ -1,4 +1,4 @@
-"""A password is kept as a salted scrypt hash, and compared in constant time."""
+"""Password hashes: salted scrypt, compared in constant time."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["hashed", "is_hash", "matches"]
 
-_N, _R, _P = 1 << 14, 8, 1  # 16 MiB and some 40 ms a try (RFC 7914; OWASP's smallest with p = 5)
+# 16 MiB and about 40 ms for each attempt (RFC 7914; OWASP's smallest setting has p = 5).
+_N, _R, _P = 1 << 14, 8, 1
 _MOST = 64 << 20  # bytes that a hash in a file may ask for
 _LENGTH = 32
 
@@ -27,12 +28,12 @@ def hashed(password: str) -> str:
 
 
 def is_hash(text: object) -> bool:
-    """Return whether a text is a hash as `hashed` gives."""
+    """Return whether a text is a hash in the format of `hashed`."""
     return isinstance(text, str) and _parts(text) is not None
 
 
 def matches(password: str, text: str) -> bool:
-    """Return whether a password is the one of a hash."""
+    """Return whether a password matches a hash."""
     parts = _parts(text)
     if parts is None:
         return False
@@ -41,17 +42,18 @@ def matches(password: str, text: str) -> bool:
 
 
 def _parts(text: str) -> tuple[int, int, int, bytes, bytes] | None:
+    """Return n, r, p, salt and hash; None for other text, and for a cost that is too large."""
     try:
-        kind, n, r, p, salt, value = text.split("$")
+        scheme, n, r, p, salt, value = text.split("$")
         cost = int(n), int(r), int(p)
-        held = base64.b64decode(salt, validate=True), base64.b64decode(value, validate=True)
+        decoded = base64.b64decode(salt, validate=True), base64.b64decode(value, validate=True)
     except (ValueError, binascii.Error):
         return None
-    power = cost[0] > 1 and cost[0] & (cost[0] - 1) == 0
-    fits = power and cost[1] > 0 and 0 < cost[2] <= 16 and 128 * cost[0] * cost[1] <= _MOST
-    if kind != "scrypt" or not fits or len(held[0]) < 8 or len(held[1]) != _LENGTH:
+    power_of_2 = cost[0] > 1 and cost[0] & (cost[0] - 1) == 0
+    fits = power_of_2 and cost[1] > 0 and 0 < cost[2] <= 16 and 128 * cost[0] * cost[1] <= _MOST
+    if scheme != "scrypt" or not fits or len(decoded[0]) < 8 or len(decoded[1]) != _LENGTH:
         return None
-    return *cost, *held
+    return *cost, *decoded
 
 
 def _derived(password: str, salt: bytes, n: int, r: int, p: int) -> bytes:

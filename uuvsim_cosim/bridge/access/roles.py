@@ -1,4 +1,4 @@
-"""What a client may do follows from its role: each call needs one permission."""
+"""Roles and their permissions: each call needs one permission, or none."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ROLES: dict[str, frozenset[str]] = {
 
 
 def permissions(role: str) -> frozenset[str]:
-    """Return what a role allows; raises InputInvalid for an unknown one."""
+    """Return the permissions of a role; raises InputInvalid for an unknown one."""
     if role not in ROLES:
         raise InputInvalid(f"role {role!r}; expected {expected_names(role, ROLES)}")
     return ROLES[role]

@@ -1,4 +1,4 @@
-"""TLS of the servers: contexts of both sides, and one sentence for what does not fit."""
+"""TLS of the servers: contexts of both sides, and one clear message for each failure."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import select
 import socket
 import ssl
 from pathlib import Path
-from typing import Any
 
 from uuvsim_cosim.bridge.access.access_file import Tls
 from uuvsim_cosim.errors import InputInvalid
@@ -25,12 +24,16 @@ __all__ = [
     "why_refused",
 ]
 
-_CN = b"\x06\x03\x55\x04\x03"  # object identifier 2.5.4.3, as DER has it
+_CN = b"\x06\x03\x55\x04\x03"  # object identifier 2.5.4.3 (common name), encoded in DER
 _TLS_HANDSHAKE = b"\x16"
 
 
 def server_context(tls: Tls) -> ssl.SSLContext:
-    """Return the context of a server; a client without certificate is told so in words, later."""
+    """Return the context of a server.
+
+    A client certificate is optional here: the `Admission` refuses a client without one, with a
+    clearer message than TLS has.
+    """
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.minimum_version = ssl.TLSVersion.TLSv1_2
     context.load_cert_chain(tls.certificate, tls.key, password=_no_password)
@@ -63,7 +66,7 @@ def client_context(
 
 
 def certificate_problem(tls: Tls) -> str | None:
-    """Say what is wrong with the files of a server, if anything is."""
+    """Return what is wrong with the files of a server; None if nothing is."""
     try:
         server_context(tls)
     except (ssl.SSLError, ValueError) as error:
@@ -75,8 +78,10 @@ def certificate_problem(tls: Tls) -> str | None:
 
 def common_name(client: socket.socket) -> str | None:
     """Return the common name of the certificate that a client has shown, if it is verified."""
-    certificate: Any = client.getpeercert() if isinstance(client, ssl.SSLSocket) else None
-    for part in (certificate or {}).get("subject", ()):
+    if not isinstance(client, ssl.SSLSocket):
+        return None
+    subject: object = (client.getpeercert() or {}).get("subject", ())
+    for part in subject if isinstance(subject, tuple) else ():
         for key, value in part:
             if key == "commonName":
                 return str(value)
@@ -86,13 +91,13 @@ def common_name(client: socket.socket) -> str | None:
 def common_names(certificate: str | Path) -> list[str]:
     """Return the common names in a PEM file's first certificate, the subject's before the issuer's.
 
-    Every one is found by its object identifier; issuer comes before subject in X.509.
+    Each is found by its object identifier; in X.509 the issuer comes before the subject.
     """
     text = Path(certificate).read_text(encoding="ascii", errors="replace")
-    held = re.search(r"-----BEGIN CERTIFICATE-----.*?-----END CERTIFICATE-----", text, re.S)
-    if held is None:
+    first = re.search(r"-----BEGIN CERTIFICATE-----.*?-----END CERTIFICATE-----", text, re.S)
+    if first is None:
         return []
-    data = ssl.PEM_cert_to_DER_cert(held.group())
+    data = ssl.PEM_cert_to_DER_cert(first.group())
     found = []
     for match in re.finditer(re.escape(_CN), data):
         at = match.end() + 2  # a tag, and a length below 128
@@ -103,7 +108,7 @@ def common_names(certificate: str | Path) -> list[str]:
 
 
 def speaks_tls(client: socket.socket, patience: float) -> bool:
-    """Return whether a client begins as TLS does; one that waits to be greeted does not."""
+    """Return whether a client begins with a TLS handshake; one that waits for data does not."""
     client.settimeout(patience)
     try:
         return client.recv(1, socket.MSG_PEEK) in (_TLS_HANDSHAKE, b"")
@@ -112,7 +117,10 @@ def speaks_tls(client: socket.socket, patience: float) -> bool:
 
 
 def secured(plain: socket.socket, context: ssl.SSLContext, patience: float) -> ssl.SSLSocket:
-    """Greet a client by TLS; raises InputInvalid, to be told plainly, if it does not speak it."""
+    """Make the TLS handshake with a client; raises InputInvalid if the client does not speak TLS.
+
+    The error is then sent without TLS.
+    """
     if not speaks_tls(plain, min(patience, 1.0)):
         raise InputInvalid(
             "this server speaks TLS; expected a client that does as well "
@@ -125,17 +133,17 @@ def secured(plain: socket.socket, context: ssl.SSLContext, patience: float) -> s
 def why_refused(
     host: str, port: int, context: ssl.SSLContext, *, listen: float = 0.5, timeout: float = 1.5
 ) -> str | None:
-    """Try a handshake, and say in one sentence why it fails; None if it does not.
+    """Try a handshake, and return one sentence why it fails; None if it succeeds.
 
-    `listen` is how long to wait [s] for what the server thinks of this client's certificate.
+    `listen` is the time [s] to wait for the server to refuse this client's certificate.
     """
     try:
         connection = socket.create_connection((host, port), timeout=timeout)
     except OSError:
-        return None  # nobody is there, which is another matter
+        return None  # no server, which the caller reports
     try:
         with connection as plain:
-            if _answers_plainly(plain):
+            if select.select([plain], [], [], 0.0)[0]:  # the server sends first, unlike TLS
                 return "it does not speak TLS"
             with context.wrap_socket(plain, server_hostname=host) as client:
                 if listen:
@@ -154,18 +162,18 @@ def why_refused(
 def reason_of(error: ssl.SSLError, host: str) -> str:
     """Return one sentence for a handshake that failed, from the client's point of view."""
     if isinstance(error, ssl.SSLCertVerificationError):
-        said = error.verify_message
-        if "Hostname mismatch" in said or "IP address mismatch" in said:
+        message = error.verify_message
+        if "Hostname mismatch" in message or "IP address mismatch" in message:
             return (
                 f"its certificate is not one of {host!r}; expected to connect by a name or address "
                 "that the certificate has"
             )
-        if "expired" in said:
+        if "expired" in message:
             return "its certificate has expired; expected a new one there"
-        if "not yet valid" in said:
+        if "not yet valid" in message:
             return "its certificate is not valid yet; expected clocks that agree"
         return (
-            f"its certificate is not signed by the CA that is trusted here ({said}); expected "
+            f"its certificate is not signed by the CA that is trusted here ({message}); expected "
             "ca=, the file ca.pem of who serves"
         )
     text = str(error).lower()
@@ -182,17 +190,12 @@ def reason_of(error: ssl.SSLError, host: str) -> str:
     return f"TLS fails ({error.reason or error})"
 
 
-def _answers_plainly(plain: socket.socket) -> bool:
-    """Return whether the server speaks first, which TLS never does."""
-    readable, _, _ = select.select([plain], [], [], 0.0)
-    return bool(readable)
-
-
 def _no_password() -> str:
     raise ValueError("the key is locked by a password")
 
 
 def _chain_words(error: Exception) -> str:
+    """Return a message for certificates that cannot be loaded."""
     reason = getattr(error, "reason", None) or str(error)
     if "KEY_VALUES_MISMATCH" in str(reason):
         return "the key is not that of the certificate; expected the two that were made together"

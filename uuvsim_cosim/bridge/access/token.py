@@ -1,9 +1,9 @@
 """The token of a server without an access file: a secret in a file that only its user can read.
 
-A server writes its token to ``FOLDER/PORT@MACHINE``, a file for each of its ports, with mode 0600
+A server writes its token to ``FOLDER/PORT@MACHINE``, one file for each of its ports, with mode 0600
 in a folder with mode 0700, and removes the files when it ends. Clients of the same user read the
-file of the port that they connect to. On Windows the mode says nothing; there the folder lies in
-the user's profile, whose permissions hold.
+file of the port that they connect to. On Windows the mode has no effect; there the folder is in
+the user's profile, and its permissions protect the files.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _POSIX = os.name == "posix"
 def token_folder() -> Path:
     """Return the folder of the user's token files; ``UUVSIM_TOKENS`` overrides it.
 
-    Raises InputInvalid where a user without a home directory has not set it.
+    Raises InputInvalid if it is not set and the user has no home directory.
     """
     import platformdirs
 
@@ -55,10 +55,10 @@ def token_file(port: int) -> Path:
 
 
 def guarded_by_token() -> Authenticator:
-    """Return an `Admission` that gives the owner's role to clients with its token.
+    """Return an `Admission` that gives the role of the owner to clients with its token.
 
     The token is the environment variable ``UUVSIM_TOKEN`` if that is set, else random. Raises
-    InputInvalid for one that is short or has other characters than a URL may have.
+    InputInvalid for a token that is too short or has characters that a URL may not have.
     """
     token = os.environ.get("UUVSIM_TOKEN") or secrets.token_urlsafe(32)
     if not _TOKEN.fullmatch(token):
@@ -71,12 +71,12 @@ def guarded_by_token() -> Authenticator:
 def known_token(host: str, port: int) -> str | None:
     """Return the token for a server, or None if this user has none for it.
 
-    It is that of the port's file if the host is this machine, else ``UUVSIM_TOKEN``. Raises
-    InputInvalid for a file that others may have read or written.
+    If the host is this machine, the token is in the file of the port, else in ``UUVSIM_TOKEN``.
+    Raises InputInvalid for a file that other users may have read or written.
     """
     file = None
     if is_loopback(host):
-        with contextlib.suppress(InputInvalid):  # no home directory, where a server has none either
+        with contextlib.suppress(InputInvalid):  # no home directory: then a server has no file
             file = token_file(port)
     if file is not None:
         with contextlib.suppress(FileNotFoundError):
@@ -86,7 +86,7 @@ def known_token(host: str, port: int) -> str | None:
 
 @final
 class TokenFile(Closing):
-    """The file of one port, from construction to `close`; none where no token is asked for."""
+    """The token file of one port, from construction to `close`; no file if there is no token."""
 
     def __init__(self, admit: Admission | None, port: int) -> None:
         self._token = admit.access.token if isinstance(admit, Authenticator) else None
@@ -109,7 +109,7 @@ class TokenFile(Closing):
     def close(self) -> None:
         """Remove the file, unless another server has written its own token there."""
         token, self._token = self._token, None
-        if token is None or self._process != os.getpid():  # a forked child is no server
+        if token is None or self._process != os.getpid():  # the file is not of a forked child
             return
         with contextlib.suppress(OSError, InputInvalid):
             if hmac.compare_digest(_read(self._file), token):
@@ -117,7 +117,7 @@ class TokenFile(Closing):
 
 
 def _write(file: Path, token: str) -> None:
-    """Write a file of this user's under a name of its own, then rename: a link is replaced."""
+    """Write a new file of this user, then rename it, so that a link at its place is replaced."""
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0)
     with (
         whole_file(file) as scratch,
@@ -127,7 +127,7 @@ def _write(file: Path, token: str) -> None:
 
 
 def _read(file: Path) -> str:
-    """Read a token; raises FileNotFoundError, or InputInvalid for a file that is not only mine."""
+    """Read a token; raises FileNotFoundError, or InputInvalid for a file that others can access."""
     flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
     try:
         _refuse_others(file.parent, file.parent.lstat())
@@ -146,7 +146,7 @@ def _read(file: Path) -> str:
 
 
 def _refuse_others(path: Path, found: os.stat_result) -> None:
-    """Raise InputInvalid for a file or folder that anybody else may have read or written."""
+    """Raise InputInvalid for a file or folder that other users may have read or written."""
     expected, mode = ("a folder", 0o700) if stat.S_ISDIR(found.st_mode) else ("a file", 0o600)
     if not stat.S_ISDIR(found.st_mode) and not stat.S_ISREG(found.st_mode):
         why = "it is a link or no file"

@@ -1,4 +1,4 @@
-"""What all servers of one co-simulation open with: addresses, authentication, and TLS."""
+"""The configuration that all servers of a co-simulation share: addresses, authentication, TLS."""
 
 from __future__ import annotations
 
@@ -19,30 +19,30 @@ __all__ = ["Opening", "opening"]
 
 @dataclass(frozen=True)
 class Opening:
-    """Addresses of the servers, and who may enter; without `authenticator` everybody may do all."""
+    """Addresses and authentication of the servers; without `authenticator` all is allowed."""
 
     hosts: tuple[str, ...]
     authenticator: Authenticator | None
 
     @property
     def admit(self) -> Admission:
-        """Who says what a client may do."""
+        """The function that authenticates a client."""
         return self.authenticator or everybody
 
     @property
     def tls(self) -> ssl.SSLContext | None:
-        """A context for a server, if TLS is spoken."""
+        """The context of a server; None without TLS."""
         tls = None if self.authenticator is None else self.authenticator.access.tls
         return None if tls is None else server_context(tls)
 
     @property
     def zenoh_hosts(self) -> tuple[str, ...]:
-        """Where Zenoh listens: it refuses an address that a machine lacks, as ::1 may be."""
+        """Addresses for Zenoh, which refuses one that the machine does not have, such as ::1."""
         return self.hosts if self.hosts != LOOPBACK else LOOPBACK[:1]
 
     @property
     def words(self) -> str:
-        """Say who may enter, in a line."""
+        """One line that says who has access."""
         if self.authenticator is None:
             return "to anybody who can reach it, who may do everything"
         access = self.authenticator.access
@@ -57,27 +57,27 @@ class Opening:
 def opening(
     access: str | Path | None = None, hosts: Sequence[str] = (), *, anyone: bool = False
 ) -> Opening:
-    """Read an access file; raises InputInvalid for servers that would be open unguarded.
+    """Read an access file; raises InputInvalid for servers that would be open without protection.
 
-    Without a file clients need the token that only this user can read. `hosts` stand in place of
-    those of the file; `anyone` opens them without file and token, also beyond this machine.
+    Without a file, clients need the token that only this user can read. `hosts` replace those of
+    the file. `anyone` allows everything without file and token, also from other machines.
     """
     if access is not None and anyone:
         raise InputInvalid("--anyone lets everybody in, and --access does not; expected one")
-    said: Access | None = None if access is None else read_access(access)
-    chosen = tuple(dict.fromkeys(hosts)) or (said.listen if said is not None else LOOPBACK)
+    read: Access | None = None if access is None else read_access(access)
+    chosen = tuple(dict.fromkeys(hosts)) or (read.listen if read is not None else LOOPBACK)
     far = ", ".join(host for host in chosen if not is_loopback(host))
-    if far and said is None and not anyone:
+    if far and read is None and not anyone:
         raise InputInvalid(
             f"{far} is beyond this machine, where anybody could step and change the "
             "co-simulation; expected --access FILE that says who may "
             "(see docs/connections/security.md), or --anyone to let everybody in"
         )
-    if far and said is not None and said.tls is None and not said.plain:
+    if far and read is not None and read.tls is None and not read.plain:
         raise InputInvalid(
             f"{far} is beyond this machine, and {access} has no tls, so that passwords and values "
             "can be read on the way; expected tls there, or `tls: none` to do it nevertheless"
         )
     if anyone:
         return Opening(chosen, None)
-    return Opening(chosen, guarded_by_token() if said is None else Authenticator(said))
+    return Opening(chosen, guarded_by_token() if read is None else Authenticator(read))

@@ -1,10 +1,10 @@
-"""What Zenoh itself keeps: TLS, who may subscribe to states, and that nobody speaks for others.
+"""Zenoh's own access control: TLS, the right to subscribe to states, and protection from forgery.
 
-A client opens a session as user `guest` and asks calls, which the bridge answers in words. The
-password of `guest` is the server's token, so that nobody without it can open a session and take a
-place; where an access file names users, it is "guest". One that may read is told on joining a
-second user, `reader`, whose sessions receive states. Zenoh lets no client declare queryables or
-publish, so passwords and states cannot be taken or forged.
+A client opens a session as user `guest` and sends calls as queries, which the bridge answers. The
+password of `guest` is the server's token, so that no other client can open a session and use up a
+place; if an access file names users, the password is "guest". A client that may read gets a second
+user on joining, `reader`, whose sessions receive states. Zenoh lets no client declare queryables or
+publish, so passwords cannot be intercepted and states cannot be forged.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from uuvsim_cosim.bridge.access.access_file import Access
 
@@ -44,18 +43,21 @@ def reader_password() -> str:
 
 
 def endpoints(hosts: Sequence[str], port: int, *, tls: bool) -> list[str]:
-    """Return where Zenoh listens or connects."""
+    """Return the endpoints at which Zenoh listens or connects."""
     shown = (f"[{host}]" if ":" in host else host for host in hosts)
     return [f"{'tls' if tls else 'tcp'}/{host}:{port}" for host in shown]
 
 
 @contextmanager
-def guarded(access: Access | None, reader: str) -> Iterator[dict[str, Any]]:
-    """Return the settings of a session that listens; the file of users exists meanwhile only."""
+def guarded(access: Access | None, reader: str) -> Iterator[dict[str, object]]:
+    """Yield the settings of a session that listens.
+
+    The file of users exists only until the context ends; Zenoh reads it when the session opens.
+    """
     if access is None:
         yield {}
         return
-    settings: dict[str, Any] = {"access_control": _rules(access)}
+    settings: dict[str, object] = {"access_control": _rules(access)}
     if access.tls is not None:
         mutual = access.tls.ca is not None
         settings["transport/link/tls"] = {
@@ -69,10 +71,10 @@ def guarded(access: Access | None, reader: str) -> Iterator[dict[str, Any]]:
 
 
 @contextmanager
-def guarded_component(token: str) -> Iterator[dict[str, Any]]:
-    """Return the settings of a session that serves a component to those who have the token.
+def guarded_component(token: str) -> Iterator[dict[str, object]]:
+    """Yield the settings of a session that serves a component to clients with the token.
 
-    They may ask it, and no more.
+    These may only send queries to the component.
     """
     rules = [
         _rule("ask", "ingress", ["query"], [_COMPONENT]),
@@ -92,8 +94,8 @@ def guarded_component(token: str) -> Iterator[dict[str, Any]]:
 
 
 @contextmanager
-def _users(passwords: Mapping[str, str]) -> Iterator[dict[str, Any]]:
-    """Return the setting of Zenoh's users; their file exists meanwhile only."""
+def _users(passwords: Mapping[str, str]) -> Iterator[dict[str, object]]:
+    """Yield the setting of Zenoh's users; their file exists only until the context ends."""
     number, name = tempfile.mkstemp(prefix="uuvsim-")  # readable by this user only
     try:
         with os.fdopen(number, "w", encoding="ascii") as file:
@@ -109,14 +111,14 @@ def client_settings(
     ca: str | Path | None = None,
     certificate: str | Path | None = None,
     key: str | Path | None = None,
-) -> dict[str, Any]:
-    """Return the settings of a session that connects; `user` is one of Zenoh's two."""
-    settings: dict[str, Any] = {}
+) -> dict[str, object]:
+    """Return the settings of a session that connects; `user` is `GUEST` or `READER`."""
+    settings: dict[str, object] = {}
     if user is not None:
         settings["transport/auth/usrpwd"] = {
             "user": user, "password": password, "dictionary_file": None
         }  # fmt: skip
-    tls: dict[str, Any] = {}
+    tls: dict[str, object] = {}
     if ca is not None:
         tls["root_ca_certificate"] = str(ca)
     if certificate is not None:
@@ -129,9 +131,10 @@ def client_settings(
     return settings
 
 
-def _rules(access: Access) -> Mapping[str, Any]:
+def _rules(access: Access) -> Mapping[str, object]:
+    """Return Zenoh's access control for a bridge: everything that no rule allows is denied."""
     names = [] if access.tls is None else list(access.tls.roles)
-    mine = [f"{_BY_CERTIFICATE}/{name}" for name in names]
+    own_keys = [f"{_BY_CERTIFICATE}/{name}" for name in names]
     rules = [
         _rule("ask", "ingress", ["query"], [_CALLS]),
         _rule("answer", "egress", ["declare_queryable", "reply"], [_CALLS, f"{_BY_CERTIFICATE}/*"]),
@@ -140,14 +143,15 @@ def _rules(access: Access) -> Mapping[str, Any]:
         _rule("live", "ingress", ["liveliness_token"], [_CLIENTS]),
         _rule("subscribe", "ingress", ["declare_subscriber"], [_STATES]),
         _rule("publish", "egress", ["put"], [_STATES]),
-        *(_rule(f"is-{k}", "ingress", ["query"], [key]) for k, key in enumerate(mine)),
+        *(_rule(f"is-{k}", "ingress", ["query"], [key]) for k, key in enumerate(own_keys)),
     ]
     reading = [READER, *([GUEST] if "read" in access.anonymous else [])]
-    subjects: list[dict[str, Any]] = [
+    subjects: list[dict[str, object]] = [
         {"id": "all", "usernames": [GUEST, READER]},
         {"id": "reading", "usernames": reading},
-        *({"id": f"is-{k}", "cert_common_names": [name]} for k, name in enumerate(names)),
     ]
+    for k, name in enumerate(names):
+        subjects.append({"id": f"is-{k}", "cert_common_names": [name]})
     policies = [
         {"rules": ["ask", "answer", "look", "lives", "live"], "subjects": ["all"]},
         {"rules": ["subscribe", "publish"], "subjects": ["reading"]},
@@ -162,7 +166,7 @@ def _rules(access: Access) -> Mapping[str, Any]:
     }
 
 
-def _rule(name: str, flow: str, messages: list[str], keys: list[str]) -> dict[str, Any]:
+def _rule(name: str, flow: str, messages: list[str], keys: list[str]) -> dict[str, object]:
     return {
         "id": name,
         "flows": [flow],

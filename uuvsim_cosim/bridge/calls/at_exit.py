@@ -1,7 +1,7 @@
-"""What is left open is closed when Python ends, before it waits for threads.
+"""Closing of objects that are still open when Python ends, before Python joins its threads.
 
-`atexit` comes too late: Python first joins every thread, and one that waits for a message which
-nobody will send keeps it from ever ending.
+`atexit` comes too late: Python first joins every thread. A thread that waits for a message which
+nobody will send would keep Python from ever ending.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ def close_at_exit(closing: _Closing) -> None:
 
 def _close_all() -> None:
     for _, closing in sorted(_open.items(), reverse=True):
-        with contextlib.suppress(Exception):  # nobody is left to be told
+        with contextlib.suppress(Exception):  # nobody could handle the error any more
             closing.close()
 
 
 # Runs before threads are joined. There is no public name for it; `concurrent.futures` uses it too.
 threading._register_atexit(_close_all)  # type: ignore[attr-defined]
-if hasattr(os, "register_at_fork"):  # threads and connections are of the parent, not of its child
+if hasattr(os, "register_at_fork"):  # a forked child does not own its parent's connections
     os.register_at_fork(after_in_child=_open.clear)

@@ -1,7 +1,7 @@
-"""The table of calls: the permission that each call needs, and the fields that it takes.
+"""The table of calls: the permission that each call needs, and the fields that it accepts.
 
-TCP, HTTP and Zenoh look up each request here. So the same request is right or wrong over each of
-them, and is refused with the same message.
+TCP, HTTP and Zenoh look up each request here. The same request is therefore valid or invalid over
+all of them, and is refused with the same message.
 """
 
 from __future__ import annotations
@@ -26,91 +26,88 @@ NAME_MAX = 64  # letters of a client's name
 
 @dataclass(frozen=True)
 class Field:
-    """One field of a call: how its value is read, and whether it must be given.
+    """One field of a call: how its value is read, and whether it is required.
 
-    `read` returns the value, or raises ValueError. `expected` completes the message. In an empty
-    list, MATLAB's JSON says that a number is not given.
+    `read` returns the value, or raises ValueError. `expected` completes the error message. MATLAB's
+    JSON writes a number that is not given as an empty list.
     """
 
-    read: Callable[[Any], Any]
+    read: Callable[[object], object]
     expected: str
     required: bool = False
 
 
 @dataclass(frozen=True)
 class Call:
-    """One call: the permission that it needs, its fields, and which of them holds values."""
+    """One call: the permission that it needs, its fields, and the field that holds values."""
 
     needs: str | None = None
     fields: Mapping[str, Field] = field(default_factory=dict)
     values: str | None = None
 
 
-def _names(read: Any) -> list[str]:
-    names = [read] if isinstance(read, str) else read
+def _names(value: object) -> list[str]:
+    names = [value] if isinstance(value, str) else value
     if not isinstance(names, list) or not all(isinstance(n, str) for n in names):
         raise ValueError
     return names
 
 
-def _number(read: Any) -> float:
-    if isinstance(read, bool) or not isinstance(read, int | float):
+def _number(value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
         raise ValueError
-    number = float(read)  # OverflowError for an integer beyond float64
+    number = float(value)  # OverflowError for an integer beyond float64
     if not math.isfinite(number):
         raise ValueError
     return number
 
 
-def _integer(read: Any) -> int:
-    if isinstance(read, bool) or not isinstance(read, int | float) or read != int(read):
+def _integer(value: object) -> int:
+    if isinstance(value, bool) or not isinstance(value, int | float) or value != int(value):
         raise ValueError
-    return int(read)
+    return int(value)
 
 
-def whole(read: Any) -> int:
-    """Return a number of communication steps; raises ValueError if it is none."""
-    if not 1 <= _integer(read) <= STEPS_MAX:
+def whole(value: object) -> int:
+    """Return a number of communication steps; raises ValueError if the value is none."""
+    count = _integer(value)
+    if not 1 <= count <= STEPS_MAX:
         raise ValueError
-    return int(read)
+    return count
 
 
-def _text(read: Any) -> str:
-    if not isinstance(read, str):
+def _text(value: object) -> str:
+    if not isinstance(value, str):
         raise ValueError
-    return read
+    return value
 
 
-def _client_name(read: Any) -> str:
-    if not isinstance(read, str) or not 0 < len(read) <= NAME_MAX:
+def _client_name(value: object) -> str:
+    if not 0 < len(_text(value)) <= NAME_MAX:
         raise ValueError
-    return read
+    return _text(value)
 
 
-def _truth(read: Any) -> bool:
-    if not isinstance(read, bool):
+def _boolean(value: object) -> bool:
+    if not isinstance(value, bool):
         raise ValueError
-    return read
+    return value
 
 
-def _lag(read: Any) -> float:
-    lag = _number(read)
-    if not 0 < lag <= LAG_MAX:
+def _lag(value: object) -> float:
+    if not 0 < _number(value) <= LAG_MAX:
         raise ValueError
-    return lag
+    return _number(value)
 
 
-def _values(read: Any) -> dict[str, Any]:
-    if not isinstance(read, Mapping) or not all(isinstance(name, str) for name in read):
+def _values(value: object) -> dict[str, object]:
+    if not isinstance(value, Mapping) or not all(isinstance(name, str) for name in value):
         raise ValueError
-    return dict(read)
+    return dict(value)
 
 
-def _mapping(read: Any) -> dict[str, str]:
-    mapping = _values(read)
-    if not all(isinstance(name, str) for name in mapping.values()):
-        raise ValueError
-    return mapping
+def _mapping(value: object) -> dict[str, str]:
+    return {name: _text(other) for name, other in _values(value).items()}
 
 
 NAMES = Field(_names, "a list of names")
@@ -160,17 +157,17 @@ CALLS: dict[str, Call] = {
         None,
         {
             "name": Field(_client_name, NAME),
-            "lockstep": Field(_truth, "true or false"),
+            "lockstep": Field(_boolean, "true or false"),
             "lag": Field(_lag, f"seconds, more than 0 and at most {LAG_MAX:g}"),
         },
     ),
     "leave": Call(),
 }
-"""All calls. A field that is null counts as not given."""
+"""All calls. A field whose value is null counts as not given."""
 
 
-def checked(name: object, request: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields that a request gives, each in its type.
+def checked(name: object, request: Mapping[str, object]) -> dict[str, Any]:
+    """Return the fields of a request, each converted to its type.
 
     Raises InputInvalid for an unknown call, an unknown or missing field, and a wrong value.
     """
@@ -187,30 +184,32 @@ def checked(name: object, request: Mapping[str, Any]) -> dict[str, Any]:
                 f"expected some of {', '.join(fields) or 'none'}"
             )
     found: dict[str, Any] = {}
-    for key, kind in fields.items():
+    for key, expectation in fields.items():
         value = request.get(key)
-        if value is None or (isinstance(value, list) and not value and kind.read is not _names):
-            if kind.required:
-                raise InputInvalid(f"{name}: {key} is missing; expected {kind.expected}")
+        # For a list of names, an empty list is a value; for all other fields MATLAB means "none".
+        empty = isinstance(value, list) and not value and expectation.read is not _names
+        if value is None or empty:
+            if expectation.required:
+                raise InputInvalid(f"{name}: {key} is missing; expected {expectation.expected}")
             continue
         try:
-            found[key] = kind.read(value)
+            found[key] = expectation.read(value)
         except (ValueError, OverflowError):
             raise InputInvalid(
-                f"{name}: {key} {shown(value)} was read; expected {kind.expected}"
+                f"{name}: {key} {shown(value)} was read; expected {expectation.expected}"
             ) from None
     return found
 
 
 def arguments(
     name: object,
-    request: Mapping[str, Any],
+    request: Mapping[str, object],
     tick: Callable[[], Fraction],
     now: Callable[[], int],
 ) -> tuple[Any, ...]:
-    """Return what the service takes for a call behind the client.
+    """Return the arguments of a call of the service, without the first one, which is the client.
 
-    `tick` returns the communication step [s], `now` the present communication point. Raises
+    `tick` returns the communication step [s], `now` the current communication point. Raises
     InputInvalid as `checked` does, and for a time that is no multiple of the communication step.
     """
     found = checked(name, request)
@@ -240,7 +239,7 @@ def arguments(
     return tuple(found.values())
 
 
-def _one_of(name: str, found: Mapping[str, Any], one: str, other: str) -> None:
+def _one_of(name: str, found: Mapping[str, object], one: str, other: str) -> None:
     if one in found and other in found:
         raise InputInvalid(f"{name}: both {one} and {other} were given; expected one of them")
 
@@ -257,30 +256,27 @@ def steps_of(dt: float, tick: Fraction) -> int:
 
 
 def read_object(data: bytes, what: str) -> dict[str, Any]:
-    """Read a JSON object that a client sent; no bytes are an empty one.
+    """Read a JSON object that a client sent; empty data is an empty object.
 
-    Raises InputInvalid for another text, for NaN and infinity, which JSON does not have, and for a
+    Raises InputInvalid for other text, for NaN and infinity, which JSON does not have, and for a
     name that occurs twice in one object.
     """
+
+    def no_constant(name: str) -> float:
+        raise ValueError(f"{name} is no JSON")
+
+    def once(pairs: list[tuple[str, object]]) -> dict[str, object]:
+        found: dict[str, object] = {}
+        for name, value in pairs:
+            if name in found:
+                raise ValueError(f"{name[:80]!r} is given twice")
+            found[name] = value
+        return found
+
     try:
-        read = (
-            json.loads(data, parse_constant=_no_constant, object_pairs_hook=_once) if data else {}
-        )
+        read = json.loads(data, parse_constant=no_constant, object_pairs_hook=once) if data else {}
     except (ValueError, RecursionError) as error:
         raise InputInvalid(f"{what}: not JSON ({error}); expected a JSON object") from None
     if not isinstance(read, dict):
         raise InputInvalid(f"{what}: a JSON {type(read).__name__} was read; expected an object")
-    return read
-
-
-def _no_constant(name: str) -> float:
-    raise ValueError(f"{name} is no JSON")
-
-
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    read: dict[str, Any] = {}
-    for name, value in pairs:
-        if name in read:
-            raise ValueError(f"{name[:80]!r} is given twice")
-        read[name] = value
     return read

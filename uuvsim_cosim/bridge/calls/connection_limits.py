@@ -1,8 +1,8 @@
-"""The places of one transport: silent connections cannot take those of clients.
+"""Limits of the connections of one transport: silent connections cannot displace clients.
 
-A connection is a stranger until it has shown that it may enter. Strangers have places of their own;
-when all are taken, the newest comes in and the oldest must go. A client that was let in keeps its
-place, and gives it up only where the transport calls it idle.
+A connection is a stranger until it is authenticated. Strangers have places of their own; when all
+of these are occupied, a new stranger displaces the oldest. An authenticated client keeps its place,
+and gives it up only while the transport calls it idle.
 """
 
 from __future__ import annotations
@@ -19,34 +19,34 @@ __all__ = ["Limits", "Places"]
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of one client at a server, so that no client can slow or stop the others."""
+    """Limits of one client at a server, so that no client can slow down or block the others."""
 
     clients: int = 32
-    strangers: int = 128  # connections that have not shown yet that they may enter
-    hello_s: float = 5.0  # a client says who it is within this time, or is let go
-    frame_s: float = 10.0  # a frame that has begun ends within this time, in both directions
+    strangers: int = 128  # connections that are not authenticated yet
+    hello_s: float = 5.0  # time in which a client must authenticate, else it is disconnected
+    frame_s: float = 10.0  # time in which a frame that has begun must end, in both directions
     header_bytes: int = 1 << 20
     payload_bytes: int = 8 << 20
-    unknown_bytes: int = 1 << 16  # of one that has not shown yet that it may enter
+    unknown_bytes: int = 1 << 16  # of a request of a client that is not authenticated yet
     answer_bytes: int = 512 << 20  # of numbers: a longer run is refused before it begins
-    calls_per_s: float = 5000.0  # of calls that do not step; faster ones are made to wait
+    calls_per_s: float = 5000.0  # of calls that do not step; faster clients are delayed
     connections_per_s: float = 200.0
-    patience_s: float = 1.0  # where all places are taken, an idle HTTP client gives up its own
+    patience_s: float = 1.0  # idle time after which an HTTP client can lose its place to another
 
 
 @final
 class Places:
-    """The connections of one transport, from any thread."""
+    """The connections of one transport; all methods may be called from any thread."""
 
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
         self._lock = threading.Lock()
         self._strangers: dict[socket.socket, None] = {}  # the oldest first
         self._clients: set[socket.socket] = set()
-        self._idle: dict[socket.socket, float] = {}  # clients that ask nothing now, since when
+        self._idle: dict[socket.socket, float] = {}  # idle client -> since when, the oldest first
 
     def enter(self, connection: socket.socket) -> bool:
-        """Take a stranger's place; False if clients have all places, so that none can follow."""
+        """Give a connection a stranger's place; return False if all clients' places are in use."""
         with self._lock:
             if self._full():
                 return False
@@ -58,7 +58,7 @@ class Places:
             return True
 
     def let_in(self, connection: socket.socket) -> bool:
-        """Move a connection to a client's place; return False if there is none, or it has ended."""
+        """Move a connection to a client's place; return False if none is free, or it has ended."""
         with self._lock:
             if connection in self._clients:
                 self._idle.pop(connection, None)
@@ -75,14 +75,14 @@ class Places:
             return True
 
     def idle(self, connection: socket.socket) -> None:
-        """Note that a client asks nothing now: others may have its place after a while."""
+        """Note that a client has no request now: others may get its place after `patience_s`."""
         with self._lock:
             if connection in self._clients:
                 self._idle.pop(connection, None)
                 self._idle[connection] = time.monotonic()
 
     def swap(self, plain: socket.socket, secured: socket.socket) -> bool:
-        """Put a connection under TLS in its place; False if it was let go meanwhile."""
+        """Replace a connection by its TLS connection; return False if it was ended meanwhile."""
         with self._lock:
             here = plain in self._strangers
             self._strangers.pop(plain, None)

@@ -1,7 +1,7 @@
-"""What a client may ask of a running co-simulation, over any transport.
+"""The calls that a client can make to a running co-simulation, over any transport.
 
 Every transport (Zenoh, TCP, HTTP) turns a request into one of these calls, and the result into its
-own form. Names are those of a local master, "hull.eta"; values are numpy arrays of the
+own format. Names are those of a local master, "hull.eta"; values are numpy arrays of the
 variable's shape and type, in its unit.
 """
 
@@ -33,7 +33,7 @@ class SignalInfo:
 
 @final
 class Schema(Sequence[SignalInfo]):
-    """All variables; it does not change, so what follows from it is built once."""
+    """All variables. A schema never changes, so that derived data is computed once."""
 
     def __init__(self, signals: Iterable[SignalInfo]) -> None:
         self._signals = tuple(signals)
@@ -63,7 +63,7 @@ class Schema(Sequence[SignalInfo]):
 
 @dataclass(frozen=True)
 class Client:
-    """Who asks: a name of its own choice (made unique), the transport, and what its role allows.
+    """A client: a name that it chooses (made unique), its transport, and its permissions.
 
     `answer_bytes` is the largest recording of a run that its connection can carry; None for a
     client in this process.
@@ -77,7 +77,7 @@ class Client:
 
 @dataclass(frozen=True)
 class Moment:
-    """Where a co-simulation is: every answer and every published block carries it."""
+    """Communication point and run state; every answer and every published block carries them."""
 
     tick: int
     time: float  # s
@@ -87,12 +87,13 @@ class Moment:
 class Service(Protocol):
     """The calls. Each may come from any thread; they are carried out one after another.
 
-    Every call raises UuvsimError for what cannot be done, in words that name the place, what was
-    read and what would be right (near names for unknown ones), also when a role does not allow it.
+    A call that cannot be carried out, or that the client's role does not allow, raises UuvsimError.
+    Its message names the place, the value that was read, and what was expected (similar names for
+    an unknown one).
     """
 
     def moment(self) -> Moment:
-        """Say where the co-simulation is."""
+        """Return the current communication point."""
 
     def describe(self) -> Mapping[str, Any]:
         """Return the system: name, version, tick, components with kind and step, clients, mode."""
@@ -101,22 +102,23 @@ class Service(Protocol):
         """List all variables."""
 
     def get(self, client: Client, names: Sequence[str]) -> Mapping[str, Any]:
-        """Read variables at the present communication point."""
+        """Read variables at the current communication point."""
 
-    def set(self, client: Client, values: Mapping[str, Any]) -> Moment:
+    def set(self, client: Client, values: Mapping[str, object]) -> Moment:
         """Set unconnected inputs and tunable parameters, all or none."""
 
     def step(
         self,
         client: Client,
         n: int = 1,
-        inputs: Mapping[str, Any] | None = None,
+        inputs: Mapping[str, object] | None = None,
         outputs: Sequence[str] = (),
     ) -> tuple[Moment, Mapping[str, Any]]:
-        """Set inputs, make n communication steps, and give outputs.
+        """Set inputs, make n communication steps, and return outputs.
 
-        In lockstep with other clients this waits until all who hold the barrier have asked for
-        their step; the smallest request is made for all, and who asked for more waits on.
+        In lockstep with other clients, the call waits until all clients that hold the barrier have
+        requested a step. The smallest number of steps is made for all; a client that requested
+        more keeps waiting.
         """
 
     def run(
@@ -126,39 +128,39 @@ class Service(Protocol):
         factor: float | None = None,
         record: Sequence[str] = (),
     ) -> Mapping[str, np.ndarray]:
-        """Run to a time [s] as fast as can be (factor None) or at a factor of real time.
+        """Run to a time [s] as fast as possible (factor None) or at a factor of real time.
 
-        Gives the time and the recorded signals, one row a communication point. Without `until`
-        it streams on until `pause`, and gives nothing.
+        Returns the time and the recorded signals, one row for each communication point. Without
+        `until` it streams until `pause`, and returns nothing.
         """  # fmt: skip
 
     def pause(self, client: Client) -> Moment:
         """Stop streaming at a communication point."""
 
     def reset(
-        self, client: Client, seed: int | None = None, start: Mapping[str, Any] | None = None
+        self, client: Client, seed: int | None = None, start: Mapping[str, object] | None = None
     ) -> Moment:
         """Go back to the start, with another seed or other start values."""
 
     def snapshot(self, client: Client) -> str:
-        """Keep the whole state, under a name that is given, until it is discarded."""
+        """Store the whole state until it is discarded; return the name of the snapshot."""
 
     def restore(self, client: Client, snapshot: str) -> Moment:
         """Go back to a snapshot."""
 
     def discard(self, client: Client, snapshot: str) -> Moment:
-        """Forget a snapshot."""
+        """Delete a snapshot."""
 
     def replace(
         self, client: Client, component: str, source: str, mapping: Mapping[str, str] | None = None
     ) -> Moment:
-        """Put another source in a component's place; the run begins anew."""
+        """Replace the source of a component; the run begins again from the start."""
 
     def join(self, client: Client, *, lockstep: bool = False, lag: float = 5.0) -> Client:
-        """Enter a client; with `lockstep` it holds the barrier, and is dropped after `lag` s."""
+        """Add a client; with `lockstep` it holds the barrier, and is dropped after `lag` s."""
 
     def leave(self, client: Client) -> None:
-        """Let a client go; the barrier no longer waits for it."""
+        """Remove a client; the barrier no longer waits for it."""
 
     def dismiss(self, client: Client, name: str) -> Moment:
-        """Take the barrier from another client, which is told so at its next step."""
+        """Remove another client from the barrier; its next step raises an error."""

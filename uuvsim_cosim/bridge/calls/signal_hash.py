@@ -1,9 +1,8 @@
-"""The content hash of a set of signals: a client that was made for one finds out about another."""
+"""The content hash of a set of signals: a client detects that it was made for other signals."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any
 
 from uuvsim_cosim.bridge.calls.service import SignalInfo
 from uuvsim_cosim.cache import content_hash
@@ -11,8 +10,8 @@ from uuvsim_cosim.cache import content_hash
 __all__ = ["entry", "interface_hash"]
 
 
-def entry(info: SignalInfo) -> Mapping[str, Any]:
-    """Return what a layout says of a signal."""
+def entry(info: SignalInfo) -> Mapping[str, object]:
+    """Return the entry of a signal in a layout."""
     return {"name": info.name, "type": info.type, "shape": list(info.shape)}
 
 

@@ -1,7 +1,7 @@
-"""How clients share the server's time: calls at a limited rate, and reading beside stepping.
+"""Sharing of the server's processor time: a rate limit for calls, and a share for reading calls.
 
-A server is one process. While it answers a client that reads, it cannot step. Reading calls
-therefore wait for each other as long as other clients step: together they get a fixed share.
+A server is one process: while it answers a reading call, it cannot step. While other clients step,
+reading calls are therefore delayed, so that all of them together get a fixed share of the time.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ READS = frozenset(name for name, call in CALLS.items() if call.needs == "read") 
 _SHARE = 0.04  # of the time; measured by benchmarks/readers.py
 _WAKES = 0.0005  # [s] that waking another thread costs the stepping, beside its own work
 _RECENT = 0.5  # [s] after its last step for which a client counts as stepping
-_OWN = 1.0  # [s] after its last step for which a client's own reading does not wait
-_FIRST = 0.0005  # [s] that a reading call takes, until some have been measured
+_OWN = 1.0  # [s] after its last step for which a client's own reading calls do not wait
+_FIRST = 0.0005  # [s] first estimate of the duration of a reading call
 _LONGEST = 1.0  # [s] that a reading call waits at most
-_LEAST, _LOOK = 0.0005, 0.05  # [s] between two looks whether a turn has come
+_LEAST, _LOOK = 0.0005, 0.05  # [s] shortest and longest sleep of a call that waits for its turn
 
 
 @final
 class Pace:
-    """A limit of calls a second for one connection: those beyond it wait."""
+    """A limit of calls per second for one connection; calls beyond it wait (a token bucket)."""
 
     def __init__(
         self,
@@ -40,25 +40,25 @@ class Pace:
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self._rate, self._clock, self._sleep = rate, clock, sleep
-        self._left, self._last = rate, clock()
+        self._tokens, self._last = rate, clock()
 
     def wait(self) -> None:
         """Count a call, and sleep until it may be answered."""
         now = self._clock()
-        self._left = min(self._left + (now - self._last) * self._rate, self._rate) - 1
+        self._tokens = min(self._tokens + (now - self._last) * self._rate, self._rate) - 1
         self._last = now
-        if self._left < 0:
-            self._sleep(-self._left / self._rate)
+        if self._tokens < 0:
+            self._sleep(-self._tokens / self._rate)
 
 
 @final
 class Share:
-    """The part of the server's processor time that reading calls get while other clients step.
+    """The share of the server's processor time that reading calls get while other clients step.
 
-    A reading call is given a turn: the next instant of processor time at which the share allows
-    one. Turns follow each other in the order in which they are asked for, whoever asks. `hurries`
-    returns whether a run steps without waiting for the clock. `busy` is the processor time [s] of
-    the process: on a loaded machine it advances slower than the clock, and so do the turns.
+    A reading call gets a turn: the next instant of processor time at which the share allows one.
+    Turns are given in the order of the requests, for all clients together. `hurries` returns
+    whether a run steps without waiting for the clock. `busy` is the processor time [s] of the
+    process: on a loaded machine it advances slower than the clock, and so do the turns.
     """
 
     def __init__(
@@ -70,16 +70,17 @@ class Share:
     ) -> None:
         self._hurries, self._clock, self._busy, self._sleep = hurries, clock, busy, sleep
         self._lock = threading.Lock()
-        self._steppers: dict[int, tuple[Client, float]] = {}  # kept, so that an id stays its own
+        # By id, with the client itself: as long as it is referenced, its id is not used again.
+        self._steppers: dict[int, tuple[Client, float]] = {}
         self._next = 0.0
         self._takes = _FIRST
 
     def steps(self, client: Client) -> None:
-        """Note that a client asks for a step."""
+        """Note that a client requests a step."""
         self._steppers[id(client)] = (client, self._clock())
 
     def turn(self, client: Client) -> float | None:
-        """Return the turn of a reading call; None if it need not wait."""
+        """Return the turn of a reading call; None if it does not have to wait."""
         now = self._busy()
         with self._lock:
             if not self._must_wait(client):
@@ -89,12 +90,12 @@ class Share:
         return begins
 
     def wait(self, client: Client, turn: float | None) -> None:
-        """Sleep until a turn has come, nobody else steps any more, or too long has passed."""
+        """Sleep until the turn; at most `_LONGEST`, and only while other clients step."""
         end = self._clock() + _LONGEST
-        while turn is not None and (left := turn - self._busy()) > 0.0:
+        while turn is not None and (remaining := turn - self._busy()) > 0.0:
             if self._clock() >= end or not self._must_wait(client):
                 return
-            self._sleep(min(max(left, _LEAST), _LOOK))
+            self._sleep(min(max(remaining, _LEAST), _LOOK))
 
     def took(self, client: Client, seconds: float) -> None:
         """Note the processor time [s] of a reading call in the thread that sends its answer."""
@@ -123,6 +124,9 @@ class Share:
 
 
 def share_of(service: Service) -> Share:
-    """Return the share of a service, which all its endpoints use; one that never waits without."""
+    """Return the share that all endpoints of a service use; without one, a share that never waits.
+
+    A `Conductor` has one; other services need not.
+    """
     share = getattr(service, "share", None)
     return share if isinstance(share, Share) else Share(lambda: False)

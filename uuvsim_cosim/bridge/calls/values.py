@@ -1,4 +1,4 @@
-"""Values of variables as columns of numbers, or as JSON, and back."""
+"""Conversion of variables' values to columns of numbers or to JSON, and back."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import json
 import math
 import mmap
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -21,12 +20,12 @@ __all__ = [
 ]  # fmt: skip
 
 _INTEGERS = {"Int64": "int64", "UInt64": "uint64", "Enumeration": "int64"}
-_EXACT = 1 << 53  # integers up to here are float64 exactly
-_PIECE = 1 << 13  # numbers that are converted at once; other threads wait for so long at most
+_EXACT = 1 << 53  # float64 represents all integers up to this one exactly
+_PIECE = 1 << 13  # numbers that are converted at once; other threads wait meanwhile
 
 
 def find(schema: Mapping[str, SignalInfo], name: str) -> SignalInfo:
-    """Look a variable up; raises InputInvalid with near names."""
+    """Look a variable up; raises InputInvalid with similar names."""
     found = schema.get(name)
     if found is None:
         raise InputInvalid(f"signal {shown(name)} does not exist{did_you_mean(name, schema)}")
@@ -34,7 +33,7 @@ def find(schema: Mapping[str, SignalInfo], name: str) -> SignalInfo:
 
 
 def shown(value: object) -> str:
-    """Write a value for a message, cut where it is long."""
+    """Format a value for a message; a long text is cut."""
     text = repr(value)
     return text if len(text) <= 80 else f"{text[:80]}…"
 
@@ -48,28 +47,27 @@ def format_of(type_: str) -> str | None:
 
 
 def columns_of(
-    values: Mapping[str, Any], schema: Mapping[str, SignalInfo], *, integers: bool = False
-) -> tuple[list[dict[str, Any]], list[dict[str, str]], list[np.ndarray]]:
+    values: Mapping[str, object], schema: Mapping[str, SignalInfo], *, integers: bool = False
+) -> tuple[list[dict[str, object]], list[dict[str, str]], list[np.ndarray]]:
     """Return the columns (name, type, shape), the texts, and the arrays of all numbers.
 
-    With `integers`, each column has a `format`: int64 or uint64 where its integers are sent as
-    such, else float64.
+    With `integers`, each column has a `format`: int64 or uint64 if its integers are sent as such,
+    else float64.
     """
-    columns: list[dict[str, Any]] = []
+    columns: list[dict[str, object]] = []
     texts: list[dict[str, str]] = []
     arrays: list[np.ndarray] = []
     for name, value in values.items():
         array = array_of(name, value)
         if array.dtype.kind not in "fiub":
-            texts.append({"name": name, "value": _text(value)})
+            flat = np.asarray(value).ravel().tolist()
+            text = ", ".join(v.hex() if isinstance(v, bytes) else str(v) for v in flat)
+            texts.append({"name": name, "value": text})
             continue
         info = schema.get(name) or schema.get(split_element_name(name)[0])
-        column: dict[str, Any] = {
-            "name": name,
-            "type": "Float64" if info is None else info.type,
-            "shape": list(array.shape),
-        }
-        exact = format_of(column["type"]) if integers else None
+        type_ = "Float64" if info is None else info.type
+        column: dict[str, object] = {"name": name, "type": type_, "shape": list(array.shape)}
+        exact = format_of(type_) if integers else None
         if integers:
             column["format"] = exact or "float64"
         if exact is not None:
@@ -83,8 +81,11 @@ def columns_of(
     return columns, texts, arrays
 
 
-def array_of(name: str, value: Any) -> np.ndarray:
-    """Return a value as an array; raises InputInvalid for Booleans among numbers: NumPy reads 1."""
+def array_of(name: str, value: object) -> np.ndarray:
+    """Return a value as an array; raises InputInvalid for Booleans among numbers.
+
+    NumPy would read such a Boolean as 0 or 1.
+    """
     array: np.ndarray = np.asanyarray(value)
     if isinstance(value, list | tuple) and array.dtype.kind in "fiu":
         flat = np.array(value, dtype=object).ravel()
@@ -94,7 +95,7 @@ def array_of(name: str, value: Any) -> np.ndarray:
 
 
 def numbers_of(array: np.ndarray) -> bytes:
-    """Return numbers as 8 bytes each: int64 and uint64 as they are, all others as float64."""
+    """Return numbers as 8 bytes each: int64 and uint64 unchanged, all others as float64."""
     kept = array.dtype.kind in "iu" and array.dtype.itemsize == 8
     return np.ascontiguousarray(array, array.dtype.newbyteorder("<") if kept else "<f8").tobytes()
 
@@ -113,16 +114,13 @@ def _check_exact(name: str, array: np.ndarray) -> None:
             )
 
 
-def _text(value: Any) -> str:
-    flat = np.asarray(value).ravel().tolist()
-    return ", ".join(v.hex() if isinstance(v, bytes) else str(v) for v in flat)
-
-
-def unpacked(columns: object, payload: bytes, schema: Mapping[str, SignalInfo]) -> dict[str, Any]:
+def unpacked(
+    columns: object, payload: bytes, schema: Mapping[str, SignalInfo]
+) -> dict[str, np.ndarray]:
     """Return the values that a request's columns name, from its payload of 8 bytes a number."""
     if not isinstance(columns, list):
         raise InputInvalid("columns: expected a list of objects with name and shape")
-    values: dict[str, Any] = {}
+    values: dict[str, np.ndarray] = {}
     at, count = 0, len(payload) // 8
     for entry in columns:
         name = entry.get("name") if isinstance(entry, dict) else None
@@ -136,12 +134,12 @@ def unpacked(columns: object, payload: bytes, schema: Mapping[str, SignalInfo]) 
             raise InputInvalid(
                 f"{name}: {count - at} numbers are left in the payload; expected {size}"
             )
-        kind = entry.get("format", "float64")
-        if kind not in ("float64", "int64", "uint64"):
+        format_ = entry.get("format", "float64")
+        if format_ not in ("float64", "int64", "uint64"):
             raise InputInvalid(
-                f"{name}: format {shown(kind)} was read; expected float64, int64 or uint64"
+                f"{name}: format {shown(format_)} was read; expected float64, int64 or uint64"
             )
-        numbers = np.frombuffer(payload, np.dtype(kind).newbyteorder("<"), size, 8 * at)
+        numbers = np.frombuffer(payload, np.dtype(format_).newbyteorder("<"), size, 8 * at)
         values[name] = shaped(info, numbers)
         at += size
     if at != count:
@@ -149,7 +147,8 @@ def unpacked(columns: object, payload: bytes, schema: Mapping[str, SignalInfo]) 
     return values
 
 
-def _size(entry: Mapping[str, Any], info: SignalInfo) -> int:
+def _size(entry: Mapping[str, object], info: SignalInfo) -> int:
+    """Return the number of elements of a column, as its `shape` declares them."""
     shape = entry.get("shape", list(info.shape))
     shape = [shape] if isinstance(shape, int | float) else shape
     if not isinstance(shape, list) or not all(
@@ -178,8 +177,8 @@ def shaped(info: SignalInfo, numbers: np.ndarray) -> np.ndarray:
 # ---- JSON -------------------------------------------------------------------------------------
 
 
-def json_of(value: Any) -> Any:
-    """Return a value as JSON has it: lists, and null for a number that is NaN or infinite."""
+def json_of(value: object) -> object:
+    """Convert a value for JSON: arrays to lists, and NaN and infinite numbers to null."""
     if isinstance(value, bytes):
         return value.hex()
     if isinstance(value, Mapping):
@@ -195,8 +194,8 @@ def json_of(value: Any) -> Any:
     return value if value is None or isinstance(value, bool | int | str) else str(value)
 
 
-def json_texts(values: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a JSON object of values piece by piece, so that no answer lies in memory whole."""
+def json_texts(values: Mapping[str, object]) -> Iterator[str]:
+    """Yield a JSON object of values piece by piece, so that its text is never in memory whole."""
     yield "{"
     for i, (name, value) in enumerate(values.items()):
         yield f"{', ' if i else ''}{json.dumps(name)}: "
@@ -205,27 +204,24 @@ def json_texts(values: Mapping[str, Any]) -> Iterator[str]:
             continue
         yield "["
         for k, piece in enumerate(pieces(value)):
-            text = json.dumps(_finite(piece))[1:-1]
+            kind = piece.dtype.kind
+            plain = kind in "iub" or (kind == "f" and np.isfinite(piece).all())
+            text = json.dumps(piece.tolist() if plain else json_of(piece))[1:-1]
             yield f", {text}" if k else text
         yield "]"
     yield "}"
 
 
-def _finite(piece: np.ndarray) -> Any:
-    numbers = piece.dtype.kind in "iub" or (piece.dtype.kind == "f" and np.isfinite(piece).all())
-    return piece.tolist() if numbers else json_of(piece)
-
-
 def pieces(array: np.ndarray) -> Iterator[np.ndarray]:
     """Yield an array by rows, some thousands of numbers at once.
 
-    What lies in a file is read piece by piece, and does not stay in memory.
+    An array that is mapped from a file is read piece by piece, and does not stay in memory.
     """
     if not array.shape:
         yield array
         return
     rows = max(1, _PIECE * len(array) // max(1, array.size))
-    mapped = getattr(array, "_mmap", None)
+    mapped = getattr(array, "_mmap", None)  # of a memmap, and of slices of it
     for at in range(0, len(array), rows):
         yield array[at : at + rows]
         if mapped is not None and hasattr(mmap, "MADV_DONTNEED"):

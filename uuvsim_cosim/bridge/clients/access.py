@@ -1,4 +1,4 @@
-"""A client shows at the Zenoh server who it is, and is told in words why it may not enter."""
+"""Credentials of a client of the Zenoh server, and clear messages if it is refused."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["Credentials"]
 
-Told = tuple[dict[str, Any], dict[str, Any]]
+Reply = tuple[dict[str, Any], dict[str, Any]]  # the fields of an answer, and its values by name
 
 
 @dataclass(frozen=True)
 class Credentials:
-    """What a client shows of itself; all may lack.
+    """Credentials of a client; all are optional.
 
     User and password, the CA that is trusted, a certificate with its key, and the token of a
-    server without an access file; `token` None: the one that this user's programs find.
+    server without an access file. Without `token`, the one in this user's token folder is used.
     """
 
     user: str | None = None
@@ -49,9 +49,9 @@ class Credentials:
     def opened(
         self, host: str, port: int, user: str | None = None, password: str | None = None
     ) -> WrappedSession:
-        """Open a session; raises Disconnected, or InputInvalid with what does not fit.
+        """Open a session; raises Disconnected, or InputInvalid with the reason of the refusal.
 
-        Who serves with an access file asks for one of Zenoh's users, which others do not know.
+        `user` and `password` are those of Zenoh's user `reader`, which a client gets on joining.
         """
         if (self.password is not None) and self.user is None:
             raise InputInvalid("connect: a password without user; expected both")
@@ -68,8 +68,8 @@ class Credentials:
                 return connecting(host, port, client_settings(*one, *files), tls=self.tls)
             except Disconnected as error:
                 refused = error
-        why = _wants_tls(host, port) if context is None else why_refused(host, port, context)
-        self._refuse(host, port, why)
+        reason = why_refused(host, port, context) if context else _wants_tls(host, port)
+        self._refuse(host, port, reason)
         if user is None and isinstance(refused, NoSession):
             required = "a token" if token is None else "another token than this client has"
             place = "their folder of tokens"
@@ -87,14 +87,14 @@ class Credentials:
         return (known_token(host, port) if self.token is None else self.token) or None
 
     @staticmethod
-    def _refuse(host: str, port: int, why: str | None) -> None:
-        if why is not None:
-            raise InputInvalid(f"connect to {host}, port {port}: {why}")
+    def _refuse(host: str, port: int, reason: str | None) -> None:
+        if reason is not None:
+            raise InputInvalid(f"connect to {host}, port {port}: {reason}")
 
     def join(
-        self, ask: Callable[..., Told], joining: dict[str, Any], address: tuple[str, int]
-    ) -> Told:
-        """Join by `ask(key, call, …)`: with user and password, by certificate, or by a token."""
+        self, ask: Callable[..., Reply], joining: dict[str, object], address: tuple[str, int]
+    ) -> Reply:
+        """Join by `ask(key, **fields)`: with user and password, a certificate, or a token."""
         token = self._token(*address)
         if token is not None:
             joining = {**joining, "token": token}
@@ -103,8 +103,8 @@ class Credentials:
         elif self.certificate is not None:
             for name in common_names(self.certificate):
                 if "/" in name or "*" in name or not name:
-                    continue  # no key of Zenoh's
-                try:  # nobody answers where a certificate has another name, or no role
+                    continue  # cannot be a part of Zenoh's key
+                try:  # there is no answer if the certificate has another name, or no role
                     return ask(f"certificate/{name}", **joining)
                 except Disconnected:
                     continue
@@ -112,7 +112,7 @@ class Credentials:
 
 
 def _wants_tls(host: str, port: int) -> str | None:
-    """Say so if a server speaks TLS."""
+    """Return the reason of a refusal if the server speaks TLS."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
     try:

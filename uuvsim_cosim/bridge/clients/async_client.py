@@ -1,4 +1,4 @@
-"""The Python client for asyncio: the same calls, awaited."""
+"""The Python client for asyncio: the calls of `Connection` as coroutines."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ async def connect_async(system: str | None = None, **options: Any) -> AsyncConne
 
 @final
 class AsyncConnection:
-    """A `Connection` whose calls are awaited; they are made in order, one at a time."""
+    """A `Connection` whose calls are coroutines; a thread makes them in order, one at a time."""
 
     def __init__(self, connection: Connection, calls: ThreadPoolExecutor) -> None:
         self.connection = connection
@@ -42,7 +42,7 @@ class AsyncConnection:
 
     @property
     def moment(self) -> Moment:
-        """Say where the co-simulation was at the last answer."""
+        """The communication point at the last answer."""
         return self.connection.moment
 
     @property
@@ -81,7 +81,7 @@ class AsyncConnection:
         """Read a variable, or several by name."""
         return await self._made(partial(self.connection.get, names))
 
-    async def set(self, name: str | Mapping[str, Any], value: Any = None, /) -> Moment:
+    async def set(self, name: str | Mapping[str, object], value: object = None, /) -> Moment:
         """Set unconnected inputs and tunable parameters, all or none."""
         values = {name: value} if isinstance(name, str) else name
         return await self._made(partial(self.connection.set, values))
@@ -89,10 +89,10 @@ class AsyncConnection:
     async def step(
         self,
         n: int = 1,
-        inputs: Mapping[str, Any] | None = None,
+        inputs: Mapping[str, object] | None = None,
         outputs: str | Sequence[str] = (),
     ) -> dict[str, Any]:
-        """Set inputs, make n communication steps, and give outputs."""
+        """Set inputs, make n communication steps, and return outputs."""
         return await self._made(partial(self.connection.step, n, inputs, outputs))
 
     async def run(
@@ -101,21 +101,21 @@ class AsyncConnection:
         factor: float | None = None,
         record: str | Sequence[str] = (),
     ) -> dict[str, np.ndarray]:
-        """Run to a time [s], or stream on until `pause`."""
+        """Run to a time [s], or stream until `pause`."""
         return await self._made(partial(self.connection.run, until, factor, record))
 
     async def pause(self) -> Moment:
-        """Stop streaming at a communication point; also a run that is awaited meanwhile."""
+        """Stop streaming at a communication point; also stops a run that another task awaits."""
         return await asyncio.to_thread(self.connection.pause)
 
     async def reset(
-        self, seed: int | None = None, start: Mapping[str, Any] | None = None
+        self, seed: int | None = None, start: Mapping[str, object] | None = None
     ) -> Moment:
         """Go back to the start, with another seed or other start values."""
         return await self._made(partial(self.connection.reset, seed, start))
 
     async def snapshot(self) -> str:
-        """Keep the whole state, under a name that is given."""
+        """Store the whole state; return the name of the snapshot."""
         return await self._made(self.connection.snapshot)
 
     async def restore(self, snapshot: str) -> Moment:
@@ -123,21 +123,21 @@ class AsyncConnection:
         return await self._made(partial(self.connection.restore, snapshot))
 
     async def discard(self, snapshot: str) -> Moment:
-        """Forget a snapshot."""
+        """Delete a snapshot."""
         return await self._made(partial(self.connection.discard, snapshot))
 
     async def dismiss(self, name: str) -> Moment:
-        """Take the lockstep barrier from another client."""
+        """Remove another client from the lockstep barrier."""
         return await self._made(partial(self.connection.dismiss, name))
 
     async def replace(
         self, component: str, source: str, mapping: Mapping[str, str] | None = None
     ) -> Moment:
-        """Put another source in a component's place; the run begins anew."""
+        """Replace the source of a component; the run begins again from the start."""
         return await self._made(partial(self.connection.replace, component, source, mapping))
 
     async def subscribe(self, *names: str, keep: int = 1024) -> AsyncIterator[Block]:
-        """Return the blocks of states as they come."""
+        """Yield the blocks of states as they arrive."""
         blocks = await self._made(partial(self.connection.subscribe, *names, keep=keep))
         try:
             while (block := await asyncio.to_thread(next, blocks, None)) is not None:

@@ -1,4 +1,4 @@
-"""The Python client: a running co-simulation elsewhere, with the names of a local one."""
+"""The Python client of a running co-simulation in another process or on another machine."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 from uuvsim_cosim._version import __version__
 from uuvsim_cosim.bridge.calls.call_table import checked
 from uuvsim_cosim.bridge.calls.service import Moment, SignalInfo
-from uuvsim_cosim.bridge.clients.access import Credentials
+from uuvsim_cosim.bridge.clients.access import Credentials, Reply
 from uuvsim_cosim.bridge.clients.queries import Asking
 from uuvsim_cosim.bridge.clients.subscription import Subscription
 from uuvsim_cosim.bridge.zenoh.codec import PROTOCOL, error_of, packed, read_message, unpacked
@@ -42,13 +42,13 @@ def connect(
 ) -> Connection:
     """Connect to a co-simulation that `uuvsim serve` or a `Bridge` runs.
 
-    `system` need not be given where there is one only. With `lockstep`, time moves only when this
-    client and all others in lockstep have asked for their step; after `lag` seconds of silence
-    the others go on as the co-simulation is configured. `user` and `password`, the PEM files `ca`
-    (then TLS is spoken), `certificate` and `key` where who serves asks for them. `token` is that of
-    a server without an access file; a server of this user on this machine needs none here, because
-    its token is found. Raises Disconnected if nobody is there, InputInvalid in words if it may not
-    enter.
+    `system` is needed only if the server has several. With `lockstep`, time advances only when this
+    client and all others in lockstep have requested their step; after `lag` seconds without a
+    request, the fail-safe of the co-simulation decides how the others continue. `user` and
+    `password`, and the PEM files `ca` (with it, TLS is used), `certificate` and `key` are needed if
+    the server asks for them. `token` is that of a server without an access file; for a server of
+    this user on this machine, it is found automatically. Raises Disconnected if there is no server,
+    InputInvalid with the reason if the client is refused.
     """
     if isinstance(port, bool) or not isinstance(port, int) or not 0 < port < 1 << 16:
         raise InputInvalid(f"connect: port {port!r}; expected a whole number, 1 to 65535")
@@ -56,8 +56,19 @@ def connect(
     credentials = Credentials(user, password, ca, certificate, key, token)
     session = credentials.opened(host, port)
     try:
-        found = _found(session, system, host, port)
-        return Connection(session, found, name, lockstep, lag, credentials, (host, port))
+        served = sorted(key.split("/")[1] for key in session.alive("uuvsim/*/live/master"))
+        if system is not None and system not in served:
+            raise InputInvalid(
+                f"no co-simulation {system!r} at {host}, port {port}; expected "
+                f"{expected_names(system, served)}"
+            )
+        if len(served) != 1 and system is None:
+            raise InputInvalid(
+                f"{len(served)} co-simulations at {host}, port {port}; expected "
+                f"{expected_names('', served)}"
+            )
+        chosen = system or served[0]
+        return Connection(session, chosen, name, lockstep, lag, credentials, (host, port))
     except BaseException:
         session.close()
         raise
@@ -65,7 +76,7 @@ def connect(
 
 @final
 class Connection(Closing):
-    """One client of a running co-simulation; leaves when it is closed, or the program ends."""
+    """A client of a running co-simulation; it leaves when it is closed, or the program ends."""
 
     def __init__(
         self,
@@ -93,24 +104,24 @@ class Connection(Closing):
             "name": name, "lockstep": lockstep, "lag": lag, "protocol": PROTOCOL,
             "version": __version__,
         }  # fmt: skip
-        told, _ = self._credentials.join(self._ask_at, joining, address)
-        if told.get("protocol") != PROTOCOL:
+        joined, _ = self._credentials.join(self._ask_at, joining, address)
+        if joined.get("protocol") != PROTOCOL:
             raise InputInvalid(
-                f"the co-simulation (uuvsim-cosim {told.get('version', 'unknown')}) speaks "
-                f"protocol {told.get('protocol')}; expected protocol {PROTOCOL}, as uuvsim-cosim "
+                f"the co-simulation (uuvsim-cosim {joined.get('version', 'unknown')}) speaks "
+                f"protocol {joined.get('protocol')}; expected protocol {PROTOCOL}, as uuvsim-cosim "
                 f"{__version__} has, which connects"
             )
-        self.name = str(told["name"])
-        self.allowed = frozenset(told.get("allowed", ("read", "set", "step", "manage")))
-        self._proof = {"proof": told["proof"]} if "proof" in told else {}
-        self._reader: list[str] | None = told.get("reader")
-        self._watching = session.watch(f"{self._base}/live/master", self._master_lives)
+        self.name = str(joined["name"])
+        self.allowed = frozenset(joined.get("allowed", ("read", "set", "step", "manage")))
+        self._proof = {"proof": joined["proof"]} if "proof" in joined else {}
+        self._reader: list[str] | None = joined.get("reader")
+        self._watching = session.watch(f"{self._base}/live/master", self._master_changed)
 
-    # ---- what there is --------------------------------------------------------------------
+    # ---- state and schema -----------------------------------------------------------------
 
     @property
     def moment(self) -> Moment:
-        """Say where the co-simulation was at the last answer."""
+        """The communication point at the last answer."""
         return self._moment
 
     @property
@@ -129,7 +140,7 @@ class Connection(Closing):
 
     @property
     def schema(self) -> tuple[SignalInfo, ...]:
-        """List all variables; asked for once, and again after a replacement."""
+        """List all variables; queried once, and again after a replacement."""
         if self._schema is None:
             signals = self._ask("schema")[0]["signals"]
             self._schema = tuple(SignalInfo(**{**s, "shape": tuple(s["shape"])}) for s in signals)
@@ -153,10 +164,10 @@ class Connection(Closing):
         return values[names] if isinstance(names, str) else values
 
     @overload
-    def set(self, name: str, value: Any, /) -> Moment: ...
+    def set(self, name: str, value: object, /) -> Moment: ...
     @overload
-    def set(self, name: Mapping[str, Any], /) -> Moment: ...
-    def set(self, name: str | Mapping[str, Any], value: Any = None, /) -> Moment:
+    def set(self, name: Mapping[str, object], /) -> Moment: ...
+    def set(self, name: str | Mapping[str, object], value: object = None, /) -> Moment:
         """Set unconnected inputs and tunable parameters, all or none."""
         values = {name: value} if isinstance(name, str) else name
         self._ask("set", {"values": _values("set", values)})
@@ -167,10 +178,10 @@ class Connection(Closing):
     def step(
         self,
         n: int = 1,
-        inputs: Mapping[str, Any] | None = None,
+        inputs: Mapping[str, object] | None = None,
         outputs: str | Sequence[str] = (),
     ) -> dict[str, Any]:
-        """Set inputs, make n communication steps, and give outputs; `time` is where it is then."""
+        """Set inputs, make n communication steps, and return outputs; `time` is the new time."""
         given, wanted = _values("step", inputs or {}), _names("step", outputs)
         return self._ask("step", {"inputs": given}, n=n, outputs=wanted)[1]
 
@@ -180,9 +191,9 @@ class Connection(Closing):
         factor: float | None = None,
         record: str | Sequence[str] = (),
     ) -> dict[str, np.ndarray]:
-        """Run to a time [s], as fast as can be or at a factor of real time; gives what is recorded.
+        """Run to a time [s], as fast as possible or at a factor of real time; return the recording.
 
-        Without `until` it streams on, in real time, until `pause`, and gives nothing.
+        Without `until` it streams in real time until `pause`, and returns nothing.
         """
         return self._ask("run", until=until, factor=factor, record=_names("run", record))[1]
 
@@ -191,15 +202,15 @@ class Connection(Closing):
         self._ask("pause")
         return self._moment
 
-    def reset(self, seed: int | None = None, start: Mapping[str, Any] | None = None) -> Moment:
+    def reset(self, seed: int | None = None, start: Mapping[str, object] | None = None) -> Moment:
         """Go back to the start, with another seed or other start values."""
         self._ask("reset", {"start": _values("reset", start or {})}, seed=seed)
         return self._moment
 
     def snapshot(self) -> str:
-        """Keep the whole state, under a name that is given, until it is discarded.
+        """Store the whole state until it is discarded; return the name of the snapshot.
 
-        Raises InputInvalid if this client keeps as many as it may.
+        Raises InputInvalid if this client has reached its number of snapshots.
         """
         return str(self._ask("snapshot")[0]["result"])
 
@@ -209,32 +220,39 @@ class Connection(Closing):
         return self._moment
 
     def discard(self, snapshot: str) -> Moment:
-        """Forget a snapshot."""
+        """Delete a snapshot."""
         self._ask("discard", snapshot=snapshot)
         return self._moment
 
     def replace(
         self, component: str, source: str, mapping: Mapping[str, str] | None = None
     ) -> Moment:
-        """Put another source in a component's place; the run begins anew."""
+        """Replace the source of a component; the run begins again from the start."""
         given = None if mapping is None else dict(mapping)
         self._ask("replace", component=component, source=source, mapping=given)
         self._schema = None
         return self._moment
 
     def dismiss(self, name: str) -> Moment:
-        """Take the lockstep barrier from another client, as `describe` names it."""
+        """Remove another client, by its name in `describe`, from the lockstep barrier."""
         self._ask("dismiss", name=name)
         return self._moment
 
     def subscribe(self, *names: str, keep: int = 1024) -> Subscription:
-        """Return the blocks of states as they come; the newest `keep` wait to be taken."""
+        """Return an iterator of the blocks of states; the newest `keep` wait to be read."""
         paths = {c["path"] for c in self.describe()["components"]}
         if "read" not in self.allowed:
             may = ", ".join(sorted(self.allowed)) or "nothing"
             raise InputInvalid(f"subscribe: this client may {may}, and this needs 'read'")
-        session = self._reading()
-        subscription = Subscription(session, self._base, names, paths, self._blocks, keep)
+        session = self._session
+        if self._reader is not None:  # Zenoh's access control lets only this user subscribe
+            if self._states is None:
+                user, password = self._reader
+                self._states = self._credentials.opened(*self._address, user, password)
+            session = self._states
+        subscription = Subscription(
+            session, self._base, names, paths, lambda: self._ask("schema")[0], keep
+        )
         self._subscriptions.append(subscription)
         return subscription
 
@@ -257,17 +275,18 @@ class Connection(Closing):
     # ---- inside ---------------------------------------------------------------------------
 
     def _ask(
-        self, call: str, values: Mapping[str, Mapping[str, Any]] | None = None, /, **rest: Any
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        self, call: str, values: Mapping[str, Mapping[str, object]] | None = None, /, **rest: object
+    ) -> Reply:
         return self._ask_at(f"call/{call}", values, **self._proof, **rest)
 
     def _ask_at(
-        self, key: str, values: Mapping[str, Mapping[str, Any]] | None = None, /, **rest: Any
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        self, key: str, values: Mapping[str, Mapping[str, object]] | None = None, /, **rest: object
+    ) -> Reply:
+        """Send a query; return the fields of its answer, and its values by name."""
         call = key.rpartition("/")[2]
-        message: dict[str, Any] = {"client": self._id, "binary": True, **rest}
+        message: dict[str, object] = {"client": self._id, "binary": True, **rest}
         block = b""
-        for field, given in (values or {}).items():
+        for field, given in (values or {}).items():  # one at most
             message[field], block = packed(given)
         if not self._session.is_open:
             raise Disconnected(f"{call}: this connection is closed; expected an open one")
@@ -277,54 +296,25 @@ class Connection(Closing):
             raise InputInvalid(
                 f"{call}: cannot be sent ({error}); expected numbers, texts and lists of them"
             ) from None
-        reply = self._answer(key, text, block)
+        reply = self._asking.ask(f"{self._base}/{key}", text, block)
+        if reply is None:
+            raise Disconnected(
+                f"{call}: the co-simulation {self.system!r} is gone; expected it to run"
+            )
         if reply.ok is None:
-            raise error_of(read_message(reply.err.payload.to_bytes()))
-        told = read_message(reply.ok.payload.to_bytes())
+            raise error_of(read_message(b"" if reply.err is None else reply.err.payload.to_bytes()))
+        answer = read_message(reply.ok.payload.to_bytes())
         attached = reply.ok.attachment
-        if "moment" in told:
-            self._moment = Moment(**told["moment"])
-        held = told.get("values", {})
-        return told, unpacked(held, b"" if attached is None else attached.to_bytes())
+        if "moment" in answer:
+            self._moment = Moment(**answer["moment"])
+        values_of_it = answer.get("values", {})
+        return answer, unpacked(values_of_it, b"" if attached is None else attached.to_bytes())
 
-    def _answer(self, key: str, message: str, block: bytes) -> Any:
-        reply = self._asking.ask(f"{self._base}/{key}", message, block)
-        if reply is not None:
-            return reply
-        call = key.rpartition("/")[2]
-        raise Disconnected(f"{call}: the co-simulation {self.system!r} is gone; expected it to run")
-
-    def _reading(self) -> WrappedSession:
-        """Return the session that receives states: another one where Zenoh guards them."""
-        if self._reader is None:
-            return self._session
-        if self._states is None:
-            user, password = self._reader
-            self._states = self._credentials.opened(*self._address, user, password)
-        return self._states
-
-    def _blocks(self) -> dict[str, Any]:
-        return self._ask("schema")[0]
-
-    def _master_lives(self, key: str, lives: bool) -> None:
+    def _master_changed(self, key: str, lives: bool) -> None:
+        """End the subscriptions if the co-simulation has ended."""
         if not lives:
             for subscription in self._subscriptions:
                 subscription.close()
-
-
-def _found(session: WrappedSession, system: str | None, host: str, port: int) -> str:
-    there = sorted(key.split("/")[1] for key in session.alive("uuvsim/*/live/master"))
-    if system is not None and system not in there:
-        raise InputInvalid(
-            f"no co-simulation {system!r} at {host}, port {port}; expected "
-            f"{expected_names(system, there)}"
-        )
-    if len(there) != 1 and system is None:
-        raise InputInvalid(
-            f"{len(there)} co-simulations at {host}, port {port}; expected "
-            f"{expected_names('', there)}"
-        )
-    return there[0] if system is None else system
 
 
 def _names(call: str, names: object) -> list[str]:
@@ -334,7 +324,7 @@ def _names(call: str, names: object) -> list[str]:
     return list(given)
 
 
-def _values(call: str, values: object) -> Mapping[str, Any]:
+def _values(call: str, values: object) -> Mapping[str, object]:
     if not isinstance(values, Mapping):
         raise InputInvalid(
             f"{call}: {values!r} was read; expected values by name, such as {{'hull.tau': [0.0]}}"

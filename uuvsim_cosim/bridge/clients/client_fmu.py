@@ -1,4 +1,4 @@
-"""A running co-simulation becomes one FMU: a client of its TCP server, made for this system."""
+"""Client FMU: a running co-simulation as one FMU, which is a client of its TCP server."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from uuvsim_cosim.fmus.export.model_description import FmiVersion, model_identif
 from uuvsim_cosim.fmus.export.system_archive import WholeFmu, compiled, sources_of
 from uuvsim_cosim.fmus.export.system_description import Whole, component_table
 from uuvsim_cosim.kernels.system_fmu.variables import (
-    Exposed,
     Naming,
     description_of,
     exposed,
@@ -46,13 +45,13 @@ def build_client_fmu(
     port: int = TCP_PORT,
     stop_time: float = 10.0,
 ) -> Path:
-    """Build an .fmu whose steps are those of a served `system`, and give its path.
+    """Build an .fmu whose steps are those of a served `system`; return its path.
 
-    The FMU's name is the system's with "_client". Inputs are the unconnected ones, tunable
-    parameters are tunable; `signals` and `inputs` are patterns of outputs' and inputs' names, all
-    by default. What is not among its inputs, others may set in lockstep. `host` and `port` are the
-    start values of the parameters of these names. Raises InputInvalid, SystemInvalid for names
-    that clash, and ToolchainError.
+    The FMU's name is the system's with "_client". Its inputs are the unconnected inputs, and
+    tunable parameters are tunable. `signals` and `inputs` are patterns of the names of outputs and
+    inputs, all by default; other clients in lockstep may set the remaining inputs. `host` and
+    `port` are the start values of the parameters of these names. Raises InputInvalid,
+    SystemInvalid for names that clash, and ToolchainError.
     """
     if not 0 < port < 65536:
         raise InputInvalid(f"port {port}; expected 1 to 65535")
@@ -60,7 +59,11 @@ def build_client_fmu(
         raise InputInvalid(f"host {host!r}; expected a name or an address")
     plan = flatten(system)
     found = exposed(plan, naming=naming, signals=signals, inputs=inputs, fixed=False)
-    before, settings, outputs = _placed(found, port)
+    # The order in the block: inputs and tunable parameters, settings, outputs.
+    before = placed([e for e in found if e.own.causality != "output"], 1)
+    at = 1 + sum(e.shown.size for e in before)
+    settings = _settings(at, port)
+    outputs = placed([e for e in found if e.own.causality == "output"], at + len(settings))
     last = outputs[-1].shown if outputs else settings[-1]
     texts = _texts(host, last.value_references[0] + last.size)
     description = description_of(
@@ -96,19 +99,8 @@ _HEAD = """/* Generated from a system: do not edit. */
 """
 
 
-def _placed(
-    found: Sequence[Exposed], port: int
-) -> tuple[list[Exposed], list[Variable], list[Exposed]]:
-    """Return inputs and tunable parameters, the settings, and outputs, in the block's order."""
-    before = placed([e for e in found if e.own.causality != "output"], 1)
-    at = 1 + sum(e.shown.size for e in before)
-    settings = _settings(at, port)
-    outputs = placed([e for e in found if e.own.causality == "output"], at + len(settings))
-    return before, settings, outputs
-
-
 def _settings(at: int, port: int) -> list[Variable]:
-    """Return the numbers that say how to connect, from the place `at` on."""
+    """Return the numeric parameters of the connection, from offset `at` on."""
     rows: Sequence[tuple[str, VariableType, float, str, str | None, float | None, float | None]] = (
         ("port", "Int32", port, "TCP port that `uuvsim serve` names", None, 1, 65535),
         (
@@ -121,16 +113,16 @@ def _settings(at: int, port: int) -> list[Variable]:
     )  # fmt: skip
     return [
         Variable(
-            name=name, type=kind, causality="parameter", variability="fixed", start=start,
+            name=name, type=type_, causality="parameter", variability="fixed", start=start,
             unit=unit, min=low, max=high, description=text, initial="exact",
             value_references=(at + i,),
         )
-        for i, (name, kind, start, text, unit, low, high) in enumerate(rows)
+        for i, (name, type_, start, text, unit, low, high) in enumerate(rows)
     ]  # fmt: skip
 
 
 def _texts(host: str, at: int) -> list[Variable]:
-    """Return the texts that say how to connect, which follow the block."""
+    """Return the text parameters of the connection, which follow the block."""
     rows = (
         ("host", host, "name or address of the machine where `uuvsim serve` runs"),
         ("user", "", "user's name, where the server asks for one"),

@@ -1,4 +1,4 @@
-"""The C of a client FMU that depends on its system: requests, ready to be sent, and places."""
+"""C code of a client FMU that depends on its system: requests, ready to be sent, and offsets."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any
 
 from uuvsim_cosim.bridge.calls.service import SignalInfo
 from uuvsim_cosim.bridge.calls.signal_hash import entry, interface_hash
@@ -21,7 +20,7 @@ __all__ = ["Layout", "client_text", "layout_of"]
 
 @dataclass(frozen=True)
 class Layout:
-    """The signals of a client in the order of its block, each as the server will describe it."""
+    """The signals of a client in the order of its block, each as the server describes it."""
 
     inputs: tuple[SignalInfo, ...]
     tunables: tuple[SignalInfo, ...]
@@ -31,17 +30,17 @@ class Layout:
 
 def layout_of(plan: Plan, variables: Sequence[Exposed]) -> Layout:
     """Return the layout of a client's variables."""
-    kinds = ("input", "parameter", "output")
-    infos = {kind: tuple(_info(e) for e in variables if e.own.causality == kind) for kind in kinds}
-    sizes = [sum(e.own.size for e in variables if e.own.causality == kind) for kind in kinds]
+    infos: dict[str, list[SignalInfo]] = {"input": [], "parameter": [], "output": []}
+    sizes = dict.fromkeys(infos, 0)
+    for e in variables:
+        v = e.own
+        info = SignalInfo(e.full_name, v.type, v.shape, unit_of(v), v.causality, False)
+        infos[v.causality].append(info)
+        sizes[v.causality] += v.size
     return Layout(
-        infos["input"], infos["parameter"], infos["output"], (sizes[0], sizes[1], sizes[2])
-    )
-
-
-def _info(e: Exposed) -> SignalInfo:
-    v = e.own
-    return SignalInfo(e.full_name, v.type, v.shape, unit_of(v), v.causality, False)
+        tuple(infos["input"]), tuple(infos["parameter"]), tuple(infos["output"]),
+        (sizes["input"], sizes["parameter"], sizes["output"]),
+    )  # fmt: skip
 
 
 def client_text(
@@ -51,7 +50,7 @@ def client_text(
     settings: Sequence[Variable],
     texts: Sequence[Variable],
 ) -> str:
-    """Return the C behind the component's table: constants, requests, and the runtime."""
+    """Return the C code after the component's table: constants, requests, and the runtime."""
     n_in, n_tunable, n_out = layout.sizes
     every = (*layout.inputs, *layout.tunables)
     inputs, tunables, outputs = (
@@ -76,7 +75,7 @@ def client_text(
             f"static const char SYSTEM_NAME[] = {_c(system)};",
             f"static const char INTERFACE_HASH[] = {_c(interface_hash(every, layout.outputs))};",
             *(f"static const char {k}[] = {_c(_json(v))};" for k, v in requests.items()),
-            # behind the call and the seed
+            # It continues the request with the call and the seed.
             f"static const char START_COLUMNS[] = "
             f"{_c(', ' + _json({'columns': _columns(both)})[1:])};",
             f"static const char *const text_start[] = {{{', '.join(_c(v.start) for v in texts)}}};",
@@ -93,12 +92,12 @@ def _columns(names: Sequence[str]) -> list[Mapping[str, str]]:
     return [{"name": n} for n in names]
 
 
-def _json(value: Any) -> str:
+def _json(value: object) -> str:
     return json.dumps(value, ensure_ascii=False)
 
 
 def _c(text: str) -> str:
-    """Write a text as a C string; bytes beyond ASCII as octal."""
+    """Return a text as a C string, with bytes beyond ASCII in octal."""
     out = []
     for byte in text.encode():
         plain = 32 <= byte < 127 and chr(byte) not in '"\\?'

@@ -1,11 +1,12 @@
-"""A component that steps in another process or machine is a component as any other.
+"""Remote components: components that step in another process or on another machine.
 
-``remote:NAME`` names one that `serve_component` serves on this machine, and
-``remote:NAME@HOST:PORT?timeout=SECONDS`` says where, and how long it may take to answer.
+``remote:NAME`` is one that `serve_component` serves on this machine.
+``remote:NAME@HOST:PORT?timeout=SECONDS`` names another server, and the time to wait for an answer.
 """
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import json
 import re
@@ -17,6 +18,7 @@ from pathlib import Path
 from typing import Any, final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from uuvsim_cosim._version import __version__
 from uuvsim_cosim.bridge.access.token import known_token
@@ -27,7 +29,7 @@ from uuvsim_cosim.bridge.clients.remote_serving import (
     serve_component,
 )
 from uuvsim_cosim.bridge.zenoh.codec import PROTOCOL, error_of, packed, read_message
-from uuvsim_cosim.bridge.zenoh.session import Disconnected, WrappedSession
+from uuvsim_cosim.bridge.zenoh.session import Disconnected, Querier, WrappedSession
 from uuvsim_cosim.errors import ComponentFailed, FmuError, InputInvalid
 from uuvsim_cosim.fmus.component import Binding, BindingKind, Component
 from uuvsim_cosim.fmus.description import Description, Variable
@@ -41,7 +43,9 @@ _TEXT = re.compile(
     r"remote:(?P<name>[\w-]+)(@(?P<host>\[[^\]]+\]|[^:?\s]+)(:(?P<port>\d+))?)?"
     r"(\?timeout=(?P<timeout>[\d.]+))?"
 )
-_TIMEOUT = 10.0
+_TIMEOUT = 10.0  # s
+# State of the server's object, values, values to send, and time [s].
+_State = tuple[bytes, dict[str, Any], dict[str, object], float]
 _sessions: dict[tuple[str, int], WrappedSession] = {}
 _lock = threading.Lock()
 
@@ -79,46 +83,46 @@ class RemoteSource:
         return f"remote:{self.name}@{host}:{self.port}?timeout={self.timeout:g}"
 
     @property
-    def shown(self) -> dict[str, Any]:
-        """Return the token to show, if this user has one for the server."""
+    def shown(self) -> dict[str, str]:
+        """Return the field with the token, if this user has one for the server."""
         token = known_token(self.host, self.port)
         return {} if token is None else {"token": token}
 
     def describe(self) -> Description:
-        """Ask it for its interface."""
-        told, _ = _Far(self).ask("describe", self.shown)
-        if told.get("protocol") != PROTOCOL:
+        """Query the interface."""
+        answer, _ = _Server(self).ask("describe", self.shown)
+        if answer.get("protocol") != PROTOCOL:
             raise InputInvalid(
-                f"{self.text}: is served by uuvsim-cosim {told.get('version')} with protocol "
-                f"{told.get('protocol')}; expected protocol {PROTOCOL}, as {__version__} has"
+                f"{self.text}: is served by uuvsim-cosim {answer.get('version')} with protocol "
+                f"{answer.get('protocol')}; expected protocol {PROTOCOL}, as {__version__} has"
             )
-        variables = {v["name"]: _variable(v) for v in told["variables"]}
         return Description(
-            name=told["name"], kind="python", variables=variables, description=told["description"],
-            can_get_and_set_state=bool(told.get("can_copy_state", False)),
-            can_serialize_state=bool(told.get("can_copy_state", False)),
+            name=answer["name"], kind="python", description=answer["description"],
+            variables={v["name"]: _variable(v) for v in answer["variables"]},
+            can_get_and_set_state=bool(answer.get("can_copy_state", False)),
+            can_serialize_state=bool(answer.get("can_copy_state", False)),
         )  # fmt: skip
 
     def instantiate(self, path: str, *, backend: Backend = "fmu") -> Component:
-        """Let it make an object for this master."""
+        """Let the server make an object for this master."""
         return RemoteComponent(self, path)
 
 
 @final
 class RemoteComponent:
-    """The `Component` protocol over queries; one of them for each step."""
+    """The `Component` protocol over queries; each step is one query."""
 
     def __init__(self, source: RemoteSource, path: str) -> None:
         self.path = path
         self.description = source.describe()
-        self._far = _Far(source)
-        told, _ = self._far.ask("instantiate", {"path": path, **source.shown})
-        self._instance = told["instance"]
+        self._server = _Server(source)
+        answer, _ = self._server.ask("instantiate", {"path": path, **source.shown})
+        self._instance: str | None = answer["instance"]
         self._time = 0.0
         self._inputs = self.description.of("input")
         self._outputs = self.description.of("output")
         self._values: dict[str, Any] = {}
-        self._told: dict[str, Any] = {}
+        self._pending: dict[str, object] = {}  # values that the next query carries
         self._forget()
 
     def get(self, variable: Variable) -> Any:
@@ -126,17 +130,18 @@ class RemoteComponent:
         value = self._values[variable.name]
         return value.copy() if isinstance(value, np.ndarray) else value
 
-    def set(self, variable: Variable, value: Any) -> None:
-        """Set an input or a parameter; it is told with the next call."""
+    def set(self, variable: Variable, value: object) -> None:
+        """Set an input or a parameter; the next query sends it."""
         if variable.causality not in ("input", "parameter"):
             raise FmuError(
                 f"{self.path}.{variable.name}: is {variable.causality}; expected an input or a "
                 "parameter"
             )
-        kept = np.array(value, float) if variable.causality == "input" else value
-        self._values[variable.name] = kept if variable.shape or kept is value else float(kept)
         if variable.causality == "parameter":
-            self._told[variable.name] = value
+            self._values[variable.name] = self._pending[variable.name] = value
+        else:  # each step sends all inputs
+            numbers = np.array(value, float)
+            self._values[variable.name] = numbers if variable.shape else float(numbers)
 
     def enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
         """Begin at `start_time`."""
@@ -144,23 +149,23 @@ class RemoteComponent:
         self._ask("enter", {"start": start_time, "stop": stop_time})
 
     def exit_initialization_mode(self) -> None:
-        """End initialization; outputs are known from here on."""
-        self._told |= {v.name: self._values[v.name] for v in self._inputs}
-        self._take(self._ask("exit", {}))
+        """End initialization; outputs are valid from here on."""
+        self._pending |= {v.name: self._values[v.name] for v in self._inputs}
+        self._set_outputs(self._ask("exit", {}))
 
     def do_step(self, current_communication_point: float, step_size: float) -> None:
         """Advance by one communication step; raises ComponentFailed."""
         self._time = current_communication_point
-        if self._told:
+        if self._pending:
             self._ask("set", {})
         numbers = [np.ravel(self._values[v.name]) for v in self._inputs]
         block = struct.pack("<dd", current_communication_point, step_size)
         if numbers:
             block += np.concatenate(numbers).astype("<f8").tobytes()
-        self._take(self._far_ask("step", {"instance": self._instance}, block))
+        self._set_outputs(self._query("step", {"instance": self._instance}, block))
 
     def reset(self) -> None:
-        """Let it make a new object, with its start values."""
+        """Let the server make a new object, with its start values."""
         self._forget()
         self._ask("reset", {})
 
@@ -168,69 +173,71 @@ class RemoteComponent:
         """Nothing to end."""
 
     def free(self) -> None:
-        """Let the object go; a second call does nothing."""
+        """Let the server free the object; a second call does nothing."""
         instance, self._instance = self._instance, None
         if instance is not None:
-            try:
-                self._far.ask("free", {"instance": instance})
-            except (Disconnected, InputInvalid, ComponentFailed):
-                return  # it is gone already
+            # The server may have ended already.
+            with contextlib.suppress(Disconnected, InputInvalid, ComponentFailed):
+                self._server.ask("free", {"instance": instance})
 
-    def get_fmu_state(self) -> Any:
-        """Fetch a copy of the state there, and keep what is known of it here."""
+    def get_fmu_state(self) -> _State:
+        """Copy the state of the server's object, and the values that are known here."""
         if not self.description.can_get_and_set_state:
             raise FmuError(
                 f"{self.path}: {self.description.name}, which is remote, cannot copy its state; "
                 "expected a class whose attributes are numbers, text, arrays and containers of them"
             )
-        far = self._far_ask("get_state", {"instance": self._instance}, b"")
-        return far, copy.deepcopy(self._values), dict(self._told), self._time
+        state = self._query("get_state", {"instance": self._instance}, b"")
+        return state, copy.deepcopy(self._values), dict(self._pending), self._time
 
-    def set_fmu_state(self, state: Any) -> None:
-        """Send a copy back."""
-        far, values, told, self._time = state
-        self._far_ask("set_state", {"instance": self._instance}, far)
-        self._values, self._told = copy.deepcopy(values), dict(told)
+    def set_fmu_state(self, state: _State) -> None:
+        """Send a copy of the state to the server."""
+        there, values, pending, self._time = state
+        self._query("set_state", {"instance": self._instance}, there)
+        self._values, self._pending = copy.deepcopy(values), dict(pending)
 
-    def serialize_fmu_state(self, state: Any) -> bytes:
-        """Turn a copy into bytes."""
+    def serialize_fmu_state(self, state: _State) -> bytes:
+        """Convert a copy of the state to bytes."""
         return pickled(state, self.path)
 
     def deserialize_fmu_state(self, data: bytes) -> Any:
-        """Turn bytes into a copy."""
+        """Convert bytes to a copy of the state."""
         return unpickled(data, self.path)
 
     def directional_derivative(
-        self, unknowns: list[Variable], knowns: list[Variable], seed: Any
-    ) -> Any:
-        """Refuse: a class has none."""
+        self, unknowns: list[Variable], knowns: list[Variable], seed: ArrayLike
+    ) -> np.ndarray:
+        """Raise FmuError: a Python class has no directional derivatives."""
         raise FmuError(f"{self.path}: a remote component gives no directional derivatives")
 
     def binding(self) -> Binding:
-        """Say that the stepping loop in C has to call Python."""
+        """Return that the stepping loop in C has to call Python."""
         return Binding(BindingKind.CALLBACK, 0, {})
 
     # ---- inside ---------------------------------------------------------------------------
 
     def _forget(self) -> None:
-        self._told = {}
+        """Set all values to their start values."""
+        self._pending = {}
         for v in self.description.variables.values():
             self._values[v.name] = np.array(v.start) if v.shape else v.start
 
-    def _ask(self, call: str, message: Mapping[str, Any]) -> bytes:
-        told, self._told = self._told, {}
-        values, block = packed(told)
-        return self._far_ask(call, {"instance": self._instance, "values": values, **message}, block)
+    def _ask(self, call: str, fields: Mapping[str, object]) -> bytes:
+        """Send a query with the pending values; return the block of its answer."""
+        pending, self._pending = self._pending, {}
+        values, block = packed(pending)
+        return self._query(call, {"instance": self._instance, "values": values, **fields}, block)
 
-    def _far_ask(self, call: str, message: Mapping[str, Any], block: bytes) -> bytes:
+    def _query(self, call: str, message: Mapping[str, object], block: bytes) -> bytes:
+        """Send a query; raises ComponentFailed for every error."""
         try:
-            return self._far.ask(call, message, block)[1]
+            return self._server.ask(call, message, block)[1]
         except ComponentFailed:
             raise
         except (Disconnected, InputInvalid, FmuError) as error:
             raise ComponentFailed(self.path, self._time, str(error)) from None
 
-    def _take(self, data: bytes) -> None:
+    def _set_outputs(self, data: bytes) -> None:
         numbers = np.frombuffer(data, "<f8")
         if len(numbers) != sum(v.size for v in self._outputs):
             raise ComponentFailed(
@@ -244,28 +251,27 @@ class RemoteComponent:
             at += v.size
 
 
-class _Far:
-    """Queries to the process that serves a component."""
+class _Server:
+    """The process that serves a component, as the receiver of queries."""
 
     def __init__(self, source: RemoteSource) -> None:
         self._source = source
         self._session = _session(source)
-        self._askers: dict[str, Any] = {}
+        self._queriers: dict[str, Querier] = {}
 
     def ask(
-        self, call: str, message: Mapping[str, Any], block: bytes = b""
+        self, call: str, message: Mapping[str, object], block: bytes = b""
     ) -> tuple[dict[str, Any], bytes]:
-        """Return the answer; raises what was raised there, or Disconnected."""
+        """Return the answer to a query; raises the server's error, or Disconnected."""
         import zenoh
 
         source = self._source
         try:
             with self._session.inside():
-                if call not in self._askers:
+                if call not in self._queriers:
                     key = f"uuvsim-component/{source.name}/{call}"
-                    asker = self._session.asker(key, source.timeout)
-                    self._askers[call] = asker
-                replies = self._askers[call].get(
+                    self._queriers[call] = self._session.asker(key, source.timeout)
+                replies = self._queriers[call].get(
                     payload=json.dumps(message),
                     attachment=block or None,
                     encoding="application/json",
@@ -274,26 +280,27 @@ class _Far:
         except (zenoh.ZError, Disconnected):
             reply = None
         if reply is None:
-            raise Disconnected(self._nobody())
+            raise Disconnected(self._absent())
         if reply.ok is not None:
             attached = reply.ok.attachment
-            told = read_message(reply.ok.payload.to_bytes())
-            return told, b"" if attached is None else attached.to_bytes()
-        data = reply.err.payload.to_bytes()
-        if data == b"Timeout":
+            answer = read_message(reply.ok.payload.to_bytes())
+            return answer, b"" if attached is None else attached.to_bytes()
+        data = b"" if reply.err is None else reply.err.payload.to_bytes()
+        if data == b"Timeout":  # Zenoh's own error
             raise Disconnected(
                 f"{source.text}: did not answer within {source.timeout:g} s; expected an answer "
                 "sooner, or a longer ?timeout="
             )
         raise error_of(read_message(data))
 
-    def _nobody(self) -> str:
+    def _absent(self) -> str:
+        """Return the message for a component without a server."""
         source = self._source
         keys = [] if not self._session.is_open else self._session.alive("uuvsim-component/*/live")
-        there = sorted(key.split("/")[1] for key in keys)
+        served = sorted(key.split("/")[1] for key in keys)
         missing = (
-            expected_names(source.name, there)
-            if there
+            expected_names(source.name, served)
+            if served
             else f"serve_component(…, {source.name!r}) to run there"
         )
         return (
@@ -303,7 +310,7 @@ class _Far:
 
 
 def _session(source: RemoteSource) -> WrappedSession:
-    """Return the session to a host and port; it is shared, and opened anew once it was lost."""
+    """Return the session to a host and port, which is shared, and opened again if it was lost."""
     key = (source.host, source.port)
     with _lock:
         session = _sessions.get(key)
@@ -321,18 +328,18 @@ def _session(source: RemoteSource) -> WrappedSession:
         return _sessions[key]
 
 
-def _variable(told: Mapping[str, Any]) -> Variable:
-    shape = tuple(told["shape"])
-    start = told.get("start")
+def _variable(entry: Mapping[str, Any]) -> Variable:
+    """Return a variable of the answer to `describe`; an output has no direct feedthrough."""
+    shape, start = tuple(entry["shape"]), entry.get("start")
     return Variable(
-        name=told["name"],
-        type=told["type"],
-        causality=told["causality"],
-        variability=told["variability"],
+        name=entry["name"],
+        type=entry["type"],
+        causality=entry["causality"],
+        variability=entry["variability"],
         shape=shape,
-        unit=told["unit"],
+        unit=entry["unit"],
         start=np.array(start) if shape else start,
-        description=told["description"],
-        dependencies=() if told["causality"] == "output" else None,
-        element_units=tuple(told["element_units"]),
+        description=entry["description"],
+        dependencies=() if entry["causality"] == "output" else None,
+        element_units=tuple(entry["element_units"]),
     )

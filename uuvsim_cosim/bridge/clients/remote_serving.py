@@ -1,4 +1,4 @@
-"""The far end of a remote component: a Python class that steps here, for a master elsewhere."""
+"""Server of a remote component: a Python class that steps here, for masters in other processes."""
 
 from __future__ import annotations
 
@@ -16,10 +16,9 @@ from uuvsim_cosim.bridge.access.authentication import everybody
 from uuvsim_cosim.bridge.access.token import TokenFile, guarded_by_token
 from uuvsim_cosim.bridge.access.zenoh import guarded_component
 from uuvsim_cosim.bridge.zenoh.codec import PROTOCOL, message_of, read_message, unpacked
-from uuvsim_cosim.bridge.zenoh.session import listening
+from uuvsim_cosim.bridge.zenoh.session import Query, listening
 from uuvsim_cosim.closing import Closing
 from uuvsim_cosim.errors import FmuError, InputInvalid
-from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.python.class_file import load
 from uuvsim_cosim.orchestrator.python.component import PythonComponent
 
@@ -48,7 +47,7 @@ def serve_component(
 
 @final
 class ComponentServer(Closing):
-    """Serves from construction to `close`; `wait` holds the program until Ctrl-C."""
+    """Server of a Python class, from construction to `close`; `wait` waits for Ctrl-C."""
 
     def __init__(
         self, cls: type[Any], name: str, port: int, host: str, *, anyone: bool = False
@@ -65,7 +64,7 @@ class ComponentServer(Closing):
         authenticator = None if anyone else guarded_by_token()
         self._admit = authenticator or everybody
         token = None if authenticator is None else authenticator.access.token
-        guard: AbstractContextManager[dict[str, Any]]
+        guard: AbstractContextManager[dict[str, object]]
         guard = nullcontext({}) if token is None else guarded_component(token)
         with guard as settings:
             self._session = listening(self.port, [host], settings)
@@ -80,7 +79,7 @@ class ComponentServer(Closing):
 
     @property
     def source(self) -> str:
-        """The source that a system names it by."""
+        """The source of the component for a system."""
         return f"remote:{self.name}@{self.host}:{self.port}"
 
     def wait(self) -> None:
@@ -90,22 +89,23 @@ class ComponentServer(Closing):
         self.close()
 
     def close(self) -> None:
-        """Serve no more."""
+        """Stop serving."""
         self._over.set()
         self._session.close()
         self._token_file.close()
 
     # ---- inside ---------------------------------------------------------------------------
 
-    def _asked(self, query: Any) -> None:
+    def _asked(self, query: Query) -> None:
+        """Answer a query, in Zenoh's thread: one after another."""
         call = str(query.key_expr).rpartition("/")[2]
         try:
             payload, attached = query.payload, query.attachment
             message = read_message(b"" if payload is None else payload.to_bytes())
             block = b"" if attached is None else attached.to_bytes()
-            told, values = self._told(call, message, block)
+            answer, values = self._answer(call, message, block)
             query.reply(
-                query.key_expr, json.dumps(told), attachment=values or None, express=True,
+                query.key_expr, json.dumps(answer), attachment=values or None, express=True,
                 encoding="application/json",
             )  # fmt: skip
         except BaseException as error:
@@ -113,14 +113,17 @@ class ComponentServer(Closing):
         finally:
             query.drop()
 
-    def _told(self, call: str, message: dict[str, Any], block: bytes) -> tuple[Any, bytes]:
+    def _answer(
+        self, call: str, message: dict[str, Any], block: bytes
+    ) -> tuple[dict[str, object], bytes]:
+        """Carry out a call; return the fields of its answer, and its block of numbers."""
         if call in ("describe", "instantiate"):
             token = message.get("token")
             self._admit(None, None, None, token if isinstance(token, str) else None)
         if call == "describe":
             return self._described(), b""
         if call == "instantiate":
-            made = secrets.token_urlsafe(16)  # later calls show it in the token's place
+            made = secrets.token_urlsafe(16)  # a secret: it replaces the token in later calls
             self._instances[made] = PythonComponent(self._class, str(message["path"]))
             return {"instance": made}, b""
         number = message.get("instance")
@@ -136,7 +139,11 @@ class ComponentServer(Closing):
         inputs = component.description.of("input")
         if call == "step":
             times, numbers = np.frombuffer(block, "<f8", 2), np.frombuffer(block, "<f8", -1, 16)
-            _take(component, inputs, numbers)
+            at = 0
+            for v in inputs:
+                part = numbers[at : at + v.size]
+                component.set(v, part.reshape(v.shape) if v.shape else float(part[0]))
+                at += v.size
             component.do_step(float(times[0]), float(times[1]))
             return {}, _outputs(component)
         for name, value in unpacked(values, block).items():
@@ -158,7 +165,8 @@ class ComponentServer(Closing):
                 raise InputInvalid(f"no call {call!r}")
         return {}, _outputs(component)
 
-    def _described(self) -> dict[str, Any]:
+    def _described(self) -> dict[str, object]:
+        """Return the answer to `describe`; whether the state can be copied is tried out."""
         variables = []
         for v in self._description.variables.values():
             start = {} if v.start is None else {"start": np.asarray(v.start).tolist()}
@@ -169,31 +177,19 @@ class ComponentServer(Closing):
                     "description": v.description, "element_units": list(v.element_units), **start,
                 }
             )  # fmt: skip
+        fresh, can_copy_state = PythonComponent(self._class, self.name), True
+        try:
+            fresh.serialize_fmu_state(fresh.get_fmu_state())
+        except FmuError:
+            can_copy_state = False
         return {
             "name": self._description.name,
             "description": self._description.description,
             "protocol": PROTOCOL,
             "version": __version__,
             "variables": variables,
-            "can_copy_state": self._can_copy_state(),
+            "can_copy_state": can_copy_state,
         }
-
-    def _can_copy_state(self) -> bool:
-        """Return whether objects of the class can be copied and sent: tried on a fresh one."""
-        fresh = PythonComponent(self._class, self.name)
-        try:
-            fresh.serialize_fmu_state(fresh.get_fmu_state())
-        except FmuError:
-            return False
-        return True
-
-
-def _take(component: PythonComponent, inputs: list[Variable], numbers: np.ndarray) -> None:
-    at = 0
-    for v in inputs:
-        part = numbers[at : at + v.size]
-        component.set(v, part.reshape(v.shape) if v.shape else float(part[0]))
-        at += v.size
 
 
 def _outputs(component: PythonComponent) -> bytes:

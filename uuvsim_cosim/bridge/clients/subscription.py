@@ -1,4 +1,4 @@
-"""States as they come: an iterator of blocks, each with its tick and time."""
+"""Subscription to states: an iterator of blocks, each with its tick and time."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ __all__ = ["Block", "Subscription"]
 
 @dataclass(frozen=True)
 class Block:
-    """What one component showed at one communication point."""
+    """The values of one component at one communication point."""
 
     component: str
     tick: int
@@ -35,9 +35,9 @@ class Block:
 
 @final
 class Subscription(Closing):
-    """Blocks of the wanted variables, or of all; ends when it is closed or the other end is gone.
+    """Blocks of the wanted variables, or of all; it ends when either end closes it.
 
-    States may be dropped where they come faster than they are taken: the ticks tell.
+    States are dropped if they arrive faster than they are read; the ticks show that.
     """
 
     def __init__(
@@ -88,7 +88,7 @@ class Subscription(Closing):
                 return self._block(path, sample.payload.to_bytes())
 
     def close(self) -> None:
-        """End it; whoever waits for a block is let go."""
+        """End the subscription; a thread that waits for a block stops waiting."""
         import zenoh
 
         try:
@@ -97,6 +97,7 @@ class Subscription(Closing):
             return
 
     def _learn(self) -> None:
+        """Read the layout of the blocks, which a replacement of a component changes."""
         schema = self._blocks()
         self._layout = schema["layout"]
         self._names: Mapping[str, list[str]] = schema["blocks"]
@@ -110,12 +111,13 @@ class Subscription(Closing):
         numbers = np.frombuffer(data, "<f8", offset=HEADER.size)
         values: dict[str, Any] = {}
         names = self._names.get(path, ())
+        # Offsets: of the variable, and of exact integers, which follow all variables.
         at, behind = 0, sum(prod(self._shapes[name]) for name in names)
         for name in names:
             shape, exact = self._shapes[name], self._exact[name]
             size = prod(shape)
             part = numbers[at : at + size]
-            if exact is not None and behind + size <= len(numbers):  # else of an older server
+            if exact is not None and behind + size <= len(numbers):  # not from older servers
                 part = numbers[behind : behind + size].view(np.dtype(exact).newbyteorder("<"))
                 behind += size
             if not self._wanted or name in self._wanted or path in self._wanted:

@@ -1,4 +1,4 @@
-"""One request over HTTP is answered: which path is which call, and who may ask for it."""
+"""Answers to HTTP requests: the call of each path, authentication, and the format of answers."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ import secrets
 import ssl
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from http.server import BaseHTTPRequestHandler
 from itertools import chain
-from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
@@ -46,7 +45,7 @@ STREAMS = 8
 RATE_MAX = 50.0  # Hz, of live values
 _QUERY = {"signals": ("names",), "live": ("names", "rate")}
 _SMALL = 1 << 14  # numbers of an answer that is sent whole; a larger one is sent in pieces
-
+_Content = tuple[bytes, bytes | Iterator[str]]  # media type, and text whole or in pieces
 
 _NOBODY = Client("http", "http", frozenset())
 _PAGES = {"/": page, "/index.html": page, "/pilot": pilot_page}
@@ -59,7 +58,7 @@ the token.</p><form><label>Token <input name="token" type="password" autocomplet
 
 
 class Endpoint:
-    """What all connections of one HTTP server share."""
+    """State that all connections of one HTTP server share."""
 
     def __init__(self, service: Service, admit: Admission, limits: Limits, *, local: bool) -> None:
         self.service = service
@@ -72,11 +71,11 @@ class Endpoint:
         self.sessions = Sessions(service, limits.answer_bytes)
         self.share = share_of(service)
         self.token = admit.access.token if isinstance(admit, Authenticator) else None
-        self.cookie = secrets.token_urlsafe(32)  # what a browser shows in the token's place
+        self.cookie = secrets.token_urlsafe(32)  # a browser sends it instead of the token
 
     @property
     def full(self) -> str:
-        """What is told where all places are taken."""
+        """The message to a client if all places are in use."""
         return f"{self.limits.clients} clients are connected, which is all that may be; close one"
 
 
@@ -89,7 +88,7 @@ class _Refused(Exception):
 
 
 class Handler(BaseHTTPRequestHandler):
-    """Answers what one connection asks for."""
+    """The requests of one connection."""
 
     endpoint: Endpoint
     protocol_version = "HTTP/1.1"
@@ -97,20 +96,20 @@ class Handler(BaseHTTPRequestHandler):
     sys_version = ""
     _pace: Pace | None = None
     _mark: float = 0.0  # [s] of this thread's processor time at the end of the last answer
-    _reader: Client | None = None  # who has waited for its turn
+    _reader: Client | None = None  # the client that has waited for its turn
     _calls: Calls | None = None
 
-    def log_message(self, format: str, *args: Any) -> None:
-        """Say nothing: observers exist."""
+    def log_message(self, format: str, *args: object) -> None:
+        """Log nothing; the base class would print each request."""
 
     def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
-        """Refuse what is no request of this server in JSON, as all else."""
+        """Refuse an invalid request in JSON, like all other errors."""
         self.close_connection = True
         kinds = "; expected GET or POST" if code == 501 else "; expected a request of HTTP/1.1"
         self._send(405 if code == 501 else code, b"application/json", _words(f"{message}{kinds}"))
 
     def do_GET(self) -> None:
-        """Answer a GET: the page, or what changes nothing."""
+        """Answer a GET: a page, or a call that changes nothing."""
         parts = urlsplit(self.path)
         path, query = parts.path, parse_qs(parts.query)
         if path in _PAGES:
@@ -135,6 +134,7 @@ class Handler(BaseHTTPRequestHandler):
             self.endpoint.sessions.waiting(token, begins=False)
 
     def _body(self) -> bytes:
+        """Read the body; a large one only from a client that is authenticated."""
         length = self.headers.get("Content-Length", "0")
         if not length.isascii() or not length.isdigit() or "Transfer-Encoding" in self.headers:
             raise _Refused(411, "the body's length must be said in Content-Length")
@@ -145,7 +145,8 @@ class Handler(BaseHTTPRequestHandler):
             self._allowed()
         return self.rfile.read(int(length))
 
-    def _answered(self, answer: Any) -> None:
+    def _answered(self, answer: Callable[[], _Content | None]) -> None:
+        """Send what `answer` returns, or the error that it raises; None has been sent already."""
         if self._pace is None:
             self._pace = Pace(self.endpoint.limits.calls_per_s)
         self._pace.wait()
@@ -162,7 +163,7 @@ class Handler(BaseHTTPRequestHandler):
             self._send(400, b"application/json", json.dumps(failure(error)).encode())
         except (OSError, TimeoutError):
             raise
-        except Exception as error:  # a mistake of ours must not take the others down
+        except Exception as error:  # an internal error must not end the server
             self._send(500, b"application/json", json.dumps(failure(error)).encode())
         finally:
             if self.command == "GET" and self._reader is not None:
@@ -170,7 +171,7 @@ class Handler(BaseHTTPRequestHandler):
             self._mark = time.thread_time()
 
     def _wait_for_turn(self, client: Client) -> None:
-        """Wait where others step, as all that read do."""
+        """Wait for the client's turn, as all reading calls do while others step."""
         self._reader = client
         self.endpoint.share.wait(client, self.endpoint.share.turn(client))
 
@@ -179,7 +180,7 @@ class Handler(BaseHTTPRequestHandler):
         self.endpoint.share.took(client, self._mark - before)
 
     def _check_origin(self) -> None:
-        """Refuse what other web sites make a browser ask for (forged and rebound requests)."""
+        """Refuse requests that other web sites make a browser send (CSRF and DNS rebinding)."""
         host = self.headers.get("Host", "")
         name = host.rsplit(":", 1)[0] if not host.endswith("]") else host
         if self.endpoint.local and name not in ("localhost", "127.0.0.1", "[::1]"):
@@ -188,8 +189,8 @@ class Handler(BaseHTTPRequestHandler):
         if origin is not None and urlsplit(origin).netloc != host:
             raise _Refused(403, f"a page of {origin} asks; expected one of http://{host}")
 
-    def _page(self, path: str, query: dict[str, list[str]]) -> tuple[bytes, bytes] | None:
-        """Return a page; one that has the token in its address leaves with a cookie instead."""
+    def _page(self, path: str, query: dict[str, list[str]]) -> _Content | None:
+        """Return a page; an address with the token is redirected, with a cookie instead."""
         kind, text = b"text/html; charset=utf-8", _PAGES[path]().encode()
         if self.endpoint.token is None:
             return kind, text
@@ -201,8 +202,8 @@ class Handler(BaseHTTPRequestHandler):
             return None
         if shown is None:
             return kind, text
-        # Lax, not Strict, so that a link in a terminal that is itself a web page leads here: all
-        # that a GET does is to read, and other sites cannot read the answer.
+        # Lax, not Strict, so that a link in a terminal that is itself a web page works. That is
+        # safe: a GET changes nothing, and other sites cannot read its answer.
         secure = "; Secure" if isinstance(self.connection, ssl.SSLSocket) else ""
         self.send_response(303)
         self.send_header("Location", path)
@@ -221,7 +222,7 @@ class Handler(BaseHTTPRequestHandler):
         return f"uuvsim-{self.connection.getsockname()[1]}"
 
     def _token(self) -> str | None:
-        """Return the token that a request shows in its header or by its cookie."""
+        """Return the token that a request has in its header or by its cookie."""
         kind, _, shown = self.headers.get("Authorization", "").partition(" ")
         if kind.lower() == "bearer":
             return shown.strip()
@@ -235,7 +236,7 @@ class Handler(BaseHTTPRequestHandler):
         return None
 
     def _allowed(self) -> tuple[str | None, frozenset[str]]:
-        """Return who asks and what it may do."""
+        """Authenticate the client; return its user's name and its permissions."""
         user = password = None
         kind, _, code = self.headers.get("Authorization", "").partition(" ")
         if kind.lower() == "basic":
@@ -254,6 +255,7 @@ class Handler(BaseHTTPRequestHandler):
         return user, allowed
 
     def _client(self, call: str) -> Calls:
+        """Return the calls of the client, of its session if it has joined."""
         user, allowed = self._allowed()
         self._needs(call, NEEDS.get(call), allowed)
         token = self.headers.get(HEADER)
@@ -274,7 +276,8 @@ class Handler(BaseHTTPRequestHandler):
             may = ", ".join(sorted(allowed)) or "nothing"
             raise _Refused(403, f"{call}: this needs {needed!r}; your role may {may}")
 
-    def _read(self, path: str, query: dict[str, list[str]]) -> tuple[bytes, bytes] | None:
+    def _read(self, path: str, query: dict[str, list[str]]) -> _Content | None:
+        """Return the answer of a GET; None if it was a stream, which has ended."""
         if path not in GET:
             raise _Refused(405 if path in POST else 404, _no_path(path, "GET"))
         known = _QUERY.get(path, ())
@@ -298,7 +301,8 @@ class Handler(BaseHTTPRequestHandler):
             return b"application/json", json.dumps({"ok": True, **pilots(calls.service)}).encode()
         return _json(calls, path, {})
 
-    def _called(self, path: str, body: bytes) -> tuple[bytes, bytes]:
+    def _called(self, path: str, body: bytes) -> _Content:
+        """Return the answer of a POST."""
         if path not in POST:
             raise _Refused(405 if path in (*GET, "") else 404, _no_path(path, "POST"))
         kind = self.headers.get("Content-Type", "").partition(";")[0].strip().lower()
@@ -309,26 +313,24 @@ class Handler(BaseHTTPRequestHandler):
         read = read_object(body.strip(), "body")
         calls = self._client(path)
         self._reader = calls.client
-        if path in ("join", "leave", "pilot"):
-            told = {"ok": True, **self._taken(path, calls, read)}
-            return b"application/json", json.dumps(told).encode()
-        return _json(calls, path, {"values": read} if path == "set" else read)
-
-    def _taken(self, path: str, calls: Calls, said: dict[str, Any]) -> dict[str, Any]:
+        answer: object = {"ok": True}
         if path == "pilot":
             self._needs("pilot", "set", calls.client.allowed)
-            return json_of(steered(calls.service, calls.client, said))  # type: ignore[no-any-return]
-        if path == "join":
-            return self.endpoint.sessions.join(calls.client, said)
-        checked("leave", said)
-        token = self.headers.get(HEADER)
-        if token is None:
-            raise InputInvalid(f"leave: no session; expected the header {HEADER} of POST /join")
-        self.endpoint.sessions.leave(token)
-        return {}
+            answer = json_of({"ok": True, **steered(calls.service, calls.client, read)})
+        elif path == "join":
+            answer = {"ok": True, **self.endpoint.sessions.join(calls.client, read)}
+        elif path == "leave":
+            checked("leave", read)
+            token = self.headers.get(HEADER)
+            if token is None:
+                raise InputInvalid(f"leave: no session; expected the header {HEADER} of POST /join")
+            self.endpoint.sessions.leave(token)
+        else:
+            return _json(calls, path, {"values": read} if path == "set" else read)
+        return b"application/json", json.dumps(answer).encode()
 
     def _live(self, calls: Calls, names: list[str], query: dict[str, list[str]]) -> None:
-        """Send values as they come, as server-sent events, until the client goes."""
+        """Send values continuously, as server-sent events, until the client disconnects."""
         try:
             rate = float(query.get("rate", ["20"])[0])
         except ValueError:
@@ -362,6 +364,7 @@ class Handler(BaseHTTPRequestHandler):
             self.endpoint.streams.release()
 
     def _send(self, status: int, kind: bytes, data: bytes | Iterator[str]) -> None:
+        """Send an answer; between two pieces of a large one, other clients step."""
         self.send_response(status)
         if status == 401:
             how = "Basic" if self.endpoint.token is None else "Bearer"
@@ -375,18 +378,15 @@ class Handler(BaseHTTPRequestHandler):
             self.close_connection = True
         self.send_header("Cache-Control", "no-store")
         self.send_header("X-Content-Type-Options", "nosniff")
-        self.send_header("X-Frame-Options", "DENY")  # no page of others lays itself over ours
+        self.send_header("X-Frame-Options", "DENY")  # no other page may overlay ours (clickjacking)
         self.send_header("Referrer-Policy", "no-referrer")
         self.end_headers()
         if isinstance(data, bytes):
             self.wfile.write(data)
-        else:
-            self._send_pieces(self._reader or _NOBODY, data)
-
-    def _send_pieces(self, client: Client, texts: Iterator[str]) -> None:
-        """Send a large answer piece by piece; between two pieces others step."""
+            return
+        client = self._reader or _NOBODY
         chunked = self.request_version == "HTTP/1.1"
-        for text in texts:
+        for text in data:
             part = text.encode()
             self.wfile.write(b"%x\r\n%s\r\n" % (len(part), part) if chunked else part)
             self._has_read(client)
@@ -395,8 +395,8 @@ class Handler(BaseHTTPRequestHandler):
             self.wfile.write(b"0\r\n\r\n")
 
 
-def _json(calls: Calls, call: str, request: Mapping[str, Any]) -> tuple[bytes, Any]:
-    """Return an answer in JSON: bytes, or where it is large an iterator of texts."""
+def _json(calls: Calls, call: str, request: Mapping[str, object]) -> _Content:
+    """Return an answer in JSON: bytes, or an iterator of texts if it is large."""
     found = calls.answer(call, request)
     if call not in ("get", "step", "run"):
         return b"application/json", f"{found.words}}}".encode()

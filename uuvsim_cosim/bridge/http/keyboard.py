@@ -1,16 +1,15 @@
-"""The source `keyboard`: a person at the page /pilot, in the place of a pilot or guidance.
+"""The source `keyboard`: a person at the page /pilot replaces a pilot or guidance.
 
-The axes s of a page, each from -1 to 1, become wanted velocities that change by at most `a_max`,
-nu_d -> s nu_max; the wanted pose moves with them from where the vehicle was,
+The axes s of a page, each from -1 to 1, become desired velocities that change by at most `a_max`,
+nu_d -> s nu_max; the desired pose moves with them from the vehicle's first pose,
 
     d eta_d/dt = J(psi_d) nu_d,    |p_d - p| <= lead,   |psi_d - psi| <= lead_psi,
 
-and a policy's outputs follow: a = k_u (u_d - u), omega = r_d. Without a person's input it stops.
+and a policy's outputs follow: a = k_u (u_d - u), omega = r_d. Without input it stops.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from math import cos, hypot, pi, sin
 from pathlib import Path
@@ -35,7 +34,7 @@ _NU = (6, ("m/s", "m/s", "m/s", "rad/s", "rad/s", "rad/s"))
 
 
 class Piloted:
-    """A person at a page: wanted pose and velocity, and a policy's accelerations."""
+    """A person at a page: desired pose and velocity, and a policy's accelerations."""
 
     inputs = {"eta": _ETA, "nu": _NU}  # noqa: RUF012
     outputs = {"eta_d": _ETA, "nu_d": _NU, "a": "m/s2", "omega": "rad/s"}  # noqa: RUF012
@@ -53,11 +52,11 @@ class Piloted:
     manual_axes = ManualAxes("nobody")
 
     def __init__(self) -> None:
-        self.pose: list[float] = []  # N E D psi wanted; none before the first step
-        self.velocity = [0.0, 0.0, 0.0, 0.0]  # u v w r wanted
+        self.pose: list[float] = []  # desired N E D psi; empty before the first step
+        self.velocity = [0.0, 0.0, 0.0, 0.0]  # desired u v w r
 
-    def step(self, t: float, dt: float, u: dict[str, Any]) -> dict[str, Any]:
-        """Move the wanted pose by the manual axes."""
+    def step(self, t: float, dt: float, u: dict[str, Any]) -> dict[str, object]:
+        """Move the desired pose by the manual axes."""
         eta, nu = [float(x) for x in u["eta"]], u["nu"]
         if not self.pose:
             self.pose = [*eta[:3], eta[5]]
@@ -77,6 +76,7 @@ class Piloted:
         }
 
     def _move(self, eta: list[float], dt: float) -> None:
+        """Integrate the desired pose; it stays within `lead` and `lead_psi` of the vehicle."""
         n, e, d, psi = self.pose
         u, v, w, r = self.velocity
         n += dt * (cos(psi) * u - sin(psi) * v)
@@ -108,7 +108,7 @@ def source(text: str, base: Path) -> KeyboardSource:
 
 @dataclass(frozen=True)
 class KeyboardSource:
-    """A person in a component's place, or at the inputs `a` and `omega` of another (`over`)."""
+    """A person instead of a component, or at the inputs `a` and `omega` of another (`over`)."""
 
     over: Source | None = None
     kind: str = "keyboard"
@@ -134,10 +134,10 @@ class KeyboardSource:
 
 
 def piloted(system: System, name: str) -> tuple[str, str]:
-    """Return the component that ``--replace NAME=keyboard`` means, and the source for its place.
+    """Return the component that ``--replace NAME=keyboard`` means, and its new source.
 
-    `pilot` means the one component of that name at any depth, else what gives eta_d and nu_d.
-    Raises InputInvalid if there is none, several, or one that a person cannot stand for.
+    `pilot` means the component of that name at any depth, else the one with outputs eta_d and nu_d.
+    Raises InputInvalid if there is none, several, or one that a person cannot replace.
     """
     components = {c.path: c for c in flatten(system, 0).components}
     found = [name] if name in components else [
@@ -147,9 +147,9 @@ def piloted(system: System, name: str) -> tuple[str, str]:
         found = [p for p, c in components.items() if {"eta_d", "nu_d"} <= _outputs(c)]
     if len(found) != 1:
         fit = [p for p, c in components.items() if _source_for(c) is not None]
-        many = f"{len(found)} of them ({', '.join(found)})" if found else "no such component"
+        count = f"{len(found)} of them ({', '.join(found)})" if found else "no such component"
         expected = f"one such as {', '.join(fit)}" if fit else "a system with a pilot or guidance"
-        raise InputInvalid(f"--replace {name}=keyboard: {many}; expected {expected}")
+        raise InputInvalid(f"--replace {name}=keyboard: {count}; expected {expected}")
     wanted = _source_for(components[found[0]])
     if wanted is None:
         raise InputInvalid(
@@ -161,7 +161,7 @@ def piloted(system: System, name: str) -> tuple[str, str]:
 
 
 def with_keyboards(system: str, swaps: dict[str, str]) -> None:
-    """Turn ``NAME: keyboard`` among swaps into the component and the source that are meant."""
+    """Replace ``NAME: keyboard`` among swaps by the component and the source that it means."""
     named = [name for name, source_ in swaps.items() if source_ == "keyboard"]
     if not named:
         return
@@ -176,17 +176,17 @@ def with_keyboards(system: str, swaps: dict[str, str]) -> None:
 
 
 def _source_for(component: PlannedComponent) -> str | None:
-    gives = _outputs(component)
-    if {"eta_d", "nu_d"} <= gives or {"a", "omega"} <= gives:
+    """Return the source by which a person replaces a component; None if that is impossible."""
+    outputs = _outputs(component)
+    if {"eta_d", "nu_d"} <= outputs or {"a", "omega"} <= outputs:
         return "keyboard:"
-    takes = {v.name for v in component.description.of("input")}
-    fits = {"a", "omega"} <= takes and "nu_d" in gives
+    inputs = {v.name for v in component.description.of("input")}
+    fits = {"a", "omega"} <= inputs and "nu_d" in outputs
     return f"keyboard:{component.source}" if fits else None
 
 
 def _outputs(component: PlannedComponent) -> set[str]:
-    outputs: Mapping[str, Any] = component.description.variables
-    return {name for name, v in outputs.items() if v.causality == "output"}
+    return {v.name for v in component.description.of("output")}
 
 
 def _within(x: float, most: float) -> float:

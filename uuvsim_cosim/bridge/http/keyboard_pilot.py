@@ -1,13 +1,16 @@
-"""A pilot with a person's manual axes at its inputs `a` and `omega`; all else is the pilot's own.
+"""A pilot with a person's manual axes added at its inputs `a` and `omega`.
 
-The axes add to what the inputs are given: a + k_u (s_1 u_max - u_d) while they hold the surge
-axis or have just let go of it, omega + s_4 omega_max; u_d is the speed that the pilot follows.
+The axes are added to the inputs: a + k_u (s_1 u_max - u_d) while the surge axis is used, and after
+its release until the vehicle has braked; omega + s_4 omega_max. u_d is the pilot's desired speed.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 from typing import Any, final
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from uuvsim_cosim.bridge.http.manual_axes import ManualAxes
 from uuvsim_cosim.fmus.component import Binding, BindingKind, Component
@@ -19,6 +22,7 @@ SPEED = 0.3  # [m/s] that the surge axis asks for, a helm's speed_max
 YAW_RATE = 1.5  # [rad/s] that the yaw axis asks for, a helm's omega_max
 A_MAX = 0.4  # [m/s2] a helm's a_max
 K_U = 2.0  # [1/s] a helm's k_u
+_State = tuple[object, dict[str, float], bool]  # inner state, inputs, whether it moves
 
 
 @final
@@ -34,11 +38,11 @@ class Over:
 
     @staticmethod
     def described(inner: Description) -> Description:
-        """Return the interface, which is the other's; Python stands in between."""
+        """Return the interface of the inner component, which is now called by Python."""
         return replace(inner, kind="python", provides_directional_derivatives=False)
 
     def get(self, variable: Variable) -> Any:
-        """Read a value; of `a` and `omega`, what they were given."""
+        """Read a value; `a` and `omega` are without the share of the axes."""
         if variable.name in self._given:
             return self._given[variable.name]
         return self._inner.get(variable)
@@ -50,7 +54,7 @@ class Over:
         self._inner.set(variable, value)
 
     def do_step(self, current_communication_point: float, step_size: float) -> None:
-        """Step with the share of the axes; axes that are let go brake first."""
+        """Step with the share of the axes; after its release, the surge axis brakes first."""
         surge, _, _, yaw = self._manual_axes.now()
         u_d = float(self._inner.get(self._nu_d)[0])
         self._moved = surge != 0.0 or (self._moved and abs(u_d) > 1e-3)
@@ -61,22 +65,22 @@ class Over:
             self._inner.set(variable, self._given[name] + added)
         self._inner.do_step(current_communication_point, step_size)
 
-    def get_fmu_state(self) -> Any:
+    def get_fmu_state(self) -> _State:
         """Copy the state."""
         return self._inner.get_fmu_state(), dict(self._given), self._moved
 
-    def set_fmu_state(self, state: Any) -> None:
+    def set_fmu_state(self, state: _State) -> None:
         """Restore a copy."""
         inner, given, self._moved = state
         self._inner.set_fmu_state(inner)
         self._given = dict(given)
 
-    def serialize_fmu_state(self, state: Any) -> bytes:
-        """Turn a copy into bytes; what the axes have moved is not kept."""
+    def serialize_fmu_state(self, state: _State) -> bytes:
+        """Convert a copy to bytes, without the inputs and the use of the axes."""
         return self._inner.serialize_fmu_state(state[0])
 
-    def deserialize_fmu_state(self, data: bytes) -> Any:
-        """Turn bytes into a copy."""
+    def deserialize_fmu_state(self, data: bytes) -> _State:
+        """Convert bytes to a copy."""
         return self._inner.deserialize_fmu_state(data), {"a": 0.0, "omega": 0.0}, False
 
     def reset(self) -> None:
@@ -85,27 +89,27 @@ class Over:
         self._inner.reset()
 
     def enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
-        """Begin."""
+        """Begin initialization."""
         self._inner.enter_initialization_mode(start_time, stop_time)
 
     def exit_initialization_mode(self) -> None:
-        """Go on."""
+        """End initialization."""
         self._inner.exit_initialization_mode()
 
     def terminate(self) -> None:
-        """End."""
+        """End the simulation."""
         self._inner.terminate()
 
     def free(self) -> None:
-        """Free the other."""
+        """Free the inner component."""
         self._inner.free()
 
     def directional_derivative(
-        self, unknowns: list[Variable], knowns: list[Variable], seed: Any
-    ) -> Any:
-        """Return the other's."""
+        self, unknowns: list[Variable], knowns: list[Variable], seed: ArrayLike
+    ) -> np.ndarray:
+        """Return the derivative of the inner component."""
         return self._inner.directional_derivative(unknowns, knowns, seed)
 
     def binding(self) -> Binding:
-        """Say that the stepping loop in C has to call Python."""
+        """Return that the stepping loop in C has to call Python."""
         return Binding(BindingKind.CALLBACK, 0, {})

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from uuvsim_cosim.bridge.access.roles import check
 from uuvsim_cosim.bridge.calls.service import Client, Service
@@ -21,8 +20,8 @@ def pilot_page() -> str:
     return Path(__file__).with_name("pilot.html").read_text(encoding="utf-8")
 
 
-def pilots(service: Service) -> dict[str, Any]:
-    """Return the components that take manual axes, and whether somebody holds them."""
+def pilots(service: Service) -> dict[str, object]:
+    """Return the components with manual axes, and whether a page holds them."""
     found = _here(service)
     return {
         "pilots": [
@@ -32,20 +31,20 @@ def pilots(service: Service) -> dict[str, Any]:
     }
 
 
-def steered(service: Service, client: Client, said: Mapping[str, Any]) -> dict[str, Any]:
-    """Take what a page says of its axes; gives whether it pilots, and where the vehicle is."""
+def steered(service: Service, client: Client, request: Mapping[str, object]) -> dict[str, object]:
+    """Set the axes from a page's request; return whether it pilots, and the vehicle's state."""
     check(client, "set")
-    for field in said:
+    for field in request:
         if field not in _FIELDS:
             raise InputInvalid(f"pilot: field {field!r}; expected some of {', '.join(_FIELDS)}")
-    page, axes = said.get("page"), said.get("axes", {})
+    page, axes = request.get("page"), request.get("axes", {})
     if not isinstance(page, str) or not 4 <= len(page) <= 64:
         raise InputInvalid("pilot: page; expected a text of 4 to 64 letters that no other page has")
     if not isinstance(axes, dict):
         raise InputInvalid(f"pilot: axes {axes!r}; expected an object of {', '.join(AXES)}")
     found = _here(service)
-    component = said.get("component") or next(iter(found), None)
-    if component not in found:
+    component = request.get("component") or next(iter(found), None)
+    if not isinstance(component, str) or component not in found:
         raise InputInvalid(
             f"pilot: component {component!r} takes no pilot; expected one of {', '.join(found)}"
             if found
@@ -53,31 +52,27 @@ def steered(service: Service, client: Client, said: Mapping[str, Any]) -> dict[s
             "pilot=keyboard`"
         )
     manual_axes = found[component]
-    if said.get("release"):
-        manual_axes.let_go(page)
+    if request.get("release"):
+        manual_axes.release(page)
         refused: str | None = "let go: the vehicle stops"
     else:
-        refused = manual_axes.say(page, axes)
+        refused = manual_axes.update(page, axes)
     moment = service.moment()
+    seen: dict[str, list[float]] = {}
+    if "read" in client.allowed:
+        values = service.get(client, [f"{component}.eta", f"{component}.nu"])
+        seen = {name: list(map(float, values[f"{component}.{name}"])) for name in ("eta", "nu")}
     return {
         "component": component,
         "pilots": refused is None,
         "words": refused or "",
         "time": moment.time,
         "running": moment.running,
-        "seen": _seen(service, client, component),
+        "seen": seen,
     }
 
 
 def _here(service: Service) -> dict[str, ManualAxes]:
+    """Return the manual axes of the components of this service."""
     there = {c["path"] for c in service.describe().get("components", ()) if c["kind"] == "keyboard"}
     return {path: manual_axes for path, manual_axes in known().items() if path in there}
-
-
-def _seen(service: Service, client: Client, component: str) -> dict[str, Any]:
-    """Return what the component sees of the vehicle, if the client may read it."""
-    if "read" not in client.allowed:
-        return {}
-    names = [f"{component}.eta", f"{component}.nu"]
-    values = service.get(client, names)
-    return {name.rpartition(".")[2]: list(map(float, values[name])) for name in names}

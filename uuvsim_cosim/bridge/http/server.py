@@ -1,4 +1,4 @@
-"""The HTTP server: JSON for webread, curl and browsers, and a page with live values."""
+"""The HTTP server: JSON for webread, curl and browsers, and pages with live values."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import threading
 import time
 from collections.abc import Sequence
 from http.server import ThreadingHTTPServer
-from typing import Any
+from typing import TYPE_CHECKING
 
 from uuvsim_cosim.bridge.access.access_file import is_loopback
 from uuvsim_cosim.bridge.access.authentication import Admission
@@ -25,7 +25,12 @@ from uuvsim_cosim.bridge.tcp.server import LOOPBACK, listening
 from uuvsim_cosim.closing import Closing
 from uuvsim_cosim.errors import UuvsimError
 
+if TYPE_CHECKING:
+    from _typeshed import WriteableBuffer
+
 __all__ = ["HttpServer"]
+
+_Request = socket.socket | tuple[bytes, socket.socket]  # as the base class has it, also for UDP
 
 _PLAIN = (
     b"HTTP/1.1 400 Bad Request\r\nContent-Type: application/json\r\n"
@@ -38,9 +43,9 @@ _FULL = (
 
 
 class HttpServer(Closing):
-    """Listens from construction to `close`; each connection has a thread, and its limits.
+    """The HTTP server: it listens from construction to `close`; each connection has a thread.
 
-    Without `admit` clients need the token of this user.
+    Without `admit`, clients need the token of this user.
     """
 
     def __init__(
@@ -77,14 +82,14 @@ class HttpServer(Closing):
 
     @property
     def addresses(self) -> tuple[str, ...]:
-        """Where a browser finds it."""
+        """The addresses for a browser."""
         hosts = [str(server.socket.getsockname()[0]) for server in self._servers]
         shown = (f"[{host}]" if ":" in host else host for host in hosts)
         kind = "http" if self._tls is None else "https"
         return tuple(f"{kind}://{host}:{self.port}/" for host in shown)
 
     def close(self) -> None:
-        """Let all clients go and stop listening."""
+        """Disconnect all clients and stop listening."""
         self._endpoint.closed.set()
         self._token_file.close()
         with contextlib.suppress(UuvsimError):  # the service may have ended before
@@ -98,7 +103,7 @@ class HttpServer(Closing):
 
 
 class _Server(ThreadingHTTPServer):
-    """The standard library's, on a socket that listens already, with a limit of connections."""
+    """A server on a socket that listens already, with a limit of connections."""
 
     daemon_threads = True
     block_on_close = False
@@ -115,8 +120,9 @@ class _Server(ThreadingHTTPServer):
         self.socket = listener
         self.server_address = listener.getsockname()[:2]
 
-    def process_request(self, request: Any, client_address: Any) -> None:
-        """Take a connection, or say that there are too many."""
+    def process_request(self, request: _Request, client_address: object) -> None:
+        """Accept a connection, or answer that there are too many."""
+        assert isinstance(request, socket.socket)
         endpoint = self.endpoint
         pause = self._accepted + 1 / endpoint.limits.connections_per_s - time.monotonic()
         if pause > 0:
@@ -131,17 +137,18 @@ class _Server(ThreadingHTTPServer):
             request.send(_FULL % (len(text), text))
         self.shutdown_request(request)
 
-    def shutdown_request(self, request: Any) -> None:
-        """Forget a connection that has ended."""
+    def shutdown_request(self, request: _Request) -> None:
+        """Free the place of a connection that has ended."""
+        assert isinstance(request, socket.socket)
         self.endpoint.places.leave(request)
         super().shutdown_request(request)
 
-    def handle_error(self, request: Any, client_address: Any) -> None:
-        """Say nothing: a client that breaks off is no error of this side."""
+    def handle_error(self, request: _Request, client_address: object) -> None:
+        """Print nothing: a client that disconnects is no error of the server."""
 
 
 class _Connection(Handler):
-    """One connection; a request that has begun must be whole within its time."""
+    """One connection; a request that has begun must be complete within a time limit."""
 
     def setup(self) -> None:
         assert isinstance(self.server, _Server)
@@ -154,18 +161,19 @@ class _Connection(Handler):
         self.rfile = io.BufferedReader(self._raw)
 
     def handle_one_request(self) -> None:
-        """Answer a request, with a fresh allowance of time for the next."""
+        """Answer a request; its time limit begins with its first byte."""
         self._raw.end = None
         self.endpoint.places.idle(self.connection)
         super().handle_one_request()
 
     def finish(self) -> None:
-        """End what TLS has begun."""
+        """Close the connection; the base class knows only the socket below TLS."""
         super().finish()
         if isinstance(self.request, ssl.SSLSocket):
             self._forget(self.request)
 
     def _secure(self, plain: socket.socket, context: ssl.SSLContext) -> None:
+        """Make the TLS handshake; a client that does not speak TLS gets a plain answer."""
         try:
             self.request = secured(plain, context, self.endpoint.limits.hello_s)
         except UuvsimError as error:
@@ -182,7 +190,7 @@ class _Connection(Handler):
 
 
 class _Timed(io.RawIOBase):
-    """Bytes of a socket, all of one request within the time that a frame has."""
+    """Bytes of a socket; all bytes of one request must arrive within `frame_s`."""
 
     IDLE_S = 60.0
 
@@ -192,16 +200,16 @@ class _Timed(io.RawIOBase):
         self.end: float | None = None
 
     def readable(self) -> bool:
-        """Tell that it can be read."""
+        """Return that it can be read."""
         return True
 
-    def readinto(self, buffer: Any) -> int:
-        """Read what has come; raises TimeoutError when the request takes too long."""
+    def readinto(self, buffer: WriteableBuffer) -> int:
+        """Read what has arrived; raises TimeoutError if the request takes too long."""
         now = time.monotonic()
         wait = self.IDLE_S if self.end is None else self.end - now
         self._connection.settimeout(max(wait, 0.001))
         count = self._connection.recv_into(buffer)
         if self.end is None:
             self.end = time.monotonic() + self._limits.frame_s
-        self._connection.settimeout(self._limits.frame_s)  # for what is written
+        self._connection.settimeout(self._limits.frame_s)  # for writing the answer
         return count

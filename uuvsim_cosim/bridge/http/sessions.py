@@ -1,4 +1,4 @@
-"""Sessions over HTTP: who joins is known by a token, and may hold the lockstep barrier."""
+"""Sessions over HTTP: a client that joins gets a token, and may hold the lockstep barrier."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from time import monotonic
-from typing import Any, final
+from typing import final
 
 from uuvsim_cosim.bridge.calls.call_table import checked
 from uuvsim_cosim.bridge.calls.service import Client, Service
@@ -18,7 +18,7 @@ __all__ = ["HEADER", "Sessions"]
 
 HEADER = "Uuvsim-Session"
 SESSIONS = 32
-IDLE = 60.0  # [s] without a request, or the lag budget if that is longer: then it is lost
+IDLE = 60.0  # [s] without a request after which a session is lost; its lag budget if that is longer
 
 
 @dataclass
@@ -31,7 +31,7 @@ class _Session:
 
 @final
 class Sessions:
-    """The sessions of one server; HTTP says nothing of who is gone, so silence decides."""
+    """The sessions of one server. HTTP does not show that a client is gone: a timeout decides."""
 
     def __init__(
         self,
@@ -43,10 +43,10 @@ class Sessions:
         self._lock = threading.Lock()
         self._open: dict[str, _Session] = {}
 
-    def join(self, asking: Client, said: Mapping[str, Any]) -> dict[str, Any]:
-        """Enter a client; gives its token and the name that it got."""
+    def join(self, asking: Client, request: Mapping[str, object]) -> dict[str, object]:
+        """Add a client; return its token and the name that it got."""
         self.forget_silent()
-        wanted = checked("join", said)
+        wanted = checked("join", request)
         name = wanted.get("name", asking.name)
         lockstep, lag = wanted.get("lockstep", False), wanted.get("lag", 5.0)
         with self._lock:
@@ -61,7 +61,7 @@ class Sessions:
         return {"session": token, "name": client.name, "lockstep": lockstep, "lag": lag}
 
     def calls(self, token: str, allowed: frozenset[str]) -> Calls:
-        """Return the calls of a session; InputInvalid if there is none, or it is another user's."""
+        """Return the calls of a session; raises InputInvalid if it is unknown or another user's."""
         self.forget_silent()
         with self._lock:
             session = self._open.get(token)
@@ -75,7 +75,7 @@ class Sessions:
         return session.calls
 
     def waiting(self, token: str | None, *, begins: bool) -> None:
-        """Note that a request of a session begins to be answered, or ends: it is not silent."""
+        """Note that the answer to a request of a session begins or ends: it is not silent."""
         with self._lock:
             session = self._open.get(token or "")
             if session is not None:
@@ -83,14 +83,14 @@ class Sessions:
                 session.heard = self._clock()
 
     def leave(self, token: str) -> None:
-        """Let a client go."""
+        """End a session."""
         with self._lock:
             session = self._open.pop(token, None)
         if session is not None:
             self._service.leave(session.calls.client)
 
     def forget_silent(self) -> None:
-        """Let those go who have been silent for too long: in lockstep the fail-safe decides."""
+        """End sessions that have been silent for too long: in lockstep the fail-safe decides."""
         now = self._clock()
         with self._lock:
             silent = [
@@ -101,7 +101,7 @@ class Sessions:
             getattr(self._service, "lost", self._service.leave)(session.calls.client)
 
     def close(self) -> None:
-        """Let all go."""
+        """End all sessions."""
         with self._lock:
             tokens = list(self._open)
         for token in tokens:

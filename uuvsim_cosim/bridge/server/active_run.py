@@ -1,4 +1,4 @@
-"""A run that is under way: to an instant or on and on, as fast as can be or against the clock."""
+"""A run in progress: to a time or without end, as fast as possible or in real time."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from uuvsim_cosim.orchestrator.plan.plan import Plan
 
 __all__ = ["Record", "Running"]
 
-_SECONDS = 0.01  # of wall time between two looks at the queue, when as fast as can be
-_WAKES = 1000.0  # [1/s] at most: shorter ticks are stepped several at a time
-_MOST = 1000  # steps that are due at once; calls wait for so many
+_SECONDS = 0.01  # of wall time between two checks of the queue, in a run as fast as possible
+_WAKES = 1000.0  # [1/s] at most: shorter communication steps are made several at a time
+_MOST = 1000  # steps that are made at once at most; calls wait meanwhile
 _MEMORY = 8 << 20  # bytes of recorded signals that are kept in memory
 _IN_PROCESS = 1 << 30  # bytes of `time` that a run without signals keeps for this process
-_HOPELESS = 1.0  # [s] behind the clock, from which on the schedule moves instead
+_HOPELESS = 1.0  # [s] of delay behind the clock beyond which the schedule is shifted instead
 
 
 @final
 class Record:
-    """Signals of a run, one row a communication point; an observer of its rows.
+    """Recorded signals of a run, one row for each communication point; an observer of its rows.
 
-    Their room is counted before the run: more than `most` bytes are refused, and beyond `_MEMORY`
-    bytes they lie in a temporary file, for a client that asks from elsewhere (`most` is given).
+    Their size is known before the run: more than `most` bytes are refused. For a client in another
+    process (`most` is given), more than `_MEMORY` bytes are kept in a temporary file.
     """
 
     def __init__(
@@ -61,24 +61,29 @@ class Record:
                 f"run: {rows} rows of {row} numbers are {size} bytes; expected at most {most}: "
                 "record fewer signals, run in pieces, or read the recording of the server"
             )
-        kinds = {name: _row(place) for name, place in places.items()}
+        formats: dict[str, tuple[np.dtype, tuple[int, ...]]] = {}
         if places or size <= (_MEMORY if most is not None else _IN_PROCESS):
-            kinds = {"time": (np.dtype("f8"), ()), **kinds}
-        self._store = Store(rows, kinds, in_file=most is not None and size > _MEMORY)
-        self._has_time, self._rows = "time" in kinds, 0
+            formats["time"] = (np.dtype("f8"), ())
+        for name, place in places.items():
+            type_ = Type.of(place.variable)
+            dtype = "O" if type_.is_blob else "?" if type_ == Type.Boolean else type_.dtype
+            shape = place.variable.shape if place.element is None else ()
+            formats[name] = np.dtype(dtype), shape
+        self._store = Store(rows, formats, in_file=most is not None and size > _MEMORY)
+        self._has_time, self._rows = "time" in formats, 0
         self._first = self._last = master.time
         self._put(1, np.array([master.time]), {})
 
     @property
     def each_step(self) -> bool:
-        """Whether values have to be read one step at a time: those that no row holds."""
+        """Whether steps must be made one at a time, to read values that are not in the rows."""
         return len(self._columns) < len(self._places)
 
     def begin(self, plan: Plan, columns: Sequence[Column]) -> None:
-        """Nothing to learn: the columns are known."""
+        """Do nothing: the columns are known."""
 
     def observe(self, chunk: Chunk) -> None:
-        """Keep the rows."""
+        """Store the rows."""
         values = {
             name: np.stack([chunk.values(i) for i in columns], 1)
             for name, columns in self._columns.items()
@@ -86,7 +91,7 @@ class Record:
         self._put(len(chunk.ticks), chunk.time, values)
 
     def _put(self, n: int, time_: np.ndarray, values: dict[str, np.ndarray]) -> None:
-        """Keep n rows; values that no row holds are read as they are now."""
+        """Store n rows; values that are not in the rows are read from the master now."""
         for name, place in self._places.items():
             if name not in values:
                 value = np.array(self._read(place), object if _is_text(place) else None)
@@ -98,37 +103,31 @@ class Record:
         self._last = float(time_[-1])
 
     def end(self) -> None:
-        """Nothing to close."""
+        """Do nothing: there is nothing to close."""
 
     def taken(self) -> dict[str, np.ndarray]:
         """Return the time and the signals.
 
-        A run that records nothing has a row of `time` for each communication point, or the first
-        and the last where these are too many to be kept.
+        A run that records no signals has a row of `time` for each communication point, or only the
+        first and the last if these are too many.
         """
         given = self._store.taken(self._rows)
         return given if self._has_time else {"time": np.array([self._first, self._last]), **given}
 
 
 def _size(place: Place) -> int:
+    """Return the size of a value in numbers of 8 bytes."""
     size = place.variable.size if place.element is None else 1
-    return 8 * size if _is_text(place) else size  # an object of Python, and some letters
+    return 8 * size if _is_text(place) else size  # an estimate: a Python object with some letters
 
 
 def _is_text(place: Place) -> bool:
     return Type.of(place.variable).is_blob
 
 
-def _row(place: Place) -> tuple[np.dtype[Any], tuple[int, ...]]:
-    """Return type and shape of a variable's row."""
-    type_ = Type.of(place.variable)
-    kind = "O" if type_.is_blob else "?" if type_ == Type.Boolean else type_.dtype
-    return np.dtype(kind), place.variable.shape if place.element is None else ()
-
-
 @final
 class Running:
-    """Steps towards `end` (a tick; None: on and on), at `factor` of real time if that is given."""
+    """A run to the tick `end` (None: without end), at `factor` of real time if that is given."""
 
     def __init__(
         self,
@@ -137,7 +136,7 @@ class Running:
         factor: float | None,
         answer: Answer | None,
         record: Record | None,
-        finish: Callable[[], Any],
+        finish: Callable[[], object],
     ) -> None:
         if factor is not None and not 0.0 < factor < float("inf"):
             raise InputInvalid(f"run: factor {factor:g}; expected more than 0")
@@ -156,7 +155,7 @@ class Running:
 
     @property
     def is_over(self) -> bool:
-        """Whether the end has been reached."""
+        """Whether the run has reached its end."""
         return self._end is not None and self._master.tick >= self._end
 
     @property
@@ -176,6 +175,7 @@ class Running:
         self.busy += took
         if not self._period:
             if self.record is None or not self.record.each_step:
+                # As many steps as fit into `_SECONDS`, so that calls do not wait longer.
                 wanted = int(self._each * _SECONDS / max(took, 1e-6))
                 self._each = max(1, min(4 * self._each, wanted))
             return

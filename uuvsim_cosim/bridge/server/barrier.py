@@ -1,31 +1,32 @@
-"""The lockstep barrier: a step is made when all who hold it have asked for theirs.
+"""The lockstep barrier: a step is made when all of its holders have requested one.
 
-Each holder has a lag budget [s]: for so long the others wait for it, then the fail-safe decides.
-Nothing here knows threads or clocks; instants are handed in.
+Each holder has a lag budget [s]: the others wait for it at most this time, then the fail-safe
+decides. The barrier uses neither threads nor clocks; times are arguments.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, final
+from typing import Literal, final
 
 from uuvsim_cosim.bridge.calls.service import Client
 from uuvsim_cosim.bridge.server.call_queue import Answer
+from uuvsim_cosim.bridge.server.signal_names import Fitted
 
 __all__ = ["Barrier", "FailSafe", "Holder", "Request"]
 
-# What is done about a client that is late or gone: it is dropped from the barrier; or all who
-# wait are told and nothing moves; or steps go on without it until it asks again.
+# The reaction to a client that is late or gone: it is removed from the barrier; or all requests
+# end with an error, and time stops; or steps continue without it until its next request.
 FailSafe = Literal["drop", "pause", "go-on"]
 
 
 @dataclass
 class Request:
-    """What a holder has asked for: `n` steps are left of it."""
+    """The request of a holder; `n` is the number of steps that are still to be made."""
 
     n: int
-    inputs: Sequence[tuple[Any, Any]]
+    inputs: Sequence[Fitted]
     names: frozenset[str]  # of its inputs
     outputs: Sequence[str]
     answer: Answer
@@ -33,7 +34,7 @@ class Request:
 
 @dataclass
 class Holder:
-    """A client that holds the barrier; one that is `behind` is not waited for."""
+    """A client that holds the barrier; if it is `behind`, the others do not wait for it."""
 
     client: Client
     lag: float
@@ -43,11 +44,11 @@ class Holder:
 
 @final
 class Barrier:
-    """Who holds it, and what they have asked for."""
+    """The holders and their requests."""
 
     def __init__(self) -> None:
         self._holders: dict[str, Holder] = {}
-        self._since: float | None = None  # when the first of this round began to wait
+        self._since: float | None = None  # time of the first request of this round
 
     @property
     def holders(self) -> Mapping[str, Holder]:
@@ -55,18 +56,18 @@ class Barrier:
         return self._holders
 
     def hold(self, client: Client, lag: float) -> None:
-        """Let a client hold the barrier."""
+        """Add a client to the holders."""
         self._holders[client.name] = Holder(client, lag)
 
     def release(self, name: str) -> Holder | None:
-        """Let a holder go; gives it, with what it had asked for."""
+        """Remove a holder; return it, with its request."""
         holder = self._holders.pop(name, None)
         if not any(h.request for h in self._holders.values()):
             self._since = None
         return holder
 
     def ask(self, name: str, request: Request, now: float) -> None:
-        """Take a holder's request."""
+        """Add the request of a holder."""
         holder = self._holders[name]
         holder.request, holder.behind = request, False
         if self._since is None:
@@ -74,19 +75,19 @@ class Barrier:
 
     @property
     def is_ready(self) -> bool:
-        """Whether all who are waited for have asked, and somebody has."""
-        waited = [h for h in self._holders.values() if not h.behind]
-        return bool(waited) and all(h.request is not None for h in waited)
+        """Whether there is a request of every holder that is not behind, and of at least one."""
+        expected = [h for h in self._holders.values() if not h.behind]
+        return bool(expected) and all(h.request is not None for h in expected)
 
     def asked(self) -> list[tuple[str, Request]]:
         """List the requests of this round, in the order of the clients' names.
 
-        So the result does not depend on who came first.
+        The result therefore does not depend on the order in which the requests arrived.
         """
         return [(n, h.request) for n, h in sorted(self._holders.items()) if h.request is not None]
 
     def made(self, n: int, now: float) -> list[tuple[str, Request]]:
-        """Count n steps as made; gives those whose request is fulfilled."""
+        """Count n steps as made; return the requests that are complete."""
         done = []
         for name, request in self.asked():
             request.n -= n
@@ -97,7 +98,7 @@ class Barrier:
         return done
 
     def clear(self) -> list[Request]:
-        """Forget all requests; gives them, to be answered."""
+        """Remove all requests; return them, to be answered."""
         waiting = [request for _, request in self.asked()]
         for holder in self._holders.values():
             holder.request = None
@@ -105,14 +106,14 @@ class Barrier:
         return waiting
 
     def deadline(self) -> float | None:
-        """Return the next instant at which a holder will be late; None if nobody is waited for."""
+        """Return the time at which the next holder will be late; None if no request waits."""
         if self._since is None:
             return None
         missing = [h.lag for h in self._missing()]
         return self._since + min(missing) if missing else None
 
     def late(self, now: float) -> list[Holder]:
-        """List who has kept the others waiting for longer than its lag budget."""
+        """List the holders that the others have waited for longer than the lag budget."""
         if self._since is None:
             return []
         return [h for h in self._missing() if now >= self._since + h.lag]

@@ -1,4 +1,4 @@
-"""Calls from any thread wait in one queue, and one thread carries them out in order."""
+"""The queue of calls: they come from any thread, and one thread carries them out in order."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Answer = Future[Any]
 
 @dataclass(frozen=True)
 class _Call:
-    """What is to be done: `work(answer)` answers now, or keeps the answer for later."""
+    """A call: `work(answer)` sets the result of its answer, or keeps the answer for later."""
 
     work: Callable[[Answer], None]
     answer: Answer = field(default_factory=Future)
@@ -26,7 +26,7 @@ class _Call:
 
 @final
 class Calls:
-    """The queue; once closed, it refuses what comes in words."""
+    """The queue; once closed, it refuses calls by InputInvalid."""
 
     def __init__(self) -> None:
         self._queue: queue.SimpleQueue[_Call] = queue.SimpleQueue()
@@ -34,7 +34,7 @@ class Calls:
         self._lock = threading.Lock()
 
     def put(self, work: Callable[[Answer], None]) -> Answer:
-        """Ask for work; the future gives its answer, or raises what it raised."""
+        """Put work in the queue; the future has its answer, or the error that it raised."""
         call = _Call(work)
         with self._lock:
             if self._closed:
@@ -43,7 +43,7 @@ class Calls:
         return call.answer
 
     def carry_out(self, timeout: float | None) -> bool:
-        """Carry out the next call, if one comes within `timeout` s; says whether one did."""
+        """Carry out the next call, if one comes within `timeout` s; return whether one came."""
         try:
             if timeout is None:
                 call = self._queue.get()
@@ -55,13 +55,13 @@ class Calls:
             return False
         try:
             call.work(call.answer)
-        except BaseException as error:  # raised again where the answer is awaited
+        except BaseException as error:  # raised again in the thread that waits for the answer
             if not call.answer.done():
                 call.answer.set_exception(error)
         return True
 
     def close(self, work: Callable[[Answer], None]) -> Answer:
-        """Ask for the last work, and refuse whatever comes after."""
+        """Put the last work in the queue, and refuse all later calls."""
         call = _Call(work)
         with self._lock:
             self._closed = True
@@ -69,7 +69,7 @@ class Calls:
         return call.answer
 
     def drain(self) -> None:
-        """Answer the calls that wait still that it is over."""
+        """Answer the calls that still wait by the error that the co-simulation has ended."""
         while True:
             try:
                 call = self._queue.get_nowait()

@@ -1,4 +1,4 @@
-"""The conductor: one thread owns the master, and carries out what clients ask for in order."""
+"""The conductor: the session of a co-simulation. One thread owns the master and makes all calls."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from uuvsim_cosim.bridge.calls.at_exit import close_at_exit
 from uuvsim_cosim.bridge.calls.service import Client, Moment, Schema
 from uuvsim_cosim.bridge.calls.time_sharing import READS, Share
 from uuvsim_cosim.bridge.server.barrier import FailSafe
-from uuvsim_cosim.bridge.server.call_handlers import Acts
+from uuvsim_cosim.bridge.server.call_handlers import CallHandlers
 from uuvsim_cosim.bridge.server.call_queue import Answer, Calls
 from uuvsim_cosim.bridge.server.current_master import CurrentMaster
 from uuvsim_cosim.bridge.server.lockstep import Lockstep
@@ -32,18 +32,17 @@ from uuvsim_cosim.orchestrator.system.system import System
 __all__ = ["Conductor"]
 
 _ANYBODY = Client("anybody", "local", frozenset())
-_CALLS = 16  # that are carried out at most before steps that are due, however many come
+_CALLS = 16  # calls that are carried out at most before steps that are due
 
 
 @final
 class Conductor(Closing):
     """`Service` of one running co-simulation, or of a recording; all transports pass calls to it.
 
-    A master that is given has not been initialized; from now on it is the conductor's.
-    `record` is a folder for recordings: each run from a start to the next reset, restore or
-    replacement gets its own. `fail_safe` says what is done about a client in lockstep that is
-    late or gone (see `Barrier`). Without `loads_code` no client may replace a component, whatever
-    its role.
+    A given master must not be initialized; from now on only the conductor may use it. `record` is a
+    folder for recordings: each run from a start to the next reset, restore or replacement gets its
+    own. `fail_safe` is the reaction to a client in lockstep that is late or gone (see `Barrier`).
+    Without `loads_code` no client may replace a component, whatever its role.
     """
 
     def __init__(
@@ -74,8 +73,8 @@ class Conductor(Closing):
         def begin(answer: Answer) -> None:
             current = CurrentMaster(system, seed, backend, folder)
             self._lockstep = Lockstep(current, fail_safe)
-            self._acts = Acts(current, self._lockstep)
-            self._current = current
+            self._handlers = CallHandlers(current, self._lockstep)
+            self._current = current  # last: from here on the thread steps
             current.moment()
             answer.set_result(None)
 
@@ -86,10 +85,10 @@ class Conductor(Closing):
             raise
         close_at_exit(self)
 
-    # ---- what is known without asking -----------------------------------------------------
+    # ---- state, from any thread -----------------------------------------------------------
 
     def moment(self) -> Moment:
-        """Say where the co-simulation is."""
+        """Return the current communication point."""
         return Moment(0, 0.0, False) if self._current is None else self._current.last
 
     @property
@@ -99,12 +98,12 @@ class Conductor(Closing):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """The warnings of the beginning; once it is closed, those of the whole run."""
+        """The warnings of the plan; after `close`, also those of the whole run."""
         return () if self._current is None else self._current.warnings
 
     @property
     def failed(self) -> UuvsimError | None:
-        """Return why it is paused, if a step failed and nobody has gone back since."""
+        """The error of a failed step, after which it is paused until a reset or restore."""
         return None if self._current is None else self._current.failed
 
     # ---- the service -------------------------------------------------------------------------
@@ -118,10 +117,10 @@ class Conductor(Closing):
         return self._on.names.schema
 
     def get(self, client: Client, names: Sequence[str]) -> Mapping[str, Any]:
-        """Read variables at the present communication point."""
+        """Read variables at the current communication point."""
         return dict(self.ask("get", client, names).result())
 
-    def set(self, client: Client, values: Mapping[str, Any]) -> Moment:
+    def set(self, client: Client, values: Mapping[str, object]) -> Moment:
         """Set unconnected inputs and tunable parameters, all or none."""
         return _moment(self.ask("set", client, values).result())
 
@@ -129,10 +128,10 @@ class Conductor(Closing):
         self,
         client: Client,
         n: int = 1,
-        inputs: Mapping[str, Any] | None = None,
+        inputs: Mapping[str, object] | None = None,
         outputs: Sequence[str] = (),
     ) -> tuple[Moment, Mapping[str, Any]]:
-        """Set inputs, make n communication steps, and give outputs; in lockstep, with others."""
+        """Set inputs, make n communication steps, and return outputs; in lockstep, with others."""
         moment, values = self.ask("step", client, n, inputs, outputs).result()
         return moment, values
 
@@ -143,7 +142,7 @@ class Conductor(Closing):
         factor: float | None = None,
         record: Sequence[str] = (),
     ) -> Mapping[str, np.ndarray]:
-        """Run to a time [s], or on and on without `until`; gives the time and what is recorded."""
+        """Run to a time [s], or stream without `until`; return the time and recorded signals."""
         return dict(self.ask("run", client, until, factor, record).result())
 
     def pause(self, client: Client) -> Moment:
@@ -151,13 +150,13 @@ class Conductor(Closing):
         return _moment(self.ask("pause", client).result())
 
     def reset(
-        self, client: Client, seed: int | None = None, start: Mapping[str, Any] | None = None
+        self, client: Client, seed: int | None = None, start: Mapping[str, object] | None = None
     ) -> Moment:
         """Go back to the start, with another seed or other start values."""
         return _moment(self.ask("reset", client, seed, start).result())
 
     def snapshot(self, client: Client) -> str:
-        """Keep the whole state, under a name that is given."""
+        """Store the whole state; return the name of the snapshot."""
         return str(self.ask("snapshot", client).result())
 
     def restore(self, client: Client, snapshot: str) -> Moment:
@@ -165,40 +164,40 @@ class Conductor(Closing):
         return _moment(self.ask("restore", client, snapshot).result())
 
     def discard(self, client: Client, snapshot: str) -> Moment:
-        """Forget a snapshot."""
+        """Delete a snapshot."""
         return _moment(self.ask("discard", client, snapshot).result())
 
     def replace(
         self, client: Client, component: str, source: str, mapping: Mapping[str, str] | None = None
     ) -> Moment:
-        """Put another source in a component's place; the run begins anew."""
+        """Replace the source of a component; the run begins again from the start."""
         return _moment(self.ask("replace", client, component, source, mapping).result())
 
     def join(self, client: Client, *, lockstep: bool = False, lag: float = 5.0) -> Client:
-        """Enter a client; with `lockstep` it holds the barrier."""
+        """Add a client; with `lockstep` it holds the barrier."""
         joined = self.ask("join", client, lockstep, lag).result()
         assert isinstance(joined, Client)
         return joined
 
     def leave(self, client: Client) -> None:
-        """Let a client go; the barrier no longer waits for it."""
+        """Remove a client; the barrier no longer waits for it."""
         self.ask("leave", client).result()
 
     def dismiss(self, client: Client, name: str) -> Moment:
-        """Take the barrier from another client."""
+        """Remove another client from the barrier."""
         return _moment(self.ask("dismiss", client, name).result())
 
-    # ---- beside the service ------------------------------------------------------------------
+    # ---- more than the service ---------------------------------------------------------------
 
     def lost(self, client: Client) -> None:
-        """A client is gone without leaving: if it held the barrier, the fail-safe decides."""
+        """Remove a client that has disconnected; if it held the barrier, the fail-safe decides."""
         self.ask("lost", client).result()
 
-    def ask(self, call: str, client: Client, *arguments: Any) -> Answer:
-        """Ask for a call without waiting for its answer."""
+    def ask(self, call: str, client: Client, *arguments: object) -> Answer:
+        """Put a call in the queue, without waiting for its answer."""
 
         def work(answer: Answer) -> None:
-            check(client, call)  # before anything is read, so that no code is loaded
+            check(client, call)  # first, so that no code is loaded for a client that may not
             if call == "replace" and not self._loads_code:
                 raise InputInvalid(
                     "replace: this server loads no code for its clients (--no-code); expected the "
@@ -207,32 +206,32 @@ class Conductor(Closing):
             if call == "step":
                 self.share.steps(client)
             begun = time.thread_time() if call in READS else 0.0
-            self._acts.carry_out(call, client, answer, *arguments)
+            self._handlers.carry_out(call, client, answer, *arguments)
             if begun:
                 self.share.also_took(client, time.thread_time() - begun)
 
         return self._calls.put(work)
 
     def abandon(self, answer: Answer) -> None:
-        """Who waited for an answer is gone: a run that was to give it ends where it is."""
+        """End the run of an answer that its client does not wait for any more."""
 
         def work(done: Answer) -> None:
             self._on.abandon(answer)
             done.set_result(None)
 
-        with suppress(InputInvalid):  # it has ended itself
+        with suppress(InputInvalid):  # the co-simulation has ended already
             self._calls.put(work)
 
     def watch(self, observer: Observer) -> None:
-        """Hand the rows of every communication point to an observer, in the conductor's thread."""
+        """Pass the rows of every communication point to an observer, in the conductor's thread."""
         self._now(lambda: self._on.tap.listen(observer))
 
     def unwatch(self, observer: Observer) -> None:
-        """Hand it no more."""
+        """Stop passing rows to an observer."""
         self._now(lambda: self._on.tap.leave(observer))
 
     def close(self) -> None:
-        """End the co-simulation; recordings are complete then. A second call does nothing."""
+        """End the co-simulation and complete its recordings; a second call does nothing."""
         with self._ending:
             if self._ended:
                 return
@@ -247,6 +246,11 @@ class Conductor(Closing):
     # ---- in the conductor's thread --------------------------------------------------------
 
     def _conduct(self) -> None:
+        """Carry out calls and make the steps that are due, until the co-simulation ends.
+
+        While a run steps, calls are taken between its steps. With no run and no client that is
+        waited for in lockstep, the thread sleeps until a call comes.
+        """
         while self._current is None:
             self._calls.carry_out(None)
             if self._current is None and self._ended:
@@ -281,10 +285,11 @@ class Conductor(Closing):
         assert self._current is not None
         return self._current
 
-    def _now(self, call: Callable[[], Any]) -> Any:
-        return self._calls.put(lambda answer: answer.set_result(call())).result()
+    def _now(self, call: Callable[[], object]) -> None:
+        """Make a call in the conductor's thread, and wait for its end."""
+        self._calls.put(lambda answer: answer.set_result(call())).result()
 
 
-def _moment(answer: Any) -> Moment:
+def _moment(answer: object) -> Moment:
     assert isinstance(answer, Moment)
     return answer

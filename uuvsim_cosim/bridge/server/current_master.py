@@ -1,12 +1,12 @@
-"""The master that runs now, its names, its snapshots, and why it ended."""
+"""The current master, its names, snapshots and run, and the error that has stopped it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from math import ceil, isfinite
 from pathlib import Path
-from typing import Any, final
+from typing import final
 
 from uuvsim_cosim._version import __version__
 from uuvsim_cosim.bridge.calls.service import Moment
@@ -31,7 +31,7 @@ __all__ = ["CurrentMaster"]
 
 @final
 class CurrentMaster:
-    """One system's master in the conductor's thread; a step that failed leaves it paused."""
+    """The master of a system, in the conductor's thread; after a step that failed it is paused."""
 
     def __init__(
         self,
@@ -58,33 +58,44 @@ class CurrentMaster:
         self.last = Moment(0, 0.0, False)
         self.snapshots = Snapshots()
         self._overruns, self._busy = 0, 0.0  # of the last run, once it has ended
-        self._components: list[dict[str, Any]] | None = None
+        self._components: list[dict[str, object]] | None = None
         self.master: Stepped
         if isinstance(system, Replay):
             system.initialize([self.tap])
             self.master = system
         else:
-            if isinstance(system, System):
-                system = flatten(system, seed)
-            self.master = self._begun(system)
+            self.master = self._begun(
+                flatten(system, seed) if isinstance(system, System) else system
+            )
         self.names = Names(self.master)
         self.warnings = self.warned()
 
     def warned(self) -> tuple[str, ...]:
-        """Return what the plan and the run so far warn of; a recording warns of nothing."""
+        """Return the warnings of the plan and of the run so far; a recording has none."""
         if not isinstance(self.master, Master):
             return ()
         return (*self.master.plan.warnings, *self.master.remarks)
 
     def moment(self) -> Moment:
-        """Say where it is; where a step failed, the last communication point."""
+        """Return the communication point; if a step failed, the last one before it."""
         if not self.is_closed:
             self.last = Moment(self.master.tick, self.master.time, self.running is not None)
         return self.last
 
-    def describe(self) -> dict[str, Any]:
+    def describe(self) -> dict[str, object]:
         """Return system, version, tick and components."""
         running, plan = self.running, self.master.plan
+        if self._components is None:  # described once for each master
+            self._components = [
+                {
+                    "path": c.path,
+                    "name": c.description.name,
+                    "kind": "recording" if self._replay else resolve(c.source).kind,
+                    "step": float(c.step_ticks * plan.tick),
+                    "can_snapshot": c.description.can_get_and_set_state,
+                }
+                for c in plan.components
+            ]
         return {
             "system": self.name,
             "version": __version__,
@@ -96,30 +107,14 @@ class CurrentMaster:
             "overruns": running.overruns if running and running.factor else self._overruns,
             "busy": running.busy if running else self._busy,
             "recordings": [folder.name for folder in self.tap.folders],
-            **({} if self._replay is None else self._replay.told),
-            "components": self._described(),
+            **({} if self._replay is None else self._replay.described),
+            "components": self._components,
         }
-
-    def _described(self) -> list[dict[str, Any]]:
-        """Describe the components, once for each master."""
-        if self._components is None:
-            plan = self.master.plan
-            self._components = [
-                {
-                    "path": c.path,
-                    "name": c.description.name,
-                    "kind": "recording" if self._replay else resolve(c.source).kind,
-                    "step": float(c.step_ticks * plan.tick),
-                    "can_snapshot": c.description.can_get_and_set_state,
-                }
-                for c in plan.components
-            ]
-        return self._components
 
     # ---- stepping -------------------------------------------------------------------------
 
     def check_idle(self, call: str) -> None:
-        """Refuse what needs a master that neither streams nor has failed."""
+        """Refuse a call that needs a master which neither runs nor has failed."""
         if self.failed is not None:
             raise InputInvalid(
                 f"{call}: the co-simulation is paused, for {self.failed}; expected reset, restore "
@@ -146,9 +141,9 @@ class CurrentMaster:
         answer: Answer,
         most: int | None = None,
     ) -> None:
-        """Begin a run; without `until` it is in real time, and its answer is given at once.
+        """Begin a run; without `until` it streams in real time, and is answered immediately.
 
-        `most` is the largest recording in bytes that may be answered: a longer one is refused.
+        `most` is the largest size of the recording in bytes; a longer run is refused.
         """
         end = None
         if until is not None:
@@ -177,7 +172,7 @@ class CurrentMaster:
         self._begin(Running(self.master, last, factor, answer, kept, kept.taken))
         self.tap.listen(kept)
         assert self.running is not None
-        if self.running.is_over:
+        if self.running.is_over:  # `until` is the current time
             self.pause()
 
     def _begin(self, running: Running) -> None:
@@ -185,13 +180,13 @@ class CurrentMaster:
         if running.factor:
             self._overruns = 0
 
-    def run_for(self, n: int, answer: Answer, finish: Any) -> None:
-        """Begin a run of n steps whose answer is what `finish` gives at its end."""
+    def run_for(self, n: int, answer: Answer, finish: Callable[[], object]) -> None:
+        """Begin a run of n steps, whose answer is the result of `finish` at its end."""
         self._check_ahead(self.master.tick + n, "step")
         self._begin(Running(self.master, self.master.tick + n, None, answer, None, finish))
 
     def pause(self) -> None:
-        """Stop the run, which is answered with what it has so far."""
+        """Stop the run, and answer it with the rows that it has so far."""
         running = self._ended()
         if running is None:
             return
@@ -205,7 +200,7 @@ class CurrentMaster:
                 running.answer.set_exception(error)
 
     def _ended(self) -> Running | None:
-        """Take the run away, and keep its figures for `describe`."""
+        """Remove the run and return it; keep its overruns and busy time for `describe`."""
         running, self.running = self.running, None
         if running is not None:
             self._busy = running.busy
@@ -214,7 +209,7 @@ class CurrentMaster:
         return running
 
     def abandon(self, answer: Answer) -> None:
-        """End the run whose answer nobody waits for any more, at its communication point."""
+        """End the run of an answer that its client does not wait for any more."""
         if self.running is not None and self.running.answer is answer:
             self.pause()
 
@@ -242,13 +237,13 @@ class CurrentMaster:
             if running.is_over:
                 self.pause()
 
-    # ---- going elsewhere ------------------------------------------------------------------
+    # ---- reset, restore, replace ----------------------------------------------------------
 
-    def reset(self, seed: int | None, start: Mapping[str, Any]) -> None:
+    def reset(self, seed: int | None, start: Mapping[str, object]) -> None:
         """Go back to the start."""
         if self._replay is not None and seed is not None:
             raise InputInvalid(f"reset: seed {seed}; expected none, for this replays a recording")
-        starts = self.names.starts(start)
+        starts = self.names.starts(start)  # before anything changes, as it may raise
         self.pause()
         self.tap.fresh()
         try:
@@ -260,12 +255,12 @@ class CurrentMaster:
         self._seed = self._seed if seed is None else seed
 
     def snapshot(self, owner: str) -> str:
-        """Keep the state under a name, for a client."""
+        """Store the state for a client; return the name of the snapshot."""
         self.snapshots.check(owner)
         return self.snapshots.add(self.master.snapshot(), owner)
 
     def restore(self, name: str) -> None:
-        """Go back to a snapshot; in a recording, also to ``t=SECONDS``."""
+        """Restore a snapshot; in a recording, also the time ``t=SECONDS``."""
         sought = None if self._replay is None else self._replay.sought(name)
         state = self.snapshots.find(name) if sought is None else sought
         self.pause()
@@ -274,7 +269,7 @@ class CurrentMaster:
         self.failed = None
 
     def replace(self, component: str, source: str, mapping: Mapping[str, str] | None) -> None:
-        """Put another source in a component's place, and begin anew; or leave all as it is."""
+        """Replace the source of a component and begin again; if that fails, the old one stays."""
         if self._replay is not None:
             raise InputInvalid(f"replace {component}: this replays a recording; expected a running "
                                "system")  # fmt: skip
@@ -320,6 +315,7 @@ class CurrentMaster:
             self._replay.check_ahead(tick, call)
 
     def _begun(self, given: Plan | Master) -> Master:
+        """Return an initialized master; if that fails, the recording is completed."""
         try:
             if isinstance(given, Master):
                 master = given
@@ -339,7 +335,7 @@ class CurrentMaster:
 
 
 def _from_here(source: str) -> str:
-    """Return the path of a client's file in the server's folder, if it exists; else unchanged."""
+    """Return the source with an absolute path if it is a file in the server's folder."""
     name, colon, _ = source.rpartition(":")
     file = name if colon and name.endswith(".py") else source
     path = Path(file)

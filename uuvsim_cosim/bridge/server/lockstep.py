@@ -1,4 +1,4 @@
-"""Who takes part, and lockstep: several clients' steps are made as one."""
+"""The clients of a co-simulation, and lockstep: the steps of several clients are made as one."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import isfinite
-from typing import Any, final, get_args
+from typing import final, get_args
 
 from uuvsim_cosim.bridge.calls.service import Client
-from uuvsim_cosim.bridge.server.barrier import Barrier, FailSafe, Holder, Request
+from uuvsim_cosim.bridge.server.barrier import Barrier, FailSafe, Request
 from uuvsim_cosim.bridge.server.call_queue import Answer
 from uuvsim_cosim.bridge.server.current_master import CurrentMaster
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
@@ -17,12 +17,15 @@ from uuvsim_cosim.models.declaration.near_names import expected_names
 
 __all__ = ["Lockstep"]
 
-_DROPPED = 64  # clients whose dropping is remembered, to tell them
+_DROPPED = 64  # dropped clients whose reason is kept, for the error of their next step
 
 
 @final
 class Lockstep:
-    """The clients that have joined, and the barrier that some of them hold."""
+    """The clients that have joined, and the barrier that some of them hold.
+
+    All methods run in the conductor's thread.
+    """
 
     def __init__(self, current: CurrentMaster, fail_safe: FailSafe) -> None:
         if fail_safe not in get_args(FailSafe):
@@ -33,8 +36,8 @@ class Lockstep:
         self._clients: dict[str, Client] = {}
         self._dropped: dict[str, str] = {}
 
-    def describe(self) -> dict[str, Any]:
-        """Return the clients, and who of them holds the barrier."""
+    def describe(self) -> dict[str, object]:
+        """Return the clients, and which of them hold the barrier."""
         return {
             "clients": [
                 {"name": c.name, "door": c.transport, "lockstep": c.name in self.barrier.holders}
@@ -44,10 +47,10 @@ class Lockstep:
             "fail_safe": self._fail_safe,
         }
 
-    # ---- who takes part -------------------------------------------------------------------
+    # ---- clients --------------------------------------------------------------------------
 
     def join(self, client: Client, lockstep: bool, lag: float) -> Client:
-        """Enter a client under a name that is free."""
+        """Add a client, under a name that is free."""
         if lockstep and not (isfinite(lag) and lag > 0.0):
             raise InputInvalid(f"join: lag {lag:g} s; expected more than 0")
         if lockstep and "step" not in client.allowed:
@@ -68,20 +71,19 @@ class Lockstep:
         return client
 
     def leave(self, client: Client, why: str = "has left") -> None:
-        """Let a client go; the barrier no longer waits for it."""
+        """Remove a client; the barrier no longer waits for it."""
         self._clients.pop(client.name, None)
         self._release(client.name, why)
         self.make()
 
     def lost(self, client: Client) -> None:
-        """Let a client go that is gone without leaving; the others may be told to pause."""
-        held = self.barrier.holders.get(client.name)
-        if held is not None and self._fail_safe == "pause":
-            self._tell(f"lockstep: client {client.name!r} is gone, and the co-simulation pauses")
+        """Remove a client that has disconnected; with the fail-safe `pause`, the others stop."""
+        if client.name in self.barrier.holders and self._fail_safe == "pause":
+            self.end(f"lockstep: client {client.name!r} is gone, and the co-simulation pauses")
         self.leave(client, "is gone")
 
     def dismiss(self, name: str, by: Client) -> None:
-        """Take the barrier from a client; it is told at its next step."""
+        """Remove a client from the barrier; its next step raises an error."""
         if name not in self.barrier.holders:
             known = [n for n in self.barrier.holders if n != by.name]
             raise InputInvalid(
@@ -98,7 +100,7 @@ class Lockstep:
         return client.name in self.barrier.holders
 
     def check_free(self, client: Client, call: str) -> None:
-        """Refuse a client outside the barrier to move time that others hold."""
+        """Refuse a call that moves time from a client outside the barrier that others hold."""
         if client.name in self._dropped:
             raise InputInvalid(f"{call}: {self._dropped[client.name]}; expected to join again")
         others = [name for name in self.barrier.holders if name != client.name]
@@ -112,11 +114,11 @@ class Lockstep:
         self,
         client: Client,
         n: int,
-        inputs: Mapping[str, Any],
+        inputs: Mapping[str, object],
         outputs: Sequence[str],
         answer: Answer,
     ) -> None:
-        """Take a holder's request for n steps, and step if it was the last that was missing."""
+        """Add a holder's request for n steps, and step if it was the last one missing."""
         for name in outputs:
             self._current.names.find(name)
         if self.barrier.holders[client.name].request is not None:
@@ -135,14 +137,14 @@ class Lockstep:
         self.make()
 
     def make(self) -> None:
-        """Make the steps that all have asked for."""
+        """Make steps as long as all holders request them."""
         while self.barrier.is_ready:
             asked = self.barrier.asked()
             n = min(request.n for _, request in asked)
             try:
                 for _, request in asked:
                     self._current.names.set(request.inputs)
-                    request.inputs = ()
+                    request.inputs = ()  # they hold in all steps of the request
                 self._current.step(n)
             except UuvsimError as error:
                 self._stop(error)
@@ -156,42 +158,38 @@ class Lockstep:
 
     @property
     def wait(self) -> float | None:
-        """The time until somebody is late [s]; None if nobody is waited for."""
+        """The time until a holder is late [s]; None if no request waits."""
         deadline = self.barrier.deadline()
         return None if deadline is None else max(0.0, deadline - time.monotonic())
 
     def advance(self) -> None:
-        """Do about those who are late what the fail-safe says."""
+        """Apply the fail-safe to the holders that are late."""
         late = self.barrier.late(time.monotonic())
         if not late:
             return
         if self._fail_safe == "pause":
             names = ", ".join(repr(h.client.name) for h in late)
             lag = max(h.lag for h in late)
-            self._tell(
+            self.end(
                 f"lockstep: {names} did not ask for a step within {lag:g} s, and the "
                 "co-simulation pauses; expected its step, or that it leaves"
             )
             return
         for holder in late:
-            self._let_fall(holder)
+            if self._fail_safe == "go-on":
+                holder.behind = True
+                continue
+            self._drop(
+                holder.client.name,
+                f"was dropped from lockstep, for it did not ask for a step within {holder.lag:g} s",
+            )
         self.make()
 
     def end(self, why: str) -> None:
-        """Answer all who wait that nothing will come."""
-        self._tell(why)
+        """End all requests that wait by an error."""
+        self._stop(InputInvalid(why))
 
     # ---- inside ---------------------------------------------------------------------------
-
-    def _let_fall(self, holder: Holder) -> None:
-        if self._fail_safe == "go-on":
-            holder.behind = True
-            return
-        lag = holder.lag
-        self._drop(
-            holder.client.name,
-            f"was dropped from lockstep, for it did not ask for a step within {lag:g} s",
-        )
 
     def _drop(self, name: str, why: str) -> None:
         self._release(name, why)
@@ -204,9 +202,6 @@ class Lockstep:
         if holder is not None and holder.request is not None:
             error = InputInvalid(f"step: client {name!r} {why} before its step was made")
             holder.request.answer.set_exception(error)
-
-    def _tell(self, why: str) -> None:
-        self._stop(InputInvalid(why))
 
     def _stop(self, error: UuvsimError) -> None:
         for request in self.barrier.clear():

@@ -1,7 +1,7 @@
-"""A recording is replayed as live: stepped, paused, sought in, and read like a running system.
+"""Replay of a recording like a running system: it is stepped, paused and read, and can be sought.
 
-What a run has recorded has its values at each communication point; between two recorded ones the
-earlier holds. Nothing can be set. It is kept in memory whole.
+Signals have a value at each communication point; between two recorded points, the earlier value
+holds. Nothing can be set. The whole recording is kept in memory.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def is_recording(system: object) -> bool:
 
 @final
 class Replay:
-    """A recording in a master's place (`Stepped`); raises RecordingError for what is none."""
+    """A recording instead of a master (`Stepped`); raises RecordingError for other data."""
 
     def __init__(self, recording: Signals | Path | str) -> None:
         if isinstance(recording, Signals):
@@ -68,7 +68,7 @@ class Replay:
         self._ticks = signals.ticks
         self._tick = self.first_tick
 
-    # ---- where it is ----------------------------------------------------------------------
+    # ---- position -------------------------------------------------------------------------
 
     @property
     def first_tick(self) -> int:
@@ -91,22 +91,22 @@ class Replay:
         return float(self._tick * self.plan.tick)
 
     @property
-    def told(self) -> dict[str, Any]:
-        """Return what a recording adds to a description: its seed, where it begins and ends [s]."""
+    def described(self) -> dict[str, object]:
+        """Return the fields of a recording in `describe`: its seed, its begin and end [s]."""
         time, seed = self.signals.time, self.signals.metadata.get("seed")
         return {"seed": seed, "replays": [float(time[0]), float(time[-1])]}
 
     # ---- moving ---------------------------------------------------------------------------
 
     def initialize(self, observers: Sequence[Observer] = ()) -> None:
-        """Stand at the beginning, and let observers see it."""
+        """Go to the beginning, and pass it to the observers."""
         self._observers = observers
         for observer in observers:
             observer.begin(self.plan, self.columns)
         self.restore(self.first_tick)
 
     def check_ahead(self, tick: int, call: str) -> None:
-        """Refuse to go behind the end."""
+        """Refuse to go beyond the end."""
         if tick > self.last_tick:
             end = float(self.signals.time[-1])
             raise InputInvalid(
@@ -115,13 +115,15 @@ class Replay:
             )
 
     def step(self, n: int = 1) -> None:
-        """Go n communication points on."""
+        """Go n communication points forward."""
         self.check_ahead(self._tick + n, "step")
         first = self._row(self._tick) + 1
         self._tick += n
         self._show(first, self._row(self._tick) + 1)
 
-    def reset(self, seed: int | None = None, start: Mapping[str, Any] | None = None) -> None:
+    def reset(
+        self, seed: int | None = None, start: Mapping[str, Mapping[str, object]] | None = None
+    ) -> None:
         """Go back to the beginning."""
         self.restore(self.first_tick)
 
@@ -149,38 +151,40 @@ class Replay:
         return int(Fraction(str(time)) // self.plan.tick)
 
     def terminate(self) -> None:
-        """Nothing to end."""
+        """Do nothing: there is nothing to end."""
 
     def free(self) -> None:
-        """Nothing to free."""
+        """Do nothing: there is nothing to free."""
 
     # ---- values ---------------------------------------------------------------------------
 
     def get(self, path: str, name: str) -> Any:
-        """Read a value at the present communication point."""
+        """Read a value at the current communication point."""
         values = self.signals[f"{path}.{name}"]
         value = values[self._row(self._tick)]
         if isinstance(value, np.ndarray):
             return value.copy()
         return value.item() if isinstance(value, np.generic) else value
 
-    def fitted(self, path: str, name: str, value: Any) -> NoReturn:
-        """Refuse: what was recorded is."""
+    def fitted(self, path: str, name: str, value: object) -> NoReturn:
+        """Raise InputInvalid: a recorded value cannot be set."""
         raise InputInvalid(
             f"{path}.{name}: cannot be set, for this replays a recording; expected a running "
             "system, such as by `uuvsim serve SYSTEM`"
         )
 
-    def set(self, path: str, name: str, value: Any) -> None:
-        """Refuse."""
+    def set(self, path: str, name: str, value: object) -> None:
+        """Raise InputInvalid: a recorded value cannot be set."""
         self.fitted(path, name, value)
 
     # ---- inside ---------------------------------------------------------------------------
 
     def _row(self, tick: int) -> int:
+        """Return the last row that was recorded at or before a tick."""
         return int(np.searchsorted(self._ticks, tick, "right")) - 1
 
     def _show(self, begin: int, end: int) -> None:
+        """Pass rows to the observers."""
         if end <= begin or not self._observers:
             return
         ticks, rows = self._ticks[begin:end], self._rows[begin:end]
@@ -190,6 +194,7 @@ class Replay:
 
 
 def _plan(signals: Signals, where: str) -> Plan:
+    """Return a plan whose components have the recorded signals as outputs."""
     try:
         tick = Fraction(str(signals.metadata["tick"]))
         if tick <= 0:
@@ -204,9 +209,13 @@ def _plan(signals: Signals, where: str) -> Plan:
         path, _, variable = name.rpartition(".")
         units = signals.element_units.get(name) or (signals.units.get(name, ""),)
         same = len(set(units)) == 1
+        if values.dtype.kind != "O":
+            type_ = _TYPES[values.dtype.kind]
+        else:
+            type_ = "Binary" if values.size and isinstance(values.flat[0], bytes) else "String"
         groups.setdefault(path, {})[variable] = Variable(
             name=variable,
-            type=_type(values),
+            type=type_,
             causality="output",
             variability="discrete",
             shape=values.shape[1:],
@@ -225,14 +234,8 @@ def _plan(signals: Signals, where: str) -> Plan:
     return Plan(tick, components, (), (), ())
 
 
-def _type(values: np.ndarray) -> VariableType:
-    if values.dtype.kind == "O":
-        return "Binary" if values.size and isinstance(values.flat[0], bytes) else "String"
-    return _TYPES[values.dtype.kind]
-
-
 def _rows(signals: Signals, columns: Sequence[Column]) -> tuple[np.ndarray, list[bytes]]:
-    """Return the values as a master's rows hold them, and the texts that they point to."""
+    """Return the values in the format of a master's rows, and the texts that these refer to."""
     rows = np.zeros((len(signals.ticks), len(columns)), np.uint64, "F")
     texts: dict[bytes, int] = {}
     for i, c in enumerate(columns):

@@ -1,12 +1,13 @@
-"""Room for the recorded rows of one run: in memory, or where it is large in a temporary file."""
+"""Storage of the recorded rows of one run: in memory, or in a temporary file if it is large."""
 
 from __future__ import annotations
 
+import io
 import shutil
 import tempfile
 import weakref
 from collections.abc import Mapping
-from typing import Any, final
+from typing import final
 
 import numpy as np
 
@@ -19,27 +20,27 @@ __all__ = ["Store"]
 class Store:
     """Arrays of `rows` rows by name, each with a type and the shape of a row.
 
-    A file has no name, and goes with the last array that lies in it.
+    The file has no name; the system deletes it with the last array that is mapped from it.
     """
 
     def __init__(
         self,
         rows: int,
-        kinds: Mapping[str, tuple[np.dtype[Any], tuple[int, ...]]],
+        formats: Mapping[str, tuple[np.dtype, tuple[int, ...]]],
         *,
         in_file: bool,
     ) -> None:
-        self._kinds = kinds
+        self._formats = formats
         self._places: dict[str, int] = {}  # in the file [bytes]
         self._arrays: dict[str, np.ndarray] = {}
-        self._file: Any = None
+        self._file: io.FileIO | None = None
         size = 0
-        for name, (dtype, shape) in kinds.items():
+        for name, (dtype, shape) in formats.items():
             if in_file and not dtype.hasobject:
                 self._places[name] = size
                 size += rows * dtype.itemsize * int(np.prod(shape, dtype=int))
             else:
-                self._arrays[name] = _room(rows, dtype, shape)
+                self._arrays[name] = _allocated(rows, dtype, shape)
         if size:
             free = shutil.disk_usage(tempfile.gettempdir()).free
             if size > free // 2:
@@ -49,17 +50,18 @@ class Store:
                     "signals, or run in pieces"
                 )
             self._file = tempfile.TemporaryFile(buffering=0)  # noqa: SIM115
-            weakref.finalize(self, self._file.close)  # arrays that are mapped live on
+            weakref.finalize(self, self._file.close)  # mapped arrays stay valid
 
     def put(self, row: int, values: Mapping[str, np.ndarray]) -> None:
-        """Keep values from a row on, each of shape (n, …); raises RecordingError if it cannot."""
+        """Store values from a row on, each of shape (n, …); raises RecordingError if it cannot."""
         for name, given in values.items():
-            dtype, shape = self._kinds[name]
+            dtype, shape = self._formats[name]
             rows = given.astype(dtype, copy=False).reshape(len(given), *shape)
             if name in self._arrays:
                 self._arrays[name][row : row + len(rows)] = rows
                 continue
             size = dtype.itemsize * int(np.prod(shape, dtype=int))
+            assert self._file is not None
             try:
                 self._file.seek(self._places[name] + row * size)
                 data = memoryview(np.ascontiguousarray(rows).tobytes())
@@ -72,20 +74,21 @@ class Store:
                 ) from None
 
     def taken(self, rows: int) -> dict[str, np.ndarray]:
-        """Return the first rows of all; those in the file are mapped, to be read in pieces."""
+        """Return the first rows of all arrays; those in the file are mapped."""
         given: dict[str, np.ndarray] = {}
-        for name, (dtype, shape) in self._kinds.items():
+        for name, (dtype, shape) in self._formats.items():
             if name in self._arrays:
                 given[name] = self._arrays[name][:rows]
             elif 0 in shape:
                 given[name] = np.zeros((rows, *shape), dtype)
             else:
+                assert self._file is not None
                 at = self._places[name]
                 given[name] = np.memmap(self._file, dtype, "r", at, (rows, *shape))
         return given
 
 
-def _room(rows: int, dtype: np.dtype[Any], shape: tuple[int, ...]) -> np.ndarray:
+def _allocated(rows: int, dtype: np.dtype, shape: tuple[int, ...]) -> np.ndarray:
     try:
         return np.empty((rows, *shape), dtype)
     except (MemoryError, ValueError):  # ValueError: more than an array may have

@@ -1,14 +1,14 @@
-"""Rows of the running master go to whoever listens at the moment, and into a recording if wanted.
+"""Distribution of the rows of the running master to subscribers, and to a recording if wanted.
 
-Each run, from a start to the next reset, restore or replacement, is a recording of its own: time
-never goes back inside one.
+Each run, from a start to the next reset, restore or replacement, has its own recording, so that
+time never goes back within a recording.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, final
+from typing import final
 
 from uuvsim_cosim.errors import RecordingError
 from uuvsim_cosim.orchestrator.master.observer import Chunk, Column, Observer
@@ -21,12 +21,12 @@ __all__ = ["Tap"]
 
 @final
 class Tap:
-    """The one observer of each master in turn, which hands on to `listeners`.
+    """The only observer of each master in turn, which passes rows to other observers.
 
-    `record` is the folder for recordings, the first of NAME, NAME-2, … that is free for each.
+    `record` is the folder for recordings: each gets the first of NAME, NAME-2, … that is free.
     """
 
-    def __init__(self, record: Path | None, provenance: Mapping[str, Any]) -> None:
+    def __init__(self, record: Path | None, provenance: Mapping[str, object]) -> None:
         self._record = record
         self._provenance = dict(provenance)
         self._listeners: list[Observer] = []
@@ -36,24 +36,24 @@ class Tap:
         self.folders: list[Path] = []
 
     def listen(self, observer: Observer) -> None:
-        """Hand rows to an observer from now on."""
+        """Pass rows to an observer from now on."""
         if self._plan is not None:
             observer.begin(self._plan, self._columns)
         self._listeners.append(observer)
 
     def leave(self, observer: Observer) -> None:
-        """Hand it no more, and let it close."""
+        """Stop passing rows to an observer, and end it."""
         if observer in self._listeners:
             self._listeners.remove(observer)
             observer.end()
 
     @property
     def columns(self) -> Sequence[Column]:
-        """Return what the rows hold."""
+        """The columns of the rows."""
         return self._columns
 
     def fresh(self) -> None:
-        """Close the recording, and begin the next in a folder of its own."""
+        """Complete the recording, and begin the next one in its own folder."""
         self.close()
         if self._record is None or self._plan is None:
             return
@@ -71,22 +71,22 @@ class Tap:
     # ---- the observer ---------------------------------------------------------------------
 
     def begin(self, plan: Plan, columns: Sequence[Column]) -> None:
-        """Learn what a master's rows hold."""
+        """Keep the columns of a new master's rows, and begin a new recording."""
         self._plan, self._columns = plan, columns
         self.fresh()
         for listener in self._listeners:
             listener.begin(plan, columns)
 
     def observe(self, chunk: Chunk) -> None:
-        """Hand the rows on, the recording first."""
+        """Pass the rows on, to the recording first."""
         if self._recorder is not None:
             try:
                 self._recorder.observe(chunk)
             except RecordingError:
-                self._recorder = None  # a full disk: told once, by whom it is raised to
+                self._recorder = None  # a full disk, for example: it is reported only once
                 raise
         for listener in self._listeners:
             listener.observe(chunk)
 
     def end(self) -> None:
-        """The master is at its end; what it recorded is completed by `close`."""
+        """Do nothing: `close` completes the recording."""

@@ -1,4 +1,4 @@
-"""The names that clients use, "hull.eta" or "hull.eta[3]", stand for variables of the master."""
+"""Names of signals, "hull.eta" or "hull.eta[3]", as clients use them for the master's variables."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.models.declaration.element_names import split_element_name
 from uuvsim_cosim.models.declaration.near_names import expected_names
 
-__all__ = ["Names", "Place"]
+__all__ = ["Fitted", "Names", "Place"]
 
 
 @dataclass(frozen=True)
@@ -25,6 +25,9 @@ class Place:
     path: str
     variable: Variable
     element: int | None = None
+
+
+Fitted = tuple[Place, Any]  # a variable, and a value that the master has accepted for it
 
 
 @final
@@ -40,7 +43,7 @@ class Names:
             for v in c.description.variables.values()
             if v.type != "Clock" and v.causality != "independent"
         }
-        fed: dict[tuple[str, str], set[int]] = {}
+        fed: dict[tuple[str, str], set[int]] = {}  # connected elements of each input
         for t in plan.transfers:
             key = (plan.components[t.target].path, t.target_variable.name)
             fed.setdefault(key, set()).update(t.target_elements)
@@ -54,7 +57,7 @@ class Names:
         )  # fmt: skip
 
     def find(self, name: str) -> Place:
-        """Find a name; raises InputInvalid with names that come near."""
+        """Find a name; raises InputInvalid with similar names."""
         place = self.places.get(name)
         if place is not None:
             return place
@@ -68,7 +71,7 @@ class Names:
         raise InputInvalid(f"no signal {name!r}; expected {expected_names(name, self.places)}")
 
     def get(self, names: Iterable[str]) -> dict[str, Any]:
-        """Read values at the present communication point."""
+        """Read values at the current communication point."""
         found = [(name, self.find(name)) for name in names]
         return {name: self.read(place) for name, place in found}
 
@@ -79,8 +82,8 @@ class Names:
             return np.array(value) if isinstance(value, np.ndarray) else value
         return np.ravel(value)[place.element].item()
 
-    def fit(self, values: Mapping[str, Any]) -> list[tuple[Place, Any]]:
-        """Return values as `set` takes them; raises InputInvalid if one of them does not fit."""
+    def fit(self, values: Mapping[str, object]) -> list[Fitted]:
+        """Convert values for `set`; raises InputInvalid if one of them does not fit."""
         fitted = []
         for name, value in values.items():
             place = self.find(name)
@@ -92,16 +95,16 @@ class Names:
             fitted.append((place, self._master.fitted(place.path, place.variable.name, value)))
         return fitted
 
-    def set(self, fitted: Sequence[tuple[Place, Any]]) -> None:
-        """Set what `fit` gave."""
+    def set(self, fitted: Sequence[Fitted]) -> None:
+        """Set the values that `fit` has returned."""
         for place, value in fitted:
             self._master.set(place.path, place.variable.name, value)
 
-    def starts(self, values: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-        """Return start values as `Master.reset` takes them."""
+    def starts(self, values: Mapping[str, object]) -> dict[str, dict[str, object]]:
+        """Convert start values for `Master.reset`; raises InputInvalid if one does not fit."""
         from uuvsim_cosim.orchestrator.values.values import Misfit, as_array, fit
 
-        starts: dict[str, dict[str, Any]] = {}
+        starts: dict[str, dict[str, object]] = {}
         for name, value in values.items():
             place = self.find(name)
             v = place.variable

@@ -1,4 +1,4 @@
-"""What the current master steps: a master, or a recording that is replayed as if it were one."""
+"""The protocol of a master, or of a recording that is replayed like one."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Stepped(Protocol):
 
     @property
     def plan(self) -> Plan:
-        """Return what is stepped."""
+        """The plan."""
 
     @property
     def tick(self) -> int:
@@ -31,23 +31,25 @@ class Stepped(Protocol):
     def get(self, path: str, name: str) -> Any:
         """Read a value."""
 
-    def set(self, path: str, name: str, value: Any) -> None:
+    def set(self, path: str, name: str, value: object) -> None:
         """Set an unconnected input or a tunable parameter."""
 
-    def fitted(self, path: str, name: str, value: Any) -> Any:
-        """Return a value as `set` takes it; raises InputInvalid if it cannot be set."""
+    def fitted(self, path: str, name: str, value: object) -> Any:
+        """Convert a value for `set`; raises InputInvalid if it cannot be set."""
 
-    def reset(self, seed: int | None = None, start: Mapping[str, Any] | None = None) -> None:
+    def reset(
+        self, seed: int | None = None, start: Mapping[str, Mapping[str, object]] | None = None
+    ) -> None:
         """Go back to the start."""
 
-    def snapshot(self) -> Any:
+    def snapshot(self) -> object:
         """Copy the state."""
 
     def restore(self, snapshot: Any) -> None:
         """Go back to a copy."""
 
     def terminate(self) -> None:
-        """End in good order."""
+        """End the simulation."""
 
     def free(self) -> None:
         """Free everything."""

@@ -1,18 +1,18 @@
-"""A frame on the TCP server: two lengths, a JSON header, and float64 numbers.
+"""Frames of the TCP protocol: two lengths, a JSON header, and float64 numbers.
 
     bytes 0 to 3    length of the header, unsigned, little-endian
     bytes 4 to 7    length of the payload in bytes, unsigned, little-endian, a multiple of 8
     then            the header: UTF-8 JSON, an object
     then            the payload: float64, little-endian
 
-A column of numbers whose `format` is int64 or uint64 holds these in place of float64. A request
-may give columns so. Where a request has `integers`: true, each column of the answer names its
-format, which is int64 or uint64 for the types Int64, UInt64 and Enumeration. Without it, an
-integer that float64 would round is refused.
+A column of numbers whose `format` is int64 or uint64 holds these types instead of float64, also in
+a request. If a request has `integers`: true, each column of the answer names its format, which is
+int64 or uint64 for the types Int64, UInt64 and Enumeration. Without it, an integer that float64
+would round is refused.
 
-A frame without a header is the compact step, whose layout was agreed on before by a `layout` call:
-a request is [n, inputs ...], the answer [tick, time, outputs ...]. A header of an answer always has
-`ok`; where it is false, `error` says in words what is wrong and `kind` names the error's class.
+A frame without a header is a compact step, whose layout an earlier `layout` call has defined: a
+request is [n, inputs ...], the answer [tick, time, outputs ...]. The header of an answer always has
+`ok`; if that is false, `error` is the message and `kind` the name of the error's class.
 """
 
 from __future__ import annotations
@@ -45,25 +45,26 @@ _CHUNK = 1 << 16
 
 
 class Disconnected(UuvsimError):
-    """The other end of a connection has gone, or was too slow."""
+    """The other end of a connection has closed it, or was too slow."""
 
 
-def frame(header: Mapping[str, Any] | None, payload: bytes = b"") -> bytes:
-    """Return the bytes of a frame; `None` as header makes the compact step's."""
+def frame(header: Mapping[str, object] | None, payload: bytes = b"") -> bytes:
+    """Return the bytes of a frame; without a header (None) it is a compact step."""
     text = "" if header is None else json.dumps(header, ensure_ascii=False)
     return begun(text, len(payload)) + payload
 
 
 def begun(text: str, payload: int) -> bytes:
-    """Return the bytes of a frame up to its payload, of which so many bytes follow."""
-    head = text.encode(errors="replace")  # half of a surrogate pair that a client sent
+    """Return the bytes of a frame up to its payload, which has `payload` bytes."""
+    head = text.encode(errors="replace")  # a client may have sent half of a surrogate pair
     return _PREFIX.pack(len(head), payload) + head
 
 
 class Reader:
-    """Takes frames from a stream of bytes, and never keeps more than arrived.
+    """A reader of frames from a stream of bytes, which never allocates more than has arrived.
 
-    `receive(size, begun)` gives at most so many bytes; `begun` says that it may not wait for ever.
+    `receive(size, begun)` returns at most `size` bytes. It may wait without limit only if `begun`
+    is False.
     """
 
     def __init__(self, receive: Callable[[int, bool], bytes], limits: Limits) -> None:
@@ -72,20 +73,20 @@ class Reader:
         self._buffer = bytearray()
 
     def frame(self) -> tuple[dict[str, Any] | None, bytes]:
-        """Wait for a frame; raises Disconnected at its end, InputInvalid for what is no frame."""
+        """Wait for a frame; raises Disconnected at the stream's end, InputInvalid for no frame."""
         if not self._buffer:
             self._more(begun=False)  # waiting for a frame to begin is not bounded
         end = time.monotonic() + self.limits.frame_s
         self._fill(_PREFIX.size, end)
         head, payload = _PREFIX.unpack_from(self._buffer)
-        self._check(head, payload)
+        self._check(head, payload)  # before any byte of it is read
         total = _PREFIX.size + head + payload
         self._fill(total, end)
-        taken = bytes(self._buffer[:total])
+        data = bytes(self._buffer[:total])
         del self._buffer[:total]
-        body = taken[_PREFIX.size + head :]
-        said = taken[_PREFIX.size : _PREFIX.size + head]
-        return (read_object(said, "frame: its header") if head else None), body
+        body = data[_PREFIX.size + head :]
+        text = data[_PREFIX.size : _PREFIX.size + head]
+        return (read_object(text, "frame: its header") if head else None), body
 
     def _check(self, head: int, payload: int) -> None:
         for what, read, most in (

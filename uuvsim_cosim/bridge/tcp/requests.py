@@ -1,4 +1,4 @@
-"""A request over TCP or HTTP becomes a call at the service, and its result an answer."""
+"""Requests over TCP or HTTP: each becomes a call of the service, and its result an answer."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from uuvsim_cosim.errors import InputInvalid, UuvsimError
 
 __all__ = ["Answer", "Calls", "failure"]
 
-_LOOK = 0.2  # [s] between two looks whether who waits for steps is there still
+_LOOK = 0.2  # [s] between two checks whether a client that waits for steps is still connected
 
 _T = TypeVar("_T")
 
@@ -26,10 +26,10 @@ _T = TypeVar("_T")
 class Answer:
     """The result of a call: JSON for the header, and values of variables.
 
-    `text` is the header without its braces, for what is built once.
+    `text` is the header without its braces, for a header whose JSON exists already.
     """
 
-    header: Mapping[str, Any]
+    header: Mapping[str, object]
     values: Mapping[str, Any]
     text: str = ""
 
@@ -42,7 +42,7 @@ class Answer:
 
 
 class Calls:
-    """Carries out requests of one client; keeps the schema, which `replace` changes."""
+    """The calls of one client; keeps the schema, which `replace` changes."""
 
     def __init__(self, service: Service, client: Client) -> None:
         self.service = service
@@ -52,11 +52,11 @@ class Calls:
         self.refresh()
 
     def attended(self, gone: Callable[[], bool]) -> None:
-        """Have the calls of this thread end once `gone` says that nobody waits for them."""
+        """Abort later calls of this thread once `gone` returns that the client has disconnected."""
         self._asking.gone = gone
 
-    def waited(self, call: str, *arguments: Any) -> Any:
-        """Carry out a call that may take long; raises Disconnected if nobody waits any more."""
+    def waited(self, call: str, *arguments: object) -> Any:
+        """Carry out a call that may take long; raises Disconnected if its client disconnects."""
         gone, ask = getattr(self._asking, "gone", None), getattr(self.service, "ask", None)
         if gone is None or ask is None:
             return getattr(self.service, call)(self.client, *arguments)
@@ -65,7 +65,7 @@ class Calls:
             try:
                 return answer.result(_LOOK)
             except TimeoutError:
-                if answer.done():
+                if answer.done():  # the call itself has raised TimeoutError
                     raise
             if gone():
                 self.service.abandon(answer)  # type: ignore[attr-defined]
@@ -84,7 +84,7 @@ class Calls:
         return self._schema.by_name
 
     def refresh(self) -> bool:
-        """Read the schema anew; returns whether it has changed."""
+        """Read the schema again; return whether it has changed."""
         before, schema = getattr(self, "_schema", None), self.service.schema()
         if schema is before:
             return False
@@ -92,7 +92,7 @@ class Calls:
         return before is not None and list(before) != list(self._schema)
 
     def knowing(self, work: Callable[[], _T]) -> _T:
-        """Do what looks names up; once more if another client has replaced a component since."""
+        """Return `work()`, which looks up names; try again if a component has been replaced."""
         try:
             return work()
         except InputInvalid:
@@ -100,10 +100,10 @@ class Calls:
                 raise
             return work()
 
-    def answer(self, name: object, request: Mapping[str, Any]) -> Answer:
+    def answer(self, name: object, request: Mapping[str, object]) -> Answer:
         """Carry out a call with the fields of a request.
 
-        Raises UuvsimError for a request that is wrong and for what cannot be done.
+        Raises UuvsimError for an invalid request and for a call that fails.
         """
         given = arguments(name, request, lambda: self.tick, lambda: self.service.moment().tick)
         assert isinstance(name, str)
@@ -134,8 +134,8 @@ class Calls:
         return Answer(_at(moment), {})
 
 
-def failure(error: BaseException) -> dict[str, Any]:
-    """Return the answer that names the error."""
+def failure(error: BaseException) -> dict[str, object]:
+    """Return the answer that reports an error."""
     if isinstance(error, UuvsimError):
         return {"ok": False, "error": str(error), "kind": type(error).__name__}
     return {
@@ -146,5 +146,5 @@ def failure(error: BaseException) -> dict[str, Any]:
     }
 
 
-def _at(moment: Moment) -> dict[str, Any]:
+def _at(moment: Moment) -> dict[str, object]:
     return {"tick": moment.tick, "time": moment.time, "running": moment.running}

@@ -29,9 +29,9 @@ _PIECE = 1 << 20
 
 
 class TcpServer(Closing):
-    """Listens from construction to `close`; each client has a thread, and its limits.
+    """The TCP server: it listens from construction to `close`; each client has its own thread.
 
-    Without `admit` clients need the token of this user.
+    Without `admit`, clients need the token of this user.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class TcpServer(Closing):
         )
 
     def close(self) -> None:
-        """Let all clients go and stop listening."""
+        """Disconnect all clients and stop listening."""
         self._closed = True
         self._token_file.close()
         self._places.close()
@@ -94,7 +94,7 @@ class TcpServer(Closing):
             except OSError:
                 if self._closed:
                     return
-                time.sleep(0.05)  # too many open files, say: others go on
+                time.sleep(0.05)  # too many open files, for example: other clients continue
                 continue
             client.settimeout(self._limits.hello_s)
             if self._places.enter(client):
@@ -115,17 +115,22 @@ class TcpServer(Closing):
         )
 
     def _serve(self, plain: socket.socket) -> None:
+        """Serve one connection in its thread, and report the error that ends it to the client."""
         client = plain
         try:
             client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            _keep_alive(client)
+            # The system detects within a minute that a client's machine is gone.
+            client.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+            for option, value in (("TCP_KEEPIDLE", 20), ("TCP_KEEPINTVL", 10), ("TCP_KEEPCNT", 4)):
+                if hasattr(socket, option):
+                    client.setsockopt(socket.IPPROTO_TCP, getattr(socket, option), value)
             if self._tls is not None:
                 client = secured(plain, self._tls, self._limits.hello_s)
                 if not self._places.swap(plain, client):
-                    return  # let go meanwhile
+                    return  # a newer connection has displaced it
             self._talk(client)
         except (Disconnected, OSError):
-            pass  # it has gone: nobody is there to be told
+            pass  # the client has disconnected
         except UuvsimError as error:
             with contextlib.suppress(OSError):
                 client.settimeout(1.0)
@@ -138,19 +143,20 @@ class TcpServer(Closing):
             self._serving.discard(threading.current_thread())
 
     def _talk(self, client: socket.socket) -> None:
+        """Run the protocol with a client, with time limits for authentication and frames."""
         limits = self._limits
         entered = False
         deadline = time.monotonic() + limits.hello_s
 
         def receive(size: int, begun: bool) -> bytes:
-            if not entered:  # drops of bytes do not lengthen the time for the first frame
+            if not entered:  # a client that sends byte by byte gets no more time to authenticate
                 client.settimeout(max(deadline - time.monotonic(), 0.001))
             else:
                 client.settimeout(limits.frame_s if begun else None)
             return client.recv(size)
 
         def send(data: bytes) -> None:
-            client.settimeout(limits.frame_s)  # a client that does not read is let go
+            client.settimeout(limits.frame_s)  # a client that does not read is disconnected
             for begin in range(0, len(data), _PIECE):
                 client.sendall(data[begin : begin + _PIECE] if len(data) > _PIECE else data)
 
@@ -165,21 +171,13 @@ class TcpServer(Closing):
         serve(self._service, self._admit, self._limits, receive, send, admitted, name, gone)
 
 
-def _keep_alive(client: socket.socket) -> None:
-    """Have the system find out within a minute that a client's machine has gone."""
-    client.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-    for option, value in (("TCP_KEEPIDLE", 20), ("TCP_KEEPINTVL", 10), ("TCP_KEEPCNT", 4)):
-        if hasattr(socket, option):
-            client.setsockopt(socket.IPPROTO_TCP, getattr(socket, option), value)
-
-
 def hung_up(client: socket.socket) -> bool:
-    """Return whether the other end has closed its connection; nothing that it sent is taken."""
+    """Return whether the other end has closed its connection; received data stays unread."""
     try:
-        looking = select.poll() if hasattr(select, "poll") else None
-        if looking is not None:
-            looking.register(client, select.POLLIN)
-            if not looking.poll(0):
+        poll = select.poll() if hasattr(select, "poll") else None
+        if poll is not None:
+            poll.register(client, select.POLLIN)
+            if not poll.poll(0):
                 return False
         elif not select.select([client], [], [], 0.0)[0]:
             return False
@@ -189,7 +187,7 @@ def hung_up(client: socket.socket) -> bool:
 
 
 def listening(hosts: Sequence[str], port: int, what: str) -> list[socket.socket]:
-    """Open listening sockets, all on one port (0: a free one); raises InputInvalid in words."""
+    """Open listening sockets, all on one port (0: a free one); raises InputInvalid."""
     found: list[socket.socket] = []
     for host in hosts:
         try:
@@ -210,6 +208,7 @@ def listening(hosts: Sequence[str], port: int, what: str) -> list[socket.socket]
 
 
 def _listener(host: str, port: int) -> socket.socket:
+    """Open one listening socket; an IPv6 one does not also take IPv4 connections."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     listener = socket.socket(family, socket.SOCK_STREAM)
     try:

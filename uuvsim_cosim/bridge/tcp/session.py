@@ -1,4 +1,4 @@
-"""One client on the TCP server: it says who it is, then each frame it sends is answered by one."""
+"""Session of one TCP client: it authenticates, then each frame that it sends is answered by one."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from itertools import chain
-from typing import Any
 
 import numpy as np
 
@@ -33,18 +32,18 @@ from uuvsim_cosim.bridge.calls.values import (
 )
 from uuvsim_cosim.bridge.tcp.framing import PROTOCOL, Disconnected, Reader, begun, frame
 from uuvsim_cosim.bridge.tcp.requests import Calls, failure
-from uuvsim_cosim.errors import InputInvalid, UuvsimError
+from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["Admission", "everybody", "serve"]
 
-_SMALL = 1 << 16  # bytes of numbers that are sent with their header at once
-_HELLO = ("call", "protocol", "user", "password", "token")  # beside the fields of `join`
+_SMALL = 1 << 16  # bytes of numbers that are sent at once with their header
+_HELLO = ("call", "protocol", "user", "password", "token")  # in addition to the fields of `join`
 
 
 class _Layout:
-    """Where each input and output of the compact step lies, and in which format."""
+    """Offset and format of each input and output in the payload of a compact step."""
 
-    def __init__(self, calls: Calls, request: Mapping[str, Any]) -> None:
+    def __init__(self, calls: Calls, request: Mapping[str, object]) -> None:
         for field in request:
             if field not in ("call", "inputs", "outputs", "integers"):
                 raise InputInvalid(
@@ -65,7 +64,7 @@ class _Layout:
     def _format(self, info: SignalInfo) -> str:
         return (format_of(info.type) if self._exact else None) or "float64"
 
-    def header(self) -> dict[str, Any]:
+    def header(self) -> dict[str, object]:
         interface = interface_hash(self.inputs, self.outputs)
         return {
             "inputs": [self._entry(i) for i in self.inputs],
@@ -73,11 +72,11 @@ class _Layout:
             "interface": interface,
         }
 
-    def _entry(self, info: SignalInfo) -> dict[str, Any]:
+    def _entry(self, info: SignalInfo) -> dict[str, object]:
         return {**entry(info), **({"format": self._format(info)} if self._exact else {})}
 
-    def outputs_of(self, found: Mapping[str, Any], schema: Mapping[str, SignalInfo]) -> bytes:
-        """Return the numbers of all outputs; a layout may have one of them twice."""
+    def outputs_of(self, found: Mapping[str, object], schema: Mapping[str, SignalInfo]) -> bytes:
+        """Return the numbers of all outputs; a layout may contain an output twice."""
         arrays = columns_of(found, schema, integers=self._exact)[2]
         parts = dict(zip(found, map(numbers_of, arrays), strict=True))
         return b"".join(parts[name] for name in self.names)
@@ -93,7 +92,11 @@ def serve(
     certificate: str | None = None,
     gone: Callable[[], bool] = lambda: False,
 ) -> None:
-    """Answer one client until it goes; raises Disconnected then, InputInvalid for no frame."""
+    """Answer one client until it leaves; raises Disconnected if it disconnects before.
+
+    `receive` and `send` transfer bytes, `admitted` is called once the client is authenticated, and
+    `gone` returns whether it has disconnected. Raises InputInvalid for data that is no frame.
+    """
     moment = service.moment()
     greeting = {"uuvsim": __version__, "protocol": PROTOCOL, "tick": moment.tick}
     send(frame({"ok": True, **greeting, "time": moment.time}))
@@ -108,14 +111,15 @@ def serve(
         header = {"client": client.name, "allowed": allowed, "step_size": float(calls.tick)}
         send(frame({"ok": True, **header, "system": json_of(service.describe())}))
         _answer_all(calls, reader, send, limits)
-    except (Disconnected, OSError):  # gone without a word: in lockstep the fail-safe decides
+    except (Disconnected, OSError):  # without `bye`: in lockstep the fail-safe decides
         getattr(service, "lost", service.leave)(client)
         raise
     except BaseException:
         service.leave(client)
         raise
     service.leave(client)
-    send(frame({"ok": True}))  # after it: who has said bye, and was answered, holds nobody up
+    # Only after `leave`: once its `bye` is answered, no other client waits for this one.
+    send(frame({"ok": True}))
 
 
 def _hello(
@@ -126,6 +130,7 @@ def _hello(
     limits: Limits,
     admitted: Callable[[], None],
 ) -> Client:
+    """Authenticate a client by its first frame, and let it join."""
     header, _ = reader.frame()
     if header is None or header.get("call") != "hello":
         raise InputInvalid('the first frame must be {"call": "hello", "protocol": 1}')
@@ -140,22 +145,22 @@ def _hello(
             raise InputInvalid(f"hello: {what} must be a text")
     allowed = admit(user, password, certificate, token)
     admitted()
-    joining = {k: v for k, v in header.items() if k not in _HELLO}
-    said = checked("join", joining)
-    wanted = Client(said.get("name", "matlab"), "tcp", allowed, limits.answer_bytes)
-    return service.join(wanted, lockstep=said.get("lockstep", False), lag=said.get("lag", 5.0))
+    fields = checked("join", {k: v for k, v in header.items() if k not in _HELLO})
+    wanted = Client(fields.get("name", "matlab"), "tcp", allowed, limits.answer_bytes)
+    return service.join(wanted, lockstep=fields.get("lockstep", False), lag=fields.get("lag", 5.0))
 
 
 def _answer_all(
     calls: Calls, reader: Reader, send: Callable[[bytes], None], limits: Limits
 ) -> None:
+    """Answer frames until the client sends `bye`."""
     layout: _Layout | None = None
     pace, share, mark = Pace(limits.calls_per_s), share_of(calls.service), time.thread_time()
     while True:
         header, payload = reader.frame()
         name = "step" if header is None else header.get("call")
         if name != "step":
-            pace.wait()  # who steps sets the pace; all other calls have a rate
+            pace.wait()  # steps have no limit of their rate; all other calls do
         reads = isinstance(name, str) and name in READS
         if reads:
             share.wait(calls.client, share.turn(calls.client))
@@ -169,13 +174,11 @@ def _answer_all(
                 return
             else:
                 if header.get("call") == "replace":
-                    layout = None
+                    layout = None  # its variables may no longer exist
                 data = _called(calls, header, payload)
         except Disconnected:
             raise
-        except UuvsimError as error:
-            data = (frame(failure(error)),)
-        except Exception as error:  # a mistake of ours must not take the others down
+        except Exception as error:  # also an internal error: it must not end the server
             data = (frame(failure(error)),)
         for part in data:
             send(part)
@@ -184,7 +187,7 @@ def _answer_all(
             share.took(calls.client, mark - before)
 
 
-def _request(calls: Calls, header: Mapping[str, Any], payload: bytes) -> dict[str, Any]:
+def _request(calls: Calls, header: Mapping[str, object], payload: bytes) -> dict[str, object]:
     """Return the fields of a call; `columns` and `values` become its field that holds values."""
     name = header.get("call")
     request = {k: v for k, v in header.items() if k not in ("call", "columns", "integers")}
@@ -211,20 +214,21 @@ def _request(calls: Calls, header: Mapping[str, Any], payload: bytes) -> dict[st
     return {**request, call.values: given}
 
 
-def _called(calls: Calls, header: Mapping[str, Any], payload: bytes) -> Iterable[bytes]:
+def _called(calls: Calls, header: Mapping[str, object], payload: bytes) -> Iterable[bytes]:
+    """Carry out a call; return the bytes of its answer, a large one in pieces."""
     integers = _integers(header)
     request = calls.knowing(lambda: _request(calls, header, payload))
     answer = calls.answer(header.get("call"), request)
     columns, texts, arrays = columns_of(answer.values, calls.schema, integers=integers)
-    told = json.dumps({"columns": columns, "texts": texts}, ensure_ascii=False)
+    described = json.dumps({"columns": columns, "texts": texts}, ensure_ascii=False)
     size = sum(8 * array.size for array in arrays)
-    first = begun(f"{answer.words}, {told[1:]}", size)
+    first = begun(f"{answer.words}, {described[1:]}", size)
     if size < _SMALL:
         return (b"".join((first, *map(numbers_of, arrays))),)
     return chain((first,), (numbers_of(piece) for array in arrays for piece in pieces(array)))
 
 
-def _integers(header: Mapping[str, Any]) -> bool:
+def _integers(header: Mapping[str, object]) -> bool:
     read = header.get("integers", False)
     if not isinstance(read, bool):
         raise InputInvalid(f"integers: {shown(read)} was read; expected true or false")
@@ -232,6 +236,7 @@ def _integers(header: Mapping[str, Any]) -> bool:
 
 
 def _compact(calls: Calls, layout: _Layout | None, payload: bytes) -> bytes:
+    """Carry out a compact step; return the bytes of its answer."""
     if layout is None:
         raise InputInvalid("a frame without header is a compact step; ask for a layout first")
     count = len(payload) // 8
@@ -248,8 +253,8 @@ def _compact(calls: Calls, layout: _Layout | None, payload: bytes) -> bytes:
             f"step: n = {n:g} was read; expected a whole number of steps from 1"
         ) from None
     inputs = {
-        info.name: shaped(info, np.frombuffer(payload, kind, end - begin, 8 * begin))
-        for info, kind, begin, end in zip(
+        info.name: shaped(info, np.frombuffer(payload, format_, end - begin, 8 * begin))
+        for info, format_, begin, end in zip(
             layout.inputs, layout.formats, layout.ends, layout.ends[1:], strict=False
         )
     }
@@ -258,7 +263,7 @@ def _compact(calls: Calls, layout: _Layout | None, payload: bytes) -> bytes:
     return frame(None, at + layout.outputs_of(found, calls.schema))
 
 
-def _list(request: Mapping[str, Any], field: str) -> list[str]:
+def _list(request: Mapping[str, object], field: str) -> list[str]:
     read = request.get(field, [])
     read = [read] if isinstance(read, str) else read
     if not isinstance(read, list) or not all(isinstance(n, str) for n in read):

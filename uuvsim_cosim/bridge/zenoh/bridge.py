@@ -1,4 +1,4 @@
-"""The Zenoh server: calls are queries, states are blocks, and who lives is said by liveliness.
+"""The Zenoh server: calls are queries, states are blocks, and liveliness shows who is connected.
 
 Keys, below ``uuvsim/<system>/``: ``call/<name>`` for the service's calls, ``state/<component>``
 for its blocks, ``live/master``, ``live/component/<component>`` and ``live/client/<id>``.
@@ -10,7 +10,7 @@ import concurrent.futures
 import contextlib
 import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from fractions import Fraction
 from functools import partial
@@ -23,7 +23,7 @@ from uuvsim_cosim.bridge.access.token import TokenFile, guarded_by_token
 from uuvsim_cosim.bridge.access.zenoh import guarded
 from uuvsim_cosim.bridge.calls.at_exit import close_at_exit
 from uuvsim_cosim.bridge.calls.call_table import CALLS, arguments, checked, read_object
-from uuvsim_cosim.bridge.calls.service import Client, Moment
+from uuvsim_cosim.bridge.calls.service import Client, Moment, Schema
 from uuvsim_cosim.bridge.calls.time_sharing import READS
 from uuvsim_cosim.bridge.server.call_queue import Answer
 from uuvsim_cosim.bridge.server.conductor import Conductor
@@ -35,7 +35,7 @@ from uuvsim_cosim.bridge.zenoh.codec import (
     unpacked,
 )
 from uuvsim_cosim.bridge.zenoh.joined_clients import MOST_BYTES, JoinedClients, Lane
-from uuvsim_cosim.bridge.zenoh.session import PORT, listening
+from uuvsim_cosim.bridge.zenoh.session import PORT, Query, listening
 from uuvsim_cosim.bridge.zenoh.shared_memory import SharedMemory
 from uuvsim_cosim.bridge.zenoh.stream import Stream
 from uuvsim_cosim.closing import Closing
@@ -46,21 +46,22 @@ from uuvsim_cosim.orchestrator.system.system import System
 
 __all__ = ["Bridge", "free_port"]
 
-_EACH = ("client", "proof", "binary", "token")  # beside the fields of every call
-_JOIN = ("protocol", "version", "user", "password")  # and of `join`
-_ANSWER = 48 << 20  # bytes of a recorded run: Zenoh takes messages of 64 MiB
+_EACH = ("client", "proof", "binary", "token")  # in a message, in addition to a call's fields
+_JOIN = ("protocol", "version", "user", "password")  # the same, of `join` only
+_ANSWER = 48 << 20  # bytes of a recorded run: Zenoh's messages have at most 64 MiB
 _JSON, _BLOCK = "application/json", "application/octet-stream;uuvsim-state"
 
 
 @final
 class Bridge(Closing):
-    """Lets a running co-simulation be reached by Zenoh, on this machine unless told otherwise.
+    """Server of a running co-simulation over Zenoh, by default on this machine only.
 
-    Given a system, it conducts it, and ends it when it is closed; a `Conductor` goes on. Port 0
-    is any free one; `port` says which. Clients need the token of this user, which `connect` finds
-    on this machine; with `access` they say who they are; with `anyone` everybody who reaches the
-    port may do everything, which includes running code as this user. Large blocks reach clients
-    on this machine by shared memory, unless told otherwise.
+    Given a system, it runs a `Conductor` of its own and ends it on closing; a given `Conductor`
+    continues. Port 0 is any free one, which the attribute `port` then holds. Clients need the token
+    of this user, which `connect` finds on this machine. With `access`, clients authenticate
+    themselves. With `anyone`, every client that reaches the port may do everything, which includes
+    running code as this user. By default, large blocks reach clients on this machine by shared
+    memory.
     """
 
     def __init__(
@@ -80,15 +81,17 @@ class Bridge(Closing):
         if access is None and not anyone:
             access = guarded_by_token()
         self._joined = JoinedClients(access)
-        said = None if access is None else access.access
-        self.tls = said is not None and said.tls is not None
+        rules = None if access is None else access.access
+        self.tls = rules is not None and rules.tls is not None
         self._guests: dict[Client, Client] = {}
-        self._waiting: dict[str, Answer] = {}  # the last run or steps that each client asked for
+        self._waiting: dict[str, Answer] = {}  # the last run or step call of each client
         self._own: Conductor | None = None
-        with contextlib.ExitStack() as ending:  # in the opposite order, whatever one of them raises
+        # The callbacks run in the opposite order, also if one of them raises: stream, token file,
+        # session, co-simulation, lanes.
+        with contextlib.ExitStack() as ending:
             ending.callback(self._joined.close)
             ending.callback(self._end_own)
-            with guarded(said, self._joined.reader) as settings:
+            with guarded(rules, self._joined.reader) as settings:
                 settings = {"transport/shared_memory/enabled": shared_memory, **settings}
                 self._session = listening(self.port, self.hosts, settings, tls=self.tls)
             ending.callback(self._session.close)
@@ -106,7 +109,7 @@ class Bridge(Closing):
         close_at_exit(self)
 
     def close(self) -> None:
-        """Let all clients go; ends the co-simulation if the bridge began it."""
+        """Disconnect all clients; end the co-simulation if the bridge started it."""
         self._ending.close()
 
     # ---- inside ---------------------------------------------------------------------------
@@ -116,20 +119,21 @@ class Bridge(Closing):
             self._own.close()
 
     def _end_stream(self) -> None:
-        with contextlib.suppress(InputInvalid):  # the co-simulation has ended itself
+        with contextlib.suppress(InputInvalid):  # the co-simulation has ended already
             self.conductor.unwatch(self.stream)
         self.stream.end()
 
     def _serve(self) -> None:
+        """Declare the keys: calls before `live/master`, as clients connect once that is alive."""
         described = self.conductor.describe()
         self._tick = Fraction(str(described["tick"]))
-        self._schema: tuple[Any, int, str] = (None, 0, "")
+        self._schema: tuple[Schema | None, int, str] = (None, 0, "")
         self._base = f"uuvsim/{described['system']}"
         session = self._session
         self.conductor.watch(self.stream)
         self._answering = [
             session.answer(f"{self._base}/call/*", self._asked),
-            session.answer(f"{self._base}/certificate/*", self._shown),
+            session.answer(f"{self._base}/certificate/*", self._asked_by_certificate),
         ]
         self._watching = session.watch(f"{self._base}/live/client/*", self._lives)
         paths = [c["path"] for c in described["components"]]
@@ -137,6 +141,7 @@ class Bridge(Closing):
         self._tokens = [session.token(f"{self._base}/live/{key}") for key in keys]
 
     def _lives(self, key: str, lives: bool) -> None:
+        """Remove a client that has disconnected; abort the run or the steps that it waits for."""
         if lives:
             return
         token = key.rpartition("/")[2]
@@ -144,36 +149,42 @@ class Bridge(Closing):
             self.conductor.abandon(waiting)
         client = self._joined.leave(token)
         if client is not None:
-            try:
+            with contextlib.suppress(InputInvalid):  # the co-simulation has ended already
                 self.conductor.ask("lost", client)
-            except InputInvalid:
-                return  # it has ended itself
 
-    def _asked(self, query: Any) -> None:
+    def _asked(self, query: Query) -> None:
         self._take(query, str(query.key_expr).rpartition("/")[2], None)
 
-    def _shown(self, query: Any) -> None:
-        """Join one whose certificate Zenoh has verified: it lets nobody else ask this key."""
+    def _asked_by_certificate(self, query: Query) -> None:
+        """Join a client by its certificate: Zenoh lets only its owner send queries to this key."""
         self._take(query, "join", str(query.key_expr).rpartition("/")[2])
 
-    def _take(self, query: Any, call: str, certificate: str | None) -> None:
-        """Ask for a call, or refuse it; all that is answered leaves by the client's lane."""
+    def _take(self, query: Query, call: str, certificate: str | None) -> None:
+        """Start a call, or refuse it; every answer is sent in the client's lane.
+
+        It runs in Zenoh's thread, and must not wait: other queries would wait, too.
+        """
         wrong: Exception | None = None
         message: dict[str, Any] = {}
         begun = time.thread_time()
         try:
-            message, block = _read(query)
+            payload, attached = query.payload, query.attachment
+            for what, read in (("message", payload), ("block of numbers", attached)):
+                if read is not None and len(read) > (most := MOST_BYTES[what]):
+                    raise InputInvalid(f"a {what} of {len(read)} bytes; expected at most {most}")
+            message = read_object(b"" if payload is None else payload.to_bytes(), "message")
+            block = b"" if attached is None else attached.to_bytes()
         except Exception as error:
             wrong = error
         lane = self._joined.lane(call, message)
-        taken = lane.take()
-        if taken is None:
+        accepted = lane.take()
+        if accepted is None:
             query.drop()
             return
         try:
             if wrong is not None:
                 raise wrong
-            if not taken:
+            if not accepted:
                 raise InputInvalid(f"{call}: too many calls wait for their answer; expected fewer")
             if call == "join":
                 lane.put(lambda: self._join(query, message, certificate))
@@ -192,8 +203,15 @@ class Bridge(Closing):
         reply = partial(self._reply, query, call, message, client, spent)
         answer.add_done_callback(lambda done: self._answered(lane, reply, done))
 
-    def _asking(self, client: Client, call: str, message: dict[str, Any], block: bytes) -> Answer:
-        given = self._arguments(call, message, block)
+    def _asking(
+        self, client: Client, call: str, message: Mapping[str, object], block: bytes
+    ) -> Answer:
+        """Put a call in the conductor's queue; raises InputInvalid for wrong arguments."""
+        request = {k: v for k, v in message.items() if k not in _EACH}
+        values = CALLS[call].values if call in CALLS else None
+        if values is not None and isinstance(request.get(values), dict):
+            request[values] = unpacked(request[values], block)
+        given = arguments(call, request, lambda: self._tick, lambda: self.conductor.moment().tick)
         token = str(message.get("client", ""))
         if call == "leave":
             self._joined.leave(token)
@@ -204,27 +222,20 @@ class Bridge(Closing):
         return answer
 
     def _done(self, token: str, answer: Answer) -> None:
-        """Let go of an answer: it may be large."""
+        """Release an answer, which may be large."""
         if self._waiting.get(token) is answer:
             self._waiting.pop(token, None)
-
-    def _arguments(self, call: str, message: dict[str, Any], block: bytes) -> tuple[Any, ...]:
-        request = {k: v for k, v in message.items() if k not in _EACH}
-        values = CALLS[call].values if call in CALLS else None
-        if values is not None and isinstance(request.get(values), dict):
-            request[values] = unpacked(request[values], block)
-        return arguments(call, request, lambda: self._tick, lambda: self.conductor.moment().tick)
 
     def _delayed(
         self,
         client: Client,
-        query: Any,
+        query: Query,
         call: str,
-        message: dict[str, Any],
+        message: Mapping[str, object],
         block: bytes,
         turn: float,
     ) -> None:
-        """Ask a reading call at its turn, in the lane of its client, where others step."""
+        """Make a reading call at its turn while others step, in the lane of its client."""
         self.conductor.share.wait(client, turn)
         try:
             answer = self._asking(client, call, message, block)
@@ -234,16 +245,16 @@ class Bridge(Closing):
         else:
             self._reply(query, call, message, client, 0.0, self.conductor.moment(), answer)
 
-    def _client(self, call: str, message: dict[str, Any]) -> Client:
-        """Return who asks; all that have not joined are one client."""
+    def _client(self, call: str, message: Mapping[str, object]) -> Client:
+        """Return the client of a message; all that have not joined are one client."""
         client = self._joined.client(call, message)
         if client.answer_bytes is None:
             client = replace(client, answer_bytes=_ANSWER)
             client = self._guests.setdefault(client, client)
         return client
 
-    def _join(self, query: Any, message: dict[str, Any], certificate: str | None) -> None:
-        """Enter a client; in a thread of its own, for passwords take a while."""
+    def _join(self, query: Query, message: Mapping[str, object], certificate: str | None) -> None:
+        """Add a client; it runs in a thread of its own, as passwords take a while."""
         try:
             theirs, version = message.get("protocol", PROTOCOL), message.get("version", "unknown")
             if theirs != PROTOCOL:
@@ -251,55 +262,57 @@ class Bridge(Closing):
                     f"the client (uuvsim-cosim {version}) speaks protocol {theirs}; expected "
                     f"protocol {PROTOCOL}, as uuvsim-cosim {__version__} has, which serves here"
                 )
-            said = checked("join", {k: v for k, v in message.items() if k not in (*_EACH, *_JOIN)})
+            fields = {k: v for k, v in message.items() if k not in (*_EACH, *_JOIN)}
+            wishes = checked("join", fields)
             allowed = self._joined.allowed(message, certificate)
-            wanted = Client(said.get("name", "zenoh"), "zenoh", allowed, _ANSWER)
-            lockstep, lag = said.get("lockstep", False), said.get("lag", 5.0)
+            wanted = Client(wishes.get("name", "zenoh"), "zenoh", allowed, _ANSWER)
+            lockstep, lag = wishes.get("lockstep", False), wishes.get("lag", 5.0)
             client = self.conductor.join(wanted, lockstep=lockstep, lag=lag)
-            told = {
+            answer = {
                 "moment": asdict(self.conductor.moment()), "name": client.name,
                 "protocol": PROTOCOL, "version": __version__, **self._joined.enter(message, client),
             }  # fmt: skip
-            query.reply(query.key_expr, json.dumps(told), express=True, encoding=_JSON)
+            query.reply(query.key_expr, json.dumps(answer), express=True, encoding=_JSON)
         except Exception as error:
             _refuse(query, error)
         finally:
             query.drop()
 
     def _answered(self, lane: Lane, reply: Callable[[Moment, Answer], None], done: Answer) -> None:
-        """Hand an answer on, in the conductor's thread: it never waits for a client."""
+        """Pass an answer to a lane: the conductor's thread, which runs this, must not wait."""
         moment = self.conductor.moment()
         lane.put(lambda: reply(moment, done))
 
     def _reply(
         self,
-        query: Any,
+        query: Query,
         call: str,
-        message: dict[str, Any],
+        message: Mapping[str, object],
         client: Client,
         spent: float,
         moment: Moment,
         done: Answer,
     ) -> None:
+        """Send an answer; `spent` is the processor time [s] that its call has used before."""
         error = done.exception()
         if error is not None:
             _refuse(query, error)
             return
         begun = time.thread_time()
         try:
-            text, block = self._told(call, message, done.result(), moment)
+            text, block = self._encoded(call, message, done.result(), moment)
             query.reply(
                 query.key_expr, text, attachment=block or None, express=True, encoding=_JSON
             )
-        except Exception as wrong:  # told, rather than a client that waits
+        except Exception as wrong:  # without an answer, the client would wait without limit
             _refuse(query, wrong)
         finally:
             query.drop()
             if call in READS:
                 self.conductor.share.took(client, spent + time.thread_time() - begun)
 
-    def _told(
-        self, call: str, message: dict[str, Any], result: Any, at: Moment
+    def _encoded(
+        self, call: str, message: Mapping[str, object], result: Any, at: Moment
     ) -> tuple[str, bytes]:
         """Return the answer in JSON, and the block of its numbers."""
         if call == "schema":
@@ -308,20 +321,20 @@ class Bridge(Closing):
             at, result = result
         if isinstance(result, Moment):
             return json.dumps({"moment": asdict(result)}), b""
-        told: dict[str, Any] = {"moment": asdict(at)}
+        answer: dict[str, object] = {"moment": asdict(at)}
         block = b""
         if call not in ("get", "step", "run"):
-            told["result"] = result
+            answer["result"] = result
         elif message.get("binary"):
-            told["values"], block = packed(result)
+            answer["values"], block = packed(result)
         else:
-            told["values"] = plain(result)
-        return json.dumps(told), block
+            answer["values"] = plain(result)
+        return json.dumps(answer), block
 
-    def _schema_text(self, schema: Any) -> str:
+    def _schema_text(self, schema: Schema) -> str:
         """Return the answer of `schema`, built once for each replacement."""
-        held, layout, text = self._schema
-        if held is not schema or layout != self.stream.layout:
+        known, layout, text = self._schema
+        if known is not schema or layout != self.stream.layout:
             layout = self.stream.layout
             blocks = {p: list(one.names) for p, one in self.stream.layouts.items()}
             rest = json.dumps({"layout": layout, "blocks": blocks})
@@ -330,23 +343,14 @@ class Bridge(Closing):
         return text
 
 
-def _read(query: Any) -> tuple[dict[str, Any], bytes]:
-    payload, attached = query.payload, query.attachment
-    for what, read in (("message", payload), ("block of numbers", attached)):
-        if read is not None and len(read) > (most := MOST_BYTES[what]):
-            raise InputInvalid(f"a {what} of {len(read)} bytes; expected at most {most}")
-    message = read_object(b"" if payload is None else payload.to_bytes(), "message")
-    return message, b"" if attached is None else attached.to_bytes()
-
-
-def _refuse(query: Any, error: BaseException) -> None:
-    with contextlib.suppress(Exception):  # whoever asked is gone
+def _refuse(query: Query, error: BaseException) -> None:
+    with contextlib.suppress(Exception):  # the client has disconnected
         query.reply_err(json.dumps(message_of(error)), encoding=_JSON)
         query.drop()
 
 
 def free_port(host: str) -> int:
-    """Find a port that nobody listens on; raises InputInvalid for a host of others."""
+    """Find a port that no program listens on; raises InputInvalid for another machine's address."""
     import socket
 
     with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as s:

@@ -1,7 +1,7 @@
-"""Messages: JSON that anybody can write, and beside it one block of numbers for those who can.
+"""Format of messages: JSON, which every program can write, and optionally one block of numbers.
 
-A value in JSON is a number, a list, a text or a truth; or ``{"at": 0, "type": "f8", "shape": [6]}``
-for numbers that lie in the attachment, from byte `at` on, little-endian.
+A value in JSON is a number, a list, a text or a Boolean. ``{"at": 0, "type": "f8", "shape": [6]}``
+stands for numbers in the attachment, from byte `at` on, little-endian.
 """
 
 from __future__ import annotations
@@ -20,54 +20,54 @@ from uuvsim_cosim.errors import ComponentFailed, InputInvalid, UuvsimError
 
 __all__ = ["PROTOCOL", "error_of", "message_of", "packed", "plain", "read_message", "unpacked"]
 
-PROTOCOL = 1  # of messages; another number is another language
+PROTOCOL = 1  # of messages; processes with different numbers do not understand each other
 _TYPES = ("f8", "i8", "u8", "?")
 
 
-def packed(values: Mapping[str, Any]) -> tuple[dict[str, Any], bytes]:
-    """Return values as JSON can hold them, and the block of their numbers."""
-    held: dict[str, Any] = {}
+def packed(values: Mapping[str, object]) -> tuple[dict[str, object], bytes]:
+    """Return values for JSON, and the block of their numbers."""
+    encoded: dict[str, object] = {}
     parts: list[bytes] = []
     at = 0
     for name, value in values.items():
         array = array_of(name, value)
         if array.dtype.kind not in "fiub":
-            held[name] = array.tolist()
+            encoded[name] = array.tolist()
             continue
-        kind = {"f": "f8", "i": "i8", "u": "u8", "b": "?"}[array.dtype.kind]
-        data = array.astype("?" if kind == "?" else f"<{kind}", copy=False).tobytes()
-        held[name] = {"at": at, "type": kind, "shape": list(array.shape)}
+        type_ = {"f": "f8", "i": "i8", "u": "u8", "b": "?"}[array.dtype.kind]
+        data = array.astype("?" if type_ == "?" else f"<{type_}", copy=False).tobytes()
+        encoded[name] = {"at": at, "type": type_, "shape": list(array.shape)}
         parts.append(data)
         at += len(data)
-    return held, b"".join(parts)
+    return encoded, b"".join(parts)
 
 
-def plain(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return values in JSON alone; what is not a finite number is null."""
+def plain(values: Mapping[str, object]) -> dict[str, object]:
+    """Return values for JSON without a block; NaN and infinite numbers become null."""
     return {name: _plain(np.asarray(value).tolist()) for name, value in values.items()}
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     if isinstance(value, list):
         return [_plain(v) for v in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def unpacked(held: Any, block: bytes) -> dict[str, Any]:
-    """Return the values of `packed`; raises InputInvalid for what cannot be one."""
-    if not isinstance(held, Mapping):
-        raise InputInvalid(f"values: {type(held).__name__}; expected an object of names")
-    return {str(name): _value(str(name), value, block) for name, value in held.items()}
+def unpacked(encoded: object, block: bytes) -> dict[str, Any]:
+    """Return the values of `packed`; raises InputInvalid for other data."""
+    if not isinstance(encoded, Mapping):
+        raise InputInvalid(f"values: {type(encoded).__name__}; expected an object of names")
+    return {str(name): _value(str(name), value, block) for name, value in encoded.items()}
 
 
-def _value(name: str, value: Any, block: bytes) -> Any:
+def _value(name: str, value: object, block: bytes) -> object:
     if not isinstance(value, Mapping):
         return value
     try:
-        kind, at, shape = value["type"], value["at"], tuple(value["shape"])
-        if kind not in _TYPES or at < 0 or any(n < 0 for n in shape):
+        type_, at, shape = value["type"], value["at"], tuple(value["shape"])
+        if type_ not in _TYPES or at < 0 or any(n < 0 for n in shape):
             raise ValueError
-        array = np.frombuffer(block, "?" if kind == "?" else f"<{kind}", prod(shape), at)
+        array = np.frombuffer(block, "?" if type_ == "?" else f"<{type_}", prod(shape), at)
     except (KeyError, TypeError, ValueError, OverflowError):
         raise InputInvalid(
             f"{name}: {json.dumps(value)[:100]} with a block of {len(block)} bytes; expected "
@@ -77,7 +77,7 @@ def _value(name: str, value: Any, block: bytes) -> Any:
 
 
 def read_message(data: bytes) -> dict[str, Any]:
-    """Read a message; raises InputInvalid for what is not a JSON object."""
+    """Read a message; raises InputInvalid for data that is no JSON object."""
     try:
         message = json.loads(data) if data else {}
     except (ValueError, RecursionError):
@@ -88,25 +88,25 @@ def read_message(data: bytes) -> dict[str, Any]:
     return message
 
 
-def message_of(error: BaseException) -> dict[str, Any]:
+def message_of(error: BaseException) -> dict[str, object]:
     """Return an error as a message."""
     if not isinstance(error, UuvsimError):
-        words = f"unexpected {type(error).__name__}: {error}"
-        return {"error": "UuvsimError", "message": words}
-    told: dict[str, Any] = {"error": type(error).__name__, "message": str(error)}
+        text = f"unexpected {type(error).__name__}: {error}"
+        return {"error": "UuvsimError", "message": text}
+    message: dict[str, object] = {"error": type(error).__name__, "message": str(error)}
     if isinstance(error, ComponentFailed):
-        told |= {"path": error.path, "time": error.time, "reason": error.reason}
-    return told
+        message |= {"path": error.path, "time": error.time, "reason": error.reason}
+    return message
 
 
-def error_of(told: Mapping[str, Any]) -> UuvsimError:
-    """Return the error of a message, of the class that it had where that can be."""
-    words = str(told.get("message", "the answer holds no reason"))
-    if told.get("error") == "ComponentFailed" and "path" in told:
-        return ComponentFailed(str(told["path"]), float(told["time"]), str(told["reason"]))
-    kind = getattr(errors, str(told.get("error")), None)
-    if isinstance(kind, type) and issubclass(kind, UuvsimError):
-        if kind.__init__ in (UuvsimError.__init__, Exception.__init__):
-            return kind(words)
-        return InputInvalid(words)
-    return UuvsimError(words)
+def error_of(message: Mapping[str, Any]) -> UuvsimError:
+    """Return the error of a message, of its original class if it can be made from a text."""
+    text = str(message.get("message", "the answer holds no reason"))
+    if message.get("error") == "ComponentFailed" and "path" in message:
+        return ComponentFailed(str(message["path"]), float(message["time"]), str(message["reason"]))
+    cls = getattr(errors, str(message.get("error")), None)
+    if isinstance(cls, type) and issubclass(cls, UuvsimError):
+        if cls.__init__ in (UuvsimError.__init__, Exception.__init__):
+            return cls(text)
+        return InputInvalid(text)
+    return UuvsimError(text)

@@ -1,7 +1,8 @@
-"""Clients that have joined over Zenoh: each call proves its client, whose answers are kept for it.
+"""Clients that have joined over Zenoh: each call proves its client, and has its client's thread.
 
-Zenoh does not say who asks, so a client that joins is given a proof which it sends with each call.
-Answers leave by a thread for each client: one that does not take its own holds nobody up.
+Zenoh does not reveal the sender of a query. A client that joins therefore gets a secret, its proof,
+which it sends with each call. Answers are sent by one thread for each client, so that a client
+which does not read its answers delays no other.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, final
+from typing import final
 
 from uuvsim_cosim.bridge.access.authentication import Authenticator, everybody
 from uuvsim_cosim.bridge.access.zenoh import READER, reader_password
@@ -23,16 +24,16 @@ from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["MOST_BYTES", "JoinedClients", "Lane"]
 
-MOST_BYTES = {"message": 1 << 20, "block of numbers": 8 << 20}  # as the TCP server reads
+MOST_BYTES = {"message": 1 << 20, "block of numbers": 8 << 20}  # the limits of the TCP server
 _CLIENTS = 64
 _WAITING = 64  # calls of one client that wait for their answer
-_REFUSALS = 64  # more of them are told so; those beyond are dropped
-_PATIENCE = 5.0  # [s] that closing waits for the lanes; a client that takes nothing blocks one
+_REFUSALS = 64  # further calls that are refused with an error; those beyond are dropped
+_PATIENCE = 5.0  # [s] that closing waits for the lanes; a client that does not read blocks one
 
 
 @final
 class Lane:
-    """The answers of one client leave one after another, in a thread of their own."""
+    """The queue and the thread that sends the answers of one client, one after another."""
 
     def __init__(self, name: str) -> None:
         self._work: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
@@ -43,7 +44,7 @@ class Lane:
         self._closed = False
 
     def take(self) -> bool | None:
-        """Count a call in: True if it may be asked, False if it is to be refused, None: dropped."""
+        """Count a call: return True to carry it out, False to refuse it, None to drop it."""
         with self._lock:
             if self._waiting >= _WAITING + _REFUSALS:
                 return None
@@ -51,7 +52,7 @@ class Lane:
             return self._waiting <= _WAITING
 
     def put(self, work: Callable[[], None]) -> None:
-        """Let a call that was counted in be answered; after `close` nobody waits for the answer."""
+        """Queue the work for a call that was counted; after `close` it is not done any more."""
         with self._lock:
             if self._closed:
                 return
@@ -63,7 +64,7 @@ class Lane:
             self._work.put(work)
 
     def close(self) -> None:
-        """End after what waits still."""
+        """End the thread once the queued work is done."""
         with self._lock:
             self._closed = True
             self._work.put(None)
@@ -76,9 +77,9 @@ class Lane:
 
     def _run(self) -> None:
         while (work := self._work.get()) is not None:
-            with contextlib.suppress(Exception):  # whoever asked is gone
+            with contextlib.suppress(Exception):  # the client has disconnected
                 work()
-            del work  # with its query, which Zenoh answers as over
+            del work  # and with it the query, which Zenoh then ends
             with self._lock:
                 self._waiting -= 1
 
@@ -92,26 +93,26 @@ class _Joined:
 
 @final
 class JoinedClients:
-    """The clients that have joined, and those who have not."""
+    """The clients that have joined, and the common client of those that have not."""
 
     def __init__(self, authenticator: Authenticator | None) -> None:
         self._authenticator = authenticator
         self._admit = authenticator or everybody
         self._joined: dict[str, _Joined] = {}
-        self._left: list[Lane] = []  # of clients that have left; what waited there may be under way
+        self._ending: list[Lane] = []  # of clients that have left; they may still be working
         self._lock = threading.Lock()
         self.guests, self._joining = Lane("guests"), Lane("joining")
         self.reader = reader_password()
 
-    def lane(self, call: str, message: Mapping[str, Any]) -> Lane:
-        """Return the lane of who asks; that who joins does what takes long as well."""
+    def lane(self, call: str, message: Mapping[str, object]) -> Lane:
+        """Return the lane of a call; joining, which takes long, has one for all clients."""
         if call in ("join", "leave"):
             return self._joining
         joined = self._joined.get(str(message.get("client", "")))
         return self.guests if joined is None or not self._proven(joined, message) else joined.lane
 
-    def client(self, call: str, message: Mapping[str, Any]) -> Client:
-        """Return who asks; raises InputInvalid if it has not joined where it must."""
+    def client(self, call: str, message: Mapping[str, object]) -> Client:
+        """Return the client of a call; raises InputInvalid if it has not joined but must."""
         token = str(message.get("client", ""))
         with self._lock:
             joined = self._joined.get(token)
@@ -128,8 +129,8 @@ class JoinedClients:
             )
         return joined.client
 
-    def allowed(self, message: Mapping[str, Any], certificate: str | None) -> frozenset[str]:
-        """Return what one who joins may do; raises InputInvalid in words if it may not enter."""
+    def allowed(self, message: Mapping[str, object], certificate: str | None) -> frozenset[str]:
+        """Return the permissions of a client that joins; raises InputInvalid to refuse it."""
         token = str(message.get("client", ""))
         if not token or "/" in token or token in self._joined or len(token) > 64:
             raise InputInvalid(f"join: client {token[:64]!r}; expected an id of its own")
@@ -139,57 +140,58 @@ class JoinedClients:
         named = self._shown if certificate is None else certificate
         return self._admit(user, password, named, shown)
 
-    def enter(self, message: Mapping[str, Any], client: Client) -> dict[str, Any]:
-        """Enter a client that the service has joined; gives what it is told beside its name."""
+    def enter(self, message: Mapping[str, object], client: Client) -> dict[str, object]:
+        """Add a client that the service has joined; return the fields of its answer."""
         token, proof = str(message["client"]), secrets.token_urlsafe(24)
         joined = _Joined(
             client, Lane(client.name), proof if self._authenticator is not None else ""
         )
         with self._lock:
             self._joined[token] = joined
-        told: dict[str, Any] = {"allowed": sorted(client.allowed)}
+        answer: dict[str, object] = {"allowed": sorted(client.allowed)}
         if self._authenticator is not None:
-            told["proof"] = proof
+            answer["proof"] = proof
             if "read" in client.allowed:
-                told["reader"] = [READER, self.reader]
-        return told
+                answer["reader"] = [READER, self.reader]
+        return answer
 
     def leave(self, token: str) -> Client | None:
-        """Let a client go; gives it if it had joined."""
+        """Remove a client; return it if it had joined."""
         with self._lock:
             joined = self._joined.pop(token, None)
             if joined is None:
                 return None
-            self._left = [*(lane for lane in self._left if not lane.has_ended()), joined.lane]
+            running = [lane for lane in self._ending if not lane.has_ended()]
+            self._ending = [*running, joined.lane]
         joined.lane.close()
         return joined.client
 
     def close(self) -> None:
-        """Let all go, and wait for the lanes to end.
+        """Remove all clients, and wait for the lanes to end.
 
-        Python ends daemon threads where they ask for its lock; inside Zenoh that aborts the program
-        ("exception not rethrown"), so no lane may be there when Python ends.
+        Python ends daemon threads when they wait for its lock; inside Zenoh that aborts the program
+        ("exception not rethrown"). No lane may therefore be inside Zenoh when Python ends.
         """
         for token in list(self._joined):
             self.leave(token)
         self.guests.close()
         self._joining.close()
         latest = time.monotonic() + _PATIENCE
-        for lane in (self.guests, self._joining, *self._left):
+        for lane in (self.guests, self._joining, *self._ending):
             lane.has_ended(latest - time.monotonic())
 
     @property
     def _shown(self) -> str | None:
-        """Return "" where Zenoh has verified a certificate whose name it does not tell."""
+        """Return "" if Zenoh has verified a certificate; Zenoh does not reveal its name here."""
         tls = None if self._authenticator is None else self._authenticator.access.tls
         return None if tls is None or tls.ca is None else ""
 
     @staticmethod
-    def _proven(joined: _Joined, message: Mapping[str, Any]) -> bool:
+    def _proven(joined: _Joined, message: Mapping[str, object]) -> bool:
         return hmac.compare_digest(joined.proof.encode(), str(message.get("proof", "")).encode())
 
 
-def _text(call: str, message: Mapping[str, Any], field: str) -> str | None:
+def _text(call: str, message: Mapping[str, object], field: str) -> str | None:
     read = message.get(field)
     if read is not None and not isinstance(read, str):
         raise InputInvalid(f"{call}: {field} is no text; expected one")

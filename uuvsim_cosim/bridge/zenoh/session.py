@@ -1,4 +1,4 @@
-"""A Zenoh session that says in words what went wrong, and that lets Python end if left open."""
+"""Zenoh sessions with clear error messages, which close when the program ends."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, final
+from typing import TYPE_CHECKING, Any, Protocol, final
 
 from uuvsim_cosim.bridge.access.zenoh import endpoints as endpoints_of
 from uuvsim_cosim.bridge.calls.at_exit import close_at_exit
@@ -18,15 +18,21 @@ from uuvsim_cosim.bridge.zenoh.shared_memory import LARGE
 from uuvsim_cosim.closing import Closing
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
 
-__all__ = ["PORT", "Disconnected", "NoSession", "WrappedSession", "connecting", "listening"]
+if TYPE_CHECKING:
+    import zenoh
+
+__all__ = [
+    "PORT", "Disconnected", "NoSession", "Querier", "Query", "WrappedSession", "connecting",
+    "listening",
+]  # fmt: skip
 
 PORT = 7470
 _FOREVER = 10_000_000  # [s] that a query waits; a session that ends answers sooner
 _PATIENCE = 5.0  # [s] that closing waits for threads that are inside Zenoh
 _LARGEST = 64 << 20  # bytes of one message
-_NONE: Mapping[str, Any] = {}
-# A client that takes nothing off its line is let go. Half-open ones do not keep others out: each
-# may wait for three seconds, and as many as leave half of the process's files to others.
+_NONE: Mapping[str, object] = {}
+# A client that does not read is disconnected. Half-open connections do not lock others out: each
+# may wait for three seconds, and together they use at most half of the process's files.
 _LISTENING = {
     "transport/unicast/max_sessions": 256,
     "transport/unicast/accept_timeout": 3000,
@@ -35,28 +41,88 @@ _LISTENING = {
 
 
 class Disconnected(UuvsimError):
-    """The other end is not there, or is gone."""
+    """The other end does not exist, or has disconnected."""
 
     exit_status = 3
 
 
 class NoSession(Disconnected):
-    """Somebody listens there, but opens no session to this client."""
+    """A server listens there, but opens no session to this client."""
+
+
+# Zenoh's stubs leave the methods below without types.
+
+
+class Query(Protocol):
+    """The part of a `zenoh.Query` that a server uses; `drop` ends it, answered or not."""
+
+    @property
+    def key_expr(self) -> zenoh.KeyExpr:
+        """Key that the query was sent to."""
+
+    @property
+    def payload(self) -> zenoh.ZBytes | None:
+        """The message."""
+
+    @property
+    def attachment(self) -> zenoh.ZBytes | None:
+        """The block of numbers."""
+
+    def reply(
+        self,
+        key: zenoh.KeyExpr,
+        payload: str,
+        /,
+        *,
+        attachment: bytes | None = None,
+        express: bool = False,
+        encoding: str,
+    ) -> None:
+        """Answer the query."""
+
+    def reply_err(self, payload: str, /, *, encoding: str) -> None:
+        """Answer the query with an error."""
+
+    def drop(self) -> None:
+        """End the query; its client then waits no longer."""
+
+
+class Querier(Protocol):
+    """The part of a `zenoh.Querier` that a client uses."""
+
+    def get(
+        self, *, payload: str, attachment: bytes | None, encoding: str
+    ) -> Iterator[zenoh.Reply]:
+        """Send a query; return its replies."""
+
+    def undeclare(self) -> None:
+        """Free the querier."""
+
+
+class Subscriber(Protocol):
+    """The part of a `zenoh.Subscriber` that a client uses."""
+
+    @property
+    def handler(self) -> zenoh.handlers.Handler[zenoh.Sample]:
+        """The queue of received messages."""
+
+    def undeclare(self) -> None:
+        """End the subscription."""
 
 
 @final
 class WrappedSession(Closing):
     """An open session; `close_at_exit` closes it when the program ends.
 
-    After `close` no thread is inside Zenoh on its account. Python ends daemon threads where they
-    ask for its lock; inside Zenoh that aborts the program ("exception not rethrown").
+    After `close`, no thread that this session started is inside Zenoh. Python ends daemon threads
+    when they wait for its lock; inside Zenoh, that aborts the program ("exception not rethrown").
     """
 
     def __init__(self, session: Any) -> None:
         self._session = session
-        self._left = threading.Condition()
+        self._idle = threading.Condition()
         self._inside = 0  # threads that wait within a call of Zenoh
-        self._callbacks = 0  # threads that Zenoh began, each of which ends with its callback
+        self._callbacks = 0  # threads of Zenoh, each of which ends with its callback
         self._ended: queue.SimpleQueue[threading.Thread] = queue.SimpleQueue()
         self._open = True
         close_at_exit(self)
@@ -73,98 +139,102 @@ class WrappedSession(Closing):
 
     @property
     def is_connected(self) -> bool:
-        """Whether there is anybody at the other end."""
+        """Whether another process is connected."""
         info = self._session.info
         return bool(info.routers_zid() or info.peers_zid())
 
     @contextlib.contextmanager
     def inside(self) -> Iterator[None]:
         """Count a call of Zenoh that waits; raises Disconnected if the session is closed."""
-        with self._left:
+        with self._idle:
             if not self._open:
                 raise Disconnected("this connection is closed; expected an open one")
             self._inside += 1
         try:
             yield
         finally:
-            with self._left:
+            with self._idle:
                 self._inside -= 1
-                self._left.notify_all()
+                self._idle.notify_all()
 
-    def answer(self, key: str, answer: Callable[[Any], None]) -> Any:
-        """Let a function answer the queries on a key, one after another in a thread."""
+    def answer(self, key: str, answer: Callable[[Query], None]) -> object:
+        """Answer the queries on a key by a function, one after another in a thread.
+
+        As for `token` and `watch`, the result must be kept: Zenoh ends with it.
+        """
         return self._session.declare_queryable(key, self._callback(answer))
 
-    def asker(self, key: str, timeout: float = _FOREVER) -> Any:
-        """Return what asks queries of a key, and waits as long as the answer takes, or `timeout` s.
+    def asker(self, key: str, timeout: float = _FOREVER) -> Querier:
+        """Return a querier of a key, which waits for `timeout` s, by default without limit.
 
-        The one answer is given as it comes: without consolidation, which waits for others.
+        It returns the only answer immediately: consolidation would wait for others.
         """
         import zenoh
 
-        return self._session.declare_querier(
-            key,
-            timeout=timeout,
-            consolidation=zenoh.ConsolidationMode.NONE,
-            express=True,
+        querier: Querier = self._session.declare_querier(
+            key, timeout=timeout, consolidation=zenoh.ConsolidationMode.NONE, express=True
         )
+        return querier
 
-    def publisher(self, key: str, encoding: str = "zenoh/bytes") -> Any:
-        """Return a publisher of state: messages that cannot be sent at once are dropped."""
+    def publisher(self, key: str, encoding: str = "zenoh/bytes") -> zenoh.Publisher:
+        """Return a publisher of states: messages that cannot be sent immediately are dropped."""
         import zenoh
 
-        return self._session.declare_publisher(
+        publisher: zenoh.Publisher = self._session.declare_publisher(
             key,
             encoding=encoding,
             congestion_control=zenoh.CongestionControl.DROP,
             priority=zenoh.Priority.DATA_LOW,
         )
+        return publisher
 
-    def subscribe(self, key: str, keep: int) -> Any:
+    def subscribe(self, key: str, keep: int) -> Subscriber:
         """Subscribe to a key; the newest `keep` messages wait to be received."""
         import zenoh
 
-        return self._session.declare_subscriber(key, zenoh.handlers.RingChannel(keep))
+        channel: object = zenoh.handlers.RingChannel(keep)
+        subscriber: Subscriber = self._session.declare_subscriber(key, channel)
+        return subscriber
 
-    def token(self, key: str) -> Any:
-        """Say that something lives, until this session ends."""
+    def token(self, key: str) -> object:
+        """Declare that a key is alive, until this session ends."""
         return self._session.liveliness().declare_token(key)
 
     def alive(self, key: str) -> list[str]:
-        """List the keys of what lives now."""
+        """List the keys that are alive now."""
         replies = self._session.liveliness().get(key, timeout=5.0)
         return [str(r.ok.key_expr) for r in replies if r.ok is not None]
 
-    def watch(self, key: str, tell: Callable[[str, bool], None]) -> Any:
-        """Tell of each key that begins (True) or ceases (False) to live."""
+    def watch(self, key: str, changed: Callable[[str, bool], None]) -> object:
+        """Call a function for each key that becomes alive (True) or is no longer alive (False)."""
         import zenoh
 
-        def told(sample: Any) -> None:
-            tell(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+        def received(sample: zenoh.Sample) -> None:
+            changed(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
         return self._session.liveliness().declare_subscriber(
-            key, self._callback(told), history=True
+            key, self._callback(received), history=True
         )
 
     def close(self) -> None:
-        """Close the session; whoever waits for a message is let go."""
-        with self._left:
+        """Close the session; threads that wait for a message stop waiting."""
+        with self._idle:
             was, self._open = self._open, False
         if not was:
             return
         with contextlib.suppress(Exception):  # the other end may be gone already
             self._session.close()
         latest = time.monotonic() + _PATIENCE
-        with self._left:
-            self._left.wait_for(lambda: not self._inside, _PATIENCE)
+        with self._idle:
+            self._idle.wait_for(lambda: not self._inside, _PATIENCE)
         with contextlib.suppress(queue.Empty):
             for _ in range(self._callbacks):
                 thread = self._ended.get(timeout=max(0.0, latest - time.monotonic()))
                 if thread is not threading.current_thread():
                     thread.join(max(0.0, latest - time.monotonic()))
 
-    def _callback(self, call: Callable[[Any], None]) -> Any:
-        """Return what Zenoh calls in a thread of its own, which reports its end to `close`."""
+    def _callback(self, call: Callable[[Any], None]) -> object:
+        """Return a callback that Zenoh runs in its own thread; the thread's end is reported."""
         import zenoh
 
         self._callbacks += 1
@@ -174,17 +244,17 @@ class WrappedSession(Closing):
 def listening(
     port: int,
     hosts: Sequence[str] = ("127.0.0.1",),
-    settings: Mapping[str, Any] = _NONE,
+    settings: Mapping[str, object] = _NONE,
     *,
     tls: bool = False,
 ) -> WrappedSession:
-    """Open a session that others connect to; raises InputInvalid if the port is taken."""
+    """Open a session that others connect to; raises InputInvalid if the port is in use."""
     import zenoh
 
     endpoints = endpoints_of(hosts, port, tls=tls)
+    pending = {"transport/unicast/accept_pending": _half_open()}
     try:
-        room = {"transport/unicast/accept_pending": _half_open()}
-        config = _config("router", listen=endpoints, settings={**_LISTENING, **room, **settings})
+        config = _config("router", listen=endpoints, settings={**_LISTENING, **pending, **settings})
         return WrappedSession(zenoh.open(config))
     except zenoh.ZError as error:
         if "in use" in str(error):
@@ -192,27 +262,30 @@ def listening(
                 f"port {port} on {', '.join(hosts)} is in use; expected a free one, such as port "
                 f"{port + 100}, or 0 for any"
             ) from None
-        raise InputInvalid(f"cannot listen on {', '.join(endpoints)}: {_words(error)}") from None
+        reason = str(error).split(" at /", 1)[0]  # without the place in Zenoh's own source code
+        raise InputInvalid(f"cannot listen on {', '.join(endpoints)}: {reason}") from None
 
 
 def connecting(
-    host: str, port: int, settings: Mapping[str, Any] = _NONE, *, tls: bool = False
+    host: str, port: int, settings: Mapping[str, object] = _NONE, *, tls: bool = False
 ) -> WrappedSession:
-    """Open a session to one that listens; raises Disconnected if nobody does, or NoSession."""
+    """Open a session to a server; raises Disconnected if none listens, or NoSession."""
     import zenoh
 
     try:
         config = _config("client", connect=endpoints_of([host], port, tls=tls), settings=settings)
         return WrappedSession(zenoh.open(config))
     except zenoh.ZError:
-        if _listens(host, port):
-            raise NoSession(
-                f"{host}, port {port}, takes connections, but opens no Zenoh session; expected the "
-                "port that `uuvsim serve` names for Python, and a server that is not overloaded"
+        try:
+            socket.create_connection((host, port), timeout=1.0).close()
+        except OSError:
+            raise Disconnected(
+                f"nobody answers at {host}, port {port}; expected a co-simulation there, such as "
+                f"by `uuvsim serve SYSTEM --port {port}`"
             ) from None
-        raise Disconnected(
-            f"nobody answers at {host}, port {port}; expected a co-simulation there, such as by "
-            f"`uuvsim serve SYSTEM --port {port}`"
+        raise NoSession(
+            f"{host}, port {port}, takes connections, but opens no Zenoh session; expected the "
+            "port that `uuvsim serve` names for Python, and a server that is not overloaded"
         ) from None
 
 
@@ -220,15 +293,15 @@ def _config(
     mode: str,
     listen: Sequence[str] = (),
     connect: Sequence[str] = (),
-    settings: Mapping[str, Any] = _NONE,
-) -> Any:
+    settings: Mapping[str, object] = _NONE,
+) -> zenoh.Config:
     import zenoh
 
-    # Zenoh closes connections that stay silent one after another, in 4 ms each, in the threads that
-    # open sessions; by default there is one, and a client would wait for all of them.
+    # Zenoh closes silent connections one after another, in 4 ms each, in the threads that open
+    # sessions. By default there is one thread, and a client would wait for all of them.
     os.environ.setdefault("ZENOH_RUNTIME", "(acc: (worker_threads: 8))")
     config = zenoh.Config()
-    held: dict[str, Any] = {
+    every: dict[str, object] = {
         "mode": mode,
         "listen/endpoints": list(listen),
         "connect/endpoints": list(connect),
@@ -237,11 +310,11 @@ def _config(
         "scouting/delay": 0,
         "queries_default_timeout": 1000 * _FOREVER,
         "transport/link/rx/max_message_size": _LARGEST,
-        # As `SharedMemory` does; by itself Zenoh would, from 3 kB on, which costs more than bytes.
+        # The threshold of `SharedMemory`; Zenoh's own, 3 kB, costs more than it saves.
         "transport/shared_memory/transport_optimization/message_size_threshold": LARGE,
         **settings,
     }
-    for key, value in held.items():
+    for key, value in every.items():
         config.insert_json5(key, json.dumps(value))
     return config
 
@@ -254,15 +327,3 @@ def _half_open() -> int:
         return 4096
     files = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
     return 4096 if files == resource.RLIM_INFINITY else min(4096, max(64, files // 2))
-
-
-def _listens(host: str, port: int) -> bool:
-    try:
-        socket.create_connection((host, port), timeout=1.0).close()
-    except OSError:
-        return False
-    return True
-
-
-def _words(error: Exception) -> str:
-    return str(error).split(" at /", 1)[0]

@@ -1,70 +1,73 @@
-"""Large payloads for clients on this machine lie in shared memory, where it can be had.
+"""Shared memory for large payloads to clients on this machine, if it is available.
 
-Zenoh hands a client on the same machine the place instead of the bytes, and a client elsewhere
-the bytes. What does not fit, or a machine without shared memory, is sent as bytes: nobody notices.
+Zenoh gives a client on the same machine the address instead of the bytes, and any other client the
+bytes. If shared memory is full or missing, payloads are sent as bytes; clients see no difference.
 """
 
 from __future__ import annotations
 
 import os
-from typing import Any, final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 
+if TYPE_CHECKING:
+    from zenoh import shm
+
 __all__ = ["LARGE", "SharedMemory"]
 
-LARGE = 100_000  # bytes, from which on it pays: measured by benchmarks/bridge_frames.py
-POOL = 64 << 20  # bytes; the kernel gives those that are used
-SMALL = 4 << 20  # bytes; less is not worth having
+LARGE = 100_000  # bytes above which shared memory is faster (benchmarks/bridge_frames.py)
+POOL = 64 << 20  # bytes; the kernel allocates only those that are used
+SMALL = 4 << 20  # bytes; a smaller pool is not used
 
 
 @final
 class SharedMemory:
-    """Memory for the payloads of one publisher thread, asked for when the first is large."""
+    """Memory for the payloads of one publisher thread, allocated with the first large payload."""
 
     def __init__(self, *, wanted: bool = True) -> None:
         self._wanted = wanted
-        self._provider: Any = None
-        self._policy: Any = None
-        self.used = 0  # payloads that lay in it
+        self._pool: tuple[shm.ShmProvider, shm.GarbageCollect] | None = None
+        self.used = 0  # payloads that were in shared memory
 
-    def payload(self, header: bytes, values: np.ndarray) -> Any:
+    def payload(self, header: bytes, values: np.ndarray) -> bytes | shm.ZShmMut:
         """Return header and values as one payload, in shared memory if they are large."""
         size = len(header) + values.nbytes
         if size < LARGE or not self._wanted:
             return header + values.tobytes()
         try:
-            memory = self._ready().alloc(size, self._policy)
-        except Exception:  # none left at the moment, or none at all
+            provider, policy = self._opened()
+            memory = provider.alloc(size, policy)
+        except Exception:  # full at the moment, or not available
             return header + values.tobytes()
         memory[0 : len(header)] = header
         memory[len(header) : size] = values.tobytes()
         self.used += 1
         return memory
 
-    def _ready(self) -> Any:
-        if self._provider is None:
+    def _opened(self) -> tuple[shm.ShmProvider, shm.GarbageCollect]:
+        if self._pool is None:
             try:
                 from zenoh import shm
 
-                self._policy = shm.GarbageCollect()
-                self._provider = shm.ShmProvider.default_backend(_room())
+                provider = shm.ShmProvider.default_backend(_pool_size())
+                self._pool = provider, shm.GarbageCollect()
             except BaseException:
-                self._wanted = False
+                self._wanted = False  # do not try again
                 raise
-        return self._provider
+        return self._pool
 
 
-def _room() -> int:
-    """Return the size of the pool: at most a quarter of what is free where Linux keeps it.
+def _pool_size() -> int:
+    """Return the size of the pool: at most a quarter of Linux's free shared memory.
 
-    Containers often have 64 MB; who writes beyond is killed (SIGBUS), not refused.
+    Containers often have 64 MB. A process that writes beyond them is killed (SIGBUS).
     """
     try:
-        there = os.statvfs("/dev/shm")
+        file_system = os.statvfs("/dev/shm")
     except (AttributeError, OSError):  # not Linux
         return POOL
-    free = there.f_bavail * there.f_frsize // 4
+    free = file_system.f_bavail * file_system.f_frsize // 4
     if free < SMALL:
         raise MemoryError(f"{free} bytes of shared memory; expected {SMALL}")
     return min(POOL, free)

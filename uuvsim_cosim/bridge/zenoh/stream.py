@@ -1,9 +1,9 @@
-"""The states of each communication point leave as one block a component, off the stepping's path.
+"""Stream of states: one block for each component and communication point, sent by its own thread.
 
 A block is little-endian: tick (int64), time [s] (float64), layout (int64), then the component's
-recorded variables as float64, in the order that the schema gives for this layout. Behind them
-each element of an Int64, UInt64 or Enumeration variable follows once more, exactly, as int64 or
-uint64. What cannot be sent in time is dropped; the ticks tell.
+recorded variables as float64, in the order that the schema gives for this layout. After them,
+each element of an Int64, UInt64 or Enumeration variable follows a second time, exactly, as int64 or
+uint64. Blocks that cannot be sent in time are dropped; a client sees that from the ticks.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 
@@ -25,22 +25,25 @@ from uuvsim_cosim.bridge.zenoh.shared_memory import SharedMemory
 from uuvsim_cosim.orchestrator.master.observer import Chunk, Column, seconds
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 
+if TYPE_CHECKING:
+    import zenoh
+
 __all__ = ["HEADER", "Layout", "Stream"]
 
 HEADER = struct.Struct("<qdq")
-_Integers = tuple[int, Any, bool]  # a column, its type, and whether float64 may round it
-_CHUNKS = 512  # of rows that wait at most; older ones are dropped
+_Integers = tuple[int, np.dtype, bool]  # a column, its type, and whether float64 may round it
+_CHUNKS = 512  # chunks of rows that wait at most; older ones are dropped
 _RATE = 2000.0  # [rows/s] that are sent at most
-_MANY = 64  # rows that come at once only where steps are as fast as can be: then
-_BYTES = 32 << 20  # of rows that wait at most: frames are large
-_FEW = 4  # of them, the newest, are enough to look at, and the loop is hardly slowed
-_REST = 0.001  # [s] after sending: rows of so long leave together, for waking costs the loop
-_LOOK = 0.05  # [s] between two looks who subscribes
+_MANY = 64  # more rows arrive at once only in a run that is as fast as possible; of these, only
+_FEW = 4  # the newest are sent, which is enough for a viewer and hardly slows the run
+_BYTES = 32 << 20  # of rows that wait at most: rows with camera frames are large
+_REST = 0.001  # [s] pause after sending: rows of this time are sent together, as waking costs time
+_LOOK = 0.05  # [s] between two checks which components are subscribed to
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Which columns a component's block holds; `names` and `sizes` are those of variables."""
+    """The columns of a component's block; `names` and `shapes` are those of its variables."""
 
     names: tuple[str, ...]
     shapes: tuple[tuple[int, ...], ...]
@@ -49,14 +52,16 @@ class Layout:
 
 @final
 class Stream:
-    """An observer that copies rows into a ring, which a thread drains into `publisher(path)`.
+    """An observer that copies rows into a ring buffer, which a thread sends by `publisher(path)`.
 
-    A publisher has `put(bytes)` and `matching_status`, whether anybody wants it.
+    `observe` never waits for a client: it runs in the thread that steps.
     """
 
-    def __init__(self, publisher: Callable[[str], Any], memory: SharedMemory | None = None) -> None:
+    def __init__(
+        self, publisher: Callable[[str], zenoh.Publisher], memory: SharedMemory | None = None
+    ) -> None:
         self._make = publisher
-        self._publishers: dict[str, Any] = {}
+        self._publishers: dict[str, zenoh.Publisher] = {}
         self._ring: deque[tuple[int, np.ndarray, np.ndarray]] = deque(maxlen=_CHUNKS)
         self._wake = threading.Event()
         self._noticed = threading.Condition()
@@ -87,27 +92,27 @@ class Stream:
         self.layout = number
 
     def observe(self, chunk: Chunk) -> None:
-        """Copy the rows, the newest of them if they are many."""
+        """Copy the rows, only the newest if they are many."""
         if not self._wanted:
             return
         ring, n = self._ring, len(chunk.ticks)
         few = min(n if n <= _MANY else _FEW, self._most)
         self.dropped += n - few
         if len(ring) == ring.maxlen:
-            with contextlib.suppress(IndexError):  # all sent in this very moment
-                self.dropped += len(ring[0][1])  # it falls out at the other end
+            with contextlib.suppress(IndexError):  # the thread has just emptied the ring
+                self.dropped += len(ring[0][1])  # `append` removes this one
         ring.append((self.layout, chunk.ticks[n - few :].copy(), chunk.rows[n - few :].copy()))
         if not self._wake.is_set():
             self._wake.set()
 
     def end(self) -> None:
-        """Send what waits no more, and stop."""
+        """Stop; rows that still wait are not sent."""
         self._over = True
         self._wake.set()
         self._thread.join()
 
     def wait_until_wanted(self, path: str, timeout: float) -> bool:
-        """Wait until somebody subscribes to a component and this has been noticed."""
+        """Wait until the thread has noticed a subscriber of a component; return whether it has."""
         with self._noticed:
             return self._noticed.wait_for(lambda: path in self._wanted, timeout)
 
@@ -178,14 +183,14 @@ def _layouts(columns: Sequence[Column]) -> dict[str, Layout]:
 def _gather(
     path: str, layout: Layout, columns: Sequence[Column]
 ) -> tuple[str, np.ndarray | slice, list[_Integers]]:
-    """Return a component's columns, and which of them are to be made float64 from what type."""
+    """Return a component's path and columns, and the columns that must be converted to float64."""
     converted = []
     for k, i in enumerate(layout.columns):
         type_ = np.dtype(columns[i].type.dtype)
         if type_ != np.dtype("f8"):
             exact = format_of(columns[i].variable.type) is not None
             converted.append((k, type_, exact))
-    held = layout.columns  # mostly side by side: then nothing is gathered
-    if held and held == tuple(range(held[0], held[0] + len(held))):
-        return path, slice(held[0], held[0] + len(held)), converted
-    return path, np.array(held, np.intp), converted
+    indices = layout.columns
+    if indices and indices == tuple(range(indices[0], indices[-1] + 1)):
+        return path, slice(indices[0], indices[-1] + 1), converted  # mostly: needs no copy
+    return path, np.array(indices, np.intp), converted

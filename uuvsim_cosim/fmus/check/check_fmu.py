@@ -23,7 +23,7 @@ from uuvsim_cosim.fmus.importer.safe_xml import read_xml
 
 __all__ = ["TIME_LIMIT", "Finding", "Look", "check", "examine", "relied_on"]
 
-TIME_LIMIT = 120.0  # seconds that an FMU may take for each process of the trial
+TIME_LIMIT = 120.0  # [s] for each process of the trial
 Result = Literal["ok", "finding", "not applicable"]
 # FMI's structured names, less those with quotes: FMPy reads the latter.
 _PART = r"[_A-Za-z][_A-Za-z0-9]*(\[[0-9]+(,[0-9]+)*\])?"
@@ -32,19 +32,19 @@ _STRUCTURED = re.compile(rf"{_PART}(\.{_PART})*|der\({_PART}(\.{_PART})*(,[0-9]+
 
 @dataclass(frozen=True)
 class Finding:
-    """One doubt about an FMU: what was looked at, and what was found."""
+    """A finding about an FMU: the name of the check, and the problem."""
 
     check: str
     text: str
 
     def __str__(self) -> str:
-        """Return the line that a user reads."""
+        """Return the line for the user."""
         return f"{self.check}: {self.text}"
 
 
 @dataclass(frozen=True)
 class Look:
-    """One look at an FMU: its result, and the finding, the measure, or why it was not made."""
+    """One look at an FMU: its result, and the finding, a summary, or why it was not made."""
 
     check: str
     result: Result
@@ -52,17 +52,17 @@ class Look:
 
 
 def check(path: Path, *, time_limit: float = TIME_LIMIT) -> list[Finding]:
-    """List what is wrong with an .fmu; an empty list is a good FMU. See `examine`."""
+    """List the findings about an .fmu; a good FMU has none. See `examine`."""
     looks = examine(path, time_limit=time_limit)
     return [Finding(look.check, look.text) for look in looks if look.result == "finding"]
 
 
 def examine(path: Path, *, time_limit: float = TIME_LIMIT) -> list[Look]:
-    """Look at an .fmu from all sides: rules, binary, run, determinism, reset, state, reference.
+    """Make all looks at an .fmu: rules, binary, run, determinism, reset, state, reference.
 
-    Schema and rules by FMPy; everything that runs by this package's own importer, in a process
-    of its own, so that an FMU that crashes or hangs is a finding of the look that was made, and
-    the others go on. Raises FmuError if the file is no FMU at all.
+    FMPy checks schema and rules. The other looks run the FMU by this package's importer, in another
+    process: if the FMU crashes or hangs, that is a finding of this look, and the others continue.
+    Raises FmuError if the file is no FMU.
     """
     fmu = read_fmu(path)
     texts = [" ".join(text.split()) for text in _broken_rules(fmu)]
@@ -72,9 +72,14 @@ def examine(path: Path, *, time_limit: float = TIME_LIMIT) -> list[Look]:
     here = sorted({platform.fmi2, platform.fmi3} & set(fmu.binaries))
     there = ", ".join(fmu.binaries) or "none"
     if not here and fmu.sources is not None:
-        looks.append(_compiled(fmu))
-        if looks[-1].result == "finding":
+        try:
+            library_of(fmu)
+        except FmuError as error:
+            looks.append(Look("binary", "finding", str(error)))
             return looks + _skipped(list(LOOKS), "no binary for this machine")
+        others = f"; there: {there}" if fmu.binaries else ""
+        text = f"none for {platform.fmi2}: its sources were compiled{others}"
+        looks.append(Look("binary", "ok", text))
         return looks + _trial(path, time_limit)
     if not here:
         text = f"none for {platform.fmi2}, so it was not run; there: {there}"
@@ -85,7 +90,10 @@ def examine(path: Path, *, time_limit: float = TIME_LIMIT) -> list[Look]:
 
 
 def _broken_rules(fmu: FmuArchive) -> list[str]:
-    """Ask FMPy; it takes 10 ms a name, so names that are plainly structured are seen to here."""
+    """Return the problems that FMPy reports.
+
+    FMPy needs 10 ms to check a structured name, so that simple ones are checked here instead.
+    """
     from fmpy.model_description import ValidationError, read_model_description
     from fmpy.validation import validate_fmu
 
@@ -105,17 +113,8 @@ def _broken_rules(fmu: FmuArchive) -> list[str]:
     return []
 
 
-def _compiled(fmu: FmuArchive) -> Look:
-    try:
-        library_of(fmu)
-    except FmuError as error:
-        return Look("binary", "finding", str(error))
-    there = f"; there: {', '.join(fmu.binaries)}" if fmu.binaries else ""
-    return Look("binary", "ok", f"none for {host().fmi2}: its sources were compiled{there}")
-
-
 def relied_on(path: Path, looks: Sequence[Look]) -> dict[str, str]:
-    """Say what a master may rely on: what the FMU declares, less what the looks disproved."""
+    """Return the features that a master may use: those declared, except those that failed."""
     fmu: FmuArchive = read_fmu(path)
     summary = reliance(fmu)
     failed = {look.check for look in looks if look.result == "finding"}
@@ -135,6 +134,7 @@ def _word(check: str, passed: set[str], failed: set[str]) -> str:
 
 
 def _trial(path: Path, time_limit: float) -> list[Look]:
+    """Make the looks that run the FMU; after a crash, a new process makes the remaining ones."""
     looks: list[Look] = []
     pending = list(LOOKS)
     with tempfile.TemporaryDirectory() as folder:
@@ -149,7 +149,7 @@ def _trial(path: Path, time_limit: float) -> list[Look]:
 
 
 def _process(path: Path, file: Path, looks: Sequence[str], time_limit: float) -> list[Look]:
-    """Make looks in one process, until they are made or it ends; there is at least one result."""
+    """Make looks in one process until all are made or it ends; return at least one result."""
     command = [
         sys.executable,
         "-m",

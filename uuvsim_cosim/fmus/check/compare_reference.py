@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from fractions import Fraction
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -30,9 +29,9 @@ def deviations(
     reference: Reference,
     feed: Callable[[Component, Iterable[Series], float], None],
 ) -> tuple[list[str], str]:
-    """Run a fresh instance; say which columns are off, and sum up what was compared.
+    """Run a new instance; return the deviations of the columns, and a summary of the comparison.
 
-    A number counts as off by its distance, relative to the largest value of its column.
+    A deviation is the distance of a number, relative to the largest value of its column.
     """
     texts, columns = result_table(reference.result)
     wanted = {n: c for n, c in columns.items() if not reference.signals or n in reference.signals}
@@ -50,8 +49,11 @@ def deviations(
     start = Fraction(str(reference.start_time))
     h, rows = _grid(fmu, reference, start, [Fraction(t) for t in texts])
     series = [] if reference.inputs is None else read_input_csv(reference.inputs, fmu.description)
-    scale = {n: _scale(wanted[n]) for n in targets}
-    worst: dict[str, tuple[float, float]] = {}
+    scale = {
+        n: max([1e-12, *(abs(v) for cell in wanted[n] for v in _numbers(cell) or ())])
+        for n in targets
+    }
+    worst: dict[str, tuple[float, float]] = {}  # by column: error, and its time [s]
 
     def compare(k: int) -> None:
         for row in rows.get(k, ()):
@@ -82,8 +84,8 @@ def deviations(
         reached = k + 1
         compare(reached)
     off = [
-        f"{reference.name}: {_called(targets[name][0], name)} is off by {error:.3g} of its range "
-        f"at t = {t:.9g} s; expected at most {reference.tolerance:g}"
+        f"{reference.name}: {targets[name][0].causality} {name!r} is off by {error:.3g} of its "
+        f"range at t = {t:.9g} s; expected at most {reference.tolerance:g}"
         for name, (error, t) in worst.items()
     ]
     compared = sum(len(found) for k, found in rows.items() if k <= reached)
@@ -96,12 +98,8 @@ def deviations(
     return lost + off, message
 
 
-def _called(variable: Variable, name: str) -> str:
-    return f"{'output' if variable.causality == 'output' else variable.causality} {name!r}"
-
-
 def _target(fmu: FmuArchive, name: str) -> tuple[Variable, int | None] | None:
-    """Find a variable, or one element of one; a whole array is a cell of several words."""
+    """Find a variable, or one element of an array; the cells of a whole array have many words."""
     variables = fmu.description.variables
     if name in variables:
         return variables[name], None
@@ -114,7 +112,7 @@ def _target(fmu: FmuArchive, name: str) -> tuple[Variable, int | None] | None:
 def _grid(
     fmu: FmuArchive, reference: Reference, start: Fraction, times: list[Fraction]
 ) -> tuple[Fraction, dict[int, list[int]]]:
-    """Return the step, and the rows by communication point; of two at one time, the later row."""
+    """Return the step, and the rows by communication point; of two rows at a time, the later."""
     step = reference.step_size or default_experiment(fmu)[2]
     gaps = [b - a for a, b in pairwise(times) if b > a]
     if step is None or (gaps and max(gaps) < Fraction(str(step))):
@@ -135,11 +133,6 @@ def _grid(
     return h, rows
 
 
-def _scale(cells: list[str]) -> float:
-    values = [abs(v) for cell in cells for v in _numbers(cell) or ()]
-    return max([1e-12, *values])
-
-
 def _numbers(cell: str) -> list[float] | None:
     try:
         return [_TRUE[w.lower()] if w.lower() in _TRUE else float(w) for w in cell.split()]
@@ -147,7 +140,8 @@ def _numbers(cell: str) -> list[float] | None:
         return None
 
 
-def _error(value: Any, element: int | None, cell: str, scale: float) -> float:
+def _error(value: object, element: int | None, cell: str, scale: float) -> float:
+    """Return the distance of a value from a cell, relative to `scale`; infinite for other text."""
     flat = np.asarray(value).ravel()
     if isinstance(value, bytes | str) or flat.dtype == object:
         text = value if isinstance(value, bytes | str) else flat[element or 0]

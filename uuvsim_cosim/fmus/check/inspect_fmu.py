@@ -18,7 +18,7 @@ __all__ = ["Inspection", "inspect"]
 
 @dataclass(frozen=True)
 class Inspection:
-    """An FMU as it was found."""
+    """The contents of an FMU."""
 
     fmu: FmuArchive
     members: Mapping[str, int]  # name in the archive -> size in bytes

@@ -1,4 +1,4 @@
-"""The reference results that an .fmu carries: our own table, and those of fmi-ls-ref."""
+"""The reference results in an .fmu: our own table, and those of fmi-ls-ref."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ class Reference:
 
 
 def default_experiment(fmu: FmuArchive) -> tuple[float, float | None, float | None]:
-    """Return start time, stop time and step size [s], as the description has them.
+    """Return start time, stop time and step size [s] of the description.
 
-    Without a step size, an FMI 3.0 FMU's internal one is taken, which steps must be multiples of.
+    Without a step size, it is the internal one of an FMI 3.0 FMU: steps must be its multiples.
     """
     root = read_xml(fmu.folder / "modelDescription.xml", place=str(fmu.path))
     experiment, element = root.find("DefaultExperiment"), root.find(fmu.interface)
@@ -51,7 +51,7 @@ def default_experiment(fmu: FmuArchive) -> tuple[float, float | None, float | No
 
 
 def references(fmu: FmuArchive) -> list[Reference]:
-    """List the reference results in the archive; raises FmuError for a manifest that lies."""
+    """List the reference results in the archive; raises FmuError for a manifest that is wrong."""
     found: list[Reference] = []
     own = fmu.folder / "documentation"
     if (own / "input.csv").is_file() and (own / "reference.csv").is_file():
@@ -136,7 +136,7 @@ def _parameters(path: Path) -> dict[str, str]:
 
 
 def _inside(fmu: FmuArchive, folder: Path, source: str) -> Path:
-    """Find a file beside the manifest, or named from the root of the archive."""
+    """Find a file, relative to the manifest or to the root of the archive."""
     root = fmu.folder.resolve()
     for base in (folder, fmu.folder):
         path = (base / source).resolve()

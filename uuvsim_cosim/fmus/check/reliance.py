@@ -9,12 +9,13 @@ __all__ = ["reliance"]
 
 
 def reliance(fmu: FmuArchive) -> dict[str, str]:
-    """Say by topic what an FMU's description promises, and what a master does where it does not."""
+    """Return by topic the features that an FMU declares, and how a master manages without them."""
     d = fmu.description
     state, once = d.can_get_and_set_state, d.can_be_instantiated_only_once
     machine = host()
     here = {machine.fmi2, machine.fmi3} & set(fmu.binaries)
     undeclared = [v.name for v in d.of("output") if v.dependencies is None]
+    more = f" and {len(undeclared) - 3} more" if len(undeclared) > 3 else ""
     return {
         "run": "yes" if here
         else "yes, its sources are compiled at first use" if fmu.sources
@@ -30,12 +31,8 @@ def reliance(fmu: FmuArchive) -> dict[str, str]:
         "loops in initialization": "solved with its directional derivatives"
         if d.provides_directional_derivatives else "solved with finite differences",
         "feedthrough": "declared for every output" if not undeclared
-        else f"not declared for {_some(undeclared)}: taken as none in stepping, where a loop "
-        "through it is delayed and named, and as all in initialization",
+        else f"not declared for {', '.join(undeclared[:3])}{more}: taken as none in stepping, "
+        "where a loop through it is delayed and named, and as all in initialization",
         "instances": "one in a process; each further one gets a process of its own" if once
         else "any number in one process",
     }  # fmt: skip
-
-
-def _some(names: list[str]) -> str:
-    return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")

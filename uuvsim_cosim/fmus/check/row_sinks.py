@@ -8,7 +8,7 @@ import time
 from collections.abc import Sequence
 from decimal import Decimal
 from pathlib import Path
-from typing import Any, Protocol, final
+from typing import Protocol, TextIO, final
 
 import numpy as np
 
@@ -19,19 +19,19 @@ from uuvsim_cosim.fmus.description_xml import DTYPES
 
 __all__ = ["ColumnRows", "CsvRows", "Rows", "check_room"]
 
-_FLUSH = 0.2  # s between two flushes: what a process that is killed may lose
-_CELL = 20  # bytes of a number in a CSV file, about
-_SMALL = 1e8  # bytes that no disk is asked for
+_FLUSH = 0.2  # [s] between two flushes; a process that is killed loses the rows of this time
+_CELL = 20  # approximate bytes of a number in a CSV file
+_SMALL = 1e8  # bytes of a file for which the free space is not checked
 
 
 class Rows(Protocol):
-    """Takes the values of one communication point after the other."""
+    """A receiver of the values of one communication point after the other."""
 
     count: int
     last_time: float
 
     def add(self, t: float, values: Sequence[np.ndarray]) -> None:
-        """Take the values at time `t` [s], one for each variable."""
+        """Add the values at time `t` [s], one for each variable."""
 
 
 @final
@@ -57,7 +57,7 @@ class ColumnRows:
         return {v.name: column[: self.count].copy() for v, column in pairs}
 
     def add(self, t: float, values: Sequence[np.ndarray]) -> None:
-        """Take a row; raises RecordingError if there is no memory for more."""
+        """Add a row; raises RecordingError if there is no memory for more."""
         if self.count == len(self._time):
             try:
                 self._time = _doubled(self._time)
@@ -82,10 +82,9 @@ def _doubled(column: np.ndarray) -> np.ndarray:
 
 @final
 class CsvRows(Closing):
-    """Rows in a CSV file, which is begun with the first; `shown` is its name in messages.
+    """Rows in a CSV file, which is created with the first row; `shown` is its name in messages.
 
-    Numbers are written so that they read back to the last bit. A row is on the disk 0.2 s later,
-    also if the process dies then.
+    Numbers are written with all bits. A row is on the disk after 0.2 s, even if the process dies.
     """
 
     def __init__(
@@ -93,8 +92,7 @@ class CsvRows(Closing):
     ) -> None:
         self._path, self._shown = path, shown or path
         self._names = ["time", *(n for v in variables for n in v.element_names)]
-        self._file: Any = None
-        self._writer: Any = None
+        self._file: TextIO | None = None
         self._flushed = 0.0
         self.count = 0
         self.last_time = -np.inf
@@ -102,12 +100,17 @@ class CsvRows(Closing):
     def add(self, t: float, values: Sequence[np.ndarray]) -> None:
         """Write a row; raises InputInvalid for a file that cannot be made, RecordingError later."""
         if self._file is None:
-            self._begin()
+            try:
+                self._file = self._path.open("w", newline="", encoding="utf-8")
+            except OSError as error:
+                raise InputInvalid(f"{self._shown}: cannot be written ({error.strerror})") from None
+            csv.writer(self._file).writerow(self._names)
+            self._flush(self._file)
         try:
             cells = (x for value in values for x in np.asarray(value).ravel().tolist())
-            self._writer.writerow([repr(t), *map(_text, cells)])
+            csv.writer(self._file).writerow([repr(t), *map(_text, cells)])
             if time.monotonic() - self._flushed > _FLUSH:
-                self._flush()
+                self._flush(self._file)
         except OSError as error:
             raise RecordingError(
                 f"{self._shown}: {error.strerror or error} at t = {t:g} s; expected room on the "
@@ -117,22 +120,13 @@ class CsvRows(Closing):
         self.last_time = t
 
     def close(self) -> None:
-        """Write what is left; a second call does nothing."""
+        """Write the rows that are still buffered; a second call does nothing."""
         file, self._file = self._file, None
         if file is not None:
             file.close()
 
-    def _begin(self) -> None:
-        try:
-            self._file = self._path.open("w", newline="", encoding="utf-8")
-        except OSError as error:
-            raise InputInvalid(f"{self._shown}: cannot be written ({error.strerror})") from None
-        self._writer = csv.writer(self._file)
-        self._writer.writerow(self._names)
-        self._flush()
-
-    def _flush(self) -> None:
-        self._file.flush()
+    def _flush(self, file: TextIO) -> None:
+        file.flush()
         self._flushed = time.monotonic()
 
 
@@ -142,7 +136,7 @@ def check_room(target: Path, rows: int, variables: Sequence[Variable]) -> None:
     try:
         free = shutil.disk_usage(target.absolute().parent).free
     except OSError:
-        return  # refused when it is begun
+        return  # creating the file raises the error
     if wanted > _SMALL and wanted > 0.9 * free:
         raise InputInvalid(
             f"{target}: its {Decimal(rows):.3g} rows would take about "
@@ -151,7 +145,8 @@ def check_room(target: Path, rows: int, variables: Sequence[Variable]) -> None:
         )
 
 
-def _text(value: Any) -> str:
+def _text(value: object) -> str:
+    """Return a value as the text of a CSV cell; bytes in hexadecimal, Booleans as 0 and 1."""
     if isinstance(value, bytes):
         return value.hex()
     if isinstance(value, bool):

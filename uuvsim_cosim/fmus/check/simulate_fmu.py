@@ -1,4 +1,4 @@
-"""Simulation of one FMU from start to end: inputs over time in, outputs over time out."""
+"""Simulation of one FMU from start to end, with given inputs and recorded outputs."""
 
 from __future__ import annotations
 
@@ -41,15 +41,16 @@ __all__ = [
 ]
 
 Inputs = Mapping[str, Any] | Path | str | None
-_DEFAULT_STEP, _DEFAULT_SPAN = 0.01, 10.0  # s, where an FMU gives none
-_MANY, _FEW = 100_000, 1000  # steps of a default experiment whose FMU gives none
+_DEFAULT_STEP, _DEFAULT_SPAN = 0.01, 10.0  # [s] if the FMU has none
+# A default experiment without a step size gets `_FEW` steps if `_DEFAULT_STEP` made over `_MANY`.
+_MANY, _FEW = 100_000, 1000
 
 
 @dataclass(frozen=True)
 class SimulationResult:
     """Values at the communication points; ``result["x"]`` has shape (points, *shape of x).
 
-    `notes` say what was chosen for the user, such as a step or a solver.
+    `notes` report automatic choices, such as a step or a solver.
     """
 
     time: np.ndarray
@@ -77,7 +78,7 @@ class SimulationResult:
 
 @dataclass(frozen=True)
 class SimulationFile:
-    """What a simulation wrote into a CSV file: `rows` lines, from `begin` to `end` [s]."""
+    """A simulation's CSV file: `rows` lines, from `begin` to `end` [s]."""
 
     path: Path
     rows: int
@@ -90,7 +91,7 @@ class SimulationFile:
 
 
 class SimulationInterrupted(KeyboardInterrupt):
-    """Ctrl-C in a simulation into a file; `partial` is what the file holds."""
+    """Ctrl-C in a simulation into a file; `partial` describes the file."""
 
     def __init__(self, partial: SimulationFile) -> None:
         super().__init__()
@@ -194,19 +195,19 @@ def _file(target: Path, plan: _Plan, rows: CsvRows, run: _Run) -> SimulationFile
 
 @dataclass(frozen=True)
 class _Plan:
-    """What is simulated: communication points are ``begin + k tick`` [s], k = 0 … `count`."""
+    """A simulation to be run: communication points are ``begin + k tick`` [s], k = 0 … `count`."""
 
     archive: FmuArchive
     begin: Fraction
     tick: Fraction
     count: int
     feed: _Feed
-    start: Sequence[tuple[Variable, Any]]
+    start: Sequence[tuple[Variable, object]]
     recorded: Sequence[Variable]
     notes: tuple[str, ...]
 
     def time(self, k: int) -> float:
-        """Return communication point k [s]: rounded once, never summed up."""
+        """Return communication point k [s]: rounded once, so that errors do not add up."""
         return float(self.begin + k * self.tick)
 
 
@@ -217,7 +218,13 @@ def _plan(
 ) -> _Plan:  # fmt: skip
     archive, values = _archive(fmu, interface, start or {})
     description = archive.description
-    begin = _seconds("start time", _default_start(archive) if start_time is None else start_time)
+    if start_time is None:
+        default = archive.default_start_time
+        start_time = default if default is not None and math.isfinite(default) else 0.0
+    try:
+        begin = Fraction(str(start_time))
+    except (ValueError, ZeroDivisionError):
+        raise InputInvalid(f"start time = {start_time}; expected seconds") from None
     notes: list[str] = []
     size = description.default_step_size
     if until is None:
@@ -238,7 +245,7 @@ def _plan(
 def _archive(
     fmu: Path | str | FmuArchive, interface: str | None, start: Mapping[str, Any]
 ) -> tuple[FmuArchive, dict[str, Any]]:
-    """Read the FMU with its structural parameters, which are taken out of the start values."""
+    """Read the FMU with its structural parameters; return it and the other start values."""
     archive = fmu if isinstance(fmu, FmuArchive) else read_fmu(Path(fmu), interface)
     variables = archive.description.variables
     structure = {
@@ -255,7 +262,7 @@ def _archive(
 
 @final
 class _Run:
-    """One simulation of a plan, and what is known after it."""
+    """One simulation of a plan, with its messages."""
 
     def __init__(self, plan: _Plan) -> None:
         self._plan = plan
@@ -264,13 +271,16 @@ class _Run:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was chosen for the user, before the simulation and in it."""
-        return (*self._plan.notes, *(text for kind, text in self.messages if kind == "note"))
+        """Automatic choices, before and during the simulation."""
+        return (*self._plan.notes, *(text for level, text in self.messages if level == "note"))
 
     def into(self, rows: Rows, trace: Trace | None) -> None:
-        """Simulate, and hand each communication point's values over."""
-        plan = self._plan
-        component = _instance(plan.archive, trace)
+        """Simulate, and add the values of each communication point to the rows."""
+        plan, name = self._plan, self._plan.archive.description.name
+        if trace is None:
+            component = instantiate_fmu(plan.archive, name)
+        else:
+            component = instantiate_traced(plan.archive, name, trace)
         try:
             for t in self._points(component):
                 rows.add(t, _values(component, plan.recorded, t))
@@ -279,13 +289,14 @@ class _Run:
                 raise
             self.asked_to_end = True
             if error.time > rows.last_time:
-                with suppress(UuvsimError):  # an FMU need not answer in this state
+                with suppress(UuvsimError):  # FMI does not require values in this state
                     rows.add(error.time, _values(component, plan.recorded, error.time))
         finally:
             self.messages = list(getattr(component, "messages", []))
             component.free()
 
     def _points(self, component: Component) -> Iterator[float]:
+        """Run the component; yield each communication point when its values are valid."""
         plan = self._plan
         for variable, value in plan.start:
             component.set(variable, value)
@@ -312,23 +323,12 @@ def _values(component: Component, variables: Sequence[Variable], t: float) -> li
     return values
 
 
-def _instance(archive: FmuArchive, trace: Trace | None) -> Component:
-    if trace is None:
-        return instantiate_fmu(archive, archive.description.name)
-    return instantiate_traced(archive, archive.description.name, trace)
-
-
-def _default_start(fmu: FmuArchive) -> float:
-    begin = fmu.default_start_time
-    return begin if begin is not None and math.isfinite(begin) else 0.0
-
-
 def _default_end(
     fmu: FmuArchive, begin: Fraction, step: float | str | Fraction | None
 ) -> tuple[float, float | None]:
-    """Return the end of an FMU's default experiment, at a whole step where a user gives one.
+    """Return the end of an FMU's default experiment, at a whole step if the user gives a step.
 
-    And the step of a long experiment whose FMU gives none, if it is not the usual one.
+    The second value is the step of a long experiment whose FMU has none, else None.
     """
     end = fmu.default_stop_time
     if end is None or not float(begin) < end < math.inf:
@@ -336,7 +336,7 @@ def _default_end(
     try:
         h = Fraction(str(step)) if step is not None else Fraction()
     except (ValueError, ZeroDivisionError):
-        return end, None  # refused with the step
+        return end, None  # `_steps` refuses this step
     if h > 0:
         return float(begin + math.ceil((Fraction(str(end)) - begin) / h) * h), None
     span = end - float(begin)
@@ -346,13 +346,6 @@ def _default_end(
 
 def _is_step(size: float | None) -> bool:
     return size is not None and math.isfinite(size) and size > 0
-
-
-def _seconds(name: str, given: float | str | Fraction) -> Fraction:
-    try:
-        return Fraction(str(given))
-    except (ValueError, ZeroDivisionError):
-        raise InputInvalid(f"{name} = {given}; expected seconds") from None
 
 
 def _steps(
@@ -389,13 +382,14 @@ def _steps(
 
 @final
 class _Feed:
-    """What is set at each communication point: constants, functions and series."""
+    """The inputs at each communication point: constants, functions and series."""
 
     def __init__(self) -> None:
-        self.given: dict[str, tuple[Variable, Any]] = {}
+        self.given: dict[str, tuple[Variable, object]] = {}
         self.series: dict[str, list[Series]] = {}
 
     def apply(self, component: Component, t: float) -> None:
+        """Set the inputs; elements of an array without a series keep their values."""
         for variable, value in self.given.values():
             component.set(variable, value(t) if callable(value) else value)
         for group in self.series.values():
@@ -430,12 +424,15 @@ def _feed(inputs: Inputs, description: Description) -> _Feed:
             if not callable(value):
                 value = checked_start(known[name], value, f"inputs: {name}")
             feed.given[name] = (known[name], value)
-    for each in series:
-        feed.series.setdefault(each.variable.name, []).append(each)
+    for one in series:
+        feed.series.setdefault(one.variable.name, []).append(one)
     return feed
 
 
-def _start_values(start: Mapping[str, Any], archive: FmuArchive) -> list[tuple[Variable, Any]]:
+def _start_values(
+    start: Mapping[str, object], archive: FmuArchive
+) -> list[tuple[Variable, object]]:
+    """Return start values by variable; elements of an array are combined with its own start."""
     variables = archive.description.variables
     settable = [
         v

@@ -1,4 +1,4 @@
-"""Runs an FMU as a master would, by this package's importer: `check_fmu` starts it as a process."""
+"""Trial run of an FMU by this package's importer, as a process that `check_fmu` starts."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from uuvsim_cosim.errors import ComponentFailed, FmuError
 from uuvsim_cosim.fmus.check.compare_reference import deviations
 from uuvsim_cosim.fmus.check.reference_result import TOLERANCE, default_experiment, references
 from uuvsim_cosim.fmus.component import Component
+from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.importer.input_csv import Series, read_input_csv
 from uuvsim_cosim.fmus.importer.read_description import FmuArchive, read_fmu
 from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_fmu
@@ -25,35 +25,35 @@ __all__ = ["LOOKS", "trial"]
 
 STEPS = 500  # at most, of the run
 REPEATED = 50  # at most, of each run that is repeated
-DEFAULT_STEP, DEFAULT_STOP = 0.01, 1.0  # [s], where the FMU names none
+DEFAULT_STEP, DEFAULT_STOP = 0.01, 1.0  # [s] if the FMU has none
 
 Entry = dict[str, str]
-Rows = list[dict[str, Any]]  # the outputs at each communication point
+Rows = list[dict[str, np.ndarray]]  # the outputs at each communication point
 
 
 class NotApplicable(Exception):
-    """Why a look is not made at this FMU."""
+    """The reason why a look is not made at this FMU."""
 
 
 def trial(
     path: Path, looks: Iterable[str] = (), report: Callable[[Entry], None] = lambda entry: None
 ) -> list[Entry]:
-    """Make the named looks, all by default; give the findings, and report each result."""
+    """Make the named looks, all by default; return the findings, and report each result."""
     experiment = _Experiment(read_fmu(path))
     findings: list[Entry] = []
     looks = list(looks or LOOKS)
     if "run" not in looks:
-        list(_run(experiment))  # how far it goes
+        list(_run(experiment))  # to find out how many steps the FMU makes
     for name in looks:
         report({"check": name, "result": "begun", "text": ""})
         try:
-            experiment.say = ""
+            experiment.summary = ""
             texts = list(LOOKS[name](experiment))
             found = [{"check": name, "result": "finding", "text": text} for text in texts]
-            done = found or [{"check": name, "result": "ok", "text": experiment.say}]
-        except NotApplicable as why:
-            found, done = [], [{"check": name, "result": "not applicable", "text": str(why)}]
-        except Exception as error:  # whatever the FMU's status became
+            done = found or [{"check": name, "result": "ok", "text": experiment.summary}]
+        except NotApplicable as reason:
+            found, done = [], [{"check": name, "result": "not applicable", "text": str(reason)}]
+        except Exception as error:  # of any kind: it is a finding
             found = done = [{"check": name, "result": "finding", "text": str(error)}]
         for entry in done:
             report(entry)
@@ -69,7 +69,7 @@ class _Experiment:
     def __init__(self, fmu: FmuArchive) -> None:
         self.fmu = fmu
         self.outputs = fmu.description.of("output")
-        self.say = ""  # what an "ok" adds
+        self.summary = ""  # the text of the look if it is ok
         self.ran = False
         self.begin, stop, step = default_experiment(fmu)
         span = DEFAULT_STOP if stop is None or stop <= self.begin else stop - self.begin
@@ -82,11 +82,11 @@ class _Experiment:
             if given is not None:
                 self.series = read_input_csv(given, fmu.description)
         except Exception:
-            self.series = []  # the look at the reference says what is wrong with it
+            self.series = []  # the look at the reference reports the error
 
     @contextmanager
     def instance(self, name: str = "trial") -> Iterator[Component]:
-        """Yield an instance that is freed."""
+        """Yield an instance, and free it afterwards."""
         x = instantiate_fmu(self.fmu, name)
         try:
             yield x
@@ -108,7 +108,7 @@ class _Experiment:
         feed(x, self.series, self.time(k))
 
     def step(self, x: Component, first: int, n: int) -> Rows:
-        """Make steps; give the outputs after each."""
+        """Make steps; return the outputs after each."""
         rows: Rows = []
         for k in range(first, first + n):
             self.feed(x, k)
@@ -116,23 +116,25 @@ class _Experiment:
             rows.append(self.read(x))
         return rows
 
-    def read(self, x: Component) -> dict[str, Any]:
+    def read(self, x: Component) -> dict[str, np.ndarray]:
         """Read all outputs."""
         return {v.name: np.asarray(x.get(v)).copy() for v in self.outputs}
 
     def differences(self, one: Rows, other: Rows, what: str, first: int = 0) -> Iterator[str]:
-        """Say which outputs have not the same bits, and from when on."""
+        """Yield a text for each output that is not bit-identical, with the time of the first."""
         for v in self.outputs:
-            for k, (a, b) in enumerate(zip(one, other, strict=True)):
-                if not _same(a[v.name], b[v.name]):
+            for k, rows in enumerate(zip(one, other, strict=True)):
+                a, b = (row[v.name] for row in rows)
+                texts = object in (a.dtype, b.dtype)
+                if not (np.array_equal(a, b) if texts else a.tobytes() == b.tobytes()):
                     t = self.time(first + k + 1)
                     yield f"output {v.name!r} differs {what}, first at t = {t:.9g} s"
                     break
 
 
 def feed(x: Component, series: Iterable[Series], t: float) -> None:
-    """Set the inputs that have values over time."""
-    whole: dict[str, tuple[Any, Any]] = {}
+    """Set the inputs that have a series."""
+    whole: dict[str, tuple[Variable, np.ndarray]] = {}
     for s in series:
         v = s.variable
         if not v.shape:
@@ -145,15 +147,8 @@ def feed(x: Component, series: Iterable[Series], t: float) -> None:
         x.set(v, array)
 
 
-def _same(a: Any, b: Any) -> bool:
-    one, other = np.asarray(a), np.asarray(b)
-    if one.dtype == object:
-        return bool(np.array_equal(one, other))
-    return one.tobytes() == other.tobytes()
-
-
 def _run(e: _Experiment) -> Iterator[str]:
-    """Simulate with the start values, as far as the default experiment goes."""
+    """Simulate the default experiment with the start values."""
     with e.instance() as x:
         e.start(x)
         seen: set[str] = set()
@@ -175,11 +170,11 @@ def _run(e: _Experiment) -> Iterator[str]:
         e.ran = True
         if not end:
             x.terminate()
-    e.say = f"{e.count} steps of {e.h:g} s{end}"
+    e.summary = f"{e.count} steps of {e.h:g} s{end}"
 
 
 def _determinism(e: _Experiment) -> Iterator[str]:
-    """Step two instances in turn; where only one may live, one after the other."""
+    """Step two instances in turn, or one after the other if only one may exist at a time."""
     n = e.repeated
     rows: tuple[Rows, Rows] = ([], [])
     if e.fmu.description.can_be_instantiated_only_once:
@@ -187,7 +182,7 @@ def _determinism(e: _Experiment) -> Iterator[str]:
             with e.instance() as x:
                 e.start(x)
                 r += e.step(x, 0, n)
-        e.say = f"two instances, one after the other: the same bits over {n} steps"
+        e.summary = f"two instances, one after the other: the same bits over {n} steps"
         yield from e.differences(*rows, "between two instances, one after the other")
         return
     with e.instance("first") as a, e.instance("second") as b:
@@ -196,7 +191,7 @@ def _determinism(e: _Experiment) -> Iterator[str]:
         for k in range(n):
             for x, r in zip((a, b), rows, strict=True):
                 r += e.step(x, k, 1)
-    e.say = f"two instances side by side: the same bits over {n} steps"
+    e.summary = f"two instances side by side: the same bits over {n} steps"
     yield from e.differences(*rows, "between two instances side by side")
 
 
@@ -208,12 +203,12 @@ def _reset(e: _Experiment) -> Iterator[str]:
         x.reset()
         e.start(x)
         again = e.step(x, 0, e.repeated)
-    e.say = f"run again: the same bits over {e.repeated} steps"
+    e.summary = f"run again: the same bits over {e.repeated} steps"
     yield from e.differences(first, again, "after a reset")
 
 
 def _state(e: _Experiment) -> Iterator[str]:
-    """Go back to states: of Initialization Mode, of a step, and of a step as bytes."""
+    """Restore states: of Initialization Mode, of a step, and of a step as bytes."""
     d = e.fmu.description
     if not d.can_get_and_set_state:
         raise NotApplicable("it does not say that its state can be copied")
@@ -239,7 +234,7 @@ def _state(e: _Experiment) -> Iterator[str]:
         what = "after the state of Initialization Mode was restored"
         yield from e.differences(before, e.step(x, 0, n), what)
     kinds = "in Initialization Mode, between steps" + (", as bytes" if data is not None else "")
-    e.say = f"restored {kinds}: the same bits over {n} steps"
+    e.summary = f"restored {kinds}: the same bits over {n} steps"
 
 
 def _reference(e: _Experiment) -> Iterator[str]:
@@ -252,11 +247,11 @@ def _reference(e: _Experiment) -> Iterator[str]:
         with e.instance() as x:
             texts, summary = deviations(e.fmu, x, reference, feed)
         if texts and e.fmu.interface == "ModelExchange" and reference.tolerance == TOLERANCE:
-            # Nothing says how closely, or with what solver, the result was integrated.
+            # The tolerance and the solver of the reference are unknown.
             raise NotApplicable(f"{texts[0]}, but a result follows from its solver, not named here")
         yield from texts
         summaries.append(summary)
-    e.say = "; ".join(summaries)
+    e.summary = "; ".join(summaries)
 
 
 LOOKS: dict[str, Callable[[_Experiment], Iterator[str]]] = {
@@ -269,7 +264,7 @@ LOOKS: dict[str, Callable[[_Experiment], Iterator[str]]] = {
 
 
 def main() -> None:
-    """Write the results of one FMU, each as a line of JSON, into a file, as they come."""
+    """Write the results of one FMU into a file, each as a line of JSON as soon as it is known."""
     path, target, *looks = sys.argv[1:]
     fmu, file = Path(path).resolve(), Path(target).resolve()
     with tempfile.TemporaryDirectory() as scratch, file.open("a", encoding="utf-8") as sink:
@@ -278,7 +273,7 @@ def main() -> None:
             sink.write(json.dumps(entry) + "\n")
             sink.flush()
 
-        os.chdir(scratch)  # for FMUs that write where they are
+        os.chdir(scratch)  # for FMUs that write into the working directory
         try:
             trial(fmu, looks, report)
         except FmuError as error:

@@ -1,4 +1,4 @@
-"""A declaration, lowered and loaded in this process: a component without a file."""
+"""Native components: a declaration is compiled and loaded in this process, without an FMU."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from uuvsim_cosim.cache import cache_dir, content_hash, intact, keep
 from uuvsim_cosim.errors import ComponentFailed, FmuError
@@ -26,7 +27,7 @@ __all__ = ["Native", "compile_native", "generated_source"]
 
 
 def generated_source(lowered: Lowered) -> Path:
-    """Write the generated C into the cache, and give its path."""
+    """Write the generated C into the cache, and return its path."""
     folder = cache_dir("generated", content_hash([lowered.source]))
     path = folder / f"{lowered.model.name}.c"
     if not intact(path):
@@ -37,7 +38,7 @@ def generated_source(lowered: Lowered) -> Path:
 def compile_native(lowered: Lowered) -> Path:
     """Compile a lowered declaration with the runtime; cached.
 
-    The options are those of its FMU, so that zig compiles the same object for either only once.
+    The options are those of its FMU, so that zig compiles the same object for both only once.
     """
     return compile_shared(
         [runtime_file("uuv_runtime.c"), generated_source(lowered)],
@@ -65,7 +66,7 @@ class Native:
         self._instantiate(path)
 
     def another(self, path: str) -> Native:
-        """Make another instance of the same declaration, which is not lowered again."""
+        """Make another instance of the same declaration, without compiling it again."""
         made = copy(self)
         made._instantiate(path)
         return made
@@ -84,7 +85,7 @@ class Native:
     # ---- values ---------------------------------------------------------------------------
 
     def get(self, variable: Variable) -> Any:
-        """Read a value; outputs are brought up to date first."""
+        """Read a value; outputs are computed first if they are out of date."""
         self._c.uuv_update_outputs(self._live())
         first = variable.value_references[0]
         flat = self._block[first : first + variable.size]
@@ -98,12 +99,12 @@ class Native:
         if variable.type != "Float64":
             raise FmuError(f"{self.path}.{variable.name}: is {variable.type}; expected Float64")
         first = variable.value_references[0]
-        seen = self._block[first : first + variable.size].reshape(variable.shape)
-        seen.flags.writeable = False
-        return seen
+        view = self._block[first : first + variable.size].reshape(variable.shape)
+        view.flags.writeable = False
+        return view
 
     def set(self, variable: Variable, value: Any) -> None:
-        """Set an input or a parameter; refuses what is not finite or outside [min, max]."""
+        """Set an input or a parameter; raises FmuError unless it is finite and in [min, max]."""
         self._live()
         place = f"{self.path}.{variable.name}"
         array = np.asarray(value, dtype=float)
@@ -123,7 +124,7 @@ class Native:
         if variable.causality == "parameter":
             self._head.dirty = 1
 
-    # ---- life -----------------------------------------------------------------------------
+    # ---- life cycle -----------------------------------------------------------------------
 
     def enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
         """Time begins at `start_time`; ticks before it are skipped."""
@@ -165,17 +166,17 @@ class Native:
         self._c.uuv_set_state(self._instance, state)
 
     def serialize_fmu_state(self, state: bytes) -> bytes:
-        """A state is bytes already."""
+        """Return the state, which is bytes."""
         return state
 
     def deserialize_fmu_state(self, data: bytes) -> bytes:
-        """A state is bytes already."""
+        """Return the state, which is bytes."""
         return data
 
     def directional_derivative(
-        self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: Any
-    ) -> Any:
-        """Return d(outputs)/d(inputs) · seed at the present values."""
+        self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: ArrayLike
+    ) -> np.ndarray:
+        """Return d(outputs)/d(inputs) · seed at the current values."""
         layout = self._layout
         n_u, n_x = layout.count["input"], layout.count["state"]
         full = np.zeros(n_u + n_x)
@@ -203,7 +204,7 @@ class Native:
         self._c.uuv_reset(self._live())
 
     def terminate(self) -> None:
-        """Nothing to end."""
+        """Do nothing: there is nothing to end."""
 
     def free(self) -> None:
         """Free the instance; a second call does nothing."""
@@ -248,8 +249,9 @@ class _Instance(ctypes.Structure):
 
 
 def _declare(c: ctypes.CDLL) -> None:
+    """Declare the types of the functions of uuv_runtime.c."""
     pointer, size, double = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_double
-    signatures: dict[str, tuple[Any, list[Any]]] = {
+    signatures: dict[str, tuple[type | None, list[type]]] = {
         "uuv_get_component": (pointer, []),
         "uuv_instantiate": (pointer, [pointer]),
         "uuv_free": (None, [pointer]),

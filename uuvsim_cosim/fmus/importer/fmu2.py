@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping
-from typing import Any, ClassVar, final
+from typing import ClassVar, final
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from uuvsim_cosim.errors import ComponentFailed
 from uuvsim_cosim.fmus.component import BindingKind
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.importer.fmu_access import Access, NumericAccess, StringAccess
-from uuvsim_cosim.fmus.importer.fmu_binary import FmuBinary
+from uuvsim_cosim.fmus.importer.fmu_binary import FmuBinary, References
 from uuvsim_cosim.fmus.importer.fmu_library import Signatures
 from uuvsim_cosim.fmus.importer.fmu_state import Phase
 
@@ -84,8 +84,8 @@ class Fmu2(FmuBinary):
 
     def _instantiate(self, logging_on: bool) -> int | None:
         log = self._log
-        self._before: dict[str, tuple[Variable, Any]] = {}
-        # The FMU keeps the pointer, so the structure lives as long as the instance.
+        self._before: dict[str, tuple[Variable, object]] = {}  # set before Initialization Mode
+        # The FMU keeps the pointer, so the structure must live as long as the instance.
         self._callbacks = _Callbacks(
             log.address("uuv_log_fmi2"),
             log.address("uuv_allocate"),
@@ -104,14 +104,14 @@ class Fmu2(FmuBinary):
         )
         return instance
 
-    def set(self, variable: Variable, value: Any) -> None:
-        """Set a value; one that is set before Initialization Mode is set again (see there)."""
+    def set(self, variable: Variable, value: object) -> None:
+        """Set a value; before Initialization Mode, it is set again on entering that mode."""
         super().set(variable, value)
         if self._phase is Phase.INSTANTIATED:
             self._before[variable.name] = (variable, value)
 
     def _enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
-        """Enter, with the values that were set: some foreign FMUs lose them in SetupExperiment."""
+        """Enter; values are set again, as some foreign FMUs lose them in SetupExperiment."""
         stop = (0, 0.0) if stop_time is None else (1, stop_time)
         self._call("SetupExperiment", 0, 0.0, start_time, *stop)
         for variable, value in self._before.values():
@@ -128,31 +128,25 @@ class Fmu2(FmuBinary):
         self._log.drain()
 
     def failure(self, function: str, status: int, time: float) -> ComponentFailed:
-        """Return the error for a status; a discarded step may be the way to end the simulation."""
+        """Return the error for a status; an FMU may discard a step to end the simulation."""
         error = super().failure(function, status, time)
-        if function != "DoStep" or status != _DISCARD or not self._asks_to_end():
+        if function != "DoStep" or status != _DISCARD or not self._library.has("GetBooleanStatus"):
             return error
+        asks = ctypes.c_int(0)
+        answered = self._library.function("GetBooleanStatus")(
+            self._live(), _TERMINATED, ctypes.byref(asks)
+        )
+        if answered != 0 or asks.value == 0:
+            return error
+        if self._library.has("GetRealStatus"):
+            reached = ctypes.c_double(time)
+            answered = self._library.function("GetRealStatus")(
+                self._live(), _LAST_SUCCESSFUL_TIME, ctypes.byref(reached)
+            )
+            if answered == 0 and reached.value >= time:
+                time = reached.value
         reason = f"{error.reason} (it asks to end the simulation)"
-        return ComponentFailed(self.path, self._last_time(time), reason, asks_to_end=True)
-
-    def _last_time(self, time: float) -> float:
-        """Return the time that a discarded step reached; `time` where the FMU does not tell it."""
-        if not self._library.has("GetRealStatus"):
-            return time
-        reached = ctypes.c_double(time)
-        status = self._library.function("GetRealStatus")(
-            self._live(), _LAST_SUCCESSFUL_TIME, ctypes.byref(reached)
-        )
-        return reached.value if status == 0 and reached.value >= time else time
-
-    def _asks_to_end(self) -> bool:
-        if not self._library.has("GetBooleanStatus"):
-            return False
-        answer = ctypes.c_int(0)
-        status = self._library.function("GetBooleanStatus")(
-            self._live(), _TERMINATED, ctypes.byref(answer)
-        )
-        return status == 0 and answer.value != 0
+        return ComponentFailed(self.path, time, reason, asks_to_end=True)
 
     def _access(self, variable: Variable) -> Access:
         if variable.type == "String":
@@ -160,7 +154,9 @@ class Fmu2(FmuBinary):
         suffix, dtype = _NUMERIC[variable.type]
         return NumericAccess(variable, suffix, dtype, counts_values=False)
 
-    def _differentiate(self, unknowns: Any, knowns: Any, seed: Any, result: Any) -> None:
+    def _differentiate(
+        self, unknowns: References, knowns: References, seed: np.ndarray, result: np.ndarray
+    ) -> None:
         self._call(
             "GetDirectionalDerivative",
             unknowns,
@@ -172,7 +168,7 @@ class Fmu2(FmuBinary):
         )
 
 
-_NUMERIC: Mapping[str, tuple[str, Any]] = {
+_NUMERIC: Mapping[str, tuple[str, type]] = {
     "Float64": ("Real", np.float64),
     "Int32": ("Integer", np.int32),
     "Enumeration": ("Integer", np.int32),

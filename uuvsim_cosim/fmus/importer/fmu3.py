@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
-from typing import Any, ClassVar, final
+from typing import ClassVar, final
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from uuvsim_cosim.fmus.component import BindingKind
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.description_xml import DTYPES
 from uuvsim_cosim.fmus.importer.fmu_access import Access, BinaryAccess, NumericAccess, StringAccess
-from uuvsim_cosim.fmus.importer.fmu_binary import FmuBinary
+from uuvsim_cosim.fmus.importer.fmu_binary import FmuBinary, References
 from uuvsim_cosim.fmus.importer.fmu_library import Signatures
 
 __all__ = ["Fmu3"]
@@ -138,7 +138,9 @@ class Fmu3(FmuBinary):
         suffix = "Int64" if variable.type == "Enumeration" else variable.type
         return NumericAccess(variable, suffix, DTYPES[variable.type], counts_values=True)
 
-    def _differentiate(self, unknowns: Any, knowns: Any, seed: Any, result: Any) -> None:
+    def _differentiate(
+        self, unknowns: References, knowns: References, seed: np.ndarray, result: np.ndarray
+    ) -> None:
         self._call(
             "GetDirectionalDerivative",
             unknowns,

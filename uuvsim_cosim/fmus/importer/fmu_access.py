@@ -1,4 +1,4 @@
-"""The buffers through which one variable is read and written, made once and used again."""
+"""Buffers to read and write a variable, which are made once and reused."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.description_xml import DTYPES
@@ -15,7 +16,7 @@ __all__ = ["Access", "BinaryAccess", "NumericAccess", "StringAccess"]
 
 
 class Access(ABC):
-    """One variable's way in and out; `suffix` is that of the Get and Set functions."""
+    """Buffers of one variable; `suffix` is that of the Get and Set functions."""
 
     def __init__(self, variable: Variable, suffix: str, *, counts_values: bool) -> None:
         self.suffix = suffix
@@ -33,16 +34,16 @@ class Access(ABC):
         """Copy the elements out of the buffer."""
 
     @abstractmethod
-    def buffers(self, direction: str) -> tuple[Any, ...]:
-        """Return the arguments that stand for the values."""
+    def buffers(self) -> tuple[object, ...]:
+        """Return the arguments for the values."""
 
-    def arguments(self, direction: str) -> tuple[Any, ...]:
+    def arguments(self) -> tuple[object, ...]:
         """Return the arguments after the instance."""
         references = self._references
-        return (references, len(references), *self.buffers(direction), *self._count)
+        return (references, len(references), *self.buffers(), *self._count)
 
     def value(self) -> Any:
-        """Return the buffer's value in Python's terms."""
+        """Return the value: an array, or a scalar of Python."""
         flat = self.elements()
         if self._variable.shape:
             return flat.reshape(self._variable.shape)
@@ -50,9 +51,11 @@ class Access(ABC):
 
 
 class NumericAccess(Access):
-    """Numbers and Booleans, as the C type that FMI gives them."""
+    """Numbers and Booleans, in FMI's C type."""
 
-    def __init__(self, variable: Variable, suffix: str, dtype: Any, *, counts_values: bool) -> None:
+    def __init__(
+        self, variable: Variable, suffix: str, dtype: DTypeLike, *, counts_values: bool
+    ) -> None:
         super().__init__(variable, suffix, counts_values=counts_values)
         self._buffer = np.zeros(max(variable.size, 1), dtype=dtype)
         self._pointer = self._buffer.ctypes.data
@@ -65,7 +68,7 @@ class NumericAccess(Access):
         """Copy the elements out of the buffer."""
         return self._buffer[: self._variable.size].astype(DTYPES[self._variable.type])
 
-    def buffers(self, direction: str) -> tuple[Any, ...]:
+    def buffers(self) -> tuple[object, ...]:
         """Return the buffer's address."""
         return (self._pointer,)
 
@@ -88,7 +91,7 @@ class StringAccess(Access):
         flat[:] = [(b or b"").decode(errors="replace") for b in self._buffer[: flat.size]]
         return flat
 
-    def buffers(self, direction: str) -> tuple[Any, ...]:
+    def buffers(self) -> tuple[object, ...]:
         """Return the array of texts."""
         return (self._buffer,)
 
@@ -100,7 +103,7 @@ class BinaryAccess(Access):
         super().__init__(variable, "Binary", counts_values=True)
         self._sizes = (ctypes.c_size_t * max(variable.size, 1))()
         self._pointers = (ctypes.c_void_p * max(variable.size, 1))()
-        self._owned: list[Any] = []
+        self._owned: list[ctypes.Array[ctypes.c_char]] = []  # the data that the pointers refer to
 
     def fill(self, flat: np.ndarray) -> None:
         """Put the elements into the buffer."""
@@ -118,6 +121,6 @@ class BinaryAccess(Access):
         ][: flat.size]
         return flat
 
-    def buffers(self, direction: str) -> tuple[Any, ...]:
+    def buffers(self) -> tuple[object, ...]:
         """Return sizes and pointers."""
         return (self._sizes, self._pointers)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from uuvsim_cosim.errors import ComponentFailed, FmuError
 from uuvsim_cosim.fmus.component import Binding, BindingKind
@@ -21,8 +22,9 @@ from uuvsim_cosim.fmus.importer.message_log import STATUS, MessageLog
 from uuvsim_cosim.fmus.importer.read_description import FmuArchive
 from uuvsim_cosim.fmus.values import flat_array
 
-__all__ = ["FmuBinary", "lives_here"]
+__all__ = ["FmuBinary", "References", "lives_here"]
 
+References = ctypes.Array[ctypes.c_uint32]
 _OK, _WARNING, _ERROR, _FATAL = 0, 1, 3, 4
 _living: Counter[Path] = Counter()  # instances in this process, by library
 
@@ -33,7 +35,7 @@ def lives_here(archive: FmuArchive) -> bool:
 
 
 class FmuBinary(ABC):
-    """An instance of an FMU in this process; `Fmu2` and `Fmu3` say how FMI spells each call."""
+    """An instance of an FMU in this process; `Fmu2` and `Fmu3` have the calls of each version."""
 
     prefix: ClassVar[str]
     kind: ClassVar[BindingKind]
@@ -71,13 +73,13 @@ class FmuBinary(ABC):
         self._log = MessageLog(path, self._variable_named)
         self.messages = self._log.kept
         instance = self._instantiate(logging_on)
-        taken = self._log.drain()
+        messages = self._log.drain()
         if not instance:
-            words = self._log.last(taken)
+            reason = self._log.last(messages)
             self._log.free()
             raise FmuError(
                 f"{path}: {archive.path.name} could not be instantiated"
-                + (f": {words}" if words else "")
+                + (f": {reason}" if reason else "")
             )
         _living[self._library.file] += 1
         self._instance = instance
@@ -88,7 +90,7 @@ class FmuBinary(ABC):
             self.free()
             raise
 
-    # ---- what FMI 2.0 and 3.0 spell differently -----------------------------------------------
+    # ---- calls that differ in FMI 2.0 and 3.0 -------------------------------------------------
 
     @abstractmethod
     def _instantiate(self, logging_on: bool) -> int | None: ...
@@ -103,17 +105,19 @@ class FmuBinary(ABC):
     def _access(self, variable: Variable) -> Access: ...
 
     @abstractmethod
-    def _differentiate(self, unknowns: Any, knowns: Any, seed: Any, result: Any) -> None: ...
+    def _differentiate(
+        self, unknowns: References, knowns: References, seed: np.ndarray, result: np.ndarray
+    ) -> None: ...
 
     # ---- values -------------------------------------------------------------------------------
 
     def get(self, variable: Variable) -> Any:
         """Read a value; an array is a new one of the variable's shape."""
         access = self._accessed(variable)
-        self._call(f"Get{access.suffix}", *access.arguments("Get"))
+        self._call(f"Get{access.suffix}", *access.arguments())
         return access.value()
 
-    def set(self, variable: Variable, value: Any) -> None:
+    def set(self, variable: Variable, value: object) -> None:
         """Set a value of the variable's shape; raises FmuError for another shape or type."""
         if variable.causality == "structuralParameter":
             if np.array_equal(np.asarray(value), np.asarray(variable.start)):
@@ -122,9 +126,12 @@ class FmuBinary(ABC):
                 f"{self.path}.{variable.name}: a structural parameter keeps its start value "
                 f"{variable.start}; expected another value only before the component is made"
             )
+        self._fill(variable, value)
+
+    def _fill(self, variable: Variable, value: object) -> None:
         access = self._accessed(variable)
         access.fill(flat_array(variable, value, f"{self.path}.{variable.name}"))
-        self._call(f"Set{access.suffix}", *access.arguments("Set"))
+        self._call(f"Set{access.suffix}", *access.arguments())
 
     def _configure(self) -> None:
         """Set the structural parameters, in Configuration Mode."""
@@ -132,10 +139,7 @@ class FmuBinary(ABC):
             return
         self._call("EnterConfigurationMode")
         for name, value in self.archive.structure.items():
-            variable = self.description.variables[name]
-            access = self._accessed(variable)
-            access.fill(flat_array(variable, value, f"{self.path}.{name}"))
-            self._call(f"Set{access.suffix}", *access.arguments("Set"))
+            self._fill(self.description.variables[name], value)
         self._call("ExitConfigurationMode")
 
     def _accessed(self, variable: Variable) -> Access:
@@ -144,7 +148,7 @@ class FmuBinary(ABC):
             access = self._accesses[variable.name] = self._access(variable)
         return access
 
-    # ---- life ---------------------------------------------------------------------------------
+    # ---- life cycle ---------------------------------------------------------------------------
 
     def enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
         """Enter Initialization Mode, after start values have been set."""
@@ -158,7 +162,7 @@ class FmuBinary(ABC):
         self._phase = Phase.STEP
 
     def do_step(self, current_communication_point: float, step_size: float) -> None:
-        """Advance by one communication step; raises ComponentFailed with the FMU's own words."""
+        """Advance by one communication step; raises ComponentFailed with the FMU's message."""
         self._time = current_communication_point
         self._do_step(current_communication_point, step_size)
 
@@ -202,14 +206,14 @@ class FmuBinary(ABC):
         return self._state(pointer, self._phase)
 
     def set_fmu_state(self, state: FmuState) -> None:
-        """Restore a state of this instance, and with it the phase of life it was taken in."""
+        """Restore a state of this instance, and the phase in which it was copied."""
         if state.pointer not in self._states:
             raise FmuError(f"{self.path}: the state is of another instance")
         self._call(f"Set{self.state_word}", state.pointer)
         self._phase = state.phase
 
     def serialize_fmu_state(self, state: FmuState) -> bytes:
-        """Turn a state into bytes, which another instance of this FMU can read."""
+        """Convert a state to bytes, which another instance of this FMU can read."""
         self._require(self.description.can_serialize_state, "serialise its state")
         size = ctypes.c_size_t()
         self._call(f"Serialized{self.state_word}Size", state.pointer, ctypes.byref(size))
@@ -218,7 +222,7 @@ class FmuBinary(ABC):
         return bytes([state.phase.value]) + buffer.raw
 
     def deserialize_fmu_state(self, data: bytes) -> FmuState:
-        """Turn bytes into a state of this instance."""
+        """Convert bytes to a state of this instance."""
         self._require(self.description.can_serialize_state, "serialise its state")
         if not data or data[0] not in (1, 2, 3, 4):
             raise FmuError(f"{self.path}: {len(data)} bytes that are no serialised state")
@@ -230,11 +234,12 @@ class FmuBinary(ABC):
     def _state(self, pointer: ctypes.c_void_p, phase: Phase) -> FmuState:
         address = pointer.value or 0
         self._states.add(address)
-        if phase is not Phase.INITIALIZATION:  # restoring that one begins another run
+        if phase is not Phase.INITIALIZATION:  # restoring such a state begins another run
             self._has_kept.value = 1
         return FmuState(address, phase, self._orphans)
 
     def _free_states(self, instance: int | None, addresses: list[int]) -> None:
+        """Free states and remove them from the list, to which `FmuState.__del__` appends."""
         while addresses:
             address = addresses.pop()
             if address in self._states:
@@ -246,7 +251,7 @@ class FmuBinary(ABC):
 
     @property
     def phase(self) -> Phase:
-        """Where in its life the instance is."""
+        """The phase of the life cycle."""
         return self._phase
 
     @property
@@ -258,13 +263,13 @@ class FmuBinary(ABC):
     def time(self, time: float) -> None:
         self._time = time
 
-    def call(self, name: str, *arguments: Any) -> None:
+    def call(self, name: str, *arguments: object) -> None:
         """Call a function of the FMU by its name without prefix; raises for a bad status."""
         self._call(name, *arguments)
 
     def directional_derivative(
-        self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: Any
-    ) -> Any:
+        self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: ArrayLike
+    ) -> np.ndarray:
         """Return d(unknowns)/d(knowns) · seed, flat; raises FmuError if not provided."""
         self._require(
             self.description.provides_directional_derivatives, "give directional derivatives"
@@ -285,31 +290,31 @@ class FmuBinary(ABC):
         return Binding(self.kind, self._live(), functions)
 
     def drain_messages(self) -> None:
-        """Take over what the FMU has said since; for a loop that steps it from C."""
+        """Fetch the FMU's new messages, for a loop that steps it from C."""
         self._log.drain()
 
     def remark(self, text: str) -> None:
-        """Keep a note on how the instance is run, beside its own messages."""
+        """Add a note on how the instance is run to its messages."""
         self._log.remark(text)
 
     @property
     def waiting_messages(self) -> int:
-        """Return the address of the count of messages that nobody has taken yet."""
+        """The address of the number of messages that have not been fetched."""
         return self._log.environment
 
     def failure(self, function: str, status: int, time: float) -> ComponentFailed:
         """Return the error for a status that the stepping loop in C got from a function."""
-        taken = self._log.drain()
+        messages = self._log.drain()
         if status == _FATAL:
             self._phase = Phase.FATAL
         elif status == _ERROR and self._phase is Phase.STEP:
             self._phase = Phase.FAILED
         name = STATUS[status] if 0 <= status < len(STATUS) else f"the unknown status {status}"
-        words = self._log.last(taken)
-        reason = f"{self.prefix}{function} returned {name}" + (f": {words}" if words else "")
+        text = self._log.last(messages)
+        reason = f"{self.prefix}{function} returned {name}" + (f": {text}" if text else "")
         return ComponentFailed(self.path, time, reason)
 
-    def _call(self, name: str, *arguments: Any) -> None:
+    def _call(self, name: str, *arguments: object) -> None:
         """Call a function of the FMU; raises if its status is neither ok nor warning."""
         status = self._library.function(name)(self._live(), *arguments)
         if status not in (_OK, _WARNING):
@@ -332,6 +337,7 @@ class FmuBinary(ABC):
             raise FmuError(f"{self.path}: {self.archive.path.name} says that it cannot {what}")
 
     def _variable_named(self, letter: str, reference: int) -> str | None:
+        """Return the name for a type's letter and a reference, such as ``#r5#`` in a message."""
         types = {"r": ("Float64",), "i": ("Int32", "Enumeration"), "b": ("Boolean",)}
         for v in self.description.variables.values():
             if v.type in types.get(letter, ("String",)) and reference in v.value_references:
@@ -339,6 +345,6 @@ class FmuBinary(ABC):
         return None
 
 
-def _references(variables: Sequence[Variable]) -> Any:
+def _references(variables: Sequence[Variable]) -> References:
     flat = [r for v in variables for r in v.value_references]
     return (ctypes.c_uint32 * len(flat))(*flat)

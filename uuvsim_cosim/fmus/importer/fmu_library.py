@@ -1,4 +1,4 @@
-"""The shared library inside an FMU: found for this platform, loaded, its symbols bound lazily."""
+"""The shared library of an FMU for this platform; its functions are bound at their first use."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import contextlib
 import ctypes
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -20,13 +20,13 @@ from uuvsim_cosim.fmus.isolation.guard import Guarded
 
 __all__ = ["FmuLibrary", "library_of"]
 
-Signatures = Mapping[str, tuple[Any, Sequence[Any]]]
+Signatures = Mapping[str, tuple[type | None, Sequence[type]]]
 
 
 class FmuLibrary:
     """A loaded library; `signatures` maps names without prefix to (result, arguments)."""
 
-    addressable = True  # for C; if not, every call has to go through `function`
+    addressable = True  # C may call the functions; if not, every call must go through `function`
     component = b""  # the path of the instance that calls, for `Guarded`
 
     def __init__(self, archive: FmuArchive, prefix: str, signatures: Signatures) -> None:
@@ -34,7 +34,7 @@ class FmuLibrary:
         self.file = library_of(archive)
         self._prefix = prefix
         self._signatures = signatures
-        self._bound: dict[str, Any] = {}
+        self._bound: dict[str, Guarded] = {}
         try:
             self._c = _loaded(self.file, self.file.stat().st_ino)
         except OSError as error:
@@ -44,7 +44,7 @@ class FmuLibrary:
             ) from None
         _leave_in_order(self._c, self.file)
 
-    def function(self, name: str) -> Any:
+    def function(self, name: str) -> Callable[..., Any]:
         """Bind a function at its first use; raises FmuError if the FMU does not export it."""
         bound = self._bound.get(name)
         if bound is None:
@@ -53,23 +53,16 @@ class FmuLibrary:
         return bound
 
     def _raw(self, name: str) -> Any:
-        found = self._found(name)
-        if found is None:
-            raise FmuError(
-                f"{self.archive.path}: does not export {self._prefix}{name}, which is needed"
-            ) from None
-        found.restype, found.argtypes = self._signatures[name]
-        return found
-
-    def _found(self, name: str) -> Any:
-        """Find a function; one of old sources has the model's name in front of its own."""
-        for prefix in ("", f"{self.archive.model_identifier}_"):
-            try:
-                return self._c[f"{prefix}{self._prefix}{name}"]
-            except AttributeError:
-                if self.archive.sources is None:
-                    break
-        return None
+        """Find a function; in compiled sources, the model's name may precede its own."""
+        of_sources = "" if self.archive.sources is None else f"{self.archive.model_identifier}_"
+        for prefix in ("", of_sources):
+            with contextlib.suppress(AttributeError):
+                found = self._c[f"{prefix}{self._prefix}{name}"]
+                found.restype, found.argtypes = self._signatures[name]
+                return found
+        raise FmuError(
+            f"{self.archive.path}: does not export {self._prefix}{name}, which is needed"
+        )
 
     def has(self, name: str) -> bool:
         """Return whether the FMU exports a function."""
@@ -95,9 +88,11 @@ _addresses: dict[ctypes.CDLL, dict[str, int]] = {}
 
 @cache
 def _loaded(file: Path, inode: int) -> ctypes.CDLL:
-    """Load a library once; it stays for as long as the process."""
-    with _searching(file.parent):
-        return ctypes.CDLL(str(file))
+    """Load a library once; it stays loaded until the process ends."""
+    if sys.platform == "win32":  # let the library find those in its folder
+        with os.add_dll_directory(str(file.parent)):
+            return ctypes.CDLL(str(file))
+    return ctypes.CDLL(str(file))
 
 
 def library_of(archive: FmuArchive) -> Path:
@@ -122,21 +117,14 @@ _left_in_order: set[Path] = set()
 
 
 def _leave_in_order(library: ctypes.CDLL, file: Path) -> None:
-    """Let an FMU by pythonfmu or pythonfmu3 give up Python before the process exits.
+    """Let an FMU by pythonfmu or pythonfmu3 release Python before the process exits.
 
-    Their libraries clear a global from a destructor that runs after that global's own: memory
-    that was freed is written, and the process may abort after all is done. Called earlier, the
-    same function is harmless, and so is the destructor then.
+    Their libraries clear a global from a destructor that runs after that global's own: freed
+    memory is written, and the process may abort at its end. If the same function is called
+    earlier, it is harmless, and so is the destructor then.
     """
-    last_word = getattr(library, "finalizePythonInterpreter", None)
-    if last_word is not None and file not in _left_in_order:
+    finalize = getattr(library, "finalizePythonInterpreter", None)
+    if finalize is not None and file not in _left_in_order:
         _left_in_order.add(file)
-        last_word.restype, last_word.argtypes = None, ()
-        atexit.register(last_word)
-
-
-def _searching(folder: Path) -> contextlib.AbstractContextManager[Any]:
-    """Let the library find those that lie beside it, on Windows."""
-    if sys.platform == "win32":
-        return os.add_dll_directory(str(folder))
-    return contextlib.nullcontext()
+        finalize.restype, finalize.argtypes = None, ()
+        atexit.register(finalize)

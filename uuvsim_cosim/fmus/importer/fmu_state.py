@@ -8,7 +8,7 @@ __all__ = ["FmuState", "Phase"]
 
 
 class Phase(Enum):
-    """Where in its life an instance is; the values go into serialised states."""
+    """Phase of an instance's life cycle; serialised states contain the value."""
 
     INSTANTIATED = 1
     INITIALIZATION = 2
@@ -16,11 +16,11 @@ class Phase(Enum):
     TERMINATED = 4
     FATAL = 5
     FREED = 6
-    FAILED = 7  # by an error in a step: may be reset, restored or freed
+    FAILED = 7  # after an error in a step: the instance may be reset, restored or freed
 
 
 class FmuState:
-    """A copy of an instance's state, owned by the FMU; freed when nobody holds it any more."""
+    """A copy of an instance's state, owned by the FMU; freed after its last reference is gone."""
 
     def __init__(self, pointer: int, phase: Phase, orphans: list[int]) -> None:
         self.pointer = pointer
@@ -28,5 +28,5 @@ class FmuState:
         self._orphans = orphans
 
     def __del__(self) -> None:
-        # Freed by the instance at its next call: this may run while another thread steps it.
+        # The instance frees it in a later call: another thread may be stepping it now.
         self._orphans.append(self.pointer)

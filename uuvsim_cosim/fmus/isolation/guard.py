@@ -1,9 +1,9 @@
-"""Crashes and exit() of foreign code in this process, reported with the component that it is from.
+"""Reports of crashes and exit() of foreign code in this process, with the component's name.
 
-A component in this process may call exit(), which would end the program with status 0, or crash.
+A component in this process may crash, or call exit(), which would end the program with status 0.
 Each call of foreign code is noted, so that one line on standard error names the component and the
-function. After an exit(), what is open is closed and the exit status is 3, as for a component that
-failed. ``_exit()`` cannot be noticed: it ends a process without calling anybody.
+function. After an exit(), open files are completed and the exit status is 3, as for a component
+that failed. ``_exit()`` cannot be detected: it ends a process without calling any handler.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _armed_for: list[bool] = []  # whether pyarrow was loaded, at each registration
 
 
 class Frame(ctypes.Structure):
-    """``uuv_frame``: a call that is going on."""
+    """``uuv_frame``: a call of foreign code that has not returned."""
 
     _fields_ = (
         ("component", ctypes.c_char_p),
@@ -47,11 +47,11 @@ class Frame(ctypes.Structure):
 
 
 @lru_cache
-def guard_library() -> Any:
-    """Load the C side, compiled at first use; from then on crashes and exits are watched."""
+def guard_library() -> ctypes.PyDLL:
+    """Load the C side, compiled at first use; from then on crashes and exits are reported."""
     folder = content("fmus", "guard")
     path = compile_shared([folder / "uuv_guard.c"], name="uuv_guard", include=[folder])
-    c = ctypes.PyDLL(str(path))  # its calls are short: the interpreter's lock is kept
+    c = ctypes.PyDLL(str(path))  # keeps the interpreter's lock, as its calls are short
     for name in ("enter", "leave"):
         function = getattr(c, f"uuv_guard_{name}")
         function.restype, function.argtypes = None, [ctypes.c_void_p]
@@ -60,7 +60,7 @@ def guard_library() -> Any:
     c.uuv_guard_watch()
     _arm(c)
     atexit.register(_python_leaves, c)
-    if hasattr(os, "register_at_fork"):  # what is open is the parent's to close
+    if hasattr(os, "register_at_fork"):  # open files are the parent's, not a forked child's
         os.register_at_fork(after_in_child=_closers.clear)
     return c
 
@@ -75,16 +75,16 @@ def guard_functions() -> tuple[int, int]:
 
 @final
 class Guarded:
-    """A function of an instance, called within a frame that names both; no call within itself."""
+    """A function of an instance, called within a frame that names both; it is not reentrant."""
 
-    def __init__(self, function: Callable[..., Any], component: bytes, name: bytes) -> None:
+    def __init__(self, function: Callable[..., object], component: bytes, name: bytes) -> None:
         c = guard_library()
         self._function = function
         self._enter, self._leave = c.uuv_guard_enter, c.uuv_guard_leave
         self._frame = Frame(component, name, b"", None)
         self._address = ctypes.addressof(self._frame)
 
-    def __call__(self, *arguments: Any) -> Any:
+    def __call__(self, *arguments: object) -> Any:
         """Call the function."""
         self._enter(self._address)
         try:
@@ -95,7 +95,7 @@ class Guarded:
 
 @final
 class AtComponentExit(Closing):
-    """Lets a function be called if a component ends the program, until this is closed."""
+    """Registration of a function that is called if a component ends the program."""
 
     def __init__(self, function: Callable[[], None]) -> None:
         _arm(guard_library())
@@ -107,7 +107,7 @@ class AtComponentExit(Closing):
         self._function()
 
     def close(self) -> None:
-        """Forget the function; a second call does nothing."""
+        """Remove the registration; a second call does nothing."""
         if self in _closers:
             _closers.remove(self)
 
@@ -117,8 +117,8 @@ def calling_component() -> str:
     return (guard_library().uuv_guard_component() or b"").decode(errors="replace")
 
 
-def _arm(c: Any) -> None:
-    """Register the handler of exit(), again once pyarrow is loaded: it runs before pyarrow's."""
+def _arm(c: ctypes.PyDLL) -> None:
+    """Register the handler of exit(), again once pyarrow is loaded, to run before pyarrow's."""
     loaded = "pyarrow" in sys.modules
     if loaded not in _armed_for:
         _armed_for.append(loaded)
@@ -129,25 +129,20 @@ def _close_all() -> None:
     for close in reversed(_closers):
         try:
             close.call()
-        except BaseException as error:  # nothing may keep the process from leaving
+        except BaseException as error:  # no error may stop the process from ending
             sys.stderr.write(f"uuvsim: {error}\n")
     with contextlib.suppress(Exception):
         sys.stdout.flush()
         sys.stderr.flush()
 
 
-def _python_leaves(c: Any) -> None:
-    """Tell an exit() of Python from one that a component makes Python call."""
-    nested = _has_callers()  # in good order, Python calls this outside of everything
+def _python_leaves(c: ctypes.PyDLL) -> None:
+    """Distinguish the normal end of Python from one that a component causes."""
+    nested = sys._getframe(0).f_back is not None  # at a normal end, there is no caller
     if nested and c.uuv_guard_component() is not None and c.uuv_guard_report():
         _close_all()
         os._exit(ComponentFailed.exit_status)
     c.uuv_guard_leaving()
-
-
-def _has_callers() -> bool:
-    frame = sys._getframe(1).f_back
-    return frame is not None
 
 
 _ON_EXIT = ctypes.CFUNCTYPE(None)(_close_all)

@@ -1,7 +1,7 @@
-"""A component in a process of its own: its crash or hang is an error here, nothing more.
+"""A component in its own process, so that its crash or hang is only an error here.
 
-Calls go through pipes. A stepping loop in C goes through shared memory instead, where there is
-some (`segment`), once it has been introduced by `serve`.
+Calls go through pipes. A stepping loop in C uses shared memory (`segment`) instead, if there is
+any, once `serve` has started its counterpart in the child.
 """
 
 from __future__ import annotations
@@ -15,34 +15,38 @@ import sys
 import tempfile
 import threading
 from collections.abc import Callable, Sequence
-from typing import Any, BinaryIO, Protocol, final
+from typing import IO, TYPE_CHECKING, Any, Protocol, final
 
 from uuvsim_cosim.errors import ComponentFailed, FmuError, UuvsimError
 from uuvsim_cosim.fmus.component import Binding, BindingKind, Component
 from uuvsim_cosim.fmus.description import Description, Variable
 from uuvsim_cosim.fmus.isolation.watchdog import check_watchdog
 
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike
+
 __all__ = ["Isolated"]
 
-_GRACE = 2.0  # [s] that a child is given to end by itself
-_START = 60.0  # [s] at least, to start Python and import what is needed
+_GRACE = 2.0  # [s] for a child to end by itself
+_START = 60.0  # [s] at least, for a child to start Python and import its modules
 
 
 class Stepper(Protocol):
-    """What steps the child without the pipes."""
+    """A stepping loop's access to the child without the pipes."""
 
     def leave(self) -> None:
-        """Let the child answer on its pipe."""
+        """Let the child answer on its pipe again."""
 
     def close(self) -> None:
-        """Release the memory; the child is gone."""
+        """Release the memory, after the child's end."""
 
     def messages_wait(self) -> bool:
-        """Return whether the component has said something."""
+        """Return whether the component has messages."""
 
 
 class RemoteState:
-    """A state that the child holds, by its number; given up when nobody holds it here.
+    """A state that the child holds, by its number; released with its last reference here.
 
     `data` are its bytes, if the component can serialise it: they outlive the child.
     """
@@ -53,11 +57,11 @@ class RemoteState:
         self._orphans = orphans
 
     def is_of(self, orphans: list[int]) -> bool:
-        """Return whether the child whose list this is holds the state."""
+        """Return whether the state is held by the child with this list of orphans."""
         return self._orphans is orphans
 
     def __del__(self) -> None:
-        self._orphans.append(self.number)
+        self._orphans.append(self.number)  # the next call tells the child to release it
 
 
 @final
@@ -65,9 +69,9 @@ class Isolated:
     """The `Component` protocol over pipes to a child, which makes the component by `factory`.
 
     `factory` is a function at a module's top level. A call that takes longer than `watchdog`
-    seconds ends the child. Without `shared`, and where there is no shared memory without a name,
-    `segment` is None, and a stepping loop goes through the pipes as well. Without `wait`, the
-    child starts while others do, and what keeps it from being made is raised by the first call.
+    seconds ends the child. Without `shared`, and on systems without anonymous shared memory,
+    `segment` is None, and a stepping loop uses the pipes as well. Without `wait`, several children
+    can start at the same time, and an error of the start is raised by the first call.
     """
 
     def __init__(
@@ -75,7 +79,7 @@ class Isolated:
         path: str,
         description: Description,
         factory: Callable[..., Component],
-        arguments: Sequence[Any],
+        arguments: Sequence[object],
         *,
         watchdog: float | None = None,
         shared: bool = True,
@@ -87,12 +91,14 @@ class Isolated:
         self.description = description
         self.messages: list[tuple[str, str]] = []
         self.watchdog = watchdog
-        self.segment = _segment() if shared else None
+        # Memory without a name, which is freed with the last process that has it open.
+        make = getattr(os, "memfd_create", None) if shared else None
+        self.segment = None if make is None else int(make("uuvsim-exchange"))
         self._stepper: Stepper | None = None
         self._time = 0.0
         self._orphans: list[int] = []
         self._logger = logging.getLogger(f"uuvsim_cosim.{path}")
-        self._words = tempfile.TemporaryFile()  # noqa: SIM115
+        self._output = tempfile.TemporaryFile()  # noqa: SIM115
         search = os.pathsep.join(p for p in sys.path if p)
         self._child: subprocess.Popen[bytes] | None = subprocess.Popen(
             [
@@ -104,11 +110,11 @@ class Isolated:
             pass_fds=() if self.segment is None else (self.segment,),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            stderr=self._words,
+            stderr=self._output,
             env={**os.environ, "PYTHONPATH": search},
         )
         self._starting = True
-        with contextlib.suppress(OSError):  # a child that is gone is noticed by the answer
+        with contextlib.suppress(OSError):  # if the child is gone, waiting for the answer raises
             _send(self._child.stdin, ("instantiate", (factory, tuple(arguments)), []))
         if wait:
             self._started(self._child)
@@ -119,7 +125,7 @@ class Isolated:
         """Read a value."""
         return self._call("get", variable.name)
 
-    def set(self, variable: Variable, value: Any) -> None:
+    def set(self, variable: Variable, value: object) -> None:
         """Set a value of the variable's shape."""
         self._call("set", variable.name, value)
 
@@ -138,12 +144,12 @@ class Isolated:
         self._call("do_step", current_communication_point, step_size)
 
     def get_fmu_state(self) -> RemoteState:
-        """Copy the state, which stays with the child, and its bytes, if it has any."""
+        """Copy the state, which stays in the child, and its bytes if it can be serialised."""
         number, data = self._call("get_fmu_state")
         return RemoteState(number, self._orphans, data)
 
     def set_fmu_state(self, state: RemoteState) -> None:
-        """Restore a state; one of another process only if it has been serialised."""
+        """Restore a state; a state of another process must have been serialised."""
         if not state.is_of(self._orphans):
             if state.data is None:
                 raise FmuError(
@@ -154,22 +160,23 @@ class Isolated:
         self._call("set_fmu_state", state.number)
 
     def serialize_fmu_state(self, state: RemoteState) -> bytes:
-        """Turn a state into bytes."""
+        """Convert a state to bytes."""
         if state.data is not None:
             return state.data
         data: bytes = self._call("serialize_fmu_state", state.number)
         return data
 
     def deserialize_fmu_state(self, data: bytes) -> RemoteState:
-        """Turn bytes into a state."""
+        """Convert bytes to a state."""
         return RemoteState(self._call("deserialize_fmu_state", data), self._orphans)
 
     def directional_derivative(
-        self, unknowns: list[Variable], knowns: list[Variable], seed: Any
-    ) -> Any:
+        self, unknowns: list[Variable], knowns: list[Variable], seed: ArrayLike
+    ) -> np.ndarray:
         """Return d(unknowns)/d(knowns) · seed."""
         names = [[v.name for v in group] for group in (unknowns, knowns)]
-        return self._call("directional_derivative", *names, seed)
+        result: np.ndarray = self._call("directional_derivative", *names, seed)
+        return result
 
     def reset(self) -> None:
         """Go back to the state after instantiation."""
@@ -190,14 +197,14 @@ class Isolated:
             stepper.leave()
         for pipe in (child.stdin, child.stdout):
             if pipe is not None:
-                with contextlib.suppress(OSError):  # the child, if alive, ends on end of file
+                with contextlib.suppress(OSError):  # a living child ends at the end of its input
                     pipe.close()
         try:
             child.wait(_GRACE)
         except subprocess.TimeoutExpired:
             child.kill()
             child.wait()
-        self._words.close()
+        self._output.close()
         if stepper is not None:
             stepper.close()
         if self.segment is not None:
@@ -205,38 +212,39 @@ class Isolated:
             self.segment = None
 
     def binding(self) -> Binding:
-        """Say that a stepping loop in C goes through shared memory, or has to call Python."""
-        kind = BindingKind.CALLBACK if self.segment is None else BindingKind.SHARED
-        return Binding(kind, 0, {})
+        """Return that a stepping loop in C uses shared memory, or else has to call Python."""
+        return Binding(BindingKind.CALLBACK if self.segment is None else BindingKind.SHARED, 0, {})
 
     # ---- for a stepping loop ------------------------------------------------------------------
 
     @property
     def process(self) -> int | None:
-        """Return the child's process number; None when it is gone."""
+        """The child's process number; None if it is gone."""
         return None if self._child is None else self._child.pid
 
-    def ask(self, function: Callable[..., Any], *arguments: Any) -> Any:
+    def ask(self, function: Callable[..., object], *arguments: object) -> Any:
         """Call a function at a module's top level, in the child, with the component first."""
         return self._call("ask", function, arguments)
 
-    def serve(self, stepper: Stepper, make: Callable[..., Any], arguments: Sequence[Any]) -> None:
-        """Let the child be stepped through `segment`, by what `make` makes there.
+    def serve(
+        self, stepper: Stepper, make: Callable[..., object], arguments: Sequence[object]
+    ) -> None:
+        """Let a stepping loop step the child through `segment`.
 
-        ``make(component, segment, pipe, *arguments)`` gives an object with `run`, `forget`,
-        `error` and `close`.
+        ``make(component, segment, pipe, *arguments)`` returns the counterpart in the child, a
+        `Serving` (see `isolated_child`).
         """
         self._call("serve", make, tuple(arguments))
         self._stepper = stepper
 
     def unserved(self, stepper: Stepper) -> None:
-        """Let the child make way, and give up the stepper, if it is this one's."""
+        """Let the child answer on its pipe again, and release the stepper if it is in use."""
         if self._stepper is stepper:
             self._stepper = None
             stepper.leave()
 
     def why(self, time: float) -> BaseException:
-        """Return the error that the last step through shared memory ended with."""
+        """Return the error of the last step through shared memory."""
         self._time = time
         try:
             self._call("why", time)
@@ -252,13 +260,14 @@ class Isolated:
         return self._died(self._child, late)
 
     def drain_messages(self) -> None:
-        """Take over what the component has said in steps."""
+        """Fetch the messages of the component's steps."""
         if self._stepper is not None and self._child is not None and self._stepper.messages_wait():
             self._call("messages")
 
-    # ---- the wire -----------------------------------------------------------------------------
+    # ---- the pipes ----------------------------------------------------------------------------
 
-    def _call(self, method: str, *arguments: Any) -> Any:
+    def _call(self, method: str, *arguments: object) -> Any:
+        """Call a method of the component in the child; return its result."""
         child = self._child
         if child is None:
             raise FmuError(
@@ -274,7 +283,7 @@ class Isolated:
         return self._answer(child, (method, arguments, dropped), imports=imports)
 
     def _started(self, child: subprocess.Popen[bytes]) -> None:
-        """Wait until the child has imported what it needs, then until the component is made."""
+        """Wait until the child has imported its modules, then until the component is made."""
         self._starting = False
         try:
             self._answer(child, None, imports=True)
@@ -283,10 +292,22 @@ class Isolated:
             self.free()
             raise
 
-    def _answer(self, child: subprocess.Popen[bytes], call: Any, *, imports: bool = False) -> Any:
-        """Send a call, if there is one, and wait for the next answer."""
+    def _answer(
+        self, child: subprocess.Popen[bytes], call: object, *, imports: bool = False
+    ) -> Any:
+        """Send a call, unless it is None, and wait for the next answer."""
         late = threading.Event()
-        timer = self._timer(child, late, imports)
+
+        def end() -> None:
+            late.set()
+            child.kill()
+
+        timer = None
+        if self.watchdog is not None:
+            limit = max(self.watchdog, _START) if imports else self.watchdog
+            timer = threading.Timer(limit, end)
+            timer.daemon = True
+            timer.start()
         try:
             if call is not None:
                 _send(child.stdin, call)
@@ -310,23 +331,8 @@ class Isolated:
             raise FmuError(result)
         return result
 
-    def _timer(
-        self, child: subprocess.Popen[bytes], late: threading.Event, imports: bool
-    ) -> threading.Timer | None:
-        if self.watchdog is None:
-            return None
-
-        def end() -> None:
-            late.set()
-            child.kill()
-
-        limit = max(self.watchdog, _START) if imports else self.watchdog
-        timer = threading.Timer(limit, end)
-        timer.daemon = True
-        timer.start()
-        return timer
-
     def _died(self, child: subprocess.Popen[bytes], late: bool) -> ComponentFailed:
+        """Free the child; return the error with its exit status and its last line of output."""
         if late:
             child.kill()
         try:
@@ -334,35 +340,27 @@ class Isolated:
         except subprocess.TimeoutExpired:
             child.kill()
             status = child.wait()
-        self._words.seek(0)
-        words = self._words.read().decode(errors="replace").strip().splitlines()[-1:]
+        self._output.seek(0)
+        lines = self._output.read().decode(errors="replace").strip().splitlines()
         self.free()
         if late:
             reason = f"did not answer within {self.watchdog} s; its process was ended"
         else:
             how = f"signal {-status}" if status < 0 else f"status {status}"
-            reason = f"its process died ({how})" + (f": {_own(words[0])[:200]}" if words else "")
+            last = lines[-1] if lines else ""
+            report = last.removeprefix("uuvsim: ")
+            if report != last:  # the guard's report, without the name of the component
+                last = report.partition(", which ends")[0].partition("; in a ")[0]
+            reason = f"its process died ({how})" + (f": {last[:200]}" if lines else "")
         return ComponentFailed(self.path, self._time, reason)
 
 
-def _own(words: str) -> str:
-    """Return a component's last words, or what the guard of its process says of its end."""
-    guard = words.removeprefix("uuvsim: ")
-    return words if guard == words else guard.partition(", which ends")[0].partition("; in a ")[0]
+def _send(pipe: IO[bytes] | None, message: object) -> None:
+    assert pipe is not None
+    pickle.dump(message, pipe, protocol=pickle.HIGHEST_PROTOCOL)
+    pipe.flush()
 
 
-def _segment() -> int | None:
-    """Return memory without a name, which is gone with the last process that has it."""
-    make = getattr(os, "memfd_create", None)
-    return None if make is None else int(make("uuvsim-exchange"))
-
-
-def _send(pipe: Any, message: Any) -> None:
-    sink: BinaryIO = pipe
-    pickle.dump(message, sink, protocol=pickle.HIGHEST_PROTOCOL)
-    sink.flush()
-
-
-def _load(pipe: Any) -> Any:
-    source: BinaryIO = pipe
-    return pickle.load(source)
+def _load(pipe: IO[bytes] | None) -> Any:
+    assert pipe is not None
+    return pickle.load(pipe)

@@ -1,4 +1,4 @@
-"""The child of `Isolated`: makes one component and answers calls until its input ends."""
+"""The child process of `Isolated`: makes one component and answers calls until its input ends."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
 from uuvsim_cosim.errors import ComponentFailed, UuvsimError
 from uuvsim_cosim.fmus.component import Component
@@ -22,19 +22,35 @@ __all__ = ["main"]
 _GRACE = 2.0  # [s] from the parent's end to this process's
 
 
+class Serving(Protocol):
+    """The counterpart of a stepping loop of the parent, over shared memory."""
+
+    def run(self) -> None:
+        """Make steps until the parent sends a call on the pipe."""
+
+    def forget(self) -> None:
+        """Set every input at the next step, as a call may change the component's inputs."""
+
+    def error(self, time: float) -> BaseException:
+        """Return the error of the last step."""
+
+    def close(self) -> None:
+        """Release the memory."""
+
+
 class Served:
     """The component in the child, and the states that the parent holds by number."""
 
     def __init__(self, segment: int, pipe: int) -> None:
         self.component: Component | None = None
-        self.serving: Any = None  # what a stepping loop of the parent asked for
+        self.serving: Serving | None = None
         self._segment, self._pipe = segment, pipe
-        self._states: dict[int, Any] = {}
+        self._states: dict[int, object] = {}
         self._numbers = itertools.count()
-        self._told = 0
+        self._reported = 0  # messages
 
-    def call(self, method: str, arguments: tuple[Any, ...], dropped: list[int]) -> Any:
-        """Answer one call of the parent."""
+    def call(self, method: str, arguments: tuple[Any, ...], dropped: list[int]) -> object:
+        """Return the result of a call of the parent; `dropped` are states that it has released."""
         for number in dropped:
             self._states.pop(number, None)
         if method == "instantiate":
@@ -55,7 +71,8 @@ class Served:
             return (number, self._serialized(result)) if method == "get_fmu_state" else number
         return result
 
-    def _stepping(self, method: str, arguments: tuple[Any, ...]) -> Any:
+    def _stepping(self, method: str, arguments: tuple[Any, ...]) -> object:
+        """Return the result of a call that concerns a stepping loop of the parent."""
         component = self.component
         if method == "ask":
             return arguments[0](component, *arguments[1])
@@ -64,23 +81,24 @@ class Served:
             make, more = arguments
             self.serving = make(component, self._segment, self._pipe, *more)
         elif method == "why":
+            assert self.serving is not None
             raise self.serving.error(*arguments)
         else:
             drain = getattr(component, "drain_messages", None)
             return None if drain is None else drain()
         return None
 
-    def _serialized(self, state: Any) -> bytes | None:
+    def _serialized(self, state: object) -> bytes | None:
         component = self.component
         if component is None or not component.description.can_serialize_state:
             return None
         try:
             return component.serialize_fmu_state(state)
-        except Exception:  # a state that cannot be written can still be restored here
+        except Exception:  # such a state can still be restored in this process
             return None
 
     def _resolved(self, method: str, arguments: tuple[Any, ...]) -> tuple[Any, ...]:
-        """Put variables where the parent sent their names, which are quicker to send."""
+        """Replace names by variables; the parent sends names, as they are shorter."""
         if self.component is None or method not in ("get", "set", "directional_derivative"):
             return arguments
         variables = self.component.description.variables
@@ -90,14 +108,14 @@ class Served:
         return (variables[arguments[0]], *arguments[1:])
 
     def messages(self) -> list[tuple[str, str]]:
-        """Return the messages that have come since the last call."""
+        """Return the messages since the last call."""
         kept: list[tuple[str, str]] = getattr(self.component, "messages", [])
-        fresh = kept[self._told :]
-        self._told = len(kept)
-        return list(fresh)
+        new = kept[self._reported :]
+        self._reported = len(kept)
+        return list(new)
 
     def close(self) -> None:
-        """End what steps the component."""
+        """End the counterpart of the parent's stepping loop."""
         if self.serving is not None:
             self.serving.close()
             self.serving = None
@@ -111,8 +129,8 @@ class Served:
 
 
 def main() -> None:
-    """Serve the parent; what the component prints goes to standard error."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to answer
+    """Serve the parent; the component's output goes to standard error, away from the pipe."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C
     logging.getLogger("uuvsim_cosim").addHandler(logging.NullHandler())
     calls = os.fdopen(os.dup(0), "rb")
     answers = os.fdopen(os.dup(1), "wb")
@@ -128,10 +146,10 @@ def main() -> None:
             method, arguments, dropped = pickle.load(calls)
         except EOFError:
             break
-        if method == "instantiate":  # all is imported
+        if method == "instantiate":  # the first of two answers: the imports have ended
             pickle.dump(("ok", None, []), answers)
             answers.flush()
-        answer: tuple[str, Any]
+        answer: tuple[str, object]
         try:
             answer = "ok", served.call(method, arguments, dropped)
         except ComponentFailed as error:
@@ -139,19 +157,19 @@ def main() -> None:
         except UuvsimError as error:
             answer = "refused", str(error)
         except Exception as error:  # a Python component may raise anything
-            words = f"{type(error).__name__}: {error}"
+            reason = f"{type(error).__name__}: {error}"
             component = served.component
             if method == "do_step" and component is not None:
-                answer = "failed", (component.path, arguments[0], words)
+                answer = "failed", (component.path, arguments[0], reason)
             else:
-                answer = "refused", words
+                answer = "refused", reason
         pickle.dump((*answer, served.messages()), answers)
         answers.flush()
     served.free()
 
 
 def _end_with_parent(pipe: int) -> None:
-    """End this process soon after the parent, also if the component never comes back."""
+    """End this process soon after the parent, also if the component's call never returns."""
     if not hasattr(select, "poll"):
         return
 

@@ -1,4 +1,4 @@
-"""FMI calls of Model Exchange, as FMI 2.0 and as FMI 3.0 name them."""
+"""FMI calls of Model Exchange, with their names in FMI 2.0 and FMI 3.0."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import ctypes
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any, ClassVar, final
+from typing import ClassVar, final
 
 from uuvsim_cosim.fmus.importer.fmu2 import Fmu2
 from uuvsim_cosim.fmus.importer.fmu3 import Fmu3
@@ -16,7 +16,7 @@ __all__ = ["Calls", "Calls2", "Calls3", "Event"]
 
 @dataclass(frozen=True)
 class Event:
-    """What one round of event iteration says."""
+    """The result of one round of event iteration."""
 
     again: bool
     ends: bool
@@ -24,9 +24,9 @@ class Event:
 
 
 class Calls(ABC):
-    """The calls on one instance; arrays go through pointers to double."""
+    """The calls of one instance; arrays are passed as pointers to double, with their size."""
 
-    fmu: Any
+    fmu: Fmu2 | Fmu3
     states: int
     indicators: int
     derivatives: ClassVar[str]
@@ -36,24 +36,24 @@ class Calls(ABC):
         """Set the independent variable [s]."""
         self.fmu.call("SetTime", time)
 
-    def get_states(self, pointer: Any, n: int) -> None:
+    def get_states(self, pointer: object, n: int) -> None:
         """Read the continuous states."""
         self.fmu.call("GetContinuousStates", pointer, n)
 
-    def set_states(self, pointer: Any, n: int) -> None:
+    def set_states(self, pointer: object, n: int) -> None:
         """Set the continuous states."""
         self.fmu.call("SetContinuousStates", pointer, n)
 
-    def get_derivatives(self, pointer: Any, n: int) -> None:
+    def get_derivatives(self, pointer: object, n: int) -> None:
         """Read the states' derivatives."""
         self.fmu.call(self.derivatives, pointer, n)
 
-    def get_indicators(self, pointer: Any, n: int) -> None:
+    def get_indicators(self, pointer: object, n: int) -> None:
         """Read the event indicators."""
         if n:
             self.fmu.call("GetEventIndicators", pointer, n)
 
-    def get_nominals(self, pointer: Any, n: int) -> None:
+    def get_nominals(self, pointer: object, n: int) -> None:
         """Read the states' nominal values."""
         self.fmu.call(self.nominals, pointer, n)
 

@@ -1,7 +1,7 @@
 """A Model Exchange FMU as a component: it is integrated here, and its events are located.
 
-Inputs hold over a communication step. The integrator begins anew at each communication point, so
-that a step depends on the FMU's state alone and a replay from a snapshot has the same bits.
+Inputs are constant during a communication step. The integrator starts again at each communication
+point. A step therefore depends only on the FMU's state, and a replay from a snapshot is identical.
 """
 
 from __future__ import annotations
@@ -10,6 +10,9 @@ import math
 import struct
 from collections.abc import Sequence
 from typing import Any, final
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from uuvsim_cosim.errors import ComponentFailed, FmuError
 from uuvsim_cosim.fmus.component import Binding, BindingKind
@@ -30,7 +33,7 @@ _State = tuple[FmuState, float]
 
 @final
 class ModelExchange:
-    """The `Component` protocol over an FMU that gives derivatives instead of steps."""
+    """The `Component` protocol over an FMU that computes derivatives instead of steps."""
 
     def __init__(self, fmu: Fmu2 | Fmu3) -> None:
         self.path = fmu.path
@@ -40,16 +43,16 @@ class ModelExchange:
         self._calls: Calls | None = None
         self._solver: Solver | None = None
         self._next_event = math.inf
-        self._stiff_before = False  # which has been reported
+        self._stiff_before = False  # and this has been reported
 
-    # ---- values and life, as the FMU has them -------------------------------------------------
+    # ---- values and life cycle ----------------------------------------------------------------
 
     def get(self, variable: Variable) -> Any:
         """Read a value."""
         return self._fmu.get(variable)
 
-    def set(self, variable: Variable, value: Any) -> None:
-        """Set a value; between steps, what is not continuous is set in Event Mode."""
+    def set(self, variable: Variable, value: object) -> None:
+        """Set a value; between steps, only continuous inputs are set outside of Event Mode."""
         event = self._fmu.phase is Phase.STEP and not (
             variable.causality == "input" and variable.variability == "continuous"
         )
@@ -95,27 +98,27 @@ class ModelExchange:
         self._next_event = state[1]
 
     def serialize_fmu_state(self, state: _State) -> bytes:
-        """Turn a state into bytes."""
+        """Convert a state to bytes."""
         return struct.pack("<d", state[1]) + self._fmu.serialize_fmu_state(state[0])
 
     def deserialize_fmu_state(self, data: bytes) -> _State:
-        """Turn bytes into a state of this instance."""
+        """Convert bytes to a state of this instance."""
         if len(data) < 8:
             raise FmuError(f"{self.path}: {len(data)} bytes that are no serialised state")
         return self._fmu.deserialize_fmu_state(data[8:]), struct.unpack("<d", data[:8])[0]
 
     def directional_derivative(
-        self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: Any
-    ) -> Any:
+        self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: ArrayLike
+    ) -> np.ndarray:
         """Return d(unknowns)/d(knowns) · seed, flat."""
         return self._fmu.directional_derivative(unknowns, knowns, seed)
 
     def drain_messages(self) -> None:
-        """Take over what the FMU has said since."""
+        """Fetch the FMU's new messages."""
         self._fmu.drain_messages()
 
     def binding(self) -> Binding:
-        """Say that the stepping loop in C has to call Python."""
+        """Return that the stepping loop in C has to call Python."""
         return Binding(BindingKind.CALLBACK, 0, {})
 
     # ---- integration --------------------------------------------------------------------------
@@ -161,7 +164,7 @@ class ModelExchange:
         return reached
 
     def _iterate_event(self, time: float) -> None:
-        """Repeat until the discrete states stay, then go on to Continuous-Time Mode."""
+        """Repeat until the discrete states do not change, then enter Continuous-Time Mode."""
         calls = self._live()
         for _ in range(_ROUNDS):
             event = calls.update_discrete_states()

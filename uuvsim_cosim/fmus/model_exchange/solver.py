@@ -1,10 +1,10 @@
 """Integration of continuous states from one communication point or event to the next.
 
-Each piece begins anew, so the method is a one-step one: Dormand and Prince 5(4), of SciPy. Where
-the equations are stiff, CVODE (of FMPy), whose method is implicit, integrates the piece instead:
-where the explicit method fails or needs more than `_STEPS` steps, and where its steps are as long
-as its stability allows, by the estimate of Hairer and Wanner (Solving Ordinary Differential
-Equations II, 2nd edition, equation IV.2.20). Which one it is depends on the states alone.
+Each piece starts without a history, so the method is a one-step one: Dormand and Prince 5(4), of
+SciPy. If the equations are stiff, CVODE (of FMPy), whose method is implicit, integrates the piece
+instead. They count as stiff if the explicit method fails or needs more than `_STEPS` steps, or if
+its stability limits its steps, by the estimate of Hairer and Wanner (Solving Ordinary Differential
+Equations II, 2nd edition, equation IV.2.20). The choice depends only on the states.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from uuvsim_cosim.fmus.model_exchange.calls import Calls
 __all__ = ["Solver"]
 
 _STEPS = 200
-_FEW_STEPS = 3  # fewer say nothing of stiffness
+_FEW_STEPS = 3  # fewer steps are not enough to detect stiffness
 _STIFF = 2.5  # mean of step times largest eigenvalue; the method is stable up to 3.3
 _CVODE_STEPS = 100_000
-_CVODE_TIGHTER = 1e-2  # CVODE begins with Euler in each piece: its errors add up
+_CVODE_TIGHTER = 1e-2  # CVODE starts with Euler's method in each piece, and these errors add up
 Array = NDArray[np.float64]
 
 
 @final
 class Solver:
-    """Integrates one instance; `tolerance` is relative, and absolute in units of the nominals."""
+    """Integrator of one instance; `tolerance` is relative, and absolute in units of nominals."""
 
     def __init__(self, calls: Calls, tolerance: float) -> None:
         self._calls = calls
@@ -42,17 +42,18 @@ class Solver:
         self._nominals = np.ones(calls.states)
         if calls.states:
             calls.get_nominals(self._nominals.ctypes.data, calls.states)
-        self.stiff = False  # whether the last piece was
+        self.stiff = False  # whether the equations were stiff in the last piece
 
     def integrate(self, time: float, until: float) -> tuple[float, bool]:
-        """Go from `time` to `until` [s], or to the first event indicator that changes its sign.
+        """Integrate from `time` to `until` [s], or to the first sign change of an event indicator.
 
-        Gives the time that was reached, and whether an indicator did; the instance has the
-        states of that time. Raises RuntimeError if the integration fails.
+        Return the time that was reached, and whether an indicator changed its sign; the instance
+        has the states of that time. Raises RuntimeError if the integration fails.
         """
         if not self._calls.states:
             return self._search(time, until, lambda t: self._x, self._signs(time, self._x))
-        x = self._states()
+        self._calls.get_states(self._x.ctypes.data, self._x.size)
+        x = self._x.copy()
         signs = self._signs(time, x)
         reached = self._one_step_method(time, until, x, signs)
         self.stiff = reached is None
@@ -61,14 +62,14 @@ class Solver:
     def _one_step_method(
         self, time: float, until: float, x: Array, signs: NDArray[np.bool_]
     ) -> tuple[float, bool] | None:
-        """Integrate explicitly; None where the equations are stiff."""
+        """Integrate explicitly; return None if the equations are stiff."""
         from scipy.integrate import RK45
 
         rtol = max(self._tolerance, 3e-14)
-        atol: Any = self._tolerance * np.abs(self._nominals)  # SciPy takes one for each state
+        atol: Any = self._tolerance * np.abs(self._nominals)  # one for each state, unlike its type
         rk = RK45(self._rhs, time, x, until, rtol=rtol, atol=atol, first_step=until - time)
         stability = 0.0
-        with np.errstate(over="ignore", invalid="ignore"):  # of a step that is then refused
+        with np.errstate(over="ignore", invalid="ignore"):  # in steps that RK45 then rejects
             for n in range(1, _STEPS + 1):
                 before = float(rk.t)
                 rk.step()
@@ -120,10 +121,6 @@ class Solver:
 
     # ---- the instance -------------------------------------------------------------------------
 
-    def _states(self) -> Array:
-        self._calls.get_states(self._x.ctypes.data, self._x.size)
-        return self._x.copy()
-
     def _set(self, time: float, x: Array) -> None:
         self._calls.set_time(time)
         if self._x.size:
@@ -146,8 +143,8 @@ class Solver:
 def _stability(rk: Any) -> float:
     """Return the last step times an estimate of the largest eigenvalue, in absolute value.
 
-    The last two stages lie at the same time; how far their derivatives differ, for how far they
-    are apart, is the estimate.
+    The last two stages are at the same time. The estimate is the difference of their derivatives
+    divided by the difference of their states.
     """
     h = rk.h_previous
     sixth = rk.y_old + h * (rk.A[5, :5] @ rk.K[:5])
@@ -156,7 +153,7 @@ def _stability(rk: Any) -> float:
 
 
 class _Kept:
-    """An error of the FMU is kept until CVODE, which calls from C, has returned."""
+    """The first error of the FMU, kept until CVODE has returned: it calls from C."""
 
     def __init__(self) -> None:
         self.error: UuvsimError | None = None
@@ -167,14 +164,14 @@ class _Kept:
                 call(*arguments)
             except UuvsimError as error:
                 self.error = self.error or error
-                if len(arguments) == 2 and arguments[1]:
+                if len(arguments) == 2 and arguments[1]:  # an array: NaN ends the integration
                     arguments[0][0] = math.nan
 
         return guarded
 
 
 class _Held:
-    """CVODE's idea of inputs: here they hold, and there is nothing to apply."""
+    """The inputs for CVODE: they are constant, so that there is nothing to apply."""
 
     def apply(self, time: float) -> None:
         """Do nothing."""

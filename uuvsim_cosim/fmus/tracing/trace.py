@@ -1,6 +1,6 @@
-"""Every FMI call of an FMU, written as it happens: function, arguments, status and time.
+"""Trace of all FMI calls of an FMU: function, arguments, status and time.
 
-A line begins before its call, so that after a crash the last one names the call that did it.
+A line is begun before its call, so that after a crash the last line names the call that crashed.
 """
 
 from __future__ import annotations
@@ -9,7 +9,8 @@ import csv
 import ctypes
 import io
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, final
 
@@ -32,7 +33,7 @@ COLUMNS = ("wall_s", "t_s", "component", "function", "arguments", "status", "too
 
 @final
 class Trace(Closing):
-    """A CSV file that traced FMUs write to, one line a call; `t_s` is the time reached then."""
+    """A CSV file of traced FMUs, with one line for each call; `t_s` is the time reached then."""
 
     def __init__(self, path: Path) -> None:
         try:
@@ -45,14 +46,14 @@ class Trace(Closing):
         self._sink.write(",".join(COLUMNS) + "\n")
 
     def begin(self, t: float | None, component: str, function: str) -> None:
-        """Write who is called, before it is called."""
+        """Write the component and the function, before the call."""
         wall = f"{time.perf_counter() - self._begun:.6f}"
         head = _line(wall, "" if t is None else repr(t), component, function)
         self._sink.write(head + ",")
         self._sink.flush()
 
     def end(self, arguments: str, status: str, seconds: float) -> None:
-        """Write the rest of the line."""
+        """Write the rest of the line, after the call."""
         self._sink.write(_line(arguments, status, f"{1e6 * seconds:.1f}") + "\n")
 
     def close(self) -> None:
@@ -61,28 +62,24 @@ class Trace(Closing):
 
 
 def instantiate_traced(archive: FmuArchive, path: str, trace: Trace) -> Component:
-    """Instantiate an FMU in this process; every call of it goes into the trace.
+    """Instantiate an FMU in this process; each of its calls is written to the trace.
 
-    It is stepped through Python, so slower than otherwise, to the same bits: each variable is
-    read by a call of its own, and inputs that have not changed are not set again.
+    It is stepped by Python, which is slower but gives the same bits: each variable is read by a
+    separate call, and inputs that have not changed are not set again.
     """
     if needs_own_process(archive):
         raise InputInvalid(
             f"{path}: {archive.path.name} needs a process of its own here, whose calls cannot be "
             "traced; expected it to be there once"
         )
-    kind = Fmu2 if archive.description.kind == "FMI 2.0" else Fmu3
-
-    def library(*arguments: Any) -> FmuLibrary:
-        return _TracedLibrary(trace, path, *arguments)
-
-    fmu = kind(archive, path, library=library)
+    version = Fmu2 if archive.description.kind == "FMI 2.0" else Fmu3
+    fmu = version(archive, path, library=partial(_TracedLibrary, trace, path))
     return ModelExchange(fmu) if archive.interface == "ModelExchange" else fmu
 
 
 @final
 class _TracedLibrary(FmuLibrary):
-    """A library whose functions write themselves into the trace."""
+    """A library whose calls are written to the trace."""
 
     addressable = False
 
@@ -91,21 +88,19 @@ class _TracedLibrary(FmuLibrary):
     ) -> None:
         super().__init__(archive, prefix, signatures)
         self._trace, self._path, self._name = trace, path, prefix
-        self._types: Mapping[str, tuple[Any, Sequence[Any]]] = signatures
+        self._types = signatures
         self._arguments = Arguments(archive.description)
         self._wrapped: dict[str, Callable[..., Any]] = {}
-        self._time: float | None = None
+        self._time: float | None = None  # reached by the last step
 
-    def function(self, name: str) -> Any:
-        """Bind a function; its calls are written."""
-        if name not in self._wrapped:
-            self._wrapped[name] = self._wrap(name, super().function(name))
-        return self._wrapped[name]
-
-    def _wrap(self, name: str, bound: Any) -> Callable[..., Any]:
+    def function(self, name: str) -> Callable[..., Any]:
+        """Bind a function whose calls are written to the trace."""
+        if name in self._wrapped:
+            return self._wrapped[name]
+        bound = super().function(name)
         result, types = self._types[name]
 
-        def call(*given: Any) -> Any:
+        def call(*given: Any) -> object:
             if name == "SetTime":
                 self._time = given[1]
             self._trace.begin(self._time, self._path, self._name + name)
@@ -118,10 +113,12 @@ class _TracedLibrary(FmuLibrary):
                 self._time = given[1] + given[2]
             return returned
 
+        self._wrapped[name] = call
         return call
 
 
-def _status(result: Any, returned: Any) -> str:
+def _status(result: type | None, returned: Any) -> str:
+    """Return the text for a function's result, whose C type is `result`."""
     if result is None:
         return ""
     if result is ctypes.c_void_p:

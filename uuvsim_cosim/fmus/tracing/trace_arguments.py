@@ -1,4 +1,4 @@
-"""The arguments of an FMI call as text: variables by name, values as numbers."""
+"""The arguments of an FMI call as text: the names of variables, and values."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _FAMILY = {"Float64": "Real", "Int32": "Integer", "Enumeration": "Integer"}
 
 @final
 class Arguments:
-    """Writes the arguments of calls of one FMU."""
+    """The arguments of calls of one FMU as text."""
 
     def __init__(self, description: Description) -> None:
         self._types: dict[str, Any] = _TYPES_2 if description.kind == "FMI 2.0" else _TYPES_3
@@ -32,10 +32,10 @@ class Arguments:
             family = _FAMILY.get(v.type, v.type) if description.kind == "FMI 2.0" else ""
             for i, reference in enumerate(v.value_references):
                 name = v.element_name(i) if len(v.value_references) > 1 else v.name
-                self._names.setdefault((family, reference), name)  # aliases come later
+                self._names.setdefault((family, reference), name)  # the first of several aliases
 
-    def text(self, function: str, types: Sequence[Any], given: Sequence[Any]) -> str:
-        """Write the arguments after the instance, with what the call has filled in."""
+    def text(self, function: str, types: Sequence[type], given: Sequence[Any]) -> str:
+        """Return the arguments after the instance, including the values that the call returned."""
         verb, suffix = function[:3], function[3:]
         if verb in ("Get", "Set") and (suffix in self._types or suffix in ("String", "Binary")):
             return self._values(suffix, given)
@@ -46,6 +46,7 @@ class Arguments:
         return " ".join(s for s in shown if s)
 
     def _values(self, suffix: str, given: Sequence[Any]) -> str:
+        """Return the names and values of a Get or Set function."""
         references = list(given[1])
         family = suffix if self._types is _TYPES_2 else ""
         names = [self._names.get((family, r), f"#{r}") for r in references]
@@ -59,24 +60,21 @@ class Arguments:
         return f"{' '.join(names)} = {' '.join(values)}"
 
 
-def _array(place: Any, type_: Any, count: int) -> list[Any]:
+def _array(place: Any, type_: Any, count: int) -> list[object]:
+    """Read an array at an address or pointer."""
     address = place if isinstance(place, int) else ctypes.cast(place, ctypes.c_void_p).value
     return list((type_ * count).from_address(address or 0)) if address else []
 
 
-def _plain(value: Any, type_: Any) -> str:
-    """Write a number or a text; of a pointer what it points to if that is one, else nothing."""
+def _plain(value: object, type_: type) -> str:
+    """Return a number or text, also one that `ctypes.byref` points to; empty for other pointers."""
     if isinstance(value, bytes):
         return repr(value.decode(errors="replace"))
     pointed = getattr(value, "_obj", None)
-    if pointed is not None:
-        return "" if isinstance(pointed, ctypes.c_void_p) else _content(pointed)
-    if type_ is ctypes.c_void_p:
+    if pointed is None:
+        return "" if type_ is ctypes.c_void_p else repr(value)
+    if isinstance(pointed, ctypes.c_void_p):
         return ""
-    return repr(value)
-
-
-def _content(pointed: Any) -> str:
     if hasattr(pointed, "value"):
         return f"-> {pointed.value!r}"
     fields = getattr(pointed, "_fields_", ())
