@@ -101,12 +101,7 @@ class _Loop:
             return
         for count in range(1, _ITERATIONS + 1):
             size = self._size(best, x)
-            jacobian = self._jacobian(x)
-            try:
-                step = np.linalg.solve(jacobian, -best)
-            except np.linalg.LinAlgError:
-                step = np.linalg.lstsq(jacobian, -best, rcond=None)[0]
-            x_new, r_new = self._damped(x, step, best)
+            x_new, r_new = self._damped(x, self._newton_step(x, best), best)
             if x_new is None:
                 if size <= _TOLERANCE:
                     self._set(x)
@@ -141,6 +136,14 @@ class _Loop:
 
     def _size(self, r: np.ndarray, x: np.ndarray) -> float:
         return float(np.max(np.abs(r) / (1.0 + np.abs(x))))
+
+    def _newton_step(self, x: np.ndarray, r: np.ndarray) -> np.ndarray:
+        jacobian = self._jacobian(x)
+        try:
+            step: np.ndarray = np.linalg.solve(jacobian, -r)
+        except np.linalg.LinAlgError:  # the smallest step that minimizes the residual
+            step = np.linalg.lstsq(jacobian, -r, rcond=None)[0]
+        return step
 
     def _jacobian(self, x: np.ndarray) -> np.ndarray:
         jacobian: np.ndarray = self.feedthrough(x) - np.eye(len(self.links))
