@@ -590,19 +590,15 @@ class Master:
             self._watch.end()
 
     def _fail(self, failure: Failure) -> None:
-        """Raise the error of a failure, after the step that the component ended by itself."""
-        time = self._seconds(failure.tick)
-        error = error_of(failure, self._ready(), self.components, time)
-        if isinstance(error, ComponentFailed) and error.asks_to_end:
-            self._end_step(failure, error)
-        raise error
+        """Raise the error of a failure.
 
-    def _end_step(self, failure: Failure, error: ComponentFailed) -> None:
-        """Record the end of a step at which its component asks to end the simulation.
-
-        Raises ComponentFailed if the whole step was made and counts; otherwise returns.
+        If the component has made its whole step and asks to end the simulation there, the step
+        counts: the others make it too, and it is recorded.
         """
-        tables = self._ready()
+        tables, time = self._ready(), self._seconds(failure.tick)
+        error = error_of(failure, tables, self.components, time)
+        if not (isinstance(error, ComponentFailed) and error.asks_to_end):
+            raise error
         ticks = self.plan.components[tables.order[failure.member]].step_ticks
         begin, end = self._seconds(failure.tick), self._seconds(failure.tick + ticks)
         in_c = failure.outcome == Outcome.ENDED
@@ -610,6 +606,7 @@ class Master:
         if whole and tables.core.accept_step(failure.member):
             self.step(ticks)
             raise ComponentFailed(error.path, self.time, error.reason, asks_to_end=True)
+        raise error
 
     def _ready(self) -> Tables:
         if self._tables is None:

@@ -51,8 +51,13 @@ def prepare(
     total = len(declared)
     if progress is not None and total:
         progress("building", 0, total)
-    if backend == "fmu":
-        for source, fmu in compute_in_threads(_fmu, sorted(declared), os.cpu_count() or 1):
+    if backend == "fmu" and declared:
+        from uuvsim_cosim.fmus.export.export import build_fmu
+
+        def build(source: str) -> Path:
+            return build_fmu(ModelSource(source).lowered(), fmi=3)
+
+        for source, fmu in compute_in_threads(build, sorted(declared), os.cpu_count() or 1):
             built[source] = fmu
             if progress is not None:
                 progress("building", len(built), total)
@@ -80,9 +85,3 @@ def prepare(
 def instance_of(source: str, path: str, backend: Backend) -> Component:
     """Instantiate a source; called in the process of an isolated component."""
     return resolve(source).instantiate(path, backend=backend)
-
-
-def _fmu(source: str) -> Path:
-    from uuvsim_cosim.fmus.export.export import build_fmu
-
-    return build_fmu(ModelSource(source).lowered(), fmi=3)

@@ -48,7 +48,19 @@ class Restart:
         self._paths = [plan.components[i].path for i in self._seeds]
         self._order = _order(plan, tables)
         self._unconnected = unconnected_inputs(plan, tables)
-        self._checked, self._low, self._high = _limits(tables)
+        # Slots, minima and maxima of the native components' inputs that have limits.
+        slots: list[int] = []
+        low: list[float] = []
+        high: list[float] = []
+        for placed in tables.inputs.values():
+            v = placed.variable
+            native = tables.bindings[placed.member].kind == BindingKind.NATIVE
+            if native and (v.min, v.max) != (None, None):
+                slots += placed.slots
+                low += [-np.inf if v.min is None else v.min] * v.size
+                high += [np.inf if v.max is None else v.max] * v.size
+        self._checked = np.array(slots, np.intp)
+        self._low, self._high = np.array(low), np.array(high)
 
     def enter(self, states: Sequence[object], seed: int | None, start: Starts) -> None:
         """Go back to Initialization Mode, with the plan's start values, `start` and the seed.
@@ -132,18 +144,3 @@ def show_unconnected(
     for i, placed in unconnected:
         value = components[i].get(placed.variable)
         encode(placed.variable, value, slots[placed.slot : placed.slot + placed.variable.size])
-
-
-def _limits(tables: Tables) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return slots, minima and maxima of the native components' inputs that have limits."""
-    slots: list[int] = []
-    low: list[float] = []
-    high: list[float] = []
-    for placed in tables.inputs.values():
-        v = placed.variable
-        native = tables.bindings[placed.member].kind == BindingKind.NATIVE
-        if native and (v.min, v.max) != (None, None):
-            slots += placed.slots
-            low += [-np.inf if v.min is None else v.min] * v.size
-            high += [np.inf if v.max is None else v.max] * v.size
-    return np.array(slots, np.intp), np.array(low), np.array(high)

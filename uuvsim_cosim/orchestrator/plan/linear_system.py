@@ -187,9 +187,26 @@ class _Map:
     def step(self, k: int) -> Any:
         """Return the function  (x, u) -> x  of tick k."""
         phase = k % self.period
-        if phase not in self._steps:
-            x, u = ca.SX.sym("x", self.size), ca.SX.sym("u", len(self.free))
-            self._steps[phase] = ca.Function("step", [x, u], [self._after_step(phase, x, u)])
+        if phase in self._steps:
+            return self._steps[phase]
+        x, u = ca.SX.sym("x", self.size), ca.SX.sym("u", len(self.free))
+        new = [x[p.at : p.end] for p in self.parts]
+        for group in self.plan.groups:
+            if group.algorithm == "iterated":
+                named = ", ".join(self.parts[i].path for i in group.members)
+                raise InputInvalid(f"linearize: {named} are iterated; expected Jacobi or in order")
+            seen = x
+            for i in group.members:
+                part = self.parts[i]
+                if phase % part.step_ticks:
+                    continue
+                inputs = self._inputs(i, seen, u)
+                new[i] = part.stepped(phase, self.plan.tick, x[part.at : part.y_at], inputs)
+                if group.algorithm == "gauss-seidel":  # later members get the new outputs
+                    done = {j: new[j] for j in group.members[: group.members.index(i) + 1]}
+                    seen = ca.vertcat(*(done.get(j, x[p.at : p.end])
+                                        for j, p in enumerate(self.parts)))  # fmt: skip
+        self._steps[phase] = ca.Function("step", [x, u], [ca.vertcat(*new)])
         return self._steps[phase]
 
     def jacobian(self, k: int) -> Any:
@@ -201,26 +218,6 @@ class _Map:
             both = [ca.densify(ca.jacobian(new, by)) for by in (x, u)]
             self._jacobians[phase] = ca.Function("jacobian", [x, u], both)
         return self._jacobians[phase]
-
-    def _after_step(self, k: int, x: Any, u: Any) -> Any:
-        """Return the whole state after the step from k, by each group's algorithm."""
-        new = [x[p.at : p.end] for p in self.parts]
-        for group in self.plan.groups:
-            if group.algorithm == "iterated":
-                named = ", ".join(self.parts[i].path for i in group.members)
-                raise InputInvalid(f"linearize: {named} are iterated; expected Jacobi or in order")
-            seen = x
-            for i in group.members:
-                part = self.parts[i]
-                if k % part.step_ticks:
-                    continue
-                inputs = self._inputs(i, seen, u)
-                new[i] = part.stepped(k, self.plan.tick, x[part.at : part.y_at], inputs)
-                if group.algorithm == "gauss-seidel":
-                    done = {j: new[j] for j in group.members[: group.members.index(i) + 1]}
-                    seen = ca.vertcat(*(done.get(j, x[p.at : p.end])
-                                        for j, p in enumerate(self.parts)))  # fmt: skip
-        return ca.vertcat(*new)
 
     def _inputs(self, i: int, x: Any, u: Any) -> Any:
         """Return a component's inputs: start values, free inputs `u`, and transfers from `x`."""

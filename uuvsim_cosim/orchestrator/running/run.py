@@ -177,9 +177,7 @@ def run(
         for name, value in start_values(drives, float(plan.start)).items():
             system = system.set(name, value)
         plan = flatten(system, seed)
-    asked = played.end if until is None and played is not None else until
-    end = _default_end(system, plan) if asked is None else asked
-    _check_times(end, plan)
+    end = _end(played.end if until is None and played is not None else until, system, plan)
     trace: Trace | None = None
     if trace_fmi is not None:
         from uuvsim_cosim.fmus.tracing.trace import Trace
@@ -212,14 +210,16 @@ def run(
         return _simulated(master, steps, plan, end, folder, provenance, progress, pace)
 
 
-def _default_end(system: System, plan: Plan) -> float:
-    """Return the end of a run that is given none: the first step that reaches the system's end."""
-    if system.stop_time is None or system.stop_time <= plan.start:
-        return float(plan.start) + duration(plan)
-    return float(math.ceil(Fraction(str(system.stop_time)) / plan.tick) * plan.tick)
+def _end(asked: float | None, system: System, plan: Plan) -> float:
+    """Return the end of a run [s]: as asked, else that of the system, else the mission's.
 
-
-def _check_times(end: float, plan: Plan) -> None:
+    Raises InputInvalid for an end before the start, or between two communication points.
+    """
+    end = asked
+    if end is None and (system.stop_time is None or system.stop_time <= plan.start):
+        end = float(plan.start) + duration(plan)
+    elif end is None:  # the first step that reaches the system's end
+        end = float(math.ceil(Fraction(str(system.stop_time)) / plan.tick) * plan.tick)
     if end <= plan.start:
         raise InputInvalid(
             f"until: {end:g} s was read, but the run begins at {float(plan.start):g} s; expected a "
@@ -232,6 +232,7 @@ def _check_times(end: float, plan: Plan) -> None:
             f"until: {end:g} s was read; expected a whole number of steps of "
             f"{float(plan.tick):g} s, such as {near:g}"
         )
+    return end
 
 
 def _initialized(

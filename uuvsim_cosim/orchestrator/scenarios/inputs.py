@@ -198,11 +198,20 @@ class Driven:
         self, steps: Steps, master: Master, drives: Sequence[Drive], log: Path | None = None
     ) -> None:
         self._steps, self._master, self._drives = steps, master, tuple(drives)
-        self._connected = _connected(master.plan)
+        connected = _connected(master.plan)
         self._set: list[tuple[Drive, np.ndarray, float]] = []  # drive, slots, value to add to
         self._biased: list[tuple[Drive, str, float]] = []  # drive, signal, factor
         for d in self._drives:
-            self._place(d)
+            fed = (d.component, d.variable.name, d.element) in connected
+            if d.variable.causality == "input" and not fed:
+                slots = master.slots(d.component, d.variable.name)
+                assert slots is not None  # the input is held (`held_by`), and a number
+                self._set.append((d, slots, slots[d.element].item() if d.added else 0))
+                continue
+            bias = Manipulation(0.0, d.name.removeprefix("+"), "bias", 1.0)
+            for event in meant(bias, master):
+                assert isinstance(event, SignalFault)
+                self._biased.append((d, event.fault.signal, event.fault.value))
         self._begun = False
         self._active: dict[str, tuple[int, float]] = {}  # by signal: number of the fault, value
         self._log = None if log is None else log.open("w", encoding="utf-8", newline="")
@@ -237,18 +246,6 @@ class Driven:
         """Close the file of applied values; a second call does nothing."""
         if self._log is not None:
             self._log.close()
-
-    def _place(self, d: Drive) -> None:
-        """Find the slot that a drive sets, or the signal that it adds to."""
-        fed = (d.component, d.variable.name, d.element) in self._connected
-        if d.variable.causality == "input" and not fed:
-            slots = self._master.slots(d.component, d.variable.name)
-            assert slots is not None  # the input is held (`held_by`), and a number
-            self._set.append((d, slots, slots[d.element].item() if d.added else 0))
-            return
-        for event in meant(Manipulation(0.0, d.name.removeprefix("+"), "bias", 1.0), self._master):
-            assert isinstance(event, SignalFault)
-            self._biased.append((d, event.fault.signal, event.fault.value))
 
     def _write(self) -> None:
         """Write the values at the communication point that has been reached."""

@@ -35,7 +35,11 @@ class Played:
             try:
                 single_events = meant(event, master) if isinstance(event, Manipulation) else [event]
                 for single in single_events:
-                    self._check(single)
+                    # Raises InputInvalid for an event that cannot be applied.
+                    if isinstance(single, SignalFault):
+                        master.faults.clear(master.faults.add(single.fault))
+                    else:
+                        master.fitted(*_split(single.variable), single.value)
                     self._schedule(single)
             except InputInvalid as error:
                 raise InputInvalid(f"{place}: {error}") from None
@@ -93,14 +97,6 @@ class Played:
         if math.isinf(time):
             return None
         return math.ceil(Fraction(str(time)) / self._master.plan.tick)
-
-    def _check(self, event: Change | SignalFault) -> None:
-        """Raise InputInvalid for an event that cannot be applied, before anything runs."""
-        if isinstance(event, SignalFault):
-            self._master.faults.clear(self._master.faults.add(event.fault))
-        else:
-            path, name = _split(event.variable)
-            self._master.fitted(path, name, event.value)
 
 
 def _before(tick: int | None) -> int | None:

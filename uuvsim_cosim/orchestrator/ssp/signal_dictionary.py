@@ -48,18 +48,14 @@ def read_dictionaries(
             inner, here = read_document(path, "ssb:SignalDictionary"), shown(path)
         if name in found:
             raise InputInvalid(f"{here}: a second dictionary of this name; expected one")
-        found[name] = _entries(inner, here)
+        entries: dict[str, str | None] = {}
+        for entry in inner.iterfind(q("ssb:DictionaryEntry")):
+            key = entry.get("name", "")
+            if not key or key in entries:
+                raise InputInvalid(f"{here}: an entry {key!r}; expected each name once")
+            entries[key] = next((e.get("unit") for e in entry if e.get("unit")), None)
+        found[name] = entries
     return found
-
-
-def _entries(xml: Xml, place: str) -> Dictionary:
-    entries: dict[str, str | None] = {}
-    for entry in xml.iterfind(q("ssb:DictionaryEntry")):
-        name = entry.get("name", "")
-        if not name or name in entries:
-            raise InputInvalid(f"{place}: an entry {name!r}; expected each name once")
-        entries[name] = next((e.get("unit") for e in entry if e.get("unit")), None)
-    return entries
 
 
 def read_references(xml: Xml) -> dict[str, str]:

@@ -95,7 +95,13 @@ class Links:
 
 def read_links(xml: Xml, wrong: Callable[[InputInvalid], None], place: str) -> Links:
     """Read the connections of a system; `place` ends in a dot; errors go to `wrong`."""
-    causalities = _causalities(xml)
+    # The kind of each connector, by element ("" for the system itself) and name.
+    causalities: dict[tuple[str, str], str] = {}
+    section = xml.find(q("ssd:Elements"))
+    owners = [(e.get("name", ""), e) for e in (section if section is not None else ())]
+    for name, owner in [("", xml), *owners]:
+        for c in owner.iterfind(f"{q('ssd:Connectors')}/{q('ssd:Connector')}"):
+            causalities[name, c.get("name", "")] = c.get("kind", "")
     links = Links()
     for item in xml.iterfind(f"{q('ssd:Connections')}/{q('ssd:Connection')}"):
         try:
@@ -106,6 +112,7 @@ def read_links(xml: Xml, wrong: Callable[[InputInvalid], None], place: str) -> L
 
 
 def _read(item: Xml, causalities: Mapping[tuple[str, str], str], links: Links, place: str) -> None:
+    """Add one connection to the links; raises InputInvalid."""
     start, end = _end(item, "start", place), _end(item, "end", place)
     here = f"{place}<ssd:Connection> {start.text} to {end.text}"
     change = read_transformation(item, here)
@@ -144,14 +151,3 @@ def _end(item: Xml, side: str, place: str) -> End:
             "expected whole numbers from 1, such as '2' or '1 3'"
         )
     return End(element, connector, f"[{','.join(indices)}]" if indices else "")
-
-
-def _causalities(xml: Xml) -> dict[tuple[str, str], str]:
-    """Return the kind of each connector, by element ("" for the system itself) and name."""
-    causalities: dict[tuple[str, str], str] = {}
-    section = xml.find(q("ssd:Elements"))
-    owners = [(e.get("name", ""), e) for e in (section if section is not None else ())]
-    for name, owner in [("", xml), *owners]:
-        for c in owner.iterfind(f"{q('ssd:Connectors')}/{q('ssd:Connector')}"):
-            causalities[name, c.get("name", "")] = c.get("kind", "")
-    return causalities

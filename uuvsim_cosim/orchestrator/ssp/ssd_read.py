@@ -99,7 +99,9 @@ class _Reader:
         step = self._tick(xml, tick, prefix, remarks)
         elements, broken = self._elements(xml, step, prefix, remarks)
         links = read_links(xml, self.wrong, prefix)
-        border = Border(links.changes, _connector_units(xml), _idle(xml, links))
+        connectors = xml.iterfind(f"{q('ssd:Connectors')}/{q('ssd:Connector')}")
+        idle = {c.get("name", "") for c in connectors} - {x.name for x in links.exposed}
+        border = Border(links.changes, _connector_units(xml), idle)
         self._resolve(xml, elements, links, border, prefix, remarks)
         elements = self._bind_system(xml, elements, links, prefix, remarks)
         groups = tuple(_group(g) for g in (note if note is not None else ()))
@@ -332,12 +334,6 @@ class _Reader:
             self.problems.append(
                 Problem(place, f"source {source!r}, outside the archive", "a file inside it")
             )
-
-
-def _idle(xml: Xml, links: Links) -> set[str]:
-    """Return the connectors of a system that nothing inside is connected to."""
-    named = xml.iterfind(f"{q('ssd:Connectors')}/{q('ssd:Connector')}")
-    return {c.get("name", "") for c in named} - {x.name for x in links.exposed}
 
 
 def _connector_units(xml: Xml) -> dict[str, str]:

@@ -53,8 +53,11 @@ def resolve(source: str, base: Path | None = None) -> Source:
         return ModelSource(source)
     if colon and scheme == "function":
         return FunctionSource(source)
-    if colon and (factory := _factory(scheme)) is not None:
-        return factory(source, base)
+    if colon and scheme not in _factories:
+        for entry in importlib.metadata.entry_points(group=ENTRY_POINTS, name=scheme):
+            _factories[scheme] = entry.load()
+    if colon and scheme in _factories:
+        return _factories[scheme](source, base)
     suffix = Path(source.partition("#")[0]).suffix.lower()
     if suffix == ".fmu":
         file, _, options = source.partition("#")
@@ -166,11 +169,3 @@ def _options(source: str, text: str) -> tuple[tuple[str, str], ...]:
             "of structural parameters"
         )
     return tuple((name, value) for name, _, value in pairs)
-
-
-def _factory(scheme: str) -> Factory | None:
-    """Return the factory of a scheme: a registered one, or one of an entry point."""
-    if scheme not in _factories:
-        for entry in importlib.metadata.entry_points(group=ENTRY_POINTS, name=scheme):
-            _factories[scheme] = entry.load()
-    return _factories.get(scheme)

@@ -167,7 +167,16 @@ class _Fit:
         self.remarks: list[str] = []
         self.assumed: dict[str, dict[int, str]] = {}
         self._missing: set[str] = set()
-        self._check_names()
+        for old, new in names.items():
+            for name, description, what in (
+                (old, slot_, "the slot"), (new, fresh, "the replacement"),
+            ):  # fmt: skip
+                try:
+                    find_variable(name, description)
+                except Misfit as misfit:
+                    self.problems.append(Problem(
+                        f"map {path}.{old}={new}", f"{misfit.read}, {what}", misfit.expected
+                    ))  # fmt: skip
 
     def connections(self) -> tuple[Connection, ...]:
         """Return the system's connections, with the replacement's names at this component."""
@@ -225,18 +234,6 @@ class _Fit:
             each = [assumed.get(i) or u or "1" for i, u in enumerate(known)]
             result[name] = each[0] if len(set(each)) == 1 else " ".join(each)
         return result
-
-    def _check_names(self) -> None:
-        for old, new in self.names.items():
-            for name, description, what in (
-                (old, self.slot, "the slot"), (new, self.fresh, "the replacement"),
-            ):  # fmt: skip
-                try:
-                    find_variable(name, description)
-                except Misfit as misfit:
-                    self.problems.append(Problem(
-                        f"map {self.path}.{old}={new}", f"{misfit.read}, {what}", misfit.expected
-                    ))  # fmt: skip
 
     def _new(self, variable: Variable, elements: tuple[int, ...]) -> list[str]:
         """Return the replacement's endpoints for elements of a variable of the slot."""
