@@ -1,4 +1,4 @@
-"""A kernel: a system's plan compiled into one function of one communication step."""
+"""Kernel: a system's plan compiled into one function for one communication step."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ def fuse(
 ) -> Kernel:
     """Compile a system of declarations into a kernel over `lanes` environments at a time.
 
-    The code is for this machine's processor, or with `baseline` for every one of its kind. In
-    float64 the results are the master's to the last bit; float32 (16 lanes by default instead of
-    8) is faster and rounds. Raises SystemInvalid with every component that is no declaration and
-    everything else that only the master can do; ToolchainError.
+    The code is for this machine's processor, or with `baseline` for all of the same architecture.
+    In float64 the results are equal to the master's to the last bit; float32 (16 lanes by default
+    instead of 8) is faster and less exact. Raises SystemInvalid, which names every component that
+    is no declaration and every feature that only the master has; ToolchainError.
     """
     if dtype not in LANES:
         near = ", ".join(LANES)
@@ -77,6 +77,7 @@ class Kernel:
         jobs["driver"] = partial(compiled, "kernel", driver, flags)
         if single:
             jobs["draws"] = partial(compiled_draws, draws_flags)
+        # The longest first, so that the compiler's threads end at about the same time.
         longest_first = sorted(jobs, key=lambda i: -len(texts[i]) if isinstance(i, int) else 0)
         built = dict(compute_in_threads(lambda i: jobs[i](), longest_first, os.cpu_count() or 1))
         self.c = ctypes.CDLL(str(built["driver"]))
@@ -106,20 +107,21 @@ class Kernel:
         n_envs: int,
         *,
         seeds: Seeds | None = None,
-        start: Mapping[str, Any] | None = None,
+        start: Mapping[str, object] | None = None,
         threads: int = 1,
     ) -> Batch:
         """Make initialized environments.
 
         `seeds` is a system seed for each, or one s for s, s + 1, …; by default 0, 1, …. `start`
-        names start values ("hull.eta_0"): of the variable's shape, or one row an environment.
+        are start values by name ("hull.eta_0"): of the variable's shape, or one row for each
+        environment.
         """
         return Batch(self, n_envs, seeds=seeds, start=start, threads=threads)
 
     def jvp(
         self,
-        start: Mapping[str, Any],
-        tangents: Mapping[str, Any],
+        start: Mapping[str, object],
+        tangents: Mapping[str, object],
         outputs: Sequence[str],
         *,
         steps: int,
@@ -127,29 +129,30 @@ class Kernel:
     ) -> tuple[Values, Values]:
         """Return outputs at the end of every step, and their derivative along `tangents`.
 
-        `start` and `more` are what `Rollout` takes: n_envs, inputs, seeds, threads.
+        `start` and `more` (n_envs, inputs, seeds, threads) are arguments of `Rollout`.
         """
         return jvp(Rollout(self, start, outputs, steps=steps, **more), tangents)
 
     def vjp(
-        self, start: Mapping[str, Any], outputs: Sequence[str], *, steps: int, **more: Any
-    ) -> tuple[Values, Callable[[Mapping[str, Any]], Values]]:
+        self, start: Mapping[str, object], outputs: Sequence[str], *, steps: int, **more: Any
+    ) -> tuple[Values, Callable[[Mapping[str, object]], Values]]:
         """Return outputs at the end of every step, and a function that pulls gradients back.
 
-        `start` and `more` are what `Rollout` takes: n_envs, inputs, seeds, threads.
+        `start` and `more` (n_envs, inputs, seeds, threads) are arguments of `Rollout`.
         """
         return vjp(Rollout(self, start, outputs, steps=steps, **more))
 
     def derivative(self, mode: Mode) -> Derivative:
-        """Compile the tangents, or adjoints, of a step; once, when first asked for."""
+        """Return the tangents, or adjoints, of a step; they are compiled at the first call."""
         if mode not in self._derivatives:
             self._derivatives[mode] = Derivative(self, mode)
         return self._derivatives[mode]
 
 
 def _declare(c: ctypes.CDLL) -> None:
+    """Set the types of arguments and results of the driver's functions."""
     pointer, u32, u64 = ctypes.c_void_p, ctypes.c_uint32, ctypes.c_uint64
-    signatures: dict[str, tuple[Any, list[Any]]] = {
+    signatures: dict[str, tuple[type | None, list[type]]] = {
         "uuv_kernel_bind": (None, [u32, pointer]),
         "uuv_kernel_step": (ctypes.c_int32, [pointer, u64, u64, u64]),
         "uuv_kernel_reset": (ctypes.c_int32, [pointer, pointer, pointer, pointer, u64, u64]),

@@ -1,4 +1,4 @@
-"""A batch: environments of one kernel, each with parameters, seed and time of its own."""
+"""Batch: environments of one kernel, each with its own parameters, seed and time."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from operator import index
-from typing import Any, final
+from typing import final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from uuvsim_cosim.closing import Closing
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid
@@ -29,8 +30,8 @@ TICK, FAILED, FAILED_TICK = 0, 1, 2  # words, as in fmus/kernels/uuv_lane_steps.
 class Batch(Closing):
     """Environments that step together; see `Kernel.batch`.
 
-    An environment keeps its seed and its start values until `reset` is given others; what `set`
-    changes lasts until its next reset.
+    An environment keeps its seed and its start values until `reset` gets others; values of `set`
+    are kept until its next reset.
     """
 
     def __init__(
@@ -39,7 +40,7 @@ class Batch(Closing):
         n_envs: int,
         *,
         seeds: Seeds | None = None,
-        start: Mapping[str, Any] | None = None,
+        start: Mapping[str, object] | None = None,
         threads: int = 1,
     ) -> None:
         if n_envs < 1 or threads < 1:
@@ -50,7 +51,7 @@ class Batch(Closing):
         self._memory = Lanes(n_envs, fused.n_cells, kernel.lanes, dtype, fused.n_words)
         self._start = Lanes(n_envs, fused.n_start, kernel.lanes, dtype)
         workers = min(threads, self._memory.n_blocks)
-        # More ranges than threads, so that one whose processor is busy elsewhere makes fewer.
+        # More ranges than threads, so that a thread whose processor is busy works on fewer.
         n_ranges = 4 * workers if self._memory.n_blocks >= 32 * workers > 32 else workers
         bounds = np.linspace(0, self._memory.n_blocks, n_ranges + 1).astype(int).tolist()
         self._ranges = list(pairwise(bounds))
@@ -77,19 +78,19 @@ class Batch(Closing):
 
     def reset(
         self,
-        mask: Any = None,
+        mask: ArrayLike | None = None,
         *,
         seeds: Seeds | None = None,
-        start: Mapping[str, Any] | None = None,
+        start: Mapping[str, object] | None = None,
         check: bool = True,
     ) -> None:
         """Go back to time 0 where the mask is true, with other seeds or start values if given.
 
-        Raises ComponentFailed if a start is not finite, unless `check` is false.
+        Raises ComponentFailed if an initial value is not finite, unless `check` is false.
         """
         chosen = None if mask is None else self._mask(mask)
         given = [(self._signal(n), v) for n, v in start.items()] if start else []
-        rows = [(s, s.checked_start(v)) for s, v in given]
+        rows = [(s, s.checked_start(v)) for s, v in given]  # all, before any of them is written
         words = None if seeds is None else self._seeds(seeds)
         for s, row in rows:
             s.start.write(row, chosen)
@@ -115,8 +116,9 @@ class Batch(Closing):
     def step(self, n: int = 1, *, check: bool = True) -> None:
         """Make n communication steps in all environments.
 
-        Raises ComponentFailed once for environments that fail; all make their n steps. Those in
-        `failed` mean nothing until they are reset. Without `check` nothing is raised.
+        Raises ComponentFailed once for environments that fail, after all have made their n steps.
+        The values of those in `failed` are not valid until they are reset. Without `check` nothing
+        is raised.
         """
         if n < 0:
             raise InputInvalid(f"{n} steps; expected 0 or more")
@@ -141,7 +143,7 @@ class Batch(Closing):
 
     @property
     def failed(self) -> np.ndarray:
-        """Say which environments have a value that is not finite, since their reset."""
+        """Return which environments have had a value that is not finite since their reset."""
         return np.asarray(self._memory.word(FAILED) != 0)
 
     def failure(self, e: int) -> ComponentFailed | None:
@@ -159,17 +161,17 @@ class Batch(Closing):
 
     @property
     def cells(self) -> np.ndarray:
-        """Show all values as they lie, (blocks, cells, lanes); `Fused` says where."""
+        """Return all values in memory, (blocks, cells, lanes); `Fused` has their places."""
         return self._memory.cells
 
     def get(self, name: str) -> np.ndarray:
-        """Copy a variable, "hull.eta": one row an environment, in the kernel's number type."""
+        """Copy a variable, "hull.eta": a row for each environment, in the kernel's number type."""
         return (self._signals.get(name) or self._signal(name)).own.read()
 
-    def set(self, name: str, values: Any, mask: Any = None) -> None:
+    def set(self, name: str, values: object, mask: ArrayLike | None = None) -> None:
         """Set an unconnected input or a tunable parameter, where the mask is true.
 
-        `values` has the variable's shape, or one row an environment.
+        `values` has the variable's shape, or one row for each environment.
         """
         s = self._signals.get(name) or self._signal(name)
         rows = s.checked(values)
@@ -180,8 +182,8 @@ class Batch(Closing):
 
     # ---- inside ---------------------------------------------------------------------------
 
-    def _each(self, call: Callable[[int, int, int], Any]) -> list[Any]:
-        """Call for each range of blocks, side by side; C lets go of the GIL."""
+    def _each(self, call: Callable[[int, int, int], object]) -> list[object]:
+        """Call for each range of blocks, in parallel: C releases the GIL."""
         if self._threads is None:
             return [call(0, 0, self._n_blocks)]
         if self._threads.owner != os.getpid():  # threads do not survive a fork
@@ -194,6 +196,7 @@ class Batch(Closing):
         return self._signals[name]
 
     def _set_plan_start(self) -> None:
+        """Set the start values of the declarations, then those of the plan."""
         for planned, m in zip(
             self.kernel.fused.plan.components, self.kernel.fused.members, strict=True
         ):
@@ -207,7 +210,7 @@ class Batch(Closing):
                 signal.start.write(signal.checked_start(value))
 
     def _seeds(self, seeds: Seeds) -> np.ndarray:
-        """Return one for each lane; of a single seed s, they are s, s + 1 and so on."""
+        """Return one seed for each lane; a single seed s stands for s, s + 1, …."""
         n = self.n_envs
         if getattr(seeds, "dtype", None) == np.uint64 and np.shape(seeds) == (n,):
             return np.ascontiguousarray(self._memory.padded(np.asarray(seeds)))
@@ -226,7 +229,7 @@ class Batch(Closing):
             raise InputInvalid(f"seeds: {len(given)}; expected one, or {n}")
         return self._memory.padded(seed_words(given))
 
-    def _mask(self, mask: Any) -> np.ndarray:
+    def _mask(self, mask: ArrayLike) -> np.ndarray:
         chosen = np.asarray(mask)
         if chosen.shape != (self.n_envs,) or chosen.dtype != bool:
             raise InputInvalid(

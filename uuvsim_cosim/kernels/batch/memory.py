@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any, final
+from typing import final
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 __all__ = ["Column", "Lanes", "aligned"]
 
 _ALIGNMENT = 128  # bytes: of the widest vector of 64-bit integers
 
 
-def aligned(shape: tuple[int, ...], dtype: Any = np.float64) -> np.ndarray:
+def aligned(shape: tuple[int, ...], dtype: DTypeLike = np.float64) -> np.ndarray:
     """Return zeros whose first byte is aligned for every vector."""
     n_bytes = int(np.prod(shape, dtype=int)) * np.dtype(dtype).itemsize
-    room = np.zeros(n_bytes + _ALIGNMENT, np.uint8)
-    first = -room.ctypes.data % _ALIGNMENT
-    cells: np.ndarray = room[first : first + n_bytes].view(dtype).reshape(shape)
+    buffer = np.zeros(n_bytes + _ALIGNMENT, np.uint8)
+    first = -buffer.ctypes.data % _ALIGNMENT
+    cells: np.ndarray = buffer[first : first + n_bytes].view(dtype).reshape(shape)
     return cells
 
 
@@ -24,7 +25,7 @@ def aligned(shape: tuple[int, ...], dtype: Any = np.float64) -> np.ndarray:
 class Lanes:
     """Cells of W lanes, block by block: environment e is lane e mod W of block e div W.
 
-    The first cells of a block hold `n_words` 64-bit integers a lane.
+    The first cells of a block hold `n_words` 64-bit integers for each lane.
     """
 
     def __init__(
@@ -43,7 +44,7 @@ class Lanes:
         )
 
     def word(self, i: int) -> np.ndarray:
-        """Return the integers number i, one an environment; to be read only."""
+        """Return integer number i of each environment; do not write to it."""
         return self._words[:, i, :].reshape(-1)[: self.n_envs]
 
     def padded(self, rows: np.ndarray) -> np.ndarray:
@@ -56,11 +57,17 @@ class Lanes:
 class Column:
     """One variable of all environments: a view of its cells of the given shape.
 
-    With `bits`, whole numbers lie there as 32-bit integers, which float32 could not hold.
+    With `bits`, the cells hold 32-bit integers, because a float32 could not hold all of them.
     """
 
     def __init__(
-        self, lanes: Lanes, first: int, shape: tuple[int, ...], dtype: Any, *, bits: bool = False
+        self,
+        lanes: Lanes,
+        first: int,
+        shape: tuple[int, ...],
+        dtype: np.dtype,
+        *,
+        bits: bool = False,
     ) -> None:
         cells = lanes.cells.view(np.int32) if bits else lanes.cells
         size = int(np.prod(shape, dtype=int))
@@ -71,15 +78,15 @@ class Column:
         self._lanes, self._dtype, self._shape = lanes, dtype, shape
 
     def read(self) -> np.ndarray:
-        """Copy the values, one row an environment."""
+        """Copy the values, one row for each environment."""
         if self._own is not None:
             return self._own.astype(self._dtype)
         return self._every.astype(self._dtype).reshape(self._rows)[: self._lanes.n_envs]
 
     def write(self, values: np.ndarray, mask: np.ndarray | None = None) -> None:
-        """Set the values, of the variable's shape or one row an environment, where masked.
+        """Set the values where masked: one of the variable's shape, or a row for each environment.
 
-        Lanes without an environment get what the last environment gets.
+        Lanes without an environment get the values of the last environment.
         """
         lanes, each = self._lanes, values.ndim > len(self._shape)
         if each and lanes.n_envs > 1:

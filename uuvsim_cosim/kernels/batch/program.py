@@ -1,4 +1,4 @@
-"""The interface of a compiled plan, on which batches and derivatives rely; `Kernel` has it."""
+"""Interface of a compiled plan, for batches and derivatives; `Kernel` implements it."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ class Program(Protocol):
 
     @property
     def fused(self) -> Fused:
-        """The plan, and the place of every variable in an environment's memory."""
+        """Plan, and the place of every variable in an environment's memory."""
 
     @property
     def lanes(self) -> int:
-        """Number of environments that one instruction works on."""
+        """Number of environments that one instruction processes."""
 
     @property
     def dtype(self) -> np.dtype:
@@ -31,7 +31,7 @@ class Program(Protocol):
 
     @property
     def baseline(self) -> bool:
-        """Whether the code runs on every processor of this kind."""
+        """Whether the code runs on every processor of this architecture."""
 
     @property
     def c(self) -> ctypes.CDLL:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -18,7 +17,7 @@ __all__ = ["Signal", "signal_of"]
 
 @dataclass(frozen=True, eq=False)
 class Signal:
-    """A variable, its values now and its start values in all environments."""
+    """Variable, with its present values and its start values in all environments."""
 
     name: str
     variable: Variable
@@ -27,14 +26,14 @@ class Signal:
     own: Column
     start: Column
     connected: bool
-    largest: float  # number of the kernel's type
+    largest: float  # largest finite number of the kernel's type
 
     @property
     def is_parameter(self) -> bool:
-        """Return whether other values follow from it alone."""
+        """Return whether derived values depend on it."""
         return self.variable.causality == "parameter"
 
-    def checked(self, values: Any) -> np.ndarray:
+    def checked(self, values: object) -> np.ndarray:
         """Return values that may be set now; raises InputInvalid."""
         v = self.variable
         if v.causality != "input" and not (self.is_parameter and v.variability == "tunable"):
@@ -43,16 +42,17 @@ class Signal:
             raise InputInvalid(f"{self.name}: is connected; expected an unconnected input")
         return self._checked(values)
 
-    def checked_start(self, values: Any) -> np.ndarray:
+    def checked_start(self, values: object) -> np.ndarray:
         """Return values that may be start values; raises InputInvalid."""
         if self.variable.causality not in ("input", "parameter"):
             raise self._wrong("an input or a parameter")
         return self._checked(values)
 
-    def _checked(self, values: Any) -> np.ndarray:
+    def _checked(self, values: object) -> np.ndarray:
+        """Return values as an array of the right shape and range; raises InputInvalid."""
         v = self.variable
         try:
-            array = np.asarray(values, dtype=float)
+            array: np.ndarray = np.asarray(values, dtype=float)
         except (TypeError, ValueError):
             raise InputInvalid(f"{self.name}: value {values!r}; expected numbers") from None
         if array.shape not in (v.shape, (self.n_envs, *v.shape)):
@@ -63,7 +63,7 @@ class Signal:
             )
         low = -self.largest if v.min is None else v.min
         high = self.largest if v.max is None else v.max
-        if not (array.min() >= low and array.max() <= high):  # false where a value is NaN
+        if not (array.min() >= low and array.max() <= high):  # comparisons with NaN are false
             wrong = array[~((array >= low) & (array <= high))].flat[0]
             raise InputInvalid(
                 f"{self.name}: value {wrong}; expected finite numbers in [{low}, {high}]"
@@ -76,7 +76,7 @@ class Signal:
 
 
 def signal_of(kernel: Program, name: str, memory: Lanes, start: Lanes) -> Signal:
-    """Find a variable by its full name, "hull.eta"; raises InputInvalid with near names."""
+    """Find a variable by its full name, "hull.eta"; raises InputInvalid with similar names."""
     fused = kernel.fused
     path, _, own = name.rpartition(".")
     i = fused.index.get(path)
@@ -94,14 +94,14 @@ def signal_of(kernel: Program, name: str, memory: Lanes, start: Lanes) -> Signal
         for t in fused.plan.transfers
         if t.target == i and t.target_variable.name == own
     )
-    begins = first < m.n_start
+    has_start = first < m.n_start
     return Signal(
         name,
         v,
         i,
         memory.n_envs,
         Column(memory, m.cell + first, v.shape, dtype, bits=bits),
-        Column(start, m.start_cell + first if begins else 0, v.shape, dtype, bits=bits),
+        Column(start, m.start_cell + first if has_start else 0, v.shape, dtype, bits=bits),
         count == v.size,
         float(np.finfo(kernel.dtype).max),
     )

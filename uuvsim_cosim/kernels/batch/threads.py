@@ -14,34 +14,34 @@ import time
 import weakref
 from collections.abc import Callable, Iterator, Sequence
 from queue import SimpleQueue
-from typing import Any, final
+from typing import final
 
 from uuvsim_cosim.closing import Closing
 
 __all__ = ["Range", "Threads"]
 
 Range = tuple[int, int]
-Call = Callable[[int, int, int], Any]
+Call = Callable[[int, int, int], object]
 _POLL = 1e-4  # [s] between two checks of the workers after an interrupted call
 
 
 @final
 class _Job:
-    """Work of one call: a free thread takes the next range from `left`."""
+    """Work of one call: a free thread takes the next of the remaining `ranges`."""
 
-    def __init__(self, call: Call, left: Iterator[Range]) -> None:
+    def __init__(self, call: Call, ranges: Iterator[Range]) -> None:
         self.call = call
-        self.left = left
-        self.results: list[Any] = []
+        self.ranges = ranges
+        self.results: list[object] = []
         self.errors: list[BaseException] = []
 
     def work(self, worker: int) -> None:
-        for first, last in self.left:
+        for first, last in self.ranges:
             self.results.append(self.call(worker, first, last))
 
     def abandon(self) -> None:
         """Take the remaining ranges, so that a worker that starts later does nothing."""
-        for _ in self.left:
+        for _ in self.ranges:
             pass
 
 
@@ -65,7 +65,7 @@ class Threads(Closing):
                 target=_serve, args=(worker, self._jobs, self._finished, self._at), daemon=True
             ).start()
 
-    def each(self, call: Call, ranges: Sequence[Range]) -> list[Any]:
+    def each(self, call: Call, ranges: Sequence[Range]) -> list[object]:
         """Return what ``call(worker, first, last)`` returns for each range, in any order."""
         self._settle()
         job = self._unsettled = _Job(call, iter(ranges))

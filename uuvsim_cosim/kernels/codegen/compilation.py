@@ -1,4 +1,4 @@
-"""The compiler's part: generated C becomes a library, for this machine's processor or for all."""
+"""Compilation of generated C to a library, for this machine's processor or for all."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def compiled(name: str, text: str, flags: tuple[str, ...]) -> Path:
 
 
 def compiled_draws(flags: tuple[str, ...]) -> Path:
-    """Compile the random draws of kernels in float32, which are made in float64."""
+    """Compile the random draws of float32 kernels, which are computed in float64."""
     source = content("fmus", "kernels") / "float_draws.c"
     include = [content("fmus", "kernels"), *runtime()]
     return compile_shared([source], name="float_draws", include=include, flags=flags)
@@ -33,7 +33,7 @@ def compiled_draws(flags: tuple[str, ...]) -> Path:
 
 @lru_cache
 def _processor() -> str:
-    """Identify this machine's processor: what is compiled for it runs on no other."""
+    """Return an id of this machine's processor: code compiled for it does not run on others."""
     try:
         lines = Path("/proc/cpuinfo").read_text().split("\n\n", 1)[0].splitlines()
     except OSError:
@@ -49,6 +49,7 @@ def processor_flags(baseline: bool) -> tuple[str, ...]:
     zig = "ziglang" in compiler()[0]
     arm = platform.machine().lower() in ("aarch64", "arm64")
     option = "-mcpu=native" if zig or arm else "-march=native"
-    # GCC 12 contracts what looks like a product of complex numbers (a turned box), unasked.
+    # GCC 12 contracts expressions that look like a product of complex numbers (a rotated box),
+    # which changes bits, although contraction is off.
     options = (option,) if zig else (option, "-fno-tree-slp-vectorize")
-    return *options, f"-DUUV_PROCESSOR=0x{_processor()}"  # the latter for the cache's key alone
+    return *options, f"-DUUV_PROCESSOR=0x{_processor()}"  # the latter only for the cache's key

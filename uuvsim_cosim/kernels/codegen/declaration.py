@@ -1,4 +1,4 @@
-"""The C text of a declaration in a kernel: the functions of its FMU, and its steps on lanes."""
+"""C text of a declaration in a kernel: the functions of its FMU, and its steps on lanes."""
 
 from __future__ import annotations
 

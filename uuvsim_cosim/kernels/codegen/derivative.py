@@ -1,4 +1,4 @@
-"""The C text of a declaration's tangents, or of its adjoints, on lanes: CasADi writes them."""
+"""C text of a declaration's tangents or adjoints on lanes; CasADi derives them."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from uuvsim_cosim.kernels.codegen.tables import tables_in_lanes
 __all__ = ["Mode", "derivative_text"]
 
 Mode = Literal["tangent", "adjoint"]
-_LARGE = 5000  # operations; to look for branches in 40,000 takes two minutes
+_LARGE = 5000  # operations; the search for branches in 40,000 takes two minutes
 _FLOAT64 = np.dtype(np.float64)
 
 
 def derivative_text(eq: Equations, mode: Mode) -> str:
     """Return the C of a declaration: its functions and their tangents, or adjoints; their steps.
 
-    Derivatives are with respect to everything in the block but time; draws are constants.
+    Derivatives are with respect to all values of the block except time; draws are constants.
     """
     o, n, model = eq.layout.offset, eq.layout.count, eq.layout.model
     seed = eq.layout.offset_of("seed") if "seed" in model.variables else 0

@@ -1,4 +1,4 @@
-"""The C text of a driver of derivatives: the plan's steps in tangents, or backwards in adjoints."""
+"""C text of a driver of derivatives: the plan's steps in tangents, or backwards in adjoints."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["derivative_driver_text", "tape_cells"]
 
 @dataclass(frozen=True)
 class _Outputs:
-    """A member's outputs are evaluated during initialization; its block is kept at `tape`."""
+    """Evaluation of a member's outputs during initialization; its block is kept at `tape`."""
 
     member: int
     tape: int
@@ -36,6 +36,7 @@ def derivative_driver_text(fused: Fused, mode: Mode, tokens: Sequence[str]) -> s
     tick = fused.plan.tick
     named = zip(fused.sources, tokens, strict=True)
     body = _tangent_driver(fused) if mode == "tangent" else _adjoint_driver(fused)
+    periods = (", ".join(map(str, m.periods)) or "0" for m in fused.members)
     return "\n".join(
         [
             f"/* Generated from a plan: do not edit. Its {mode}s call",
@@ -49,7 +50,7 @@ def derivative_driver_text(fused: Fused, mode: Mode, tokens: Sequence[str]) -> s
             f"       N_TAPE = {tape_cells(fused)} }};",
             f"static const uint64_t tick_num = {tick.numerator}u, tick_den = {tick.denominator}u;",
             f"static const uuv_lane_derivative *declared[{len(fused.sources)}];",
-            *_period_tables(fused),
+            *(f"static const uint8_t periods_{i}[] = {{{p}}};" for i, p in enumerate(periods)),
             "",
             "UUV_KERNEL_API void uuv_derivative_bind(uint32_t i, const uuv_lane_derivative *d) {",
             "    declared[i] = d;",
@@ -60,12 +61,6 @@ def derivative_driver_text(fused: Fused, mode: Mode, tokens: Sequence[str]) -> s
             "",
         ]
     )
-
-
-def _period_tables(fused: Fused) -> Iterator[str]:
-    for i, m in enumerate(fused.members):
-        periods = ", ".join(map(str, m.periods)) or "0"
-        yield f"static const uint8_t periods_{i}[] = {{{periods}}};"
 
 
 def _tangent_driver(fused: Fused) -> Iterator[str]:
@@ -181,14 +176,17 @@ def _adjoint_driver(fused: Fused) -> Iterator[str]:
 def _pull_back(
     function: str, declaration: int, block: str, cell: int, first: int, count: int
 ) -> Iterator[str]:
-    """The gradient of what a function wrote goes to what it read."""
+    """Yield the adjoint of a function: the gradient of its results goes to its arguments."""
     yield f"    memcpy(seed, a + {cell + first}, {count} * sizeof(V));"
     yield f"    derivative_clear(a + {cell + first}, {count});"
     yield f"    declared[{declaration}]->{function}_adjoint({block}, seed, a + {cell});"
 
 
 def _initialization(fused: Fused) -> tuple[list[_Operation], int]:
-    """Return what initialization does after start values, as driver_text has it; and the tape."""
+    """Return the operations of initialization after start values, as in `driver_text`.
+
+    The second value is the number of cells up to the end of the tape.
+    """
     operations: list[_Operation] = []
     tape = fused.n_cells
 

@@ -1,4 +1,4 @@
-"""The C text of a kernel's driver, which calls the declarations in the plan's order."""
+"""C text of a kernel's driver, which calls the declarations in the plan's order."""
 
 from __future__ import annotations
 
@@ -16,23 +16,35 @@ _SMALL = 4  # states of a component of which several are stepped side by side
 
 
 def driver_text(fused: Fused, tokens: Sequence[str]) -> str:
-    """Return the C that steps and initializes a block of lanes as the plan says.
+    """Return the C that steps and initializes a block of lanes according to the plan.
 
-    `tokens` identify the compiled declarations: a driver is bound to them alone.
+    `tokens` identify the compiled declarations; they make the driver's text depend on them.
     """
     tick = fused.plan.tick
     n_periods = len(fused.periods)
     most = max(map(len, _side_by_side(fused)))
-    scratch = most * max(
-        max(
-            5 * m.layout.count["state"] + _held(fused, m.source),
-            _draws(fused, m.source) + 2,
-        )
-        for m in fused.members
-    )
+    scratch = 0
+    for m in fused.members:
+        eq = fused.equations[m.source]
+        # A step may hold one value for each operation.
+        held = int(eq.rhs.n_instructions() + eq.outputs.n_instructions())
+        clocks = eq.layout.model.clocks
+        draws = max((sum(int(d.numel()) for d in c.draws) for c in clocks), default=0)
+        scratch = max(scratch, most * max(5 * m.layout.count["state"] + held, draws + 2))
     named = zip(fused.sources, tokens, strict=True)
     periods = ", ".join(f"{p}u" for p in fused.periods) or "0"
-    seeded = [*_seeded(fused)]
+    seeded = []  # start cell and hash of the path, of members whose key the system's seed makes
+    for planned, m in zip(fused.plan.components, fused.members, strict=True):
+        if m.is_seed("seed") and "seed" not in planned.start:
+            first, second = path_words(m.path)
+            seeded.append(
+                f"{{{m.start_cell + m.layout.offset_of('seed')}, {{{first}u, {second}u}}}}"
+            )
+    derivations = []
+    for i, m in enumerate(fused.members):
+        at = m.cell + m.layout.offset["derived"]
+        call = f"declared[{m.declaration}]->derived(m + {m.cell}, m + {at})"
+        derivations.append(f"        case {i}: {call}; break;")
     return "\n".join(
         [
             "/* Generated from a plan: do not edit. It calls",
@@ -70,7 +82,11 @@ def driver_text(fused: Fused, tokens: Sequence[str]) -> str:
             *_initialization(fused),
             "}",
             "",
-            *_derivations(fused),
+            "static void derive(V *m, uint32_t member) {",
+            "    switch (member) {",
+            *derivations,
+            "    }",
+            "}",
             "",
             '#include "uuv_lane_blocks.h"',
             "",
@@ -78,28 +94,11 @@ def driver_text(fused: Fused, tokens: Sequence[str]) -> str:
     )
 
 
-def _held(fused: Fused, source: str) -> int:
-    """Return a bound of the values that a step may hold: one for each operation."""
-    equations = fused.equations[source]
-    return int(equations.rhs.n_instructions() + equations.outputs.n_instructions())
-
-
-def _draws(fused: Fused, source: str) -> int:
-    clocks = fused.equations[source].layout.model.clocks
-    return max((sum(int(d.numel()) for d in c.draws) for c in clocks), default=0)
-
-
-def _seeded(fused: Fused) -> Iterator[str]:
-    """Yield the start cell and the hash of the path of all whose key the system's seed makes."""
-    for planned, m in zip(fused.plan.components, fused.members, strict=True):
-        if m.is_seed("seed") and "seed" not in planned.start:
-            first, second = path_words(m.path)
-            cell = m.start_cell + m.layout.offset_of("seed")
-            yield f"{{{cell}, {{{first}u, {second}u}}}}"
-
-
 def _steps(fused: Fused) -> Iterator[str]:
-    """Inputs from outputs valid at the step's start; then each in turn, with what is early."""
+    """Yield a step: inputs from outputs valid at its start, then the members in turn.
+
+    Just before its step, a member gets the inputs that come from outputs of the same step.
+    """
     plan = fused.plan
     yield from _copies(fused, (t for t in plan.transfers if not fused.is_early(t)), stepping=True)
     for group in _side_by_side(fused):
@@ -126,7 +125,10 @@ def _steps(fused: Fused) -> Iterator[str]:
 
 
 def _side_by_side(fused: Fused) -> list[list[int]]:
-    """Group equal, small, independent components that step one after another."""
+    """Return the members in stepping order, grouped if they can be stepped side by side.
+
+    These are equal, small, independent components that step one after another.
+    """
     early = {t.target for t in fused.plan.transfers if fused.is_early(t)}
     groups: list[list[int]] = []
     for i in fused.order:
@@ -148,13 +150,13 @@ def _side_by_side(fused: Fused) -> list[list[int]]:
 
 
 def _initialization(fused: Fused) -> Iterator[str]:
-    """Values flow as orchestrator/master/initial_values.py has them flow."""
+    """Yield the initialization, in the order of orchestrator/master/initial_values.py."""
     plan = fused.plan
     yield "    memset(m, 0, N_WORD_CELLS * sizeof(V));"
     for m in fused.members:
         yield f"    memcpy(m + {m.cell}, start + {m.start_cell}, {m.n_start} * sizeof(V));"
         yield f"    lane_initialize(declared[{m.declaration}], m + {m.cell});"
-    stale = set(range(len(fused.members)))
+    stale = set(range(len(fused.members)))  # members whose outputs do not match their inputs
     for entry in [*plan.initialization, tuple(stale)]:
         into = [t for t in plan.transfers if t.target in entry]
         yield from _outputs(fused, {t.source for t in into} & stale)
@@ -177,21 +179,10 @@ def _outputs(fused: Fused, members: Iterable[int]) -> Iterator[str]:
         yield f"    declared[{m.declaration}]->outputs(m + {m.cell}, m + {at});"
 
 
-def _derivations(fused: Fused) -> Iterator[str]:
-    """What follows from parameters, anew for one component."""
-    yield "static void derive(V *m, uint32_t member) {"
-    yield "    switch (member) {"
-    for i, m in enumerate(fused.members):
-        at = m.cell + m.layout.offset["derived"]
-        call = f"declared[{m.declaration}]->derived(m + {m.cell}, m + {at})"
-        yield f"        case {i}: {call}; break;"
-    yield "    }"
-    yield "}"
-
-
 def _copies(
     fused: Fused, transfers: Iterable[Transfer], *, stepping: bool = False
 ) -> Iterator[str]:
+    """Yield the copies of transfers; while `stepping`, members with longer steps copy if due."""
     for t in transfers:
         source, target = fused.members[t.source], fused.members[t.target]
         a = source.cell + source.layout.offset_of(t.source_variable.name)

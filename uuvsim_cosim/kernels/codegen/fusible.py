@@ -24,7 +24,7 @@ HEADER = 3  # words: tick, failed, tick of the failure (fmus/kernels/uuv_lane_st
 
 @dataclass(frozen=True)
 class Cut:
-    """Part of a longer communication step: these clocks at its begin, then up to its end.
+    """Part of a longer communication step: these clocks tick at its begin; then it is integrated.
 
     `begin` and `end` are ticks from the step's start, `pieces` Runge-Kutta steps between them.
     """
@@ -44,7 +44,7 @@ class Member:
     declaration: int  # index into Fused.sources
     layout: Layout
     cell: int
-    start_cell: int  # first of its start values: all that precedes the derived values
+    start_cell: int  # first of its start values, which are all before the derived values
     periods: tuple[int, ...]  # of each clock: index into Fused.periods
     rate: int  # of its communication step: index into Fused.periods, or -1 if it is a tick
     cuts: tuple[Cut, ...]
@@ -56,7 +56,7 @@ class Member:
 
     @property
     def pending(self) -> int:
-        """Return the cell of the first output that is not visible yet, where its step is longer."""
+        """Return the cell of its first pending output, if its step is longer than a tick."""
         return self.cell + self.layout.size
 
     @property
@@ -65,7 +65,7 @@ class Member:
         return self.layout.size + (self.layout.count["output"] if self.rate >= 0 else 0)
 
     def is_seed(self, name: str) -> bool:
-        """Return whether a variable is the key of its draws: two whole numbers of 32 bits."""
+        """Return whether a variable is the key of its draws: two integers of 32 bits."""
         v = self.layout.model.variables.get(name)
         return (
             name == "seed"
@@ -96,12 +96,12 @@ class Fused:
 
     @property
     def n_words(self) -> int:
-        """Return the number of 64-bit integers at a block's begin."""
+        """Return the number of 64-bit integers at the beginning of a block."""
         return HEADER + 2 * len(self.periods)
 
     @cached_property
     def n_cells(self) -> int:
-        """Return the number of cells of a block: of whole words."""
+        """Return the number of cells of a block, rounded up to whole words."""
         last = self.members[-1]
         return -(-(last.cell + last.size) // self.cells_a_word) * self.cells_a_word
 
@@ -117,7 +117,7 @@ class Fused:
         return tuple(i for group in self.plan.groups for i in group.members)
 
     def is_early(self, t: Transfer) -> bool:
-        """Return whether the target sees what the source produced in the same step."""
+        """Return whether the target gets the source's output of the same step."""
         components = self.plan.components
         if components[t.source].step_ticks > components[t.target].step_ticks:
             return False
@@ -138,24 +138,30 @@ class Fused:
         return f"{p.variable.name}{element}", m.path
 
 
-def _begins(plan: Plan) -> Iterator[Problem]:
-    if plan.start:
-        yield Problem("start time", f"{float(plan.start):g} s", "0 s, where a kernel begins")
-
-
 def fused_of(plan: Plan, cells_a_word: int = 1) -> Fused:
-    """Return the plan with its declarations; raises SystemInvalid with all that cannot be fused."""
-    problems = [*_foreign(plan)]
+    """Return the plan with its declarations; raises SystemInvalid if it cannot be fused."""
+    problems: list[Problem] = []
+    sources_of_plan: dict[str, ModelSource] = {}
+    for c in plan.components:
+        source = resolve(c.source)
+        if isinstance(source, ModelSource):
+            sources_of_plan[c.source] = source
+            continue
+        a = {"FMU": "an FMU", "Python": "a Python component"}.get(source.kind, source.kind)
+        problems.append(
+            Problem(
+                c.path,
+                f"{a}, {c.source}, in a kernel",
+                "a declaration (model:…); the master runs all others",
+            )
+        )
     if problems:
         raise SystemInvalid(problems)
-    found = {c.source: equations(_source(c.source).declare()) for c in plan.components}
-    problems = [
-        *_begins(plan),
-        *_optimisers(plan, found),
-        *_clocks(plan, found),
-        *_loops(plan),
-        *_conversions(plan),
-    ]
+    found = {text: equations(s.declare()) for text, s in sources_of_plan.items()}
+    if plan.start:
+        start = f"{float(plan.start):g} s"
+        problems.append(Problem("start time", start, "0 s, where a kernel begins"))
+    problems += [*_component_problems(plan, found), *_plan_problems(plan)]
     if problems:
         raise SystemInvalid(problems)
     clocks = {int(k.period / plan.tick) for e in found.values() for k in e.layout.model.clocks}
@@ -189,33 +195,13 @@ def _cuts(tick: Fraction, h_max: float, ticks: int, periods: list[int]) -> Itera
     at = {0, *(k for p in periods for k in range(0, ticks, p))}
     for begin, end in pairwise([*sorted(at), ticks]):
         clocks = tuple(i for i, p in enumerate(periods) if begin % p == 0)
-        yield Cut(begin, end, clocks, _pieces((end - begin) * tick, h_max))
+        # As in uuv_runtime.c: rounding must not add a sub-step to a whole number of them.
+        pieces = max(1, ceil(float((end - begin) * tick) / h_max - 1e-6))
+        yield Cut(begin, end, clocks, pieces)
 
 
-def _source(text: str) -> ModelSource:
-    source = resolve(text)
-    assert isinstance(source, ModelSource)
-    return source
-
-
-def _pieces(length: Fraction, h_max: float) -> int:
-    # As uuv_runtime.c does it: a hair over a whole number of sub-steps is that number.
-    return max(1, ceil(float(length) / h_max - 1e-6))
-
-
-def _foreign(plan: Plan) -> Iterator[Problem]:
-    for c in plan.components:
-        source = resolve(c.source)
-        if not isinstance(source, ModelSource):
-            a = {"FMU": "an FMU", "Python": "a Python component"}.get(source.kind, source.kind)
-            yield Problem(
-                c.path,
-                f"{a}, {c.source}, in a kernel",
-                "a declaration (model:…); the master runs all others",
-            )
-
-
-def _optimisers(plan: Plan, found: Mapping[str, Equations]) -> Iterator[Problem]:
+def _component_problems(plan: Plan, found: Mapping[str, Equations]) -> Iterator[Problem]:
+    """Yield the components with an optimiser, and the clocks that do not fit their step."""
     for c in plan.components:
         if optimisers_of(list(found[c.source].updates)):
             yield Problem(
@@ -223,9 +209,6 @@ def _optimisers(plan: Plan, found: Mapping[str, Equations]) -> Iterator[Problem]
                 f"an optimiser, {c.source}, in a kernel",
                 "a law in closed form such as lqr; the master and FMUs run optimisers",
             )
-
-
-def _clocks(plan: Plan, found: Mapping[str, Equations]) -> Iterator[Problem]:
     for c in plan.components:
         step = c.step_ticks * plan.tick
         for clock in found[c.source].layout.model.clocks:
@@ -238,7 +221,8 @@ def _clocks(plan: Plan, found: Mapping[str, Equations]) -> Iterator[Problem]:
                 yield Problem(c.path, what, expected)
 
 
-def _loops(plan: Plan) -> Iterator[Problem]:
+def _plan_problems(plan: Plan) -> Iterator[Problem]:
+    """Yield iterated groups, algebraic loops, and connections that only the master converts."""
     for group in plan.groups:
         if group.algorithm not in ("jacobi", "gauss-seidel"):
             yield Problem(
@@ -254,9 +238,6 @@ def _loops(plan: Plan) -> Iterator[Problem]:
                 "an algebraic loop in initialization, in a kernel",
                 "none; the master solves loops",
             )
-
-
-def _conversions(plan: Plan) -> Iterator[Problem]:
     for t in plan.transfers:
         kinds = {t.source_variable.type, t.target_variable.type}
         if t.table:

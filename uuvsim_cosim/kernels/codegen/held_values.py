@@ -1,4 +1,4 @@
-"""Values that a right-hand side computes from inputs held over a step: computed once a step."""
+"""Values of a right-hand side that depend only on held inputs: they are computed once a step."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 
 __all__ = ["split"]
 
-# The values of a network or field (fmus/codegen/network_data.py) are no V, and so are not held.
+# The values of a network or field (fmus/codegen/network_data.py) are not of type V: not held.
 _LINE = re.compile(
     r"const (?P<type>V|(?:network|field)_\w+_values) (?P<name>t\w+) = (?P<value>.*);$"
 )
@@ -27,11 +27,11 @@ def split(
 ) -> tuple[str, int]:
     """Split the emitted ``rhs(b, dx)`` into ``held(b, w)`` and ``rhs(b, w, dx)``.
 
-    `varies` says which cells change within a step. Every operation stays as it is, so the bits
-    do too; with `invert`, for float32, a quotient becomes a product with the inverse, which is
-    held where its divisor is. Tables that the emitted ``outputs(b, out)`` reads at held cells are
-    read with them: the text also has ``outputs_of_step(b, w, out)``. Gives the text of all these
-    functions, and how many values `w` holds.
+    `varies` returns whether a cell changes within a step. Operations are not changed, and so
+    neither are the bits of results. With `invert`, for float32, a quotient becomes a product with
+    the inverse, which is held if its divisor is. Tables that the emitted ``outputs(b, out)`` reads
+    at held cells are read with them: the text also has ``outputs_of_step(b, w, out)``. Return the
+    text of all these functions, and the number of values in `w`.
     """
     lines = [line.strip() for line in text.splitlines()]
     if invert:
@@ -71,7 +71,7 @@ def split(
 def _held_tables(
     outputs: str, varies: Callable[[int], bool], first: int
 ) -> tuple[list[re.Match[str]], str]:
-    """Return the reads of tables at held cells, and the outputs that take them from w[first] on."""
+    """Return the reads of tables at held cells, and the outputs that use w[first], … instead."""
     found = [
         m
         for m in _TABLE.finditer(outputs)
@@ -86,6 +86,7 @@ def _held_tables(
 
 
 def _inverted(line: str) -> list[str]:
+    """Return a quotient's line as an inverse and a product; any other line as it is."""
     m = _QUOTIENT.match(line)
     if m is None:
         return [line]

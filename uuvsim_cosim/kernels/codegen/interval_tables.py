@@ -1,14 +1,13 @@
-"""The C of a linear table on lanes by its intervals, for derivatives and tables of many rows.
+"""C of a linear table on lanes by its intervals, for derivatives and tables of many rows.
 
-A table's argument falls into one of equal buckets; each knows the first interval that begins in
-it, and few corrections find the right one: the same interval that bisection finds. Differences
-and slopes are rounded here as the runtime rounds them, so that float64 results have its bits.
+A table's argument falls into one of equal buckets. Each bucket stores the first interval that
+begins in it; a few corrections then find the same interval as bisection. Differences and slopes
+are rounded here in the same way as in the runtime, so that float64 results have the same bits.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -17,13 +16,13 @@ from uuvsim_cosim.models.intrinsics.table import Table
 __all__ = ["interval_text", "numbers_text"]
 
 _MOST_BUCKETS = 8192
-_KINDS = {"_d": "BY_X", "_dx": "BY_X", "_dy": "BY_Y"}  # by a call's end
+_MODES = {"_d": "BY_X", "_dx": "BY_X", "_dy": "BY_Y"}  # by the suffix of a call
 
 
 def interval_text(table: Table, dtype: np.dtype, calls: set[str]) -> Iterator[str]:
     """Yield the functions `calls` of a table ("at", "at_dx"), and the records that they read.
 
-    An interval has one: its first knot, and of each pair of rows the values and the slopes.
+    An interval has one record: its first knot, and for each pair of rows the values and slopes.
     """
     x = np.array(table.x)
     name, n, ny = table.name, len(x), max(1, len(table.y))
@@ -49,7 +48,7 @@ def interval_text(table: Table, dtype: np.dtype, calls: set[str]) -> Iterator[st
         yield f"static inline V {name}_{call}({', '.join(f'V {a}' for a in arguments)}) {{"
         yield (
             f"    return uuv_lane_record{len(arguments)}({', '.join(arguments)}, {grids}, "
-            f"{name}_records, UUV_{_KINDS.get(call.removeprefix('at'), 'VALUE')});"
+            f"{name}_records, UUV_{_MODES.get(call.removeprefix('at'), 'VALUE')});"
         )
         yield "}"
 
@@ -57,7 +56,7 @@ def interval_text(table: Table, dtype: np.dtype, calls: set[str]) -> Iterator[st
 def _grid(name: str, knots: np.ndarray, dtype: np.dtype) -> Iterator[str]:
     x = knots.astype(dtype)
     scale, begin, corrections = _buckets(x)
-    following = np.append(x[1:-1], [np.nan, np.nan])  # the last knot is found apart
+    following = np.append(x[1:-1], [np.nan, np.nan])  # C treats the last knot separately
     buckets = np.array([(i, following[i]) for i in begin])
     yield f"static const uuv_real {name}_next[] = {{{numbers_text(following, dtype)}}};"
     yield f"static const uuv_real {name}_knots[] = {{{numbers_text(x, dtype)}}};"
@@ -69,14 +68,14 @@ def _grid(name: str, knots: np.ndarray, dtype: np.dtype) -> Iterator[str]:
     )
 
 
-def _buckets(x: np.ndarray) -> tuple[Any, list[int], int]:
-    """Return buckets a unit, the last knot before each bucket, and how many knots one holds."""
-    best: tuple[Any, list[int], int] | None = None
+def _buckets(x: np.ndarray) -> tuple[float, list[int], int]:
+    """Return buckets per unit, the last knot before each bucket, and the most knots in one."""
+    best: tuple[float, list[int], int] | None = None
     count = 1 if len(x) == 2 else len(x)
     while True:
         scale = x.dtype.type(count) / (x[-1] - x[0])
         # The same operations as in C, which are monotone: no x of a bucket is below its knots.
-        bucket = _bucket_of(x, count)[:-1]
+        bucket = np.minimum(((x - x[0]) * scale).astype(int), count - 1)[:-1]
         each = np.arange(count)
         begin = np.maximum(0, np.searchsorted(bucket, each) - 1)
         end = np.maximum(0, np.searchsorted(bucket, each, side="right") - 1)
@@ -88,17 +87,11 @@ def _buckets(x: np.ndarray) -> tuple[Any, list[int], int]:
         count *= 2
 
 
-def _bucket_of(x: np.ndarray, count: int) -> np.ndarray:
-    """Return the bucket of every knot, by the same operations as in C."""
-    scale = x.dtype.type(count) / (x[-1] - x[0])
-    return np.asarray(np.minimum(((x - x[0]) * scale).astype(int), count - 1))
-
-
-def numbers_text(values: Sequence[Any] | np.ndarray, dtype: np.dtype) -> str:
+def numbers_text(values: Sequence[float] | np.ndarray, dtype: np.dtype) -> str:
     """Write numbers of a type so that C reads the same bits."""
     suffix = "f" if dtype == np.float32 else ""
 
-    def text(v: Any) -> str:
+    def text(v: float) -> str:
         return '__builtin_nan("")' if np.isnan(v) else repr(float(v)) + suffix
 
     return ", ".join(text(dtype.type(v)) for v in values)

@@ -1,7 +1,7 @@
-"""The C text of components whose communication step is longer than the system's.
+"""C text of components whose communication step is longer than the system's.
 
-Such a step is made at once, when it begins, in the lanes that are due; what it produces lies in
-pending cells until the tick at which it ends, as the master keeps it.
+The whole step is made when it begins, in the lanes that are due. As in the master, its outputs
+are kept in pending cells until the tick at which the step ends.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ def _slow_rates(fused: Fused) -> list[int]:
 
 
 def due_now(fused: Fused) -> Iterator[str]:
-    """Say which lanes begin a longer communication step now."""
+    """Yield the masks of the lanes that begin a longer communication step now."""
     for rate in _slow_rates(fused):
         yield f"    const uuv_mask due_{rate} = uuv_mask_of_words(lane_phase_is(m, {rate}, 0));"
 
 
 def slower_steps(fused: Fused) -> Iterator[str]:
-    """Yield functions that make a longer communication step at once; outputs wait for its end."""
+    """Yield the functions that make a longer communication step; its outputs stay pending."""
     for i, m in enumerate(fused.members):
         if m.rate < 0:
             continue
@@ -74,7 +74,7 @@ def slower_steps(fused: Fused) -> Iterator[str]:
 
 
 def becoming_visible(fused: Fused) -> Iterator[str]:
-    """Yield outputs of longer communication steps that end with this tick to everybody."""
+    """Yield the copies that make outputs visible, of longer steps that end with this tick."""
     for rate in _slow_rates(fused):
         last = fused.periods[rate] - 1
         ends = f"uuv_mask_of_words(lane_phase_is(m, {rate}, {last}))"

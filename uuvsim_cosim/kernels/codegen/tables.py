@@ -1,8 +1,8 @@
-"""The C of tables on lanes: an argument leads to one record, of which each number is a vector.
+"""C of tables on lanes: an argument selects one record, each number of which is a vector.
 
-A table is read in the form that its call names (see fmus/codegen/table_data.py): by its lines of
-equal length, by its knots, or by its intervals. Two tables of lines over the same grid that a
-function reads at the same place are read together.
+A table is read in the form that its call names (see fmus/codegen/table_data.py): by the lines of a
+uniform grid, by its breakpoints, or by its intervals. If a function reads two tables with the same
+uniform grid at the same place, they are read together.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _EVEN = re.compile(
 
 
 def tables_in_lanes(text: str, dtype: np.dtype) -> tuple[str, str]:
-    """Return the text of the tables that `text` calls, and `text` with the calls to them."""
+    """Return the text of the tables that `text` reads, and `text` with calls of their functions."""
     pairs: dict[str, tuple[Even, ...]] = {}
     text = "\n}\n".join(_paired(body, pairs) for body in text.split("\n}\n"))
     called: dict[str, set[str]] = {}
@@ -49,7 +49,7 @@ def tables_in_lanes(text: str, dtype: np.dtype) -> tuple[str, str]:
 
 
 def _paired(body: str, pairs: dict[str, tuple[Even, ...]]) -> str:
-    """Read two even tables together where a function reads both at the same place."""
+    """Read two uniform tables together if a function reads both at the same place."""
     waiting: dict[tuple[object, ...], re.Match[str]] = {}
     for m in [*_EVEN.finditer(body)]:
         e = even(TABLES[m["name"]])
@@ -71,7 +71,7 @@ def _paired(body: str, pairs: dict[str, tuple[Even, ...]]) -> str:
 
 
 def _table(table: Table, dtype: np.dtype, calls: set[str]) -> Iterator[str]:
-    """Yield the functions of a table, each named as a call ends: "at_even", "at_dx"."""
+    """Yield the functions of a table, each named by the suffix of a call: "at_even", "at_dx"."""
     intervals = set(calls)
     e, b = even(table), bends(table, dtype.name)
     if e is not None and "at_even" in calls:
@@ -85,7 +85,7 @@ def _table(table: Table, dtype: np.dtype, calls: set[str]) -> Iterator[str]:
 
 
 def _even(name: str, together: tuple[Even, ...], dtype: np.dtype) -> Iterator[str]:
-    """Yield a record for each line: of each row of each table its value and its slope."""
+    """Yield the function of a uniform table, and a record for each line: values and slopes."""
     e = together[0]
     rows = [row for each in together for row in each.rows]
     records = np.zeros((len(rows[0]), 8))
@@ -107,7 +107,10 @@ def _even(name: str, together: tuple[Even, ...], dtype: np.dtype) -> Iterator[st
 
 
 def _bent(table: Table, b: Bends, dtype: np.dtype) -> Iterator[str]:
-    """Yield a record for each bucket: of each row its knot, the value there, and both slopes."""
+    """Yield the function of a table by its breakpoints, and a record for each bucket.
+
+    A record has for each row the breakpoint, the value there, and both slopes.
+    """
     records = np.zeros((b.count + 1, 8))
     for i, (row, at) in enumerate(zip(b.rows, b.at, strict=True)):
         records[:, 4 * i : 4 * i + 4] = row[at]

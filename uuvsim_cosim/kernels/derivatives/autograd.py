@@ -1,33 +1,38 @@
-"""A kernel's rollout as a differentiable function of torch tensors."""
+"""Rollout of a kernel as a differentiable function of torch tensors."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.kernels.derivatives.rollout import Differentiable, Rollout, run, vjp
 
+if TYPE_CHECKING:
+    import torch
+
 __all__ = ["rollout"]
+
+_Names = tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]  # of start, inputs, outputs
 
 
 def rollout(
     kernel: Differentiable,
-    start: Mapping[str, Any],
+    start: Mapping[str, object],
     outputs: Sequence[str],
     *,
     steps: int,
-    inputs: Mapping[str, Any] | None = None,
+    inputs: Mapping[str, object] | None = None,
     **more: Any,
-) -> dict[str, Any]:
+) -> dict[str, torch.Tensor]:
     """Return the outputs at the end of every step, (steps, n_envs, …), as tensors of float64.
 
-    `start` and `inputs` are what `Rollout` takes, as tensors of any device and real type, on
-    which gradients come back; `more` is n_envs, seeds, threads. Adjoints are compiled only if a
-    tensor requires a gradient. Raises InputInvalid where torch is not installed (extra `rl`).
+    `start` and `inputs` are those of `Rollout`, as tensors of any device and real type, which
+    gradients have as well; `more` is n_envs, seeds, threads. Adjoints are compiled only if a
+    tensor requires a gradient. Raises InputInvalid if torch is not installed (extra `rl`).
     """
     through, torch = _through()
     sequences = {} if inputs is None else dict(inputs)
@@ -39,7 +44,7 @@ def rollout(
 
 @lru_cache
 def _through() -> tuple[Any, Any]:
-    """Make the function for autograd when it is first needed: torch takes seconds to import."""
+    """Return autograd's function, and torch; at the first call, as its import takes seconds."""
     try:
         import torch
         from torch.autograd.function import once_differentiable
@@ -52,7 +57,13 @@ def _through() -> tuple[Any, Any]:
         """Values forward by the kernel, gradients backward by its adjoints."""
 
         @staticmethod
-        def forward(ctx: Any, kernel: Any, names: Any, options: Any, *tensors: Any) -> Any:
+        def forward(
+            ctx: Any,
+            kernel: Differentiable,
+            names: _Names,
+            options: dict[str, Any],
+            *tensors: torch.Tensor,
+        ) -> tuple[torch.Tensor, ...]:
             of_start, of_inputs, outputs = names
             arrays = [t.detach().cpu().numpy().astype(np.float64) for t in tensors]
             start = dict(zip(of_start, arrays[: len(of_start)], strict=True))
@@ -67,7 +78,7 @@ def _through() -> tuple[Any, Any]:
 
         @staticmethod
         @once_differentiable
-        def backward(ctx: Any, *gradients: Any) -> Any:
+        def backward(ctx: Any, *gradients: torch.Tensor | None) -> tuple[object, ...]:
             of_start, of_inputs, outputs = ctx.names
             given = {
                 name: g.detach().cpu().numpy()

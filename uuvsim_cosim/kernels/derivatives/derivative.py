@@ -1,4 +1,4 @@
-"""Compiled tangents or adjoints of a kernel; what cannot be differentiated is refused by name."""
+"""Compiled tangents or adjoints of a kernel; components without derivatives are refused."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ __all__ = ["Derivative"]
 
 @final
 class Derivative:
-    """The compiled tangents, or adjoints, of a kernel's initialization and step."""
+    """Compiled tangents, or adjoints, of a kernel's initialization and step."""
 
     def __init__(self, kernel: Program, mode: Mode) -> None:
         fused = kernel.fused

@@ -1,10 +1,10 @@
-"""Derivatives through a kernel: tangents run with its steps, adjoints back over kept ones."""
+"""Derivatives through a kernel: tangents along its steps, adjoints backwards over kept states."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import ceil, sqrt
-from typing import Any, Protocol, final
+from typing import Protocol, final
 
 import numpy as np
 
@@ -19,11 +19,11 @@ from uuvsim_cosim.kernels.derivatives.derivative import Derivative
 __all__ = ["Differentiable", "Rollout", "Values", "jvp", "run", "vjp"]
 
 Values = dict[str, np.ndarray]
-KEPT_BYTES = 1 << 25  # of the begins of steps; beyond, most steps are made twice
+KEPT_BYTES = 1 << 25  # of states at the begin of steps; for more, most steps are made twice
 
 
 class Differentiable(Program, Protocol):
-    """A compiled plan that compiles its derivatives when they are asked for."""
+    """A compiled plan that compiles its derivatives at the first use."""
 
     def derivative(self, mode: Mode) -> Derivative:
         """Return the compiled tangents or adjoints of a step."""
@@ -31,21 +31,21 @@ class Differentiable(Program, Protocol):
 
 @final
 class Rollout:
-    """`steps` communication steps from start values: what is given, and what is looked at.
+    """`steps` communication steps from start values, with inputs, and the outputs to be read.
 
-    `start` names parameters and unconnected inputs, of the variable's shape or one row an
-    environment; `inputs` names unconnected inputs that change, (steps, …) of either of these.
+    `start` are values of parameters and unconnected inputs, of the variable's shape or one row for
+    each environment. `inputs` are values of unconnected inputs that change, (steps, …) of these.
     """
 
     def __init__(
         self,
         kernel: Differentiable,
-        start: Mapping[str, Any],
+        start: Mapping[str, object],
         outputs: Sequence[str],
         *,
         steps: int,
         n_envs: int = 1,
-        inputs: Mapping[str, Any] | None = None,
+        inputs: Mapping[str, object] | None = None,
         seeds: Seeds | None = None,
         threads: int = 1,
         kept_bytes: int = KEPT_BYTES,
@@ -54,10 +54,8 @@ class Rollout:
             raise InputInvalid(f"{steps} steps; expected at least 1")
         self.kernel, self.steps, self.n_envs, self.kept_bytes = kernel, steps, n_envs, kept_bytes
         self.batch = Batch(kernel, n_envs, seeds=seeds, start=start, threads=threads)
-        self.start = {name: np.asarray(v, dtype=float) for name, v in start.items()}
-        self.inputs = {
-            name: self._sequence(name, v) for name, v in (inputs if inputs else {}).items()
-        }
+        self.start: Values = {name: np.asarray(v, dtype=float) for name, v in start.items()}
+        self.inputs: Values = {name: self._sequence(name, v) for name, v in (inputs or {}).items()}
         twice = self.start.keys() & self.inputs.keys()
         if twice:
             raise InputInvalid(f"{min(twice)}: is given as start and as inputs; expected one")
@@ -71,14 +69,15 @@ class Rollout:
             raise InputInvalid(f"{name}: is {kind}, without derivatives; expected a Float64")
         return signal
 
-    def _sequence(self, name: str, values: Any) -> np.ndarray:
+    def _sequence(self, name: str, values: object) -> np.ndarray:
+        """Return an input's values over the steps; raises InputInvalid."""
         variable = self._real(name).variable
         if variable.causality != "input":
             raise InputInvalid(
                 f"{name}: is {variable.causality}, in inputs; expected an input that changes"
             )
         shape = variable.shape
-        array = np.asarray(values, dtype=float)
+        array: np.ndarray = np.asarray(values, dtype=float)
         expected = ((self.steps, *shape), (self.steps, self.n_envs, *shape))
         if array.shape not in expected:
             raise InputInvalid(
@@ -92,12 +91,12 @@ class Rollout:
             self.batch.set(name, values[k])
 
     def read(self) -> Iterator[np.ndarray]:
-        """Yield the outputs as they are now."""
+        """Yield the present values of the outputs."""
         for signal in self.outputs.values():
             yield signal.own.read()
 
     def beside(self) -> tuple[Lanes, Lanes]:
-        """Make zeros that lie as the environments' values and start values do."""
+        """Return zeros with the memory layout of the environments' values and start values."""
         fused, n = self.kernel.fused, self.n_envs
         width, dtype = self.kernel.lanes, self.kernel.dtype
         return (
@@ -106,13 +105,13 @@ class Rollout:
         )
 
     def empty(self) -> Values:
-        """Make room for every output at the end of every step."""
+        """Return arrays for every output at the end of every step."""
         return {
             name: np.empty((self.steps, self.n_envs, *s.variable.shape))
             for name, s in self.outputs.items()
         }
 
-    def each(self, call: Callable[[int, int, int], Any], derivative: Derivative) -> None:
+    def each(self, call: Callable[[int, int, int], object], derivative: Derivative) -> None:
         """Call with a work space for each range of blocks."""
         if self._tapes is None:
             workers = len(self.batch._scratch)
@@ -122,7 +121,7 @@ class Rollout:
 
 
 def run(rollout: Rollout, keep: Callable[[int], None] = lambda _: None) -> Values:
-    """Return the outputs at the end of every step; `keep` is called where each begins."""
+    """Return the outputs at the end of every step; `keep` is called at the begin of each."""
     values = rollout.empty()
     rollout.batch.reset()
     for k in range(rollout.steps):
@@ -134,11 +133,11 @@ def run(rollout: Rollout, keep: Callable[[int], None] = lambda _: None) -> Value
     return values
 
 
-def jvp(rollout: Rollout, tangents: Mapping[str, Any]) -> tuple[Values, Values]:
+def jvp(rollout: Rollout, tangents: Mapping[str, object]) -> tuple[Values, Values]:
     """Return the outputs at the end of every step, and their derivative along `tangents`.
 
-    `tangents` perturbs what the rollout was given, name by name in the same shapes; what it
-    does not name stays. Outputs are (steps, n_envs, …).
+    `tangents` are perturbations of the rollout's start values and inputs, by name, in the same
+    shapes; values that it does not name are constant. Outputs are (steps, n_envs, …).
     """
     derivative = rollout.kernel.derivative("tangent")
     d, d_start = rollout.beside()
@@ -146,7 +145,12 @@ def jvp(rollout: Rollout, tangents: Mapping[str, Any]) -> tuple[Values, Values]:
     moved = {name: signal_of(rollout.kernel, name, d, d_start) for name in rollout.outputs}
     sequences: dict[str, tuple[Signal, np.ndarray]] = {}
     for name, value in tangents.items():
-        array = _like(rollout, name, value)
+        array: np.ndarray = np.asarray(value, dtype=float)
+        shape = _given(rollout, name).shape
+        if array.shape != shape:
+            raise InputInvalid(
+                f"{name}: tangent of shape {array.shape}; expected {shape}, as given"
+            )
         rollout._real(name)
         signal = signal_of(rollout.kernel, name, d, d_start)
         if name in rollout.inputs:
@@ -174,11 +178,11 @@ def jvp(rollout: Rollout, tangents: Mapping[str, Any]) -> tuple[Values, Values]:
     return values, changes
 
 
-def vjp(rollout: Rollout) -> tuple[Values, Callable[[Mapping[str, Any]], Values]]:
+def vjp(rollout: Rollout) -> tuple[Values, Callable[[Mapping[str, object]], Values]]:
     """Return the outputs at the end of every step, and a function that pulls gradients back.
 
-    It takes the gradient of a scalar with respect to outputs, (steps, n_envs, …) each, and gives
-    that with respect to everything the rollout was given, in the shapes that were given.
+    Its argument is the gradient of a scalar with respect to outputs, (steps, n_envs, …) each. It
+    returns the gradient with respect to the rollout's start values and inputs, in their shapes.
     """
     derivative = rollout.kernel.derivative("adjoint")
     cells, steps = rollout.batch.cells, rollout.steps
@@ -191,27 +195,40 @@ def vjp(rollout: Rollout) -> tuple[Values, Callable[[Mapping[str, Any]], Values]
 
     values = run(rollout, keep)
 
-    def pull(gradients: Mapping[str, Any]) -> Values:
-        given = {name: _gradient(rollout, name, g) for name, g in gradients.items()}
-        return _pulled(rollout, derivative, kept, every, given)
+    def pull(gradients: Mapping[str, object]) -> Values:
+        given: Values = {}
+        for name, gradient in gradients.items():
+            if name not in rollout.outputs:
+                names = ", ".join(rollout.outputs)
+                raise InputInvalid(f"{name}: is no output of the rollout; expected one of {names}")
+            array: np.ndarray = np.asarray(gradient, dtype=float)
+            shape = (rollout.steps, *_rows(rollout, name))
+            if array.shape != shape:
+                raise InputInvalid(f"{name}: gradient of shape {array.shape}; expected {shape}")
+            given[name] = array
+        return _pulled_back(rollout, derivative, kept, every, given)
 
     return values, pull
 
 
-def _pulled(
+def _pulled_back(
     rollout: Rollout,
     derivative: Derivative,
     kept: Mapping[int, np.ndarray],
     every: int,
     given: Values,
 ) -> Values:
+    """Return the gradients with respect to start values and inputs.
+
+    `kept` are the cells at the begin of every `every`-th step; the steps between are repeated.
+    """
     a, a_start = rollout.beside()
     batch, kernel, c = rollout.batch, rollout.kernel, derivative.c
-    looked = {name: signal_of(kernel, name, a, a_start) for name in given}
+    observed = {name: signal_of(kernel, name, a, a_start) for name in given}
     changed = {name: signal_of(kernel, name, a, a_start) for name in rollout.inputs}
     found: Values = {name: np.zeros((rollout.steps, *_rows(rollout, name))) for name in changed}
     segment: dict[int, np.ndarray] = {}
-    room: list[np.ndarray] = []  # what a segment was kept in serves the next one
+    spare: list[np.ndarray] = []  # memory of the last segment, for the next one
 
     def back_over(k: int) -> None:
         m = int(segment[k].ctypes.data)
@@ -219,9 +236,9 @@ def _pulled(
 
     for k in reversed(range(rollout.steps)):
         if k not in segment:
-            room += [cells for first, cells in segment.items() if first not in kept]
-            segment = _again(rollout, kept, k - k % every, k, room)
-        for name, signal in looked.items():
+            spare += [cells for first, cells in segment.items() if first not in kept]
+            segment = _repeated(rollout, kept, k - k % every, k, spare)
+        for name, signal in observed.items():
             signal.own.write(signal.own.read() + given[name][k])
         back_over(k)
         for name, signal in changed.items():
@@ -235,33 +252,38 @@ def _pulled(
     for name in rollout.start:
         if batch._signal(name).variable.type == "Float64":
             found[name] = signal_of(kernel, name, a, a_start).start.read()
-    return {name: _as_given(rollout, name, g) for name, g in found.items()}
+    for name, gradient in found.items():
+        # A value that was given for all environments gets the sum over them.
+        if _given(rollout, name).ndim < gradient.ndim:
+            axis = 1 if name in rollout.inputs else 0
+            found[name] = np.asarray(gradient.sum(axis=axis))
+    return found
 
 
-def _again(
+def _repeated(
     rollout: Rollout,
     kept: Mapping[int, np.ndarray],
     first: int,
     last: int,
-    room: list[np.ndarray],
+    spare: list[np.ndarray],
 ) -> dict[int, np.ndarray]:
-    """Make the steps from a kept one again, and keep the begin of each."""
+    """Repeat the steps from kept cells on, and return the cells at the begin of each."""
     found = {first: kept[first]}
     if last > first:
         rollout.batch.cells[...] = kept[first]
         for k in range(first, last):
             if k > first:
                 rollout.set_inputs(k)
-                found[k] = _copy(rollout.batch.cells, room)
+                found[k] = _copy(rollout.batch.cells, spare)
             rollout.batch.step()
         rollout.set_inputs(last)
-        found[last] = _copy(rollout.batch.cells, room)
+        found[last] = _copy(rollout.batch.cells, spare)
     return found
 
 
-def _copy(cells: np.ndarray, room: list[np.ndarray] | None = None) -> np.ndarray:
-    copy = room.pop() if room else aligned(cells.shape)
-    copy.view(np.uint64)[...] = cells.view(np.uint64)  # words are no numbers
+def _copy(cells: np.ndarray, spare: list[np.ndarray] | None = None) -> np.ndarray:
+    copy = spare.pop() if spare else aligned(cells.shape)
+    copy.view(np.uint64)[...] = cells.view(np.uint64)  # bits: some cells hold integers
     return copy
 
 
@@ -270,33 +292,9 @@ def _rows(rollout: Rollout, name: str) -> tuple[int, ...]:
 
 
 def _given(rollout: Rollout, name: str) -> np.ndarray:
+    """Return a start value or input of the rollout; raises InputInvalid."""
     for known in (rollout.start, rollout.inputs):
         if name in known:
             return known[name]
     names = ", ".join([*rollout.start, *rollout.inputs]) or "nothing"
     raise InputInvalid(f"{name}: was not given to the rollout; expected one of {names}")
-
-
-def _like(rollout: Rollout, name: str, value: Any) -> np.ndarray:
-    array = np.asarray(value, dtype=float)
-    shape = _given(rollout, name).shape
-    if array.shape != shape:
-        raise InputInvalid(f"{name}: tangent of shape {array.shape}; expected {shape}, as given")
-    return array
-
-
-def _gradient(rollout: Rollout, name: str, value: Any) -> np.ndarray:
-    if name not in rollout.outputs:
-        names = ", ".join(rollout.outputs)
-        raise InputInvalid(f"{name}: is no output of the rollout; expected one of {names}")
-    array, shape = np.asarray(value, dtype=float), (rollout.steps, *_rows(rollout, name))
-    if array.shape != shape:
-        raise InputInvalid(f"{name}: gradient of shape {array.shape}; expected {shape}")
-    return array
-
-
-def _as_given(rollout: Rollout, name: str, gradient: np.ndarray) -> np.ndarray:
-    """Sum over the environments where one value was given for all."""
-    axis = 1 if name in rollout.inputs else 0
-    one_for_all = _given(rollout, name).ndim < gradient.ndim
-    return np.asarray(gradient.sum(axis=axis) if one_for_all else gradient)

@@ -1,4 +1,4 @@
-"""A system of declarations becomes one self-contained FMU: its plan, fused for one lane."""
+"""Export of a system of declarations as one self-contained FMU: its plan, fused for one lane."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ def build_system_fmu(
     naming: Naming = "flat",
     stop_time: float = 10.0,
 ) -> Path:
-    """Build an .fmu that needs nobody, and give its path: `target` (a file or a folder), or cached.
+    """Build a self-contained .fmu and return its path: `target` (file or folder), or in the cache.
 
     `signals` and `inputs` are patterns of the outputs and inputs to show ("hull.*"), all by
     default; other inputs keep their start values. Raises SystemInvalid with every component that
-    is no declaration, InputInvalid for a pattern that nothing matches, ToolchainError.
+    is no declaration, InputInvalid for a pattern without a match, ToolchainError.
     """
     fused = fused_of(flatten(system))
     plan = fused.plan

@@ -1,4 +1,4 @@
-"""The C tables that lead from an FMU's block of values to the cells of a fused system."""
+"""C tables that map an FMU's block of values to the cells of a fused system."""
 
 from __future__ import annotations
 
@@ -13,20 +13,36 @@ __all__ = ["system_text"]
 
 
 def system_text(fused: Fused, variables: Sequence[Exposed], seed: int) -> str:
-    """Return the C behind the driver: tables, the binding of the declarations, and the runtime.
+    """Return the C that follows the driver: tables, binding of the declarations, and the runtime.
 
     `seed` is the place of the system's seed in the block.
     """
+    inputs: list[str] = []
+    parameters: list[str] = []
+    outputs: list[str] = []
+    for e in variables:
+        m = fused.members[e.component]
+        at = m.layout.offset_of(e.own.name)
+        cell, start = m.cell + at, m.start_cell + at
+        if e.own.causality == "input":
+            inputs += [f"{e.offset + k}, {start + k}, {cell + k}" for k in e.free]
+        elif e.own.causality == "parameter":
+            tunable = int(e.own.variability == "tunable")
+            parameters.append(
+                f"{e.offset}, {e.own.size}, {start}, {cell}, {e.component}, {tunable}"
+            )
+        elif e.own.causality == "output":
+            outputs.append(f"{e.offset}, {cell}, {e.own.size}")
     lines = ["#define UUV_WHOLE", '#include "shell_hooks.h"', f"enum {{ SEED = {seed} }};"]
     for name, count, fields, rows in (
-        ("free_inputs", "N_FREE", "uint32_t b, start, cell;", _inputs(fused, variables)),
+        ("free_inputs", "N_FREE", "uint32_t b, start, cell;", inputs),
         (
             "parameters",
             "N_PARAMETERS",
             "uint32_t b, size, start, cell, member, tunable;",
-            _parameters(fused, variables),
+            parameters,
         ),
-        ("shown_outputs", "N_SHOWN", "uint32_t b, cell, size;", _outputs(fused, variables)),
+        ("shown_outputs", "N_SHOWN", "uint32_t b, cell, size;", outputs),
         ("cell_names", "N_NAMES", "uint32_t cell, array; const char *name;", _cell_names(fused)),
     ):
         written = [f"    {{{row}}}," for row in rows]
@@ -44,37 +60,8 @@ def system_text(fused: Fused, variables: Sequence[Exposed], seed: int) -> str:
     return "\n".join(lines)
 
 
-def _places(fused: Fused, e: Exposed) -> tuple[int, int]:
-    """Return the first cell, and the first start cell, of a variable."""
-    m = fused.members[e.component]
-    at = m.layout.offset_of(e.own.name)
-    return m.cell + at, m.start_cell + at
-
-
-def _inputs(fused: Fused, variables: Sequence[Exposed]) -> Iterator[str]:
-    for e in variables:
-        if e.own.causality == "input":
-            cell, start = _places(fused, e)
-            for k in e.free:
-                yield f"{e.offset + k}, {start + k}, {cell + k}"
-
-
-def _parameters(fused: Fused, variables: Sequence[Exposed]) -> Iterator[str]:
-    for e in variables:
-        if e.own.causality == "parameter":
-            cell, start = _places(fused, e)
-            tunable = int(e.own.variability == "tunable")
-            yield f"{e.offset}, {e.own.size}, {start}, {cell}, {e.component}, {tunable}"
-
-
-def _outputs(fused: Fused, variables: Sequence[Exposed]) -> Iterator[str]:
-    for e in variables:
-        if e.own.causality == "output":
-            yield f"{e.offset}, {_places(fused, e)[0]}, {e.own.size}"
-
-
 def _cell_names(fused: Fused) -> Iterator[str]:
-    """Name the cells, for messages; outputs that are not visible yet lie behind a component's."""
+    """Yield the names of the cells, for messages; pending outputs follow a component's values."""
     for m in fused.members:
         for p in m.layout.placed:
             array = int(bool(p.variable.shape))
@@ -84,7 +71,7 @@ def _cell_names(fused: Fused) -> Iterator[str]:
 
 
 def _start(fused: Fused) -> np.ndarray:
-    """Return the start values of all components: of the declarations, and of the plan."""
+    """Return the start values of all components: those of the plan, else of the declarations."""
     start = np.zeros(fused.n_start)
     for c, m in zip(fused.plan.components, fused.members, strict=True):
         for p in m.layout.placed:

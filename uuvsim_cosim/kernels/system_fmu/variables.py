@@ -1,4 +1,4 @@
-"""The variables that a whole system shows as one component: free inputs, parameters, outputs."""
+"""Variables of a whole system as one component: unconnected inputs, parameters, outputs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ __all__ = ["Exposed", "Naming", "description_of", "exposed", "placed"]
 
 Naming = Literal["flat", "structured"]
 
-# Three types are enough for what a block of float64 holds; wider integers keep 53 bits.
+# Three types are enough for a block of float64; wider integers keep 53 bits.
 _SHOWN: Mapping[str, VariableType] = {
     "Float64": "Float64", "Float32": "Float64", "Boolean": "Boolean", "Int8": "Int32",
     "UInt8": "Int32", "Int16": "Int32", "UInt16": "Int32", "Int32": "Int32",
@@ -31,7 +31,7 @@ _SHOWN: Mapping[str, VariableType] = {
 
 @dataclass(frozen=True)
 class Exposed:
-    """A variable of a component, and how the whole shows it; `free` are the unconnected elements.
+    """A variable of a component, and its form in the export; `free` are the unconnected elements.
 
     `full_name` is the master's name for it, "hull.eta"; `shown` has the name of the export and the
     start value of the plan.
@@ -57,18 +57,24 @@ def exposed(
     inputs: Sequence[str] = (),
     fixed: bool = True,
 ) -> list[Exposed]:
-    """List free inputs, then parameters (without `fixed`, the tunable ones), then outputs.
+    """Return free inputs, then parameters (without `fixed`, the tunable ones), then outputs.
 
-    `signals` are patterns of outputs' names, "hull.*", `inputs` of inputs'; without any, all are
-    listed, and "" stands for none. Raises InputInvalid for a pattern that nothing matches,
+    `signals` are patterns of outputs' names, "hull.*", `inputs` of inputs' names; without any, all
+    are returned, and "" stands for none. Raises InputInvalid for a pattern without a match,
     SystemInvalid for names that clash.
     """
     if naming not in get_args(Naming):
         raise InputInvalid(f"names {naming!r}; expected one of {', '.join(get_args(Naming))}")
+    outputs = [
+        _shown(plan, i, v, tuple(range(v.size)))
+        for i, c in enumerate(plan.components)
+        for v in c.description.of("output")
+        if v.type in _SHOWN
+    ]
     found = [
         *_chosen([*_inputs(plan)], inputs, "inputs", "free input"),
         *_parameters(plan, fixed),
-        *_chosen([*_outputs(plan)], signals, "signals", "output"),
+        *_chosen(outputs, signals, "signals", "output"),
     ]
     names = _names([e.full_name for e in found], naming)
     return [
@@ -77,7 +83,7 @@ def exposed(
 
 
 def placed(variables: Iterable[Exposed], first: int) -> list[Exposed]:
-    """Return each its place in the block, one after another from `first` on."""
+    """Return the variables with consecutive places in the block, from `first` on."""
     done = []
     for e in variables:
         done.append(replace(e, shown=replace(e.shown, value_references=(first,))))
@@ -88,7 +94,7 @@ def placed(variables: Iterable[Exposed], first: int) -> list[Exposed]:
 def description_of(
     name: str, text: str, plan: Plan, variables: Sequence[Exposed], own: Sequence[Variable]
 ) -> Description:
-    """Describe the whole as one component; `own` are variables that no component has."""
+    """Describe the system as one component; `own` are additional variables, of no component."""
     units: dict[str, Unit] = {}
     shown = []
     for e in variables:
@@ -116,7 +122,7 @@ def description_of(
 
 
 def _unit(name: str | None, known: Mapping[str, Unit], units: dict[str, Unit]) -> str | None:
-    """Return a unit's name if it means one thing in all components."""
+    """Return a unit's name if it has the same definition in all components."""
     if name is None:
         return None
     try:
@@ -140,23 +146,16 @@ def _inputs(plan: Plan) -> Iterator[Exposed]:
 def _parameters(plan: Plan, fixed: bool) -> Iterator[Exposed]:
     for i, c in enumerate(plan.components):
         for v in c.description.of("parameter"):
-            # A seed follows from the system's, unless the system gives it a value.
+            # A seed is derived from the system's, unless the system sets its value.
             key = v.name == "seed" and v.shape == (2,) and v.name not in c.start
             if v.type in _SHOWN and (fixed or v.variability == "tunable") and not key:
-                yield _shown(plan, i, v, tuple(range(v.size)))
-
-
-def _outputs(plan: Plan) -> Iterator[Exposed]:
-    for i, c in enumerate(plan.components):
-        for v in c.description.of("output"):
-            if v.type in _SHOWN:
                 yield _shown(plan, i, v, tuple(range(v.size)))
 
 
 def _chosen(
     every: Sequence[Exposed], patterns: Sequence[str], option: str, what: str
 ) -> Sequence[Exposed]:
-    """Return those that a pattern matches; all where there are no patterns, none for ""."""
+    """Return the variables that match a pattern; all without patterns, none for ""."""
     names = [e.full_name for e in every]
     for pattern in patterns:
         if pattern and not any(fnmatchcase(name, pattern) for name in names):
@@ -169,6 +168,7 @@ def _chosen(
 
 
 def _shown(plan: Plan, i: int, v: Variable, free: tuple[int, ...]) -> Exposed:
+    """Return a variable of component i in its form for the export, with its full name."""
     c = plan.components[i]
     name = f"{c.path}.{v.name}"
     kind = _SHOWN[v.type]
@@ -200,13 +200,13 @@ def _names(full: Sequence[str], naming: Naming) -> list[str]:
     count = Counter(names)
     dots = [re.sub(keep, "_", n.replace(".", "__"), flags=re.ASCII) for n in full]
     names = [d if count[n] > 1 else n for n, d in zip(names, dots, strict=True)]
-    taken: dict[str, str] = {}
+    used: dict[str, str] = {}
     problems = []
     for name, known in zip(names, full, strict=True):
-        if name in taken:
+        if name in used:
             expected = "names that differ by more than a dot (or structured names, with dots)"
-            problems.append(Problem(known, f"exported as {name}, as is {taken[name]}", expected))
-        taken.setdefault(name, known)
+            problems.append(Problem(known, f"exported as {name}, as is {used[name]}", expected))
+        used.setdefault(name, known)
     if problems:
         raise SystemInvalid(problems)
     return names

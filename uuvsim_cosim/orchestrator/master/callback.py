@@ -1,11 +1,11 @@
-"""Callbacks by which the stepping loop in C steps any component through its Python methods."""
+"""Callbacks through which the stepping loop in C calls the Python methods of a component."""
 
 from __future__ import annotations
 
 import ctypes
 import sys
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,12 +27,12 @@ _GET = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
 
 
 class Callbacks:
-    """The callbacks of one component; an exception in them is kept in `error`.
+    """Callbacks of one component; an exception in them is kept in `error`.
 
-    The loop in C sets `status` to an error before each call, and a call that is complete sets
-    it to 0. A returned status would not do: a signal that arrives while C code runs is raised at
-    the first line of the callback, outside of its `try`. ctypes then prints the exception and
-    returns what the call before returned, so that an interruption would be lost.
+    The loop in C sets `status` to an error before each call, and a complete call sets it to 0. A
+    returned status would not be enough: a signal that arrives while C code runs is raised at the
+    first line of the callback, outside of its `try`. ctypes then prints the exception and returns
+    the value of the previous call, so that an interruption would be lost.
     """
 
     def __init__(self, component: Component) -> None:
@@ -46,10 +46,10 @@ class Callbacks:
         self.get = _GET(self._get)
         self.get_state = _STATE(self._get_state)
         self.set_state = _STATE(self._set_state)
-        self._state: Any = None
+        self._state: object = None
 
     def serve(self, component: Component) -> None:
-        """Call another instance of the same from now on."""
+        """Call another instance of the same component from now on."""
         self._component = component
         self.forget()
 
@@ -95,7 +95,10 @@ class Callbacks:
 
 
 def _keep_escaped_errors() -> None:
-    """Keep an exception that escapes from a callback in its `error` instead of printing it."""
+    """Install a hook that keeps an exception which escapes from a callback in its `error`.
+
+    Without it, ctypes would only print the exception.
+    """
     before = sys.unraisablehook
     if getattr(before, "keeps_escaped_errors", False):
         return
@@ -112,7 +115,7 @@ def _keep_escaped_errors() -> None:
 
 
 class _Row:
-    """Variables that lie one after another in slots; views are made once for each address."""
+    """Variables in consecutive slots; their views are made once for each address."""
 
     def __init__(self, variables: list[Variable]) -> None:
         self.variables = by_type(variables)
@@ -136,7 +139,7 @@ class _Row:
 
 @dataclass(frozen=True)
 class CallbackBinding(Binding):
-    """A binding that keeps its callbacks alive."""
+    """Binding that keeps a reference to its callbacks, because C only has their addresses."""
 
     callbacks: Callbacks
 

@@ -56,7 +56,7 @@ class Type(IntEnum):
 
     @property
     def dtype(self) -> str:
-        """Return numpy's type of a slot; of text and binary it is a pointer."""
+        """Return numpy's type of a slot; for text and binary the slot holds a pointer."""
         if self <= Type.Float32:
             return "f8"
         return "i8" if self <= Type.Int64 else "u8"
@@ -68,7 +68,7 @@ class Type(IntEnum):
 
 
 class Outcome(IntEnum):
-    """Why the loop stopped."""
+    """Reason why the loop stopped; numbers of uuv_core.h."""
 
     GOOD = 0
     BAD_STATUS = 1
@@ -82,7 +82,7 @@ class Outcome(IntEnum):
 
 
 class Action(IntEnum):
-    """What the loop was doing with a component."""
+    """Call of the loop to a component; numbers of uuv_core.h."""
 
     SET = 1
     DO_STEP = 2
@@ -92,7 +92,7 @@ class Action(IntEnum):
 
 
 class Failure(ctypes.Structure):
-    """Why the loop stopped: which member, doing what, at which communication point."""
+    """Failure of the loop: outcome, member, action and communication point."""
 
     _fields_ = (
         ("outcome", ctypes.c_int32),
@@ -106,7 +106,7 @@ class Failure(ctypes.Structure):
 
 
 class Coupling(ctypes.Structure):
-    """The largest residual of a delayed connection, where and when; `relative` to 1 + |input|."""
+    """Largest residual of a delayed connection, its slots and time; `relative` to 1 + |input|."""
 
     _fields_ = (
         ("source_slot", ctypes.c_uint32),
@@ -130,12 +130,15 @@ class Access:
 
 
 def by_type(variables: Iterable[Variable]) -> list[Variable]:
-    """Order variables as their slots are: by type, and as described within a type."""
+    """Order variables by type, as their slots are; within a type as in the description."""
     return sorted(variables, key=Type.of)
 
 
 class Core:
-    """The tables of one plan in C's memory, and the calls that run it."""
+    """Tables of one plan in C's memory, and the calls that step it.
+
+    Members, transfers and functions are added before `begin`; `record` may be called then too.
+    """
 
     def __init__(self, n_members: int, n_slots: int, tick: Fraction) -> None:
         self._c = library()
@@ -147,10 +150,11 @@ class Core:
         self.fresh = _array(self._c.uuv_core_fresh(self._core), n_slots)
         self._rows = np.zeros((0, 0), np.uint64)  # (columns, stride)
         self._ticks = np.zeros(0, np.int64)
-        self._room: tuple[int | None, int | None, int, int] = (None, None, 0, 0)
+        # Addresses of rows and ticks, number of rows, stride.
+        self._buffer: tuple[int | None, int | None, int, int] = (None, None, 0, 0)
         self._row_texts: list[bytes] = []  # the texts of the rows
-        self._image: Any = None  # the buffer that images are copied through
-        self._names: list[bytes] = []  # of the members, which C points to
+        self._image: ctypes.Array[ctypes.c_char] | None = None  # buffer of `get_image`
+        self._names: list[bytes] = []  # of the members; C keeps pointers to them
         self._c.uuv_core_guard(self._core, *guard_functions())
 
     # ---- building -------------------------------------------------------------------------
@@ -167,7 +171,7 @@ class Core:
         sequential: bool,
         name: str,
     ) -> None:
-        """Fill in a component; members stand in stepping order.
+        """Fill in a component; members are in stepping order.
 
         `kept` is the address of an int32 that is 1 once a state of an FMU is kept, or 0.
         """
@@ -181,7 +185,7 @@ class Core:
         """Add a grouped read or write of a component."""
         n = len(a.references)
         references = (ctypes.c_uint32 * n)(*a.references)
-        self._made(
+        self._check_memory(
             self._c.uuv_core_access(
                 self._core, member, a.action, a.type, a.slot, a.n_values, n, references, a.function
             )
@@ -196,9 +200,13 @@ class Core:
         conversion: tuple[float, float],
         table: Sequence[tuple[int, int]] = (),
     ) -> None:
-        """Add a value's way from slot to slot; `slots` are (target's, source's)."""
+        """Add a transfer of a value; `slots` are (target's, source's).
+
+        `early`: 0 if the value is delayed by a step, 1 from a member that steps before in a
+        Gauss-Seidel group, 2 in an iterated group.
+        """
         pairs = [v for pair in table for v in pair]
-        self._made(
+        self._check_memory(
             self._c.uuv_core_transfer(
                 self._core, target, source, *slots, early, *conversion, len(table),
                 (ctypes.c_int64 * len(pairs))(*pairs) if table else None,
@@ -207,32 +215,35 @@ class Core:
 
     def state(self, member: int, get: int, set_: int, free: int, size: int) -> None:
         """Set the functions that copy the state of a native or iterated member."""
-        self._made(self._c.uuv_core_state(self._core, member, get, set_, free, size))
+        self._check_memory(self._c.uuv_core_state(self._core, member, get, set_, free, size))
 
     def iterate(
         self, first: int, n_members: int, solver: int, tolerance: float, limit: int
     ) -> None:
-        """Make an iterated group of members that follow each other."""
-        self._made(self._c.uuv_core_iterate(self._core, first, n_members, solver, tolerance, limit))
+        """Make an iterated group of consecutive members."""
+        self._check_memory(
+            self._c.uuv_core_iterate(self._core, first, n_members, solver, tolerance, limit)
+        )
 
     def fault(
         self, number: int, member: int, slot: int, kind: int, value: float, n: int, seed: int
     ) -> None:
-        """Make what others see of an output slot faulty."""
-        made = self._c.uuv_core_fault(self._core, number, member, slot, kind, value, n, seed)
-        self._made(made)
+        """Apply a fault to the value of an output slot that other components receive."""
+        self._check_memory(
+            self._c.uuv_core_fault(self._core, number, member, slot, kind, value, n, seed)
+        )
 
     def clear_fault(self, number: int) -> None:
-        """Repair a slot."""
+        """Remove a fault."""
         self._c.uuv_core_clear_fault(self._core, number)
 
     def fault_past(self, number: int) -> tuple[int, bytes]:
-        """Copy what a fault keeps: which value comes next, and the values."""
+        """Copy the past values of a fault: the index of the next one, and the values."""
         head, values = self._fault(number)
         return int(head[0]), values.tobytes()
 
     def set_fault_past(self, number: int, head: int, past: bytes) -> None:
-        """Restore what `fault_past` gave."""
+        """Restore a copy made by `fault_past`."""
         place, values = self._fault(number)
         place[0] = head
         values[:] = np.frombuffer(past, np.uint64)
@@ -243,13 +254,13 @@ class Core:
         return head, _array(past, n.value)
 
     def forget(self) -> None:
-        """Free the copies of states, while the components live."""
+        """Free the copies of states; only while the components still exist."""
         if self._core:
             self._c.uuv_core_forget(self._core)
 
     def record(self, slots: Sequence[int], every: int, n_rows: int) -> None:
-        """Choose the slots of a row, and make room for rows."""
-        self._made(
+        """Choose the slots of a row, and allocate memory for rows."""
+        self._check_memory(
             self._c.uuv_core_record(
                 self._core, len(slots), (ctypes.c_uint32 * len(slots))(*slots), every
             )
@@ -257,7 +268,7 @@ class Core:
         self._rows = columns_of(len(slots), n_rows)
         self._ticks = np.full(n_rows, 0, np.int64)
         addresses = self._rows.ctypes.data, self._ticks.ctypes.data
-        self._room = (*addresses, n_rows, self._rows.shape[1])
+        self._buffer = (*addresses, n_rows, self._rows.shape[1])
         self.clear_rows()
 
     def instance(self, member: int, instance: int, kept: int) -> None:
@@ -266,17 +277,17 @@ class Core:
 
     # ---- running --------------------------------------------------------------------------
 
-    def propagate(self, tick: int, order: Any) -> Failure | None:
-        """Set inputs from their sources in Initialization Mode; `order` is an array of UInt32."""
+    def propagate(self, tick: int, order: ctypes.Array[ctypes.c_uint32]) -> Failure | None:
+        """Set inputs from their sources in Initialization Mode, members in this order."""
         done = self._c.uuv_core_propagate(self._core, tick, len(order), order)
         return self._failure(done)
 
     def serve(self, exchange: int, pipe: int, messages: int | None) -> None:
-        """Step the only member as another process asks, until that calls on the pipe."""
+        """Step the only member on request of another process, until that writes to the pipe."""
         self._c.uuv_core_serve(self._core, exchange, pipe, messages)
 
     def why(self) -> Failure:
-        """Return why the last step failed."""
+        """Return the failure of the last step."""
         failure = Failure()
         self._c.uuv_core_why(self._core, ctypes.byref(failure))
         return failure
@@ -286,15 +297,15 @@ class Core:
         return self._failure(self._c.uuv_core_begin(self._core, tick))
 
     def run(self, n_ticks: int, seconds: float) -> Failure | None:
-        """Step: at most `n_ticks`, fewer when rows are full or `seconds` of wall time are over."""
+        """Make at most `n_ticks` steps; fewer if rows are full or `seconds` of wall time pass."""
         return self._failure(self._c.uuv_core_run(self._core, n_ticks, seconds))
 
     def accept_step(self, member: int) -> bool:
-        """Let a step count whose member asks to end; False for a member of an iterated group."""
+        """Accept a step whose member asks to end; False for a member of an iterated group."""
         return bool(self._c.uuv_core_accept_step(self._core, member))
 
     def angle(self, slot: int, turn: float) -> None:
-        """Measure a slot's coupling residual as that of an angle; `turn` is one in its unit."""
+        """Measure a slot's coupling residual modulo a full `turn`, in its unit."""
         self._c.uuv_core_angle(self._core, slot, turn)
 
     def measure_nothing(self) -> None:
@@ -312,24 +323,28 @@ class Core:
     def rows(self) -> tuple[np.ndarray, np.ndarray, list[bytes]]:
         """Return (ticks, rows, texts) written since the last `clear_rows`; views, not copies.
 
-        `rows` (n, columns) lies column by column.
+        `rows` (n, columns) is stored column by column.
         """
         n = self._c.uuv_core_rows_used(self._core)
-        return self._ticks[:n], self._rows[:, :n].T, self._texts()
+        size = ctypes.c_size_t()
+        for i in range(len(self._row_texts), self._c.uuv_core_texts(self._core)):
+            data = self._c.uuv_core_text(self._core, i, ctypes.byref(size))
+            self._row_texts.append(ctypes.string_at(data, size.value))
+        return self._ticks[:n], self._rows[:, :n].T, self._row_texts
 
     @property
     def is_full(self) -> bool:
-        """Return whether stepping waits for `clear_rows`."""
+        """Return whether stepping has to wait for `clear_rows`."""
         return bool(self._c.uuv_core_rows_used(self._core) == len(self._ticks))
 
     def clear_rows(self) -> None:
-        """Make the rows free for the next steps."""
-        self._c.uuv_core_rows(self._core, *self._room)
+        """Release the rows for the next steps; views of them are overwritten from then on."""
+        self._c.uuv_core_rows(self._core, *self._buffer)
         self._row_texts = []
 
     @property
     def next_row(self) -> int:
-        """The first communication point of which a row may still come."""
+        """The first communication point that may still be recorded."""
         return int(self._c.uuv_core_next_row(self._core))
 
     @next_row.setter
@@ -358,7 +373,7 @@ class Core:
         return bytes(self._image.raw)
 
     def set_image(self, image: bytes) -> None:
-        """Restore what `get_image` gave."""
+        """Restore a copy made by `get_image`."""
         self._c.uuv_core_set_image(self._core, image)
 
     @property
@@ -366,16 +381,8 @@ class Core:
         """Return the bytes of an image."""
         return int(self._c.uuv_core_image_size(self._core))
 
-    def _texts(self) -> list[bytes]:
-        size = ctypes.c_size_t()
-        count = self._c.uuv_core_texts(self._core)
-        for i in range(len(self._row_texts), count):
-            data = self._c.uuv_core_text(self._core, i, ctypes.byref(size))
-            self._row_texts.append(ctypes.string_at(data, size.value))
-        return self._row_texts
-
-    def _made(self, done: int) -> None:
-        if not done:
+    def _check_memory(self, is_done: int) -> None:
+        if not is_done:
             raise UuvsimError("no memory for the tables of the stepping loop")
 
     def _failure(self, outcome: int) -> Failure | None:
@@ -391,7 +398,7 @@ def _array(address: int, n: int) -> np.ndarray:
 
 
 @lru_cache
-def library() -> Any:
+def library() -> ctypes.CDLL:
     """Compile the core if the cache has none, and load it."""
     from importlib.util import find_spec
     from pathlib import Path

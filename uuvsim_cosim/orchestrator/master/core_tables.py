@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import get_args
@@ -12,7 +12,6 @@ from uuvsim_cosim.errors import FmuError
 from uuvsim_cosim.fmus.component import Binding, BindingKind, Component
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.isolation.isolated import Isolated
-from uuvsim_cosim.models.declaration.units import Unit
 from uuvsim_cosim.orchestrator.master.callback import CallbackBinding, component_binding
 from uuvsim_cosim.orchestrator.master.core import Access, Action, Core, Type, by_type
 from uuvsim_cosim.orchestrator.master.shared import Serve, SharedBinding, shared_binding
@@ -39,7 +38,7 @@ class Placed:
 
 @dataclass(frozen=True)
 class Tables:
-    """The core with its tables, and where values lie; members count in stepping order."""
+    """The core with its tables, and the slots of the variables; members are in stepping order."""
 
     core: Core
     plan: Plan
@@ -77,17 +76,20 @@ def tables_of(
     held: Sequence[tuple[int, Variable]] = (),
     serve: Serve | None = None,
 ) -> Tables:
-    """Number the slots, and fill in the core; `recorded` are (index, variable) of each row.
+    """Number the slots, and fill in the core's tables.
 
-    Variables of `live` are read, and inputs of `held` are set, in every step as well. `serve`
-    steps an isolated component in its process; it is required if there is one.
+    `recorded` are (index into Plan.components, variable) of the columns of a row. Variables of
+    `live` are read, and inputs of `held` are set, in every step as well. `serve` steps an isolated
+    component in its process; it is required if there is one.
     """
     order = tuple(i for group in plan.groups for i in group.members)
     bindings = tuple(_binding(components[i], serve) for i in order)
-    inputs = _place(_connected_inputs(plan, components, order, bindings, held), 0)
+    inputs = _place(_exchanged(plan, components, order, bindings, held, outputs=False), 0)
     first_output = sum(p.variable.size for p in inputs.values())
     read = [*recorded, *live]
-    outputs = _place(_read_outputs(plan, components, order, bindings, read), first_output)
+    outputs = _place(
+        _exchanged(plan, components, order, bindings, read, outputs=True), first_output
+    )
     n_slots = first_output + sum(p.variable.size for p in outputs.values())
     core = Core(len(order), n_slots, plan.tick)
     sequential = {i for g in plan.groups if g.algorithm != "jacobi" for i in g.members}
@@ -100,8 +102,8 @@ def tables_of(
         path = components[i].path
         core.member(member, b.kind, b.instance, step, get, kept, ticks, i in sequential, path)
         for action, placed in ((Action.SET, inputs), (Action.GET, outputs)):
-            mine = [p for p in placed.values() if p.member == member]
-            for access in _accesses(b, action, mine, components[i].path):
+            own = [p for p in placed.values() if p.member == member]
+            for access in _accesses(b, action, own, components[i].path):
                 core.access(member, access)
         if isinstance(b, SharedBinding):
             b.exchange.open(
@@ -114,12 +116,13 @@ def tables_of(
     _add_transfers(plan, tables)
     _add_iterated(plan, tables, components)
     if recorded:
-        slots = [s for i, v in recorded for s in _recorded_slots(tables, i, v)]
-        core.record(slots, every, n_rows)
+        columns = [outputs.get((i, v.name)) or inputs[i, v.name] for i, v in recorded]
+        core.record([slot for placed in columns for slot in placed.slots], every, n_rows)
     return tables
 
 
 def _binding(component: Component, serve: Serve | None) -> Binding:
+    """Return how the loop calls a component: its own binding, callbacks or shared memory."""
     binding = component.binding()
     if binding.kind == BindingKind.CALLBACK and not binding.functions:
         return component_binding(component)
@@ -129,51 +132,39 @@ def _binding(component: Component, serve: Serve | None) -> Binding:
     return shared_binding(component, serve)
 
 
-def _takes_all(b: Binding) -> bool:
-    """Return whether all inputs are set and all outputs read, connected or not."""
-    return BindingKind.CALLBACK in (b.kind, b.served if isinstance(b, SharedBinding) else b.kind)
+_Exchanged = Iterator[tuple[int, int, Iterable[Variable]]]  # member, component, variables
 
 
-_Wanted = Iterator[tuple[int, int, Iterable[Variable]]]  # member, component, variables
-
-
-def _connected_inputs(
+def _exchanged(
     plan: Plan,
     components: Sequence[Component],
     order: Sequence[int],
     bindings: Sequence[Binding],
-    held: Sequence[tuple[int, Variable]],
-) -> _Wanted:
+    further: Sequence[tuple[int, Variable]],
+    *,
+    outputs: bool,
+) -> _Exchanged:
+    """Yield the inputs that the loop sets, or the outputs that it reads, of each member.
+
+    They are those of the transfers, and `further` ones by component. A component that is called
+    back in Python, here or in its own process, exchanges all.
+    """
     for member, i in enumerate(order):
-        described = components[i].description
-        if _takes_all(bindings[member]):
-            yield member, i, described.of("input")
+        b, described = bindings[member], components[i].description
+        if BindingKind.CALLBACK in (b.kind, b.served if isinstance(b, SharedBinding) else b.kind):
+            yield member, i, described.of("output", "local") if outputs else described.of("input")
             continue
-        names = {t.target_variable.name for t in plan.transfers if t.target == i}
-        names |= {v.name for j, v in held if j == i}
+        if outputs:
+            names = {t.source_variable.name for t in plan.transfers if t.source == i}
+        else:
+            names = {t.target_variable.name for t in plan.transfers if t.target == i}
+        names |= {v.name for j, v in further if j == i}
         yield member, i, [v for v in described.variables.values() if v.name in names]
 
 
-def _read_outputs(
-    plan: Plan,
-    components: Sequence[Component],
-    order: Sequence[int],
-    bindings: Sequence[Binding],
-    recorded: Sequence[tuple[int, Variable]],
-) -> _Wanted:
-    for member, i in enumerate(order):
-        described = components[i].description
-        if _takes_all(bindings[member]):
-            yield member, i, described.of("output", "local")
-            continue
-        names = {t.source_variable.name for t in plan.transfers if t.source == i}
-        names |= {v.name for j, v in recorded if j == i}
-        yield member, i, [v for v in described.variables.values() if v.name in names]
-
-
-def _place(wanted: _Wanted, first: int) -> dict[tuple[int, str], Placed]:
+def _place(exchanged: _Exchanged, first: int) -> dict[tuple[int, str], Placed]:
     placed = {}
-    for member, i, variables in wanted:
+    for member, i, variables in exchanged:
         for v in by_type(variables):
             placed[i, v.name] = Placed(member, v, first)
             first += v.size
@@ -181,20 +172,21 @@ def _place(wanted: _Wanted, first: int) -> dict[tuple[int, str], Placed]:
 
 
 def _accesses(b: Binding, action: Action, placed: Sequence[Placed], path: str) -> Iterator[Access]:
+    """Yield the calls that set or get a member's variables, one for each type."""
     for type_, same in groupby(placed, lambda p: Type.of(p.variable)):
         run = list(same)
         count = sum(p.variable.size for p in run)
-        references = tuple(r for p in run for r in _references(b, p.variable))
+        references: list[int] = []
+        for v in (p.variable for p in run):
+            if b.kind == BindingKind.NATIVE and len(v.value_references) != v.size:
+                # A native component's references are offsets, one for each element.
+                references += range(v.value_references[0], v.value_references[0] + v.size)
+            else:
+                references += v.value_references
         function = 0
         if b.kind in (BindingKind.FMI2, BindingKind.FMI3):
             function = _function(b, fmi_name(b.kind, action, type_), path)
-        yield Access(action, type_, run[0].slot, count, references, function)
-
-
-def _references(b: Binding, v: Variable) -> tuple[int, ...]:
-    if b.kind == BindingKind.NATIVE and len(v.value_references) != v.size:
-        return tuple(v.value_references[0] + i for i in range(v.size))
-    return v.value_references
+        yield Access(action, type_, run[0].slot, count, tuple(references), function)
 
 
 def fmi_name(kind: BindingKind, action: Action, type_: Type) -> str:
@@ -215,14 +207,16 @@ def _function(b: Binding, name: str, path: str) -> int:
 
 
 def _add_transfers(plan: Plan, tables: Tables) -> None:
+    """Add the plan's transfers, and the inputs whose residuals are those of angles."""
     group_of = {i: n for n, g in enumerate(plan.groups) for i in g.members}
     member_of = {i: member for member, i in enumerate(tables.order)}
     for t in plan.transfers:
-        turns: dict[str | None, float] = {}
+        turns: dict[str | None, float] = {}  # a full turn in a unit of angles, 0 in another unit
         source = tables.outputs[t.source, t.source_variable.name]
         target = tables.inputs[t.target, t.target_variable.name]
         same = group_of[t.source] == group_of[t.target]
         algorithm = plan.groups[group_of[t.source]].algorithm if same else "jacobi"
+        # 0: delayed by a step; 1: from a member that has stepped already; 2: iterated.
         early = 2 * (algorithm == "iterated") or int(
             algorithm == "gauss-seidel"
             and member_of[t.source] < member_of[t.target]
@@ -234,18 +228,15 @@ def _add_transfers(plan: Plan, tables: Tables) -> None:
             core.transfer(target.member, source.member, slots, early, (t.factor, t.offset), t.table)
             unit = t.target_variable.unit_of_element(b)
             if unit not in turns:
-                turns[unit] = _turn(unit, plan.components[t.target].description.units)
+                units = plan.components[t.target].description.units
+                of_angle = conversion("rad", unit, units) if unit else None
+                turns[unit] = 2.0 * math.pi * of_angle[0] if of_angle else 0.0
             if turns[unit]:
                 core.angle(slots[0], turns[unit])
 
 
-def _turn(unit: str | None, units: Mapping[str, Unit]) -> float:
-    """Return a full turn in a unit of angles, or 0 for another unit."""
-    of_angle = conversion("rad", unit, units) if unit else None
-    return 2.0 * math.pi * of_angle[0] if of_angle else 0.0
-
-
 def _add_iterated(plan: Plan, tables: Tables, components: Sequence[Component]) -> None:
+    """Add the iterated groups, and the functions that copy their members' states."""
     first = 0
     for group in plan.groups:
         if group.algorithm == "iterated":
@@ -258,12 +249,8 @@ def _add_iterated(plan: Plan, tables: Tables, components: Sequence[Component]) -
 
 
 def _state_functions(b: Binding, component: Component) -> tuple[int, int, int, int]:
+    """Return the addresses that get, set and free a state, and its size (native only)."""
     suffix = "FMUstate" if b.kind == BindingKind.FMI2 else "FMUState"
     get, set_ = (_function(b, verb + suffix, component.path) for verb in ("Get", "Set"))
     size = b.functions.get("StateSize", 0)
     return get, set_, b.functions.get("Free" + suffix, 0), size
-
-
-def _recorded_slots(tables: Tables, i: int, v: Variable) -> range:
-    placed = tables.outputs.get((i, v.name)) or tables.inputs[i, v.name]
-    return placed.slots

@@ -1,11 +1,11 @@
-"""Coupling residuals of a run: how far its delayed connections are from ones without delay.
+"""Coupling residuals of a run: how much its delayed connections differ from ones without delay.
 
-Over a communication step, a delayed connection feeds its input with what the output was at the
-step's start. The residual is the difference between that input and what follows from the output
-at the step's end; its size is relative to 1 + |input|, as is the tolerance of an iterated group.
-An input that still holds the output's initial value does not count: that may be a mere start value,
-as of a sensor before its first sample. Angles that differ by a full turn are equal.
-Connections of floating-point numbers have one. See docs/systems/time.md.
+During a communication step, the input of a delayed connection has the output's value from the
+step's start. The residual is the difference between that input and the input that follows from
+the output at the step's end; its size is relative to 1 + |input|, as is the tolerance of an
+iterated group. An input that still has the output's initial value does not count, because that may
+be a start value only, as of a sensor before its first sample. Angles that differ by a full turn
+are equal. Connections of floating-point numbers have a residual. See docs/systems/time.md.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from uuvsim_cosim.orchestrator.plan.loop_policy import hops_of
 
 __all__ = ["Residual", "loop_remarks", "residuals_of"]
 
-_HUGE = 1e9  # in any unit: a step of a signal that no vehicle has
-_TOO_MUCH = 0.1  # of a loop: beyond it, inputs and outputs of the same time have little in common
+_HUGE = 1e9  # in any unit: no signal of a vehicle changes by so much in a step
+_TOO_MUCH = 0.1  # relative residual beyond which inputs and outputs of a loop do not agree
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def residuals_of(tables: Tables, most: int | None = None) -> list[Residual]:
 
 
 def loop_remarks(tables: Tables) -> list[str]:
-    """Return a sentence for each delayed loop whose inputs and outputs disagree much."""
+    """Return a warning for each delayed loop whose inputs and outputs differ much."""
     plan, remarks = tables.plan, []
     named: set[tuple[int, str, int, str]] = set()
     large = [c for c in tables.core.couplings() if c.relative > _TOO_MUCH]
@@ -51,11 +51,11 @@ def loop_remarks(tables: Tables) -> list[str]:
         ends = {
             (t.source, t.source_variable.name, t.target, t.target_variable.name) for t in inside
         }
-        mine = [c for c in large if _ends(tables, c) in ends]
-        if loop.iterated or not mine:
+        of_loop = [c for c in large if _ends(tables, c) in ends]
+        if loop.iterated or not of_loop:
             continue
         named |= ends
-        worst = max(mine, key=lambda c: c.relative)
+        worst = max(of_loop, key=lambda c: c.relative)
         r = _residual(tables, worst)
         unit = f" {r.unit}" if r.unit not in ("", "1") else ""
         is_last = tables.core.tick - worst.tick < len(loop.cycle)
@@ -69,10 +69,10 @@ def loop_remarks(tables: Tables) -> list[str]:
 
 
 def _explosion(tables: Tables, large: Sequence[Coupling]) -> list[str]:
-    """Return a sentence if values grow without bound around components that do not feed through.
+    """Return a warning if values grow without bound in a loop that is not algebraic.
 
-    Their outputs answer inputs a step later (a Python component, or an FMU without dependencies),
-    so that no loop of theirs is algebraic; it can diverge all the same.
+    Outputs of its components follow the inputs a step later (a Python component, or an FMU without
+    dependencies), but such a loop can diverge as well.
     """
     worst = max(large, key=lambda c: c.residual, default=None)
     if worst is None or not worst.residual > _HUGE:

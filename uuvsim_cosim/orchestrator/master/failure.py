@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from typing import Any
 
 from uuvsim_cosim.errors import ComponentFailed, LoopNotConverged, UuvsimError
-from uuvsim_cosim.fmus.component import BindingKind, Component
-from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.models.declaration.element_names import split_element_name
 from uuvsim_cosim.orchestrator.master.callback import CallbackBinding
 from uuvsim_cosim.orchestrator.master.core import Action, Failure, Outcome, Type
@@ -19,34 +17,40 @@ from uuvsim_cosim.orchestrator.values.value_table import listed
 
 __all__ = ["error_of", "last_words", "nan_on_purpose"]
 
-_BECAME = re.compile(r'"([^"]+)" became ')  # what the shells of fmus/runtime say
+_BECAME = re.compile(r'"([^"]+)" became ')  # text of messages in the shells of fmus/runtime
 _STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
 
 
 def error_of(
     failure: Failure, tables: Tables, components: Sequence[Component], time: float
 ) -> BaseException:
-    """Return the error to raise; an exception of a component in Python is given as it was."""
+    """Return the error to raise; an exception of a component in Python is returned as it is."""
     if failure.outcome == Outcome.NOT_CONVERGED:
         return _not_converged(failure, tables, components, time)
     binding = tables.bindings[failure.member]
     component = components[tables.order[failure.member]]
-    if isinstance(binding, SharedBinding) and (gave := binding.exchange.error(time)) is not None:
-        return gave
+    if isinstance(binding, SharedBinding) and (lost := binding.exchange.error(time)) is not None:
+        return lost
     if failure.outcome == Outcome.NO_MEMORY:
         return UuvsimError(f"{component.path}: no memory for a text or binary value")
     if failure.outcome == Outcome.BAD_STATUS and isinstance(binding, CallbackBinding):
         error = binding.callbacks.error
-        if error is None:  # only a signal's exception escapes, and another hook has taken it
+        if error is None:  # only a signal's exception can escape; another hook has received it
             return KeyboardInterrupt()
         if isinstance(error, UuvsimError) or not isinstance(error, Exception):
             return error
         return ComponentFailed(component.path, time, f"{type(error).__name__}: {error}")
     own = getattr(component, "failure", None)  # an FMU names its status and its messages
     if failure.outcome == Outcome.BAD_STATUS and own is not None:
-        failed: ComponentFailed = own(
-            _function(failure, tables, binding.kind), failure.status, time
-        )
+        action = Action(failure.action)
+        if action == Action.DO_STEP:
+            function = "DoStep"
+        elif action in (Action.GET_STATE, Action.SET_STATE):
+            function = action.name.title().replace("_State", "FMUState")
+        else:
+            placed, _ = tables.placed_at(failure.slot)
+            function = fmi_name(binding.kind, action, Type.of(placed.variable))
+        failed: ComponentFailed = own(function, failure.status, time)
         became = _BECAME.search(failed.reason)
         why = nan_on_purpose(component, became[1]) if became else ""
         if not why:
@@ -84,32 +88,38 @@ def _not_converged(
     )
 
 
-def _function(failure: Failure, tables: Tables, kind: BindingKind) -> str:
-    action = Action(failure.action)
-    if action == Action.DO_STEP:
-        return "DoStep"
-    if action in (Action.GET_STATE, Action.SET_STATE):
-        return action.name.title().replace("_State", "FMUState")
-    placed, _ = tables.placed_at(failure.slot)
-    return fmi_name(kind, action, Type.of(placed.variable))
-
-
 def _reason(failure: Failure, tables: Tables, component: Component) -> str:
+    """Return the text for a failure without an error of the component itself."""
     outcome = Outcome(failure.outcome)
     if outcome == Outcome.NOT_FINITE:
-        name, value = _slot(failure.slot, tables)
+        placed, element = tables.placed_at(failure.slot)
+        name = placed.variable.element_name(element)
+        read = [
+            float(values[failure.slot : failure.slot + 1].view("f8")[0])
+            for values in (tables.core.slots, tables.core.fresh)
+        ]
+        value = next((v for v in read if not math.isfinite(v)), "not finite")
         return f"output {name} is {value}; expected a finite number"
     if outcome == Outcome.STATE_NOT_FINITE:
-        name = _at_offset(component, failure.status)
+        offset, name = failure.status, "a value"  # value references are offsets
+        for v in component.description.variables.values():
+            first = v.value_references[0] if v.value_references else -1
+            if 0 <= first <= offset < first + v.size and Type.of(v) == Type.Float64:
+                name = v.element_name(offset - first)
+                break
         why = nan_on_purpose(component, name)
         return f"{name} is not finite after a step; expected finite numbers{why}"
     if outcome == Outcome.OUT_OF_RANGE:
         placed, element = tables.placed_at(failure.slot)
         name = placed.variable.element_name(element)
-        if table := _table_at(tables, placed.member, placed.variable, element):
-            return (
-                f"the value connected to input {name} has no entry in its table; expected {table}"
-            )
+        target = tables.order[placed.member], placed.variable.name
+        for t in tables.plan.transfers:
+            is_source = (t.target, t.target_variable.name) == target
+            if is_source and t.table and element in t.target_elements:
+                return (
+                    f"the value connected to input {name} has no entry in its table; expected "
+                    f"{listed(t.table)}"
+                )
         exactly = " exactly" if placed.variable.type.startswith("Float") else ""
         return f"the value connected to input {name} does not fit {placed.variable.type}{exactly}"
     if outcome == Outcome.ENDED:
@@ -121,17 +131,8 @@ def _reason(failure: Failure, tables: Tables, component: Component) -> str:
     return f"{Action(failure.action).name.lower()} returned {word} ({status})"
 
 
-def _table_at(tables: Tables, member: int, variable: Variable, element: int) -> str:
-    i = tables.order[member]
-    for t in tables.plan.transfers:
-        fed = (t.target, t.target_variable.name) == (i, variable.name)
-        if fed and t.table and element in t.target_elements:
-            return listed(t.table)
-    return ""
-
-
 def nan_on_purpose(component: Component, name: str) -> str:
-    """Return what a variable's description says of where it is NaN, for the end of an error."""
+    """Return a variable's description if it explains when it is NaN, for the end of an error."""
     variable = component.description.variables.get(split_element_name(name)[0])
     description = "" if variable is None else variable.description
     return f" ({description})" if "NaN" in description else ""
@@ -145,21 +146,3 @@ def last_words(component: Component) -> str:
     messages: list[tuple[str, str]] = getattr(component, "messages", [])
     texts = [text for _, text in messages[-3:]]
     return f"; its last messages: {' | '.join(texts)}" if texts else ""
-
-
-def _slot(slot: int, tables: Tables) -> tuple[str, Any]:
-    placed, element = tables.placed_at(slot)
-    core = tables.core
-    for values in (core.slots, core.fresh):
-        value = float(values[slot : slot + 1].view("f8")[0])
-        if not math.isfinite(value):
-            return placed.variable.element_name(element), value
-    return placed.variable.element_name(element), "not finite"
-
-
-def _at_offset(component: Component, offset: int) -> str:
-    for v in component.description.variables.values():
-        first = v.value_references[0] if v.value_references else -1
-        if 0 <= first <= offset < first + v.size and Type.of(v) == Type.Float64:
-            return v.element_name(offset - first)
-    return "a value"

@@ -1,4 +1,4 @@
-"""Faults of signals: receivers of an output read a changed value, the component does not."""
+"""Faults of signals: receivers of an output get a changed value; the component is not changed."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from fractions import Fraction
 from typing import Literal, final, get_args
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.models.declaration.near_names import expected_names
 from uuvsim_cosim.orchestrator.master.core_tables import Placed, Tables
 from uuvsim_cosim.orchestrator.plan.plan import Plan
@@ -27,10 +26,10 @@ _NEEDS = {
 
 @dataclass(frozen=True)
 class Fault:
-    """What is wrong with a signal: an output, or elements of it ("dvl.beam_velocity[1]").
+    """Fault of a signal: of an output, or of elements of it ("dvl.beam_velocity[1]").
 
-    `value` is in the variable's unit; of a "delay" it is seconds, of a "drop" the probability
-    that a sample is lost and the last one seen again. "freeze" needs none.
+    `value` is in the variable's unit; for a "delay" in seconds, for a "drop" the probability that
+    a sample is lost, so that receivers get the previous one again. "freeze" needs none.
     """
 
     signal: str
@@ -40,7 +39,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class KeptFault:
-    """A fault in a snapshot, with what each of its elements keeps: (head, past values)."""
+    """Fault in a snapshot, with the past values of each of its elements: (head, values)."""
 
     number: int
     fault: Fault
@@ -49,7 +48,7 @@ class KeptFault:
 
 @final
 class Faults:
-    """The faults that are active in a running master; `seed` decides which samples are dropped."""
+    """Active faults of a running master; `seed` determines which samples are dropped."""
 
     def __init__(self, tables: Tables, seed: int) -> None:
         self._tables = tables
@@ -64,13 +63,13 @@ class Faults:
         return {number: fault for number, (fault, _) in self._active.items()}
 
     def add(self, fault: Fault) -> int:
-        """Make a signal faulty from now on; gives the number to `clear` it by."""
+        """Make a signal faulty from now on, and return the fault's number for `clear`."""
         number, self._next = self._next, self._next + 1
         self._add(number, fault)
         return number
 
     def clear(self, number: int | None = None) -> None:
-        """Repair a signal, or all."""
+        """Remove a fault, or all."""
         numbers = list(self._active) if number is None else [number]
         for n in numbers:
             if n not in self._active:
@@ -80,14 +79,14 @@ class Faults:
                 self._tables.core.clear_fault(i)
 
     def kept(self) -> tuple[KeptFault, ...]:
-        """Copy everything, for a snapshot."""
+        """Copy the faults and their past values, for a snapshot."""
         return tuple(
             KeptFault(n, fault, tuple(self._tables.core.fault_past(i) for i in ids))
             for n, (fault, ids) in self._active.items()
         )
 
     def restore(self, kept: Iterable[KeptFault]) -> None:
-        """Make the faults those of a snapshot."""
+        """Replace the faults by those of a snapshot."""
         self.clear()
         for k in kept:
             self._add(k.number, k.fault)
@@ -109,6 +108,7 @@ class Faults:
         self._active[number] = (fault, tuple(ids))
 
     def _place(self, fault: Fault) -> tuple[Placed, tuple[int, ...]]:
+        """Find the variable and the elements of a fault; raises InputInvalid."""
         plan = self._tables.plan
         descriptions = {c.path: c.description for c in plan.components}
         try:
@@ -126,6 +126,7 @@ class Faults:
         return placed, tuple(point.elements)
 
     def _check(self, fault: Fault, placed: Placed) -> int:
+        """Return the number of past samples that a fault keeps; raises InputInvalid."""
         if fault.kind not in get_args(FaultKind):
             known = expected_names(fault.kind, get_args(FaultKind))
             raise InputInvalid(f"{fault.signal}: fault {fault.kind!r}; expected {known}")
@@ -135,10 +136,15 @@ class Faults:
             )
         bad = not math.isfinite(fault.value)
         bad |= fault.kind == "drop" and not 0.0 <= fault.value <= 1.0
-        bad |= fault.kind in ("override", "bias") and not _fits(placed.variable, fault.value)
+        # Values go to C as doubles: an integer must not change by that.
+        is_float = placed.variable.type in ("Float64", "Float32")
+        bad |= fault.kind in ("override", "bias") and not (
+            is_float or float(fault.value) == fault.value == int(fault.value)
+        )
         n = 1
         if fault.kind == "delay" and not bad:
-            step = self._step(placed)
+            plan = self._tables.plan
+            step = plan.components[self._tables.order[placed.member]].step_ticks * plan.tick
             samples = Fraction(str(fault.value)) / step
             if samples < 1 or samples.denominator != 1:
                 raise InputInvalid(
@@ -152,17 +158,8 @@ class Faults:
             )
         return n
 
-    def _step(self, placed: Placed) -> Fraction:
-        plan = self._tables.plan
-        return plan.components[self._tables.order[placed.member]].step_ticks * plan.tick
-
-
-def _fits(variable: Variable, value: float) -> bool:
-    """Return whether an integer, which goes to C as a double, stays what it is."""
-    return variable.type in ("Float64", "Float32") or float(value) == value == int(value)
-
 
 def hash_of_seeds(plan: Plan) -> int:
-    """Return a seed that follows from those of the plan's components, so from the system's."""
+    """Return a seed for the faults, derived from the seed of the first component."""
     first, second = plan.components[0].seed if plan.components else (0, 0)
     return (first % 2**32) << 32 | second % 2**32

@@ -22,12 +22,13 @@ __all__ = ["converted", "propagate", "set_inputs"]
 
 
 def propagate(plan: Plan, components: Sequence[Component], time: float) -> None:
-    """Set every connected input from its source; solves loops on the way.
+    """Set every connected input from its source, and solve algebraic loops.
 
     Raises LoopNotConverged. An entry of the order that names one component twice is a loop
     through that component alone.
     """
-    solved: set[int] = set()  # transfers; setting them once more would add rounding, times gain
+    # Transfers of solved loops: setting them again would add a rounding error times the gain.
+    solved: set[int] = set()
     for entry in plan.initialization:
         members = set(entry)
         into = [t for t in plan.transfers if t.target in members and id(t) not in solved]
@@ -41,7 +42,7 @@ def propagate(plan: Plan, components: Sequence[Component], time: float) -> None:
 def set_inputs(components: Sequence[Component], transfers: Iterable[Transfer]) -> None:
     """Set the targets of transfers from the present values of their sources.
 
-    Raises FmuError, which names where a value comes from that a target does not take.
+    Raises FmuError, which names the sources if a target refuses a value.
     """
     transfers = list(transfers)
     read: dict[tuple[int, str], np.ndarray] = {}
@@ -54,19 +55,19 @@ def set_inputs(components: Sequence[Component], transfers: Iterable[Transfer]) -
             variable = components[t.target].description.variables[target[1]]
             pending[target] = (variable, _flat(components[t.target], target[1]))
         values = converted(t, read[source][list(t.source_elements)])
-        fitting = _fitting(values, t, components)
-        pending[target][1][list(t.target_elements)] = fitting
+        pending[target][1][list(t.target_elements)] = _in_target_type(values, t, components)
     for (i, name), (variable, flat) in pending.items():
         try:
             components[i].set(variable, flat.reshape(variable.shape) if variable.shape else flat[0])
         except FmuError as error:
-            raise FmuError(f"{error}{_origin(components, transfers, (i, name))}") from None
+            reason = _non_finite_sources(components, transfers, (i, name))
+            raise FmuError(f"{error}{reason}") from None
 
 
-def _origin(
+def _non_finite_sources(
     components: Sequence[Component], transfers: Iterable[Transfer], target: tuple[int, str]
 ) -> str:
-    """Say which outputs feed an input with what is not finite, and what they say of that."""
+    """Return a text about the outputs that feed an input with values that are not finite."""
     reasons = []
     for t in transfers:
         if (t.target, t.target_variable.name) != target:
@@ -78,28 +79,31 @@ def _origin(
     return "".join(f"; {reason}" for reason in reasons)
 
 
-def converted(t: Transfer, values: np.ndarray) -> Any:
+def converted(t: Transfer, values: np.ndarray) -> np.ndarray:
     """Apply a transfer's table, or factor and offset, exactly if they are 1 and 0."""
     if t.table:
-        return _looked_up(t, values)
+        found = dict(t.table)
+        for v in values:
+            if int(v) not in found:
+                raise InputInvalid(
+                    f"the connection from {t.source_variable.name} to {t.target_variable.name}: "
+                    f"{v} has no entry in its table; expected {listed(t.table)}"
+                )
+        return np.array([found[int(v)] for v in values], DTYPES[t.target_variable.type])
     if (t.factor, t.offset) == (1.0, 0.0):
         return values
-    if values.dtype.kind in "iu" and not _is_exact(values):
-        values = values.astype(object)  # what does not fit is found by its digits
-        return Fraction(t.factor) * values + Fraction(t.offset)
+    if values.dtype.kind in "iu" and not all(int(float(x)) == x for x in values.tolist()):
+        # Float64 would round these integers.
+        exact: np.ndarray = Fraction(t.factor) * values.astype(object) + Fraction(t.offset)
+        return exact
     return t.factor * values + t.offset
 
 
-def _is_exact(values: np.ndarray) -> bool:
-    """Return whether integers are the same as Float64."""
-    return all(int(float(x)) == x for x in values.tolist())
+def _in_target_type(values: np.ndarray, t: Transfer, components: Sequence[Component]) -> np.ndarray:
+    """Return numbers in the target's type, converted in the same way as by the stepping loop.
 
-
-def _fitting(values: np.ndarray, t: Transfer, components: Sequence[Component]) -> np.ndarray:
-    """Return numbers in the target's type, as the stepping loop converts them.
-
-    Raises FmuError for one that the type cannot hold: an integer beyond its range, or with
-    more digits than a Float64 has.
+    Raises FmuError for a number that the type cannot hold: an integer beyond its range, or one
+    with more digits than a Float64 has.
     """
     type_ = t.target_variable.type
     dtype = np.dtype(DTYPES[type_])
@@ -126,18 +130,8 @@ def _fitting(values: np.ndarray, t: Transfer, components: Sequence[Component]) -
     return np.array(whole, dtype)
 
 
-def _looked_up(t: Transfer, values: np.ndarray) -> np.ndarray:
-    found = dict(t.table)
-    for v in values:
-        if int(v) not in found:
-            raise InputInvalid(
-                f"the connection from {t.source_variable.name} to {t.target_variable.name}: "
-                f"{v} has no entry in its table; expected {listed(t.table)}"
-            )
-    return np.array([found[int(v)] for v in values], DTYPES[t.target_variable.type])
-
-
 def _flat(component: Component, name: str) -> np.ndarray:
+    """Return a variable's present value as an array of one dimension."""
     variable = component.description.variables[name]
     value = component.get(variable)
     if isinstance(value, bytes):

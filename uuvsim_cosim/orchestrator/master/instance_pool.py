@@ -18,7 +18,7 @@ __all__ = ["InstancePool", "is_pooled"]
 def is_pooled(component: Component) -> bool:
     """Return whether a reset replaces the component: an FMU of this process without states.
 
-    Python classes and processes of their own have a `reset` that makes everything anew.
+    Python classes and isolated components have a `reset` that restores their initial state.
     """
     able = component.description.can_get_and_set_state
     return not able and isinstance(component, FmuBinary | ModelExchange)
@@ -26,29 +26,29 @@ def is_pooled(component: Component) -> bool:
 
 @final
 class InstancePool:
-    """Makes the instances of one component, also ahead of the resets that will need them."""
+    """Instances of one component, also made in advance for the resets that will need them."""
 
     def __init__(self, make: Callable[[], Component]) -> None:
         self._make = make
         self._spare: list[Component] = []
 
     def __len__(self) -> int:
-        """Count the instances that wait."""
+        """Return the number of spare instances."""
         return len(self._spare)
 
     def fill(self, n: int, component: Component) -> None:
-        """Make instances until n wait beside `component`; none of an FMU that lives only once."""
+        """Make instances until n are spare; none if the FMU can be instantiated only once."""
         if component.description.can_be_instantiated_only_once:
             return
         while len(self._spare) < n:
             self._spare.append(self._make())
 
     def exchange(self, used: Component) -> Component:
-        """Free a used instance, and give a fresh one."""
+        """Free a used instance, and return a new one."""
         used.free()
         return self._spare.pop() if self._spare else self._make()
 
     def free(self) -> None:
-        """Free those that wait."""
+        """Free the spare instances."""
         while self._spare:
             self._spare.pop().free()

@@ -1,4 +1,4 @@
-"""State of a whole run, copied and restored: an image of the loop, and the states of components."""
+"""Copy and restoration of a run's whole state: the loop's image, and the components' states."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ __all__ = ["LoopState"]
 
 @final
 class LoopState:
-    """Takes and restores snapshots of a running loop; `plan` is the hash of its plan.
+    """Snapshots of a running loop; `plan` is the hash of its plan.
 
-    What a snapshot has to visit is looked up once: the components whose states are not in the
-    image, and the slots that point to texts.
+    The components whose states are not in the image, and the slots that point to texts, are
+    looked up once, because snapshots may be frequent.
     """
 
     def __init__(
@@ -47,14 +47,17 @@ class LoopState:
         """Copy the whole state; raises FmuError if a component cannot."""
         states = self._none
         if self._others:
-            states = self._copied()
+            copies = list(states)
+            for i in self._others:
+                copies[i] = self._components[i].get_fmu_state()
+            states = tuple(copies)
         texts = tuple(read_blob(raw, s) for raw, s in self._texts) if self._texts else ()
         kept = self._faults.kept() if self._faults.active else ()
         image = self._core.get_image()
         return Snapshot(self._plan, states, image, texts, kept, self._layout)
 
     def restore(self, snapshot: Snapshot, without: int | None = None) -> None:
-        """Go back to a snapshot; one component may be gone, and is left out."""
+        """Go back to a snapshot; a component that is to be replaced is left out."""
         image = snapshot.image
         if snapshot.plan != self._plan or image is None:
             raise InputInvalid(
@@ -82,15 +85,9 @@ class LoopState:
             if isinstance(binding, CallbackBinding):
                 binding.callbacks.forget()
 
-    def _copied(self) -> tuple[object, ...]:
-        states: list[object] = list(self._none)
-        for i in self._others:
-            states[i] = self._components[i].get_fmu_state()
-        return tuple(states)
-
 
 def layout_hash(tables: Tables) -> str:
-    """Hash where values lie in the loop: it depends on the plan and on what is read beside it."""
+    """Hash the slots of the variables: they depend on the plan, on `record`, `live` and `held`."""
     placed = (*tables.inputs.items(), *tables.outputs.items())
     return content_hash([str(tables.order), *(f"{key} {p.slot}" for key, p in placed)])
 

@@ -1,9 +1,9 @@
-"""Master of a run: executes a plan, one communication step after another, by the loop in C."""
+"""Master of a run: executes a plan, one communication step after another, with the loop in C."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import partial
 from operator import index
@@ -48,14 +48,12 @@ from uuvsim_cosim.orchestrator.master.watch import Watch, rows_of
 from uuvsim_cosim.orchestrator.plan.loop_gain import delay_remark, loop_gain
 from uuvsim_cosim.orchestrator.plan.loop_policy import hops_of
 from uuvsim_cosim.orchestrator.plan.plan import Plan, PlannedComponent
-from uuvsim_cosim.orchestrator.plan.start import enter_initialization, variable_of
+from uuvsim_cosim.orchestrator.plan.start import Starts, enter_initialization, variable_of
 from uuvsim_cosim.orchestrator.values.values import Misfit, as_array, fit
 
 __all__ = ["Master", "Starts"]
 
-Starts = Mapping[str, Mapping[str, Any]]  # component's path -> variable's name -> value
-
-_SECONDS = 0.2  # of wall time in C at a time, so that Ctrl-C is prompt
+_SECONDS = 0.2  # longest wall time of one call into C, so that Ctrl-C is prompt
 log = logging.getLogger("uuvsim_cosim.master")
 
 
@@ -64,9 +62,9 @@ class Master:
     """One run of a plan: initialize, then step; frees everything at the end, also after a failure.
 
     `record` names the variables that observers get, as (path, name); by default all outputs.
-    They see every `record_every`-th communication point. `live` names variables, and `held`
-    unconnected inputs, whose present values `slots` shows and takes without a call. Without
-    `measured`, no coupling residuals are measured, which makes steps a little faster.
+    They get every `record_every`-th communication point. `live` names variables, and `held`
+    unconnected inputs, whose present values can be read and set in the arrays of `slots`, without
+    a call. Without `measured`, no coupling residuals are measured, and steps are a little faster.
     """
 
     def __init__(
@@ -92,7 +90,7 @@ class Master:
         self._loop_state: LoopState | None = None
         self._remarks: list[str] = []  # of delayed loops that do not converge
         self.recorded = 0  # scalars that observers get at each recorded point
-        self._first: Snapshot | None = None
+        self._first: Snapshot | None = None  # in Initialization Mode, for `reset`
         self._start_tick = 0
         self._times: tuple[float, float | None] = (0.0, None)
         self._connected: dict[tuple[int, str], set[int]] = {}
@@ -101,9 +99,9 @@ class Master:
             elements.update(t.target_elements)
         self._hash = snapshots.plan_hash(plan)
         self._instantiate = instantiate
-        self._last: Snapshot | None = None
-        self._retired: list[Tables] = []
-        self._recorded_then: list[tuple[int, Variable]] = []
+        self._last: Snapshot | None = None  # the snapshot that was taken last
+        self._retired: list[Tables] = []  # of plans before a replacement; observers hold views
+        self._recorded: list[tuple[int, Variable]] = []
         self._pools = [InstancePool(partial(instantiate, planned)) for planned in plan.components]
         self._restart: Restart | None = None
         self._at_exit: AtComponentExit | None = None
@@ -127,18 +125,29 @@ class Master:
     def initialize(self, start_time: float | None = None, stop_time: float | None = None) -> None:
         """Set start values and seeds, solve Initialization Mode, and leave it.
 
-        The run begins at `start_time` [s], by default where the system does.
+        The run begins at `start_time` [s], by default at the system's own start time.
         """
         if self._tables is not None:
             raise InputInvalid("initialize: the run has begun; expected reset()")
         for warning in self.plan.warnings:
             log.warning("%s", warning)
         begin = self.plan.start if start_time is None else start_time
-        self._start_tick = self._tick_at(begin, "start_time")
+        ticks = Fraction(str(begin)) / self.plan.tick
+        if ticks.denominator != 1 or ticks < 0:
+            tick = float(self.plan.tick)
+            near = max(0.0, float(round(ticks) * self.plan.tick))
+            raise InputInvalid(
+                f"start_time: {float(begin):.12g} s is no multiple of the tick of {tick:g} s; "
+                f"expected one, such as {near:g} s"
+            )
+        self._start_tick = int(ticks)
         self._times = (self._seconds(self._start_tick), stop_time)
-        for planned, component in self._pairs():
+        for planned, component in zip(self.plan.components, self.components, strict=True):
             enter_initialization(planned, component, {}, None, self._times)
-        states = tuple(self._state_or_none(c) for c in self.components)
+        states = tuple(
+            c.get_fmu_state() if c.description.can_get_and_set_state else None
+            for c in self.components
+        )
         self._first = Snapshot(self._hash, states)
         self._leave_initialization()
 
@@ -162,9 +171,9 @@ class Master:
         self._leave_initialization()
 
     def make_ahead(self, resets: int) -> None:
-        """Make the instances that so many resets will need, of FMUs that cannot copy their state.
+        """Instantiate the FMUs that cannot copy their state in advance, for a number of resets.
 
-        Otherwise each reset makes its own.
+        Otherwise each reset makes a new instance of them.
         """
         for pool, component in zip(self._pools, self.components, strict=True):
             if is_pooled(component):
@@ -172,11 +181,11 @@ class Master:
 
     @property
     def without_state(self) -> tuple[str, ...]:
-        """The components that cannot copy their state: reset makes them anew, snapshots refuse."""
+        """Components that cannot copy their state: reset instantiates them; snapshots fail."""
         return tuple(c.path for c in self.components if not c.description.can_get_and_set_state)
 
     def terminate(self) -> None:
-        """End the run in good order: components terminate, observers close."""
+        """End the run: components terminate, observers close."""
         try:
             for component in self.components:
                 component.terminate()
@@ -184,7 +193,7 @@ class Master:
             self._end_watch()
 
     def free(self) -> None:
-        """Free everything; a second call does nothing. Observers keep what they have seen."""
+        """Free everything; a second call does nothing. Observers get the rows up to now."""
         if self._at_exit is not None:
             self._at_exit.close()
         try:
@@ -192,7 +201,7 @@ class Master:
         finally:
             tables, self._tables = self._tables, None
             self._first = None
-            if tables is not None:
+            if tables is not None:  # the core frees copied states while the components still live
                 tables.core.forget()
             for component in reversed(self.components):
                 component.free()
@@ -225,9 +234,9 @@ class Master:
 
     @property
     def residuals(self) -> list[Residual]:
-        """The coupling residuals of the delayed connections, the largest first (see `coupling`).
+        """Coupling residuals of the delayed connections, the largest first (see `coupling`).
 
-        Of each connection it is the largest since `initialize`, or since the last `reset`.
+        Each is the largest of its connection since `initialize`, or since the last `reset`.
         """
         return residuals_of(self._ready())
 
@@ -238,7 +247,7 @@ class Master:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What the run says of its delayed loops: a gain that lets one diverge, its residual."""
+        """Warnings about delayed loops: a gain with which one diverges, or a large residual."""
         return (*self._remarks, *loop_remarks(self._ready()))
 
     @property
@@ -253,9 +262,15 @@ class Master:
 
     def step(self, n: int = 1) -> None:
         """Make n communication steps; raises ComponentFailed."""
+        try:
+            steps = index(n)
+        except TypeError:
+            steps = -1
+        if steps < 0:
+            raise InputInvalid(f"step: {n!r} steps; expected a whole number, 0 or more")
         core = self._ready().core
         tick = core.tick
-        end = tick + _whole(n)
+        end = tick + steps
         while tick < end:
             failure = core.run(end - tick, _SECONDS)
             self._emit()
@@ -274,7 +289,7 @@ class Master:
     # ---- values ---------------------------------------------------------------------------
 
     def get(self, path: str, name: str) -> Any:
-        """Read a value: of a connected or recorded output the one that is visible now."""
+        """Read a value; that of a connected or recorded output is the one visible to others."""
         tables = self._ready()
         i, variable = self._variable(path, name)
         placed = tables.outputs.get((i, name))
@@ -282,7 +297,7 @@ class Master:
             return decode(variable, self._raw(placed))
         return self.components[i].get(variable)
 
-    def set(self, path: str, name: str, value: Any) -> None:
+    def set(self, path: str, name: str, value: object) -> None:
         """Set an unconnected input, or a tunable parameter, between steps."""
         tables = self._ready()
         value = self.fitted(path, name, value)
@@ -292,10 +307,11 @@ class Master:
         if placed is not None:
             encode(variable, value, self._raw(placed))
 
-    def fitted(self, path: str, name: str, value: Any) -> Any:
-        """Return a value as `set` takes it, also from nested lists or text with a unit.
+    def fitted(self, path: str, name: str, value: object) -> Any:
+        """Return a value in the form that `set` needs, also from nested lists or text with a unit.
 
-        Raises InputInvalid for one that does not fit, and for what cannot be set between steps.
+        Raises InputInvalid for a value that does not fit, and for a variable that cannot be set
+        between steps.
         """
         i, variable = self._settable(path, name)
         try:
@@ -325,10 +341,11 @@ class Master:
         return i, variable
 
     def slots(self, path: str, name: str) -> np.ndarray | None:
-        """Show the numbers of a variable of `live` or `held`, which change with the run.
+        """Return a view of a variable of `live` or `held`, whose numbers change with the run.
 
-        Of shape (size,): float64, int64 or uint64. Setting those of a held input is `set`,
-        without its checks. None for a variable that the loop does not read or set.
+        Its shape is (size,), its type float64, int64 or uint64. Writing to that of a held input
+        sets the input, without the checks of `set`. None for a variable that the loop does not
+        read or set.
         """
         tables = self._ready()
         i, variable = self._variable(path, name)
@@ -341,12 +358,12 @@ class Master:
 
     @property
     def all_slots(self) -> np.ndarray:
-        """Show the loop's values as float64, where those that `slots` shows lie."""
+        """View of all values of the loop as float64; the arrays of `slots` are parts of it."""
         return self._ready().core.slots.view(np.float64)
 
     @property
     def faults(self) -> Faults:
-        """The faults of signals that are active; a reset repairs all."""
+        """Active faults of signals; a reset clears all."""
         self._ready()
         assert self._faults is not None
         return self._faults
@@ -354,12 +371,15 @@ class Master:
     # ---- snapshots ------------------------------------------------------------------------
 
     def snapshot(self) -> Snapshot:
-        """Copy the whole state at this communication point; raises FmuError if a part cannot."""
+        """Copy the whole state at this communication point.
+
+        Raises FmuError if a component cannot copy its state.
+        """
         self._last = self._state.take()
         return self._last
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Go back to a snapshot of this master; what follows is repeated bit for bit."""
+        """Go back to a snapshot of this master; the steps after it are repeated bit for bit."""
         if not isinstance(snapshot, Snapshot):
             raise InputInvalid(
                 f"restore: a {type(snapshot).__name__}; expected what snapshot() has given"
@@ -380,12 +400,13 @@ class Master:
         snapshot: Snapshot | Literal["start"] | None = None,
         source: str | None = None,
     ) -> None:
-        """Go on after a component failed, from a snapshot (by default the last that was taken).
+        """Continue after a component failed, from a snapshot (by default the last that was taken).
 
-        A fresh instance takes its place, with its state from the snapshot; or, with `source`, a
-        component of another source, which begins then. Without a snapshot, or from "start", all
-        begin anew. What has been recorded stays, and the recording goes on after it. Raises
-        InputInvalid if the state went with the instance, SystemInvalid if a source does not fit.
+        A new instance replaces it, with its state from the snapshot; or, with `source`, a component
+        of another source, which is initialized at the snapshot's time. Without a snapshot, or from
+        "start", the whole run is reset. Recorded rows stay, and recording continues after them.
+        Raises InputInvalid if the state was lost with the instance, SystemInvalid if a source does
+        not fit.
         """
         self._ready()
         i = self._component(path)
@@ -412,7 +433,7 @@ class Master:
         except BaseException:
             fresh.free()
             raise
-        self._take_in(i, fresh)
+        self._exchange(i, fresh)
         old.free()
         if snapshot is None:
             self.reset()
@@ -423,9 +444,9 @@ class Master:
         self._ready().core.next_row = next_row
 
     def _replace_component(self, i: int, snapshot: Snapshot | None, source: str) -> None:
-        """Put a component of another source in the place of component i, and continue.
+        """Replace component i by a component of another source, and continue.
 
-        It goes through Initialization Mode at the snapshot's time, with the inputs of that time.
+        It passes Initialization Mode at the snapshot's time, with the inputs of that time.
         """
         plan = plan_with(self.plan, i, source)
         old, before = self.components[i], self._ready()
@@ -439,7 +460,7 @@ class Master:
             enter_initialization(plan.components[i], fresh, {}, None, times)
             set_inputs(fresh, before, i)
             fresh.exit_initialization_mode()
-            self._take_in(i, fresh, plan)
+            self._exchange(i, fresh, plan)
         except BaseException:
             fresh.free()
             raise
@@ -449,13 +470,14 @@ class Master:
             return
         after = self._ready()
         copy_values(before, after, i, fresh)
+        # Only the clock is restored: values and states are in the new tables already.
         clock = 8 * (1 + after.core.n_members)  # the image begins with it
         after.core.set_image(image[:clock] + after.core.get_image()[clock:])
         self.faults.restore(snapshot.faults)
         after.core.next_row = next_row
 
-    def _take_in(self, i: int, fresh: Component, plan: Plan | None = None) -> None:
-        """Put a component in another's place; of another `plan`, it gets tables of its own."""
+    def _exchange(self, i: int, fresh: Component, plan: Plan | None = None) -> None:
+        """Put a component in another's place; with another `plan`, build tables for that plan."""
         first = self._first
         assert first is not None
         self.components[i] = fresh
@@ -463,9 +485,8 @@ class Master:
         self._restart = None
         if plan is not None:
             tables = self._ready()
-            if self._record is None:  # what is recorded stays the same
-                names = [(self.plan.components[j].path, v.name) for j, v in self._recorded_then]
-                self._record = names
+            if self._record is None:  # the recorded columns must stay the same
+                self._record = [(self.plan.components[j].path, v.name) for j, v in self._recorded]
             self.plan, self._hash, self._last = plan, snapshots.plan_hash(plan), None
             self._pools[i] = InstancePool(partial(self._instantiate, plan.components[i]))
             self._build_tables(begin=False)
@@ -494,7 +515,7 @@ class Master:
             self._fail(failure)
 
     def _check_loops(self) -> None:
-        """Refuse an iterated loop of gain 1, and name a delayed one that diverges."""
+        """Refuse an iterated loop of gain 1, and warn of a delayed one that diverges."""
         for loop in self.plan.algebraic_loops:
             if loop.undeclared:
                 continue
@@ -511,13 +532,18 @@ class Master:
                     "in the loop"
                 )
             remark = "" if loop.iterated else delay_remark(hops, gain)
-            if remark and remark not in self._remarks:  # a reset finds it again
+            if remark and remark not in self._remarks:  # a reset finds it a second time
                 self._remarks.append(remark)
                 log.warning("%s", remark)
 
     def _build_tables(self, *, begin: bool = True) -> None:
-        recorded = self._recorded() if self._watch.observers else []
-        self._recorded_then = recorded
+        recorded: list[tuple[int, Variable]] = []
+        if self._watch.observers and self._record is not None:
+            recorded = [self._variable(path, name) for path, name in self._record]
+        elif self._watch.observers:
+            outputs = [(i, c.description.of("output")) for i, c in enumerate(self.components)]
+            recorded = [(i, v) for i, vs in outputs for v in vs if v.type != "Clock"]
+        self._recorded = recorded
         columns = [c for i, v in recorded for c in Column.of(self.plan.components[i].path, v)]
         self.recorded = len(columns)
         n_rows = rows_of(len(columns))
@@ -534,15 +560,6 @@ class Master:
             self._watch.begin(columns)
             if self._watch.observers:
                 self._at_exit = AtComponentExit(self._end_watch)
-
-    def _recorded(self) -> list[tuple[int, Variable]]:
-        if self._record is not None:
-            return [self._variable(path, name) for path, name in self._record]
-        outputs = [(i, c.description.of("output")) for i, c in enumerate(self.components)]
-        return [(i, v) for i, vs in outputs for v in vs if v.type != "Clock"]
-
-    def _state_or_none(self, component: Component) -> Any:
-        return component.get_fmu_state() if component.description.can_get_and_set_state else None
 
     # ---- inside: the rest -----------------------------------------------------------------
 
@@ -562,25 +579,26 @@ class Master:
         self._watch.emit(self._ready().core)
 
     def _end_watch(self) -> None:
-        """Close the observers, which get the rows that an interrupted step has left."""
+        """Close the observers, after the rows that an interrupted step has not passed on."""
         try:
             if self._tables is not None:
                 self._watch.emit(self._tables.core)
         except UuvsimError:
-            log.debug("the last rows are lost", exc_info=True)  # what failed has been raised
+            # The failure itself has been raised already.
+            log.debug("the last rows are lost", exc_info=True)
         finally:
             self._watch.end()
 
     def _fail(self, failure: Failure) -> None:
-        time = self._seconds(failure.tick)
-        error = error_of(failure, self._ready(), self.components, time)
-        if isinstance(error, ComponentFailed) and error.asks_to_end:
-            self._end_step(failure, error)
-        raise error
+        """Raise the error of a failure.
 
-    def _end_step(self, failure: Failure, error: ComponentFailed) -> None:
-        """Record the end of the step that a component made, if it asks to end there."""
-        tables = self._ready()
+        If the component has made its whole step and asks to end the simulation there, the step
+        counts: the others make it too, and it is recorded.
+        """
+        tables, time = self._ready(), self._seconds(failure.tick)
+        error = error_of(failure, tables, self.components, time)
+        if not (isinstance(error, ComponentFailed) and error.asks_to_end):
+            raise error
         ticks = self.plan.components[tables.order[failure.member]].step_ticks
         begin, end = self._seconds(failure.tick), self._seconds(failure.tick + ticks)
         in_c = failure.outcome == Outcome.ENDED
@@ -588,9 +606,7 @@ class Master:
         if whole and tables.core.accept_step(failure.member):
             self.step(ticks)
             raise ComponentFailed(error.path, self.time, error.reason, asks_to_end=True)
-
-    def _pairs(self) -> list[tuple[PlannedComponent, Component]]:
-        return list(zip(self.plan.components, self.components, strict=True))
+        raise error
 
     def _ready(self) -> Tables:
         if self._tables is None:
@@ -614,24 +630,3 @@ class Master:
 
     def _seconds(self, tick: int) -> float:
         return float(tick * self.plan.tick.numerator) / float(self.plan.tick.denominator)
-
-    def _tick_at(self, time: float | Fraction, what: str) -> int:
-        ticks = Fraction(str(time)) / self.plan.tick
-        if ticks.denominator != 1 or ticks < 0:
-            tick = float(self.plan.tick)
-            near = max(0.0, float(round(ticks) * self.plan.tick))
-            raise InputInvalid(
-                f"{what}: {float(time):.12g} s is no multiple of the tick of {tick:g} s; "
-                f"expected one, such as {near:g} s"
-            )
-        return int(ticks)
-
-
-def _whole(n: int) -> int:
-    try:
-        steps = index(n)
-    except TypeError:
-        steps = -1
-    if steps < 0:
-        raise InputInvalid(f"step: {n!r} steps; expected a whole number, 0 or more")
-    return steps

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -18,7 +18,7 @@ __all__ = ["Chunk", "Column", "Observer", "Rows", "seconds"]
 
 @dataclass(frozen=True)
 class Column:
-    """One scalar of the rows; `index` counts from 1, None for a scalar variable."""
+    """One scalar of the rows; `index` of its element is from 1, None for a scalar variable."""
 
     path: str
     variable: Variable
@@ -45,10 +45,10 @@ class Column:
 
 @dataclass(frozen=True)
 class Rows:
-    """All rows since there was free room; they stay as they are until `reused` says so.
+    """All rows in the buffer, `ticks` (n,) and `slots` (n, columns); a chunk's rows are the last.
 
-    `ticks` (n,) and `slots` (n, columns), of which a chunk's are the end. Where `reused`, the
-    memory is written over once `observe` has returned.
+    They do not change after `observe`, unless `reused`: then the buffer is full, and it is
+    overwritten once `observe` has returned.
     """
 
     ticks: np.ndarray
@@ -61,7 +61,7 @@ class Chunk:
     """Rows at consecutive communication points; valid only while `observe` runs.
 
     `ticks` (n,) of `tick` [s] each; `rows` (n, columns) holds slots of 8 bytes, column by column,
-    which `values` reads; a text is an index into `texts`. `held` lasts longer.
+    which `values` reads; a text is an index into `texts`. `held` stays valid longer (see `Rows`).
     """
 
     columns: Sequence[Column]
@@ -81,11 +81,10 @@ class Chunk:
         type_ = self.columns[i].type
         raw = self.rows[:, i]
         if type_.is_blob:
-            kept: list[Any] = [self.texts[k] for k in raw]
-            if type_ == Type.String:
-                kept = [data.decode(errors="replace") for data in kept]
-            values = np.empty(len(kept), object)
-            values[:] = kept
+            data = [self.texts[k] for k in raw]
+            is_text = type_ == Type.String
+            values = np.empty(len(data), object)
+            values[:] = [d.decode(errors="replace") for d in data] if is_text else data
             return values
         return raw.astype(bool) if type_ == Type.Boolean else raw.view(type_.dtype)
 
@@ -96,13 +95,13 @@ def seconds(ticks: np.ndarray, tick: Fraction) -> np.ndarray:
 
 
 class Observer(Protocol):
-    """Watches one master; every call happens between steps, at most about 0.2 s apart."""
+    """Receiver of a master's rows. Calls are made between steps, at most about 0.2 s apart."""
 
     def begin(self, plan: Plan, columns: Sequence[Column]) -> None:
-        """Learn what the rows will hold, before the first."""
+        """Get the columns of the rows, before the first row."""
 
     def observe(self, chunk: Chunk) -> None:
-        """See the rows since the last call; copy what is to be kept."""
+        """Get the rows since the last call; copy those that are to be kept."""
 
     def end(self) -> None:
-        """Close; also called after a failure, once."""
+        """Close; called once, also after a failure."""

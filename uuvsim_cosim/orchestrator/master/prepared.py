@@ -32,21 +32,33 @@ def prepare(
     watchdog: float | None = 30.0,
     trace: Trace | None = None,
 ) -> Callable[[PlannedComponent], Component]:
-    """Compile the plan's declarations side by side, and give what instantiates a component.
+    """Compile the plan's declarations in parallel; return a function that makes a component.
 
-    ``progress("building", done, total)`` is called after each. Those that `isolate` names by
-    path, or all by "*", get a process of their own, which fails when it does not answer within
-    `watchdog` seconds. FMUs write their calls into `trace`. Raises ToolchainError, InputInvalid.
+    ``progress("building", done, total)`` is called after each. The components that `isolate`
+    names by path (or all, by "*") get a process of their own, which fails if it does not answer
+    within `watchdog` seconds. FMUs write their calls into `trace`. Raises ToolchainError,
+    InputInvalid.
     """
-    _check_paths(isolate, plan)
+    paths = [c.path for c in plan.components]
+    for path in isolate:
+        if path not in paths and path != "*":
+            raise InputInvalid(
+                f"isolate: no component {path!r}; expected {expected_names(path, paths)}, "
+                "or * for all"
+            )
     declared = {c.source for c in plan.components if c.source.startswith("model:")}
     built: dict[str, Path] = {}
     total = len(declared)
     if progress is not None and total:
         progress("building", 0, total)
-    if backend == "fmu":
-        for source, path in compute_in_threads(_fmu, sorted(declared), os.cpu_count() or 1):
-            built[source] = path
+    if backend == "fmu" and declared:
+        from uuvsim_cosim.fmus.export.export import build_fmu
+
+        def build(source: str) -> Path:
+            return build_fmu(ModelSource(source).lowered(), fmi=3)
+
+        for source, fmu in compute_in_threads(build, sorted(declared), os.cpu_count() or 1):
+            built[source] = fmu
             if progress is not None:
                 progress("building", len(built), total)
 
@@ -71,21 +83,5 @@ def prepare(
 
 
 def instance_of(source: str, path: str, backend: Backend) -> Component:
-    """Make a live component of a source; in the process of an isolated one."""
+    """Instantiate a source; called in the process of an isolated component."""
     return resolve(source).instantiate(path, backend=backend)
-
-
-def _check_paths(isolate: Collection[str], plan: Plan) -> None:
-    paths = [c.path for c in plan.components]
-    for path in isolate:
-        if path not in paths and path != "*":
-            raise InputInvalid(
-                f"isolate: no component {path!r}; expected {expected_names(path, paths)}, "
-                "or * for all"
-            )
-
-
-def _fmu(source: str) -> Path:
-    from uuvsim_cosim.fmus.export.export import build_fmu
-
-    return build_fmu(ModelSource(source).lowered(), fmi=3)

@@ -16,13 +16,13 @@ from uuvsim_cosim.errors import InputInvalid, Overrun
 __all__ = ["Overruns", "Pace", "Punctuality", "Steps"]
 
 Overruns = Literal["catch-up", "slip", "fail"]
-_ROLLING = 1.0  # [s] of wall time over which the rolling factor is taken
+_ROLLING = 1.0  # [s] of wall time over which the rolling factor is computed
 _WAKES = 1000.0  # [1/s] at most: shorter ticks are stepped several at a time
-_SPIN = 2e-4  # [s] before an instant are waited through awake: sleeping is no more exact
+_SPIN = 2e-4  # [s] of active waiting before an instant, because sleeping is not more exact
 
 
 class Steps(Protocol):
-    """What makes communication steps: a master, or one with a scenario."""
+    """Object that makes communication steps: a master, or one with a scenario or inputs."""
 
     @property
     def tick(self) -> int:
@@ -38,9 +38,9 @@ class Steps(Protocol):
 
 @dataclass(frozen=True)
 class Punctuality:
-    """How well a run kept time: lateness of its steps' beginnings [s], and overruns.
+    """Timing of a run in real time: lateness of its steps' beginnings [s], and overruns.
 
-    An overrun is a step that ended when the next one should have begun already.
+    An overrun is a step that ended after the next one should have begun.
     """
 
     factor: float
@@ -54,10 +54,10 @@ class Punctuality:
 
 @final
 class Pace:
-    """Makes steps at `factor` times real time.
+    """Stepping at `factor` times real time.
 
-    After an overrun, "catch-up" steps without waiting until the schedule holds again, "slip"
-    moves the schedule, "fail" raises Overrun.
+    After an overrun, "catch-up" makes steps without waiting until they are in time again, "slip"
+    delays the schedule, "fail" raises Overrun.
     """
 
     def __init__(
@@ -95,7 +95,11 @@ class Pace:
         begin = self._clock()
         while master.tick < steps:
             due = begin + (master.tick - first) * period
-            self._wait(due)
+            remaining = due - self._clock()
+            if remaining > _SPIN:
+                self._sleep(remaining - _SPIN)
+            while self._clock() < due:
+                pass
             late = self._clock() - due
             self._late.append(late)
             master.step(min(each, steps - master.tick))
@@ -103,7 +107,9 @@ class Pace:
             behind = now - (begin + (master.tick - first) * period)
             if behind > 0.0:
                 begin += self._overrun(behind, master.time)
-            self._note(now, master.time)
+            self._recent.append((now, master.time))
+            while len(self._recent) > 2 and self._recent[1][0] < now - _ROLLING:
+                self._recent.popleft()
             report(master.time)
 
     @property
@@ -115,7 +121,7 @@ class Pace:
         return (reached - simulated) / (now - wall) if now > wall else 0.0
 
     def punctuality(self) -> Punctuality:
-        """Return how late the steps so far began."""
+        """Return the timing statistics of the steps so far."""
         late = np.maximum(self._late, 0.0) if self._late else np.zeros(1)
         median, p99 = np.quantile(late, [0.5, 0.99])
         return Punctuality(
@@ -123,15 +129,8 @@ class Pace:
             self._overruns, self._slipped,
         )  # fmt: skip
 
-    def _wait(self, due: float) -> None:
-        remaining = due - self._clock()
-        if remaining > _SPIN:
-            self._sleep(remaining - _SPIN)
-        while self._clock() < due:
-            pass
-
     def _overrun(self, behind: float, reached: float) -> float:
-        """Count it, and give by how much the schedule moves."""
+        """Count an overrun, and return the delay of the schedule; raises Overrun."""
         self._overruns += 1
         if self._policy == "fail":
             raise Overrun(
@@ -143,8 +142,3 @@ class Pace:
             return 0.0
         self._slipped += behind
         return behind
-
-    def _note(self, now: float, reached: float) -> None:
-        self._recent.append((now, reached))
-        while len(self._recent) > 2 and self._recent[1][0] < now - _ROLLING:
-            self._recent.popleft()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 from uuvsim_cosim.errors import FmuError, InputInvalid, Problem, SystemInvalid
 from uuvsim_cosim.fmus.component import Component
@@ -14,7 +13,7 @@ from uuvsim_cosim.fmus.isolation.isolated import RemoteState
 from uuvsim_cosim.orchestrator.master.core_tables import Tables
 from uuvsim_cosim.orchestrator.master.slots import decode, encode, read_blob, write_blob
 from uuvsim_cosim.orchestrator.plan.loop_policy import check_loops
-from uuvsim_cosim.orchestrator.plan.plan import Plan, Transfer
+from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.system.resolve import resolve
 from uuvsim_cosim.orchestrator.values.values import is_float
 
@@ -26,9 +25,12 @@ log = logging.getLogger("uuvsim_cosim.master")
 # ---- a state that outlives its instance -------------------------------------------------------
 
 
-def outliving(old: Component, state: Any) -> Any:
-    """Return a state, or its bytes, that a new instance can use; raises InputInvalid if none."""
-    if state is None:  # a native component's is in the image
+def outliving(old: Component, state: object) -> object:
+    """Return a state, or its bytes, in a form that a new instance can use.
+
+    Raises InputInvalid if there is none.
+    """
+    if state is None:  # that of a native component is in the image
         return None
     if isinstance(state, RemoteState):
         if state.data is not None:
@@ -45,8 +47,8 @@ def outliving(old: Component, state: Any) -> Any:
     )
 
 
-def taken_over(fresh: Component, state: Any) -> Any:
-    """Return a state that `outliving` has given, as the fresh instance's own."""
+def taken_over(fresh: Component, state: object) -> object:
+    """Return a state of `outliving` as a state of the new instance."""
     return fresh.deserialize_fmu_state(state) if isinstance(state, bytes) else state
 
 
@@ -54,13 +56,23 @@ def taken_over(fresh: Component, state: Any) -> Any:
 
 
 def plan_with(plan: Plan, i: int, source: str) -> Plan:
-    """Return the plan with another component i; raises SystemInvalid if that does not fit."""
+    """Return the plan with another component i; raises SystemInvalid if it does not fit."""
     resolved = resolve(source)
     old = plan.components[i]
     ends = [t.source_variable for t in plan.transfers if t.source == i]
     ends += [t.target_variable for t in plan.transfers if t.target == i]
-    described = _assuming(resolved.describe(), ends, old.path)
-    problems = {v.name: p for v in ends if (p := _misfit(old.path, v, described)) is not None}
+    described = _with_assumed_units(resolved.describe(), ends, old.path)
+    problems: dict[str, Problem] = {}
+    for v in ends:
+        place, new = f"{old.path}.{v.name}", described.variables.get(v.name)
+        expected = f"{v.causality} of type {v.type} and shape {v.shape}, unit {v.unit}"
+        if new is None:
+            problems[v.name] = Problem(place, f"{described.name} has none", expected)
+        elif (new.type, new.shape, new.causality, new.units) != (
+            v.type, v.shape, v.causality, v.units,
+        ):  # fmt: skip
+            read = f"{new.causality} of type {new.type} and shape {new.shape}, unit {new.unit}"
+            problems[v.name] = Problem(place, read, expected)
     if problems:
         raise SystemInvalid(list(problems.values()))
     start = {n: v for n, v in old.start.items() if n in described.variables}
@@ -68,13 +80,19 @@ def plan_with(plan: Plan, i: int, source: str) -> Plan:
         log.warning("%s: %s has no %s, whose start values are not used", old.path, source,
                     ", ".join(lacking))  # fmt: skip
     component = replace(old, source=resolved.text, description=described, start=start)
-    transfers = tuple(_rewired(t, i, described) for t in plan.transfers)
+    transfers = []
+    for t in plan.transfers:
+        if t.source == i:
+            t = replace(t, source_variable=described.variables[t.source_variable.name])
+        if t.target == i:
+            t = replace(t, target_variable=described.variables[t.target_variable.name])
+        transfers.append(t)
     components = (*plan.components[:i], component, *plan.components[i + 1 :])
-    return check_loops(replace(plan, components=components, transfers=transfers))
+    return check_loops(replace(plan, components=components, transfers=tuple(transfers)))
 
 
-def _assuming(described: Description, ends: Sequence[Variable], path: str) -> Description:
-    """Assume the units of the place for variables without one, as `System.replace` does."""
+def _with_assumed_units(described: Description, ends: Sequence[Variable], path: str) -> Description:
+    """Give variables without a unit the unit of the replaced ones, as `System.replace` does."""
     variables = dict(described.variables)
     for old in ends:
         new = variables.get(old.name)
@@ -90,29 +108,8 @@ def _assuming(described: Description, ends: Sequence[Variable], path: str) -> De
     return replace(described, variables=variables)
 
 
-def _misfit(path: str, old: Variable, described: Description) -> Problem | None:
-    new = described.variables.get(old.name)
-    expected = f"{old.causality} of type {old.type} and shape {old.shape}, unit {old.unit}"
-    if new is None:
-        return Problem(f"{path}.{old.name}", f"{described.name} has none", expected)
-    if (new.type, new.shape, new.causality, new.units) != (
-        old.type, old.shape, old.causality, old.units,
-    ):  # fmt: skip
-        read = f"{new.causality} of type {new.type} and shape {new.shape}, unit {new.unit}"
-        return Problem(f"{path}.{old.name}", read, expected)
-    return None
-
-
-def _rewired(t: Transfer, i: int, described: Description) -> Transfer:
-    if t.source == i:
-        t = replace(t, source_variable=described.variables[t.source_variable.name])
-    if t.target == i:
-        t = replace(t, target_variable=described.variables[t.target_variable.name])
-    return t
-
-
 def set_inputs(fresh: Component, tables: Tables, i: int) -> None:
-    """Set the inputs that a fresh component has in common with component i, as they are now."""
+    """Set the inputs that a new component shares with component i to their present values."""
     slots = tables.core.slots
     for (j, name), p in tables.inputs.items():
         if j == i and name in fresh.description.variables:
@@ -121,7 +118,7 @@ def set_inputs(fresh: Component, tables: Tables, i: int) -> None:
 
 
 def copy_values(before: Tables, after: Tables, i: int, fresh: Component) -> None:
-    """Bring values to where they lie now; those of component i are the fresh one's."""
+    """Copy the values from the slots before to those after; of component i, read the new values."""
     places = [(before.inputs, after.inputs), (before.outputs, after.outputs)]
     for old, new in places:
         for key, to in new.items():

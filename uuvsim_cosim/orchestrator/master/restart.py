@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Mapping, Sequence
-from typing import Any, final
+from collections.abc import Sequence
+from typing import final
 
 import numpy as np
 
@@ -17,19 +17,17 @@ from uuvsim_cosim.orchestrator.master.instance_pool import InstancePool, is_pool
 from uuvsim_cosim.orchestrator.master.slots import encode
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.plan.seeds import component_seeds
-from uuvsim_cosim.orchestrator.plan.start import enter_initialization, seed_of
+from uuvsim_cosim.orchestrator.plan.start import Starts, enter_initialization, seed_of
 
 __all__ = ["Restart", "show_unconnected", "unconnected_inputs"]
-
-_Starts = Mapping[str, Mapping[str, Any]]
 
 
 @final
 class Restart:
-    """What resets of a run have in common, looked up once.
+    """Resets of a run; everything that they have in common is looked up once.
 
-    `components` is the master's own list: where an FMU cannot copy its state, a fresh instance
-    takes its place in the list and in the tables.
+    `components` is the master's own list: if an FMU cannot copy its state, a new instance replaces
+    it in the list and in the tables.
     """
 
     def __init__(
@@ -50,18 +48,37 @@ class Restart:
         self._paths = [plan.components[i].path for i in self._seeds]
         self._order = _order(plan, tables)
         self._unconnected = unconnected_inputs(plan, tables)
-        self._checked, self._low, self._high = _limits(tables)
+        # Slots, minima and maxima of the native components' inputs that have limits.
+        slots: list[int] = []
+        low: list[float] = []
+        high: list[float] = []
+        for placed in tables.inputs.values():
+            v = placed.variable
+            native = tables.bindings[placed.member].kind == BindingKind.NATIVE
+            if native and (v.min, v.max) != (None, None):
+                slots += placed.slots
+                low += [-np.inf if v.min is None else v.min] * v.size
+                high += [np.inf if v.max is None else v.max] * v.size
+        self._checked = np.array(slots, np.intp)
+        self._low, self._high = np.array(low), np.array(high)
 
-    def enter(self, states: Sequence[Any], seed: int | None, start: _Starts) -> None:
-        """Go back to Initialization Mode, with the plan's start values, `start` and the seed."""
-        keys: dict[int, Any] = {}
+    def enter(self, states: Sequence[object], seed: int | None, start: Starts) -> None:
+        """Go back to Initialization Mode, with the plan's start values, `start` and the seed.
+
+        `states` are those in Initialization Mode; None for a component that cannot copy its state.
+        """
+        keys: dict[int, np.ndarray] = {}
         if seed is not None and self._seeds:
             keys = dict(zip(self._seeds, component_seeds([seed], self._paths)[0], strict=True))
         for i, state in enumerate(states):
             path = self._plan.components[i].path
             if state is None:
-                planned = self._plan.components[i]
-                component = self._renewed(i)
+                planned, component = self._plan.components[i], self._components[i]
+                if is_pooled(component):
+                    component = self._components[i] = self._pools[i].exchange(component)
+                    self._tables.replace(self._tables.order.index(i), component)
+                else:
+                    component.reset()
                 enter_initialization(planned, component, start.get(path, {}), seed, self._times)
                 continue
             component = self._components[i]
@@ -73,7 +90,10 @@ class Restart:
                 component.set(component.description.variables[name], value)
 
     def propagate(self, tick: int, time: float) -> Failure | None:
-        """Let values flow through the connections; gives what failed in C, or raises."""
+        """Set all inputs from their sources; return a failure of a component in C, or raise.
+
+        This is done in C if it can be, and in Python otherwise.
+        """
         if self._order is None:
             propagate(self._plan, self._components, time)
             return None
@@ -81,26 +101,15 @@ class Restart:
         failure = self._tables.core.propagate(tick, self._order)
         if failure is not None and failure.outcome == Outcome.BAD_STATUS:
             return failure
-        if failure is not None or not self._within_limits():
-            propagate(self._plan, self._components, time)  # says what is wrong, or that it may be
+        values = self._tables.core.slots.view(np.float64)[self._checked]
+        if failure is not None or not ((values >= self._low) & (values <= self._high)).all():
+            # Python repeats it: it raises the error with its text, or accepts the values.
+            propagate(self._plan, self._components, time)
         return None
 
-    def _renewed(self, i: int) -> Component:
-        component = self._components[i]
-        if not is_pooled(component):
-            component.reset()
-            return component
-        fresh = self._components[i] = self._pools[i].exchange(component)
-        self._tables.replace(self._tables.order.index(i), fresh)
-        return fresh
 
-    def _within_limits(self) -> bool:
-        values = self._tables.core.slots.view(np.float64)[self._checked]
-        return bool(((values >= self._low) & (values <= self._high)).all())
-
-
-def _order(plan: Plan, tables: Tables) -> Any:
-    """Return the members to be set, in order; None where Python has to take part."""
+def _order(plan: Plan, tables: Tables) -> ctypes.Array[ctypes.c_uint32] | None:
+    """Return the members to be set by C, in order; None if Python has to take part."""
     in_c = (BindingKind.NATIVE, BindingKind.FMI2, BindingKind.FMI3)
     if any(b.kind not in in_c for b in tables.bindings) or any(
         len(entry) > 1 for entry in plan.initialization
@@ -116,7 +125,7 @@ def _order(plan: Plan, tables: Tables) -> Any:
 
 
 def unconnected_inputs(plan: Plan, tables: Tables) -> list[tuple[int, Placed]]:
-    """Find inputs that the loop sets, and of which nothing feeds some elements."""
+    """Return the inputs that the loop sets and of which some elements are not connected."""
     fed: dict[tuple[int, str], set[int]] = {}
     for t in plan.transfers:
         fed.setdefault((t.target, t.target_variable.name), set()).update(t.target_elements)
@@ -130,23 +139,8 @@ def unconnected_inputs(plan: Plan, tables: Tables) -> list[tuple[int, Placed]]:
 def show_unconnected(
     unconnected: Sequence[tuple[int, Placed]], tables: Tables, components: Sequence[Component]
 ) -> None:
-    """Bring the present values of such inputs into the loop's slots."""
+    """Copy the present values of such inputs into the loop's slots."""
     slots = tables.core.slots
     for i, placed in unconnected:
         value = components[i].get(placed.variable)
         encode(placed.variable, value, slots[placed.slot : placed.slot + placed.variable.size])
-
-
-def _limits(tables: Tables) -> tuple[Any, Any, Any]:
-    """Return slots, least and greatest values of the inputs whose setters refuse others."""
-    slots: list[int] = []
-    low: list[float] = []
-    high: list[float] = []
-    for placed in tables.inputs.values():
-        v = placed.variable
-        native = tables.bindings[placed.member].kind == BindingKind.NATIVE
-        if native and (v.min, v.max) != (None, None):
-            slots += placed.slots
-            low += [-np.inf if v.min is None else v.min] * v.size
-            high += [np.inf if v.max is None else v.max] * v.size
-    return np.array(slots, np.intp), np.array(low), np.array(high)

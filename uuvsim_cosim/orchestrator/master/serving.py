@@ -1,13 +1,14 @@
-"""Child process of an isolated component: a loop in C steps it when the parent asks."""
+"""Child process of an isolated component: a loop in C steps it on the parent's request."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
-from typing import Any, final
+from typing import final
 
 from uuvsim_cosim.errors import FmuError, UuvsimError
 from uuvsim_cosim.fmus.component import Component
+from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.master.callback import CallbackBinding
 from uuvsim_cosim.orchestrator.master.core import library
 from uuvsim_cosim.orchestrator.master.core_tables import Tables, tables_of
@@ -20,7 +21,7 @@ __all__ = ["Serving", "serve"]
 
 @final
 class Serving:
-    """A component in tables of its own, whose slots are filled and read by another process."""
+    """Component with its own tables, whose slots another process fills and reads."""
 
     def __init__(
         self, component: Component, tables: Tables, segment: int, pipe: int, spins: int
@@ -39,7 +40,7 @@ class Serving:
         self._c.uuv_exchange_waits(self._exchange, 0, 0.0, spins)
 
     def run(self) -> None:
-        """Step as asked, until the parent calls on the pipe or is gone."""
+        """Step on request, until the parent writes to the pipe or ends."""
         self._tables.core.serve(self._exchange, self._pipe, self._messages)
 
     def forget(self) -> None:
@@ -49,11 +50,11 @@ class Serving:
                 binding.callbacks.forget()
 
     def error(self, time: float) -> BaseException:
-        """Return the error of the last step, as the component's own process sees it."""
+        """Return the error of the last step."""
         return error_of(self._tables.core.why(), self._tables, [self._component], time)
 
     def close(self) -> None:
-        """Free the tables, while the component lives."""
+        """Free the tables; only while the component still exists."""
         self._tables.core.forget()
         self._tables.core.free()
         self._c.uuv_exchange_free(self._exchange)
@@ -67,13 +68,16 @@ def serve(
     outputs: Sequence[str],
     spins: int,
 ) -> Serving:
-    """Make ready to step a component through the memory `segment`; called in its process."""
+    """Prepare stepping of a component through the memory `segment`; called in its process."""
     variables = component.description.variables
     tables = _tables(component, [variables[n] for n in inputs], [variables[n] for n in outputs])
     return Serving(component, tables, segment, pipe, spins)
 
 
-def _tables(component: Component, inputs: Sequence[Any], outputs: Sequence[Any]) -> Tables:
+def _tables(
+    component: Component, inputs: Sequence[Variable], outputs: Sequence[Variable]
+) -> Tables:
+    """Return tables of a plan with this component only."""
     planned = PlannedComponent(component.path, "", component.description)
     held, live = ([(0, v) for v in group] for group in (inputs, outputs))
 
@@ -85,5 +89,5 @@ def _tables(component: Component, inputs: Sequence[Any], outputs: Sequence[Any])
         try:
             return make(Group("iterated", (0,)))
         except FmuError:
-            pass  # it says that it can, and cannot
+            pass  # its description declares states, but its binary has no functions for them
     return make(Group("jacobi", (0,)))

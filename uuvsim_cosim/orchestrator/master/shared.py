@@ -1,4 +1,4 @@
-"""Parent process of an isolated component: the stepping loop reaches it by shared memory."""
+"""Parent's side of an isolated component: the stepping loop steps it through shared memory."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from uuvsim_cosim.orchestrator.master.core import library
 
 __all__ = ["SPINS", "Exchange", "Serve", "SharedBinding", "shared_binding", "text_room"]
 
-SPINS = 2000  # looks at the other side before sleeping; some 60 µs
-_TEXT_ROOM = 64 << 20  # bytes of texts and binaries in one exchange; touched only as far as used
+SPINS = 2000  # polls of the other side before sleeping; some 60 µs
+_TEXT_BYTES = 64 << 20  # of texts and binaries in one exchange; only used pages are allocated
 _FAILED, _DIED, _LATE = 1, 2, 3
 
-Serve = Callable[..., Any]  # (component, segment, pipe, inputs, outputs, spins)
+Serve = Callable[..., object]  # (component, segment, pipe, inputs, outputs, spins)
 
 
 @final
 class Exchange:
-    """The memory that the loop and one isolated component share; `address` is what C knows.
+    """Memory that the loop and one isolated component share; `address` is C's pointer to it.
 
     `serve` is called in the component's process, which steps the component from then on (see
     `serving.serve`).
@@ -52,20 +52,22 @@ class Exchange:
         os.ftruncate(segment, self._c.uuv_exchange_size(*sizes, room))
         if not self._c.uuv_exchange_map(self.address, segment, *sizes, room):
             raise UuvsimError(f"{component.path}: {room} bytes of shared memory cannot be mapped")
-        spins = SPINS if _cores() > 1 else 0
+        affinity = getattr(os, "sched_getaffinity", None)
+        cores = len(affinity(0)) if affinity is not None else os.cpu_count() or 1
+        spins = SPINS if cores > 1 else 0  # on a single core, polling would block the other side
         self._c.uuv_exchange_waits(self.address, process, component.watchdog or 0.0, spins)
         names = ([v.name for v in inputs], [v.name for v in outputs])
         component.serve(self, self._serve, (*names, spins))
 
     def exchange_with(self, component: Isolated) -> None:
-        """Step another instance of the same from now on; the one before steps no more."""
-        self._component.unserved(self)  # it must not close what is the other's from now on
+        """Step another instance of the same FMU from now on."""
+        self._component.unserved(self)  # the old instance must not close this exchange
         self._component = component
         if self._shown is not None:
             self.open(*self._shown)
 
     def leave(self) -> None:
-        """Let the process answer on its pipe."""
+        """Stop stepping, so that the process answers on its pipe again."""
         self._c.uuv_exchange_leave(self.address)
 
     def close(self) -> None:
@@ -73,15 +75,15 @@ class Exchange:
         self._c.uuv_exchange_close(self.address)
 
     def messages_wait(self) -> bool:
-        """Return whether messages of the component are waiting."""
+        """Return whether there are messages of the component to be read."""
         return bool(self._c.uuv_exchange_messages(self.address))
 
     def error(self, time: float) -> BaseException | None:
         """Return the error if the component stopped the loop; None if the loop stopped itself."""
-        trouble = self._c.uuv_exchange_trouble(self.address)
-        if trouble in (_DIED, _LATE):
-            return self._component.lost(time, late=trouble == _LATE)
-        return self._component.why(time) if trouble == _FAILED else None
+        status = self._c.uuv_exchange_trouble(self.address)
+        if status in (_DIED, _LATE):
+            return self._component.lost(time, late=status == _LATE)
+        return self._component.why(time) if status == _FAILED else None
 
     def __del__(self) -> None:
         if getattr(self, "address", None):
@@ -90,17 +92,17 @@ class Exchange:
 
 @dataclass(frozen=True)
 class SharedBinding(Binding):
-    """A binding to another process, in which the component is of the kind `served`."""
+    """Binding to another process, in which the component has a binding of the kind `served`."""
 
     exchange: Exchange
     served: BindingKind
 
 
 def shared_binding(component: Component, serve: Serve) -> SharedBinding:
-    """Return the binding of an isolated component, whose exchange is still to be opened."""
+    """Return the binding of an isolated component; its exchange is opened later."""
     assert isinstance(component, Isolated)
     exchange, c = Exchange(component, serve), library()
-    functions = {"DoStep": exchange.address}  # C knows what to call
+    functions = {"DoStep": exchange.address}  # not a function: C steps through the exchange
     if component.description.can_get_and_set_state:
         functions["GetFMUState"] = _address(c.uuv_exchange_save)
         functions["SetFMUState"] = _address(c.uuv_exchange_restore)
@@ -116,13 +118,8 @@ def kind_of(component: Component) -> int:
 
 
 def text_room(variables: Sequence[Variable]) -> int:
-    """Return the bytes that both sides keep for texts and binaries, each way."""
-    return _TEXT_ROOM if any(v.type in ("String", "Binary") for v in variables) else 0
-
-
-def _cores() -> int:
-    affinity = getattr(os, "sched_getaffinity", None)
-    return len(affinity(0)) if affinity is not None else os.cpu_count() or 1
+    """Return the bytes for texts and binaries in each direction."""
+    return _TEXT_BYTES if any(v.type in ("String", "Binary") for v in variables) else 0
 
 
 def _address(function: Any) -> int:

@@ -17,9 +17,8 @@ def decode(variable: Variable, raw: np.ndarray) -> Any:
     """Return the value in a variable's slots: a number, text, bytes, or array of its shape."""
     type_ = Type.of(variable)
     if type_.is_blob:
-        flat: list[Any] = [read_blob(raw, i) for i in range(variable.size)]
-        if type_ == Type.String:
-            flat = [data.decode(errors="replace") for data in flat]
+        data = [read_blob(raw, i) for i in range(variable.size)]
+        flat = [d.decode(errors="replace") for d in data] if type_ == Type.String else data
         return np.array(flat, object).reshape(variable.shape) if variable.shape else flat[0]
     numbers = raw.view(type_.dtype)
     if type_ == Type.Boolean:
@@ -27,7 +26,7 @@ def decode(variable: Variable, raw: np.ndarray) -> Any:
     return numbers.reshape(variable.shape).copy() if variable.shape else numbers[0].item()
 
 
-def encode(variable: Variable, value: Any, raw: np.ndarray) -> None:
+def encode(variable: Variable, value: object, raw: np.ndarray) -> None:
     """Write a value of the variable's shape into its slots."""
     type_ = Type.of(variable)
     if type_.is_blob:
@@ -45,6 +44,6 @@ def read_blob(raw: np.ndarray, i: int) -> bytes:
 
 
 def write_blob(raw: np.ndarray, i: int, data: bytes) -> None:
-    """Copy bytes to where slot i points to."""
+    """Copy bytes to the memory that slot i points to."""
     if not library().uuv_core_write_blob(raw.ctypes.data + 8 * i, data, len(data)):
         raise MemoryError(f"no memory for {len(data)} bytes")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import zipfile
 import zlib
@@ -25,25 +26,25 @@ SCHEMA_VERSION = 2
 class Snapshot:
     """The loop's image (see `Core.get_image`), its texts, and the states of other components.
 
-    States stand in the plan's order; those of native components are None, for the image holds
-    them. Immutable. `image` is None for a snapshot taken in Initialization Mode, where `states`
-    holds all, but None for a component that cannot copy its state (only `reset` can use it).
+    States are in the plan's order; those of native components are None, because the image holds
+    them. Immutable. A snapshot of Initialization Mode has no image and is used by `reset` only:
+    its `states` are those of all components, None for one that cannot copy its state.
     """
 
     plan: str
-    states: tuple[Any, ...]
+    states: tuple[object, ...]
     image: bytes | None = None
     texts: tuple[bytes, ...] = ()
     faults: tuple[KeptFault, ...] = ()
-    layout: str = ""  # where values lie in the image
+    layout: str = ""  # hash of the slots of the variables in the image
 
-    def with_state(self, i: int, state: Any) -> Snapshot:
+    def with_state(self, i: int, state: object) -> Snapshot:
         """Return the snapshot with another state of component i."""
         return replace(self, states=(*self.states[:i], state, *self.states[i + 1 :]))
 
 
 def plan_hash(plan: Plan) -> str:
-    """Hash what makes states of a plan fit: components, variables, steps, transfers, groups."""
+    """Hash all parts of a plan on which states depend: components, steps, transfers, groups."""
     parts = [str(plan.tick), repr(plan.groups)]
     for c in plan.components:
         parts.append(f"{c.path} {c.description.name} {c.description.token} {c.step_ticks}")
@@ -59,7 +60,7 @@ def plan_hash(plan: Plan) -> str:
 def save_snapshot(
     snapshot: Snapshot, path: Path, plan: Plan, components: Sequence[Component]
 ) -> None:
-    """Write a snapshot to a file, at once or not at all; raises FmuError, InputInvalid."""
+    """Write a snapshot to a file, never an incomplete one; raises FmuError, InputInvalid."""
     if snapshot.image is None:
         raise InputInvalid(
             "a snapshot of Initialization Mode cannot be written; expected one taken later"
@@ -103,11 +104,13 @@ def load_snapshot(path: Path, plan: Plan, components: Sequence[Component]) -> Sn
         with zipfile.ZipFile(path) as archive:
             header = json.loads(archive.read("snapshot.json"))
             _check(header, path, plan)
-            texts = tuple(_split(archive.read("texts"), header["texts"]))
+            joined = archive.read("texts")
+            ends = list(itertools.accumulate(header["texts"], initial=0))
+            texts = tuple(joined[a:b] for a, b in itertools.pairwise(ends))
             image = archive.read("image")
-            there = set(archive.namelist())
+            present = set(archive.namelist())
             names = [f"states/{i}" for i in range(len(plan.components))]
-            data = [archive.read(n) if n in there else None for n in names]
+            data = [archive.read(n) if n in present else None for n in names]
     except OSError as error:
         raise InputInvalid(f"snapshot {path}: cannot be read ({error.strerror})") from error
     except (zipfile.BadZipFile, zlib.error, KeyError, ValueError, TypeError,
@@ -125,14 +128,6 @@ def load_snapshot(path: Path, plan: Plan, components: Sequence[Component]) -> Sn
         for number, *fault, past in header.get("faults", ())
     )
     return Snapshot(header["plan"], states, image, texts, faults, header["layout"])
-
-
-def _split(data: bytes, sizes: Sequence[int]) -> list[bytes]:
-    parts, at = [], 0
-    for size in sizes:
-        parts.append(data[at : at + size])
-        at += size
-    return parts
 
 
 def _check(header: Mapping[str, Any], path: Path, plan: Plan) -> None:

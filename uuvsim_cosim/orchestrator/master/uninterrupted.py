@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 
-# Without the enumerations of the module `signal`, which take some 20 µs a time.
+# The functions of the module `signal` convert to enumerations, which takes some 20 µs a call.
 from _signal import getsignal, signal  # type: ignore[import-not-found]
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,7 +16,7 @@ __all__ = ["uninterrupted"]
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Let an interruption come after the block; other threads than the main one get none anyway."""
+    """Defer Ctrl-C until the end of the block; Python raises it in the main thread only."""
     before = getsignal(SIGINT)
     main = threading.current_thread() is threading.main_thread()
     if not main or not callable(before):

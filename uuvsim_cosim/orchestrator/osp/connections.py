@@ -1,8 +1,8 @@
 """Connections of an OspSystemStructure.xml: variables, variable groups, functions, power bonds.
 
-A linear transformation is a factor and an offset of its connections. A sum is a component that is
-stepped just before what it feeds, in a group with it, so that it adds no delay: one sum for each
-simulator that it feeds.
+A linear transformation is a factor and an offset of its connections. A sum is a component. It is
+stepped in a group with the simulator that it feeds, just before that, so that it adds no delay. If
+a sum feeds several simulators, each of them gets its own component.
 """
 
 from __future__ import annotations
@@ -65,7 +65,9 @@ class Connections:
         self._into: dict[str, dict[int, str]] = {}  # function: endpoints by flat input
         self._out: dict[str, list[tuple[int, str]]] = {}  # function: (element, endpoint)
         bonds: dict[str, list[Xml]] = {}
-        for item in self._items(root):
+        for item in (i for section in children(root, "Connections") for i in children(section)):
+            if not reading.known(local(item), list(_KINDS), "<Connections>", "connection"):
+                continue
             self._read(item)
             if item.get("powerBond") is not None:
                 bonds.setdefault(item.get("powerBond", ""), []).append(item)
@@ -83,6 +85,7 @@ class Connections:
     # ---- functions ----------------------------------------------------------------------------
 
     def _functions(self, root: Xml) -> dict[str, _Function]:
+        """Read the functions, by name."""
         found: dict[str, _Function] = {}
         for item in (i for s in children(root, "Functions") for i in children(s)):
             tag = local(item)
@@ -109,11 +112,12 @@ class Connections:
         return found
 
     def _apply(self, function: _Function) -> None:
+        """Add a function's connections, and its sums; all its signals have been read."""
         into = self._into.get(function.name, {})
         count = function.inputs * function.dimension
         missing = [i for i in range(count) if i not in into]
         if len(self.described) < len(self.simulators):
-            return  # a simulator that cannot be read is reported; what it feeds follows from it
+            return  # a simulator that cannot be read is reported already; this is its consequence
         if missing:
             names = ", ".join(self._input_name(function, i) for i in missing[:3])
             more = ", …" if len(missing) > 3 else ""
@@ -159,13 +163,8 @@ class Connections:
 
     # ---- connections --------------------------------------------------------------------------
 
-    def _items(self, root: Xml) -> Iterator[Xml]:
-        for section in children(root, "Connections"):
-            for item in children(section):
-                if self.reading.known(local(item), list(_KINDS), "<Connections>", "connection"):
-                    yield item
-
     def _read(self, item: Xml) -> None:
+        """Add the connections of one element."""
         tag = local(item)
         grouped = "Group" in tag
         ends = list(children(item, "VariableGroup" if grouped else "Variable"))
@@ -207,17 +206,17 @@ class Connections:
         return simulator, name
 
     def _group(self, simulator: str, name: str, place: str) -> VariableGroup | None:
-        there = self.groups.get(simulator)
-        if there is None:
+        groups = self.groups.get(simulator)
+        if groups is None:
             model = self.described[simulator].name
             self.reading.wrong(
                 place, f"{simulator!r} has no file of variable groups",
                 f"{model}_OspModelDescription.xml beside its FMU or beside {self.reading.file}",
             )  # fmt: skip
             return None
-        found = next((g for top in there if (g := top.find(name))), None)
+        found = next((g for top in groups if (g := top.find(name))), None)
         if found is None:
-            expected = expected_names(name, [g.name for g in there], "the name of a group")
+            expected = expected_names(name, [g.name for g in groups], "the name of a group")
             self.reading.wrong(place, f"no variable group {name!r} in {simulator!r}", expected)
         return found
 
@@ -231,7 +230,7 @@ class Connections:
             return None
 
     def _join(self, a: str, b: str, place: str) -> None:
-        """Connect the one that is an output to the other, as their causalities say."""
+        """Connect two endpoints, from the output to the input."""
         first, second = self._causality(a, place), self._causality(b, place)
         if None in (first, second):
             return
@@ -244,6 +243,7 @@ class Connections:
         self.connections.append(Connection(a, b))
 
     def _signal(self, xml: Xml, end: tuple[str, str], place: str, grouped: bool) -> None:
+        """Connect a variable or a group to a signal of a function."""
         name = self.reading.required(xml, "function", place, "the name of a function")
         signal = self.reading.required(xml, "name", place, "in, in[0] or out")
         place = f"{place} {name}.{signal}"
@@ -283,6 +283,7 @@ class Connections:
                 self._into[f.name][i] = endpoint
 
     def _input(self, f: _Function, signal: str) -> list[int] | None:
+        """Return the flat input elements of a signal such as ``in[0][2]``; None if it is none."""
         if f.tag == "LinearTransformation":
             return [0] if signal == "in" else None
         match = _INPUT.match(signal)
@@ -294,6 +295,7 @@ class Connections:
         return [first + int(match[2])] if int(match[2]) < f.dimension else None
 
     def _output(self, f: _Function, signal: str) -> list[int] | None:
+        """Return the output elements of a signal such as ``out[2]``; None if it is none."""
         match = _OUTPUT.match(signal)
         if match is None:
             return None

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
 from urllib.parse import unquote
 from xml.etree.ElementTree import Element as Xml
 
@@ -35,27 +34,29 @@ _TYPES = ("Real", "Integer", "Boolean", "String", "Enumeration")
 
 
 def read_osp(path: Path, tick: str | None = None) -> System:
-    """Read a system from an OspSystemStructure.xml; `tick` is taken where it gives no step.
+    """Read a system from an OspSystemStructure.xml; `tick` is the step if the file has none.
 
     Sums become components, linear transformations become part of their connections, and both
-    take bare numbers. Raises SystemInvalid with every problem.
+    use numbers without units. Raises SystemInvalid with every problem.
     """
     root = opened(path, "OspSystemStructure")
     reading = Reading(path.name)
     _check_sections(root, reading)
     base = _base_step(root, reading, tick)
-    start_time, stop_time = _experiment(root, reading)
+    start_time, stop_time = _run_times(root, reading)
     elements = _simulators(root, reading, base)
     described = _described(elements, path.parent, reading)
-    groups = _groups(elements, described, path.parent, reading)
+    groups = _variable_groups(elements, described, path.parent, reading)
     joined = Connections(root, reading, {e.name: e for e in elements}, described, groups)
     _note_algorithm(root, reading, base, joined.power_bonds)
     if reading.problems:
         raise SystemInvalid(list(dict.fromkeys(reading.problems)))
-    elements = tuple(_fitted(e, described.get(e.name)) for e in elements)
+    elements = tuple(_without_default_values(e, described.get(e.name)) for e in elements)
+    stem = path.stem.removeprefix("OspSystemStructure").strip("_-. ")
+    name = stem or path.absolute().parent.name or "system"
     try:
         return System(
-            _name_of(path),
+            "".join(c if c.isalnum() or c in "_-" else "_" for c in name),
             base,
             next((_text(d) for d in children(root, "Description")), ""),
             (*elements, *joined.sums),
@@ -72,17 +73,12 @@ def read_osp(path: Path, tick: str | None = None) -> System:
         ) from None
 
 
-def _name_of(path: Path) -> str:
-    given = path.stem.removeprefix("OspSystemStructure").strip("_-. ")
-    text = given or path.absolute().parent.name or "system"
-    return "".join(c if c.isalnum() or c in "_-" else "_" for c in text)
-
-
 def _text(xml: Xml | None) -> str:
     return "" if xml is None or xml.text is None else xml.text.strip()
 
 
 def _only(root: Xml, name: str) -> str | None:
+    """Return the text of the first child of this name; None if there is none."""
     found = next(children(root, name), None)
     return None if found is None else _text(found)
 
@@ -134,8 +130,8 @@ def _rate(text: str | None, base: Fraction, place: str, reading: Reading) -> Fra
     return None if rounded == base else rounded
 
 
-def _experiment(root: Xml, reading: Reading) -> tuple[float, float | None]:
-    """Return where a run begins, and where it ends if the file says so [s]."""
+def _run_times(root: Xml, reading: Reading) -> tuple[float, float | None]:
+    """Return the start time of a run, and its stop time if the file has one [s]."""
     start = reading.number(_only(root, "StartTime"), "<StartTime>", "time", 0.0)
     end_text = _only(root, "EndTime")
     end = reading.number(end_text, "<EndTime>", "time", start)
@@ -182,7 +178,7 @@ def _simulators(root: Xml, reading: Reading, base: Fraction) -> tuple[Element, .
 
 
 def _source(text: str, place: str, reading: Reading) -> str:
-    """Return the file of a source; proxyfmu, which is a process of its own, gives its file."""
+    """Return the file of a source; for proxyfmu (an FMU in its own process), the FMU's file."""
     try:
         file = proxied(text)
     except InputInvalid as error:
@@ -195,8 +191,8 @@ def _source(text: str, place: str, reading: Reading) -> str:
     return file
 
 
-def _initial_values(xml: Xml, place: str, reading: Reading) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+def _initial_values(xml: Xml, place: str, reading: Reading) -> dict[str, object]:
+    found: dict[str, object] = {}
     for section in children(xml, "InitialValues"):
         for item in children(section, "InitialValue"):
             name = reading.required(item, "variable", f"{place} <InitialValue>", "its variable")
@@ -209,7 +205,7 @@ def _initial_values(xml: Xml, place: str, reading: Reading) -> dict[str, Any]:
     return found
 
 
-def _value(typed: Xml, place: str, reading: Reading) -> Any:
+def _value(typed: Xml, place: str, reading: Reading) -> float | str | None:
     text, tag = typed.get("value"), local(typed)
     if text is None:
         reading.wrong(place, f"<{tag}> without value", f'<{tag} value="…"/>')
@@ -225,8 +221,11 @@ def _value(typed: Xml, place: str, reading: Reading) -> Any:
         return None
 
 
-def _fitted(element: Element, description: Description | None) -> Element:
-    """Leave out values that start as they are: libcosim ignores those that cannot be set."""
+def _without_default_values(element: Element, description: Description | None) -> Element:
+    """Remove values of variables that cannot be set if they equal the default start value.
+
+    libcosim ignores them, so existing files contain them.
+    """
     if description is None:
         return element
     start = {}
@@ -260,7 +259,7 @@ def _described(
     return found
 
 
-def _groups(
+def _variable_groups(
     elements: tuple[Element, ...],
     described: Mapping[str, Description],
     folder: Path,

@@ -43,7 +43,7 @@ def find_model_description(fmu: Path, model_name: str, beside: Path) -> Path | N
 
 
 def read_variable_groups(path: Path, reading: Reading) -> tuple[VariableGroup, ...]:
-    """Read the groups of a model; their units are left out (see docs/systems/ssp.md)."""
+    """Read the groups of a model; their units are ignored (see docs/systems/ssp.md)."""
     root = opened(path, "OspModelDescription")
     inner = Reading(path.name, reading.problems, reading.remarks)
     return tuple(
@@ -68,7 +68,7 @@ def _group(xml: Xml, reading: Reading) -> VariableGroup:
 def pairs(
     a: VariableGroup, b: VariableGroup, place: str, reading: Reading
 ) -> list[tuple[str, str]]:
-    """Join two groups variable by variable, in order; a problem if they are not alike."""
+    """Join two groups variable by variable, in order; note a problem if their sizes differ."""
     for what, ours, theirs in (
         ("variable", len(a.variables), len(b.variables)),
         ("group", len(a.groups), len(b.groups)),

@@ -18,7 +18,7 @@ __all__ = ["Reading", "children", "local", "opened"]
 
 @dataclass
 class Reading:
-    """The problems and remarks that a file has given so far."""
+    """Problems and remarks of a file, gathered while it is read."""
 
     file: str
     problems: list[Problem] = field(default_factory=list)
@@ -29,12 +29,12 @@ class Reading:
         self.problems.append(Problem(f"{self.file}: {place}", read, expected))
 
     def remark(self, text: str) -> None:
-        """Note what a user should know."""
+        """Note a remark for the user."""
         if text not in self.remarks:
             self.remarks.append(f"{self.file}: {text}")
 
     def required(self, xml: Xml, attribute: str, place: str, what: str) -> str:
-        """Return an attribute that must be there; a problem, and "", if it is not."""
+        """Return a required attribute; note a problem and return "" if it is missing."""
         text = xml.get(attribute, "")
         if not text:
             self.wrong(place, f"no {attribute}", f'{attribute}="…", {what}')
@@ -54,19 +54,19 @@ class Reading:
         return default
 
     def count(self, xml: Xml, attribute: str, place: str) -> int:
-        """Read a number of things, at least one."""
+        """Read a count, at least one."""
         text = xml.get(attribute, "")
         if text.strip().isdecimal() and 0 < int(text) <= 10_000:
             return int(text)
         self.wrong(place, f"{attribute} {text!r}", "a whole number from 1 to 10000")
         return 1
 
-    def known(self, name: str, there: list[str], place: str, what: str) -> bool:
-        """Return whether a name is one of those that are there; a problem if it is not."""
-        if name in there:
+    def known(self, name: str, names: list[str], place: str, what: str) -> bool:
+        """Return whether a name is one of the known names; note a problem if it is not."""
+        if name in names:
             return True
         if name:
-            self.wrong(place, f"no {what} {name!r}", expected_names(name, there, f"a {what}"))
+            self.wrong(place, f"no {what} {name!r}", expected_names(name, names, f"a {what}"))
         return False
 
 
@@ -79,7 +79,7 @@ def opened(path: Path, root: str) -> Xml:
 
 
 def local(xml: Xml) -> str:
-    """Return an element's name without its namespace, of which several versions are in use."""
+    """Return an element's name without its namespace, because several versions are in use."""
     return xml.tag.rpartition("}")[2] if isinstance(xml.tag, str) else ""
 
 

@@ -18,9 +18,10 @@ __all__ = ["MappingEntry", "read_mapping", "read_names", "read_ssm", "write_ssm"
 
 @dataclass(frozen=True)
 class MappingEntry:
-    """The target gets factor · source + offset, after conversion into its unit if `convert`.
+    """Rule by which a target parameter gets its value from a source parameter.
 
-    Or, of Booleans, integers and items, what `table` says.
+    The target gets factor · source + offset, after conversion into its unit if `convert`. With a
+    `table` (Booleans, integers, items of enumerations) it gets the table's entry.
     """
 
     source: str

@@ -1,12 +1,12 @@
-"""The XML that SSP's files share: namespaces, units, typed elements, this project's annotation.
+"""XML that all files of SSP share: namespaces, units, typed elements, this project's annotation.
 
 SSP 2.0 kept the namespaces of 1.0; a file's `version` tells them apart. Arrays and the types of
 FMI 3.0 exist in 2.0 only; in 1.0 an array is written element by element, as ``tau[1]``.
 
-What SSP has no word for stands in annotations of type ``org.uuvsim.cosim``: on the system
+Data that SSP does not define is in annotations of type ``org.uuvsim.cosim``: on the system
 ``<uuvsim:System tick="0.01"><uuvsim:Group algorithm="…"><uuvsim:Member name="…"/>``, and on a
 component ``<uuvsim:Component step="0.02"/>``, both in s. Readers that do not know them see
-plain SSP. Steps are repeated in the annotations of other tools (see `ssp_annotations`).
+plain SSP. Steps are repeated in the annotations of other tools (see `ssp/annotations.py`).
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def has_arrays(description: Description, version: SspVersion) -> bool:
 
 
 def add_units(parent: Element, names: Iterable[str], units: Mapping[str, Unit], tag: str) -> None:
-    """Define the units that a file refers to; one that nobody can read has no dimension."""
+    """Define the units that a file refers to; an unknown unit is written without dimension."""
     listed = sorted(set(names))
     if not listed:
         return
@@ -148,8 +148,8 @@ def find_annotation(parent: Element, tag: str = "ssd:Annotations") -> Element | 
 def read_document(path: Path, root: str, remarks: list[str] | None = None) -> Element:
     """Parse a file of SSP, which must have this root, ``ssd:…``; raises InputInvalid.
 
-    A prefix of SSP that is used, but not declared, is taken as SSP's, with a remark: tools that
-    do not look at namespaces write and read such files.
+    If a prefix of SSP is used but not declared, SSP's namespace is assumed, with a remark: tools
+    that ignore namespaces write and read such files.
     """
     place = shown(path)
     try:
@@ -160,7 +160,10 @@ def read_document(path: Path, root: str, remarks: list[str] | None = None) -> El
     try:
         found = parse_xml(data, place, InputInvalid)
     except InputInvalid as error:
-        missing = [p for p in NAMESPACES if _used_undeclared(p, data)]
+        missing = [
+            p for p in NAMESPACES
+            if f"<{p}:".encode() in data and f"xmlns:{p}".encode() not in data
+        ]  # fmt: skip
         if "unbound prefix" not in str(error) or not missing:
             raise
         names = "".join(f' xmlns:{p}="{NAMESPACES[p]}"' for p in missing)
@@ -173,8 +176,3 @@ def read_document(path: Path, root: str, remarks: list[str] | None = None) -> El
         tag = found.tag.rpartition("}")[2]
         raise InputInvalid(f"{place}: <{tag}>; expected <{root}>")
     return found
-
-
-def _used_undeclared(prefix: str, data: bytes) -> bool:
-    name = prefix.encode()
-    return b"<" + name + b":" in data and b"xmlns:" + name not in data

@@ -35,20 +35,24 @@ Enumerations = Mapping[str, Mapping[str, int]]
 
 @dataclass(frozen=True)
 class ParameterValue:
-    """One parameter as a file gives it: a scalar or a flat list, row by row, and its unit."""
+    """Parameter of a file: its value and its unit.
+
+    The value is a scalar or a flat list, row by row; a `Quantity` once its unit is looked up.
+    """
 
     name: str
-    value: Any
+    value: object
     unit: str | None = None
 
 
 def write_ssv(
-    start: Mapping[str, Any], description: Description, path: Path, version: SspVersion = "2.0"
+    start: Mapping[str, object], description: Description, path: Path, version: SspVersion = "2.0"
 ) -> None:
-    """Write values of a component's variables as a file of its own."""
+    """Write values of a component's variables into a separate file."""
     root = parameter_set(start.items(), description, version, path.stem)
-    named = {u for v in _named(start, description) if is_float(v) for u in v.units if u}
-    add_units(root, named, description.units, "ssv:Units")
+    variables = [description.variables[name] for name in start]
+    names = {u for v in variables if is_float(v) for u in v.units if u}
+    add_units(root, names, description.units, "ssv:Units")
     path.write_bytes(document(root, "ssc", "ssv"))
 
 
@@ -60,7 +64,7 @@ def read_ssv(path: Path) -> tuple[list[ParameterValue], dict[str, Unit]]:
 
 
 def parameter_set(
-    start: Iterable[tuple[str, Any]], description: Description, version: SspVersion, name: str
+    start: Iterable[tuple[str, object]], description: Description, version: SspVersion, name: str
 ) -> Element:
     """Return the element ``ssv:ParameterSet`` for fitted values, without its units."""
     arrays = has_arrays(description, version)
@@ -122,8 +126,13 @@ def read_parameter_set(
         typed = next((e for e in parameter if _local(e) not in ("Dimension", "Annotations")), None)
         if typed is None:
             raise InputInvalid(f"{place}: parameter {name!r} has no value; expected <ssv:Real …>")
+        texts = [e.get("value", "") for e in typed if _local(e) == "Value"]
+        if not texts:
+            text = typed.get("value", "")
+            is_list = bool(shape) and _local(typed) not in ("String", "Binary")
+            texts = text.split() if is_list else [text]
         try:
-            values = [_value(typed, t, enumerations, here) for t in _texts(typed, bool(shape))]
+            values = [_value(typed, t, enumerations, here) for t in texts]
         except (ValueError, KeyError):
             raise InputInvalid(
                 f"{place}: parameter {name!r} is {typed.get('value')!r}; "
@@ -132,14 +141,6 @@ def read_parameter_set(
         value = values if shape else values[0]
         found.append(ParameterValue(name, value, typed.get("unit")))
     return found
-
-
-def _texts(typed: Element, array: bool) -> list[str]:
-    listed = [e.get("value", "") for e in typed if _local(e) == "Value"]
-    if listed:
-        return listed
-    text = typed.get("value", "")
-    return text.split() if array and _local(typed) not in ("String", "Binary") else [text]
 
 
 def read_enumerations(parent: Element, tag: str, place: str) -> Enumerations:
@@ -154,13 +155,16 @@ def read_enumerations(parent: Element, tag: str, place: str) -> Enumerations:
 
 
 class EnumerationItem(int):
-    """The number of an item of an enumeration, which knows its name (for mappings of names)."""
+    """Number of an enumeration's item, with the item's name (for mappings of names)."""
 
     item: str = ""
 
 
 def _item(typed: Element, text: str, enumerations: Enumerations, place: str) -> int | str:
-    """Return the number of an enumeration's item; its name where only the variable may know it."""
+    """Return the number of an enumeration's item, or its name if the file defines none.
+
+    The variable's own enumeration then gives the number (`values.fit`).
+    """
     if text.strip().lstrip("-").isdecimal():
         return int(text)
     if not enumerations:
@@ -184,7 +188,9 @@ def _item(typed: Element, text: str, enumerations: Enumerations, place: str) -> 
     return found
 
 
-def _value(typed: Element, text: str, enumerations: Enumerations, place: str) -> Any:
+def _value(
+    typed: Element, text: str, enumerations: Enumerations, place: str
+) -> float | str | bytes:
     tag = _local(typed)
     if tag == "Enumeration":
         return _item(typed, text, enumerations, place)
@@ -195,10 +201,6 @@ def _value(typed: Element, text: str, enumerations: Enumerations, place: str) ->
     if tag == "Binary":
         return bytes.fromhex(text)
     return text if tag == "String" else int(text)
-
-
-def _named(start: Mapping[str, Any], description: Description) -> list[Variable]:
-    return [description.variables[name] for name in start]
 
 
 def _local(element: Element) -> str:

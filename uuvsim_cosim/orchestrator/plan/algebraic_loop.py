@@ -22,7 +22,7 @@ __all__ = ["feedthrough", "is_singular", "solve_loop"]
 
 _ITERATIONS = 50
 _TOLERANCE = 1e-10  # of a residual, relative to 1 + |x|
-_SINGULAR = 1e-7  # what finite differences tell apart from 0
+_SINGULAR = 1e-7  # below it, finite differences cannot tell a singular value from 0
 _FLOATS = ("Float64", "Float32")
 
 
@@ -43,9 +43,10 @@ class _Link:
 def solve_loop(
     transfers: Sequence[Transfer], components: Sequence[Component], time: float
 ) -> list[Transfer]:
-    """Make inputs and outputs agree; gives the transfers that this has set, those of floats.
+    """Make inputs and outputs agree, and return the transfers that are now set, those of floats.
 
-    The inputs' present values are where the search begins. Raises LoopNotConverged.
+    Components are in Initialization Mode. The search starts from the inputs' present values.
+    Raises LoopNotConverged.
     """
     loop = _Loop(transfers, components, time)
     if loop.links:
@@ -58,8 +59,9 @@ def feedthrough(
 ) -> tuple[np.ndarray, list[list[int]]]:
     """Return G = d(new x)/dx at the present values, and the rows of each transfer.
 
-    x are the floating-point inputs that the transfers feed, element by element, and new x what
-    follows from the members' outputs. A transfer of other values has no rows.
+    x are the floating-point inputs that the transfers feed, element by element; new x are their
+    values once the transfers are applied to the members' outputs. A transfer of other types has
+    no rows.
     """
     loop = _Loop(transfers, components, time)
     rows: list[list[int]] = []
@@ -72,7 +74,7 @@ def feedthrough(
 
 
 def is_singular(matrix: np.ndarray) -> bool:
-    """Return whether x = G x + b has no single solution: the loop's gain is 1."""
+    """Return whether x = G x + b has no unique solution: the loop's gain is 1."""
     if not matrix.size:
         return False
     sizes = np.linalg.svd(np.eye(len(matrix)) - matrix, compute_uv=False)
@@ -80,24 +82,26 @@ def is_singular(matrix: np.ndarray) -> bool:
 
 
 class _Loop:
+    """Scalar connections of a loop, and the search for inputs that agree with its outputs."""
+
     def __init__(
         self, transfers: Sequence[Transfer], components: Sequence[Component], time: float
     ) -> None:
         self.components = components
         self.time = time
-        self.hops = [_hop(t, components) for t in transfers]
+        self.transfers = transfers
         self.links = [link for t in transfers for link in _links(t, components)]
 
     def solve(self) -> None:
-        x = self._image()  # one pass around ends a loop that is none
+        """Set the inputs to the solution; raises LoopNotConverged."""
+        x = self._image()  # if the cycle has no feedthrough, one pass around solves it
         self._set(x)
         best = self._residual(x)
         if not best.any():
             return
         for count in range(1, _ITERATIONS + 1):
             size = self._size(best, x)
-            step = self._newton_step(x, best)
-            x_new, r_new = self._damped(x, step, best)
+            x_new, r_new = self._damped(x, self._newton_step(x, best), best)
             if x_new is None:
                 if size <= _TOLERANCE:
                     self._set(x)
@@ -118,20 +122,17 @@ class _Loop:
             x_new = x + step * 0.5**k
             if not np.all(np.isfinite(x_new)):
                 continue
-            r_new = self._residual_at(x_new)
+            try:
+                self._set(x_new)
+                r_new = self._residual(x_new)
+            except FmuError:  # outside the range of an input, or of the equations
+                r_new = np.full(len(x), math.inf)
             if np.all(np.isfinite(r_new)) and float(np.linalg.norm(r_new)) < norm:
                 return x_new, r_new
             if k == 0 and self._size(r, x) <= _TOLERANCE:
-                break  # as good as rounding allows
+                break  # the residual is at the level of rounding
         self._set(x)
         return None, r
-
-    def _residual_at(self, x: np.ndarray) -> np.ndarray:
-        try:
-            self._set(x)
-            return self._residual(x)
-        except FmuError:  # outside the range of an input, or of the equations
-            return np.full(len(x), math.inf)
 
     def _size(self, r: np.ndarray, x: np.ndarray) -> float:
         return float(np.max(np.abs(r) / (1.0 + np.abs(x))))
@@ -140,21 +141,21 @@ class _Loop:
         jacobian = self._jacobian(x)
         try:
             step: np.ndarray = np.linalg.solve(jacobian, -r)
-        except np.linalg.LinAlgError:
+        except np.linalg.LinAlgError:  # the smallest step that minimizes the residual
             step = np.linalg.lstsq(jacobian, -r, rcond=None)[0]
         return step
 
+    def _jacobian(self, x: np.ndarray) -> np.ndarray:
+        jacobian: np.ndarray = self.feedthrough(x) - np.eye(len(self.links))
+        return jacobian
+
     def present(self) -> np.ndarray:
-        """Return the inputs as they are."""
+        """Return the present values of the inputs."""
         read: dict[tuple[int, str], np.ndarray] = {}
         for link in self.links:
             value = self.components[link.target].get(link.input)
             read[link.target, link.input.name] = np.asarray(value, float).ravel()
         return np.array([read[k.target, k.input.name][k.input_element] for k in self.links])
-
-    def _jacobian(self, x: np.ndarray) -> np.ndarray:
-        jacobian: np.ndarray = self.feedthrough(x) - np.eye(len(self.links))
-        return jacobian
 
     def feedthrough(self, x: np.ndarray) -> np.ndarray:
         """Return d(new inputs)/d(inputs), of the shape (number of links,) twice."""
@@ -171,6 +172,7 @@ class _Loop:
         return jacobian
 
     def _own_derivatives(self, i: int, outputs: list[int], inputs: list[int]) -> np.ndarray | None:
+        """Return a component's d(transferred outputs)/d(inputs); None if it provides none."""
         component = self.components[i]
         if not component.description.provides_directional_derivatives:
             return None
@@ -190,6 +192,7 @@ class _Loop:
     def _differences(
         self, x: np.ndarray, i: int, outputs: list[int], inputs: list[int]
     ) -> np.ndarray:
+        """Return the same by finite differences; the inputs are `x` again afterwards."""
         result = np.zeros((len(outputs), len(inputs)))
         base = self._outputs(outputs)
         for c, k in enumerate(inputs):
@@ -206,6 +209,7 @@ class _Loop:
         return result
 
     def _image(self) -> np.ndarray:
+        """Return the inputs that follow from the present outputs, T(y(x))."""
         return self._outputs(range(len(self.links)))
 
     def _residual(self, x: np.ndarray) -> np.ndarray:
@@ -233,26 +237,29 @@ class _Loop:
                 continue
             key = (link.target, link.input.name)
             if key not in pending:
-                held = np.array(self.components[link.target].get(link.input), float)
-                pending[key] = (link.input, held.ravel())
+                present = np.array(self.components[link.target].get(link.input), float)
+                pending[key] = (link.input, present.ravel())
             pending[key][1][link.input_element] = x[k]
         for (i, _), (v, flat) in pending.items():
             self.components[i].set(v, flat.reshape(v.shape) if v.shape else float(flat[0]))
 
     def _not_converged(self, r: np.ndarray, iterations: int) -> LoopNotConverged:
-        return LoopNotConverged(
-            f"algebraic loop {', '.join(self.hops)}: no solution found at t = {self.time:.9g} s; "
-            f"residual {float(np.max(np.abs(r))):.3g} after {iterations} iterations{self._why()}; "
-            "expected start values nearer to a solution, or a component without direct "
-            "feedthrough (a state) in the loop"
-        )
-
-    def _why(self) -> str:
+        hops = [
+            f"{self.components[t.source].path}.{t.source_variable.name} -> "
+            f"{self.components[t.target].path}.{t.target_variable.name}"
+            for t in self.transfers
+        ]
         try:
             singular = is_singular(self.feedthrough(self.present()))
         except (FmuError, np.linalg.LinAlgError):
-            return ""
-        return ", because the gain of the loop is 1" if singular else ""
+            singular = False
+        why = ", because the gain of the loop is 1" if singular else ""
+        return LoopNotConverged(
+            f"algebraic loop {', '.join(hops)}: no solution found at t = {self.time:.9g} s; "
+            f"residual {float(np.max(np.abs(r))):.3g} after {iterations} iterations{why}; "
+            "expected start values nearer to a solution, or a component without direct "
+            "feedthrough (a state) in the loop"
+        )
 
 
 def _offsets(variables: Sequence[Variable]) -> dict[str, int]:
@@ -263,12 +270,8 @@ def _offsets(variables: Sequence[Variable]) -> dict[str, int]:
     return offsets
 
 
-def _hop(t: Transfer, components: Sequence[Component]) -> str:
-    source, target = components[t.source].path, components[t.target].path
-    return f"{source}.{t.source_variable.name} -> {target}.{t.target_variable.name}"
-
-
 def _links(t: Transfer, components: Sequence[Component]) -> list[_Link]:
+    """Return a transfer's scalar connections; none if its values are not floating-point."""
     output = components[t.source].description.variables[t.source_variable.name]
     input_ = components[t.target].description.variables[t.target_variable.name]
     if output.type not in _FLOATS or input_.type not in _FLOATS:

@@ -1,12 +1,10 @@
-"""The plan of a system: nested systems become paths, and connections become transfers."""
+"""Flattening of a system to its plan: nested systems become paths, connections transfers."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
-from pathlib import Path
-from typing import Any
 
 from uuvsim_cosim.errors import Problem, SystemInvalid
 from uuvsim_cosim.fmus.description import Variable
@@ -15,7 +13,7 @@ from uuvsim_cosim.orchestrator.plan.loop_policy import hindrances, settled
 from uuvsim_cosim.orchestrator.plan.plan import Group, Plan, PlannedComponent, Transfer
 from uuvsim_cosim.orchestrator.plan.seeds import component_seed
 from uuvsim_cosim.orchestrator.plan.vehicle_match import vehicle_warnings
-from uuvsim_cosim.orchestrator.system.elements import Element, Loops, step_text
+from uuvsim_cosim.orchestrator.system.elements import Loops, step_text
 from uuvsim_cosim.orchestrator.system.resolve import described_by
 from uuvsim_cosim.orchestrator.system.system import System
 from uuvsim_cosim.orchestrator.values.endpoints import Endpoint, resolve_endpoint
@@ -34,14 +32,15 @@ class _Leaf:
     element: int
 
 
-_Link = tuple[_Leaf, _Leaf, float, float, Numbers]
+_Link = tuple[_Leaf, _Leaf, float, float, Numbers]  # source, target, factor, offset, table
+_Pair = tuple[int, int, str, str, float, float, Numbers]  # components, variables, transformation
 
 
 def flatten(system: System, seed: int = 0, loops: Loops | None = None) -> Plan:
-    """Return the plan of a system; `seed` is the system's, from which each component's follows.
+    """Return the plan of a system; each component's seed is derived from the system's `seed`.
 
     `loops` is the policy for algebraic loops, by default the system's own (`System.loops`).
-    Raises SystemInvalid where the policy refuses a loop (see `loop_policy.settled`).
+    Raises SystemInvalid if the policy refuses a loop (see `loop_policy.settled`).
     """
     flat_ = _Flat(system, seed)
     transfers = flat_.transfers()
@@ -59,7 +58,7 @@ def flatten(system: System, seed: int = 0, loops: Loops | None = None) -> Plan:
 
 
 def inspected(system: System) -> tuple[Plan, str]:
-    """Return the plan of a system that is shown, not run, and why a loop of it is refused."""
+    """Return the plan of a system for display, and the reason if a run would refuse its loops."""
     try:
         return flatten(system), ""
     except SystemInvalid as refused:
@@ -102,25 +101,30 @@ class _Flat:
                 )
             assert isinstance(element.source, str)
             description = system.checked.descriptions[element.name]
+            own_seed = element.start.get("seed")
+            words = [] if own_seed is None else flat(own_seed)
+            if not (len(words) == 2 and all(isinstance(w, int) for w in words)):
+                words = list(component_seed(self.seed, path))  # unless the user has set it
             self.index[path] = len(self.components)
             self.components.append(
                 PlannedComponent(
                     path=path,
-                    source=_absolute(element, system.base),
+                    source=described_by(element.source, system.base, element.start).text,
                     description=description,
                     start={
                         n: as_array(description.variables[n], v) for n, v in element.start.items()
                     },
-                    seed=_seed(element.start.get("seed"), self.seed, path),
+                    seed=(words[0], words[1]),
                     step_ticks=int(ticks),
                 )
             )
 
     def transfers(self) -> tuple[Transfer, ...]:
         """Return the transfers, one for each pair of variables, by pair of components."""
-        found: dict[tuple[Any, ...], tuple[list[_Leaf], list[_Leaf]]] = {}
-        for a, b, *change in self._links(self.system, ""):
-            key = (a.component, b.component, a.variable.name, b.variable.name, *change)
+        found: dict[_Pair, tuple[list[_Leaf], list[_Leaf]]] = {}
+        for a, b, factor, offset, table in self._links(self.system, ""):
+            names = a.variable.name, b.variable.name
+            key = (a.component, b.component, *names, factor, offset, table)
             sources, targets = found.setdefault(key, ([], []))
             sources.append(a)
             targets.append(b)
@@ -171,9 +175,15 @@ class _Flat:
                 yield from self._leaves(nested, f"{prefix}{point.element}.", inner, place)
 
     def groups(self) -> tuple[Group, ...]:
-        """Return the Jacobi group of all that have no group of their own, then the others."""
+        """Return a Jacobi group of the components that no group names, then the others."""
         explicit = list(self._explicit(self.system, ""))
-        problems = [p for g in explicit if g.algorithm == "iterated" for p in self._cannot(g)]
+        problems: list[Problem] = []
+        for group in explicit:
+            if group.algorithm == "iterated":
+                members = [self.components[i] for i in group.members]
+                place = f"iterated group of {', '.join(c.path for c in members)}"
+                reasons = hindrances(members, self.system.base_step)
+                problems += [Problem(place, read, expected) for read, expected in reasons]
         if problems:
             raise SystemInvalid(problems)
         grouped = {i for g in explicit for i in g.members}
@@ -182,37 +192,19 @@ class _Flat:
         return (*((Group("jacobi", rest),) if rest else ()), *explicit)
 
     def _explicit(self, system: System, prefix: str) -> Iterator[Group]:
-        taken: set[str] = set()
+        """Yield the user's groups, and those of nested systems that no outer group contains."""
+        grouped: set[str] = set()
         for group in system.groups:
-            members = [i for m in group.members for i in self._members(system, prefix, m)]
-            taken.update(group.members)
+            members: list[int] = []
+            for name in group.members:
+                path = prefix + name
+                if system.nested_or_none(name) is None:
+                    members.append(self.index[path])
+                else:
+                    members += [i for p, i in self.index.items() if p.startswith(f"{path}.")]
+            grouped.update(group.members)
             yield Group(group.algorithm, tuple(members), group.solver, group.tolerance, group.limit)
         for element in system.elements:
             nested = system.nested_or_none(element.name)
-            if nested is not None and element.name not in taken:
+            if nested is not None and element.name not in grouped:
                 yield from self._explicit(nested, f"{prefix}{element.name}.")
-
-    def _cannot(self, group: Group) -> Iterator[Problem]:
-        """Find members that cannot be iterated."""
-        members = [self.components[i] for i in group.members]
-        place = f"iterated group of {', '.join(c.path for c in members)}"
-        for read, expected in hindrances(members, self.system.base_step):
-            yield Problem(place, read, expected)
-
-    def _members(self, system: System, prefix: str, name: str) -> list[int]:
-        path = prefix + name
-        if system.nested_or_none(name) is None:
-            return [self.index[path]]
-        return [i for p, i in self.index.items() if p.startswith(f"{path}.")]
-
-
-def _absolute(element: Element, base: Path | None) -> str:
-    return described_by(str(element.source), base, element.start).text
-
-
-def _seed(start: Any, seed: int, path: str) -> tuple[int, int]:
-    """Return the seed that the user set, if any, else the one that follows from the system's."""
-    given = flat(start) if start is not None else []
-    if len(given) == 2 and all(isinstance(v, int) for v in given):
-        return given[0], given[1]
-    return component_seed(seed, path)

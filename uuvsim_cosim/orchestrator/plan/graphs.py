@@ -11,7 +11,7 @@ Node = TypeVar("Node", bound=Hashable)
 
 
 def strongly_connected(graph: Mapping[Node, Iterable[Node]]) -> list[list[Node]]:
-    """Return the strongly connected components, each after all that it leads to (Tarjan 1972)."""
+    """Return the strongly connected components, each after its successors (Tarjan 1972)."""
     index: dict[Node, int] = {}
     low: dict[Node, int] = {}
     stack: list[Node] = []
@@ -39,8 +39,11 @@ def strongly_connected(graph: Mapping[Node, Iterable[Node]]) -> list[list[Node]]
                 work.pop()
                 if work:
                     low[work[-1][0]] = min(low[work[-1][0]], low[node])
-                if low[node] == index[node]:
-                    result.append(_popped(stack, on_stack, node))
+                if low[node] == index[node]:  # the root of a component: the stack above is its
+                    begin = stack.index(node)
+                    result.append(stack[begin:])
+                    on_stack.difference_update(stack[begin:])
+                    del stack[begin:]
     return result
 
 
@@ -85,13 +88,3 @@ def shortest_cycle(graph: Mapping[Node, Iterable[Node]], node: Node) -> list[Nod
                 came_from[following] = here
                 reached.append(following)
     return []
-
-
-def _popped(stack: list[Node], on_stack: set[Node], last: Node) -> list[Node]:
-    part: list[Node] = []
-    while True:
-        node = stack.pop()
-        on_stack.discard(node)
-        part.append(node)
-        if node == last:
-            return part[::-1]

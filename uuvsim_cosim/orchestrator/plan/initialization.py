@@ -1,7 +1,7 @@
-"""The order in which outputs become known in Initialization Mode.
+"""Order in which outputs become known in Initialization Mode.
 
-Nodes are outputs, and for each component the event that all its inputs are set. An output
-waits for the inputs that it declares to depend on; one that declares nothing waits for all.
+The graph's nodes are outputs and, for each component, the event that all its inputs are set. An
+output waits for the inputs in its declared dependencies; without a declaration, for all inputs.
 """
 
 from __future__ import annotations
@@ -21,18 +21,19 @@ def initialization_order(
 ) -> tuple[tuple[int, ...], ...]:
     """Return the entries of `Plan.initialization`.
 
-    A component comes again when more of its inputs have become known, and last when all are.
+    A component has several entries if its outputs become known at different times: one whenever
+    more of its inputs are known, and the last when all are.
     """
     waits = waits_of(components, transfers)
     entries: list[tuple[int, ...]] = []
-    blocks = strongly_connected(waits)
-    for block in _contiguous(blocks, waits):
+    for block in _ordered(strongly_connected(waits), waits):
         if len(block) == 1 and block[0] not in waits[block[0]]:
             entry = (block[0][0],)
             if not entries or entries[-1] != entry:
                 entries.append(entry)
             continue
         members = tuple(sorted({c for c, _ in block}))
+        # A loop within one component is marked as a loop by naming it twice.
         entries.append(members if len(members) > 1 else members * 2)
     return tuple(entries)
 
@@ -69,10 +70,11 @@ def waits_of(
     return waits
 
 
-def _contiguous(
-    blocks: list[list[Output]], waits: dict[Output, list[Output]]
-) -> list[list[Output]]:
-    """Order blocks so that each comes after what it waits for, and one component's together."""
+def _ordered(blocks: list[list[Output]], waits: dict[Output, list[Output]]) -> list[list[Output]]:
+    """Order blocks: each after those that it waits for, and those of a component in sequence.
+
+    Fewer changes of the component mean fewer entries of the plan.
+    """
     home = {node: i for i, block in enumerate(blocks) for node in block}
     missing = [
         {home[w] for node in block for w in waits[node]} - {i} for i, block in enumerate(blocks)

@@ -1,9 +1,9 @@
 """Linear model of a system of declarations, from the Jacobian of one communication step.
 
-State: each component's continuous and discrete states, and the outputs that others or the caller
-read, as they are visible at a communication point. Where clocks are slower than the tick, one
-sample of the linear model is the shortest time after which all of them tick again, inputs held.
-Draws of noise are 0. A hull's q has four numbers: one of its poles is not the vehicle's.
+State: each component's continuous and discrete states, and its outputs, as they are visible at a
+communication point. If clocks are slower than the tick, one sample of the linear model is the
+shortest time after which all of them tick again; inputs are held during it. Draws of noise are 0.
+A hull's attitude is a quaternion of four numbers, so one of its poles is not the vehicle's.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def linear_system(
     inputs: Sequence[str] | None = None,
     outputs: Sequence[str] | None = None,
 ) -> control.StateSpace:
-    """Linearise a system around its own run after `at` seconds; see `linearize`."""
+    """Linearise a system around its own trajectory, at `at` seconds; see `running/linearize.py`."""
     if not at >= 0:
         raise InputInvalid(f"linearize: at = {at} s; expected 0 or more")
     m = _Map(flatten(system))
@@ -66,7 +66,7 @@ def linear_system(
 
 
 class _Part:
-    """One component: its functions, numbers, and places of its values in the whole state."""
+    """One component: its functions, its values, and where they are in the whole state."""
 
     def __init__(self, planned: PlannedComponent, place: int) -> None:
         source = resolve(planned.source)
@@ -105,7 +105,7 @@ class _Part:
         ]
 
     def stepped(self, k: int, tick: Fraction, state: Any, u: Any) -> Any:
-        """Return states and outputs after the step from k, as the runtime takes it."""
+        """Return states and outputs after the step from k, computed as `uuv_do_step` does."""
         p, d = (ca.SX(ca.DM(v)) if len(v) else ca.SX(0, 1) for v in (self.p, self.d))
         x = state[: self.n_x] if self.n_x else ca.SX(0, 1)
         z = state[self.n_x :] if self.n_z else ca.SX(0, 1)
@@ -131,7 +131,7 @@ class _Part:
 
 
 class _Map:
-    """The whole state from one communication point to the next."""
+    """Map of the whole state from one communication point to the next, and its Jacobian."""
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
@@ -169,12 +169,12 @@ class _Map:
         self._jacobians: dict[int, Any] = {}
 
     def start(self) -> tuple[Array, Array]:
-        """Return the state at 0, outputs made consistent, and the free inputs."""
+        """Return the state at 0, with consistent outputs, and the unconnected inputs."""
         x = np.zeros(self.size)
         u = np.array([self.parts[i].u_0[e] for i, e in self.free])
         for part in self.parts:
             x[part.at : part.y_at] = part.start
-        for _ in self.parts:
+        for _ in self.parts:  # a value passes one component per pass; none waits longer
             for i, part in enumerate(self.parts):
                 inputs = np.array(
                     ca.DM(ca.evalf(self._inputs(i, ca.SX(ca.DM(x)), ca.SX(ca.DM(u)))))
@@ -187,9 +187,26 @@ class _Map:
     def step(self, k: int) -> Any:
         """Return the function  (x, u) -> x  of tick k."""
         phase = k % self.period
-        if phase not in self._steps:
-            x, u = ca.SX.sym("x", self.size), ca.SX.sym("u", len(self.free))
-            self._steps[phase] = ca.Function("step", [x, u], [self._stepped(phase, x, u)])
+        if phase in self._steps:
+            return self._steps[phase]
+        x, u = ca.SX.sym("x", self.size), ca.SX.sym("u", len(self.free))
+        new = [x[p.at : p.end] for p in self.parts]
+        for group in self.plan.groups:
+            if group.algorithm == "iterated":
+                named = ", ".join(self.parts[i].path for i in group.members)
+                raise InputInvalid(f"linearize: {named} are iterated; expected Jacobi or in order")
+            seen = x
+            for i in group.members:
+                part = self.parts[i]
+                if phase % part.step_ticks:
+                    continue
+                inputs = self._inputs(i, seen, u)
+                new[i] = part.stepped(phase, self.plan.tick, x[part.at : part.y_at], inputs)
+                if group.algorithm == "gauss-seidel":  # later members get the new outputs
+                    done = {j: new[j] for j in group.members[: group.members.index(i) + 1]}
+                    seen = ca.vertcat(*(done.get(j, x[p.at : p.end])
+                                        for j, p in enumerate(self.parts)))  # fmt: skip
+        self._steps[phase] = ca.Function("step", [x, u], [ca.vertcat(*new)])
         return self._steps[phase]
 
     def jacobian(self, k: int) -> Any:
@@ -202,26 +219,8 @@ class _Map:
             self._jacobians[phase] = ca.Function("jacobian", [x, u], both)
         return self._jacobians[phase]
 
-    def _stepped(self, k: int, x: Any, u: Any) -> Any:
-        new = [x[p.at : p.end] for p in self.parts]
-        for group in self.plan.groups:
-            if group.algorithm == "iterated":
-                named = ", ".join(self.parts[i].path for i in group.members)
-                raise InputInvalid(f"linearize: {named} are iterated; expected Jacobi or in order")
-            seen = x
-            for i in group.members:
-                part = self.parts[i]
-                if k % part.step_ticks:
-                    continue
-                inputs = self._inputs(i, seen, u)
-                new[i] = part.stepped(k, self.plan.tick, x[part.at : part.y_at], inputs)
-                if group.algorithm == "gauss-seidel":
-                    done = {j: new[j] for j in group.members[: group.members.index(i) + 1]}
-                    seen = ca.vertcat(*(done.get(j, x[p.at : p.end])
-                                        for j, p in enumerate(self.parts)))  # fmt: skip
-        return ca.vertcat(*new)
-
     def _inputs(self, i: int, x: Any, u: Any) -> Any:
+        """Return a component's inputs: start values, free inputs `u`, and transfers from `x`."""
         part = self.parts[i]
         inputs = ca.SX(ca.DM(part.u_0)) if len(part.u_0) else ca.SX(0, 1)
         for n, (j, element) in enumerate(self.free):

@@ -15,7 +15,7 @@ __all__ = ["Loop", "alike", "loop_delays", "loop_lines", "stacked_name"]
 
 @dataclass(frozen=True)
 class Loop:
-    """A cycle through the system; equal numbered components stand as one, ``thruster_1 … 8``."""
+    """A cycle through the system; similar numbered components are one, ``thruster_1 … 8``."""
 
     path: tuple[str, ...]
     delay: Fraction  # s
@@ -39,7 +39,15 @@ def loop_delays(plan: Plan) -> list[Loop]:
         neighbours[paths[b]].add(f"< {paths[a]}")
     types = {c.path: f"{c.source.partition('?')[0]}/{c.step_ticks}" for c in plan.components}
     names = alike(types, neighbours)
-    free = _free_hops(plan)
+    free: set[tuple[int, int]] = set()  # hops within a group that cost no step
+    for group in plan.groups:
+        if group.algorithm == "iterated":
+            free.update((a, b) for a in group.members for b in group.members)
+        if group.algorithm == "gauss-seidel":
+            for i, a in enumerate(group.members):
+                step = plan.components[a].step_ticks
+                later = group.members[i + 1 :]
+                free.update((a, b) for b in later if step <= plan.components[b].step_ticks)
     graph: dict[str, dict[str, int]] = {names[p]: {} for p in paths}
     for a, b in sorted(edges):
         cost = 0 if (a, b) in free else plan.components[a].step_ticks
@@ -53,7 +61,7 @@ def loop_delays(plan: Plan) -> list[Loop]:
 
 
 def loop_lines(loops: list[Loop], most: int = 6) -> list[str]:
-    """Write one loop for each delay, the slowest first, and how many more have that delay."""
+    """Return a line for each delay, the longest first: a short loop, and the number of others."""
     by_delay: dict[Fraction, list[Loop]] = {}
     for loop in loops:
         by_delay.setdefault(loop.delay, []).append(loop)
@@ -66,7 +74,7 @@ def loop_lines(loops: list[Loop], most: int = 6) -> list[str]:
 
 
 def alike(types: Mapping[str, str], neighbours: Mapping[str, set[str]]) -> dict[str, str]:
-    """Return the name of each path's stack: numbered, of equal type, with equal connections."""
+    """Return the name of each path's stack: numbered paths of equal type and connections."""
     stacks: dict[tuple[str, str], list[str]] = {}
     for path, type_ in types.items():
         match = re.fullmatch(r"(.*?)_?(\d+)", path)
@@ -91,16 +99,3 @@ def alike(types: Mapping[str, str], neighbours: Mapping[str, set[str]]) -> dict[
 def stacked_name(members: list[str]) -> str:
     """Write the name of a stack: its first and its last member."""
     return f"{members[0]} … {members[-1]}"
-
-
-def _free_hops(plan: Plan) -> set[tuple[int, int]]:
-    free: set[tuple[int, int]] = set()
-    for group in plan.groups:
-        if group.algorithm == "iterated":
-            free.update((a, b) for a in group.members for b in group.members)
-        if group.algorithm == "gauss-seidel":
-            for i, a in enumerate(group.members):
-                step = plan.components[a].step_ticks
-                later = group.members[i + 1 :]
-                free.update((a, b) for b in later if step <= plan.components[b].step_ticks)
-    return free

@@ -25,10 +25,10 @@ _REAL = 1e-9  # an imaginary part below it, relative to the magnitude, is roundi
 
 @dataclass(frozen=True)
 class LoopGain:
-    """`around` the named cycle, with its sign if it is real; `growth` a delayed step."""
+    """Gain of a loop, for its users' messages and for the convergence of delayed stepping."""
 
-    around: float
-    growth: float
+    around: float  # gain of one way around the named cycle, with its sign if it is real
+    growth: float  # of an error per step, if every connection of the loop delays
     is_singular: bool
 
 
@@ -58,7 +58,10 @@ def loop_gain(
 
 
 def estimated_gain(plan: Plan, loop: AlgebraicLoop) -> LoopGain | None:
-    """Return the gain at the start values of the members, which are made for it; None: unknown."""
+    """Return the gain at the start values of the members; None if it cannot be determined.
+
+    Instances of the members are made for it, and freed.
+    """
     place = {i: k for k, i in enumerate(loop.members)}
     planned = tuple(plan.components[i] for i in loop.members)
     transfers = tuple(
@@ -72,7 +75,7 @@ def estimated_gain(plan: Plan, loop: AlgebraicLoop) -> LoopGain | None:
             enter_initialization(c, components[-1], {}, None, (0.0, None))
         alone = replace(plan, components=planned, transfers=transfers)
         return loop_gain(alone, loop, components, 0.0)
-    except Exception:  # an estimate, for a message: that it fails must not replace the message
+    except Exception:  # the estimate is for an error message, which its failure must not replace
         return None
     finally:
         for component in components:

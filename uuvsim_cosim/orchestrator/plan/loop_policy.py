@@ -1,8 +1,9 @@
 """Policy for the algebraic loops of a plan: they are iterated, refused or delayed.
 
 A loop is algebraic if every hop declares its direct feedthrough. Stepped by Jacobi or
-Gauss-Seidel, each connection of it that delays makes it another system, which diverges where the
-loop's gain is above one. A loop with an undeclared hop may be none: it is delayed, and named.
+Gauss-Seidel, some of its connections delay by a step; this changes the system, which diverges if
+the loop's gain is above one. A loop with an undeclared hop may have no feedthrough at all: it is
+delayed, and a warning names it.
 """
 
 from __future__ import annotations
@@ -31,15 +32,15 @@ _FILTER = "a component with a state (for example a filter) in the loop"
 
 
 def settled(plan: Plan, ungrouped: frozenset[int]) -> Plan:
-    """Return the plan with its algebraic loops treated as its policy `loops` says.
+    """Return the plan with its algebraic loops treated by its policy `loops`.
 
-    `ungrouped` are the components that the user has put into no group. Raises SystemInvalid for
-    every loop that is refused: by the policy, or because its members cannot be iterated.
+    `ungrouped` are the components that the user has put into no group. Raises SystemInvalid that
+    lists the refused loops: by the policy, or because their members cannot be iterated.
     """
     sums = {n for n, g in enumerate(plan.groups) if _is_of_sums(plan, g)}
     free = sums | {n for n, g in enumerate(plan.groups) if ungrouped.issuperset(g.members)}
     group_of = {i: n for n, g in enumerate(plan.groups) for i in g.members}
-    together: list[set[int]] = []
+    together: list[set[int]] = []  # disjoint sets of members to iterate
     problems: list[Problem] = []
     found = found_loops(plan)
     for loop in found:
@@ -51,14 +52,18 @@ def settled(plan: Plan, ungrouped: frozenset[int]) -> Plan:
             continue
         # A sum steps with what it feeds: both become members.
         members = {*loop.members, *(i for n in groups & sums for i in plan.groups[n].members)}
-        hindered = list(_refusals(plan, loop, sorted(members), groups <= free))
-        if hindered:
-            problems.append(_refused(plan, loop, hindered))
-        together = _joined(together, members)
+        reasons = list(_refusal_reasons(plan, loop, sorted(members), groups <= free))
+        if reasons:
+            problems.append(_refusal(plan, loop, reasons))
+        # Sets that share a member with this one are merged with it.
+        apart = [s for s in together if not s & members]
+        together = [*apart, members.union(*(s for s in together if s & members))]
     if problems:
         raise SystemInvalid(problems)
     iterated = {i for members in together for i in members}
-    rest = (replace(g, members=_without(g.members, iterated)) for g in plan.groups)
+    rest = (
+        replace(g, members=tuple(i for i in g.members if i not in iterated)) for g in plan.groups
+    )
     groups_now = (
         *(g for g in rest if g.members),
         *(Group("iterated", tuple(sorted(members))) for members in together),
@@ -70,14 +75,14 @@ def settled(plan: Plan, ungrouped: frozenset[int]) -> Plan:
 
 
 def check_loops(plan: Plan) -> Plan:
-    """Return a plan, whose groups stay, with its loops found anew; a component was replaced.
+    """Return a plan with its loops searched again, after a component was replaced; groups stay.
 
-    Raises SystemInvalid for a loop that its policy does not let it delay.
+    Raises SystemInvalid for a loop that the policy does not allow to delay.
     """
     before = {x.members for x in plan.algebraic_loops if not x.iterated}
     found = [replace(x, iterated=_is_iterated(plan.groups, x)) for x in found_loops(plan)]
     problems = [
-        _refused(plan, x, [("no iterated group solves it", "a component without the feedthrough")])
+        _refusal(plan, x, [("no iterated group solves it", "a component without the feedthrough")])
         for x in found
         if not (x.iterated or x.undeclared or plan.loops == "delay" or x.members in before)
     ]
@@ -131,7 +136,7 @@ def loop_lines_of(plan: Plan) -> list[str]:
 
 
 def hindrances(members: Sequence[PlannedComponent], tick: Fraction) -> Iterator[tuple[str, str]]:
-    """Say why components cannot be iterated: what was read, and what would be right."""
+    """Yield the reasons why components cannot be iterated: what was read, what is expected."""
     for c in members:
         if not c.description.can_get_and_set_state:
             yield (
@@ -151,14 +156,18 @@ def hindrances(members: Sequence[PlannedComponent], tick: Fraction) -> Iterator[
 
 
 def _is_of_sums(plan: Plan, group: Group) -> bool:
-    """Whether the group is an OSP file's: sums, then what they feed. No user chose its order."""
+    """Whether an OSP file made the group: sums, then the component that they feed.
+
+    No user chose its order, so the loop policy may change it.
+    """
     sums = [plan.components[i].source.startswith("function:") for i in group.members[:-1]]
     return group.algorithm == "gauss-seidel" and bool(sums) and all(sums)
 
 
-def _refusals(
+def _refusal_reasons(
     plan: Plan, loop: AlgebraicLoop, members: Sequence[int], free: bool
 ) -> Iterator[tuple[str, str]]:
+    """Yield the reasons why a loop is refused; `free`: no user has grouped its members."""
     components = [plan.components[i] for i in members]
     if plan.loops == "refuse":
         yield 'the loop policy is "refuse"', "--loops iterate"
@@ -175,7 +184,7 @@ def _refusals(
             yield f"{_connection(plan, t)} carries text or bytes", "numbers in the loop"
 
 
-def _refused(plan: Plan, loop: AlgebraicLoop, why: Sequence[tuple[str, str]]) -> Problem:
+def _refusal(plan: Plan, loop: AlgebraicLoop, why: Sequence[tuple[str, str]]) -> Problem:
     gain = gain_text(estimated_gain(plan, loop))
     return Problem(
         f"algebraic loop {hops_of(plan, loop)}",
@@ -184,19 +193,9 @@ def _refused(plan: Plan, loop: AlgebraicLoop, why: Sequence[tuple[str, str]]) ->
     )
 
 
-def _joined(together: list[set[int]], members: set[int]) -> list[set[int]]:
-    """Add a set to disjoint sets; those that it meets become one with it."""
-    apart = [s for s in together if not s & members]
-    return [*apart, members.union(*(s for s in together if s & members))]
-
-
-def _without(members: tuple[int, ...], gone: set[int]) -> tuple[int, ...]:
-    return tuple(i for i in members if i not in gone)
-
-
 def _is_iterated(groups: Sequence[Group], loop: AlgebraicLoop) -> bool:
-    mine = set(loop.members)
-    return any(g.algorithm == "iterated" and mine <= set(g.members) for g in groups)
+    members = set(loop.members)
+    return any(g.algorithm == "iterated" and members <= set(g.members) for g in groups)
 
 
 def _dependencies(plan: Plan, output: Output) -> tuple[str, ...] | None:
@@ -212,8 +211,18 @@ def _loop(
     waits: Mapping[Output, Sequence[Output]],
     silent: Sequence[Output],
 ) -> AlgebraicLoop:
+    """Return the loop of a strongly connected block; `silent` outputs declare no dependencies."""
     inside = {n: [w for w in waits[n] if w in block] for n in block}
-    into = {n: _feeding(plan, n, block) for n in block}
+    into: dict[Output, list[int]] = {}  # transfers within the block on which an output depends
+    for n in block:
+        declared = _dependencies(plan, n)
+        into[n] = [
+            k
+            for k, t in enumerate(plan.transfers)
+            if t.target == n[0]
+            and _source(t) in block
+            and (declared is None or t.target_variable.name in declared)
+        ]
     begin = silent[0] if silent else min(block)
     backwards = shortest_cycle(inside, begin)  # waiting runs against the flow
     forwards = [backwards[0], *backwards[:0:-1]]
@@ -232,18 +241,6 @@ def _loop(
             )
         ),
     )
-
-
-def _feeding(plan: Plan, output: Output, block: Sequence[Output]) -> list[int]:
-    """Return the transfers, of outputs of the block, on which an output depends."""
-    declared = _dependencies(plan, output)
-    return [
-        k
-        for k, t in enumerate(plan.transfers)
-        if t.target == output[0]
-        and _source(t) in block
-        and (declared is None or t.target_variable.name in declared)
-    ]
 
 
 def _source(t: Transfer) -> Output:

@@ -22,7 +22,7 @@ __all__ = [
 
 @dataclass(frozen=True)
 class PlannedComponent:
-    """A component as the master will run it; `step_ticks` base steps are one of its own."""
+    """A component of the plan; one of its communication steps is `step_ticks` base steps."""
 
     path: str
     source: str
@@ -36,7 +36,7 @@ class PlannedComponent:
 class Transfer:
     """Value flow: target element j gets factor · (source element i) + offset, pair by pair.
 
-    Where there is a `table` of numbers, it says what becomes of a value instead.
+    If there is a `table`, it maps the source's numbers to the target's instead.
     """
 
     source: int  # index into Plan.components
@@ -54,8 +54,8 @@ class Transfer:
 class Group:
     """Components stepped together: all at once (Jacobi), in this order (Gauss-Seidel), or iterated.
 
-    An iterated group repeats its step until inputs and outputs at its end agree: the solver
-    leaves a residual below tolerance · (1 + |input|), or gives up after `limit` iterations.
+    An iterated group repeats its step until inputs and outputs at its end agree: until the
+    residual is below tolerance · (1 + |input|). It fails after `limit` iterations.
     """
 
     algorithm: Algorithm
@@ -69,8 +69,9 @@ class Group:
 class AlgebraicLoop:
     """Outputs that depend on each other at once, through connections and direct feedthrough.
 
-    `transfers` are the plan's that lie in the loop, and `cycle` those of one way around, in
-    order. If hops ``b.u -> b.y`` of it are `undeclared`, it may be none: it is delayed.
+    `transfers` are indices of the plan's transfers in the loop, and `cycle` of those of one way
+    around, in order. If hops ``b.u -> b.y`` are `undeclared`, there may be no feedthrough: the loop
+    is delayed.
     """
 
     members: tuple[int, ...]  # indices into Plan.components
@@ -82,13 +83,14 @@ class AlgebraicLoop:
 
 @dataclass(frozen=True)
 class Plan:
-    """A pure function of the system. Time is the tick count k; one tick is `tick` seconds.
+    """Tables by which the master steps a system; a pure function of the system.
 
+    Time is the tick count k; one tick is `tick` seconds.
     At each communication point k, the inputs of every component that is due (k divisible by its
     `step_ticks`) are set from outputs valid at k, then each steps by ``step_ticks · tick``; its
     outputs become visible at k + step_ticks. Within a Gauss-Seidel group, a member's inputs are
-    set just before it steps and see what earlier members of the group produced in this step.
-    In an iterated group, inputs from other members are what those produce in this step.
+    set just before it steps, and come from the outputs of this step for earlier members of the
+    group. In an iterated group, inputs from other members are their outputs of this step.
     `initialization` lists the components in the order in which their outputs are known; an
     entry of more than one is an algebraic loop through declared (or undeclared) feedthrough.
     `algebraic_loops` lists these loops, and how the policy `loops` treats them in stepping.
@@ -102,4 +104,4 @@ class Plan:
     warnings: tuple[str, ...] = ()
     algebraic_loops: tuple[AlgebraicLoop, ...] = ()
     loops: Loops = "delay"
-    start: Fraction = Fraction()  # s, where a run begins unless it is told otherwise
+    start: Fraction = Fraction()  # s, time at which a run begins by default

@@ -1,4 +1,4 @@
-"""A plan as text: steps of components, transfers, order of initialization."""
+"""Text of a plan: steps of components, transfers, order of initialization."""
 
 from __future__ import annotations
 
@@ -43,6 +43,7 @@ def format_plan(plan: Plan) -> str:
 
 
 def _row(plan: Plan, t: Transfer) -> tuple[str, ...]:
+    """Return the cells of a transfer."""
     source, target = plan.components[t.source].path, plan.components[t.target].path
     a, b = t.source_variable.unit_text or "-", t.target_variable.unit_text or "-"
     change = "" if (t.factor, t.offset) == (1.0, 0.0) else f"{t.factor:g} x + {t.offset:g}"
@@ -56,6 +57,7 @@ def _row(plan: Plan, t: Transfer) -> tuple[str, ...]:
 
 
 def _part(variable: Variable, elements: tuple[int, ...]) -> str:
+    """Return the text of a variable's elements, such as ``x[2:4]``."""
     if elements == tuple(range(variable.size)):
         return variable.name
     first, last = elements[0], elements[-1]

@@ -17,7 +17,7 @@ __all__ = ["component_seed", "component_seeds", "path_words", "seed_words"]
 
 
 def component_seed(seed: int, path: str) -> tuple[int, int]:
-    """Return two Int32 that depend on nothing but (seed, path): not on order, process or platform.
+    """Return two Int32 that depend on (seed, path) only: not on order, process or platform.
 
     Raises InputInvalid for a seed outside of 0 … 2^64 - 1.
     """
@@ -37,13 +37,13 @@ def component_seeds(seeds: Sequence[int], paths: Sequence[str]) -> NDArray[np.in
 def seed_words(seeds: Sequence[int]) -> NDArray[np.uint64]:
     """Return seeds as an array; raises InputInvalid for one outside of 0 … 2^64 - 1."""
     for seed in seeds:
-        if not 0 <= int(seed) < 2**64:  # it would draw what its remainder draws
+        if not 0 <= int(seed) < 2**64:  # it would give the same draws as its remainder
             raise InputInvalid(f"seed {seed}: expected an integer of 0 … 2^64 - 1")
     return np.array([int(seed) for seed in seeds], dtype=np.uint64)
 
 
 @lru_cache(maxsize=4096)
 def path_words(path: str) -> tuple[int, int]:
-    """Return what a path contributes to its component's key."""
+    """Return the part of a component's key that depends on its path."""
     first, second = struct.unpack("<II", hashlib.blake2b(path.encode(), digest_size=8).digest())
     return first, second

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
@@ -13,11 +12,13 @@ from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.plan.plan import PlannedComponent
 from uuvsim_cosim.orchestrator.plan.seeds import component_seed
 
-__all__ = ["enter_initialization", "seed_of", "set_start", "variable_of"]
+__all__ = ["Starts", "enter_initialization", "seed_of", "set_start", "variable_of"]
+
+Starts = Mapping[str, Mapping[str, object]]  # component's path -> variable's name -> value
 
 
 def variable_of(component: Component, name: str) -> Variable:
-    """Find a variable; raises InputInvalid with the names that there are."""
+    """Find a variable; raises InputInvalid with the known names."""
     variables = component.description.variables
     if name not in variables:
         raise InputInvalid(
@@ -30,7 +31,7 @@ def variable_of(component: Component, name: str) -> Variable:
 def enter_initialization(
     planned: PlannedComponent,
     component: Component,
-    values: Mapping[str, Any],
+    values: Mapping[str, object],
     seed: int | None,
     times: tuple[float, float | None],
 ) -> None:
@@ -39,8 +40,8 @@ def enter_initialization(
     component.enter_initialization_mode(*times)
 
 
-def seed_of(component: Component, values: Mapping[str, Any]) -> Variable | None:
-    """Find the parameter that takes the component's seed, unless `values` set it."""
+def seed_of(component: Component, values: Mapping[str, object]) -> Variable | None:
+    """Find the parameter for the component's seed; None if it has none, or `values` set it."""
     own = component.description.variables.get("seed")
     if own is None or (own.causality, own.shape) != ("parameter", (2,)) or "seed" in values:
         return None
@@ -48,9 +49,9 @@ def seed_of(component: Component, values: Mapping[str, Any]) -> Variable | None:
 
 
 def set_start(
-    planned: PlannedComponent, component: Component, values: Mapping[str, Any], seed: int | None
+    planned: PlannedComponent, component: Component, values: Mapping[str, object], seed: int | None
 ) -> None:
-    """Set values, and the seed: the plan's, or the one that follows from a system's `seed`."""
+    """Set values and the component's seed: the plan's, or that of another system `seed`."""
     own = seed_of(component, values)
     if own is not None:
         key = planned.seed if seed is None else component_seed(seed, planned.path)

@@ -1,8 +1,8 @@
 """Warnings about components that were designed for another vehicle than their hull.
 
 A declaration with the option `vehicle` (thruster places, allocation, gains, models inside
-controllers) is made for that vehicle, by default for the option's default. Components of other
-kinds, FMUs and Python classes do not say for which vehicle they are made, and are not compared.
+controllers) is designed for that vehicle, by default for the option's default. Other declarations,
+FMUs and Python classes do not name a vehicle and are not compared.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from uuvsim_cosim.orchestrator.plan.plan import PlannedComponent
 
 __all__ = ["vehicle_warnings"]
 
-# Components whose preset holds forces, which fit the preset's vehicle whatever `vehicle` is.
+# Components whose preset holds forces, which fit only the preset's vehicle, whatever `vehicle` is.
 GAINS = frozenset({"backstepping", "controller", "sliding_mode"})
 
 
 def vehicle_warnings(components: Iterable[PlannedComponent]) -> list[str]:
-    """Return a sentence for each component that is made for another vehicle than its hull.
+    """Return a warning for each component that is designed for another vehicle than its hull.
 
-    A component's hulls are those beside it, in the same system; one that fits any of them fits.
+    A component is compared with the hulls of its own (nested) system, and has to fit one of them.
     """
     levels: dict[str, list[PlannedComponent]] = {}
     for c in components:
@@ -38,17 +38,22 @@ def vehicle_warnings(components: Iterable[PlannedComponent]) -> list[str]:
         if not hulls:
             continue
         shown = ", ".join(f"{path} is {id}" for path, id in hulls.items())
+        first = next(iter(hulls.values()))
         for c in members:
             for what, vehicle in _made_for(c.source) if c.path not in hulls else ():
                 if vehicle not in hulls.values():
+                    name, options = _parts(c.source)
+                    named = "vehicle" in options
+                    other = f"one of {first}" if named else f"model:{name}?vehicle={first}"
                     found.append(
                         f"{c.path}: {what} {vehicle}, but {shown}; expected a component for that "
-                        f"vehicle, such as {_other(c.source, next(iter(hulls.values())))}"
+                        f"vehicle, such as {other}"
                     )
     return found
 
 
 def _parts(source: str) -> tuple[str, dict[str, str]]:
+    """Return the name of a declaration and its options, of ``model:name?option=value``."""
     name, _, query = source.removeprefix("model:").partition("?")
     name, published = split_address(unquote(name))
     options = dict(parse_qsl(query, keep_blank_values=True))
@@ -68,35 +73,30 @@ def _hull(source: str) -> str | None:
 
 @lru_cache(maxsize=1024)
 def _made_for(source: str) -> tuple[tuple[str, str], ...]:
-    """Return what of a source is made for which vehicle; nothing if it does not say so."""
+    """Return the vehicles that a source is designed for, each with the text of a message."""
     if not source.startswith("model:"):
         return ()
     name, options = _parts(source)
     if name not in LIBRARY or name == "vehicle":
         return ()
     module, function = LIBRARY[name].split(":")
-    taken = signature(getattr(import_module(module), function)).parameters
-    if "vehicle" not in taken:
+    accepted = signature(getattr(import_module(module), function)).parameters
+    if "vehicle" not in accepted:
         return ()
-    usual = str(taken["vehicle"].default)
-    vehicle = options.get("vehicle", usual)
+    default = str(accepted["vehicle"].default)
+    vehicle = options.get("vehicle", default)
     found = []
     if vehicle and (id := _id(vehicle)) is not None:
         found.append(("is made for", id))
-    preset = str(taken["id"].default) if "id" in taken else ""
-    if name in GAINS and options.get("id", preset) == preset and vehicle != usual:
-        found.append((f"its gains ({preset}) are those of", usual))
+    preset = str(accepted["id"].default) if "id" in accepted else ""
+    if name in GAINS and options.get("id", preset) == preset and vehicle != default:
+        found.append((f"its gains ({preset}) are those of", default))
     return tuple(found)
 
 
 def _id(address: str) -> str | None:
-    """Return the id in a vehicle's file; None if there is none that can be read."""
+    """Return the id in a vehicle's file; None if there is no such file that can be read."""
     try:
         return str(vehicle_file(split_address(address)[0])[1]["id"])
     except (UuvsimError, KeyError, OSError):
         return None
-
-
-def _other(source: str, vehicle: str) -> str:
-    name, options = _parts(source)
-    return f"model:{name}?vehicle={vehicle}" if "vehicle" not in options else f"one of {vehicle}"

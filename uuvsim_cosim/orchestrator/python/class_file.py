@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import importlib
 import inspect
 import reprlib
@@ -10,7 +11,6 @@ import traceback
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import ModuleType
-from typing import Any
 
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid
 from uuvsim_cosim.fmus.description import Causality, Description
@@ -19,11 +19,10 @@ from uuvsim_cosim.orchestrator.python.user_module import import_file
 
 __all__ = ["definition", "described", "imported", "load", "place_of"]
 
-
 _GROUPS: tuple[tuple[Causality, str], ...] = (("input", "inputs"), ("output", "outputs"))
 
 
-def load(source: str) -> type[Any]:
+def load(source: str) -> type:
     """Return the class of ``FILE.py:Class`` or ``package.module:Class``; raises InputInvalid."""
     where, colon, name = source.rpartition(":")
     if not colon or not name.isidentifier():
@@ -38,7 +37,7 @@ def load(source: str) -> type[Any]:
 
 
 def imported(where: str, source: str) -> ModuleType:
-    """Return the module of a file (FILE.py) or by its name; raises InputInvalid, of `source`."""
+    """Return the module of a file (FILE.py) or by its name; raises InputInvalid naming `source`."""
     try:
         if not where.endswith(".py"):
             return importlib.import_module(where)
@@ -70,7 +69,7 @@ def _not_imported(source: str, error: BaseException) -> InputInvalid:
     )
 
 
-def place_of(error: BaseException, cls: type[Any], method: str) -> str:
+def place_of(error: BaseException, cls: type, method: str) -> str:
     """Return ``file:line: Error: text``, with the last line that lies in a file of the class.
 
     If the error comes from a call that does not fit the method, the line is the method's own.
@@ -84,8 +83,8 @@ def place_of(error: BaseException, cls: type[Any], method: str) -> str:
     return f"{where}: {text}"
 
 
-def definition(cls: type[Any], method: str) -> str:
-    """Return ``file:line`` of a method, of the class where that cannot be told."""
+def definition(cls: type, method: str) -> str:
+    """Return ``file:line`` of a method, or of the class if the method's is unknown."""
     function = inspect.unwrap(getattr(cls, method, cls))
     code = getattr(getattr(function, "__func__", function), "__code__", None)
     if code is not None:
@@ -96,10 +95,13 @@ def definition(cls: type[Any], method: str) -> str:
         return cls.__name__
 
 
-def described(cls: type[Any], make: Callable[[], Any]) -> Description:
-    """Describe what a class declares; raises InputInvalid with what is missing."""
+def described(cls: type, make: Callable[[], object]) -> Description:
+    """Return the description of the variables that a class declares.
+
+    `make` returns an object of the class. Raises InputInvalid that lists what is missing.
+    """
     place = cls.__name__
-    wrong = [w for n in ("inputs", "outputs", "parameters") for w in _no_dict(cls, n)]
+    wrong = [w for n in ("inputs", "outputs", "parameters") for w in _dict_problems(cls, n)]
     wrong += [] if callable(getattr(cls, "step", None)) else ["no method step(t, dt, u)"]
     if wrong:
         raise InputInvalid(
@@ -127,7 +129,12 @@ def described(cls: type[Any], make: Callable[[], Any]) -> Description:
     _check_call(made, cls, "step", "t, dt, u")
     if hasattr(made, "initialize"):
         _check_call(made, cls, "initialize", "t")
-    copies = _can_be_copied(made)
+    try:
+        copy.deepcopy(vars(made))
+    except Exception:  # of the user's own classes; such a component has no snapshots
+        copies = False
+    else:
+        copies = True
     return Description(
         name=cls.__name__,
         kind="python",
@@ -138,7 +145,8 @@ def described(cls: type[Any], make: Callable[[], Any]) -> Description:
     )
 
 
-def _no_dict(cls: type[Any], group: str) -> list[str]:
+def _dict_problems(cls: type, group: str) -> list[str]:
+    """Return what is wrong with the dict `inputs`, `outputs` or `parameters` of a class."""
     declared = getattr(cls, group, None)
     if declared is None:
         return [] if group == "parameters" else [f"no {group}"]
@@ -147,11 +155,11 @@ def _no_dict(cls: type[Any], group: str) -> list[str]:
     return [f"{group} has the name {k!r}" for k in declared if not isinstance(k, str) or not k]
 
 
-def _check_call(made: Any, cls: type[Any], method: str, arguments: str) -> None:
+def _check_call(made: object, cls: type, method: str, arguments: str) -> None:
     """Refuse a method that cannot be called with these arguments, before anything runs."""
     try:
         signature = inspect.signature(getattr(made, method))
-    except (TypeError, ValueError):  # written in C, and silent about its arguments
+    except (TypeError, ValueError):  # written in C, without a signature
         return
     try:
         signature.bind(*arguments.split(", "))
@@ -160,13 +168,3 @@ def _check_call(made: Any, cls: type[Any], method: str, arguments: str) -> None:
             f"{definition(cls, method)}: {cls.__name__}.{method}{signature} cannot be called as "
             f"{method}({arguments}): {error}; expected def {method}(self, {arguments})"
         ) from None
-
-
-def _can_be_copied(made: Any) -> bool:
-    import copy
-
-    try:
-        copy.deepcopy(vars(made))
-    except Exception:
-        return False
-    return True

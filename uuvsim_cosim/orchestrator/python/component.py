@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Mapping
-from typing import Any, final
+from collections.abc import Mapping
+from typing import Any, NoReturn, final
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from uuvsim_cosim.orchestrator.values.values import Misfit
 
 __all__ = ["PythonComponent", "load", "load_python_component"]
 
+_State = tuple[dict[str, object], dict[str, object], float]  # attributes, values, time
+
 
 def load_python_component(source: str, path: str) -> PythonComponent:
     """Instantiate ``FILE.py:Class`` or ``package.module:Class`` as the component `path`."""
@@ -25,7 +27,7 @@ def load_python_component(source: str, path: str) -> PythonComponent:
 
 @final
 class PythonComponent:
-    """The `Component` protocol over an object of a user's class.
+    """Component whose steps are computed by an object of a user's Python class.
 
     The class has `inputs` and `outputs`, which map names to a unit, a size, or (size, unit); a
     unit that is None or left out is taken from what the connector is connected to. It may have
@@ -34,12 +36,12 @@ class PythonComponent:
     inputs by name, floats or arrays, and returns all outputs by name, valid at t + dt.
     """
 
-    def __init__(self, cls: type[Any], path: str) -> None:
+    def __init__(self, cls: type, path: str) -> None:
         self.path = path
         self._class = cls
         self._time = 0.0
         self.description = described(cls, self._made)
-        self._object: Any = None
+        self._object: object = None
         self.reset()
 
     # ---- values ---------------------------------------------------------------------------
@@ -49,7 +51,7 @@ class PythonComponent:
         value = self._values[variable.name]
         return value.copy() if isinstance(value, np.ndarray) else value
 
-    def set(self, variable: Variable, value: Any) -> None:
+    def set(self, variable: Variable, value: object) -> None:
         """Set an input or a parameter."""
         place = f"{self.path}.{variable.name}"
         if variable.causality not in ("input", "parameter"):
@@ -70,23 +72,23 @@ class PythonComponent:
     def exit_initialization_mode(self) -> None:
         """Run the class's `initialize`, if it has one."""
         if hasattr(self._object, "initialize"):
-            given = self._called("initialize", self._time)
-            if given is not None:
-                self._take(given, "initialize", complete=False)
+            returned = self._called("initialize", self._time)
+            if returned is not None:
+                self._set_outputs(returned, "initialize", complete=False)
 
     def do_step(self, current_communication_point: float, step_size: float) -> None:
         """Run the class's `step`; raises ComponentFailed with the user's file and line."""
         self._time = current_communication_point
         u = {v.name: self.get(v) for v in self._inputs}
-        given = self._called("step", current_communication_point, step_size, u)
-        self._take(given, "step", complete=True)
+        returned = self._called("step", current_communication_point, step_size, u)
+        self._set_outputs(returned, "step", complete=True)
 
     def reset(self) -> None:
         """Make a new object of the class, with its start values."""
         self._object = self._made()
         self._inputs = self.description.of("input")
         self._outputs = self.description.of("output")
-        self._values: dict[str, Any] = {}
+        self._values: dict[str, object] = {}
         for v in self.description.variables.values():
             self._values[v.name] = copy.copy(v.start)
             if v.causality == "parameter":
@@ -96,54 +98,53 @@ class PythonComponent:
         """Nothing to end."""
 
     def free(self) -> None:
-        """Let the object go."""
+        """Drop the reference to the object."""
         self._object = None
 
     # ---- states ---------------------------------------------------------------------------
 
-    def get_fmu_state(self) -> Any:
+    def get_fmu_state(self) -> _State:
         """Copy the object's attributes and the values."""
         if not self.description.can_get_and_set_state:
             raise FmuError(f"{self.path}: objects of {self._class.__name__} cannot be copied")
         return copy.deepcopy((vars(self._object), self._values, self._time))
 
-    def set_fmu_state(self, state: Any) -> None:
+    def set_fmu_state(self, state: _State) -> None:
         """Restore a copy."""
+        # Copied again, so that the state can be restored more than once.
         attributes, values, self._time = copy.deepcopy(state)
         vars(self._object).clear()
         vars(self._object).update(attributes)
         self._values = values
 
-    def serialize_fmu_state(self, state: Any) -> bytes:
-        """Turn a copy into bytes; refuses what is neither number, text, array nor container."""
+    def serialize_fmu_state(self, state: _State) -> bytes:
+        """Write a copy as bytes; only numbers, text, arrays and containers can be written."""
         return pickled(state, self.path)
 
     def deserialize_fmu_state(self, data: bytes) -> Any:
-        """Turn bytes into a copy."""
+        """Read a copy from bytes."""
         return unpickled(data, self.path)
 
     def directional_derivative(
-        self, unknowns: list[Variable], knowns: list[Variable], seed: Any
-    ) -> Any:
-        """Refuse: a class has none."""
+        self, unknowns: list[Variable], knowns: list[Variable], seed: object
+    ) -> NoReturn:
+        """Raise FmuError: a Python class has no directional derivatives."""
         raise FmuError(f"{self.path}: a Python class gives no directional derivatives")
 
     def binding(self) -> Binding:
-        """Say that the stepping loop in C has to call Python."""
+        """Return the binding of a component that the stepping loop in C calls back in Python."""
         return Binding(BindingKind.CALLBACK, 0, {})
 
     # ---- inside ---------------------------------------------------------------------------
 
-    def _made(self) -> Any:
-        return self._guarded("__init__", self._class)
+    def _made(self) -> object:
+        return self._called("__init__")
 
-    def _called(self, method: str, *arguments: Any) -> Any:
-        return self._guarded(method, getattr(self._object, method), *arguments)
-
-    def _guarded(self, method: str, call: Callable[..., Any], *arguments: Any) -> Any:
-        """Call the user's code; whatever it raises, SystemExit too, is a failure of its line."""
+    def _called(self, method: str, *arguments: object) -> object:
+        """Call the user's code; any error, SystemExit too, becomes a failure at the user's line."""
         try:
-            return call(*arguments)
+            called = self._class if method == "__init__" else getattr(self._object, method)
+            return called(*arguments)
         except KeyboardInterrupt:
             raise
         except BaseException as error:
@@ -151,34 +152,32 @@ class PythonComponent:
                 self.path, self._time, f"{place_of(error, self._class, method)}: in {method}()"
             ) from error
 
-    def _take(self, given: Any, method: str, *, complete: bool) -> None:
+    def _set_outputs(self, returned: object, method: str, *, complete: bool) -> None:
+        """Set the outputs from what the user's method returned; raises ComponentFailed."""
         names = [v.name for v in self._outputs]
-        if not isinstance(given, Mapping):
-            raise self._wrong(method, f"returned {type(given).__name__}", names)
-        missing = [n for n in names if n not in given] if complete else []
-        unknown = [str(n) for n in given if n not in names]
-        if missing or unknown:
-            problems = [f"gives no {', '.join(missing)}"] if missing else []
-            problems += (
-                [f"gives {', '.join(unknown)}, which outputs does not name"] if unknown else []
-            )
-            raise self._wrong(method, " and ".join(problems), names)
+        expected = f"expected a dict of {', '.join(names) or 'nothing'}"
+        if not isinstance(returned, Mapping):
+            raise self._failed(method, f"returned {type(returned).__name__}; {expected}")
+        missing = [n for n in names if n not in returned] if complete else []
+        unknown = [str(n) for n in returned if n not in names]
+        problems = [f"gives no {', '.join(missing)}"] if missing else []
+        if unknown:
+            problems.append(f"gives {', '.join(unknown)}, which outputs does not name")
+        if problems:
+            raise self._failed(method, f"{' and '.join(problems)}; {expected}")
         for v in self._outputs:
-            if v.name in given:
+            if v.name in returned:
                 try:
-                    self._values[v.name] = _fitted(v, given[v.name])
+                    self._values[v.name] = _fitted(v, returned[v.name])
                 except Misfit as misfit:
                     raise self._failed(method, f"gives {v.name}: {misfit}") from None
 
-    def _wrong(self, method: str, read: str, names: list[str]) -> ComponentFailed:
-        return self._failed(method, f"{read}; expected a dict of {', '.join(names) or 'nothing'}")
-
-    def _failed(self, method: str, what: str) -> ComponentFailed:
+    def _failed(self, method: str, reason: str) -> ComponentFailed:
         place = definition(self._class, method)
-        return ComponentFailed(self.path, self._time, f"{place}: {method}() {what}")
+        return ComponentFailed(self.path, self._time, f"{place}: {method}() {reason}")
 
 
-def _fitted(variable: Variable, value: Any) -> Any:
+def _fitted(variable: Variable, value: object) -> object:
     """Return the value as the variable's type, copied; raises Misfit for a wrong shape or type."""
     if variable.type == "String":
         if isinstance(value, str):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from uuvsim_cosim.errors import InputInvalid
@@ -13,19 +11,24 @@ from uuvsim_cosim.models.declaration.units import unit_of
 __all__ = ["parameter", "signal"]
 
 
-def signal(place: str, name: str, declared: Any, causality: Causality) -> Variable:
-    """Read a unit, a size, (size, unit) or (size, units); a unit None or left out is missing."""
-    size: Any = None
-    units: Any = declared
+def signal(place: str, name: str, declared: object, causality: Causality) -> Variable:
+    """Read a unit, a size, (size, unit) or (size, units); None or no unit: not known."""
+    size: object = None
+    units: object = declared
     if isinstance(declared, (tuple, list)) and len(declared) == 2:
         size, units = declared
     elif isinstance(declared, (int, np.integer)):
         size, units = declared, None
     units = (units,) if units is None or isinstance(units, str) else units
-    whole = isinstance(size, (int, np.integer)) and not isinstance(size, bool) and size > 0
-    good = (size is None or whole) and isinstance(units, (tuple, list))
+    if size is None:
+        shape: tuple[int, ...] | None = ()
+    elif isinstance(size, (int, np.integer)) and not isinstance(size, bool) and size > 0:
+        shape = (int(size),)
+    else:
+        shape = None
     if (
-        not good
+        shape is None
+        or not isinstance(units, (tuple, list))
         or len(units) not in (1, size)
         or not all(u is None or isinstance(u, str) for u in units)
     ):
@@ -36,7 +39,6 @@ def signal(place: str, name: str, declared: Any, causality: Causality) -> Variab
     for each in units:
         if each is not None:
             unit_of(each, f"{place}.{name}")
-    shape = () if size is None else (int(size),)
     return Variable(
         name=name,
         type="Float64",
@@ -50,7 +52,7 @@ def signal(place: str, name: str, declared: Any, causality: Causality) -> Variab
     )
 
 
-def parameter(place: str, name: str, declared: Any) -> Variable:
+def parameter(place: str, name: str, declared: object) -> Variable:
     """Read (value, unit); the unit may be None."""
     if not (isinstance(declared, (tuple, list)) and len(declared) == 2):
         raise InputInvalid(f"{place}.{name}: {declared!r}; expected (value, unit)")

@@ -10,7 +10,7 @@ from uuvsim_cosim.errors import FmuError
 
 __all__ = ["pickled", "unpickled"]
 
-# What numpy's arrays and generators, and the standard containers, are made of.
+# Classes and functions that pickles of numpy arrays, generators and standard containers name.
 _ALLOWED = {
     "builtins": {"set", "frozenset", "complex", "bytearray", "range", "slice"},
     "collections": {"deque", "OrderedDict", "defaultdict", "Counter"},
@@ -34,7 +34,7 @@ class _Reader(pickle.Unpickler):
         return super().find_class(module, name)
 
 
-def pickled(state: Any, path: str) -> bytes:
+def pickled(state: object, path: str) -> bytes:
     """Turn a state into bytes; raises FmuError unless `unpickled` can read it back."""
     try:
         data = pickle.dumps(state, protocol=4)

@@ -1,7 +1,8 @@
 """Import of a user's Python file, which may import the modules that lie beside it.
 
-Two folders may each have a `gains.py`, and Python keeps one module of a name. So modules of other
-users' folders are forgotten before a file is imported, and so are those that were edited since.
+Two folders may each have a `gains.py`, but Python keeps only one module of a name. So before a file
+is imported, modules from other users' folders and modules that were edited are removed from
+`sys.modules`.
 """
 
 from __future__ import annotations
@@ -18,15 +19,15 @@ __all__ = ["import_file"]
 
 # Modules beside users' files, by their names: the file and the hash of its content when imported.
 _BESIDE: dict[str, tuple[Path, str]] = {}
-# What each user's module has imported of them.
+# The modules of _BESIDE that existed when each user's module had been imported.
 _IMPORTED: dict[str, dict[str, tuple[Path, str]]] = {}
-_FOLDERS: set[str] = set()  # of users' files, as they stand in sys.path
+_FOLDERS: set[str] = set()  # folders of users' files, as written in sys.path
 
 
 def import_file(path: Path) -> ModuleType:
-    """Return the module of a file, imported anew if it or a module beside it was edited.
+    """Return the module of a file; import it again if it or a module beside it was edited.
 
-    Raises what the file raises.
+    Errors of the file's own code are passed on.
     """
     name = f"uuvsim_user_{path.stem}_{content_hash([str(path), path.read_bytes()])}"
     if name in sys.modules and all(_is_unchanged(m) for m in _IMPORTED.get(name, {}).values()):
@@ -51,7 +52,7 @@ def import_file(path: Path) -> ModuleType:
         for fresh in sys.modules.keys() - others:
             file = getattr(sys.modules[fresh], "__file__", None)
             if file is None or fresh.partition(".")[0] in others:
-                continue  # a part of a package that others have imported is nobody's own
+                continue  # a part of a package that somebody else had imported before
             if _root(fresh, Path(file)) == path.parent:
                 _BESIDE[fresh] = (Path(file), content_hash([Path(file).read_bytes()]))
     _IMPORTED[name] = dict(_BESIDE)

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -19,18 +17,18 @@ __all__ = ["Comparison", "Difference", "compare_signals"]
 
 @dataclass(frozen=True)
 class Difference:
-    """One element of a signal that differs: where first, and where most.
+    """One element of a signal that differs: its first difference, and the largest.
 
     `a` and `b` are the two values at `time` [s]; `size` is |a - b| in `unit`, NaN for values that
-    are no numbers and infinity where only one is finite. `largest` is the greatest `size`, at
+    are no numbers and infinity if only one is finite. `largest` is the largest `size`, at
     `largest_time`.
     """
 
     signal: str
     unit: str
     time: float
-    a: Any
-    b: Any
+    a: object
+    b: object
     size: float
     largest: float
     largest_time: float
@@ -38,9 +36,9 @@ class Difference:
 
 @dataclass(frozen=True)
 class Comparison:
-    """What differs between recordings A and B, the earliest first; nothing, if they are equal.
+    """Differences between recordings A and B, the earliest first.
 
-    `mismatches` are differences of another kind: signals that one of them lacks, other sizes,
+    `mismatches` are differences that are not values: signals that one of them lacks, other sizes,
     units, times or lengths. Values are compared at the first `rows` times, which are the same.
     """
 
@@ -62,7 +60,7 @@ def compare_signals(
 
     With tolerance 0 they have to be equal. NaN equals NaN, and an infinity one of the same sign.
     Texts, Booleans and bytes have to be equal. Integers are compared exactly. Raises InputInvalid
-    for a tolerance that is negative or not finite, RecordingError for what is no recording.
+    for a tolerance that is negative or not finite, RecordingError if `a` or `b` is no recording.
     """
     if not (math.isfinite(tolerance) and tolerance >= 0):
         raise InputInvalid(f"tolerance {tolerance:g}; expected a finite number, 0 or more")
@@ -78,7 +76,8 @@ def compare_signals(
         shapes = left[signal].shape[1:], right[signal].shape[1:]
         units = left.units.get(signal, ""), right.units.get(signal, "")
         if shapes[0] != shapes[1]:
-            mismatches.append(f"{signal}: size {_size(shapes[0])} in A, {_size(shapes[1])} in B")
+            sizes = ["x".join(map(str, shape)) or "1" for shape in shapes]
+            mismatches.append(f"{signal}: size {sizes[0]} in A, {sizes[1]} in B")
         elif units[0] != units[1]:
             mismatches.append(f"{signal}: in {units[0] or '1'} in A, in {units[1] or '1'} in B")
         else:
@@ -88,7 +87,7 @@ def compare_signals(
 
 
 def _common_rows(a: np.ndarray, b: np.ndarray) -> tuple[int, list[str]]:
-    """Return the number of first rows with the same times, and what ends them."""
+    """Return the number of leading rows with the same times, and the mismatch that ends them."""
     rows = min(len(a), len(b))
     other = np.flatnonzero(a[:rows] != b[:rows])
     if other.size:
@@ -101,10 +100,6 @@ def _common_rows(a: np.ndarray, b: np.ndarray) -> tuple[int, list[str]]:
 
 def _end(time: np.ndarray) -> str:
     return f"{len(time)} rows up to {time[-1]:.9g} s" if len(time) else "no rows"
-
-
-def _size(shape: Sequence[int]) -> str:
-    return "x".join(map(str, shape)) or "1"
 
 
 def _differences(

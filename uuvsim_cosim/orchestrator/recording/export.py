@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -21,13 +19,9 @@ __all__ = ["export", "write_csv", "write_mat"]
 
 
 def export(run: Path | str, target: Path | str) -> Path:
-    """Write a recording as ``.csv``, ``.mat`` or ``.mcap``, at once or not at all."""
+    """Write a recording as ``.csv``, ``.mat`` or ``.mcap``; never an incomplete file."""
     target = Path(target)
-    writers = {
-        ".csv": write_csv,
-        ".mat": write_mat,
-        ".mcap": write_mcap,
-    }
+    writers = {".csv": write_csv, ".mat": write_mat, ".mcap": write_mcap}
     write = writers.get(target.suffix.lower())
     if write is None:
         raise InputInvalid(
@@ -52,14 +46,17 @@ def write_csv(signals: Signals, file: Path) -> None:
 
     names, units, columns = ["time"], ["s"], [signals.time]
     for name, values in signals.items():
-        for label, column in _scalars(name, values):
+        scalars = values.reshape(len(values), -1).T
+        for label, column in zip(element_names(name, values.shape[1:]), scalars, strict=True):
             names.append(label)
             units.append(signals.units.get(name, ""))
             columns.append(column)
     table = pa.table([pa.array(c) for c in columns], names=names)
     with file.open("wb") as out:
         for line in (names, units):
-            out.write((",".join(_quoted(word) for word in line) + "\n").encode())
+            quoted = ('"' + word.replace('"', '""') + '"' if re.search(r'[",\n]', word) else word
+                      for word in line)  # fmt: skip
+            out.write((",".join(quoted) + "\n").encode())
         csv.write_csv(table, out, csv.WriteOptions(include_header=False, quoting_style="needed"))
 
 
@@ -67,8 +64,8 @@ def write_mat(signals: Signals, file: Path) -> None:
     """Write nested structs: ``time``, ``signals.<path>.<variable>``, ``units`` likewise."""
     from scipy.io import savemat
 
-    values: dict[str, Any] = {}
-    units: dict[str, Any] = {}
+    values: dict[str, object] = {}
+    units: dict[str, object] = {}
     for name, array in signals.items():
         kept = array if array.dtype != object else np.array(array, dtype=object)
         _nest(values, name, kept[:, None] if kept.ndim == 1 else kept)
@@ -82,18 +79,10 @@ def write_mat(signals: Signals, file: Path) -> None:
     savemat(str(file), content, appendmat=False, long_field_names=True, do_compression=True)
 
 
-def _scalars(name: str, values: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
-    columns = values.reshape(len(values), -1).T
-    yield from zip(element_names(name, values.shape[1:]), columns, strict=True)
-
-
-def _quoted(word: str) -> str:
-    return '"' + word.replace('"', '""') + '"' if re.search(r'[",\n]', word) else word
-
-
-def _nest(tree: dict[str, Any], name: str, value: Any) -> None:
-    """Put a value at ``a.b.c``, with names that MATLAB allows, and no two the same."""
-    *path, last = (_matlab_name(part) for part in name.split("."))
+def _nest(tree: dict[str, object], name: str, value: object) -> None:
+    """Put a value at ``a.b.c`` of nested dicts, with valid and unique MATLAB names."""
+    words = (re.sub(r"\W+", "_", p, flags=re.ASCII).strip("_") for p in name.split("."))
+    *path, last = ((word if word[:1].isalpha() else f"x_{word}")[:63] for word in words)
     for part in path:
         below = tree.setdefault(part, {})
         while not isinstance(below, dict):
@@ -103,8 +92,3 @@ def _nest(tree: dict[str, Any], name: str, value: Any) -> None:
     while last in tree:
         last = f"{last}_"
     tree[last] = value
-
-
-def _matlab_name(part: str) -> str:
-    name = re.sub(r"\W+", "_", part, flags=re.ASCII).strip("_")
-    return (name if name[:1].isalpha() else f"x_{name}")[:63]

@@ -1,13 +1,14 @@
-"""Recordings as MCAP files, for Foxglove and other readers of JSON channels, and back exactly."""
+"""Recordings as MCAP files of JSON channels (Foxglove); values are read back exactly."""
 
 from __future__ import annotations
 
 import base64
+import contextlib
 import json
 from collections.abc import Callable, Mapping
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,18 +16,24 @@ from uuvsim_cosim.errors import RecordingError
 from uuvsim_cosim.orchestrator.master.observer import seconds
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 
+if TYPE_CHECKING:
+    from mcap.writer import Writer
+
 __all__ = ["read_mcap", "write_mcap"]
 
 _LIBRARY = "uuvsim-cosim"
-DRAWN = "foxglove."  # schemas of what is to be drawn, which is no signal
+DRAWN = "foxglove."  # prefix of the schemas of drawings, which are not signals
+_Row = tuple[int, int, dict[str, Any]]  # time [ns], sequence, values by name
 _DTYPES = {"f8": "number", "i8": "integer", "u8": "integer", "b1": "boolean", "O": "string"}
 
 
-def write_mcap(signals: Signals, file: Path, further: Callable[[Any], None] | None = None) -> None:
+def write_mcap(
+    signals: Signals, file: Path, further: Callable[[Writer], None] | None = None
+) -> None:
     """Write one channel for each component, with a JSON schema; time 0 is the log's epoch.
 
-    A message's sequence is its communication point; what is not a finite number is null.
-    `further` may write channels of its own into the same file.
+    A message's sequence is its communication point; a number that is not finite is written as
+    null. `further` may write additional channels into the same file.
     """
     from mcap.writer import Writer
 
@@ -45,7 +52,7 @@ def write_mcap(signals: Signals, file: Path, further: Callable[[Any], None] | No
             channels[path] = writer.register_channel(
                 topic=f"/{path.replace('.', '/')}", message_encoding="json", schema_id=id_
             )
-        lists = {name: _jsonable(values) for name, values in signals.items()}
+        lists = {name: _json_values(values) for name, values in signals.items()}
         ticks = (signals.ticks & 0xFFFFFFFF).tolist()
         for k, at in enumerate(nanoseconds.tolist()):
             for path, names in groups.items():
@@ -59,7 +66,8 @@ def write_mcap(signals: Signals, file: Path, further: Callable[[Any], None] | No
         writer.finish()
 
 
-def _jsonable(values: np.ndarray) -> list[Any]:
+def _json_values(values: np.ndarray) -> list[object]:
+    """Return the rows as JSON's values: bytes as base64, numbers that are not finite as null."""
     if values.dtype.kind == "f" and not np.isfinite(values).all():
         kept = values.astype(object)
         kept[~np.isfinite(values)] = None
@@ -70,12 +78,12 @@ def _jsonable(values: np.ndarray) -> list[Any]:
     return list(values.tolist())
 
 
-def _json_schema(path: str, names: list[str], signals: Signals) -> dict[str, Any]:
-    properties: dict[str, Any] = {}
+def _json_schema(path: str, names: list[str], signals: Signals) -> dict[str, object]:
+    properties: dict[str, object] = {}
     for name in names:
         values = signals[name]
         dtype = "O" if values.dtype.kind == "O" else values.dtype.str[1:]
-        scalar: dict[str, Any] = {"type": _DTYPES.get(dtype, "number")}
+        scalar: dict[str, object] = {"type": _DTYPES.get(dtype, "number")}
         if dtype == "O" and values.size and isinstance(values.flat[0], bytes):
             scalar["contentEncoding"] = "base64"
         about_text = signals.descriptions.get(name, "")
@@ -96,7 +104,7 @@ def _json_schema(path: str, names: list[str], signals: Signals) -> dict[str, Any
 
 
 def read_mcap(file: Path) -> Signals:
-    """Read what `write_mcap` wrote; raises RecordingError for a file that is foreign or cut off."""
+    """Read a file that `write_mcap` wrote; raises RecordingError for other or incomplete files."""
     from mcap.exceptions import McapError
     from mcap.reader import make_reader
 
@@ -112,7 +120,7 @@ def read_mcap(file: Path) -> Signals:
                 )
             metadata = json.loads(kept["recording"])
             schemas: dict[str, dict[str, Any]] = {}
-            rows: dict[str, list[tuple[int, int, Any]]] = {}
+            rows: dict[str, list[_Row]] = {}
             for channel_schema, _, message in reader.iter_messages(log_time_order=False):
                 if channel_schema is None:
                     raise ValueError("a channel without schema")
@@ -145,50 +153,39 @@ def _damaged(file: Path, error: Exception) -> RecordingError:
 def _signals(
     metadata: Mapping[str, Any],
     schemas: Mapping[str, Mapping[str, Any]],
-    rows: Mapping[str, list[tuple[int, int, Any]]],
+    rows: Mapping[str, list[_Row]],
 ) -> Signals:
+    """Return the signals of the messages by channel; raises ValueError for missing messages."""
     nanoseconds = np.zeros(0, np.int64)
     ticks = np.zeros(0, np.int64)
     values: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
     element_units: dict[str, tuple[str, ...]] = {}
     descriptions: dict[str, str] = {}
-    for path, held in rows.items():
-        nanoseconds = np.array([at for at, _, _ in held], np.int64)
-        ticks = _unwrapped(np.array([k for _, k, _ in held], np.int64))
+    for path, messages in rows.items():
+        nanoseconds = np.array([at for at, _, _ in messages], np.int64)
+        ticks = np.array([k for _, k, _ in messages], np.int64)
+        # A sequence has 32 bits and begins at 0 again when they are used up.
+        ticks = ticks + (np.cumsum(np.diff(ticks, prepend=ticks[:1]) < -(1 << 31)) << 32)
         if len(ticks) != len(next(iter(rows.values()))):
             raise ValueError(f"{path} has {len(ticks)} messages, unlike the others")
         for variable, about in schemas[path].items():
             name = f"{path}.{variable}"
             encoded = (about.get("items") or about).get("contentEncoding") == "base64"
-            values[name] = _array([row[variable] for _, _, row in held], about, encoded)
+            values[name] = _array([row[variable] for _, _, row in messages], about, encoded)
             element_units[name] = tuple(about.get("units", ()))
             units[name] = ", ".join(dict.fromkeys(element_units[name]))
             descriptions[name] = about.get("about", "")
-    return Signals(
-        _seconds(nanoseconds, ticks, metadata), ticks, values, units, descriptions,
-        dict(metadata), element_units,
-    )  # fmt: skip
-
-
-def _unwrapped(ticks: np.ndarray) -> np.ndarray:
-    """Count on where a sequence, which has 32 bits, began at 0 again."""
-    wraps: np.ndarray = np.cumsum(np.diff(ticks, prepend=ticks[:1]) < -(1 << 31))
-    counted: np.ndarray = ticks + (wraps << 32)
-    return counted
-
-
-def _seconds(nanoseconds: np.ndarray, ticks: np.ndarray, metadata: Mapping[str, Any]) -> np.ndarray:
-    """Return the times as they were recorded, where the tick says it more exactly."""
-    given: np.ndarray = nanoseconds / 1e9
-    try:
+    time: np.ndarray = nanoseconds / 1e9
+    # Nanoseconds are rounded; the number of ticks gives the recorded time exactly, if known.
+    with contextlib.suppress(KeyError, ValueError, ZeroDivisionError):
         exact = seconds(ticks, Fraction(str(metadata["tick"])))
-    except (KeyError, ValueError, ZeroDivisionError):
-        return given
-    return exact if np.allclose(exact, given, rtol=0.0, atol=1e-8) else given
+        time = exact if np.allclose(exact, time, rtol=0.0, atol=1e-8) else time
+    return Signals(time, ticks, values, units, descriptions, dict(metadata), element_units)
 
 
-def _array(given: list[Any], about: Mapping[str, Any], encoded: bool) -> np.ndarray:
+def _array(given: list[object], about: Mapping[str, Any], encoded: bool) -> np.ndarray:
+    """Return the values of a variable as an array; `encoded`: bytes in base64."""
     dtype = about.get("dtype", "f8")
     if dtype != "O":
         if dtype != "f8":

@@ -11,11 +11,11 @@ import json
 import logging
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, final
+from typing import TYPE_CHECKING, BinaryIO, final
 
 import numpy as np
 
@@ -25,6 +25,9 @@ from uuvsim_cosim.orchestrator.master.observer import Chunk, Column
 from uuvsim_cosim.orchestrator.master.snapshot import plan_hash
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.recording.files import METADATA, PARQUET, STREAM, to_parquet
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 __all__ = ["SCHEMA_VERSION", "Recorder"]
 
@@ -43,13 +46,13 @@ class Recorder:
         self,
         folder: Path | str,
         *,
-        provenance: Mapping[str, Any] | None = None,
+        provenance: Mapping[str, object] | None = None,
         flush_seconds: float = 0.2,
     ) -> None:
         self.folder = Path(folder)
         self._provenance = dict(provenance or {})
         self._flush_seconds = flush_seconds
-        self._file: Any = None
+        self._file: BinaryIO | None = None
         self._messages = _Messages()
 
     # ---- the observer ---------------------------------------------------------------------
@@ -58,23 +61,32 @@ class Recorder:
         """Open the stream; raises RecordingError if the folder cannot be written."""
         import pyarrow as pa
 
+        metadata = {
+            "schema_version": SCHEMA_VERSION,
+            "generator": f"uuvsim-cosim {__version__}",
+            "started": datetime.now(UTC).isoformat(timespec="seconds"),
+            "plan": plan_hash(plan),
+            "tick": str(plan.tick),
+            "warnings": list(plan.warnings),
+            **self._provenance,
+        }
         self._schema = pa.schema(
             [
                 pa.field("time", pa.float64(), metadata={"unit": "s", "causality": "independent"}),
                 pa.field("tick", pa.int64(), metadata={"unit": "1"}),
                 *(_field(c) for c in columns),
             ],
-            metadata={METADATA: json.dumps(self._metadata(plan))},
+            metadata={METADATA: json.dumps(metadata)},
         )
         self._types = self._schema.types[2:]
         self._waiting: Chunk | None = None
-        self._memory: Any = None  # that holds the rows
-        self._written = 0  # of the rows held there
+        self._memory: object = None  # buffer of the rows, by identity
+        self._written = 0  # number of its rows that are written
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             self._file = (self.folder / STREAM).open("wb")
             self._writer = pa.ipc.new_stream(self._file, self._schema)
-            # An empty batch: the schema is there from the start, whatever happens then.
+            # An empty batch, so that the file has its schema even if the run is killed.
             self._writer.write_batch(pa.RecordBatch.from_pylist([], schema=self._schema))
             self._file.flush()
         except OSError as error:
@@ -84,11 +96,11 @@ class Recorder:
         self._messages.listen(c.path for c in plan.components)
 
     def observe(self, chunk: Chunk) -> None:
-        """Note the rows; writes at first, then when 0.2 s have passed or their memory is full."""
-        if self._file is None:  # writing has failed, which has been said
+        """Note the rows; write them when `flush_seconds` have passed or their memory is full."""
+        if self._file is None:  # writing has failed, and the error was raised then
             return
         memory = None if chunk.held is None else chunk.held.slots.base
-        if memory is not self._memory:  # the loop was built anew, or this began in its midst
+        if memory is not self._memory:  # first rows, or the stepping loop was built again
             self._write()
             self._written = 0 if chunk.held is None else len(chunk.held.ticks) - len(chunk.ticks)
         self._waiting, self._memory = chunk, memory
@@ -97,7 +109,7 @@ class Recorder:
             self._write()
 
     def end(self) -> None:
-        """Write what is left, and turn the stream into Parquet."""
+        """Write the remaining rows, and convert the stream to Parquet."""
         if self._file is None:
             return
         try:
@@ -112,14 +124,21 @@ class Recorder:
     # ---- inside ---------------------------------------------------------------------------
 
     def _write(self) -> None:
-        """Write a batch, with the messages since the last, and flush."""
+        """Write the rows since the last batch as a batch, with the messages, and flush."""
         import pyarrow as pa
 
         messages = self._messages.take()
-        chunk = self._take()
+        chunk, self._waiting = self._waiting, None
+        if chunk is not None and chunk.held is not None:
+            held, begin = chunk.held, self._written
+            self._written = 0 if held.reused else len(held.ticks)
+            chunk = replace(chunk, ticks=held.ticks[begin:], rows=held.slots[begin:])
         if self._file is None or (chunk is None and not messages):
             return
-        arrays = self._none() if chunk is None else self._arrays(chunk)
+        if chunk is None:
+            arrays = [pa.array([], field.type) for field in self._schema]
+        else:
+            arrays = self._arrays(chunk)
         batch = pa.RecordBatch.from_arrays(arrays, schema=self._schema)
         metadata = {"messages": json.dumps(messages)} if messages else None
         try:
@@ -130,17 +149,8 @@ class Recorder:
             raise self._failed(error, "room on the disk") from error
         self._flushed = time.monotonic()
 
-    def _take(self) -> Chunk | None:
-        """Return what has been seen and not been written."""
-        chunk, self._waiting = self._waiting, None
-        if chunk is None or chunk.held is None:
-            return chunk
-        held, begin = chunk.held, self._written
-        self._written = 0 if held.reused else len(held.ticks)
-        return replace(chunk, ticks=held.ticks[begin:], rows=held.slots[begin:])
-
-    def _arrays(self, chunk: Chunk) -> list[Any]:
-        """Return the columns; numbers are not copied."""
+    def _arrays(self, chunk: Chunk) -> list[pa.Array]:
+        """Return the columns; numbers without a conversion of each element."""
         import pyarrow as pa
 
         n = len(chunk.ticks)
@@ -153,16 +163,11 @@ class Recorder:
                 arrays.append(pa.array(chunk.values(i), type_))
         return arrays
 
-    def _none(self) -> list[Any]:
-        import pyarrow as pa
-
-        return [pa.array([], field.type) for field in self._schema]
-
     def _close(self) -> None:
         self._messages.close()
         file, self._file = self._file, None
         if file is not None:
-            with contextlib.suppress(OSError):  # raised already; what was flushed stays
+            with contextlib.suppress(OSError):  # raised already; the flushed batches stay
                 file.close()
 
     def _failed(self, error: OSError, expected: str) -> RecordingError:
@@ -170,19 +175,9 @@ class Recorder:
             f"recording {self.folder / STREAM}: {error.strerror or error}; expected {expected}"
         )
 
-    def _metadata(self, plan: Plan) -> dict[str, Any]:
-        return {
-            "schema_version": SCHEMA_VERSION,
-            "generator": f"uuvsim-cosim {__version__}",
-            "started": datetime.now(UTC).isoformat(timespec="seconds"),
-            "plan": plan_hash(plan),
-            "tick": str(plan.tick),
-            "warnings": list(plan.warnings),
-            **self._provenance,
-        }
 
-
-def _field(column: Column) -> Any:
+def _field(column: Column) -> pa.Field:
+    """Return a column's Arrow field, with its path, variable, unit, … as metadata."""
     import pyarrow as pa
 
     types = {"f8": pa.float64(), "i8": pa.int64(), "u8": pa.uint64()}
@@ -201,14 +196,14 @@ def _field(column: Column) -> Any:
 
 
 class _Messages(logging.Handler):
-    """Listens to what components say, and hands it over once."""
+    """Handler that collects the components' log messages until they are written."""
 
     def __init__(self) -> None:
         super().__init__()
         self._kept: list[tuple[str, str, str]] = []
         self._loggers: list[logging.Logger] = []
 
-    def listen(self, paths: Any) -> None:
+    def listen(self, paths: Iterable[str]) -> None:
         self._loggers = [logging.getLogger(f"uuvsim_cosim.{path}") for path in paths]
         for logger in self._loggers:
             logger.addHandler(self)

@@ -1,9 +1,9 @@
-"""Reader of recordings: signals by name, as numpy arrays, with units and provenance."""
+"""Reader of recordings; the result is `Signals`."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +11,9 @@ from uuvsim_cosim.errors import RecordingError
 from uuvsim_cosim.orchestrator.recording.files import file_of, metadata_of, read_batches
 from uuvsim_cosim.orchestrator.recording.mcap import read_mcap
 from uuvsim_cosim.orchestrator.recording.signals import Signals
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 __all__ = ["read_signals"]
 
@@ -48,8 +51,8 @@ def read_signals(run: Path | str) -> Signals:
     return Signals(time, ticks, values, units, descriptions, metadata, element_units, elements)
 
 
-def _grouped(schema: Any) -> dict[str, list[int]]:
-    """Return the columns of each variable; elements of an array come in their order."""
+def _grouped(schema: pa.Schema) -> dict[str, list[int]]:
+    """Return the columns of each variable, those of an array in the order of its elements."""
     groups: dict[str, list[int]] = {}
     for i in range(2, len(schema)):
         about = _about(schema.field(i))
@@ -60,16 +63,16 @@ def _grouped(schema: Any) -> dict[str, list[int]]:
     return groups
 
 
-def _index(schema_field: Any) -> int:
-    """Return the number of an array's element, from 1; 0 where none is told."""
+def _index(schema_field: pa.Field) -> int:
+    """Return the number of an array's element, from 1; 0 if the field has none."""
     text = _about(schema_field).get("index", "")
     return int(text) if text.isdecimal() else 0
 
 
-def _about(schema_field: Any) -> dict[str, str]:
+def _about(schema_field: pa.Field) -> dict[str, str]:
     return {k.decode(): v.decode() for k, v in (schema_field.metadata or {}).items()}
 
 
-def _array(column: Any) -> np.ndarray:
+def _array(column: pa.ChunkedArray) -> np.ndarray:
     array: np.ndarray = column.to_numpy()
     return array

@@ -19,9 +19,9 @@ class Signals(Mapping[str, np.ndarray]):
     """Signals by ``path.variable``: (n,) for a scalar, (n, size) for an array.
 
     `time` (n,) [s]; `ticks` (n,); `units` and `descriptions` by the same names, `element_units`
-    with one unit for each element; `metadata` says where the recording came from, and holds what
-    components said (``messages``). `elements` are those that an array's columns are, from 1, where
-    the recording tells them: a column may have been lost.
+    with one unit for each element; `metadata` holds the provenance of the recording and the
+    components' log messages (``messages``). `elements` are the elements of an array that its
+    columns hold, from 1, if the recording names them: a column may have been lost.
     """
 
     time: np.ndarray
@@ -34,7 +34,7 @@ class Signals(Mapping[str, np.ndarray]):
     elements: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """Return a signal; raises InputInvalid with names that come near."""
+        """Return a signal; raises InputInvalid with similar names."""
         if name not in self.values_by_name:
             known = expected_names(name, sorted(self.values_by_name))
             raise InputInvalid(f"no signal {name!r} in the recording; expected {known}")

@@ -15,7 +15,7 @@ __all__ = ["available", "load", "system_file"]
 
 
 def available() -> list[str]:
-    """List the names of the systems that ship."""
+    """Return the names of the shipped systems."""
     folder = content("orchestrator", "systems")
     if not folder.is_dir():
         return []
@@ -23,7 +23,7 @@ def available() -> list[str]:
 
 
 def system_file(name: str) -> Path:
-    """Return the .ssd of a system that ships."""
+    """Return the .ssd file of a shipped system."""
     folder = content("orchestrator", "systems")
     found = _file_in(folder / name) if name.isprintable() and "/" not in name else None
     if found is None:
@@ -38,7 +38,7 @@ def system_file(name: str) -> Path:
 def load(name_or_path: str | Path, tick: str | None = None) -> System:
     """Load a system: a name, or a path: .ssd, .ssp (``x.ssp#VariantB``), .fmu, or OSP's .xml.
 
-    `tick` is the base step in s for files that give none.
+    `tick` is the base step in s for files that define none.
     """
     text = str(name_or_path)
     file, _, variant = text.partition("#")
@@ -50,18 +50,14 @@ def load(name_or_path: str | Path, tick: str | None = None) -> System:
         raise InputInvalid(f"{path}: no such file; expected an .ssd, .ssp, .fmu or .xml")
     path = path.absolute()
     if suffix == ".fmu":
-        return _single(path, tick)
+        # A system of one FMU, with the step of its default experiment.
+        description = FmuSource(path).describe()
+        step = tick or description.default_step_size or "0.01"
+        name = "".join(c if c.isalnum() or c == "_" else "_" for c in path.stem)
+        return System(name, step, description.description, base=path.parent).add(name, path.name)
     system = read_structure(path, variant, tick)
     assert isinstance(system, System)
     return system
-
-
-def _single(path: Path, tick: str | None) -> System:
-    """Make a system of one FMU, stepped as its default experiment says."""
-    description = FmuSource(path).describe()
-    step = tick or description.default_step_size or "0.01"
-    name = "".join(c if c.isalnum() or c == "_" else "_" for c in path.stem)
-    return System(name, step, description.description, base=path.parent).add(name, path.name)
 
 
 def _file_in(folder: Path) -> Path | None:

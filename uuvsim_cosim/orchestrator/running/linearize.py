@@ -31,11 +31,11 @@ def linearize(
 ) -> control.StateSpace:
     """Return the linear model of a component or a system, with names, in SI and rad.
 
-    Of a component (a name such as ``remus100``, or a `Model`): in continuous time, around `at`,
-    which names states and inputs (``{"nu[1]": 1.5}``) or is what `trim` gave; the rest is at its
-    start. Of a system (a name, a file or a `System`): in discrete time, around the run from its
-    start after `at` seconds, delays of communication included, without noise. `inputs` and
-    `outputs` choose signals, whole or by element. Raises InputInvalid, with near names.
+    For a component (a name such as ``remus100``, or a `Model`) it is in continuous time, around
+    `at`: states and inputs by name (``{"nu[1]": 1.5}``), or a result of `trim`; all others have
+    their start values. For a system (a name, a file or a `System`) it is in discrete time, around
+    its own trajectory at `at` seconds, without noise, with the delays of communication. `inputs`
+    and `outputs` choose signals, whole or by element. Raises InputInvalid, with similar names.
     """
     found = _found(target)
     if isinstance(found, Model):
@@ -65,11 +65,11 @@ def trim(
     guess: Mapping[str, ArrayLike] | None = None,
     parameters: Mapping[str, ArrayLike] | None = None,
 ) -> OperatingPoint:
-    """Find where a component stays as it is: ``trim("remus100", {"nu[1]": 1.5}, free=["tau"])``.
+    """Find an equilibrium of a component: ``trim("remus100", {"nu[1]": 1.5}, free=["tau"])``.
 
-    `fixed` are states and inputs that are given, `free` inputs that may change; states that are
-    not fixed are free, those in `moving` (N, E and psi of a hull) may go on. Raises InputInvalid
-    where there is no equilibrium near `guess`.
+    `fixed` are values of states and inputs, `free` are inputs that may change. States that are not
+    fixed are free; those in `moving` (N, E and psi of a hull) need not have a zero derivative.
+    Raises InputInvalid if there is no equilibrium near `guess`.
     """
     found = _found(target)
     if not isinstance(found, Model):

@@ -24,8 +24,8 @@ OTHERWISE = 60.0  # s, for a system without a path
 def with_waypoints(system: System, waypoints: NDArray[np.float64]) -> System:
     """Return the system with these waypoints (n, 3) in its guidance.
 
-    The guidance is the component that has a parameter ``waypoints`` with three columns; rows to
-    spare repeat the last waypoint, and its parameter ``count`` says how many are meant.
+    The guidance is the component that has a parameter ``waypoints`` with three columns. Spare rows
+    repeat the last waypoint; its parameter ``count``, if any, is the number of waypoints.
     """
     found = [
         (name, description, variable)
@@ -52,7 +52,7 @@ def with_waypoints(system: System, waypoints: NDArray[np.float64]) -> System:
 
 
 def path_of(plan: Plan) -> NDArray[np.float64] | None:
-    """Return the waypoints (n, 3) that the plan's guidance will fly, or None."""
+    """Return the waypoints (n, 3) of the plan's guidance; None if it has none."""
     for component in plan.components:
         variable = _table(component.description)
         if variable is None:
@@ -67,7 +67,7 @@ def path_of(plan: Plan) -> NDArray[np.float64] | None:
 
 
 def duration(plan: Plan) -> float:
-    """Return how long to simulate if nobody says [s], in whole tens.
+    """Return the default duration of a run [s], a multiple of 10 s.
 
     Along a path: its length, from the surface above its first waypoint, at the guidance's
     speed, 12 s for each waypoint, and 45 s of station-keeping; otherwise 60 s.
@@ -91,12 +91,14 @@ def duration(plan: Plan) -> float:
 
 
 def _table(description: Description) -> Variable | None:
+    """Return the parameter ``waypoints`` with three columns, if there is one."""
     variable = description.variables.get("waypoints")
     fits = variable is not None and variable.causality == "parameter" and len(variable.shape) == 2
     return variable if fits and variable is not None and variable.shape[1] == 3 else None
 
 
-def _start(start: Mapping[str, Any], description: Description, name: str) -> Any:
+def _start(start: Mapping[str, object], description: Description, name: str) -> Any:
+    """Return a variable's start value, by default that of its description; None: no variable."""
     if name in start:
         return start[name]
     variable = description.variables.get(name)

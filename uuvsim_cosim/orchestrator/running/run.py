@@ -40,13 +40,7 @@ from uuvsim_cosim.orchestrator.running.library import load
 from uuvsim_cosim.orchestrator.running.mission import duration
 from uuvsim_cosim.orchestrator.running.run_folder import RunFolder, check_room, claim
 from uuvsim_cosim.orchestrator.running.run_json import provenance_of, write_run_json
-from uuvsim_cosim.orchestrator.scenarios.inputs import (
-    Drive,
-    Driven,
-    held_by,
-    read_inputs,
-    start_values,
-)
+from uuvsim_cosim.orchestrator.scenarios.inputs import Driven, held_by, read_inputs, start_values
 from uuvsim_cosim.orchestrator.scenarios.played import Played
 from uuvsim_cosim.orchestrator.scenarios.scenario import Change, Scenario
 from uuvsim_cosim.orchestrator.scenarios.scenario_file import read_scenario
@@ -65,7 +59,7 @@ _SECONDS = 0.1  # of wall time between two calls of `progress`
 
 @dataclass(frozen=True)
 class Run:
-    """What a run was, and the folder in which it lies; times in s."""
+    """Result of a run, and its folder; times in s."""
 
     folder: Path
     system: str
@@ -102,7 +96,7 @@ class Run:
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C while stepping; the recording is closed, and `run` says what there is."""
+    """Ctrl-C while stepping; the recording is closed, and `run` is the result up to then."""
 
     def __init__(self, run: Run) -> None:
         super().__init__(run.interrupted)
@@ -119,7 +113,7 @@ def run(
     backend: Backend = "fmu",
     record_every: int = 1,
     progress: Progress | None = None,
-    about: Mapping[str, Any] | None = None,
+    about: Mapping[str, object] | None = None,
     real_time: float | Pace | None = None,
     scenario: Scenario | str | Path | None = None,
     isolate: Collection[str] = (),
@@ -129,27 +123,28 @@ def run(
     loops: Loops | None = None,
     inputs: Sequence[str] = (),
 ) -> Run:
-    """Simulate a system from `start_time` to `until` [s]; record every output in a fresh folder.
+    """Simulate a system from `start_time` to `until` [s]; record every output in a new folder.
 
-    Without `start_time`, a run begins where the system does, else at 0. Without `until`, it ends
-    where its scenario says, else where the system does, else a mission
-    runs as long as its path takes (see `mission.duration`). The folder is `out`, by default
-    ``runs/<system>-<seed>``; if it holds something already, the first free of NAME-2, NAME-3, ….
+    Without `start_time`, the run begins at the system's start time, else at 0. Without `until`, it
+    ends at the end of its scenario, else of the system, else after the duration of a mission's
+    path (see `mission.duration`). The folder is `out`, by default ``runs/<system>-<seed>``; if it
+    is not empty, the first free of NAME-2, NAME-3, ….
+
     ``progress(stage, done, total)`` is called while "building" (components) and "simulating"
-    (seconds). `about` goes into run.json. `real_time`
-    is a factor of real time to be kept, or a `Pace`; without it the run is as fast as it can be.
-    `scenario`, or a file of one, is what happens meanwhile. `isolate` names components that get a
-    process of their own ("*": all), so that a crash is an error and no more; one that does not
-    answer within `watchdog` seconds fails. `trace_fmi` is a CSV file for every call of every FMU;
-    the run is slow then, with the same result. `observers` watch beside the recorder. `loops` is
-    the policy for algebraic loops instead of the system's own (see `System.with_loops`).
-    `inputs` are CSV files or waveforms for free inputs and signals (see `inputs.read_inputs`);
-    what was applied is written to inputs.csv in the folder.
+    (seconds). `about` is added to run.json. `real_time` is a factor of real time, or a `Pace`;
+    without it the run is as fast as possible. `scenario` (or its file) is a list of events during
+    the run. `isolate` names components that get a process of their own ("*": all), so that their
+    crash only raises an error; one that does not answer within `watchdog` seconds fails.
+    `trace_fmi` is a CSV file of every call of every FMU; the run is slow then, with the same
+    result. `observers` get the rows in addition to the recorder. `loops` is the policy for
+    algebraic loops instead of the system's own (see `System.with_loops`). `inputs` are CSV files or
+    waveforms for unconnected inputs and signals (see `inputs.read_inputs`); the applied values are
+    written to inputs.csv in the folder.
 
     Raises SystemInvalid and InputInvalid before anything runs, ComponentFailed and
-    LoopNotConverged while it runs (their attribute `recording` is the folder), Interrupted on
-    Ctrl-C while stepping. A component that asks to end the simulation ends it in good order, with
-    a warning.
+    LoopNotConverged during the run (their attribute `recording` is the folder), Interrupted on
+    Ctrl-C while stepping. If a component asks to end the simulation, the run ends there with a
+    warning.
     """
     if until is not None and not (math.isfinite(until) and until > 0):
         raise InputInvalid(f"until: {until:g} s was read; expected more than 0")
@@ -165,27 +160,35 @@ def run(
         raise InputInvalid(f"trace_fmi: together with {other}; expected FMUs in this process")
     if loops is not None:
         system = system.with_loops(loops)
-    played = scenario if isinstance(scenario, Scenario | None) else _read_scenario(scenario)
+    played = scenario if isinstance(scenario, Scenario | None) else read_scenario(scenario)
     pace = real_time if isinstance(real_time, Pace | None) else Pace(real_time)
     if start_time is not None:
         system = replace(system, start_time=start_time)
     plan = flatten(system, seed)
     drives = read_inputs(inputs, plan)
     if drives:
-        _refuse_both(drives, played)
+        changed = {e.variable for e in played.events if isinstance(e, Change)} if played else set()
+        for d in drives:
+            name = f"{d.component}.{d.variable.name}"
+            if name in changed and not d.added:
+                raise InputInvalid(
+                    f"--input {d.name}: the scenario sets {name}; expected one of them"
+                )
         for name, value in start_values(drives, float(plan.start)).items():
             system = system.set(name, value)
         plan = flatten(system, seed)
-    asked = played.end if until is None and played is not None else until
-    end = _end(system, plan) if asked is None else asked
-    _check_times(end, plan)
-    trace = None if trace_fmi is None else _trace(Path(trace_fmi))
+    end = _end(played.end if until is None and played is not None else until, system, plan)
+    trace: Trace | None = None
+    if trace_fmi is not None:
+        from uuvsim_cosim.fmus.tracing.trace import Trace
+
+        trace = Trace(Path(trace_fmi))
     folder = claim(out if out is not None else Path("runs") / f"{system.name}-{seed}")
     try:
         provenance = provenance_of(system, plan, seed, backend, record_every, end, about or {})
         provenance["notes"] += [d.note for d in drives]
         instantiate = prepare(plan, backend, progress, isolate, watchdog, trace)
-        master = _started(
+        master = _initialized(
             system, plan, folder, instantiate, record_every, provenance, end, observers,
             held_by(drives, plan),
         )  # fmt: skip
@@ -204,36 +207,19 @@ def run(
             trace.close()
         raise
     with trace or nullcontext():
-        return _stepped(master, steps, plan, end, folder, provenance, progress, pace)
+        return _simulated(master, steps, plan, end, folder, provenance, progress, pace)
 
 
-def _refuse_both(drives: Sequence[Drive], played: Scenario | None) -> None:
-    """Refuse a variable that both an input and a scenario set."""
-    changed = {e.variable for e in played.events if isinstance(e, Change)} if played else set()
-    for d in drives:
-        name = f"{d.component}.{d.variable.name}"
-        if name in changed and not d.added:
-            raise InputInvalid(f"--input {d.name}: the scenario sets {name}; expected one of them")
+def _end(asked: float | None, system: System, plan: Plan) -> float:
+    """Return the end of a run [s]: as asked, else that of the system, else the mission's.
 
-
-def _trace(path: Path) -> Trace:
-    from uuvsim_cosim.fmus.tracing.trace import Trace
-
-    return Trace(path)
-
-
-def _read_scenario(path: str | Path) -> Scenario:
-    return read_scenario(path)
-
-
-def _end(system: System, plan: Plan) -> float:
-    """Return where a run ends that nobody ends, at the first step that reaches the system's end."""
-    if system.stop_time is None or system.stop_time <= plan.start:
-        return float(plan.start) + duration(plan)
-    return float(math.ceil(Fraction(str(system.stop_time)) / plan.tick) * plan.tick)
-
-
-def _check_times(end: float, plan: Plan) -> None:
+    Raises InputInvalid for an end before the start, or between two communication points.
+    """
+    end = asked
+    if end is None and (system.stop_time is None or system.stop_time <= plan.start):
+        end = float(plan.start) + duration(plan)
+    elif end is None:  # the first step that reaches the system's end
+        end = float(math.ceil(Fraction(str(system.stop_time)) / plan.tick) * plan.tick)
     if end <= plan.start:
         raise InputInvalid(
             f"until: {end:g} s was read, but the run begins at {float(plan.start):g} s; expected a "
@@ -246,22 +232,23 @@ def _check_times(end: float, plan: Plan) -> None:
             f"until: {end:g} s was read; expected a whole number of steps of "
             f"{float(plan.tick):g} s, such as {near:g}"
         )
+    return end
 
 
-def _started(
+def _initialized(
     system: System, plan: Plan, folder: RunFolder,
     instantiate: Callable[[PlannedComponent], Component], record_every: int,
-    provenance: Mapping[str, Any], end: float, observers: Sequence[Observer],
+    provenance: Mapping[str, object], end: float, observers: Sequence[Observer],
     held: Sequence[tuple[str, str]],
 ) -> Master:  # fmt: skip
-    """Write the system, build its components, and go through Initialization Mode."""
+    """Write the system, instantiate its components, and pass Initialization Mode."""
     write_ssd(system, folder.path / "system.ssd")
     recorder = Recorder(folder.path, provenance={k: provenance[k] for k in ("system", "seed")})
     master = Master(
         plan, instantiate, observers=[recorder, *observers], record_every=record_every, held=held
     )
     try:
-        # A component with a longer step may end its last one behind `end`.
+        # The last step of a component with a longer step may end after `end`.
         steps = [c.step_ticks * plan.tick for c in plan.components]
         span = Fraction(str(end)) - plan.start
         last = plan.start + max(math.ceil(span / s) * s for s in steps)
@@ -272,11 +259,11 @@ def _started(
     return master
 
 
-def _stepped(
+def _simulated(
     master: Master, stepped: Steps, plan: Plan, end: float, folder: RunFolder,
     provenance: dict[str, Any], progress: Progress | None, pace: Pace | None,
 ) -> Run:  # fmt: skip
-    """Step to the end, and leave a closed recording and run.json whatever happens."""
+    """Step to the end, and write a closed recording and run.json, also after a failure."""
     begun = time.perf_counter()
     steps = math.ceil(Fraction(str(end)) / plan.tick)
     stopped = ""
@@ -284,7 +271,7 @@ def _stepped(
     interrupted = False
 
     def ended() -> None:
-        """Write what is known, for a component that ends the whole program."""
+        """Write run.json if a component ends the whole program."""
         known = {
             "time": master.time, "steps": master.tick - int(plan.start / plan.tick),
             "wall_time": time.perf_counter() - begun,
@@ -297,10 +284,10 @@ def _stepped(
 
     with AtComponentExit(ended), master:
         try:
+            report: Progress = progress or (lambda stage, done, total: None)
             if pace is None:
-                _advance(stepped, steps, end, progress)
+                _advance(stepped, steps, end, report)
             else:
-                report = progress or (lambda stage, done, total: None)
                 pace.advance(
                     stepped, steps, float(plan.tick), lambda done: report("simulating", done, end)
                 )
@@ -327,7 +314,7 @@ def _stepped(
         largest = master.largest_residual
         provenance["warnings"] += master.remarks
         if error is not None:
-            master.free()  # not terminate(): what has failed may not answer
+            master.free()  # not terminate(): a failed component may not answer
     wall_time = time.perf_counter() - begun
     known = {
         "time": reached, "steps": done, "wall_time": wall_time, "interrupted": stopped,
@@ -371,9 +358,8 @@ def _stepped(
     return result
 
 
-def _advance(master: Steps, steps: int, end: float, progress: Progress | None) -> None:
+def _advance(master: Steps, steps: int, end: float, report: Progress) -> None:
     """Step in pieces that take about a tenth of a second, and report in between."""
-    report: Progress = progress or (lambda stage, done, total: None)
     piece = 8
     while master.tick < steps:
         begun = time.perf_counter()

@@ -1,6 +1,6 @@
 """Folder of a run: it never holds another run, and is removed if the run is refused.
 
-Whoever makes the file of the recording, which only one can, has the folder.
+The file of the recording is the lock of the folder: the run that creates it owns the folder.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from uuvsim_cosim.orchestrator.recording.files import STREAM
 
 __all__ = ["RunFolder", "check_room", "claim"]
 
-_SMALL = 20e6  # bytes; less than this is not worth asking
+_SMALL = 20e6  # bytes; no check for recordings smaller than this
 
 
 @dataclass(frozen=True)
 class RunFolder:
-    """A fresh folder; `made` lists it and those above it that did not exist before."""
+    """A new folder; `made` lists it and its parents that did not exist before."""
 
     path: Path
     asked: Path
@@ -31,12 +31,12 @@ class RunFolder:
 
     @property
     def renamed(self) -> bool:
-        """Return whether the asked name was taken by something else."""
+        """Return whether the folder has another name, because the asked one was in use."""
         return self.path != self.asked
 
     def discard(self) -> None:
-        """Remove what was made, as far as nothing else has come to lie in it."""
-        for file in self.path.iterdir():  # the claim's last: until then the folder is this run's
+        """Remove the files, and the folders that are empty then."""
+        for file in self.path.iterdir():  # the lock last: until then the folder is this run's
             if file.is_file() and file.name != STREAM:
                 file.unlink()
         (self.path / STREAM).unlink(missing_ok=True)
@@ -44,9 +44,9 @@ class RunFolder:
 
 
 def claim(asked: str | Path) -> RunFolder:
-    """Make the folder, or the first of NAME-2, NAME-3, … if it has something in it already.
+    """Make and lock the folder, or the first of NAME-2, NAME-3, … if it is not empty.
 
-    It holds an empty file of a recording from then on, so that no other run claims it. Raises
+    It contains an empty file of a recording then, so that no other run uses it. Raises
     InputInvalid if it cannot be made or written into.
     """
     asked = Path(asked).expanduser().absolute()
@@ -57,14 +57,14 @@ def claim(asked: str | Path) -> RunFolder:
         try:
             if path.is_dir() and any(path.iterdir()):
                 continue
-            made = _made(path)
+            made = _make(path)
         except OSError as error:
             raise InputInvalid(
                 f"output folder {path}: cannot be made ({error.strerror}); expected a folder "
                 "that can be written"
             ) from None
         try:
-            if _marked(path):
+            if _is_locked(path):
                 return RunFolder(path, asked, made)
         except OSError as error:
             _remove(made)
@@ -75,19 +75,19 @@ def claim(asked: str | Path) -> RunFolder:
     raise AssertionError("the count does not end")
 
 
-def _marked(path: Path) -> bool:
-    """Put the empty recording there; False if another run was quicker."""
+def _is_locked(path: Path) -> bool:
+    """Create the empty recording, the lock; False if another run was faster."""
     while True:
         try:
             os.close(os.open(path / STREAM, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
         except FileExistsError:
             return False
-        except FileNotFoundError:  # a run that was refused has removed the folder meanwhile
+        except FileNotFoundError:  # a refused run has removed the folder since
             path.mkdir(parents=True, exist_ok=True)
             continue
         if os.listdir(path) == [STREAM]:
             return True
-        (path / STREAM).unlink()  # that run is over already
+        (path / STREAM).unlink()  # another run has used the folder, and has ended already
         return False
 
 
@@ -103,14 +103,15 @@ def check_room(folder: Path, wanted: float) -> None:
         )
 
 
-def _made(path: Path) -> tuple[Path, ...]:
+def _make(path: Path) -> tuple[Path, ...]:
+    """Make a folder and its missing parents; return those that this run made."""
     missing = [p for p in (path, *path.parents) if not p.exists()][::-1]
     done: list[Path] = []
     try:
         for folder in missing:
             try:
                 folder.mkdir()
-            except FileExistsError:  # another run makes the same; what it made is not this one's
+            except FileExistsError:  # another run has made the same folder
                 if not folder.is_dir():
                     raise
                 continue

@@ -26,9 +26,9 @@ SCHEMA_VERSION = 1
 
 def provenance_of(
     system: System, plan: Plan, seed: int, backend: Backend, record_every: int, end: float,
-    about: Mapping[str, Any],
+    about: Mapping[str, object],
 ) -> dict[str, Any]:  # fmt: skip
-    """Return what is known of a run before its first step; `about` is added to it."""
+    """Return the content of run.json that is known before the first step, and `about`."""
     loops = loop_delays(plan)
     path = path_of(plan)
     return {
@@ -59,7 +59,8 @@ def provenance_of(
                 "path": c.path,
                 "kind": c.description.kind if backend == "native" or "model:" not in c.source
                 else "FMI 3.0",
-                "source": _shown(c.source),
+                # Without the folders of this machine.
+                "source": c.source if c.source.startswith("model:") else Path(c.source).name,
                 "token": c.description.token,
                 "step": float(c.step_ticks * plan.tick),
             }
@@ -69,12 +70,7 @@ def provenance_of(
     }  # fmt: skip
 
 
-def _shown(source: str) -> str:
-    """Return a source without the folders of this machine."""
-    return source if source.startswith("model:") else Path(source).name
-
-
-def write_run_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write the file run.json, whole or not at all; raises OSError."""
+def write_run_json(path: Path, content: Mapping[str, object]) -> None:
+    """Write the file run.json, never an incomplete one; raises OSError."""
     text = json.dumps(strict(content)[0], indent=2, allow_nan=False)
     write_whole(path, f"{text}\n".encode())

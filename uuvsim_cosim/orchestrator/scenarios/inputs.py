@@ -1,7 +1,7 @@
-"""Inputs of a system over time: free inputs are set, and signals get a value added.
+"""Inputs of a system over time: unconnected inputs are set, and signals get a value added.
 
-The values are those at the communication points: a free input holds the value of a point during
-the step that begins there; what is added to a signal is seen at that point by all that read it.
+Values are sampled at the communication points. An unconnected input holds the value of a point
+during the step that begins there; a value added to a signal is seen at that point by all readers.
 """
 
 from __future__ import annotations
@@ -35,40 +35,41 @@ _EXPECTED = "FILE.csv, or [+]component.variable:step|chirp|prbs,…"
 class Drive:
     """One element of a variable over time: `of` returns its value, in its unit, at a time [s].
 
-    `added`: the value is added to the start value of a free input, or to a signal. `note` is what
-    a reader of the run has to know: where it comes from, unit, and what holds between samples.
+    `added`: the value is added to the start value of an unconnected input, or to a signal. `note`
+    is for the report of the run: source, unit, and the value between samples.
     """
 
     component: str
     variable: Variable
     element: int
     added: bool
-    of: Callable[[float], Any]
+    of: Callable[[float], float]
     note: str
 
     @property
     def name(self) -> str:
-        """Return its name as a user writes it."""
+        """Name as a user writes it, such as ``+a.x[1]``."""
         return f"{'+' * self.added}{self.component}.{self.variable.element_name(self.element)}"
 
 
 def read_inputs(texts: Sequence[str], plan: Plan) -> tuple[Drive, ...]:
     """Read inputs for a system: CSV files, and waveforms such as ``+a.x[1]:step,value=1``.
 
-    The columns of a file are ``time`` [s] and names like those. Raises InputInvalid for what
-    cannot be read, does not exist, is connected without "+", or is given twice.
+    The columns of a file are ``time`` [s] and such names. Raises InputInvalid for a text that
+    cannot be read, and for a variable that does not exist, is connected but has no "+", or is
+    given twice.
     """
     connected = _connected(plan)
     found: list[Drive] = []
     for text in texts:
         if Path(text).suffix.lower() == ".csv":
-            drives = _of_file(Path(text), plan)
+            found += _of_file(Path(text), plan)
         elif ":" in text:
-            drives = _of_waveform(text, plan)
+            found += _of_waveform(text, plan)
         else:
             raise InputInvalid(f"--input {text}: expected {_EXPECTED}")
-        found += drives
     seen: set[tuple[str, str, int, bool]] = set()
+    noted: list[Drive] = []
     for d in found:
         key = (d.component, d.variable.name, d.element, d.added)
         if key in seen:
@@ -85,19 +86,15 @@ def read_inputs(texts: Sequence[str], plan: Plan) -> tuple[Drive, ...]:
                 f"--input {d.name}: is an {d.variable.causality}; expected +{d.name}, which adds "
                 "to it, or an input that nothing is connected to"
             )
-    return tuple(_noted(d, connected) for d in found)
-
-
-def _noted(d: Drive, connected: Mapping[tuple[str, str, int], str]) -> Drive:
-    """Add to the note when a signal first shows what is added to it."""
-    signal = d.variable.causality != "input" or (
-        (d.component, d.variable.name, d.element) in connected
-    )
-    return replace(d, note=f"{d.note}; added from the end of the first step on") if signal else d
+        if d.variable.causality != "input" or place in connected:
+            # A fault of a signal acts from the first step's transfer on, not at the start.
+            d = replace(d, note=f"{d.note}; added from the end of the first step on")
+        noted.append(d)
+    return tuple(noted)
 
 
 def _connected(plan: Plan) -> dict[tuple[str, str, int], str]:
-    """Return what feeds each connected element."""
+    """Return the source of each connected element: component, variable, element -> signal."""
     return {
         (plan.components[t.target].path, t.target_variable.name, e):
             f"{plan.components[t.source].path}.{t.source_variable.element_name(s)}"
@@ -107,7 +104,7 @@ def _connected(plan: Plan) -> dict[tuple[str, str, int], str]:
 
 
 def _of_file(path: Path, plan: Plan) -> list[Drive]:
-    """Read a table; its names are those of variables of the plan, with a "+" or without."""
+    """Read a table; its columns are named after variables of the plan, with or without "+"."""
     places: dict[str, tuple[str, Variable]] = {}
     for c in plan.components:
         for v in c.description.of("input", "output"):
@@ -161,7 +158,7 @@ def _size(
     wave: Waveform, variable: Variable, element: int, added: bool, description: Description,
     place: str,
 ) -> float:  # fmt: skip
-    """Convert a size to the variable's unit; of a difference no offset counts."""
+    """Convert a waveform's size to the variable's unit; a difference gets no offset."""
     unit = variable.units[element]
     scalar = replace(variable, shape=(), unit=None, element_units=(), min=None, max=None)
     number, _, own = wave.size.partition(" ")
@@ -180,12 +177,9 @@ def _size(
     return pair[0] * value + (pair[1] if absolute else 0.0)
 
 
-def _plain(value: Any) -> Any:
-    return value.item() if hasattr(value, "item") else value
-
-
-def _text(value: Any) -> str:
-    return str(value).lower() if isinstance(value, bool) else repr(value)
+def _plain(value: Any) -> float:
+    """Return a number of numpy as Python's, whose `repr` is the text of the log."""
+    return value.item() if hasattr(value, "item") else value  # type: ignore[no-any-return]
 
 
 def _unit(d: Drive) -> str:
@@ -196,19 +190,28 @@ def _unit(d: Drive) -> str:
 class Driven:
     """Steps of a master whose inputs change over time.
 
-    With `log`, what was applied is written there as CSV, one row a communication point; the file
-    can be given as input again, to the same bits.
+    With `log`, the applied values are written there as CSV, one row for each communication point.
+    The file can be used as input again and gives the same values, to the last bit.
     """
 
     def __init__(
         self, steps: Steps, master: Master, drives: Sequence[Drive], log: Path | None = None
     ) -> None:
         self._steps, self._master, self._drives = steps, master, tuple(drives)
-        self._connected = _connected(master.plan)
-        self._set: list[tuple[Drive, np.ndarray, Any]] = []
-        self._biased: list[tuple[Drive, str, float]] = []
+        connected = _connected(master.plan)
+        self._set: list[tuple[Drive, np.ndarray, float]] = []  # drive, slots, value to add to
+        self._biased: list[tuple[Drive, str, float]] = []  # drive, signal, factor
         for d in self._drives:
-            self._place(d)
+            fed = (d.component, d.variable.name, d.element) in connected
+            if d.variable.causality == "input" and not fed:
+                slots = master.slots(d.component, d.variable.name)
+                assert slots is not None  # the input is held (`held_by`), and a number
+                self._set.append((d, slots, slots[d.element].item() if d.added else 0))
+                continue
+            bias = Manipulation(0.0, d.name.removeprefix("+"), "bias", 1.0)
+            for event in meant(bias, master):
+                assert isinstance(event, SignalFault)
+                self._biased.append((d, event.fault.signal, event.fault.value))
         self._begun = False
         self._active: dict[str, tuple[int, float]] = {}  # by signal: number of the fault, value
         self._log = None if log is None else log.open("w", encoding="utf-8", newline="")
@@ -230,39 +233,25 @@ class Driven:
             if not self._begun:
                 self._begun = True
                 self._write()
-            self._apply()
+            now = self._master.time
+            later = float((self._master.tick + 1) * self._master.plan.tick)
+            for d, slots, base in self._set:
+                slots[d.element] = base + d.of(now)
+            for d, signal, factor in self._biased:  # seen at the end of the step
+                self._set_bias(d, signal, factor * d.of(later))
             self._steps.step(1)
             self._write()
 
     def close(self) -> None:
-        """Close the file of what was applied; a second call does nothing."""
+        """Close the file of applied values; a second call does nothing."""
         if self._log is not None:
             self._log.close()
 
-    def _place(self, d: Drive) -> None:
-        """Find the slot that a drive sets, or the signal that it adds to."""
-        fed = (d.component, d.variable.name, d.element) in self._connected
-        if d.variable.causality == "input" and not fed:
-            slots = self._master.slots(d.component, d.variable.name)
-            assert slots is not None  # held, and a number
-            self._set.append((d, slots, slots[d.element].item() if d.added else 0))
-            return
-        for event in meant(Manipulation(0.0, d.name.removeprefix("+"), "bias", 1.0), self._master):
-            assert isinstance(event, SignalFault)
-            self._biased.append((d, event.fault.signal, event.fault.value))
-
-    def _apply(self) -> None:
-        now = self._master.time
-        later = float((self._master.tick + 1) * self._master.plan.tick)
-        for d, slots, base in self._set:
-            slots[d.element] = base + d.of(now)
-        for d, signal, factor in self._biased:
-            self._add(d, signal, factor * d.of(later))
-
     def _write(self) -> None:
-        """Write what holds at the communication point that has been reached."""
+        """Write the values at the communication point that has been reached."""
         now = self._master.time
-        self._row(repr(now), *(_text(d.of(now)) for d in self._drives))
+        values = [d.of(now) for d in self._drives]
+        self._row(repr(now), *(str(v).lower() if isinstance(v, bool) else repr(v) for v in values))
 
     def _row(self, *cells: str) -> None:
         if self._log is None:
@@ -272,8 +261,8 @@ class Driven:
         except OSError as error:
             raise RecordingError(f"{self._log.name}: {error.strerror}; expected room") from None
 
-    def _add(self, d: Drive, signal: str, value: float) -> None:
-        """Make the bias of a signal the one that is seen at the end of the step."""
+    def _set_bias(self, d: Drive, signal: str, value: float) -> None:
+        """Set the bias of a signal by a fault, in place of the one that the drive set before."""
         number, present = self._active.get(d.name, (0, 0.0))
         if value == present:
             return
@@ -284,7 +273,7 @@ class Driven:
 
 
 def held_by(drives: Sequence[Drive], plan: Plan) -> list[tuple[str, str]]:
-    """Return the inputs that a master has to hold for the drives."""
+    """Return the inputs that a master has to hold (`Master`, `hold`) for the drives."""
     connected = _connected(plan)
     return list(
         dict.fromkeys(
@@ -296,6 +285,6 @@ def held_by(drives: Sequence[Drive], plan: Plan) -> list[tuple[str, str]]:
     )
 
 
-def start_values(drives: Sequence[Drive], at: float) -> dict[str, Any]:
-    """Return the values of free inputs at the beginning, by ``component.variable[index]``."""
+def start_values(drives: Sequence[Drive], at: float) -> dict[str, float]:
+    """Return the start values of unconnected inputs, by ``component.variable[index]``."""
     return {d.name: d.of(at) for d in drives if not d.added}

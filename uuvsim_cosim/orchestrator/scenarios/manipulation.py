@@ -18,11 +18,11 @@ __all__ = ["meant"]
 
 
 def meant(event: Manipulation, master: Master) -> Sequence[Change | SignalFault]:
-    """Return the events that it comes to.
+    """Return the events that a manipulation of a variable means in this system.
 
-    An output: its fault. A parameter or an unconnected input: a change, from the value that it has
-    now if it is a bias, and at `until` that value. A connected input: a fault of the output that
-    feeds it, if nobody else is fed. Raises InputInvalid for everything else.
+    An output gets a fault. A parameter or an unconnected input gets a change (a bias adds to its
+    present value), and at `until` its present value again. For a connected input, the output that
+    feeds it gets a fault, if it feeds no other input. Raises InputInvalid in all other cases.
     """
     plan = master.plan
     try:
@@ -48,7 +48,7 @@ def _fault(event: Manipulation, signal: str, value: float) -> SignalFault:
 def _feeding(
     event: Manipulation, master: Master, point: Endpoint, element: int
 ) -> tuple[str, float] | None:
-    """Find the output that feeds an element, and what it must show; None if there is none."""
+    """Return the output that feeds an element, and its value for the event; None if unconnected."""
     components = master.plan.components
     pairs = [
         (t, s, e)
@@ -83,6 +83,7 @@ def _feeding(
 
 
 def _changes(event: Manipulation, master: Master, point: Endpoint) -> Sequence[Change]:
+    """Return the changes of a parameter or an unconnected input; raises InputInvalid."""
     name = f"{point.element}.{point.variable.name}"
     begin = np.array(master.get(point.element, point.variable.name))
     if event.kind == "bias" and begin.dtype.kind not in "fiu":
@@ -91,16 +92,15 @@ def _changes(event: Manipulation, master: Master, point: Endpoint) -> Sequence[C
         )
     value = begin.astype(object)
     for element in point.elements:
-        base = begin.flat[element].item() if event.kind == "bias" else 0
-        value.flat[element] = _of_type(begin.dtype.kind, base + event.value)
+        new = event.value + (begin.flat[element].item() if event.kind == "bias" else 0)
+        # JSON has only floats: a whole number for an integer variable, 0 or 1 for a Boolean.
+        # `Master.fitted` refuses any other value for such a variable.
+        if begin.dtype.kind == "b" and new in (0.0, 1.0):
+            new = bool(new)
+        elif begin.dtype.kind in "iu" and new.is_integer():
+            new = int(new)
+        value.flat[element] = new
     changes = [Change(event.at, name, value.tolist())]
     if not math.isinf(event.until):
         changes.append(Change(event.until, name, begin.tolist()))
     return changes
-
-
-def _of_type(dtype_kind: str, value: float) -> float | int | bool:
-    """Return JSON's number as a Boolean or a whole number where it is one; else it is refused."""
-    if dtype_kind == "b" and value in (0.0, 1.0):
-        return bool(value)
-    return int(value) if dtype_kind in "iu" and value.is_integer() else value

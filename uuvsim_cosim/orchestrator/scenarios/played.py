@@ -1,18 +1,17 @@
-"""Playback of a scenario: its events happen between the steps of a master."""
+"""Playback of a scenario: its events are applied between the steps of a master."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from fractions import Fraction
-from typing import Any, final
+from typing import final
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.scenarios.manipulation import meant
 from uuvsim_cosim.orchestrator.scenarios.scenario import (
     Change,
-    Event,
     Manipulation,
     Scenario,
     SignalFault,
@@ -23,7 +22,10 @@ __all__ = ["Played"]
 
 @final
 class Played:
-    """A master whose steps have the events of a scenario between them."""
+    """Steps of a master, with the events of a scenario between them.
+
+    All events are checked when it is made, so that a wrong one is reported before the first step.
+    """
 
     def __init__(self, master: Master, scenario: Scenario) -> None:
         self._master = master
@@ -31,9 +33,14 @@ class Played:
         for number, event in enumerate(scenario.events, start=1):
             place = f"scenario {scenario.name!r}, event {number}"
             try:
-                for single in self._meant(event):
-                    self._check(single)
-                    self._plan(single)
+                single_events = meant(event, master) if isinstance(event, Manipulation) else [event]
+                for single in single_events:
+                    # Raises InputInvalid for an event that cannot be applied.
+                    if isinstance(single, SignalFault):
+                        master.faults.clear(master.faults.add(single.fault))
+                    else:
+                        master.fitted(*_split(single.variable), single.value)
+                    self._schedule(single)
             except InputInvalid as error:
                 raise InputInvalid(f"{place}: {error}") from None
 
@@ -48,22 +55,23 @@ class Played:
         return self._master.time
 
     def step(self, n: int = 1) -> None:
-        """Make n communication steps, with what happens between them."""
+        """Make n communication steps, and apply the events that are due between them."""
         end = self._master.tick + n
         while self._master.tick < end:
-            for happen in self._due.pop(self._master.tick, ()):
-                happen()
+            for apply in self._due.pop(self._master.tick, ()):
+                apply()
             later = [tick for tick in self._due if self._master.tick < tick < end]
             self._master.step(min([end, *later]) - self._master.tick)
 
-    def _meant(self, event: Event) -> Sequence[Change | SignalFault]:
-        if not isinstance(event, Manipulation):
-            return (event,)
-        return meant(event, self._master)
-
-    def _plan(self, event: Change | SignalFault) -> None:
+    def _schedule(self, event: Change | SignalFault) -> None:
+        """Note the calls of an event, each by the communication point where it is due."""
         if isinstance(event, Change):
-            self._at(self._tick(event.at), lambda: self._set(event.variable, event.value))
+            path, name = _split(event.variable)
+            master, value = self._master, event.value
+            self._at(
+                self._tick(event.at),
+                lambda: master.set(path, name, master.fitted(path, name, value)),
+            )
             return
         if math.isinf(event.at):
             raise InputInvalid("at inf s; expected a time that comes")
@@ -74,13 +82,13 @@ class Played:
             )
         numbers: list[int] = []
         faults = self._master.faults
-        # What is seen at a communication point is read at the end of the step before it.
+        # Signals of a communication point are transferred at the end of the step before it.
         self._at(_before(first), lambda: numbers.append(faults.add(event.fault)))
         self._at(_before(last), lambda: faults.clear(numbers.pop()))
 
-    def _at(self, tick: int | None, happen: Callable[[], None]) -> None:
+    def _at(self, tick: int | None, call: Callable[[], None]) -> None:
         if tick is not None and tick >= self._master.tick:
-            self._due.setdefault(tick, []).append(happen)
+            self._due.setdefault(tick, []).append(call)
 
     def _tick(self, time: float) -> int | None:
         """Return the first communication point at or after a time; None for never."""
@@ -89,18 +97,6 @@ class Played:
         if math.isinf(time):
             return None
         return math.ceil(Fraction(str(time)) / self._master.plan.tick)
-
-    def _check(self, event: Change | SignalFault) -> None:
-        """Try an event out before anything runs: what is wrong with it is told at once."""
-        if isinstance(event, SignalFault):
-            self._master.faults.clear(self._master.faults.add(event.fault))
-        else:
-            path, name = _split(event.variable)
-            self._master.fitted(path, name, event.value)
-
-    def _set(self, variable: str, value: Any) -> None:
-        path, name = _split(variable)
-        self._master.set(path, name, self._master.fitted(path, name, value))
 
 
 def _before(tick: int | None) -> int | None:

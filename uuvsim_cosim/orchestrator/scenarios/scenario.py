@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 from uuvsim_cosim.orchestrator.master.faults import Fault
 
@@ -17,7 +17,7 @@ class Change:
 
     at: float
     variable: str
-    value: Any
+    value: object
 
 
 @dataclass(frozen=True)
@@ -31,10 +31,10 @@ class SignalFault:
 
 @dataclass(frozen=True)
 class Manipulation:
-    """From `at` to `until` [s] a variable of whatever causality is overridden, or biased.
+    """From `at` to `until` [s] a variable of any causality is overridden, or biased.
 
-    What that means follows from the system (see `manipulation`): a fault of an output, a change
-    of a parameter or an unconnected input, a fault of the output that feeds a connected input.
+    Its meaning depends on the system (see `manipulation`): a fault of an output, a change of a
+    parameter or an unconnected input, a fault of the output that feeds a connected input.
     """
 
     at: float
@@ -49,9 +49,9 @@ Event = Change | SignalFault | Manipulation
 
 @dataclass(frozen=True)
 class Scenario:
-    """Events in any order; those of one instant happen in the order of the list.
+    """Events in any order; events of the same time are applied in the order of the list.
 
-    `end` [s] is that of a run which is given none.
+    `end` [s] is the end of a run if the run itself has none.
     """
 
     name: str

@@ -25,10 +25,8 @@ def read_scenario(path: str | Path) -> Scenario:
     path = Path(path)
     if not path.is_file():
         raise InputInvalid(f"{path}: no such file; expected a scenario, .yaml or .json")
-    return _libcosim(path) if path.suffix.lower() == ".json" else _yaml(path)
-
-
-def _yaml(path: Path) -> Scenario:
+    if path.suffix.lower() == ".json":
+        return _libcosim(path)
     data = read_yaml(path, content("orchestrator", "scenarios", "scenario.schema.json"))
     events: list[Change | SignalFault] = []
     wrong: list[str] = []
@@ -45,6 +43,7 @@ def _yaml(path: Path) -> Scenario:
 
 
 def _event(item: Mapping[str, Any]) -> Change | SignalFault:
+    """Read an event of a YAML file; raises InputInvalid."""
     at = float(item["at"])
     if "set" in item and "signal" not in item:
         extra = [k for k in ("fault", "until") if k in item]
@@ -63,13 +62,16 @@ def _event(item: Mapping[str, Any]) -> Change | SignalFault:
     return SignalFault(at, fault, float(item.get("until", math.inf)))
 
 
-def _plain(value: Any) -> Any:
-    """Return numbers, texts and lists without what YAML keeps for its own."""
+def _plain(value: object) -> object:
+    """Return numbers, texts and plain lists; those of the YAML library know their lines."""
     return [_plain(v) for v in value] if isinstance(value, list) else value
 
 
 def _libcosim(path: Path) -> Scenario:
-    """Read libcosim's form: overrides and biases of variables of models, each until a reset."""
+    """Read libcosim's form: overrides and biases of variables of models, each until a reset.
+
+    A new event of a variable ends the one before it.
+    """
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
@@ -78,7 +80,7 @@ def _libcosim(path: Path) -> Scenario:
     if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
         raise InputInvalid(f"{path}: no list of events; expected a scenario of libcosim")
     given = [
-        _given({**data.get("defaults", {}), **item}, f"{path}: event {i}")
+        _libcosim_event({**data.get("defaults", {}), **item}, f"{path}: event {i}")
         for i, item in enumerate(items, start=1)
     ]
     open_: dict[str, Manipulation] = {}
@@ -98,8 +100,8 @@ def _libcosim(path: Path) -> Scenario:
     )
 
 
-def _given(event: Mapping[str, Any], place: str) -> tuple[str, Manipulation]:
-    """Read one event: its action, and what it does until the next of its variable."""
+def _libcosim_event(event: Mapping[str, Any], place: str) -> tuple[str, Manipulation]:
+    """Read one event: its action, and the manipulation, whose end is not known yet."""
     missing = [k for k in ("time", "model", "variable", "action") if k not in event]
     action = event.get("action")
     if missing or action not in (*_LIBCOSIM, "reset"):
@@ -115,8 +117,7 @@ def _given(event: Mapping[str, Any], place: str) -> tuple[str, Manipulation]:
     return action, Manipulation(at, variable, _LIBCOSIM.get(action, "override"), float(value))
 
 
-def _seconds(value: Any, place: str) -> float:
-    bad = isinstance(value, bool) or not isinstance(value, int | float)
-    if bad or not math.isfinite(value):
-        raise InputInvalid(f"{place} {value!r}; expected seconds")
-    return float(value)
+def _seconds(value: object, place: str) -> float:
+    if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
+        return float(value)
+    raise InputInvalid(f"{place} {value!r}; expected seconds")

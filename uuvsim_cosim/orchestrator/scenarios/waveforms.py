@@ -13,7 +13,7 @@ from uuvsim_cosim.models.declaration.durations import frequency_of, seconds_of
 
 __all__ = ["KINDS", "Waveform", "waveform"]
 
-# The parameters of each kind; those without a default are required.
+# Names and defaults of each waveform's parameters; those without a default are required.
 KINDS: dict[str, dict[str, str | None]] = {
     "step": {"value": None, "at": "0", "until": "inf"},
     "chirp": {"amplitude": None, "from": None, "to": None, "at": "0", "until": None},
@@ -23,10 +23,9 @@ KINDS: dict[str, dict[str, str | None]] = {
 
 @dataclass(frozen=True)
 class Waveform:
-    """A function of time in [at, until), 0 outside.
+    """Function of time: size · shape(t - at) in [at, until), 0 outside.
 
-    `size` is the text of its value or amplitude, with a unit or without; `shape` of t - at is the
-    function that `size` multiplies, within [-1, 1].
+    `size` is the text of its value or amplitude, with or without a unit; `shape` is within [-1, 1].
     """
 
     kind: str
@@ -47,14 +46,14 @@ def waveform(text: str, place: str) -> Waveform:
     - chirp: a sine of `amplitude` whose frequency grows linearly from `from` to `to` [Hz] between
       `at` and `until`.
     - prbs: plus or minus `amplitude`, held for `hold` [s], in the order of a maximum-length
-      sequence of 2^order - 1 bits that a shift register with start state `seed` makes; repeated.
+      sequence of 2^order - 1 bits (shift register with start state `seed`); repeated.
 
     Times are in s, frequencies in Hz, or carry a unit. Raises InputInvalid that names `place`.
     """
     kind, *items = (part.strip() for part in text.split(","))
     if kind not in KINDS:
         raise InputInvalid(f"{place}: {kind!r}; expected one of {', '.join(KINDS)}")
-    given = _given(kind, items, place)
+    given = _parameters(kind, items, place)
     at, until = (seconds_of(given[key], f"{place}: {key}") for key in ("at", "until"))
     if not (0 <= at < math.inf and until > at):
         raise InputInvalid(
@@ -66,9 +65,17 @@ def waveform(text: str, place: str) -> Waveform:
         first, last = (frequency_of(given[key], f"{place}: {key}") for key in ("from", "to"))
         if math.isinf(until) or min(first, last) < 0:
             raise InputInvalid(f"{place}: expected until in s, and frequencies of 0 Hz or more")
-        return Waveform(kind, given["amplitude"], at, until, _chirp(first, last, until - at))
+        # The chirp is sin(2 pi (f0 t + (f1 - f0) t^2 / (2 T))).
+        rate = (last - first) / (2.0 * (until - at))
+        return Waveform(
+            kind, given["amplitude"], at, until,
+            lambda t: math.sin(2.0 * math.pi * (first * t + rate * t * t)),
+        )  # fmt: skip
     hold = seconds_of(given["hold"], f"{place}: hold")
-    order, seed = (_whole(given[key], f"{place}: {key}") for key in ("order", "seed"))
+    for key in ("order", "seed"):
+        if not given[key].isdecimal():
+            raise InputInvalid(f"{place}: {key}: {given[key]!r}; expected a whole number")
+    order, seed = int(given["order"]), int(given["seed"])
     if not (0 < hold < math.inf and 2 <= order <= 20 and 0 < seed < 2**order):
         raise InputInvalid(
             f"{place}: hold={given['hold']}, order={order}, seed={seed}; expected hold > 0 s, "
@@ -77,7 +84,8 @@ def waveform(text: str, place: str) -> Waveform:
     return Waveform(kind, given["amplitude"], at, until, _prbs(hold, order, seed))
 
 
-def _given(kind: str, items: list[str], place: str) -> dict[str, str]:
+def _parameters(kind: str, items: list[str], place: str) -> dict[str, str]:
+    """Return a waveform's parameters from texts ``key=value``, with defaults."""
     known = KINDS[kind]
     found: dict[str, str] = {}
     for item in items:
@@ -96,18 +104,6 @@ def _expected(kind: str) -> str:
     items = (f"{k}=…" if default is None else f"[{k}={default}]" for k, default in
              KINDS[kind].items())  # fmt: skip
     return ",".join((kind, *items))
-
-
-def _whole(text: str, place: str) -> int:
-    if not text.isdecimal():
-        raise InputInvalid(f"{place}: {text!r}; expected a whole number")
-    return int(text)
-
-
-def _chirp(first: float, last: float, duration: float) -> Callable[[float], float]:
-    """sin(2 pi (f0 t + (f1 - f0) t^2 / (2 T)))."""
-    rate = (last - first) / (2.0 * duration)
-    return lambda t: math.sin(2.0 * math.pi * (first * t + rate * t * t))
 
 
 def _prbs(hold: float, order: int, seed: int) -> Callable[[float], float]:

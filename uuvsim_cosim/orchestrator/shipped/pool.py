@@ -1,15 +1,15 @@
 """System `pool_tracking`: the test pool of the UUVSim paper, figure 11, with sensors only.
 
-A station beside the pool sees vehicle and target to ±7 mm and sends both positions by a slow radio,
-one way. On board an IMU and a compass are fused with what the radio brings, which is 0.4 s old and
-more; a predictor carries the target on to now; the pilot is a trained policy. The target is a
-vehicle of the same kind, the ``quarry``, with a scripted helm.
+A station beside the pool measures the positions of vehicle and target to ±7 mm and sends both by a
+slow radio, in one direction. On board, an IMU and a compass are fused with the received positions,
+which are at least 0.4 s old. A predictor extrapolates the target's position to the present time;
+the pilot is a trained policy. The target is a vehicle of the same type, the ``quarry``, with a
+scripted helm.
 """
 
 from __future__ import annotations
 
 from fractions import Fraction
-from typing import Any
 
 from uuvsim_cosim.orchestrator.shipped.tracking import (
     ARENA,
@@ -17,7 +17,7 @@ from uuvsim_cosim.orchestrator.shipped.tracking import (
     TRACKED,
     propelled,
     start_positions,
-    tracker,
+    with_quarry,
 )
 from uuvsim_cosim.orchestrator.system.system import System
 
@@ -26,8 +26,8 @@ __all__ = ["PACKET", "PILOT", "pool_tracking"]
 VEHICLE = "pool8"
 TICK = Fraction(1, 50)
 PILOT = "model:policy?id=transition_1_dt&period=1/50"
-# Of a packet: five numbers of 12 bits and 36 of overhead, 0.15 s on the air at 640 bit/s. What
-# remains to the 0.4 s that the tracking tasks assume is processing. One in ten is lost.
+# A packet has five numbers of 12 bits and 36 bits of overhead: 0.15 s on the air at 640 bit/s. The
+# rest of the 0.4 s that the tracking tasks assume is processing. One packet in ten is lost.
 PACKET = {"bits": 96.0, "processing": 0.25, "loss": 0.1}
 INTERVAL = "0.2"  # s between packets
 
@@ -35,25 +35,21 @@ INTERVAL = "0.2"  # s between packets
 def pool_tracking(pilot: str = PILOT, motion: str = "random_heading") -> System:
     """Return the system; `pilot` is a policy with an input ``target``, or a plain pilot.
 
-    A plain one (``model:pilot``) leaves ``pilot.a`` and ``pilot.omega`` free, for a policy outside.
+    With a plain pilot (``model:pilot``), ``pilot.a`` and ``pilot.omega`` are unconnected inputs,
+    for a policy outside of the system.
     """
     north, east = start_positions(1)[0]
     eta_0 = (north, east, DEPTH, 0.0, 0.0, 0.0)
     tracked = TRACKED[VEHICLE]
-    arena: dict[str, Any] = {"size": ARENA}
+    arena: dict[str, object] = {"size": ARENA}
     steer = "model:target?motion={}&obstacles=0&period={}&heading_period=0.1"
-    system = (
-        System("pool_tracking", TICK, "A pool8 tracks another by a slow radio and its own sensors")
-        .add("target", steer.format(motion, TICK), {"position_0": (0.0, 0.0, DEPTH), **arena})
-        .add("quarry", tracker("quarry", vehicle=VEHICLE, tick=TICK), {"pool.size": ARENA})
-        .add("helm", "model:helm")
-        .connect("quarry.eta", "helm.eta")
-        .connect("quarry.nu", "helm.nu")
-        .connect("target.position", "helm.position_d")
-        .connect("target.velocity", "helm.velocity_d")
-        .connect("helm.a", "quarry.a")
-        .connect("helm.omega", "quarry.omega")
+    system = System(
+        "pool_tracking", TICK, "A pool8 tracks another by a slow radio and its own sensors"
     )
+    system = system.add(
+        "target", steer.format(motion, TICK), {"position_0": (0.0, 0.0, DEPTH), **arena}
+    )
+    system = with_quarry(system, VEHICLE, 0, ARENA)
     contact = f"model:pool?vehicle={VEHICLE}&radius={tracked.radius}&height={tracked.height}"
     system = (
         system.add("pilot", pilot, {"depth": DEPTH})
@@ -66,7 +62,7 @@ def pool_tracking(pilot: str = PILOT, motion: str = "random_heading") -> System:
     system = _on_board(_station(system), eta_0)
     if "target" in system.describe("pilot").variables:
         system = system.connect("predictor.now", "pilot.target")
-    # One after the other within a step, from sensors to forces: what is read belongs to one time.
+    # In sequence within a step, from sensors to forces, so that all values belong to one time.
     return system.group([
         *("positioning", "radio", "imu", "compass", "navigation", "predictor", "pilot"),
         *("allocation", *thrusters, "pool", "wrench", "hull"),
@@ -74,7 +70,7 @@ def pool_tracking(pilot: str = PILOT, motion: str = "random_heading") -> System:
 
 
 def _station(system: System) -> System:
-    """Add what sees both vehicles from outside, and tells them on."""
+    """Add the positioning of both vehicles from outside, and the radio that sends it."""
     system = system.add("positioning", "model:link@pool_positioning?size=6&period=0.02").add(
         "radio",
         f"model:modem@pool_radio?nodes=2&size=6&interval={INTERVAL}&publish_period=0.02&in_flight=4",
@@ -90,7 +86,7 @@ def _station(system: System) -> System:
 
 
 def _on_board(system: System, eta_0: tuple[float, ...]) -> System:
-    """Add IMU, compass, the navigation that fuses them with late positions, and the predictor."""
+    """Add IMU, compass, the navigation that fuses them with delayed positions, and predictor."""
     system = (
         system.add("imu", "model:imu?period=0.02", {"r_s": (0.0, 0.0, 0.0)})
         .add("compass", "model:compass")

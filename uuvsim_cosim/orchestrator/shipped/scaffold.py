@@ -1,4 +1,4 @@
-"""Templates for a component of one's own: source text whose connectors fit a slot."""
+"""Templates for a user's component: source text whose connectors fit a slot."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["KINDS", "class_name", "files_for", "write_scaffold"]
 
 
 def files_for(slot: Slot, kind: str) -> dict[str, str]:
-    """Return the files, by name, of a component of a kind; raises InputInvalid for others."""
+    """Return the files, by name, of a component; `kind` is one of `KINDS`. Raises InputInvalid."""
     if kind not in KINDS:
         raise InputInvalid(f"--as {kind}: expected one of {', '.join(KINDS)}")
     odd = [c.name for c in slot.connectors if not c.type.startswith("Float") or len(c.shape) > 1]
@@ -27,11 +27,12 @@ def files_for(slot: Slot, kind: str) -> dict[str, str]:
 
 
 def write_scaffold(slot: Slot, kind: str, folder: Path) -> list[Path]:
-    """Write the files of `files_for` into a folder; refuses to write over any."""
+    """Write the files of `files_for` into a folder; raises InputInvalid if one exists already."""
     files = {folder / name: text for name, text in files_for(slot, kind).items()}
-    there = [path.name for path in files if path.exists()]
-    if there:
-        raise InputInvalid(f"{folder}: {', '.join(there)} exist already; expected another folder")
+    existing = [path.name for path in files if path.exists()]
+    if existing:
+        listed = ", ".join(existing)
+        raise InputInvalid(f"{folder}: {listed} exist already; expected another folder")
     try:
         for path, text in files.items():
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -59,7 +60,7 @@ def _size(connector: SlotConnector) -> int:
     return connector.shape[0] if connector.shape else 1
 
 
-# ---- a Python class, run as it is -------------------------------------------------------------
+# ---- a Python class -----------------------------------------------------------------------------
 
 PD_LAW = """\
         e = u["eta_d"] - u["eta"]  # N E D [m], phi theta psi [rad]
@@ -75,7 +76,8 @@ def _python(slot: Slot) -> dict[str, str]:
         units = [u or "1" for u in connector.units]
         unit = f'"{units[0]}"' if len(set(units)) == 1 else str(tuple(units)).replace("'", '"')
         shown = f"({_size(connector)}, {unit})" if connector.shape else unit
-        return f'        "{connector.name}": {shown},{_remark(connector)}\n'
+        remark = f"  # {connector.description}" if connector.description else ""
+        return f'        "{connector.name}": {shown},{remark}\n'
 
     name = class_name(slot)
     law = is_controller(slot)
@@ -105,10 +107,6 @@ def _python(slot: Slot) -> dict[str, str]:
     )
     file = f"{_file_name(slot)}.py"
     return {file: text}
-
-
-def _remark(connector: SlotConnector) -> str:
-    return f"  # {connector.description}" if connector.description else ""
 
 
 def _zero(connector: SlotConnector) -> str:

@@ -177,7 +177,7 @@ print(here / "{model}.fmu")
 
 
 def c_files(slot: Slot) -> dict[str, str]:
-    """Return the C source, the model description, and the script that makes them an FMU."""
+    """Return the C source, the model description, and the script that builds the FMU."""
     model = f"my_{slot.path.rpartition('.')[2]}"
     law = is_controller(slot)
     rows: list[tuple[str, str, int, tuple[str | None, ...]]] = [

@@ -18,7 +18,7 @@ START = (0.0, 0.0, 1.0, 0.0, 0.0, 0.0)  # N E D [m], phi theta psi [rad]
 
 
 def _vehicle(system: System) -> System:
-    """Hull, eight T200 thrusters and the wrench that carries their thrust to the hull."""
+    """Add hull, eight T200 thrusters, and the wrench that sums their thrust."""
     system = system.add("hull", "model:bluerov2_heavy", start={"eta_0": START})
     system = system.add("wrench", "model:wrench").connect("wrench.tau", "hull.tau")
     for i, name in enumerate(THRUSTERS, 1):
@@ -33,7 +33,7 @@ def _vehicle(system: System) -> System:
 
 
 def bluerov2_hold() -> System:
-    """Waypoints flown on the true state: the smallest system with everything that moves."""
+    """Return a vehicle that follows waypoints by its true state, the smallest mission."""
     system = System("bluerov2_hold", "0.01", "A BlueROV2 Heavy flies waypoints on its true state")
     system = system.add("guidance", "model:guidance").add("controller", "model:controller")
     system = _vehicle(system.add("allocation", "model:allocation"))
@@ -50,7 +50,7 @@ def bluerov2_hold() -> System:
 
 
 def bluerov2_survey() -> System:
-    """A lawn-mower survey through a meandering current; nothing in the loop reads the truth."""
+    """Return a lawn-mower survey through a meandering current, controlled by sensors only."""
     system = System(
         "bluerov2_survey",
         "0.01",
@@ -101,7 +101,7 @@ def bluerov2_survey() -> System:
     )
     for name in THRUSTERS:
         system = system.connect("battery.voltage", f"{name}.voltage")
-    # One after the other within a step, as on a vehicle's computer: three delays less in the loop.
+    # In sequence within a step, as on a vehicle's computer: three delays less in the loop.
     return system.group(["navigation", "guidance", "controller", "allocation"])
 
 

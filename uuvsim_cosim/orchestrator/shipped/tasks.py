@@ -1,4 +1,4 @@
-"""Systems for tasks of one vehicle: their free inputs are the actions of a policy."""
+"""Systems for tasks of one vehicle: their unconnected inputs are the actions of a policy."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ def task_system(
     reference: bool = False,
     disturbances: bool = False,
 ) -> System:
-    """A BlueROV2 Heavy with eight T200 in a meandering current, free to be acted on.
+    """Return a BlueROV2 Heavy with eight T200 in a meandering current, for a policy.
 
-    By `action`: "force" leaves `allocation.tau_d` free, "thrusters" each `thruster_i.u`, and
-    "velocity" `controller.nu_d`, of a controller that keeps the hull level. By `observation`,
-    "navigation" adds the sensors and the filter. `reference` adds a curve to follow;
-    `disturbances` adds ramps of the current and thrusters that grow weak. Equal arguments give the
-    same system, so that its kernel is made once.
+    The unconnected inputs depend on `action`: `allocation.tau_d` for "force", each `thruster_i.u`
+    for "thrusters", and `controller.nu_d` for "velocity", of a controller that keeps the hull
+    level. The observation "navigation" adds the sensors and the filter. `reference` adds a curve to
+    follow; `disturbances` adds ramps of the current and thrusters that lose thrust. Equal arguments
+    return the same object, so that its kernel is made once.
     """
     for name, given, known in (
         ("action", action, get_args(ActedOn)),
@@ -40,7 +40,10 @@ def task_system(
     system = System("bluerov2_task", "0.01", "A BlueROV2 Heavy that a policy acts on")
     system = system.add("hull", "model:bluerov2_heavy", start={"eta_0": START})
     system = system.add("wrench", "model:wrench").connect("wrench.tau", "hull.tau")
-    system = _current(system, disturbances)
+    system = system.add("current", "model:current_gauss_markov")
+    if disturbances:
+        system = system.add("ramps", "model:current_ramps").connect("current.v_c", "ramps.v")
+    system = system.connect("ramps.v_c" if disturbances else "current.v_c", "hull.v_c")
     system = _thrusters(system, disturbances)
     if observation == "navigation":
         system = _navigation(system)
@@ -53,18 +56,8 @@ def task_system(
     return system.add("reference", "model:reference") if reference else system
 
 
-def _current(system: System, ramps: bool) -> System:
-    system = system.add("current", "model:current_gauss_markov")
-    if not ramps:
-        return system.connect("current.v_c", "hull.v_c")
-    return (
-        system.add("ramps", "model:current_ramps")
-        .connect("current.v_c", "ramps.v")
-        .connect("ramps.v_c", "hull.v_c")
-    )
-
-
 def _thrusters(system: System, faults: bool) -> System:
+    """Add the thrusters, and a component that weakens their thrust if there are `faults`."""
     target = "wrench.thrust"
     if faults:
         system = system.add("faults", "model:thruster_faults")
@@ -81,7 +74,7 @@ def _thrusters(system: System, faults: bool) -> System:
 
 
 def _velocity(system: System, known: str) -> System:
-    """A controller whose wanted place is where the vehicle is: it holds speeds and trim alone."""
+    """Add a controller that holds velocities and trim: its desired position is the present one."""
     system = system.add(
         "controller", "model:controller", start={"Ki": (0.0, 0.0, 0.0, 4.0, 4.0, 0.0)}
     )
@@ -96,6 +89,7 @@ def _velocity(system: System, known: str) -> System:
 
 
 def _navigation(system: System) -> System:
+    """Add the sensors and the navigation filter."""
     observed = {
         "imu": ("eta", "q", "nu", "nu_dot"),
         "dvl": ("eta", "q", "nu"),

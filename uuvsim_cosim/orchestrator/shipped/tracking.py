@@ -1,10 +1,10 @@
 """Systems for target tracking: vehicles that a policy drives in a pool, and a moving target.
 
 A tracker is a nested system: pilot, allocation, thrusters, contact with the pool, wrench, hull,
-stepped one after the other within a tick. Its free inputs are ``tracker_1.pilot.a`` [m/s2] and
-``tracker_1.pilot.omega`` [rad/s]; what happens is ``tracker_1.hull.eta`` and ``.nu``. With links,
-the free input is ``tracker_1.radio.x`` (a, omega), and ``tracker_1.positioning.y`` is what is
-known of eta.
+stepped in sequence within a tick. Its unconnected inputs are ``tracker_1.pilot.a`` [m/s2] and
+``tracker_1.pilot.omega`` [rad/s]; its state is ``tracker_1.hull.eta`` and ``.nu``. With links, the
+unconnected input is ``tracker_1.radio.x`` (a, omega), and ``tracker_1.positioning.y`` is the
+measured eta.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.guidance.target import MOTIONS
@@ -28,10 +27,11 @@ __all__ = [
     "start_positions",
     "target_tracking",
     "tracker",
+    "with_quarry",
 ]
 
 ARENA = (2.6, 4.8, 1.1)  # m along N, E, D: the UUVSim paper's pool; its middle is N = E = 0
-DEPTH = 0.55  # m, of the plane that all move in
+DEPTH = 0.55  # m, of the plane in which all vehicles move
 TRACKERS_MAX = 8
 NOISE = 0.007  # m, the paper's positioning
 LATENCY = 0.4  # s, assumed of the paper's narrow-band radio link
@@ -39,7 +39,7 @@ LATENCY = 0.4  # s, assumed of the paper's narrow-band radio link
 
 @dataclass(frozen=True)
 class TrackedVehicle:
-    """What a tracker is made of."""
+    """Parts of a tracker that depend on its vehicle."""
 
     thruster: str  # component of each thruster
     allocation: str  # component that commands them
@@ -64,9 +64,9 @@ TRACKED: Mapping[str, TrackedVehicle] = {
 
 
 def propelled(system: System, thruster: str) -> tuple[System, tuple[str, ...]]:
-    """Add eight thrusters, and connect pilot, allocation, pool, wrench and hull by them.
+    """Add eight thrusters, and connect pilot, allocation, thrusters, pool, wrench and hull.
 
-    Gives the system, and the thrusters' names in order.
+    Return the system, and the thrusters' names in order.
     """
     system = (
         system.connect("pilot.tau_d", "allocation.tau_d")
@@ -96,7 +96,7 @@ def tracker(
     links: bool = False,
     link_period: str = "0.1",
 ) -> System:
-    """Return one vehicle with its pilot, in a pool; exposes a, omega, eta and nu."""
+    """Return one vehicle with its pilot, in a pool; it exposes a, omega, eta and nu."""
     if vehicle not in TRACKED:
         raise InputInvalid(f"vehicle {vehicle!r}; expected one of {', '.join(TRACKED)}")
     tracked = TRACKED[vehicle]
@@ -123,7 +123,7 @@ def tracker(
         system = system.expose("radio", "radio.x").expose("known", "positioning.y")
     else:
         system = system.expose("a", "pilot.a").expose("omega", "pilot.omega")
-    # One after the other within a step: a force acts on the state that it was computed from.
+    # In sequence within a step, so that a force acts on the state from which it was computed.
     return system.group(chain).expose("eta", "hull.eta").expose("nu", "hull.nu")
 
 
@@ -154,7 +154,7 @@ def target_tracking(
     source = f"model:target?motion={motion}&obstacles={obstacles}&period={step}"
     source += f"&heading_period={steer}" if motion != "path" else ""
     source += f"&trackers={n_trackers}" if motion == "flee" else ""
-    start: dict[str, Any] = {"position_0": (0.0, 0.0, DEPTH), "size": tuple(arena)}
+    start: dict[str, object] = {"position_0": (0.0, 0.0, DEPTH), "size": tuple(arena)}
     system = System(
         "target_tracking", step, f"{n_trackers} tracking a target that moves: {motion}"
     ).add("target", source, start)
@@ -173,7 +173,7 @@ def target_tracking(
             for k in (1, 2, 3):
                 system = system.connect(f"tracker_{i}.eta[{k}]", f"target.tracker_{i}[{k}]")
     if target_vehicle:
-        system = _with_quarry(system, vehicle, obstacles, arena)
+        system = with_quarry(system, vehicle, obstacles, arena)
     if links:
         system = system.add(
             "positioning",
@@ -189,12 +189,12 @@ def target_tracking(
 
 
 def start_positions(n: int) -> list[tuple[float, float]]:
-    """Return N and E of n trackers at their start [m]: two rows, clear of walls and each other."""
+    """Return N and E of n trackers at their start [m]: two rows, away from walls and each other."""
     return [(0.6 if i % 2 else -0.6, (-1.8, 1.8, -0.6, 0.6)[i // 2]) for i in range(n)]
 
 
-def _with_quarry(system: System, vehicle: str, obstacles: int, arena: Sequence[float]) -> System:
-    """Add a vehicle that follows the target's motion from where that starts."""
+def with_quarry(system: System, vehicle: str, obstacles: int, arena: Sequence[float]) -> System:
+    """Add a vehicle, ``quarry``, that starts at the ``target`` and follows its motion."""
     quarry = tracker(
         "quarry",
         vehicle=vehicle,
@@ -215,6 +215,7 @@ def _with_quarry(system: System, vehicle: str, obstacles: int, arena: Sequence[f
 
 
 def _linked(system: System, period: str) -> System:
+    """Add a radio for the commands, and a positioning, both with delay."""
     units = "m,m,m,rad,rad,rad"
     return (
         system.add(

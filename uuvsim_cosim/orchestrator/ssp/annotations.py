@@ -12,8 +12,8 @@ annotation                        the system's step                       a comp
                                   stepSize="0.01"/>`` of a system
 ================================  ======================================  ======================
 
-They are believed in this order; what contradicts is said. Groups stand in the first alone: the
-other two have no word for them.
+The first of them that is present is used; a remark names the others if they differ. Only the first
+contains groups: the other two do not define them.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _SAME = 1e-9  # relative; other tools round a step of 1/60 s
 def add_default_experiment(
     root: Xml, step: Fraction, start_time: float, stop_time: float | None
 ) -> None:
-    """Add the default experiment, with the step as the Open Simulation Platform writes it."""
+    """Add the default experiment, with the step in the form of the Open Simulation Platform."""
     experiment = SubElement(root, "ssd:DefaultExperiment", startTime=repr(float(start_time)))
     if stop_time is not None:
         experiment.set("stopTime", repr(float(stop_time)))
@@ -54,7 +54,7 @@ def add_default_experiment(
 
 
 def add_system_step(system: Xml, step: Fraction) -> None:
-    """Add a system's step as OpenModelica writes it."""
+    """Add a system's step in OpenModelica's form."""
     notes = SubElement(_annotation(system, OMS), "oms:Annotations")
     SubElement(
         SubElement(notes, "oms:SimulationInformation"),
@@ -67,12 +67,12 @@ def add_system_step(system: Xml, step: Fraction) -> None:
 
 
 def add_component_step(component: Xml, step: Fraction) -> None:
-    """Add a component's step as the Open Simulation Platform writes it."""
+    """Add a component's step in the form of the Open Simulation Platform."""
     SubElement(_annotation(component, OSP), "osp:StepSizeHint", value=_decimal(step))
 
 
 def system_step(root: Xml, system: Xml, remarks: list[str]) -> str | None:
-    """Find a system's step; `root` is the document, where `system` is its outermost."""
+    """Return a system's step; that of the document `root` counts for its outermost system."""
     note = find_annotation(system)
     found: list[tuple[str, str]] = []
     if note is not None and note.get("tick"):
@@ -90,7 +90,7 @@ def system_step(root: Xml, system: Xml, remarks: list[str]) -> str | None:
 
 
 def component_step(component: Xml, tick: Fraction, remarks: list[str]) -> str | None:
-    """Find a component's step; OSP's hint is rounded to whole ticks, as libcosim does."""
+    """Return a component's step; OSP's hint is rounded to whole ticks, as libcosim does."""
     note = find_annotation(component)
     place = f"component {component.get('name', '')!r}"
     found: list[tuple[str, str]] = []
@@ -111,14 +111,14 @@ def component_step(component: Xml, tick: Fraction, remarks: list[str]) -> str | 
 
 
 def _agreed(found: list[tuple[str, str]], place: str, remarks: list[str]) -> str | None:
-    """Return the first, and say which others contradict it."""
-    steps = [(who, text, _step(text, f"{place}, {who}")) for who, text in found]
-    for who, text, step in steps[1:]:
-        first, given, taken = steps[0]
-        if abs(step - taken) > _SAME * taken:
+    """Return the first step, and add a remark for each that differs from it."""
+    steps = [(tool, text, _step(text, f"{place}, {tool}")) for tool, text in found]
+    for tool, text, step in steps[1:]:
+        first, first_text, used = steps[0]
+        if abs(step - used) > _SAME * used:
             remarks.append(
-                f"{place}: {first} says a step of {given} s and {who} one of {text} s; "
-                f"{given} s is taken"
+                f"{place}: {first} says a step of {first_text} s and {tool} one of {text} s; "
+                f"{first_text} s is taken"
             )
     return steps[0][1] if steps else None
 
@@ -145,7 +145,7 @@ def _named(parent: Xml | None, type_: str) -> Iterator[Xml]:
 
 
 def _local(parent: Xml, name: str) -> Iterator[Xml]:
-    """Find elements inside by their name, whatever namespace or nesting a tool writes."""
+    """Yield the elements inside of this name, in any namespace and at any depth."""
     for item in parent.iter():
         if isinstance(item.tag, str) and item.tag.rpartition("}")[2] == name:
             yield item

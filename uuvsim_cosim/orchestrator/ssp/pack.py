@@ -46,7 +46,7 @@ def pack(
 
 
 class _Packing:
-    """Gathers the FMUs of a system in a folder, each source once."""
+    """Folder with the FMUs of a system, each source once."""
 
     def __init__(
         self, fmi: Literal[2, 3], seed: int, platforms: tuple[str, ...], folder: Path
@@ -87,6 +87,7 @@ class _Packing:
         return replace(element, source=f"{packed}#{options}" if options else packed, start=start)
 
     def _file(self, source: Source, path: str) -> Path | None:
+        """Return the file of a source; note a problem if other tools cannot run it."""
         if isinstance(source, ModelSource):
             from uuvsim_cosim.fmus.export.export import build_fmu
 

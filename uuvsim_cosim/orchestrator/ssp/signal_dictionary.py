@@ -48,22 +48,18 @@ def read_dictionaries(
             inner, here = read_document(path, "ssb:SignalDictionary"), shown(path)
         if name in found:
             raise InputInvalid(f"{here}: a second dictionary of this name; expected one")
-        found[name] = _entries(inner, here)
+        entries: dict[str, str | None] = {}
+        for entry in inner.iterfind(q("ssb:DictionaryEntry")):
+            key = entry.get("name", "")
+            if not key or key in entries:
+                raise InputInvalid(f"{here}: an entry {key!r}; expected each name once")
+            entries[key] = next((e.get("unit") for e in entry if e.get("unit")), None)
+        found[name] = entries
     return found
 
 
-def _entries(xml: Xml, place: str) -> Dictionary:
-    entries: dict[str, str | None] = {}
-    for entry in xml.iterfind(q("ssb:DictionaryEntry")):
-        name = entry.get("name", "")
-        if not name or name in entries:
-            raise InputInvalid(f"{place}: an entry {name!r}; expected each name once")
-        entries[name] = next((e.get("unit") for e in entry if e.get("unit")), None)
-    return entries
-
-
 def read_references(xml: Xml) -> dict[str, str]:
-    """Return the dictionary of each element of a system that stands for one."""
+    """Return the name of the dictionary to which each dictionary reference of a system refers."""
     path = f"{q('ssd:Elements')}/{q('ssd:SignalDictionaryReference')}"
     return {e.get("name", ""): e.get("dictionary", "") for e in xml.iterfind(path)}
 
@@ -86,10 +82,10 @@ def resolve_signals(
     units: Mapping[str, Unit],
     place: str,
 ) -> tuple[list[Wanted], list[str]]:
-    """Put plain connections in the place of those to dictionaries.
+    """Replace connections to dictionaries by plain connections.
 
-    Gives the signals that dictionaries around the system must provide, and remarks. Raises
-    InputInvalid for an entry that is not there, or has two writers.
+    Return the signals that dictionaries around the system must provide, and remarks. Raises
+    InputInvalid for an entry that does not exist, or has two writers.
     """
     uses: dict[tuple[str, str, bool], list[_Use]] = {}
     plain: list[Link] = []
@@ -147,6 +143,7 @@ def _joined(
     units: Mapping[str, Unit],
     place: str,
 ) -> list[Link]:
+    """Return the connections from the writers of an entry to its readers."""
     indices = [w.index for w in writers]
     if len(set(indices)) < len(indices) or ("" in indices and len(indices) > 1):
         names = " and ".join(w.end.text for w in writers)
@@ -170,13 +167,13 @@ def _element(end: End, index: str) -> End:
 def _outward(
     links: Links, dictionary: str, entry: str, writes: bool, uses: list[_Use]
 ) -> list[Wanted]:
-    """Add a connector to the system for each way in which it uses an entry of an outer system."""
+    """Add a connector to the system for each use of an entry of an outer system."""
     found: list[Wanted] = []
     for use in uses:
-        taken = {x.name for x in links.exposed}
+        used = {x.name for x in links.exposed}
         stem = "".join(c if c.isalnum() or c == "_" else "_" for c in f"{dictionary}_{entry}")
         name, n = stem, 1
-        while name in taken:
+        while name in used:
             n += 1
             name = f"{stem}_{n}"
         links.exposed.append(Exposed(name, use.end.text))

@@ -58,7 +58,7 @@ def write_ssd(system: System, path: Path, version: SspVersion = "2.0") -> None:
 
 
 def format_ssd(system: System, version: SspVersion = "2.0", folder: Path | None = None) -> bytes:
-    """Return the document; `folder` is where it will lie (default: the system's base)."""
+    """Return the document; `folder` is that of the file (default: the system's base)."""
     writer = _Writer(version, folder or system.base or Path())
     root = Xml(
         "ssd:SystemStructureDescription",
@@ -76,7 +76,7 @@ End = tuple[Endpoint, int | None, bool]  # connector, element of it, whether arr
 
 
 class _Writer:
-    """Writes elements, and gathers the units that they refer to."""
+    """Writer of elements; it gathers the units that they refer to."""
 
     def __init__(self, version: SspVersion, folder: Path) -> None:
         self.version: SspVersion = version
@@ -118,7 +118,14 @@ class _Writer:
         if not isinstance(element.source, str):
             return self.system(system.nested(element.name), element.name, element.description)
         source, mime = self._source(element.source, system.base)
-        source, implementation = _implementation(source)
+        file, _, options = source.partition("#")
+        implementation = ""
+        if file.lower().endswith(".fmu"):  # SSP has an attribute for the interface
+            pairs = [p for p in options.split("&") if p]
+            chosen = [p.partition("=")[2] for p in pairs if p.startswith("interface=")]
+            implementation = chosen[-1] if chosen else ""
+            rest = "&".join(p for p in pairs if not p.startswith("interface="))
+            source = f"{file}#{rest}" if rest else file
         xml = Xml("ssd:Component", name=element.name, source=quote(source, safe="/:?&=@#~+,;"))
         xml.set("type", mime)
         if implementation:
@@ -144,7 +151,7 @@ class _Writer:
         if element.rate is not None:
             note.set("step", step_text(element.rate))
         for name, units in element.units.items():
-            if " " in units:  # a connector has room for one unit
+            if " " in units:  # a connector has one unit only
                 SubElement(note, "uuvsim:Units", name=name, units=units)
         if len(note) or note.attrib:
             add_annotation(xml, note)
@@ -153,7 +160,7 @@ class _Writer:
         return xml
 
     def _source(self, source: str, base: Path | None) -> tuple[str, str]:
-        """Return the source as seen from the file's folder, and its MIME type."""
+        """Return the source, relative to the file's folder, and its MIME type."""
         resolved = resolve(source, base)
         suffix = Path(source.partition("#")[0]).suffix.lower().removeprefix(".")
         mime = MIME.get(resolved.kind, MIME.get(suffix, MIME["other"]))
@@ -170,6 +177,7 @@ class _Writer:
         return f"{file}{colon}{rest}", mime
 
     def _connectors(self, parent: Xml, description: Description, names: list[str]) -> None:
+        """Add the connectors of these names, in the order of the description."""
         wanted = set(names)
         found = [v for v in description.variables.values() if v.name in wanted]
         if not found:
@@ -199,6 +207,7 @@ class _Writer:
             SubElement(xml, "ssc:Dimension", size=str(extent))
 
     def _connections(self, parent: Xml, system: System) -> None:
+        """Add the connections between elements, then those of exposed connectors."""
         section = Xml("ssd:Connections")
         for wire in system.checked.wires:
             self._wire(section, wire, system)
@@ -239,6 +248,7 @@ class _Writer:
                 )
 
     def _pairs(self, a: Endpoint, b: Endpoint, arrays: bool) -> list[tuple[int | None, int | None]]:
+        """Return the pairs of elements to connect; (None, None) stands for whole arrays."""
         if a.whole and b.whole and arrays:
             return [(None, None)]
         return list(zip(a.elements, b.elements, strict=True))
@@ -261,14 +271,3 @@ class _Writer:
     def _use(self, variables: list[Variable], description: Description) -> None:
         self.units.update(description.units)
         self.unit_names.update(u for v in variables if is_float(v) for u in v.units if u)
-
-
-def _implementation(source: str) -> tuple[str, str]:
-    """Split the interface off the source of an FMU: SSP has an attribute for it."""
-    file, _, options = source.partition("#")
-    if not file.lower().endswith(".fmu"):
-        return source, ""
-    pairs = [p for p in options.split("&") if p]
-    chosen = [p.partition("=")[2] for p in pairs if p.startswith("interface=")]
-    rest = "&".join(p for p in pairs if not p.startswith("interface="))
-    return f"{file}#{rest}" if rest else file, chosen[-1] if chosen else ""

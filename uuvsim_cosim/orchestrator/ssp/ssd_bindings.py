@@ -29,7 +29,7 @@ _MAPPING = "application/x-ssp-parameter-mapping"
 
 @dataclass(frozen=True)
 class Bindings:
-    """Reads the bindings of a file; `confine` refuses files that lie elsewhere."""
+    """Reader of a file's bindings; `confine` refuses files outside of an archive."""
 
     folder: Path
     units: Mapping[str, Unit]
@@ -39,7 +39,7 @@ class Bindings:
     def read(
         self, xml: Xml, place: str, wrong: Callable[[UuvsimError], None]
     ) -> list[ParameterValue]:
-        """List the values of an element, the last ones last, which take priority."""
+        """Return the values of an element in the order of the file; later ones have priority."""
         found: list[ParameterValue] = []
         for binding in xml.iterfind(f"{q('ssd:ParameterBindings')}/{q('ssd:ParameterBinding')}"):
             try:
@@ -49,6 +49,7 @@ class Bindings:
         return found
 
     def _binding(self, binding: Xml, owner: Xml, place: str) -> list[ParameterValue]:
+        """Return the values of one binding, with prefix, units and mapping; raises InputInvalid."""
         here = f"{place}: <ssd:ParameterBinding>"
         mime = binding.get("type", MIME["ssv"])
         if mime != MIME["ssv"]:
@@ -64,24 +65,23 @@ class Bindings:
                 raise InputInvalid(f"{here}: neither source nor values; expected one of the two")
             values = read_parameter_set(inline, place, self.enumerations)
             definitions = {**self.units, **read_units(inline, "ssv:Units", here)}
-        prefix = binding.get("prefix", "")  # before any mapping, whose sources have it
-        values = [
-            replace(
-                v,
-                name=f"{prefix}{v.name}",
-                value=Quantity(v.value, _unit(v.unit, definitions), definitions)
-                if v.unit
-                else v.value,
-            )
-            for v in values
-        ]
+        prefix = binding.get("prefix", "")  # applied first: a mapping's sources contain it
+        found: list[ParameterValue] = []
+        for v in values:
+            value, unit = v.value, v.unit
+            if unit:
+                # Some files write brackets around the names of units.
+                if unit not in definitions and unit.startswith("[") and unit.endswith("]"):
+                    unit = unit[1:-1]
+                value = Quantity(value, unit, definitions)
+            found.append(replace(v, name=f"{prefix}{v.name}", value=value))
         mapping = binding.find(q("ssd:ParameterMapping"))
-        return values if mapping is None else self._mapped(values, mapping, owner, place)
+        return found if mapping is None else self._mapped(found, mapping, owner, place)
 
     def _mapped(
         self, values: list[ParameterValue], mapping: Xml, owner: Xml, place: str
     ) -> list[ParameterValue]:
-        """Apply a mapping; a value that it does not name is not applied."""
+        """Apply a mapping; values that it does not name are dropped."""
         here = f"{place}: <ssd:ParameterMapping>"
         mime = mapping.get("type", _MAPPING)
         if mime != _MAPPING:
@@ -96,6 +96,7 @@ class Bindings:
         return [_changed(by_name[e.source], e, here) for e in entries if e.source in by_name]
 
     def _file(self, xml: Xml, source: str, owner: Xml, place: str) -> Path:
+        """Return the path of a source, beside the system file or inside the element's FMU."""
         base = xml.get("sourceBase", "SSD")
         name = unquote(source)
         if base == "SSD":
@@ -114,14 +115,8 @@ class Bindings:
         return path
 
 
-def _unit(name: str, definitions: Mapping[str, Unit]) -> str:
-    """Return the name of a unit without the brackets that some files write around it."""
-    bracketed = name not in definitions and name.startswith("[") and name.endswith("]")
-    return name[1:-1] if bracketed else name
-
-
 def _changed(value: ParameterValue, entry: MappingEntry, place: str) -> ParameterValue:
-    """Rename a value, and give what its target makes of it."""
+    """Return a value with its target's name, transformed by the entry of a mapping."""
     given = value.value
     if entry.table:
         bare = given.value if isinstance(given, Quantity) else given

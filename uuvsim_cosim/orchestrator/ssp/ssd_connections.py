@@ -33,7 +33,7 @@ class End:
 
     @property
     def text(self) -> str:
-        """Write it as an endpoint."""
+        """Text of the endpoint, ``element.connector[index]``."""
         name = f"{self.connector}{self.index}"
         return f"{self.element}.{name}" if self.element else name
 
@@ -51,11 +51,11 @@ class Wanted:
 
 @dataclass
 class Border:
-    """What a nested system asks of the one around it."""
+    """Requirements of a nested system on the system around it."""
 
     changes: dict[str, Transformation] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
-    idle: set[str] = field(default_factory=set)  # connectors that lead to nothing inside
+    idle: set[str] = field(default_factory=set)  # connectors without a connection inside
     signals: list[Wanted] = field(default_factory=list)
 
 
@@ -65,7 +65,7 @@ UnitOf = Callable[[End], str | None]
 
 @dataclass
 class Links:
-    """Connections of one system, with what leads over its border."""
+    """Connections of one system, its exposed connectors, and their transformations."""
 
     connections: list[Link] = field(default_factory=list)
     exposed: list[Exposed] = field(default_factory=list)
@@ -80,7 +80,7 @@ class Links:
     def wrap(
         self, borders: Mapping[str, Border], unit_of: UnitOf, units: Mapping[str, Unit]
     ) -> None:
-        """Let each connection of a nested system do what that system's own connector does."""
+        """Add the transformations inside of nested systems to the connections outside."""
         for i, (a, b, change) in enumerate(self.connections):
             for end in (b, a):
                 border = borders.get(end.element, Border())
@@ -94,8 +94,14 @@ class Links:
 
 
 def read_links(xml: Xml, wrong: Callable[[InputInvalid], None], place: str) -> Links:
-    """Read the connections of a system; `place` ends in a dot; what is wrong is reported."""
-    causalities = _causalities(xml)
+    """Read the connections of a system; `place` ends in a dot; errors go to `wrong`."""
+    # The kind of each connector, by element ("" for the system itself) and name.
+    causalities: dict[tuple[str, str], str] = {}
+    section = xml.find(q("ssd:Elements"))
+    owners = [(e.get("name", ""), e) for e in (section if section is not None else ())]
+    for name, owner in [("", xml), *owners]:
+        for c in owner.iterfind(f"{q('ssd:Connectors')}/{q('ssd:Connector')}"):
+            causalities[name, c.get("name", "")] = c.get("kind", "")
     links = Links()
     for item in xml.iterfind(f"{q('ssd:Connections')}/{q('ssd:Connection')}"):
         try:
@@ -106,6 +112,7 @@ def read_links(xml: Xml, wrong: Callable[[InputInvalid], None], place: str) -> L
 
 
 def _read(item: Xml, causalities: Mapping[tuple[str, str], str], links: Links, place: str) -> None:
+    """Add one connection to the links; raises InputInvalid."""
     start, end = _end(item, "start", place), _end(item, "end", place)
     here = f"{place}<ssd:Connection> {start.text} to {end.text}"
     change = read_transformation(item, here)
@@ -131,6 +138,7 @@ def _read(item: Xml, causalities: Mapping[tuple[str, str], str], links: Links, p
 
 
 def _end(item: Xml, side: str, place: str) -> End:
+    """Read the connector at one side of a connection, "start" or "end"."""
     element, connector = item.get(f"{side}Element", ""), item.get(f"{side}Connector", "")
     if not connector:
         raise InputInvalid(
@@ -143,14 +151,3 @@ def _end(item: Xml, side: str, place: str) -> End:
             "expected whole numbers from 1, such as '2' or '1 3'"
         )
     return End(element, connector, f"[{','.join(indices)}]" if indices else "")
-
-
-def _causalities(xml: Xml) -> dict[tuple[str, str], str]:
-    """Return the kind of each connector, by element ("" for the system itself) and name."""
-    causalities: dict[tuple[str, str], str] = {}
-    section = xml.find(q("ssd:Elements"))
-    owners = [(e.get("name", ""), e) for e in (section if section is not None else ())]
-    for name, owner in [("", xml), *owners]:
-        for c in owner.iterfind(f"{q('ssd:Connectors')}/{q('ssd:Connector')}"):
-            causalities[name, c.get("name", "")] = c.get("kind", "")
-    return causalities

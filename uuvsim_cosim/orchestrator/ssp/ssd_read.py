@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 from urllib.parse import unquote
 from xml.etree.ElementTree import Element as Xml
 
@@ -73,7 +72,7 @@ def read_ssd(path: Path, tick: str | None = None, confined: bool = False) -> Sys
 
 
 class _Reader:
-    """Reads elements of one file, and gathers problems with their place in the hierarchy."""
+    """Reader of the elements of one file; it gathers problems with their place in the hierarchy."""
 
     def __init__(self, path: Path, confined: bool, root: Xml) -> None:
         self.path, self.folder, self.confined, self.root = path, path.parent, confined, root
@@ -93,13 +92,15 @@ class _Reader:
     def system(
         self, xml: Xml, tick: str | None, prefix: str = "", remarks: list[str] | None = None
     ) -> System | None:
-        """Read a system; `tick` is the step of the one around it, or what a user asks for."""
+        """Read a system; `tick` is the step of the one around it, or the user's."""
         note = find_annotation(xml)
         remarks = remarks if remarks is not None else []
         step = self._tick(xml, tick, prefix, remarks)
         elements, broken = self._elements(xml, step, prefix, remarks)
         links = read_links(xml, self.wrong, prefix)
-        border = Border(links.changes, _connector_units(xml), _idle(xml, links))
+        connectors = xml.iterfind(f"{q('ssd:Connectors')}/{q('ssd:Connector')}")
+        idle = {c.get("name", "") for c in connectors} - {x.name for x in links.exposed}
+        border = Border(links.changes, _connector_units(xml), idle)
         self._resolve(xml, elements, links, border, prefix, remarks)
         elements = self._bind_system(xml, elements, links, prefix, remarks)
         groups = tuple(_group(g) for g in (note if note is not None else ()))
@@ -173,7 +174,7 @@ class _Reader:
     def _reference(
         self, xml: Xml, id: str, tick: str, place: str, broken: set[str], remarks: list[str]
     ) -> Element:
-        """Read a component that stands for a system of the same file, by that system's id."""
+        """Read a component whose source is the id of a system of the same file."""
         name = xml.get("name", "")
         found = next((s for s in self.root.iter(q("ssd:System")) if s.get("id") == id), None)
         if found is None or id in self.inside:
@@ -210,21 +211,26 @@ class _Reader:
         elif wanted == "ModelExchange" and Path(source).suffix.lower() == ".fmu":
             source = f"{source}#interface={wanted}"
         try:
-            rate: Any = component_step(xml, as_step(tick, place), remarks)
+            step = component_step(xml, as_step(tick, place), remarks)
         except UuvsimError as error:
             self.wrong(error)
-            rate = None
-        element = Element(name, source, rate=rate, description=xml.get("description", ""))
+            step = None
+        element = Element(
+            name, source,
+            rate=None if step is None else as_step(step, place),
+            description=xml.get("description", ""),
+        )  # fmt: skip
         start = {v.name: v.value for v in self.bindings.read(xml, place, self.wrong)}
         return self._units(self._set(element, start, place, remarks), xml)
 
     def _set(
-        self, element: Element, start: dict[str, Any], place: str, remarks: list[str]
+        self, element: Element, start: dict[str, object], place: str, remarks: list[str]
     ) -> Element:
         """Set start values of a component, or of components in a nested system."""
         if not start or element.source == _BROKEN:
             return element
-        if isinstance(element.source, str) and not _is_system(element.source):
+        text = element.source if isinstance(element.source, str) else None
+        if text is not None and not text.partition("#")[0].lower().endswith((".ssd", ".ssp")):
             return replace(element, start={**element.start, **start})
         for name, value in start.items():
             owner, _, connector = f"{place}.{name}".rpartition(".")
@@ -240,7 +246,7 @@ class _Reader:
         return element
 
     def _units(self, element: Element, xml: Xml) -> Element:
-        """Take the units of connectors for variables whose description names none."""
+        """Use the units of connectors for variables whose description names none."""
         given = _connector_units(xml)
         if not given or element.source == _BROKEN:
             return element
@@ -265,7 +271,7 @@ class _Reader:
         self, xml: Xml, elements: list[Element], links: Links, border: Border, prefix: str,
         remarks: list[str],
     ) -> None:  # fmt: skip
-        """Put connections in the place of signal dictionaries, and what borders do into them."""
+        """Replace signal dictionaries by connections, and apply the borders' transformations."""
         by_name = {e.name: e for e in elements}
         borders = {e.name: self.borders.get(f"{prefix}{e.name}.", Border()) for e in elements}
 
@@ -332,16 +338,6 @@ class _Reader:
             )
 
 
-def _is_system(source: str) -> bool:
-    return source.partition("#")[0].lower().endswith((".ssd", ".ssp"))
-
-
-def _idle(xml: Xml, links: Links) -> set[str]:
-    """Return the connectors of a system that nothing inside is connected to."""
-    named = xml.iterfind(f"{q('ssd:Connectors')}/{q('ssd:Connector')}")
-    return {c.get("name", "") for c in named} - {x.name for x in links.exposed}
-
-
 def _connector_units(xml: Xml) -> dict[str, str]:
     """Return the units of an element's connectors, where they name one."""
     given: dict[str, str] = {}
@@ -353,7 +349,7 @@ def _connector_units(xml: Xml) -> dict[str, str]:
 
 
 def _group(xml: Xml) -> StepGroup:
-    """Read a group; what is no number becomes one that the system's check refuses."""
+    """Read a group; a text that is no number becomes a number that the system's check refuses."""
     members = tuple(m.get("name", "") for m in xml)
     try:
         tolerance, limit = float(xml.get("tolerance", "1e-10")), int(xml.get("limit", "100"))

@@ -20,19 +20,19 @@ _EPOCH = (1980, 1, 1, 0, 0, 0)
 
 
 def read_ssp(path: Path, variant: str = "SystemStructure.ssd", tick: str | None = None) -> System:
-    """Read the system of a package; `variant` is another .ssd at its top, its ending left out."""
+    """Read the system of a package; `variant` names another .ssd at its top."""
     folder = unpack(path)
-    there = sorted(p.name for p in folder.glob("*.ssd"))
+    names = sorted(p.name for p in folder.glob("*.ssd"))
     name = variant if variant.lower().endswith(".ssd") else f"{variant}.ssd"
-    if name not in there:
-        stems = [Path(n).stem for n in there]
+    if name not in names:
+        stems = [Path(n).stem for n in names]
         expected = expected_names(Path(name).stem, stems, "a variant")
         raise InputInvalid(f"{shown(path)}: no variant {variant!r}; expected {expected}")
     return read_ssd(folder / name, tick, confined=True)
 
 
 def write_archive(members: Mapping[str, bytes], path: Path) -> None:
-    """Write a zip archive; equal members give equal bytes. Nothing half-written is left."""
+    """Write a zip archive, never an incomplete one; equal members give equal bytes."""
     buffer = BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for name in sorted(members, key=lambda n: (n != "SystemStructure.ssd", n)):

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from uuvsim_cosim.fmus.description import Description
 from uuvsim_cosim.orchestrator.values.value_table import Table
@@ -26,7 +26,7 @@ __all__ = [
 
 Algorithm = Literal["jacobi", "gauss-seidel", "iterated"]
 Solver = Literal["newton", "anderson", "fixed-point"]
-Loops = Literal["iterate", "refuse", "delay"]  # what becomes of algebraic loops
+Loops = Literal["iterate", "refuse", "delay"]  # policy for algebraic loops
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Element:
 
     name: str
     source: str | Structure
-    start: Mapping[str, Any] = field(default_factory=dict)
+    start: Mapping[str, object] = field(default_factory=dict)
     rate: Fraction | None = None
     description: str = ""
     units: Mapping[str, str] = field(default_factory=dict)
@@ -50,8 +50,8 @@ class Element:
 class Connection:
     """Value flow between two connectors, written ``element.connector`` or ``…[index]``, from 1.
 
-    The target gets factor · value + offset, after conversion into its unit if `convert`; or, of
-    Booleans, integers and enumerations' items, what `table` says.
+    The target gets factor · value + offset, after conversion into its unit if `convert`. With a
+    `table` (Booleans, integers, items of enumerations) it gets the table's entry instead.
     """
 
     source: str
@@ -88,10 +88,9 @@ class Exposed:
 class Structure(ABC):
     """The fields of a system; `System` checks and edits them.
 
-    `tick` is the base step in s, exact; a run goes from `start_time` to `stop_time` [s] unless
-    other times are given to it. `loops` is the policy for algebraic loops (see
-    `System.with_loops`), which a nested system does not use. Relative files of sources lie in
-    `base`.
+    `tick` is the base step in s, exact; a run goes from `start_time` to `stop_time` [s] by
+    default. `loops` is the policy for algebraic loops (see `System.with_loops`); that of a nested
+    system is not used. Relative files of sources are in `base`.
     """
 
     name: str

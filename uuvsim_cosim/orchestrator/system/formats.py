@@ -1,7 +1,7 @@
-"""File formats of systems: which function reads or writes files of a suffix.
+"""File formats of systems: the functions that read and write files, by suffix.
 
-The functions are in `orchestrator.ssp` and `orchestrator.osp`, which import this package. They
-are therefore named here, and imported when the first file of the format is read or written.
+The functions are in `orchestrator.ssp` and `orchestrator.osp`, which import this package. So they
+are only named here, and imported when the first file of a format is read or written.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ _WRITER = f"{_HERE}.ssp.ssd:write_ssd"
 def read_structure(path: Path, variant: str = "", tick: str | None = None) -> Structure:
     """Read a system from a file whose suffix is among `READERS`.
 
-    `variant` is that of a package (.ssp); other formats have none. `tick` is the base step in s
-    for files that give none.
+    `variant` is the variant of a package (.ssp); other formats have none. `tick` is the base step
+    in s for files that define none.
     """
     suffix = path.suffix.lower()
     options = {"variant": variant} if variant and suffix == ".ssp" else {}

@@ -37,18 +37,13 @@ class FunctionSource(ModelSource):
         inputs, dimension = (int(t) if t.isdecimal() and len(t) < 6 else 0 for t in given)
         if name != "sum" or options or not 0 < inputs * dimension <= _LIMIT:
             raise InputInvalid(f"function {self.text!r}; expected 'function:sum?inputs=3'")
-        return _sum(inputs, dimension)
+        from uuvsim_cosim.models.declaration.model import Model
 
-
-def _sum(inputs: int, dimension: int) -> Model:
-    """Sum vectors: input u holds them one after the other, y their sum, element by element."""
-    from uuvsim_cosim.models.declaration.model import Model
-
-    m = Model(f"sum_{inputs}_{dimension}")
-    shape = inputs * dimension if inputs * dimension > 1 else ()
-    u = m.input("u", shape, unit="1", description="vectors, one after the other")
-    y = u[:dimension]
-    for i in range(1, inputs):
-        y = y + u[i * dimension : (i + 1) * dimension]
-    m.output("y", y, unit="1", description="their sum")
-    return m
+        m = Model(f"sum_{inputs}_{dimension}")
+        shape = inputs * dimension if inputs * dimension > 1 else ()
+        u = m.input("u", shape, unit="1", description="vectors, one after the other")
+        y = u[:dimension]
+        for i in range(1, inputs):
+            y = y + u[i * dimension : (i + 1) * dimension]
+        m.output("y", y, unit="1", description="their sum")
+        return m

@@ -1,9 +1,9 @@
 """Peers: the signals that a component names as sources of its inputs.
 
-A component may name what feeds its inputs in the systems that it was made for: a path from the
-top, ``target.position``. In ``tracker_{1}.hull.eta``, ``{1}`` stands for the first number, rising
-from 1, that is not the number of the component's own ``tracker_2``. `System.replace` connects
-them like any others; a peer that the system does not have leaves a remark.
+A component may name the signals that feed its inputs in the systems that it was made for, by a path
+from the top: ``target.position``. In ``tracker_{1}.hull.eta``, ``{1}`` stands for the first number,
+counted from 1, that is not the number of the component's own ``tracker_2``. `System.replace`
+connects these signals; if the system does not have one, a remark says so.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@
 ``lqr``, ``remus100@…``        the same by its bare name, options allowed; ``mpc_ipopt`` is Python
 ``vehicle.ssd``, ``.ssp``      a nested system
 ``current.csv``                a table whose columns over time are outputs
-``<scheme>:…``                 what an entry point of group ``uuvsim_cosim.sources`` names
+``<scheme>:…``                 a source of an entry point of group ``uuvsim_cosim.sources``
 =============================  ====================================================
 """
 
@@ -18,7 +18,6 @@ import importlib.metadata
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.near_names import did_you_mean
@@ -47,15 +46,18 @@ def register(scheme: str, factory: Factory) -> None:
 
 
 def resolve(source: str, base: Path | None = None) -> Source:
-    """Find out what a source string stands for; relative files lie in `base`."""
+    """Return the source that a source string names; relative files are in `base`."""
     base = Path() if base is None else base
     scheme, colon, _ = source.partition(":")
     if colon and scheme == "model":
         return ModelSource(source)
     if colon and scheme == "function":
         return FunctionSource(source)
-    if colon and (factory := _factory(scheme)) is not None:
-        return factory(source, base)
+    if colon and scheme not in _factories:
+        for entry in importlib.metadata.entry_points(group=ENTRY_POINTS, name=scheme):
+            _factories[scheme] = entry.load()
+    if colon and scheme in _factories:
+        return _factories[scheme](source, base)
     suffix = Path(source.partition("#")[0]).suffix.lower()
     if suffix == ".fmu":
         file, _, options = source.partition("#")
@@ -73,24 +75,25 @@ def resolve(source: str, base: Path | None = None) -> Source:
             return PythonSource(source)
     if (bare := _BARE.fullmatch(source)) is not None:
         return _named(source, bare[1])
+    schemes = {e.name for e in importlib.metadata.entry_points(group=ENTRY_POINTS)}
     raise InputInvalid(
         f"source {source!r} is of no known kind; expected a .fmu, .ssd, .ssp or .csv file, "
         f"FILE.py:Class, package.module:Class, model:NAME?option=value"
-        + "".join(f", {s}:…" for s in _schemes())
+        + "".join(f", {s}:…" for s in sorted(schemes | set(_factories)))
     )
 
 
-def described_by(source: str, base: Path | None, start: Mapping[str, Any]) -> Source:
+def described_by(source: str, base: Path | None, start: Mapping[str, object]) -> Source:
     """Resolve the source of a component whose start values may set structural parameters."""
     found = resolve(source, base)
     return found.structured(start) if isinstance(found, FmuSource) else found
 
 
 def anchored(source: str, base: Path | None) -> str:
-    """Return a source whose file is found from the current folder by its absolute path.
+    """Return a source with the absolute path of its file, if the current folder has that file.
 
-    So that what a user names is looked for where the user is, not beside a system that ships.
-    The bare name of a model becomes what it stands for.
+    So a file that a user names is found in the user's folder, not beside a shipped system. The
+    bare name of a model is replaced by its full source.
     """
     if (bare := _BARE.fullmatch(source)) is not None and _is_known(bare[1], source):
         return _named(source, bare[1]).text
@@ -130,7 +133,7 @@ def _is_known(name: str, source: str) -> bool:
 
 
 def _named(source: str, name: str) -> Source:
-    """Find a model by its bare name; near names for one that does not exist."""
+    """Return the source of a model's bare name; raises InputInvalid with similar names."""
     from uuvsim_cosim.models.declaration.library import ALIASES, IN_PROCESS, available
 
     if source in IN_PROCESS:
@@ -153,8 +156,8 @@ def _file(name: str, base: Path, what: str) -> Path:
     path = (base / Path(name.removeprefix("file:")).expanduser()).absolute()
     if path.is_file():
         return path
-    there = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
-    raise InputInvalid(f"{path}: no such file{did_you_mean(path.name, there)}; expected {what}")
+    files = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
+    raise InputInvalid(f"{path}: no such file{did_you_mean(path.name, files)}; expected {what}")
 
 
 def _options(source: str, text: str) -> tuple[tuple[str, str], ...]:
@@ -166,15 +169,3 @@ def _options(source: str, text: str) -> tuple[tuple[str, str], ...]:
             "of structural parameters"
         )
     return tuple((name, value) for name, _, value in pairs)
-
-
-def _schemes() -> list[str]:
-    named = {e.name for e in importlib.metadata.entry_points(group=ENTRY_POINTS)}
-    return sorted(named | set(_factories))
-
-
-def _factory(scheme: str) -> Factory | None:
-    if scheme not in _factories:
-        for entry in importlib.metadata.entry_points(group=ENTRY_POINTS, name=scheme):
-            _factories[scheme] = entry.load()
-    return _factories.get(scheme)

@@ -1,4 +1,4 @@
-"""Slots: the connectors that a component must have to replace another, and the replacement."""
+"""Slot: connectors that a component must have to replace another, and the replacement."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Literal, TypeVar
 
 from uuvsim_cosim.errors import Problem, SystemInvalid, UuvsimError
 from uuvsim_cosim.fmus.description import Description, Variable
@@ -32,7 +32,7 @@ S = TypeVar("S", bound=Structure)
 
 @dataclass(frozen=True)
 class SlotConnector:
-    """One connector that a replacement must have; `peers` is where values come from or go to."""
+    """One connector that a replacement must have; `peers` are the connectors it is connected to."""
 
     name: str
     direction: Literal["input", "output"]
@@ -44,24 +44,24 @@ class SlotConnector:
 
     @property
     def unit_text(self) -> str:
-        """Return the unit for a reader: ``m, rad`` where the elements' units differ."""
+        """Return the unit as a text: ``m, rad`` if the elements' units differ."""
         return ", ".join(dict.fromkeys(u or "-" for u in self.units))
 
 
 @dataclass(frozen=True)
 class Slot:
-    """What a system asks of the component at a path; `step` is its communication step in s."""
+    """Requirements of a system on the component at a path; `step` is its step in s."""
 
     path: str
     source: str
     step: Fraction
     connectors: tuple[SlotConnector, ...]
     parameters: tuple[Variable, ...]
-    start: Mapping[str, Any]
+    start: Mapping[str, object]
 
 
 def slot_at(system: Structure, path: str, description: Description, wires: Sequence[Wire]) -> Slot:
-    """Return the connected connectors of the component at a path, and the parameters it has.
+    """Return the connected connectors of the component at a path, and its parameters.
 
     `wires` are those of the system, and `description` is the component's.
     """
@@ -112,18 +112,20 @@ def fitted(
     source: str | Structure,
     mapping: Mapping[str, str] | str | Path | None,
     rate: Fraction | str | float | None,
-    start: Mapping[str, Any] | None,
+    start: Mapping[str, object] | None,
     *,
     descriptions: Mapping[str, Description],
     wires: Sequence[Wire],
 ) -> S:
-    """Put another component into a slot of a system, whose components and wires are these.
+    """Return the system with another component at `path`.
 
-    Raises SystemInvalid with all that does not fit.
+    `descriptions` and `wires` are those of the system. Raises SystemInvalid with every problem.
     """
     old = system.components[path]
     try:
-        names = _mapping(mapping)
+        if isinstance(mapping, str | Path):
+            mapping = read_names(Path(mapping))
+        names = dict(mapping or {})
         step = old.rate if rate is None else as_step(rate, path)
         fresh = describe_element(Element(path, source), system.base)
     except UuvsimError as error:
@@ -147,16 +149,8 @@ def fitted(
     )
 
 
-def _mapping(given: Mapping[str, str] | str | Path | None) -> dict[str, str]:
-    if given is None:
-        return {}
-    if isinstance(given, Mapping):
-        return dict(given)
-    return read_names(Path(given))
-
-
 class _Fit:
-    """The fitting of one replacement: finds its elements for the slot's, and gathers problems."""
+    """Fit of one replacement: its elements for those of the slot, and all problems."""
 
     def __init__(
         self,
@@ -173,7 +167,16 @@ class _Fit:
         self.remarks: list[str] = []
         self.assumed: dict[str, dict[int, str]] = {}
         self._missing: set[str] = set()
-        self._check_names()
+        for old, new in names.items():
+            for name, description, what in (
+                (old, slot_, "the slot"), (new, fresh, "the replacement"),
+            ):  # fmt: skip
+                try:
+                    find_variable(name, description)
+                except Misfit as misfit:
+                    self.problems.append(Problem(
+                        f"map {path}.{old}={new}", f"{misfit.read}, {what}", misfit.expected
+                    ))  # fmt: skip
 
     def connections(self) -> tuple[Connection, ...]:
         """Return the system's connections, with the replacement's names at this component."""
@@ -201,9 +204,9 @@ class _Fit:
                 result.append(Exposed(name, new))
         return tuple(result)
 
-    def kept_start(self, start: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the old start values that the replacement can take, in its own units."""
-        kept: dict[str, Any] = {}
+    def kept_start(self, start: Mapping[str, object]) -> dict[str, object]:
+        """Return the old start values that fit the replacement, in its units."""
+        kept: dict[str, object] = {}
         for name, value in start.items():
             new = self.names.get(name, name)
             variable = self.fresh.variables.get(new)
@@ -224,25 +227,13 @@ class _Fit:
 
     @property
     def units(self) -> dict[str, str]:
-        """Return the assumed units by variable; where elements differ, separated by blanks."""
+        """Return the assumed units by variable, separated by blanks if the elements' differ."""
         result: dict[str, str] = {}
         for name, assumed in self.assumed.items():
             known = self.fresh.variables[name].units
             each = [assumed.get(i) or u or "1" for i, u in enumerate(known)]
             result[name] = each[0] if len(set(each)) == 1 else " ".join(each)
         return result
-
-    def _check_names(self) -> None:
-        for old, new in self.names.items():
-            for name, description, what in (
-                (old, self.slot, "the slot"), (new, self.fresh, "the replacement"),
-            ):  # fmt: skip
-                try:
-                    find_variable(name, description)
-                except Misfit as misfit:
-                    self.problems.append(Problem(
-                        f"map {self.path}.{old}={new}", f"{misfit.read}, {what}", misfit.expected
-                    ))  # fmt: skip
 
     def _new(self, variable: Variable, elements: tuple[int, ...]) -> list[str]:
         """Return the replacement's endpoints for elements of a variable of the slot."""
@@ -262,12 +253,16 @@ class _Fit:
         return result
 
     def _element(self, variable: Variable, i: int) -> tuple[Variable, int]:
+        """Return the replacement's variable and element for element i of a slot's variable.
+
+        Raises Misfit if there is none, or if causality, size or unit differ.
+        """
         indexed = variable.element_name(i)
         text = self.names.get(indexed) or self.names.get(variable.name, variable.name)
         try:
             found, elements, _ = find_variable(text, self.fresh)
         except Misfit:
-            raise Misfit(f"missing in {self.fresh.name}, which has {self._there()}",
+            raise Misfit(f"missing in {self.fresh.name}, which has {self._connectors()}",
                          self._wanted(variable)) from None  # fmt: skip
         if found.causality != variable.causality:
             raise Misfit(f"{found.name} is of causality {found.causality}", self._wanted(variable))
@@ -287,13 +282,15 @@ class _Fit:
         return found, place
 
     def _wanted(self, variable: Variable, unit: str | None = None) -> str:
+        """Return the expected variable, for an error."""
         text = unit or variable.unit_text
         unit = f" in {text}" if text not in ("", "1") else ""
         size = f" of {variable.size} elements" if variable.shape else ""
         article = "an input" if variable.causality == "input" else "an output"
         return f"{article}{size}{unit} of this name, or a map {self.path}.{variable.name}=NAME"
 
-    def _there(self) -> str:
+    def _connectors(self) -> str:
+        """Return the replacement's inputs and outputs, for an error."""
         parts = []
         for causality in ("input", "output"):
             found = [f"{v.name}{list(v.shape) if v.shape else ''}"

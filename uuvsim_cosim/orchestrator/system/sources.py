@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.component import Component
@@ -28,7 +28,7 @@ Backend = Literal["fmu", "native"]
 
 
 class Source(Protocol):
-    """A resolved source; `text` resolves to the same thing from any folder."""
+    """A resolved source; its `text` resolves to the same source from any folder."""
 
     @property
     def text(self) -> str:
@@ -39,10 +39,10 @@ class Source(Protocol):
         """Return one word for tables and diagrams: FMU, model, Python, …."""
 
     def describe(self) -> Description:
-        """Return the interface, without running anything foreign if that can be."""
+        """Return the interface, if possible without running code of the source."""
 
     def instantiate(self, path: str, *, backend: Backend = "fmu") -> Component:
-        """Make a live component."""
+        """Instantiate the component `path`."""
 
 
 _descriptions: dict[tuple[str, int], Description] = {}
@@ -68,14 +68,17 @@ class FmuSource:
         """Read the model description; cached until the file changes."""
         return _cached(self.path, self.text, lambda: _archive(self).description)
 
-    def structured(self, start: Mapping[str, Any]) -> FmuSource:
+    def structured(self, start: Mapping[str, object]) -> FmuSource:
         """Return the source with the structural parameters that are among start values."""
+        import numpy as np
+
         variables = self.describe().variables
-        found = {
-            name: _plain(value)
-            for name, value in start.items()
-            if name in variables and variables[name].causality == "structuralParameter"
-        }
+        found: dict[str, str] = {}  # values as texts
+        for name, value in start.items():
+            if name in variables and variables[name].causality == "structuralParameter":
+                flat = np.asarray(getattr(value, "value", value)).ravel().tolist()
+                texts = [str(x).lower() if isinstance(x, bool) else str(x) for x in flat]
+                found[name] = ",".join(texts)
         options = {**dict(self.options), **found}
         return replace(self, options=tuple(options.items())) if found else self
 
@@ -112,7 +115,7 @@ class PythonSource:
 
 @dataclass
 class _Declared:
-    """A declaration, and what follows from it, made when first asked for."""
+    """A declaration, with its description and its C code, which are made at the first use."""
 
     model: Model
 
@@ -142,11 +145,11 @@ class ModelSource:
     kind: str = "model"
 
     def declare(self) -> Model:
-        """Return the declaration; every call gives the same until a file that it reads changes."""
+        """Return the declaration, the same object until a file that it reads changes."""
         return _declared(self).model
 
     def declaration(self) -> Model:
-        """Make the declaration anew; a source of other declarations overrides this."""
+        """Make a new declaration; subclasses for other declarations override this."""
         from uuvsim_cosim.models.declaration.library import declare_source
 
         return declare_source(self.text)
@@ -195,15 +198,15 @@ class SystemSource:
         return self.system().interface()
 
     def instantiate(self, path: str, *, backend: Backend = "fmu") -> Component:
-        """Refuse: a system is flattened, not instantiated."""
+        """Raise InputInvalid: a system is flattened, not instantiated."""
         raise InputInvalid(f"{self.text}: a system is not one component; expected flatten() first")
 
 
-# ---- adapters to what is written elsewhere --------------------------------------------------
+# ---- inside -----------------------------------------------------------------------------------
 
 
 def _archive(fmu: FmuSource) -> FmuArchive:
-    """Read an FMU once, until it changes: a further instance unpacks and checks nothing."""
+    """Read an FMU once until it changes, so that other instances need no unpacking and checks."""
     from uuvsim_cosim.fmus.importer.read_description import read_fmu
 
     key = (fmu.text, _mtime(fmu.path))
@@ -212,14 +215,6 @@ def _archive(fmu: FmuSource) -> FmuArchive:
         interface = structure.pop("interface", None)
         _archives[key] = read_fmu(fmu.path, interface, structure)
     return _archives[key]
-
-
-def _plain(value: Any) -> str:
-    """Write a value of a structural parameter, as a user or a file gives it."""
-    import numpy as np
-
-    flat = np.asarray(getattr(value, "value", value)).ravel().tolist()
-    return ",".join(str(x).lower() if isinstance(x, bool) else str(x) for x in flat)
 
 
 def _mtime(path: Path) -> int:

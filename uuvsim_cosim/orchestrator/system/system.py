@@ -15,7 +15,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
 
 from uuvsim_cosim.errors import Problem, SystemInvalid, UuvsimError
 from uuvsim_cosim.fmus.description import Description
@@ -37,11 +36,7 @@ from uuvsim_cosim.orchestrator.system.resolve import anchored, nested_structure
 from uuvsim_cosim.orchestrator.system.slot import Slot, fitted, slot_at
 from uuvsim_cosim.orchestrator.system.validation import Checked, as_step, check, problem_of
 from uuvsim_cosim.orchestrator.system.wiring import Wire
-from uuvsim_cosim.orchestrator.values.endpoints import (
-    Endpoint,
-    find_element,
-    resolve_endpoint,
-)
+from uuvsim_cosim.orchestrator.values.endpoints import find_element, resolve_endpoint
 from uuvsim_cosim.orchestrator.values.value_table import table_of
 from uuvsim_cosim.orchestrator.values.values import Misfit
 
@@ -50,16 +45,16 @@ __all__ = ["System"]
 
 @dataclass(frozen=True)
 class System(Structure):
-    """Components, their connections and start values; every edit gives a new system.
+    """Components, their connections and start values; every edit returns a new system.
 
-    For its fields see `Structure`. Raises SystemInvalid, with every problem, if the parts do not
-    make a system.
+    For its fields see `Structure`. Raises SystemInvalid, with every problem, if the system is not
+    valid.
     """
 
     checked: Checked = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Check the whole, and keep its parts in their one form."""
+        """Check the system, and store its parts in their normal form (see `validation`)."""
         try:
             object.__setattr__(self, "tick", as_step(self.tick, self.name))
         except UuvsimError as error:
@@ -78,7 +73,7 @@ class System(Structure):
         self,
         path: str,
         source: str | System,
-        start: Mapping[str, Any] | None = None,
+        start: Mapping[str, object] | None = None,
         rate: Fraction | str | float | None = None,
         description: str = "",
     ) -> System:
@@ -91,11 +86,15 @@ class System(Structure):
             raise SystemInvalid([Problem(path, "a second component of this name", "a new name")])
         if isinstance(source, str):
             source = anchored(source, self.base)
-        step = None if rate is None else _step(rate, path)
-        if start:
-            nested = self._as_nested(source)
-            if nested is not None:
-                source, start = _all_set(nested, start), None
+        try:
+            step = None if rate is None else as_step(rate, path)
+        except UuvsimError as error:
+            raise SystemInvalid([problem_of(path, error)]) from None
+        nested = self._as_nested(source) if start else None
+        if start and nested is not None:
+            for name, value in start.items():
+                nested = nested.set(name, value)
+            source, start = nested, None
         element = Element(path, source, dict(start or {}), step, description)
         return replace(self, elements=(*self.elements, element))
 
@@ -111,21 +110,24 @@ class System(Structure):
     ) -> System:
         """Connect an output to an input: ``a.y``, one element ``a.y[3]``, a slice ``a.y[1:3]``.
 
-        `table` says what becomes of a Boolean, an integer, or an enumeration's item.
+        `table` maps Booleans, integers, or names of an enumeration's items.
         """
         pairs = () if table is None else table_of(table, f"{source} to {target}")
         connection = Connection(source, target, float(factor), float(offset), convert, pairs)
         return replace(self, connections=(*self.connections, connection))
 
     def disconnect(self, target: str) -> System:
-        """Remove what leads to an input, or to elements of it."""
-        point = self._endpoint(target)
+        """Remove the connections to an input, or to elements of it."""
+        try:
+            point = resolve_endpoint(target, self.checked.descriptions)
+        except Misfit as misfit:
+            raise SystemInvalid([misfit.at(target)]) from None
         kept: list[Connection] = []
         found = False
         for wire in self.checked.wires:
             end = wire.target
-            mine = (end.element, end.variable.name) == (point.element, point.variable.name)
-            if not mine or not set(wire.target.elements) & set(point.elements):
+            same = (end.element, end.variable.name) == (point.element, point.variable.name)
+            if not same or not set(wire.target.elements) & set(point.elements):
                 kept.append(wire.connection)
                 continue
             found = True
@@ -139,7 +141,7 @@ class System(Structure):
             raise SystemInvalid([Problem(target, "not connected", "a connected input")])
         return replace(self, connections=tuple(kept))
 
-    def set(self, path: str, value: Any) -> System:
+    def set(self, path: str, value: object) -> System:
         """Set a start value, in the variable's unit, or as text with a unit: ``"2 km/h"``."""
         inner = self._inside(path)
         if inner is not None:
@@ -150,11 +152,16 @@ class System(Structure):
                     rest = item.path + rest.removeprefix(item.name)
             return self._edited(name, nested.set(rest, value))
         if "." not in path:
-            expected = expected_names(path, self._settable(), "COMPONENT.VARIABLE")
+            parameters = [
+                f"{name}.{v.name}"
+                for name, d in self.checked.descriptions.items()
+                for v in d.of("parameter", "structuralParameter")
+            ]
+            expected = expected_names(path, parameters, "COMPONENT.VARIABLE")
             raise SystemInvalid([Problem(path, "no component and variable", expected)])
         name, key = self._split(path)
-        before = dict(self.components[name].start)
-        return self._with(replace(self.components[name], start=_put(before, key, value)))
+        element = self.components[name]
+        return self._with(replace(element, start={**element.start, key: value}))
 
     def group(
         self,
@@ -167,9 +174,9 @@ class System(Structure):
     ) -> System:
         """Step these components together by another rule than Jacobi.
 
-        "gauss-seidel": in this order, each sees what the ones before have produced. "iterated":
-        the step is repeated until inputs and outputs at its end agree, by the solver, within
-        the tolerance (of a residual, relative to 1 + |input|), in at most `limit` iterations.
+        "gauss-seidel": in this order, each with the new outputs of those before. "iterated": the
+        step is repeated until inputs and outputs at its end agree, by the solver, within the
+        tolerance (of a residual, relative to 1 + |input|), in at most `limit` iterations.
         """
         group = StepGroup(tuple(members), algorithm, solver, tolerance, limit)
         return replace(self, groups=(*self.groups, group))
@@ -183,7 +190,7 @@ class System(Structure):
         return replace(self, loops=policy)
 
     def expose(self, name: str, path: str) -> System:
-        """Make an inner connector one of the system's own, for use inside another system."""
+        """Make an inner connector a connector of the system, for use inside another system."""
         return replace(self, exposed=(*self.exposed, Exposed(name, path)))
 
     def replace(
@@ -192,14 +199,14 @@ class System(Structure):
         source: str | System,
         map: Mapping[str, str] | str | Path | None = None,
         rate: Fraction | str | float | None = None,
-        start: Mapping[str, Any] | None = None,
+        start: Mapping[str, object] | None = None,
     ) -> System:
-        """Swap a component for another that fits its slot.
+        """Replace a component by another that fits its slot.
 
-        `map` gives names of the replacement for names of the slot (``{"tau_d": "Out1"}``,
-        ``{"tau_d[3]": "Out3"}``), or is an .ssm file. The slot's step holds unless `rate` is
-        given; of the start values, those hold that the replacement has too. What it says of its
-        peers (see `orchestrator/system/peers.py`) is connected as well.
+        `map` maps names of the slot to names of the replacement (``{"tau_d": "Out1"}``,
+        ``{"tau_d[3]": "Out3"}``), or is an .ssm file. The slot's step is kept unless `rate` is
+        given, and so are start values of variables that the replacement has too. Its peers (see
+        `orchestrator/system/peers.py`) are connected as well.
         """
         return self._fitted(path, source, map, rate, start)._with_peers(path)
 
@@ -209,8 +216,9 @@ class System(Structure):
         source: str | System,
         map: Mapping[str, str] | str | Path | None,
         rate: Fraction | str | float | None,
-        start: Mapping[str, Any] | None,
+        start: Mapping[str, object] | None,
     ) -> System:
+        """Replace a component, in a nested system too, without its peers."""
         inner = self._inside(path)
         if inner is not None:
             name, rest = inner
@@ -222,7 +230,7 @@ class System(Structure):
         return fitted(self, path, source, map, rate, start, descriptions=descriptions, wires=wires)
 
     def _with_peers(self, path: str) -> System:
-        """Connect the inputs of the component at `path` that nothing feeds yet to their peers."""
+        """Connect the unconnected inputs of the component at `path` to their peers."""
         owner, dot, _ = path.partition(".")
         nested = self.nested_or_none(owner) if dot else None
         if nested is None and path not in self.components:
@@ -267,7 +275,7 @@ class System(Structure):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Say what was assumed: units that descriptions leave out, values that were dropped."""
+        """Remarks on assumptions: units that descriptions do not name, values that were dropped."""
         inner = []
         for element in self.elements:
             nested = self._nested(element)
@@ -313,24 +321,12 @@ class System(Structure):
 
     # ---- inside ---------------------------------------------------------------------------
 
-    def _endpoint(self, text: str) -> Endpoint:
-        try:
-            return resolve_endpoint(text, self.checked.descriptions)
-        except Misfit as misfit:
-            raise SystemInvalid([misfit.at(text)]) from None
-
     def _split(self, path: str) -> tuple[str, str]:
+        """Split ``component.rest``; raises SystemInvalid if there is no such component."""
         try:
             return find_element(path, self.components)
         except Misfit as misfit:
             raise SystemInvalid([misfit.at(path.removesuffix("."))]) from None
-
-    def _settable(self) -> list[str]:
-        return [
-            f"{name}.{v.name}"
-            for name, d in self.checked.descriptions.items()
-            for v in d.of("parameter", "structuralParameter")
-        ]
 
     def _inside(self, path: str) -> tuple[str, str] | None:
         """Split a path that leads into a nested system."""
@@ -354,7 +350,7 @@ class System(Structure):
         return self.checked.wires if nested is None else nested._wires_at(rest)
 
     def _offered(self, path: str) -> tuple[str, System]:
-        """Return a connector of the system's own for one within it, exposed if need be."""
+        """Return the system's connector for an inner one, and the system in which it is exposed."""
         owner, _, rest = path.partition(".")
         nested = self.nested_or_none(owner)
         if nested is None:
@@ -375,25 +371,3 @@ class System(Structure):
     def _with(self, element: Element) -> System:
         elements = tuple(element if e.name == element.name else e for e in self.elements)
         return replace(self, elements=elements)
-
-
-def _step(rate: Fraction | str | float, path: str) -> Fraction:
-    try:
-        return as_step(rate, path)
-    except UuvsimError as error:
-        raise SystemInvalid([problem_of(path, error)]) from None
-
-
-def _put(start: dict[str, Any], key: str, value: Any) -> dict[str, Any]:
-    """Set one value last, so that an element of an array changes what the array holds."""
-    if key in start:
-        return start | {key: value}
-    start.pop(key, None)
-    start[key] = value
-    return start
-
-
-def _all_set(system: System, start: Mapping[str, Any]) -> System:
-    for path, value in start.items():
-        system = system.set(path, value)
-    return system

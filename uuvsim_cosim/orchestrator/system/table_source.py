@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.component import Component
@@ -21,7 +21,7 @@ class TableSource:
     """A table whose first column is the time [s]; the others are Float64 outputs without units.
 
     Between two times outputs are interpolated linearly; before the first and after the last they
-    are held; of two rows at one time the later counts.
+    are held. Of two rows at one time the later one is used.
     """
 
     path: Path
@@ -37,27 +37,23 @@ class TableSource:
         return self.instantiate("description").description
 
     def instantiate(self, path: str, *, backend: Backend = "fmu") -> Component:
-        """Make a component that gives the columns; the stepping loop calls Python for it."""
-        return PythonComponent(_class_of(self.path), path)
+        """Make a component whose outputs are the columns; the stepping loop calls Python for it."""
+        series = _series(self.path)
 
+        class Table:
+            """Columns of a file over time."""
 
-def _class_of(path: Path) -> type[Any]:
-    series = _series(path)
+            inputs: ClassVar[dict[str, object]] = {}
+            outputs: ClassVar[dict[str, object]] = dict.fromkeys(s.variable.name for s in series)
 
-    class Table:
-        """Columns of a file over time."""
+            def initialize(self, t: float) -> dict[str, float]:
+                return {s.variable.name: float(s.at(t)) for s in series}
 
-        inputs: ClassVar[dict[str, Any]] = {}
-        outputs: ClassVar[dict[str, Any]] = dict.fromkeys(s.variable.name for s in series)
+            def step(self, t: float, dt: float, u: dict[str, object]) -> dict[str, float]:
+                return self.initialize(t + dt)
 
-        def initialize(self, t: float) -> dict[str, float]:
-            return {s.variable.name: float(s.at(t)) for s in series}
-
-        def step(self, t: float, dt: float, u: dict[str, Any]) -> dict[str, float]:
-            return self.initialize(t + dt)
-
-    Table.__name__ = Table.__qualname__ = path.stem
-    return Table
+        Table.__name__ = Table.__qualname__ = self.path.stem
+        return PythonComponent(Table, path)
 
 
 def _series(path: Path) -> list[Series]:
@@ -68,7 +64,7 @@ def _series(path: Path) -> list[Series]:
         with path.open(encoding="utf-8-sig", newline="") as file:
             header = next((row for row in csv.reader(file) if any(row)), [])
     except (OSError, UnicodeDecodeError, csv.Error):
-        header = []  # said below
+        header = []  # `read_input_csv` reports it
     names = [name.strip() for name in header[1:]]
     if header and not names:
         raise InputInvalid(f"{path}: only the column {header[0]!r}; expected time and others")

@@ -1,8 +1,7 @@
-"""Validation of a system as a whole: all problems are found, and its parts are normalized.
+"""Validation of a system: it finds all problems, and brings the system's parts into normal form.
 
-The normal form of a system: values are of their variable's shape and in its unit, slices are
-written element by element, and elements that together are a whole connector are written as that
-connector.
+In the normal form, values have the shape and unit of their variable, slices are written element by
+element, and elements that together are a whole connector are written as that connector.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
 from uuvsim_cosim.errors import InputInvalid, Problem, UuvsimError
 from uuvsim_cosim.fmus.description import Description, Variable
@@ -41,7 +40,7 @@ _FORBIDDEN = set("[]/\\")
 
 @dataclass(frozen=True)
 class Checked:
-    """A system's parts in their one form, with every problem and what a user should know."""
+    """Parts of a system in normal form, with every problem and the notes for the user."""
 
     elements: tuple[Element, ...]
     wires: tuple[Wire, ...]
@@ -70,7 +69,7 @@ def as_step(value: Fraction | str | float, place: str) -> Fraction:
 
 
 def describe_element(element: Element, base: Path | None) -> Description:
-    """Describe what an element stands for, with the units that are assumed for it."""
+    """Return the description of an element's source, with the units that are assumed for it."""
     if isinstance(element.source, str):
         description = described_by(element.source, base, element.start).describe()
     else:
@@ -93,7 +92,7 @@ def assumed(variable: Variable, units: str) -> Variable:
 
 
 def check(system: Structure) -> Checked:
-    """Check everything that can be checked without running; see the module's docstring."""
+    """Check all that can be checked without a run; see the module's docstring."""
     problems: list[Problem] = []
     notes: list[str] = []
     descriptions = _described(system, problems)
@@ -145,16 +144,24 @@ def _element(
     descriptions: Mapping[str, Description],
     problems: list[Problem],
 ) -> Element:
+    """Return an element with its step and its start values in normal form."""
     rate = _rate(element, system.base_step, problems)
     if element.name not in descriptions:
         return replace(element, rate=rate)
     description = descriptions[element.name]
-    start: dict[str, Any] = {}
-    parts: dict[str, dict[int, Any]] = {}
+    start: dict[str, object] = {}
+    parts: dict[str, dict[int, object]] = {}  # values of single elements of arrays
     for key, given in element.start.items():
         try:
             variable, elements, whole = find_variable(key, description)
-            _check_settable(variable)
+            settable = variable.causality in ("parameter", "structuralParameter", "input")
+            has_start = variable.initial in ("exact", "approx")
+            if not settable and not (has_start and variable.variability != "constant"):
+                raise Misfit(
+                    f"{variable.name} is {_article(variable.causality)} without a settable start "
+                    "value",
+                    "a parameter or an input",
+                )
             if whole:
                 start[variable.name] = fit(variable, given, None, description.units)
                 continue
@@ -205,23 +212,12 @@ def _rate(element: Element, tick: Fraction, problems: list[Problem]) -> Fraction
     return rate
 
 
-def _check_settable(variable: Variable) -> None:
-    if variable.causality in ("parameter", "structuralParameter", "input"):
-        return
-    if variable.initial in ("exact", "approx") and variable.variability != "constant":
-        return
-    raise Misfit(
-        f"{variable.name} is {_article(variable.causality)} without a settable start value",
-        "a parameter or an input",
-    )
-
-
 def _article(word: str) -> str:
     return f"an {word}" if word[0] in "aeio" else f"a {word}"
 
 
-def _with_elements(variable: Variable, values: Mapping[int, Any], base: Any) -> Any:
-    """Put values at some elements into the array that holds for the others."""
+def _with_elements(variable: Variable, values: Mapping[int, object], base: object) -> object:
+    """Return a variable's value with other values at some elements; raises Misfit."""
     if base is None and len(values) < variable.size:
         raise Misfit(
             f"some elements of {variable.name}, which has no start value",
@@ -239,6 +235,7 @@ def _exposed(
     unknown: set[str],
     problems: list[Problem],
 ) -> list[tuple[Exposed, Endpoint | None]]:
+    """Return the valid exposed connectors, with the endpoints inside that they expose."""
     result: list[tuple[Exposed, Endpoint | None]] = []
     outputs: set[str] = set()
     causalities: dict[str, set[str]] = {}

@@ -1,4 +1,4 @@
-"""Wires of a connection: checked pairs of elements with the conversion between them."""
+"""Wires of a connection: checked pairs of elements, with the conversion between them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from uuvsim_cosim.errors import Problem
-from uuvsim_cosim.fmus.description import Description, Variable
+from uuvsim_cosim.fmus.description import Description
 from uuvsim_cosim.models.declaration.element_names import index_text
 from uuvsim_cosim.models.declaration.units import Unit
 from uuvsim_cosim.orchestrator.system.elements import Connection
@@ -38,21 +38,24 @@ def wire(
     unknown: set[str],
     notes: list[str],
 ) -> list[Wire]:
-    """Check one connection; gives one wire if it is whole, else one an element. Raises Misfit."""
+    """Check one connection; return one wire if it is whole, else one for each element.
+
+    A connection of an `unknown` component has no wires. Raises Misfit.
+    """
     names = {**descriptions, **dict.fromkeys(unknown, None)}
     if any(find_element(e, names)[0] in unknown for e in (connection.source, connection.target)):
         return []
     source = resolve_endpoint(connection.source, descriptions)
     target = resolve_endpoint(connection.target, descriptions)
-    _check_causality(source, target)
-    _check_shapes(source, target)
-    _check_types(source.variable, target.variable)
-    table = _table(connection, source.variable, target.variable)
+    _check_ends(source, target)
+    c = connection
+    if c.table and (c.factor, c.offset) != (1.0, 0.0):
+        raise Misfit("a table, and a factor or offset", "one of the two")
+    table = numbers_of(c.table, source.variable, target.variable) if c.table else ()
     units = {**descriptions[source.element].units, **descriptions[target.element].units}
     changes: list[tuple[float, float]] = [(1.0, 0.0)] * len(source.elements)
-    if connection.convert and is_float(source.variable) and is_float(target.variable):
-        changes = _between(source, target, units, notes)
-    c = connection
+    if c.convert and is_float(source.variable) and is_float(target.variable):
+        changes = _conversions(source, target, units, notes)
     changes = [(c.factor * factor, c.factor * offset + c.offset) for factor, offset in changes]
     if source.whole and target.whole:
         return [Wire(connection, source, target, tuple(changes), table)]
@@ -111,15 +114,15 @@ def single_source(wires: Iterable[Wire], exposed: Iterable[tuple[str, Endpoint]]
         for name, point in exposed
         if point.variable.causality == "input"
     ]
-    taken: dict[tuple[str, str, int], str] = {}
+    first: dict[tuple[str, str, int], str] = {}  # the first source of each element
     doubled: dict[tuple[str, str], list[str]] = {}
     for source, target in feeds:
         element, name = target.element, target.variable.name
-        clashes = [taken[element, name, i] for i in target.elements if (element, name, i) in taken]
+        clashes = [first[element, name, i] for i in target.elements if (element, name, i) in first]
         if clashes:
             doubled.setdefault((element, name), clashes[:1]).append(source)
         for i in target.elements:
-            taken.setdefault((element, name, i), source)
+            first.setdefault((element, name, i), source)
     return [
         Problem(f"{element}.{name}", f"{len(froms)} sources, {' and '.join(froms)}", "one")
         for (element, name), froms in doubled.items()
@@ -127,6 +130,7 @@ def single_source(wires: Iterable[Wire], exposed: Iterable[tuple[str, Endpoint]]
 
 
 def _pair(w: Wire) -> tuple[object, ...]:
+    """Return a key of the wires that may be elements of one connection."""
     return (
         w.source.element, w.source.variable.name, w.target.element, w.target.variable.name,
         w.connection.factor, w.connection.offset, w.connection.convert,
@@ -134,7 +138,8 @@ def _pair(w: Wire) -> tuple[object, ...]:
     )  # fmt: skip
 
 
-def _check_causality(source: Endpoint, target: Endpoint) -> None:
+def _check_ends(source: Endpoint, target: Endpoint) -> None:
+    """Check causality, sizes and types of a connection's ends; raises Misfit."""
     a, b = source.variable, target.variable
     if a.causality == "input" and b.causality == "output":
         raise Misfit("from an input to an output", "the other way round, output to input")
@@ -146,22 +151,15 @@ def _check_causality(source: Endpoint, target: Endpoint) -> None:
         raise Misfit(
             f"{target.element}.{b.name} at its end, of causality {b.causality}", "an input"
         )
-
-
-def _check_shapes(source: Endpoint, target: Endpoint) -> None:
     count = len(source.elements)
     if count != len(target.elements):
         raise Misfit(f"{_size(source)} to {_size(target)}", "equal sizes")
-    if source.whole and target.whole and count > 1:
-        a, b = source.variable.shape, target.variable.shape
-        if a != b:
-            raise Misfit(f"shape {a} to shape {b}", "equal shapes")
-
-
-def _table(c: Connection, source: Variable, target: Variable) -> Numbers:
-    if c.table and (c.factor, c.offset) != (1.0, 0.0):
-        raise Misfit("a table, and a factor or offset", "one of the two")
-    return numbers_of(c.table, source, target) if c.table else ()
+    if source.whole and target.whole and count > 1 and a.shape != b.shape:
+        raise Misfit(f"shape {a.shape} to shape {b.shape}", "equal shapes")
+    to_float = is_float(b) and a.type not in ("String", "Binary", "Clock")
+    both_whole = all("Int" in v.type or v.type == "Enumeration" for v in (a, b))
+    if a.type != b.type and not to_float and not both_whole:
+        raise Misfit(f"type {a.type} to type {b.type}", "equal types")
 
 
 def _size(point: Endpoint) -> str:
@@ -169,27 +167,23 @@ def _size(point: Endpoint) -> str:
     return "a scalar" if point.variable.shape == () else f"{count} element{'s' * (count != 1)}"
 
 
-def _check_types(a: Variable, b: Variable) -> None:
-    if a.type == b.type:
-        return
-    real = ("Float64", "Float32")
-    if b.type in real and a.type not in ("String", "Binary", "Clock"):
-        return
-    whole = "Int" in a.type or a.type == "Enumeration"
-    if whole and ("Int" in b.type or b.type == "Enumeration"):
-        return
-    raise Misfit(f"type {a.type} to type {b.type}", "equal types")
-
-
-def _between(
+def _conversions(
     source: Endpoint, target: Endpoint, units: Mapping[str, Unit], notes: list[str]
 ) -> list[tuple[float, float]]:
+    """Return (factor, offset) of each pair of elements, by their units; note assumed units."""
     changes: list[tuple[float, float]] = []
     for i, j in zip(source.elements, target.elements, strict=True):
         a, b = source.variable.unit_of_element(i), target.variable.unit_of_element(j)
         if a is None or b is None:
             if a is not None or b is not None:
-                _note_assumed(source, target, a or b or "", a is None, notes)
+                bare, other = (source, target) if a is None else (target, source)
+                unit = other.variable.unit_text if len(other.elements) > 1 else a or b
+                note = (
+                    f"{bare.element}.{bare.variable.name}: no unit given, taken as "
+                    f"{unit} from {other.element}.{other.variable.name}"
+                )
+                if note not in notes:
+                    notes.append(note)
             changes.append((1.0, 0.0))
             continue
         pair = conversion(a, b, units)
@@ -205,17 +199,3 @@ def _between(
             raise Misfit(read, "equal or commensurable units")
         changes.append(pair)
     return changes
-
-
-def _note_assumed(
-    source: Endpoint, target: Endpoint, unit: str, of_source: bool, notes: list[str]
-) -> None:
-    bare, other = (source, target) if of_source else (target, source)
-    if len(other.elements) > 1:
-        unit = other.variable.unit_text
-    note = (
-        f"{bare.element}.{bare.variable.name}: no unit given, taken as "
-        f"{unit} from {other.element}.{other.variable.name}"
-    )
-    if note not in notes:
-        notes.append(note)

@@ -19,6 +19,7 @@ __all__ = [
     "resolve_endpoint",
 ]
 
+_CONNECTABLE = ("input", "output", "parameter")
 _INDEXED = re.compile(r"(?P<name>.*?)\[(?P<index>[^\[\]]*)\](?P<end>\)?)$", re.DOTALL)
 
 
@@ -32,12 +33,12 @@ class Endpoint:
     whole: bool
 
     def texts(self) -> list[str]:
-        """Write each of its elements as an endpoint of its own."""
+        """Return the text of each element, such as ``allocation.u[3]``."""
         return [f"{self.element}.{self.variable.element_name(i)}" for i in self.elements]
 
 
 def find_element(path: str, names: Mapping[str, object]) -> tuple[str, str]:
-    """Split ``element.rest`` at the longest element name that is there; raises Misfit."""
+    """Split ``element.rest`` at the longest element name that exists; raises Misfit."""
     parts = path.split(".")
     for n in range(len(parts) - 1, 0, -1):
         name = ".".join(parts[:n])
@@ -61,19 +62,15 @@ def find_variable(text: str, description: Description) -> tuple[Variable, tuple[
     match = _INDEXED.match(text)
     name = match["name"] + match["end"] if match else text
     if match is None or name not in variables:
+        # Suggest inputs, outputs and parameters; other variables only if their name is similar.
+        names = [v.name for v in variables.values() if v.causality in _CONNECTABLE]
+        names += [c for c in close_names(name, variables, 0.8) if c not in names]
         raise Misfit(
             f"no variable {name!r} in {description.name}",
-            expected_names(name, _connectable(variables, name), "the name of a variable"),
+            expected_names(name, names, "the name of a variable"),
         )
     variable = variables[name]
     return variable, _indices(variable, match["index"]), False
-
-
-def _connectable(variables: Mapping[str, Variable], name: str) -> list[str]:
-    """Offer inputs, outputs and parameters first; anything else only if it is close."""
-    main = [v.name for v in variables.values() if v.causality in ("input", "output", "parameter")]
-    close = close_names(name, variables, 0.8)
-    return main + [c for c in close if c not in main]
 
 
 def resolve_endpoint(text: str, descriptions: Mapping[str, Description]) -> Endpoint:
@@ -84,6 +81,7 @@ def resolve_endpoint(text: str, descriptions: Mapping[str, Description]) -> Endp
 
 
 def _indices(variable: Variable, text: str) -> tuple[int, ...]:
+    """Return the flat indices, from 0, of a text such as ``2`` or ``1:3,4``; raises Misfit."""
     read = f"index [{text}] of {variable.name}"
     expected = f"indices from 1 to {' x '.join(map(str, variable.shape))}, as [2] or [1:3]"
     if variable.shape == ():

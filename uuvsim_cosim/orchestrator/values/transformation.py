@@ -35,7 +35,7 @@ _TABLES = [f"{kind}MappingTransformation" for kind in ("Boolean", "Integer", "En
 
 
 def read_transformation(xml: Xml, place: str) -> Transformation:
-    """Read that of a connection or an entry of a mapping; raises InputInvalid."""
+    """Read the transformation of a connection or of a mapping's entry; raises InputInvalid."""
     convert = not boolean(xml.get("suppressUnitConversion"))
     for child in xml:
         tag = child.tag.rpartition("}")[2] if isinstance(child.tag, str) else ""
@@ -58,12 +58,17 @@ def chained(
     units: tuple[str | None, str | None, str | None],
     definitions: Mapping[str, Unit],
 ) -> Transformation:
-    """Return what two on one way do, by the units at the start, between and at the end.
+    """Return the transformation that applies two in turn.
 
-    Raises Misfit for units that are not commensurable.
+    `units` are those at the start, between the two, and at the end; None if not known. Raises
+    Misfit for units that are not commensurable, and for a table together with a factor or offset.
     """
+    if first.table and second.table:
+        return Transformation(table=chained_tables(first.table, second.table))
     if first.table or second.table:
-        return _tables(first, second)
+        if first.scales or second.scales:
+            raise Misfit("a table, and a factor or offset, on one way", "one of the two")
+        return first if first.table else second
     start, middle, end = units
     if middle is None:  # the value between has the unit that it came with
         middle = start
@@ -80,11 +85,3 @@ def chained(
             factor, offset = factor * pair[0], offset * pair[0] + pair[1]
         factor, offset = factor * step.factor, offset * step.factor + step.offset
     return Transformation(factor, offset, convert=False)
-
-
-def _tables(first: Transformation, second: Transformation) -> Transformation:
-    if first.table and second.table:
-        return Transformation(table=chained_tables(first.table, second.table))
-    if first.scales or second.scales:
-        raise Misfit("a table, and a factor or offset, on one way", "one of the two")
-    return first if first.table else second

@@ -1,4 +1,4 @@
-"""Tables that map Booleans, integers or items of enumerations on a connection or mapping."""
+"""Tables that map Booleans, integers or items of enumerations in a connection or mapping."""
 
 from __future__ import annotations
 
@@ -17,27 +17,34 @@ __all__ = ["Numbers", "Table", "add_table", "chained_tables", "listed", "looked_
            "read_table", "table_of"]  # fmt: skip
 
 Table = tuple[tuple[bool | int | str, bool | int | str], ...]
-Numbers = tuple[tuple[int, int], ...]  # a table as the stepping loop has it
-_KINDS: dict[str, type] = {"Boolean": bool, "Integer": int, "Enumeration": str}
-_EXPECTED = {bool: "true or false", int: "a whole number", str: "the name of an item"}
+Numbers = tuple[tuple[int, int], ...]  # a table in the form of the stepping loop in C
+_TYPES: dict[str, type[bool | int | str]] = {"Boolean": bool, "Integer": int, "Enumeration": str}
+_EXPECTED: dict[type, str] = {
+    bool: "true or false",
+    int: "a whole number",
+    str: "the name of an item",
+}
 
 
-def table_of(values: Mapping[Any, Any], place: str) -> Table:
+def table_of(values: Mapping[Any, bool | int | str], place: str) -> Table:
     """Return a table of Booleans, of integers or of names of items; raises InputInvalid."""
     table = tuple(values.items())
-    kinds = {type(v) for pair in table for v in pair}
-    if len(kinds) != 1 or not kinds <= set(_EXPECTED):
+    types = {type(v) for pair in table for v in pair}
+    if len(types) != 1 or not types <= set(_EXPECTED):
         raise InputInvalid(
-            f"{place}: a table of {', '.join(sorted(k.__name__ for k in kinds)) or 'no values'}; "
+            f"{place}: a table of {', '.join(sorted(t.__name__ for t in types)) or 'no values'}; "
             "expected Booleans, integers, or names of items, on both sides"
         )
     return table
 
 
 def read_table(xml: Xml, tag: str, place: str) -> Table:
-    """Read ``ssc:BooleanMappingTransformation`` and its like; raises InputInvalid."""
-    type_ = _KINDS[tag.removesuffix("MappingTransformation")]
-    found: dict[Any, Any] = {}
+    """Read a ``ssc:BooleanMappingTransformation``, or one of integers or of enumerations' items.
+
+    Raises InputInvalid.
+    """
+    type_ = _TYPES[tag.removesuffix("MappingTransformation")]
+    found: dict[bool | int | str, bool | int | str] = {}
     for entry in xml:
         if not (isinstance(entry.tag, str) and entry.tag.endswith("}MapEntry")):
             continue
@@ -52,7 +59,9 @@ def read_table(xml: Xml, tag: str, place: str) -> Table:
     return tuple(found.items())
 
 
-def _value(entry: Xml, attribute: str, type_: type, place: str) -> Any:
+def _value(
+    entry: Xml, attribute: str, type_: type[bool | int | str], place: str
+) -> bool | int | str:
     text = entry.get(attribute)
     try:
         if text is None:
@@ -68,20 +77,19 @@ def _value(entry: Xml, attribute: str, type_: type, place: str) -> Any:
 
 def add_table(parent: Xml, table: Table) -> None:
     """Write a table into a connection."""
-    kind = next(name for name, type_ in _KINDS.items() if type(table[0][0]) is type_)
-    xml = SubElement(parent, f"ssc:{kind}MappingTransformation")
+    type_name = next(name for name, type_ in _TYPES.items() if type(table[0][0]) is type_)
+    xml = SubElement(parent, f"ssc:{type_name}MappingTransformation")
     for source, target in table:
         SubElement(xml, "ssc:MapEntry", source=text_of(source), target=text_of(target))
 
 
-def looked_up(table: Table, value: Any, place: str) -> Any:
-    """Return what a parameter's value becomes; lists element by element. Raises InputInvalid."""
+def looked_up(table: Table, value: object, place: str) -> Any:
+    """Map a parameter's value by the table, a list element by element; raises InputInvalid."""
     if isinstance(value, list | tuple):
         return [looked_up(table, v, place) for v in value]
     wanted = type(table[0][0])
-    key = getattr(value, "item", value) if wanted is str else value
-    right = isinstance(key, wanted) and (wanted is bool or not isinstance(key, bool))
-    if not right:
+    key = getattr(value, "item", value) if wanted is str else value  # an EnumerationItem's name
+    if not isinstance(key, wanted) or (wanted is not bool and isinstance(key, bool)):
         raise InputInvalid(f"{place} is {value!r}; expected {_EXPECTED[wanted]}, which is mapped")
     found = dict(table)
     if key not in found:
@@ -92,8 +100,8 @@ def looked_up(table: Table, value: Any, place: str) -> Any:
     return found[key]
 
 
-def listed(table: Sequence[tuple[Any, Any]]) -> str:
-    """Name the sources of a table for an error."""
+def listed(table: Sequence[tuple[object, object]]) -> str:
+    """Return the sources of a table as a text for an error message."""
     return "one of " + ", ".join(text_of(source) for source, _ in table)
 
 
@@ -107,16 +115,11 @@ def numbers_of(table: Table, source: Variable, target: Variable) -> Numbers:
             right = v.type == "Enumeration" or (type_ is int and "Int" in v.type)
         if not right:
             kinds = {bool: "Boolean", int: "an integer type or Enumeration", str: "Enumeration"}
-            raise Misfit(
-                f"a table of {_words(type_)} at {v.name} of type {v.type}", f"type {kinds[type_]}"
-            )
+            words = {bool: "Booleans", int: "integers", str: "names of items"}[type_]
+            raise Misfit(f"a table of {words} at {v.name} of type {v.type}", f"type {kinds[type_]}")
     if type_ is not str:
         return tuple((int(a), int(b)) for a, b in table)
     return tuple((_item(source, str(a)), _item(target, str(b))) for a, b in table)
-
-
-def _words(type_: type) -> str:
-    return {bool: "Booleans", int: "integers", str: "names of items"}[type_]
 
 
 def _item(variable: Variable, name: str) -> int:
@@ -130,7 +133,7 @@ def _item(variable: Variable, name: str) -> int:
 
 
 def chained_tables(first: Table, second: Table) -> Table:
-    """Return what two tables on one way do; raises Misfit where nothing comes through."""
+    """Return the table that applies two tables in turn; raises Misfit if it has no entry."""
     last = dict(second)
     both = tuple((a, last[b]) for a, b in first if b in last)
     if not both:

@@ -1,10 +1,10 @@
-"""Values that users give (a number, a list, text with a unit), fitted to their variable."""
+"""Conversion of users' values (number, list, text with a unit) to a variable's type and unit."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
@@ -34,10 +34,10 @@ _RANGES = {
 class Quantity:
     """A value with the name of its unit, and the file's definition of that unit, if any.
 
-    What it is given to gets factor · value + offset, in its own unit.
+    The variable that it is set on gets factor · value + offset, in the variable's unit.
     """
 
-    value: Any
+    value: object
     unit: str | None
     definitions: Mapping[str, Unit] = field(default_factory=dict)
     factor: float = 1.0
@@ -45,7 +45,7 @@ class Quantity:
 
 
 class Misfit(Exception):
-    """A value that does not fit its variable: what was read, what would have been right."""
+    """A value that does not fit its variable: the value that was read, and the expected one."""
 
     def __init__(self, read: str, expected: str) -> None:
         super().__init__(f"{read}; expected {expected}")
@@ -58,7 +58,7 @@ class Misfit(Exception):
 
 
 def is_float(variable: Variable) -> bool:
-    """Return whether values of the variable have a unit at all."""
+    """Return whether the variable is of a floating-point type; only these have units."""
     return variable.type in ("Float64", "Float32")
 
 
@@ -90,9 +90,12 @@ def conversion(
 
 
 def fit(
-    variable: Variable, given: Any, unit: str | None = None, units: Mapping[str, Unit] | None = None
+    variable: Variable,
+    given: object,
+    unit: str | None = None,
+    units: Mapping[str, Unit] | None = None,
 ) -> Any:
-    """Return the value as the variable holds it: a scalar, or nested tuples of its shape.
+    """Return the value in the variable's type, shape and unit: a scalar, or nested tuples.
 
     `unit` is the unit of `given`; a text may carry its own (``"0.4 m/s"``). Raises Misfit.
     """
@@ -100,7 +103,8 @@ def fit(
     if isinstance(given, Quantity):
         units = {**(units or {}), **given.definitions}
         scale = (given.factor, given.offset)
-        given, unit = given.value, given.unit
+        unit = given.unit
+        given = given.value
     if variable.type == "Enumeration":
         given = _items(variable, given)
     if isinstance(given, str) and variable.type != "String":
@@ -110,27 +114,32 @@ def fit(
         given = given.tolist()
     if isinstance(given, list | tuple | np.generic) is False and not np.isscalar(given):
         raise Misfit(f"a {type(given).__name__}", _type_text(variable))
-    elements = [_element(variable, e) for e in flat(given)]
+    elements: list[Any] = [_element(variable, e) for e in flat(given)]
     _check_shape(variable, given, len(elements))
     if unit is not None and is_float(variable):
         elements = _converted(variable, elements, unit, units or {})
     if scale != (1.0, 0.0):
         elements = [_element(variable, _scaled(e, *scale)) for e in elements]
     for e in elements:
-        _check_range(variable, e)
+        if not isinstance(e, str | bytes | bool) and not is_within(variable, e):
+            of_unit = f" {variable.unit}" if variable.unit not in (None, "1") else ""
+            shown = str(e) if isinstance(e, int) else f"{e:g}"
+            raise Misfit(
+                f"{shown}{of_unit} is out of range", f"a value in {range_text(variable)}{of_unit}"
+            )
     return _shaped(elements, variable.shape)
 
 
-def _scaled(element: Any, factor: float, offset: float) -> Any:
-    """Return factor · element + offset; of an integer that no Float64 is, without rounding."""
-    if isinstance(element, int) and abs(element) > 2**53:
+def _scaled(element: float, factor: float, offset: float) -> float:
+    """Return factor · element + offset."""
+    if isinstance(element, int) and abs(element) > 2**53:  # a float would round it
         exact = Fraction(factor) * element + Fraction(offset)
         return int(exact) if exact.denominator == 1 else float(exact)
     return factor * element + offset
 
 
-def _items(variable: Variable, given: Any) -> Any:
-    """Put numbers in the place of an enumeration's names."""
+def _items(variable: Variable, given: object) -> object:
+    """Replace the names of an enumeration's items by their numbers, in nested sequences too."""
     if isinstance(given, list | tuple):
         return [_items(variable, part) for part in given]
     if not isinstance(given, str):
@@ -144,42 +153,39 @@ def _items(variable: Variable, given: Any) -> Any:
     return given
 
 
-def as_array(variable: Variable, value: Any) -> Any:
-    """Return a fitted value as a component takes it: a scalar, or an array of its shape."""
+def as_array(variable: Variable, value: object) -> Any:
+    """Return a fitted value in the form of `Component.set`: a scalar, or an array of its shape."""
     if variable.shape == ():
         return value
     return np.array(flat(value), dtype=DTYPES[variable.type]).reshape(variable.shape)
 
 
-def flat(value: Any) -> list[Any]:
+def flat(value: object) -> list[Any]:
     """List the elements of nested sequences, row by row."""
-    return list(_leaves(value))
-
-
-def _leaves(value: Any) -> Iterator[Any]:
     if isinstance(value, np.ndarray):
         value = value.tolist()
     if isinstance(value, list | tuple):
-        for part in value:
-            yield from _leaves(part)
-    else:
-        yield value
+        return [element for part in value for element in flat(part)]
+    return [value]
 
 
-def _parsed(variable: Variable, text: str) -> tuple[Any, str | None]:
+def _parsed(variable: Variable, text: str) -> tuple[object, str | None]:
+    """Return the value or values of a text, and the unit behind them; raises Misfit."""
     if variable.type == "Binary":
         return text.encode(), None
     if (nested := _NESTED.match(text)) is not None:
         text = _flattened(variable, *nested.groups())
     words = text.replace("[", " ").replace("]", " ").replace(",", " ").split()
     if variable.type == "Boolean" and words and all(w.lower() in _BOOLEANS for w in words):
-        values: list[Any] = [_BOOLEANS[w.lower()] for w in words]
+        values = [_BOOLEANS[w.lower()] for w in words]
         return (values if variable.shape else values[0]) if len(values) == 1 else values, None
     match = _NUMBERS.match(text)
     wrong = _no_number(variable, text)
     if match is None or wrong:
         raise Misfit(f"{text!r}{wrong}", f"{_type_text(variable)} such as {_example(variable)}")
-    numbers: list[Any] = [_number(n) for n in re.split(r"[\s,;]+", match[1])]
+    numbers = [
+        int(n) if re.fullmatch(r"[-+]?\d+", n) else float(n) for n in re.split(r"[\s,;]+", match[1])
+    ]
     bare = len(numbers) == 1 and (variable.shape == () or "[" not in text)
     return (numbers[0] if bare else numbers), match[2] or None
 
@@ -214,10 +220,6 @@ def _no_number(variable: Variable, text: str) -> str:
     return ""
 
 
-def _number(text: str) -> float | int:
-    return int(text) if re.fullmatch(r"[-+]?\d+", text) else float(text)
-
-
 def _type_text(variable: Variable) -> str:
     if variable.shape:
         extents = " x ".join(str(n) for n in variable.shape)
@@ -240,19 +242,22 @@ def _example(variable: Variable) -> str:
     return f"'{number}{unit}'"
 
 
-def _element(variable: Variable, value: Any) -> Any:
+def _element(variable: Variable, value: object) -> float | str | bytes:
+    """Return one element as the variable's type; raises Misfit."""
     if isinstance(value, np.generic):
         value = value.item()
     type_ = variable.type
-    if type_ in ("String", "Binary"):
-        wanted: type = str if type_ == "String" else bytes
-        if isinstance(value, wanted):
+    if type_ == "String":
+        if isinstance(value, str):
+            return value
+    elif type_ == "Binary":
+        if isinstance(value, bytes):
             return value
     elif type_ == "Boolean":
         if isinstance(value, bool) or value in (0, 1):
             return bool(value)
     elif isinstance(value, bool):
-        pass
+        pass  # a Boolean is an int for Python, but not for a numeric variable
     elif is_float(variable):
         if isinstance(value, int | float) and math.isfinite(value):
             return float(value)
@@ -263,9 +268,9 @@ def _element(variable: Variable, value: Any) -> Any:
     raise Misfit(f"{value!r}", f"{_type_text(variable)} such as {_example(variable)}")
 
 
-def _check_shape(variable: Variable, given: Any, count: int) -> None:
+def _check_shape(variable: Variable, given: object, count: int) -> None:
     try:
-        shape = np.shape(given) if not isinstance(given, bytes) else ()
+        shape = () if isinstance(given, bytes) else np.asarray(given).shape
     except ValueError:
         raise Misfit("a list of uneven lists", _type_text(variable)) from None
     if shape == variable.shape or (len(variable.shape) > 1 and shape == (variable.size,)):
@@ -277,8 +282,9 @@ def _check_shape(variable: Variable, given: Any, count: int) -> None:
 
 
 def _converted(
-    variable: Variable, elements: list[Any], unit: str, units: Mapping[str, Unit]
-) -> list[Any]:
+    variable: Variable, elements: list[float], unit: str, units: Mapping[str, Unit]
+) -> list[float]:
+    """Convert the elements from `unit` to the variable's; raises Misfit."""
     result = []
     for element, wanted in zip(elements, variable.units, strict=True):
         pair = (1.0, 0.0) if wanted is None else conversion(unit, wanted, units, of_value=True)
@@ -287,15 +293,6 @@ def _converted(
         factor, offset = pair
         result.append(element if pair == (1.0, 0.0) else factor * element + offset)
     return result
-
-
-def _check_range(variable: Variable, value: Any) -> None:
-    if isinstance(value, str | bytes | bool):
-        return
-    if not is_within(variable, value):
-        unit = f" {variable.unit}" if variable.unit not in (None, "1") else ""
-        shown = str(value) if isinstance(value, int) else f"{value:g}"
-        raise Misfit(f"{shown}{unit} is out of range", f"a value in {range_text(variable)}{unit}")
 
 
 def _shaped(elements: list[Any], shape: tuple[int, ...]) -> Any:

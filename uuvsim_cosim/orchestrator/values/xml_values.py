@@ -1,9 +1,8 @@
-"""Numbers, Booleans and texts as the XML of SSP and OSP holds them."""
+"""Numbers, Booleans and texts in the XML files of SSP and OSP."""
 
 from __future__ import annotations
 
 from math import isfinite
-from typing import Any
 from xml.etree.ElementTree import Element
 
 from uuvsim_cosim.errors import InputInvalid
@@ -21,7 +20,7 @@ def boolean(text: str | None, default: bool = False) -> bool:
     return default if text is None else text.strip() in ("true", "1")
 
 
-def text_of(value: Any) -> str:
+def text_of(value: object) -> str:
     """Write one element of a value."""
     if isinstance(value, bool):
         return "true" if value else "false"
