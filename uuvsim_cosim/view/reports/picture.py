@@ -14,7 +14,7 @@ from uuvsim_cosim.view.plots.palette import picture_styles
 from uuvsim_cosim.view.plots.plots import Frame, Panel, Rows, TimePanel
 from uuvsim_cosim.view.plots.svg import text
 from uuvsim_cosim.view.recorded.metrics import figures
-from uuvsim_cosim.view.recorded.traces import Traces
+from uuvsim_cosim.view.recorded.traces import Array, Traces
 from uuvsim_cosim.view.reports.panels import lead_panels, sections, track_of
 
 __all__ = ["picture_svg", "write_picture"]
@@ -79,7 +79,7 @@ def _navigation(below: Mapping[str, Sequence[Panel]]) -> list[Panel]:
     ]
 
 
-def _title(traces: Traces, provenance: Mapping[str, Any], path: Any) -> str:
+def _title(traces: Traces, provenance: Mapping[str, Any], path: Array | None) -> str:
     shown = ("cross_track_rms", "cross_track_max", "navigation_horizontal_rms", "energy")
     said = "   ·   ".join(f"{f.label} {f}" for f in figures(traces, path) if f.key in shown)
     name = provenance.get("system", "run")

@@ -64,7 +64,7 @@ def provenance_html(provenance: Mapping[str, Any]) -> str:
     return "".join(parts)
 
 
-def _shown(value: Any) -> str:
+def _shown(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
     if isinstance(value, Mapping):

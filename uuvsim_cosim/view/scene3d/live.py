@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,9 @@ from uuvsim_cosim.view.scene3d.motion import LEAST, REACH, extent, motion_of
 from uuvsim_cosim.view.scene3d.scene_of_plan import stage_of_plan
 from uuvsim_cosim.view.scene3d.viser_panel import Panel
 from uuvsim_cosim.view.scene3d.viser_scene import ViserStage
+
+if TYPE_CHECKING:
+    from viser import ViserServer
 
 __all__ = ["History", "LiveView"]
 
@@ -66,7 +69,7 @@ class LiveView:
     """
 
     def __init__(
-        self, server: Any, name: str, clock: Callable[[], float] = time.perf_counter
+        self, server: ViserServer, name: str, clock: Callable[[], float] = time.perf_counter
     ) -> None:
         self.server, self.name, self._clock = server, name, clock
         self.history = History()
@@ -76,7 +79,7 @@ class LiveView:
         self._next = -np.inf
         self._units: dict[str, str] = {}
         self._names: list[str] = []
-        self._read: list[tuple[NDArray[np.intp], NDArray[np.intp], Any]] = []
+        self._read: list[tuple[NDArray[np.intp], NDArray[np.intp], str]] = []
         self._waiting = server.gui.add_markdown("The first step is being prepared.")
         self.failure: Exception | None = None  # of drawing; the run goes on
 
@@ -139,7 +142,7 @@ class LiveView:
 class _Page:
     """What is drawn of a live run."""
 
-    def __init__(self, server: Any, live: LiveView, newest: Traces) -> None:
+    def __init__(self, server: ViserServer, live: LiveView, newest: Traces) -> None:
         self.server, self.stage = server, live.stage
         self.low, self.high = extent(self.stage, motion_of(self.stage, newest))
         self.drawn = ViserStage(server, self.stage, self.low, self.high)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,6 +26,9 @@ from uuvsim_cosim.view.scene3d.motion import Motion, echoes
 from uuvsim_cosim.view.scene3d.scene import Stage
 from uuvsim_cosim.view.scene3d.scene_of_run import placed
 from uuvsim_cosim.view.scene3d.shapes import terrain_mesh
+
+if TYPE_CHECKING:
+    from rerun import RecordingStream
 
 __all__ = ["export_rrd"]
 
@@ -56,7 +60,7 @@ def export_rrd(run: str | Path, out: Path) -> Path:
     return out
 
 
-def _still(to: Any, rr: Any, stage: Stage, motion: Motion) -> None:
+def _still(to: RecordingStream, rr: ModuleType, stage: Stage, motion: Motion) -> None:
     to.log("world", rr.ViewCoordinates.FRD, static=True)  # N, E, D lie as ahead, right, down
     if stage.terrain is not None:
         mesh = terrain_mesh(stage.terrain, 320)
@@ -97,10 +101,10 @@ def _still(to: Any, rr: Any, stage: Stage, motion: Motion) -> None:
         to.log(f"world/{_name(marker.name)}", ball, static=True)
 
 
-def _moving(to: Any, rr: Any, stage: Stage, motion: Motion) -> None:
+def _moving(to: RecordingStream, rr: ModuleType, stage: Stage, motion: Motion) -> None:
     when = [rr.TimeColumn("time", duration=motion.time)]
     for name, positions in motion.positions.items():
-        columns: dict[str, Any] = {"translation": positions}
+        columns = {"translation": positions}
         if name in motion.attitudes:
             columns["quaternion"] = motion.attitudes[name][:, [1, 2, 3, 0]]
         to.send_columns(f"world/{_name(name)}", when, rr.Transform3D.columns(**columns))
@@ -121,7 +125,7 @@ def _moving(to: Any, rr: Any, stage: Stage, motion: Motion) -> None:
         to.send_columns(place, [rr.TimeColumn("time", duration=motion.time[picks])], columns)
 
 
-def _signals(to: Any, rr: Any, traces: Traces) -> None:
+def _signals(to: RecordingStream, rr: ModuleType, traces: Traces) -> None:
     when = [rr.TimeColumn("time", duration=traces.time)]
     for name, values in traces.values.items():
         table = values.reshape(len(values), -1)

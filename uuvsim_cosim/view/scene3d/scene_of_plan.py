@@ -9,7 +9,6 @@ sensor with ``range`` (n) has rays, if its parameters say where they point. A co
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 from urllib.parse import parse_qsl
 
 import numpy as np
@@ -186,7 +185,7 @@ def _radius(bodies: tuple[Body, ...]) -> float:
 
 
 def pool_solids(
-    component: PlannedComponent, values: Mapping[str, Any] | None = None
+    component: PlannedComponent, values: Mapping[str, Array] | None = None
 ) -> list[Solid]:
     """Return a pool's basin and its cylinders; `values` may replace its parameters."""
     given = dict(values or {})

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -106,7 +106,7 @@ def _estimate(traces: Traces, hull: str) -> str:
     return name if name in traces.values else ""
 
 
-def _with_path(stage: Stage, provenance: dict[str, Any]) -> Stage:
+def _with_path(stage: Stage, provenance: Mapping[str, object]) -> Stage:
     given = provenance.get("waypoints")
     points = np.zeros(0) if given is None else np.asarray(given, float)
     if points.ndim != 2 or points.shape[1] != 3 or not len(points):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +22,19 @@ from uuvsim_cosim.view.scene3d.motion import Motion, echoes
 from uuvsim_cosim.view.scene3d.scene import Body, Rays, Stage
 from uuvsim_cosim.view.scene3d.shapes import floor, surface, terrain_mesh
 
+if TYPE_CHECKING:
+    from viser import (
+        FrameHandle,
+        LineSegmentsHandle,
+        MeshHandle,
+        PointCloudHandle,
+        SceneNodeHandle,
+        ViserServer,
+    )
+
 __all__ = ["ViserStage"]
 
+Handle = TypeVar("Handle", bound="SceneNodeHandle")
 Array = NDArray[np.float64]
 TRACK = 2000  # points of a track, at most
 LIGHT, DEEP = "#eaf3f8", "#a9c6d8"
@@ -34,14 +45,14 @@ HEAD = 0.25  # of an arrow's length: its head
 class ViserStage:
     """A stage in a server's scene; N, E, D are x, y, z, and down is down."""
 
-    def __init__(self, server: Any, stage: Stage, low: Array, high: Array) -> None:
+    def __init__(self, server: ViserServer, stage: Stage, low: Array, high: Array) -> None:
         self.scene, self.stage = server.scene, stage
-        self.parts: dict[str, list[Any]] = {}  # handles by what a viewer may hide
-        self._bodies: dict[str, Any] = {}
-        self._markers: dict[str, Any] = {}
-        self._arrows: dict[str, Any] = {}
-        self._rays: dict[str, Any] = {}
-        self._drawn_anew: dict[str, Any] = {}  # tracks and echoes
+        self.parts: dict[str, list[SceneNodeHandle]] = {}  # handles by what a viewer may hide
+        self._bodies: dict[str, FrameHandle] = {}
+        self._markers: dict[str, MeshHandle] = {}
+        self._arrows: dict[str, LineSegmentsHandle] = {}
+        self._rays: dict[str, LineSegmentsHandle] = {}
+        self._drawn_anew: dict[str, LineSegmentsHandle | PointCloudHandle] = {}  # tracks and echoes
         self._hidden: set[str] = set()
         self.scene.set_up_direction("-z")
         self.scene.set_background_image(_water())
@@ -59,7 +70,7 @@ class ViserStage:
         rays = any(b.rays for b in self.stage.bodies)
         return {"tracks", "echoes"} if rays else {"tracks"}
 
-    def _keep(self, part: str, handle: Any) -> Any:
+    def _keep(self, part: str, handle: Handle) -> Handle:
         self.parts.setdefault(part, []).append(handle)
         if part in self._hidden:
             handle.visible = False

@@ -9,20 +9,23 @@ import sys
 import time
 from contextlib import redirect_stdout
 from io import StringIO
-from typing import Any
+from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.view.scene3d.viser_guard import PageGuard
 
+if TYPE_CHECKING:
+    from viser import ViserServer
+
 __all__ = ["PORT", "address", "close_server", "entry", "has_screen", "open_server"]
 
 PORT = 8080
-_guards: WeakKeyDictionary[Any, PageGuard] = WeakKeyDictionary()
+_guards: WeakKeyDictionary[ViserServer, PageGuard] = WeakKeyDictionary()
 TRIED = 20  # ports from PORT on, where none was asked for
 
 
-def open_server(port: int | None, host: str = "127.0.0.1", label: str = "uuvsim") -> Any:
+def open_server(port: int | None, host: str = "127.0.0.1", label: str = "uuvsim") -> ViserServer:
     """Start serving the page on a port, the first free one from 8080 on if none is given.
 
     The page requires a token (`entry`). Raises InputInvalid if viser is not installed, or the port
@@ -51,7 +54,7 @@ def open_server(port: int | None, host: str = "127.0.0.1", label: str = "uuvsim"
     return server
 
 
-def close_server(server: Any) -> None:
+def close_server(server: ViserServer) -> None:
     """Stop serving, and leave neither its port taken nor its event loop behind (5 s at most)."""
     if (guard := _guards.pop(server, None)) is not None:
         guard.close()
@@ -69,7 +72,7 @@ def close_server(server: Any) -> None:
         loop.close()
 
 
-async def _cancelled(waiting: set[asyncio.Task[Any]]) -> None:
+async def _cancelled(waiting: set[asyncio.Task[object]]) -> None:
     """End what waits for viewers who are gone."""
     for task in waiting:
         task.cancel()
@@ -108,14 +111,14 @@ def _why_taken(port: int, host: str) -> str:
     return ""
 
 
-def address(server: Any) -> str:
+def address(server: ViserServer) -> str:
     """Return the page's address, for a browser on this machine."""
     host = server.get_host()
     shown = "localhost" if host in ("0.0.0.0", "127.0.0.1") else host
     return f"http://{shown}:{server.get_port()}"
 
 
-def entry(server: Any) -> str:
+def entry(server: ViserServer) -> str:
     """Return the page's address with its token, which a browser exchanges for a cookie."""
     return f"{address(server)}/?token={_guards[server].token}"
 
