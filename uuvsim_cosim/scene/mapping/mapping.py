@@ -13,7 +13,6 @@ import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -227,7 +226,7 @@ def _words(s: Sonde) -> str:
 
 def write_map(made: SeabedMap, folder: Path) -> Path:
     """Write a map beside its run, compressed; `read_map` reads it."""
-    about: dict[str, Any] = {
+    about: dict[str, object] = {
         "version": 1, "window": asdict(made.window), "figures": [asdict(f) for f in made.figures],
         "frames": made.frames, "points": made.points, "seconds": made.seconds,
         "sensors": list(made.sensors), "scene": made.scene, "crs": made.crs,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 from urllib.parse import parse_qsl
 
 import numpy as np
@@ -13,7 +12,7 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.sensors.beams import PRESETS
 from uuvsim_cosim.orchestrator.plan.plan import PlannedComponent
 from uuvsim_cosim.orchestrator.recording.signals import Signals
-from uuvsim_cosim.scene.mapping.scans import Sonde, Taken, rotation, sonde
+from uuvsim_cosim.scene.mapping.scans import Array, Sonde, Taken, rotation, sonde
 
 __all__ = ["recorded_sonde"]
 
@@ -29,7 +28,7 @@ def recorded_sonde(run: Path, component: str, signals: Signals) -> Sonde:
     planned = _planned(run, component)
     name, _, query = planned.source.removeprefix("model:").partition("?")
     kind, _, preset = name.partition("@")
-    options: dict[str, Any] = dict(parse_qsl(query))
+    options = dict(parse_qsl(query))
     if kind not in OUTPUTS:
         raise InputInvalid(f"{run}: {component} is {planned.source}; expected model:"
                            f"{' or model:'.join(OUTPUTS)}")  # fmt: skip
@@ -58,7 +57,7 @@ def _planned(run: Path, component: str) -> PlannedComponent:
     raise InputInvalid(f"{run}: its system has no component {component!r}; expected one of {known}")
 
 
-def _readings(run: Path, reading: str, sample: str, signals: Signals) -> tuple[Any, Any]:
+def _readings(run: Path, reading: str, sample: str, signals: Signals) -> tuple[Array, Array]:
     """Return the times of the samples (k,) [s] and their readings (k, n), NaN without an echo."""
     if reading not in signals or sample not in signals:
         raise InputInvalid(f"{run}: {reading} was not recorded; expected a run of this system")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from functools import lru_cache
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -143,14 +143,14 @@ class _Scene(ctypes.Structure):
     )
 
 
-def _nodes(g: Ground) -> NDArray[Any]:
+def _nodes(g: Ground) -> NDArray[np.void]:
     """Return the tree's nodes as uuv_tree_node lies in memory."""
     nodes = np.zeros(len(g.tree.children), [("box", "f4", (6, 4)), ("child", "i4", 4)])
     nodes["box"], nodes["child"] = g.tree.boxes, g.tree.children
     return nodes
 
 
-def _packed(g: Ground, solids: Any, nodes: NDArray[Any]) -> _Scene:
+def _packed(g: Ground, solids: ctypes.Array[_Solid], nodes: NDArray[np.void]) -> _Scene:
     """Point to the arrays of a ground, which must outlive what is given."""
     for i, row in enumerate(g.solids.tolist()):
         three, five = ctypes.c_double * 3, ctypes.c_double * 5

@@ -5,7 +5,8 @@ from __future__ import annotations
 import struct
 from math import atan2, hypot
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
@@ -16,6 +17,9 @@ from uuvsim_cosim.models.worlds.obstacles import Box, Capsule, Cylinder, Obstacl
 from uuvsim_cosim.models.worlds.scene import Scene
 from uuvsim_cosim.models.worlds.terrain import Terrain
 from uuvsim_cosim.scene.shared.extra import wanted
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
 
 __all__ = ["surface", "write_glb", "write_sdf"]
 
@@ -69,19 +73,19 @@ def write_glb(scene: Scene, terrain: Terrain, target: Path) -> list[Path]:
     return [target]
 
 
-def _gltf(ned: NDArray[Any]) -> NDArray[Any]:
+def _gltf(ned: NDArray[np.floating]) -> NDArray[np.floating]:
     """Turn N, E, D into glTF's x east, y up, z south."""
     return np.stack([ned[:, 1], -ned[:, 2], -ned[:, 0]], axis=1)
 
 
-def _colours(z: NDArray[Any]) -> NDArray[np.uint8]:
+def _colours(z: NDArray[np.floating]) -> NDArray[np.uint8]:
     part = np.clip(z / max(float(z.max()), 1e-6), 0, 1)[:, None] ** 0.6
     colour = (1 - part) * np.array(_SHALLOW) + part * np.array(_DEEP)
     colour[z < 0] = _LAND
     return np.column_stack([colour, np.full(len(z), 255)]).astype(np.uint8)
 
 
-def _body(trimesh: Any, obstacle: Obstacle) -> Any:
+def _body(trimesh: ModuleType, obstacle: Obstacle) -> Trimesh:
     """Return an obstacle's surface in glTF's axes."""
     if isinstance(obstacle, Box):
         body = trimesh.creation.box(2 * np.array(obstacle.half))
@@ -138,7 +142,7 @@ def write_sdf(scene: Scene, terrain: Terrain, target: Path) -> list[Path]:
     return files
 
 
-def _stl(vertices: NDArray[Any], triangles: NDArray[Any]) -> bytes:
+def _stl(vertices: NDArray[np.floating], triangles: NDArray[np.integer]) -> bytes:
     corners = vertices[triangles].astype("<f4")
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(normal, axis=1, keepdims=True)
@@ -178,7 +182,7 @@ def _sdf_body(name: str, pose: str, geometry: str) -> str:
     )
 
 
-def _sdf_capsule(o: Capsule) -> tuple[Any, str, str]:
+def _sdf_capsule(o: Capsule) -> tuple[tuple[float, ...], str, str]:
     middle = tuple((a + b) / 2 for a, b in zip(o.start, o.end, strict=True))
     north, east, down = (b - a for a, b in zip(o.start, o.end, strict=True))
     level = hypot(north, east)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,7 +79,7 @@ def _first(xy: Floats) -> NDArray[np.int64]:
     return np.sort(np.unique(keys, return_index=True)[1])
 
 
-def _shore(chart: Chart, step: float, shapely: Any) -> tuple[Floats, Floats]:
+def _shore(chart: Chart, step: float, shapely: ModuleType) -> tuple[Floats, Floats]:
     """Return points along the land's edge; there the shallowest of the adjoining area holds.
 
     A shore that dries stands at its drying height, a quay at the depth charted along it.

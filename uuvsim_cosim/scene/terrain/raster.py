@@ -8,12 +8,13 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.worlds.terrain import Terrain
 from uuvsim_cosim.scene.chart.projection import Projection, utm_code
 from uuvsim_cosim.scene.shared.extra import wanted
 from uuvsim_cosim.scene.terrain.chart import Made
@@ -21,8 +22,14 @@ from uuvsim_cosim.scene.terrain.grid import Grid, grid_over
 from uuvsim_cosim.scene.terrain.piece import Piece, shrunk
 from uuvsim_cosim.scene.terrain.relief_lost import Lost, place, relief_lost
 
+if TYPE_CHECKING:
+    from rasterio import DatasetReader
+    from rasterio.crs import CRS
+    from rasterio.enums import Resampling
+
 __all__ = ["raster_terrain"]
 
+Floats = NDArray[np.floating]
 _DEEPEST, _HIGHEST = 11_100.0, 9_000.0  # m; beyond lies nothing on Earth
 _METRES = {
     "": 1.0, "m": 1.0, "metre": 1.0, "meter": 1.0, "metres": 1.0, "meters": 1.0,
@@ -139,8 +146,8 @@ def raster_terrain(
 
 
 def _with_lost(
-    sigma: NDArray[Any] | None, lost: Lost | None, spacing: float, notes: list[str]
-) -> NDArray[Any] | None:
+    sigma: Floats | None, lost: Lost | None, spacing: float, notes: list[str]
+) -> Floats | None:
     """Return sigma with the relief that the terrain's nodes miss, and report it."""
     if lost is None:
         return sigma
@@ -150,11 +157,13 @@ def _with_lost(
         f"{100 * lost.share:.2g} % of the grid's variance, lies between them{part}; "
         f"sigma {'includes it' if sigma is not None else 'is this relief alone'}"
     )
-    spread: NDArray[Any] = lost.sigma.astype(np.float32)
+    spread: Floats = lost.sigma.astype(np.float32)
     return spread if sigma is None else np.hypot(sigma, spread)
 
 
-def _reference(file: Path, source: Any, crs: str | None, local: bool, notes: list[str]) -> Any:
+def _reference(
+    file: Path, source: DatasetReader, crs: str | None, local: bool, notes: list[str]
+) -> CRS:
     """Return the coordinate reference system that the file or the user states."""
     rasterio = wanted("rasterio", "reading a grid")
     if crs is not None and local:
@@ -182,7 +191,7 @@ def _reference(file: Path, source: Any, crs: str | None, local: bool, notes: lis
     return chosen
 
 
-def _cells(source: Any, crs: Any, code: str) -> tuple[float, tuple[float, float] | None]:
+def _cells(source: DatasetReader, crs: CRS, code: str) -> tuple[float, tuple[float, float] | None]:
     """Return the size of the cells [m], and the centre of one if all of them can be nodes."""
     rasterio = wanted("rasterio", "reading a grid")
     t = source.transform
@@ -194,7 +203,7 @@ def _cells(source: Any, crs: Any, code: str) -> tuple[float, tuple[float, float]
     return float(f"{cell:.3g}"), None
 
 
-def _refined(source: Any, resolution: float | None, notes: list[str]) -> Any:
+def _refined(source: DatasetReader, resolution: float | None, notes: list[str]) -> DatasetReader:
     """Return a BAG of variable resolution with its refined cells, not their coarse summary."""
     said = source.tags()
     if source.driver != "BAG" or said.get("HAS_SUPERGRIDS") != "TRUE":
@@ -209,7 +218,7 @@ def _refined(source: Any, resolution: float | None, notes: list[str]) -> Any:
         )
 
 
-def _check(file: Path, source: Any) -> None:
+def _check(file: Path, source: DatasetReader) -> None:
     if source.count < 1:
         subs = ", ".join(source.subdatasets[:3])
         raise InputInvalid(f"{file}: no band in it" + (f"; it holds {subs}" if subs else ""))
@@ -223,7 +232,7 @@ def _check(file: Path, source: Any) -> None:
             )
 
 
-def _inner(source: Any) -> tuple[float, float, float, float]:
+def _inner(source: DatasetReader) -> tuple[float, float, float, float]:
     """Return the bounds of the centres of the cells, between which nothing is extrapolated."""
     west, south, east, north = source.bounds
     south, north = min(south, north), max(south, north)
@@ -233,7 +242,7 @@ def _inner(source: Any) -> tuple[float, float, float, float]:
     return west + x, south + y, east - x, north - y
 
 
-def _code(source: Any, crs: Any) -> str:
+def _code(source: DatasetReader, crs: CRS) -> str:
     """Return the projection of the terrain: the grid's own if it is in true metres, else UTM."""
     rasterio = wanted("rasterio", "reading a grid")
     name = crs.to_wkt()[:200].lower()
@@ -250,8 +259,8 @@ def _code(source: Any, crs: Any) -> str:
 
 def _said(
     file: Path,
-    source: Any,
-    crs: Any,
+    source: DatasetReader,
+    crs: CRS,
     unit: str | None,
     positive: str | None,
     notes: list[str],
@@ -311,7 +320,7 @@ def _said(
     return _Said(metre, down, datum, 2 if has_sigma else 0, scaling)
 
 
-def _bag_datum(source: Any) -> str:
+def _bag_datum(source: DatasetReader) -> str:
     if "xml:BAG" not in source.tag_namespaces():
         return ""
     text = " ".join(source.tags(ns="xml:BAG").values())
@@ -324,10 +333,10 @@ def _bag_datum(source: Any) -> str:
 
 
 def _layers(
-    file: Path, source: Any, crs: Any, code: str, grid: Grid, way: Any, said: _Said
-) -> tuple[NDArray[Any], NDArray[Any] | None]:
+    file: Path, source: DatasetReader, crs: CRS, code: str, grid: Grid, way: Resampling, said: _Said
+) -> tuple[Floats, Floats | None]:
     vrt = wanted("rasterio.vrt", "reading a grid")
-    layers: list[NDArray[Any] | None] = []
+    layers: list[Floats | None] = []
     try:
         with vrt.WarpedVRT(
             source, src_crs=crs, crs=code, transform=grid.transform, width=grid.columns,
@@ -352,8 +361,8 @@ def _layers(
 
 
 def _without_holes(
-    z: NDArray[Any], sigma: NDArray[Any] | None, spacing: float, fill: float, notes: list[str]
-) -> tuple[NDArray[Any], NDArray[Any] | None]:
+    z: Floats, sigma: Floats | None, spacing: float, fill: float, notes: list[str]
+) -> tuple[Floats, Floats | None]:
     from scipy.ndimage import binary_fill_holes, distance_transform_edt
 
     known = np.isfinite(z)
@@ -381,7 +390,7 @@ def _without_holes(
     return z, sigma
 
 
-def _facts(file: Path, terrain: Any, said: _Said) -> dict[str, str]:
+def _facts(file: Path, terrain: Terrain, said: _Said) -> dict[str, str]:
     z = terrain.z[np.isfinite(terrain.z)] + 0.0  # no -0.0
     doubt = "not stated"
     if terrain.sigma is not None and np.isfinite(terrain.sigma).any():

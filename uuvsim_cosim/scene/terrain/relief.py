@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 __all__ = ["add_relief"]
 
+Floats = NDArray[np.float64]
 _SHARE = 0.3  # of the interpolation's standard deviation that the relief takes up
 _SLOPE = 3.0  # of the power spectrum, k^-3: between sand and rock of published seabeds
 _LONGEST = 200.0  # m; of the relief's waves
 
 
 def add_relief(
-    z: NDArray[Any], distance: Any, spread: Any, spacing: float, seed: int, band: tuple[Any, Any]
-) -> tuple[NDArray[Any], str]:
+    z: Floats, distance: Floats, spread: Floats, spacing: float, seed: int,
+    band: tuple[Floats, Floats],
+) -> tuple[Floats, str]:  # fmt: skip
     """Add noise with a power-law spectrum to depths z; gives the depths, and what to say of it.
 
     Nothing is added at the data; away from them the standard deviation is a share of that of the
@@ -36,7 +36,7 @@ def add_relief(
     )
 
 
-def _noise(shape: tuple[int, int], spacing: float, longest: float, seed: int) -> NDArray[Any]:
+def _noise(shape: tuple[int, int], spacing: float, longest: float, seed: int) -> Floats:
     """Return Gaussian noise of unit variance with a power-law spectrum, band-limited."""
     draws = np.random.Generator(np.random.Philox(key=seed)).standard_normal(shape)
     k = np.hypot(

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.scene.chart.codes import ZONES_OF_CONFIDENCE
-from uuvsim_cosim.scene.chart.read import Chart
+from uuvsim_cosim.scene.chart.read import Chart, Shapes
 from uuvsim_cosim.scene.shared.extra import wanted
 from uuvsim_cosim.scene.terrain.grid import Grid
 from uuvsim_cosim.scene.terrain.points import known_points
 from uuvsim_cosim.scene.terrain.tin import HoldOut, Triangulation
 
+if TYPE_CHECKING:
+    from shapely import Geometry
+
 __all__ = ["Prepared", "Surface", "prepared", "surface_on"]
 
 Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 _LEAST_LAND = 2.0  # m above the datum, where no area dries higher
 _SLACK = 0.05  # m; half of the least step in which depths are charted
@@ -54,9 +58,9 @@ class Surface:
 
     z: Floats  # m, down; NaN: unknown
     sigma: Floats  # m; NaN on land
-    land: Any  # whether land
-    charted: Any  # whether interpolated in a charted band
-    held: Any  # whether, of these, in it before clipping
+    land: Mask  # whether land
+    charted: Mask  # whether interpolated in a charted band
+    held: Mask  # whether, of these, in it before clipping
     relief: str = ""  # what is to be said of invented relief
 
 
@@ -112,11 +116,11 @@ def _land_height(chart: Chart) -> float:
     return max(float(dries), _LEAST_LAND)
 
 
-def _numbered(shapes: Any) -> tuple[Any, Any]:
+def _numbered(shapes: Shapes | list[Geometry]) -> tuple[Shapes | list[Geometry], range]:
     return shapes, range(len(shapes))
 
 
-def _bands(chart: Chart, grid: Grid) -> tuple[Any, tuple[Any, Any]]:
+def _bands(chart: Chart, grid: Grid) -> tuple[NDArray[np.int32], tuple[Floats, Floats]]:
     """Return each node's depth area (-1: none), its least and greatest depth (inf, -inf: dry)."""
     areas = chart.depth_areas
     area = grid.burn(*_numbered(areas.shapes))
@@ -128,7 +132,7 @@ def _bands(chart: Chart, grid: Grid) -> tuple[Any, tuple[Any, Any]]:
     return area, (low, high)
 
 
-def _distance_and_filled(grid: Grid, xy: Floats, raw: Floats, wet: Any) -> tuple[Floats, Floats]:
+def _distance_and_filled(grid: Grid, xy: Floats, raw: Floats, wet: Mask) -> tuple[Floats, Floats]:
     """Return each node's distance to data (m), and the depths where the nearest known fills."""
     from scipy.ndimage import distance_transform_edt
 

@@ -6,7 +6,6 @@ import struct
 import zlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,7 +114,7 @@ def _png(scene: Scene, terrain: Terrain, target: Path) -> list[Path]:
     return [target]
 
 
-def _png_bytes(levels: NDArray[Any], said: dict[str, str]) -> bytes:
+def _png_bytes(levels: NDArray[np.uint16], said: dict[str, str]) -> bytes:
     def chunk(kind: bytes, data: bytes) -> bytes:
         return (
             struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
