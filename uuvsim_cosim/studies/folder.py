@@ -6,11 +6,14 @@ import json
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, final
+from typing import TYPE_CHECKING, final
 
 from uuvsim_cosim.cache import content_hash, write_whole
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.studies.simulate_runs import Outcome
+
+if TYPE_CHECKING:
+    from pyarrow import Table
 
 __all__ = ["StudyFolder"]
 
@@ -25,7 +28,7 @@ class StudyFolder:
     Raises InputInvalid if something else lies there, or another study, unless `restart`.
     """
 
-    def __init__(self, path: Path, asked: Mapping[str, Any], restart: bool) -> None:
+    def __init__(self, path: Path, asked: Mapping[str, object], restart: bool) -> None:
         self.path = path.expanduser().absolute()
         self.parts = self.path / "parts"
         self.asked = json.loads(json.dumps(asked))
@@ -70,7 +73,7 @@ class StudyFolder:
         for name in OWN:
             (self.path / name).unlink(missing_ok=True)
 
-    def write(self, more: Mapping[str, Any]) -> None:
+    def write(self, more: Mapping[str, object]) -> None:
         """Write study.json: what was asked, and what there is to say beside it."""
         content = {"schema": SCHEMA_VERSION, "asked": self.asked, **more}
         text = json.dumps(content, indent=1, ensure_ascii=False)
@@ -110,7 +113,7 @@ class StudyFolder:
         name = f"{content_hash([json.dumps(list(map(int, runs)))])}.parquet"
         write_whole(self.parts / name, sink.getvalue())
 
-    def finish(self, table: Any, more: Mapping[str, Any]) -> Path:
+    def finish(self, table: Table, more: Mapping[str, object]) -> Path:
         """Write the one table, say what there is to say, and drop the parts."""
         import io
 
@@ -123,6 +126,6 @@ class StudyFolder:
         return self.path / "runs.parquet"
 
 
-def _short(value: Any) -> str:
+def _short(value: object) -> str:
     text = json.dumps(value, ensure_ascii=False)
     return text if len(text) <= 60 else f"{text[:57]}..."

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from itertools import product
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,7 +121,7 @@ class Runs:
                 found.append((q, t.name, t.element, text))
         return found
 
-    def about(self) -> list[dict[str, Any]]:
+    def about(self) -> list[dict[str, str]]:
         """Describe each column: its unit, and whether it is a grid's axis or drawn."""
         axes = {id(q) for q in self.grid}
         return [

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -158,7 +157,7 @@ def grid_of(
     )
 
 
-def _times(signals: Signals, first: float, last: float | None) -> tuple[Array, Any]:
+def _times(signals: Signals, first: float, last: float | None) -> tuple[Array, NDArray[np.intp]]:
     time = np.asarray(signals.time, dtype=float)
     keep = np.isfinite(time) & (time >= first) & (time <= (np.inf if last is None else last))
     # A communication point may have been recorded twice (a restart): the first counts.
@@ -246,7 +245,7 @@ def _measured(t: Array, values: Array, grid: Array, h: float, angle: bool) -> Ar
 class _Supply:
     """Columns of feeds over the recording's own times: recorded, computed, or a start value."""
 
-    def __init__(self, plan: Plan, lookup: Lookup, t: Array, place: Any) -> None:
+    def __init__(self, plan: Plan, lookup: Lookup, t: Array, place: NDArray[np.intp]) -> None:
         self.plan, self.lookup, self.t, self.place = plan, lookup, t, place
         self.computed: list[str] = []
         self._done: dict[int, Mapping[str, Array] | None] = {}
