@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -21,6 +21,9 @@ from uuvsim_cosim.commands.shared.terminal import (
     tilde,
 )
 from uuvsim_cosim.errors import InputInvalid
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.models.checks.reference_trajectory import Deviation
 
 __all__ = ["app"]
 
@@ -86,7 +89,7 @@ def show(
               key="presets")  # fmt: skip
 
 
-def _start(value: Any) -> Shown | str:
+def _start(value: object) -> Shown | str:
     import numpy as np
 
     if value is None:
@@ -150,7 +153,7 @@ def _check_against(name: str, path: Path, tolerance: float, relative: bool) -> N
         key="deviations",
     )
 
-    def off(d: Any) -> float:
+    def off(d: Deviation) -> float:
         return float(min(d.max, d.relative) if relative else d.max)
 
     worst = max(found, key=off)

@@ -32,11 +32,11 @@ class Answer:
     _out: TextIO | None = None
     _written: bool = False
 
-    def put(self, key: str, value: Any) -> None:
+    def put(self, key: str, value: object) -> None:
         """Set a field of the JSON object; text and quiet answers do not have it."""
         self.fields[key] = value
 
-    def add(self, key: str, *values: Any) -> None:
+    def add(self, key: str, *values: object) -> None:
         """Append to a list in the JSON object."""
         self.fields.setdefault(key, []).extend(values)
 
@@ -136,11 +136,11 @@ def _flush_compiled() -> None:
         ctypes.CDLL(None).fflush(None)
 
 
-def error_fields(error: BaseException | None, message: str, status: int) -> dict[str, Any]:
+def error_fields(error: BaseException | None, message: str, status: int) -> dict[str, object]:
     """Return the field `error` of a command that did not succeed."""
     kind = type(error).__name__ if error is not None else "Refused"
     if isinstance(error, ComponentFailed):
-        place: dict[str, Any] = {"component": error.path, "time": error.time}
+        place = {"component": error.path, "time": error.time}
         return {"type": kind, "status": status, "message": message, **place, "reason": error.reason}
     problems = error.problems if isinstance(error, SystemInvalid) else (Problem.of(message),)
     found = [{"place": p.place, "value": p.read, "expected": p.expected} for p in problems]

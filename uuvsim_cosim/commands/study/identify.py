@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -24,6 +24,7 @@ from uuvsim_cosim.commands.shared.terminal import (
 from uuvsim_cosim.errors import InputInvalid
 
 if TYPE_CHECKING:
+    from uuvsim_cosim.orchestrator.system.system import System
     from uuvsim_cosim.studies.identification.experiment import Proposal
     from uuvsim_cosim.studies.identification.identify import Identified
 
@@ -135,7 +136,7 @@ def identify_command(
         remark("note", f"ipopt ended with {found.status} after {found.iterations} iterations")
 
 
-def _edited(name: str, replace: list[str], set_: list[str]) -> Any:
+def _edited(name: str, replace: list[str], set_: list[str]) -> System:
     if name.startswith("model:"):
         from uuvsim_cosim.orchestrator.system.system import System
 
