@@ -99,12 +99,27 @@ def study_html(
 ) -> str:
     """Return the report as one HTML page."""
     grid = [p for p in about["parameters"] if p["kind"] == "grid" and _varies(columns, p)]
+    points = len({i["point"] for i in about["intervals"]})
+    runs = f"{about['runs']} runs"
+    if points > 1:
+        runs += f": {points} grid points, {about['runs'] // points} seeds"
+    facts = [f"{about['system']}, {about['duration']:g} s", runs]
+    if about["failed"]:
+        facts.append(f"{about['failed']} failed")
     body = [
-        f"<header><h1>{escape(about['name'])}</h1><p>{escape(_subtitle(about))}</p></header>",
+        f"<header><h1>{escape(about['name'])}</h1><p>{escape(' · '.join(facts))}</p></header>",
         *(f"<p>{escape(remark)}</p>" for remark in about["remarks"]),
     ]
     body += [_section(metric, about, grid, columns) for metric in about["metrics"]]
-    body += [_table(about, grid), _failures(failures, columns), _asked(about)]
+    rows = "".join(
+        f"<tr><th>{escape(k)}</th><td>{escape(_text(v))}</td></tr>"
+        for k, v in about["asked"].items()
+    )
+    body += [_table(about, grid), _failures(failures, columns)]
+    body.append(
+        '<details class="card"><summary>What was asked</summary>'
+        f"<table><tbody>{rows}</tbody></table></details>"
+    )
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width,initial-scale=1">'
@@ -116,18 +131,6 @@ def study_html(
 
 def _varies(columns: Mapping[str, Array], parameter: Parameter) -> bool:
     return len(np.unique(columns[parameter["name"]])) > 1
-
-
-def _subtitle(about: StudyFile) -> str:
-    points = len({i["point"] for i in about["intervals"]})
-    parts = [
-        f"{about['system']}, {about['duration']:g} s",
-        f"{about['runs']} runs"
-        + (f": {points} grid points, {about['runs'] // points} seeds" if points > 1 else ""),
-    ]
-    if about["failed"]:
-        parts.append(f"{about['failed']} failed")
-    return " · ".join(parts)
 
 
 def _section(
@@ -255,17 +258,6 @@ def _failures(failures: Sequence[str | None], columns: Mapping[str, Array]) -> s
         f"<h2>{len(failed)} runs failed</h2>"
         '<div class="card"><table><thead><tr><th>run</th><th>seed</th><th>failure</th></tr></thead>'
         f"<tbody>{rows}</tbody></table>{more}</div>"
-    )
-
-
-def _asked(about: StudyFile) -> str:
-    rows = "".join(
-        f"<tr><th>{escape(k)}</th><td>{escape(_text(v))}</td></tr>"
-        for k, v in about["asked"].items()
-    )
-    return (
-        '<details class="card"><summary>What was asked</summary>'
-        f"<table><tbody>{rows}</tbody></table></details>"
     )
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -81,9 +81,22 @@ class FoxgloveScene:
         _say(writer, scene, begin, {"deletions": [], "entities": self._entities(begin)})
         points = [echoes(b, self.motion) for b in self.stage.bodies]
         if any(len(p) for p in points):
-            self._cloud(writer, np.concatenate(points), begin)
+            channel = _channel(writer, "/echoes", "foxglove.PointCloud", {"data": "string"})
+            fields = [{"name": n, "offset": 4 * i, "type": 7} for i, n in enumerate("xyz")]
+            data = base64.b64encode(np.concatenate(points).astype("<f4").tobytes()).decode()
+            _say(writer, channel, begin, {
+                "timestamp": _stamp(begin), "frame_id": "ned", "pose": _still(), "point_stride": 12,
+                "fields": fields, "data": data,
+            })  # fmt: skip
         if self.stage.lines:
-            self._path(writer, begin)
+            channel = _channel(writer, "/path", "foxglove.PosesInFrame", {"poses": "array"})
+            poses = [
+                {"position": _point(p), "orientation": {"x": 0, "y": 0, "z": 0, "w": 1}}
+                for line in self.stage.lines
+                for p in line.points.tolist()
+            ]
+            message = {"timestamp": _stamp(begin), "frame_id": "ned", "poses": poses}
+            _say(writer, channel, begin, message)
         for k, at in enumerate(self.nanoseconds):
             _say(writer, tf, at, {"transforms": self._transforms(k, at)})
             entities = [
@@ -144,24 +157,6 @@ class FoxgloveScene:
             points += [r, r + length * e]
         return _strip(np.array(points), ARROW) | {"type": 2, "thickness": 4.0}
 
-    def _cloud(self, writer: Writer, points: Array, at: int) -> None:
-        channel = _channel(writer, "/echoes", "foxglove.PointCloud", {"data": "string"})
-        fields = [{"name": n, "offset": 4 * i, "type": 7} for i, n in enumerate("xyz")]
-        data = base64.b64encode(points.astype("<f4").tobytes()).decode()
-        _say(writer, channel, at, {
-            "timestamp": _stamp(at), "frame_id": "ned", "pose": _still(), "point_stride": 12,
-            "fields": fields, "data": data,
-        })  # fmt: skip
-
-    def _path(self, writer: Writer, at: int) -> None:
-        channel = _channel(writer, "/path", "foxglove.PosesInFrame", {"poses": "array"})
-        poses = [
-            {"position": _point(p), "orientation": {"x": 0, "y": 0, "z": 0, "w": 1}}
-            for line in self.stage.lines
-            for p in line.points.tolist()
-        ]
-        _say(writer, channel, at, {"timestamp": _stamp(at), "frame_id": "ned", "poses": poses})
-
 
 def _channel(writer: Writer, topic: str, name: str, fields: dict[str, str]) -> int:
     properties = {
@@ -176,7 +171,7 @@ def _channel(writer: Writer, topic: str, name: str, fields: dict[str, str]) -> i
     return int(writer.register_channel(topic=topic, message_encoding="json", schema_id=schema))
 
 
-def _say(writer: Writer, channel: int, at: int, message: dict[str, object]) -> None:
+def _say(writer: Writer, channel: int, at: int, message: Mapping[str, object]) -> None:
     data = json.dumps(message, separators=(",", ":"), allow_nan=False).encode()
     writer.add_message(channel, log_time=at, publish_time=at, data=data)
 

@@ -120,23 +120,20 @@ class LiveView:
 
     def _draw(self) -> None:
         try:
-            self._drawn()
+            page: _Page | None = None
+            while not self._over.wait(1.0 / FRAMES):
+                if not self.server.get_clients() or not len(self.history):
+                    continue
+                with self._lock:
+                    newest = self.history.traces(self._names, self._units, last=True)
+                    due = page is None or self._clock() - page.told >= 1.0 / SLOW
+                    whole = self.history.traces(self._names, self._units) if due else None
+                if page is None:
+                    self._waiting.remove()
+                    page = _Page(self.server, self, newest)
+                page.show(newest, whole, self._clock())
         except Exception as error:  # the run is worth more than its picture
             self.failure = error
-
-    def _drawn(self) -> None:
-        page: _Page | None = None
-        while not self._over.wait(1.0 / FRAMES):
-            if not self.server.get_clients() or not len(self.history):
-                continue
-            with self._lock:
-                newest = self.history.traces(self._names, self._units, last=True)
-                due = page is None or self._clock() - page.told >= 1.0 / SLOW
-                whole = self.history.traces(self._names, self._units) if due else None
-            if page is None:
-                self._waiting.remove()
-                page = _Page(self.server, self, newest)
-            page.show(newest, whole, self._clock())
 
 
 class _Page:

@@ -11,7 +11,6 @@ import numpy as np
 
 from uuvsim_cosim.cache import whole_file
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.view.recorded.traces import Traces
 from uuvsim_cosim.view.scene3d.colours import (
     ARROW,
     BODIES,
@@ -53,7 +52,15 @@ def export_rrd(run: str | Path, out: Path) -> Path:
         try:
             _still(recording, rerun, stage, motion)
             _moving(recording, rerun, stage, motion)
-            _signals(recording, rerun, traces)
+            when = [rerun.TimeColumn("time", duration=traces.time)]
+            for name, values in traces.values.items():
+                table = values.reshape(len(values), -1)
+                if table.shape[1] > 64:
+                    continue
+                place = "signals/" + "/".join(_name(part) for part in name.split("."))
+                columns = rerun.Scalars.columns(scalars=table.reshape(-1).astype(float))
+                parts = columns.partition([table.shape[1]] * len(table))
+                recording.send_columns(place, when, parts)
             recording.flush()
         finally:
             recording.disconnect()
@@ -123,17 +130,6 @@ def _moving(to: RecordingStream, rr: ModuleType, stage: Stage, motion: Motion) -
         place = f"world/{_name(body.name)}/thrust"
         to.log(place, rr.Arrows3D.from_fields(colors=[rgb(ARROW)]), static=True)
         to.send_columns(place, [rr.TimeColumn("time", duration=motion.time[picks])], columns)
-
-
-def _signals(to: RecordingStream, rr: ModuleType, traces: Traces) -> None:
-    when = [rr.TimeColumn("time", duration=traces.time)]
-    for name, values in traces.values.items():
-        table = values.reshape(len(values), -1)
-        if table.shape[1] > 64:
-            continue
-        place = "signals/" + "/".join(_name(part) for part in name.split("."))
-        columns = rr.Scalars.columns(scalars=table.reshape(-1).astype(float))
-        to.send_columns(place, when, columns.partition([table.shape[1]] * len(table)))
 
 
 def _name(text: str) -> str:

@@ -97,7 +97,12 @@ def scene_data(stage: Stage, motion: Motion) -> dict[str, Any]:
         margin = max(AROUND * float(max(high[:2] - low[:2])), 60.0)
         data["terrain"] = _terrain(cropped(stage.terrain, low, high, margin))
     around = low[:2] - margin, high[:2] + margin
-    shown = [s for s in stage.solids if stage.terrain is None or _within(s.mesh, *around)]
+    shown = []
+    for solid in stage.solids:  # those far from a terrain's part are left out
+        places = solid.mesh.vertices[:, :2]
+        near = (places.max(axis=0) > around[0]).all() and (places.min(axis=0) < around[1]).all()
+        if stage.terrain is None or near:
+            shown.append(solid)
     if stage.terrain is None and stage.bottom is not None:
         shown.append(Solid("bottom", floor(*around, stage.bottom), "floor"))
     if stage.terrain is not None or stage.bottom is not None:
@@ -106,11 +111,6 @@ def scene_data(stage: Stage, motion: Motion) -> dict[str, Any]:
         colour, alpha = SOLIDS.get(solid.kind, PATH), ALPHA.get(solid.kind, 1)
         data["solids"].append({**_mesh(solid.mesh), "colour": colour, "alpha": alpha})
     return data
-
-
-def _within(mesh: Mesh, low: Array, high: Array) -> bool:
-    at = mesh.vertices[:, :2]
-    return bool((at.max(axis=0) > low).all() and (at.min(axis=0) < high).all())
 
 
 def _own(name: str) -> str:

@@ -78,8 +78,9 @@ class Panel:
         """Say what could not be drawn."""
         if stage.notes:
             with self.server.gui.add_folder("Not drawn", expand_by_default=False):
-                said = "\n".join(f"- {_plain(note)}" for note in stage.notes)
-                self.server.gui.add_markdown(said)
+                # In backquotes, MDX does not read a note as markup.
+                notes = [note.replace("`", "'").replace("\n", " ") for note in stage.notes]
+                self.server.gui.add_markdown("\n".join(f"- `{note}`" for note in notes))
 
     def plot(self, traces: Traces, t: float | None = None) -> None:
         """Draw the chosen plots anew."""
@@ -103,14 +104,12 @@ class Panel:
                 camera = client.camera
                 with client.atomic():
                     if before is None:
-                        size = max(4.0 * self._size(self.follow.value), 1.0)
+                        sizes = {b.name: b.size for b in self.drawn.stage.bodies}
+                        size = max(4.0 * sizes.get(self.follow.value, 0.5), 1.0)
                         camera.position = here + np.array([-size, -0.7 * size, -0.7 * size])
                     else:
                         camera.position = camera.position + (here - before)
                     camera.look_at = here
-
-    def _size(self, name: str) -> float:
-        return next((b.size for b in self.drawn.stage.bodies if b.name == name), 0.5)
 
     def _go_home(self, event: GuiEvent) -> None:
         self.follow.value = NOBODY
@@ -129,8 +128,3 @@ class Panel:
     def signals(self, traces: Traces) -> list[str]:
         """List the signals to choose from."""
         return plotted(traces)
-
-
-def _plain(text: str) -> str:
-    """Keep MDX from reading a sentence as markup."""
-    return "`" + text.replace("`", "'").replace("\n", " ") + "`"
