@@ -29,7 +29,7 @@ from uuvsim_cosim.commands.models import fmu, models, new, terrain
 from uuvsim_cosim.commands.run import compare, export, pack, report, run, systems, view
 from uuvsim_cosim.commands.run import map as map_
 from uuvsim_cosim.commands.serve import access, matlab, serve
-from uuvsim_cosim.commands.shared.answer import Answer, answer, answering, error_fields, mode_of
+from uuvsim_cosim.commands.shared.answer import answer, answering, error_fields, mode_of
 from uuvsim_cosim.commands.shared.common_options import complete, path_of
 from uuvsim_cosim.commands.shared.completion import whole_words
 from uuvsim_cosim.commands.shared.terminal import line, notice, put
@@ -134,7 +134,10 @@ def status_of(arguments: list[str] | None = None) -> int:
     with suppress(BrokenPipeError), answering(mode_of(given)) as found:
         found.put("command", path_of(command, given))
         status = _status(command, given)
-        _finish(found, status)
+        found.put("status", status)
+        if status == 130 and "error" not in found.fields:
+            said = found.fields.get("messages", ["interrupted"])[-1]
+            found.put("error", error_fields(KeyboardInterrupt(), said, status))
     return status
 
 
@@ -173,14 +176,6 @@ def _unexpected(error: Exception) -> int:
         1,
         error,
     )
-
-
-def _finish(found: Answer, status: int) -> None:
-    """Put the exit status into the answer, and why there is no success, if nobody did."""
-    found.put("status", status)
-    if status == 130 and "error" not in found.fields:
-        said = found.fields.get("messages", ["interrupted"])[-1]
-        found.put("error", error_fields(KeyboardInterrupt(), said, status))
 
 
 def _usage(error: Any, message: str) -> str:

@@ -49,17 +49,13 @@ def doctor_command() -> None:
     put("extras", {})
     for extra, wanted in packages().items():
         if extra:
-            _show_extra(extra, wanted)
-
-
-def _show_extra(extra: str, wanted: dict[str, str | None]) -> None:
-    missing = [name for name, number in wanted.items() if number is None]
-    there = ", ".join(f"{name} {number}" for name, number in wanted.items() if number)
-    said = there if not missing else f"without {', '.join(missing)}"
-    purpose = EXTRAS.get(extra, "")
-    line(f"{extra:13} {'installed' if not missing else 'MISSING'}: {purpose} ({said})")
-    entry = {"installed": not missing, "for": purpose, "packages": wanted}
-    put("extras", {**answer().fields["extras"], extra: entry})
+            missing = [name for name, number in wanted.items() if number is None]
+            there = ", ".join(f"{name} {number}" for name, number in wanted.items() if number)
+            said = there if not missing else f"without {', '.join(missing)}"
+            purpose = EXTRAS.get(extra, "")
+            line(f"{extra:13} {'installed' if not missing else 'MISSING'}: {purpose} ({said})")
+            entry = {"installed": not missing, "for": purpose, "packages": wanted}
+            put("extras", {**answer().fields["extras"], extra: entry})
 
 
 def facts() -> dict[str, str]:

@@ -108,7 +108,9 @@ def train_command(
         return
     with TrainingProgress() as progress:
         try:
-            done = _trained(asked, out, restart, progress)
+            from uuvsim_cosim.learn.training.train import train
+
+            done = train(asked, folder=out, restart=restart, observers=(progress,))
             report = None if no_report else _report(done, progress)
         except KeyboardInterrupt as interrupted:
             progress.close()
@@ -130,14 +132,6 @@ def _config(task: str | None, file: Path | None, changes: dict[str, Any]) -> Tra
     if task is None:
         raise InputInvalid("no task; expected one, as in `uuvsim train transition_1`, or --config")
     return TrainingConfig(**changes)
-
-
-def _trained(
-    config: TrainingConfig, out: Path | None, restart: bool, progress: TrainingProgress
-) -> Trained:
-    from uuvsim_cosim.learn.training.train import train
-
-    return train(config, folder=out, restart=restart, observers=(progress,))
 
 
 def _report(done: Trained, progress: TrainingProgress) -> Path:

@@ -149,7 +149,15 @@ def _check_against(name: str, path: Path, tolerance: float, relative: bool) -> N
         line(note)
     table(
         ("column", "largest deviation", "of its greatest value", "at t [s]"),
-        [(d.column, number(d.max, ".3g"), _share(d.relative), number(d.t, "g")) for d in found],
+        [
+            (
+                d.column,
+                number(d.max, ".3g"),
+                Shown(d.relative, f"{d.relative:.3g}" if d.relative < 1e3 else "-"),
+                number(d.t, "g"),
+            )
+            for d in found
+        ],
         key="deviations",
     )
 
@@ -164,10 +172,6 @@ def _check_against(name: str, path: Path, tolerance: float, relative: bool) -> N
             f"t = {worst.t:g} s; expected at most {tolerance:g}"
         )
     line(f"{name} agrees with {path.name} within {tolerance:g}{' relative' if relative else ''}")
-
-
-def _share(relative: float) -> Shown:
-    return Shown(relative, f"{relative:.3g}" if relative < 1e3 else "-")
 
 
 def _check_all(name: str | None, groups: set[str]) -> None:

@@ -122,18 +122,14 @@ def _kept_output() -> Iterator[TextIO]:
         with open(os.dup(kept), "w", encoding="utf-8") as own:
             yield own
     finally:
-        _flush_compiled()
+        import ctypes
+
+        # Compiled code buffers what it prints into a pipe until the process ends: flush it now.
+        with suppress(OSError, AttributeError, TypeError):  # Windows: each binary has its own
+            ctypes.CDLL(None).fflush(None)
         os.dup2(kept, 1)
         os.close(kept)
         sys.stdout = out
-
-
-def _flush_compiled() -> None:
-    """Write out what compiled code has printed so far: a pipe's buffer waits until the exit."""
-    import ctypes
-
-    with suppress(OSError, AttributeError, TypeError):  # Windows: each binary has its own
-        ctypes.CDLL(None).fflush(None)
 
 
 def error_fields(error: BaseException | None, message: str, status: int) -> dict[str, object]:

@@ -25,7 +25,6 @@ from uuvsim_cosim.errors import InputInvalid
 
 if TYPE_CHECKING:
     from uuvsim_cosim.orchestrator.system.system import System
-    from uuvsim_cosim.studies.identification.experiment import Proposal
     from uuvsim_cosim.studies.identification.identify import Identified
 
 __all__ = ["identify_command"]
@@ -125,7 +124,13 @@ def identify_command(
             raise InputInvalid(
                 "--manoeuvre: nothing pushes in what is identified; none can be flown"
             )
-        written(manoeuvre, _csv(found.proposals[0]))
+        p = found.proposals[0]
+        rows = [f"# {p.name}: generalised force in b, held from row to row (zero-order hold)"]
+        rows.append("time,tau[1],tau[2],tau[3],tau[4],tau[5],tau[6]")
+        rows += [
+            ",".join(f"{v:.6g}" for v in (t, *force)) for t, force in zip(p.t, p.tau, strict=True)
+        ]
+        written(manoeuvre, "\n".join(rows) + "\n")
         file_line(manoeuvre, f"written: {tilde(manoeuvre)}")
     if save_as is not None:
         for saved in save(found, save_as):
@@ -195,10 +200,3 @@ def _show(found: Identified) -> None:
             ],
             key="manoeuvres",
         )
-
-
-def _csv(p: Proposal) -> str:
-    rows = [f"# {p.name}: generalised force in b, held from row to row (zero-order hold)"]
-    rows.append("time,tau[1],tau[2],tau[3],tau[4],tau[5],tau[6]")
-    rows += [",".join(f"{v:.6g}" for v in (t, *force)) for t, force in zip(p.t, p.tau, strict=True)]
-    return "\n".join(rows) + "\n"

@@ -104,12 +104,14 @@ class Panel:
                 camera = client.camera
                 with client.atomic():
                     if before is None:
-                        sizes = {b.name: b.size for b in self.drawn.stage.bodies}
-                        size = max(4.0 * sizes.get(self.follow.value, 0.5), 1.0)
+                        size = max(4.0 * self._size(self.follow.value), 1.0)
                         camera.position = here + np.array([-size, -0.7 * size, -0.7 * size])
                     else:
                         camera.position = camera.position + (here - before)
                     camera.look_at = here
+
+    def _size(self, name: str) -> float:
+        return next((b.size for b in self.drawn.stage.bodies if b.name == name), 0.5)
 
     def _go_home(self, event: GuiEvent) -> None:
         self.follow.value = NOBODY
