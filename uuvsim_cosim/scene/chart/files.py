@@ -182,14 +182,11 @@ def in_sequence(files: ChartFiles) -> Iterator[Path]:
         folder = Path(name)
         targets = (files.base, *files.updates)
         for number, target in enumerate(targets):
-            _link(target.resolve(), folder / f"{files.base.stem}.{number:03d}")
+            link = folder / f"{files.base.stem}.{number:03d}"
+            try:
+                link.symlink_to(target.resolve())
+            except OSError:  # Windows needs a right for links that not every user has
+                from shutil import copyfile
+
+                copyfile(target.resolve(), link)
         yield folder / f"{files.base.stem}.000"
-
-
-def _link(target: Path, link: Path) -> None:
-    try:
-        link.symlink_to(target)
-    except OSError:  # Windows, without the right to
-        from shutil import copyfile
-
-        copyfile(target, link)

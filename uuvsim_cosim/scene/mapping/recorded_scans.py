@@ -12,7 +12,7 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.sensors.beams import PRESETS
 from uuvsim_cosim.orchestrator.plan.plan import PlannedComponent
 from uuvsim_cosim.orchestrator.recording.signals import Signals
-from uuvsim_cosim.scene.mapping.scans import Array, Sonde, Taken, rotation, sonde
+from uuvsim_cosim.scene.mapping.scans import Sonde, Taken, rotation, sonde
 
 __all__ = ["recorded_sonde"]
 
@@ -38,7 +38,13 @@ def recorded_sonde(run: Path, component: str, signals: Signals) -> Sonde:
         found = replace(found, r_s=np.array(planned.start["r_s"], float))
     if "Theta_s" in planned.start:
         found = replace(found, R_bs=rotation(*np.array(planned.start["Theta_s"], float)))
-    t, ranges = _readings(run, f"{component}.{OUTPUTS[kind]}", f"{component}.t_sample", signals)
+    reading, sample = f"{component}.{OUTPUTS[kind]}", f"{component}.t_sample"
+    if reading not in signals or sample not in signals:
+        raise InputInvalid(f"{run}: {reading} was not recorded; expected a run of this system")
+    t, first = np.unique(signals[sample], return_index=True)
+    first, t = first[t >= 0], t[t >= 0]  # before the first sample it is -1
+    ranges = np.asarray(signals[reading], float)[first]
+    ranges = np.where(ranges > 0, ranges, np.nan)  # NaN without an echo
     if kind == "depth_camera" and options.get("reading", "depth") == "depth":
         ranges = ranges / found.directions[:, 2]
     period = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
@@ -55,13 +61,3 @@ def _planned(run: Path, component: str) -> PlannedComponent:
             return planned
     known = ", ".join(c.path for c in plan.components)
     raise InputInvalid(f"{run}: its system has no component {component!r}; expected one of {known}")
-
-
-def _readings(run: Path, reading: str, sample: str, signals: Signals) -> tuple[Array, Array]:
-    """Return the times of the samples (k,) [s] and their readings (k, n), NaN without an echo."""
-    if reading not in signals or sample not in signals:
-        raise InputInvalid(f"{run}: {reading} was not recorded; expected a run of this system")
-    t, first = np.unique(signals[sample], return_index=True)
-    first, t = first[t >= 0], t[t >= 0]  # before the first sample it is -1
-    found = np.asarray(signals[reading], float)[first]
-    return t, np.where(found > 0, found, np.nan)

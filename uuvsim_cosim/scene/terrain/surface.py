@@ -67,12 +67,22 @@ class Surface:
 def prepared(chart: Chart, spacing: float, land: float | None) -> Prepared:
     """Triangulate a chart for grids of a spacing (m), and leave its soundings out one by one."""
     mesh = Triangulation(known_points(chart, spacing))
-    height = _land_height(chart) if land is None else land
+    if land is None:  # as high as the highest area that dries
+        dries = chart.depth_areas.low
+        dries = dries[np.isfinite(dries)]
+        land = max(float(-dries.min()) if len(dries) else 0.0, _LEAST_LAND)
     low, high = _charted(chart, mesh.points.xy[: mesh.points.soundings])
     sounded, beyond = mesh.points.z[: len(low)], np.zeros(len(mesh.points.z))
     apart = np.maximum(low - sounded, sounded - high)
     beyond[: len(low)] = np.where((low <= high) & (apart > _SLACK), apart, 0.0)
-    return Prepared(chart, mesh, _hold_out(chart, mesh), height, beyond)
+    # Soundings are left out one by one; what is interpolated there is clipped as the terrain is.
+    rows, value, slope, distance = mesh.left_out()
+    low, high = _charted(chart, mesh.points.xy[rows])
+    charted = low <= high
+    value[charted] = np.clip(value[charted], low[charted], high[charted])
+    kept = np.isfinite(value)
+    hold_out = HoldOut((value - mesh.points.z[rows])[kept], distance[kept], slope[kept])
+    return Prepared(chart, mesh, hold_out, land, beyond)
 
 
 def surface_on(of: Prepared, grid: Grid, relief: int | None = None) -> Surface:
@@ -110,12 +120,6 @@ def surface_on(of: Prepared, grid: Grid, relief: int | None = None) -> Surface:
     return Surface(z, sigma, land, charted, held, said)
 
 
-def _land_height(chart: Chart) -> float:
-    low = chart.depth_areas.low
-    dries = -low[np.isfinite(low)].min() if np.isfinite(low).any() else 0.0
-    return max(float(dries), _LEAST_LAND)
-
-
 def _numbered(shapes: Shapes | list[Geometry]) -> tuple[Shapes | list[Geometry], range]:
     return shapes, range(len(shapes))
 
@@ -151,17 +155,6 @@ def _distance_and_filled(grid: Grid, xy: Floats, raw: Floats, wet: Mask) -> tupl
         at = distance_transform_edt(np.isnan(raw), return_distances=False, return_indices=True)
         raw = np.where(missing, raw[tuple(at)], raw)
     return distance, raw
-
-
-def _hold_out(chart: Chart, mesh: Triangulation) -> HoldOut:
-    """Leave out soundings one by one; what is interpolated is clipped as the terrain is."""
-    rows, value, slope, distance = mesh.left_out()
-    points = mesh.points
-    low, high = _charted(chart, points.xy[rows])
-    charted = low <= high
-    value[charted] = np.clip(value[charted], low[charted], high[charted])
-    kept = np.isfinite(value)
-    return HoldOut((value - points.z[rows])[kept], distance[kept], slope[kept])
 
 
 def _charted(chart: Chart, xy: Floats) -> tuple[Floats, Floats]:
