@@ -60,11 +60,12 @@ def doctor_command() -> None:
 
 def facts() -> dict[str, str]:
     """Return version, platform, compiler and cache; no paths but those below ~."""
+    libc = " ".join(platform.libc_ver())
     return {
         "uuvsim-cosim": __version__,
         "python": f"{platform.python_version()} ({platform.python_implementation()})",
         "platform": f"{platform.system()} {platform.release()}, {platform.machine()}"
-        f"{_libc()}, {os.cpu_count()} processors",
+        f"{f', {libc}' if platform.libc_ver()[0] else ''}, {os.cpu_count()} processors",
         "compiler": _compiler(),
         "cache": _cache(),
     }
@@ -98,11 +99,6 @@ def _version(name: str) -> str | None:
         return version(name)
     except PackageNotFoundError:
         return None
-
-
-def _libc() -> str:
-    name, number = platform.libc_ver()
-    return f", {name} {number}" if name else ""
 
 
 def _hidden(text: str) -> str:

@@ -35,7 +35,9 @@ class StudyFolder:
         if self.path.exists() and not self.path.is_dir():
             raise InputInvalid(f"{self.path}: is a file; expected a folder")
         if restart and (self.path / "study.json").is_file():
-            self._clear()
+            shutil.rmtree(self.parts, ignore_errors=True)
+            for name in OWN:
+                (self.path / name).unlink(missing_ok=True)
         try:
             self._check()
             self.parts.mkdir(parents=True, exist_ok=True)
@@ -67,11 +69,6 @@ class StudyFolder:
                 f"{self.path}: was begun as another study: {told}; expected the same one, another "
                 "folder, or --restart, which begins anew"
             )
-
-    def _clear(self) -> None:
-        shutil.rmtree(self.parts, ignore_errors=True)
-        for name in OWN:
-            (self.path / name).unlink(missing_ok=True)
 
     def write(self, more: Mapping[str, object]) -> None:
         """Write study.json: what was asked, and what there is to say beside it."""

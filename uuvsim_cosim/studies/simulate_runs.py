@@ -92,7 +92,9 @@ class MasterRuns:
         self._plan = flatten(script.system)
         self._instantiate = prepare(self._plan, "native")
         self._master: Master | None = None
+        # The longest first: a path may be the beginning of another one.
         self._paths = sorted((c.path for c in self._plan.components), key=len, reverse=True)
+        self._variables = {c.path: c.description.variables for c in self._plan.components}
 
     def runs(self, seeds: Sequence[int], start: Starts) -> list[Outcome]:
         """Simulate one after the other."""
@@ -111,7 +113,13 @@ class MasterRuns:
                 self._master = Master(self._plan, self._instantiate, measured=False)
                 self._master.initialize()
             master = self._master
-            master.reset(seed, self._by_component(start))
+            starts: dict[str, dict[str, object]] = {}
+            for name, value in start.items():
+                path, own = self._split(name)
+                dtype = DTYPES[self._variables[path][own].type]
+                array = np.asarray(value).astype(dtype)
+                starts.setdefault(path, {})[own] = array if array.ndim else array.item()
+            master.reset(seed, starts)
             points = [self._split(name) for name in script.signals]
             sampled: list[list[Array]] = [[] for _ in points]
             reached = 0
@@ -132,16 +140,6 @@ class MasterRuns:
     def _split(self, name: str) -> tuple[str, str]:
         path = next(p for p in self._paths if name.startswith(f"{p}."))
         return path, name[len(path) + 1 :]
-
-    def _by_component(self, start: Starts) -> dict[str, dict[str, object]]:
-        found: dict[str, dict[str, object]] = {}
-        variables = {c.path: c.description.variables for c in self._plan.components}
-        for name, value in start.items():
-            path, own = self._split(name)
-            kind = variables[path][own].type
-            array = np.asarray(value).astype(DTYPES[kind])
-            found.setdefault(path, {})[own] = array if array.ndim else array.item()
-        return found
 
 
 @final
@@ -169,7 +167,13 @@ class KernelRuns:
         filled = {k: np.asarray(v)[place] for k, v in start.items()}
         words = [int(seeds[i]) % 2**64 for i in place]
         if self._batch is None:
-            self._batch = self._first()
+            try:
+                self._batch = self._kernel.batch(self._n, threads=self._threads)
+            except ComponentFailed as error:
+                raise UuvsimError(
+                    f"{self.script.system.name}: fails as it is given, before any parameter is "
+                    f"varied: {error}"
+                ) from error
         batch = self._batch
         batch.reset(seeds=words, start=filled, check=False)
         script, signals = self.script, self.script.signals
@@ -198,15 +202,6 @@ class KernelRuns:
             self._batch = None
         if self._master is not None:
             self._master.close()
-
-    def _first(self) -> Batch:
-        try:
-            return self._kernel.batch(self._n, threads=self._threads)
-        except ComponentFailed as error:
-            raise UuvsimError(
-                f"{self.script.system.name}: fails as it is given, before any parameter is varied: "
-                f"{error}"
-            ) from error
 
     def _failure(self, batch: Batch, i: int, seed: int, start: Starts) -> Outcome:
         """Return the outcome of a run that failed.
