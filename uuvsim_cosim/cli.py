@@ -136,8 +136,8 @@ def status_of(arguments: list[str] | None = None) -> int:
         status = _status(command, given)
         found.put("status", status)
         if status == 130 and "error" not in found.fields:
-            said = found.fields.get("messages", ["interrupted"])[-1]
-            found.put("error", error_fields(KeyboardInterrupt(), said, status))
+            reason = found.fields.get("messages", ["interrupted"])[-1]
+            found.put("error", error_fields(KeyboardInterrupt(), reason, status))
     return status
 
 
@@ -150,11 +150,11 @@ def _status(command: Any, arguments: list[str]) -> int:
         return 130
     except RuntimeError as error:
         if "home directory" in str(error):  # of Path.expanduser
-            said = "a path begins with ~, but there is no home folder; expected a path without ~"
-            return _refused(f"{said}, or HOME to be set", 2, error)
+            what = "a path begins with ~, but there is no home folder; expected a path without ~"
+            return _refused(f"{what}, or HOME to be set", 2, error)
         return _unexpected(error)
     except BrokenPipeError:
-        sys.stderr.close()  # whoever read us (head, less) has left; nobody is there to be told
+        sys.stderr.close()  # the reader of the pipe (head, less) has ended: no one reads messages
         return 0
     except Exception as error:
         return _unexpected(error)
@@ -198,9 +198,9 @@ def _refused(message: str, status: int, error: BaseException) -> int:
         import traceback
 
         traceback.print_exception(error, file=sys.stderr)
-    said = "; ".join([message, *getattr(error, "__notes__", [])])
-    answer().put("error", error_fields(error, said, status))
-    sys.stderr.write(f"uuvsim: {said}\n")
+    message = "; ".join([message, *getattr(error, "__notes__", [])])
+    answer().put("error", error_fields(error, message, status))
+    sys.stderr.write(f"uuvsim: {message}\n")
     return status
 
 

@@ -51,9 +51,9 @@ def doctor_command() -> None:
         if extra:
             missing = [name for name, number in wanted.items() if number is None]
             there = ", ".join(f"{name} {number}" for name, number in wanted.items() if number)
-            said = there if not missing else f"without {', '.join(missing)}"
+            state = there if not missing else f"without {', '.join(missing)}"
             purpose = EXTRAS.get(extra, "")
-            line(f"{extra:13} {'installed' if not missing else 'MISSING'}: {purpose} ({said})")
+            line(f"{extra:13} {'installed' if not missing else 'MISSING'}: {purpose} ({state})")
             entry = {"installed": not missing, "for": purpose, "packages": wanted}
             put("extras", {**answer().fields["extras"], extra: entry})
 
@@ -126,8 +126,8 @@ def _compiler() -> str:
     except UuvsimError as error:
         return _hidden(f"DOES NOT WORK: {error}")
     set_by = " (set by CC)" if os.environ.get("CC", "").strip() else ""
-    said = f"works, {took:.1f} s" if works else "COMPILES, BUT THE RESULT IS WRONG"
-    return _hidden(f"{identity}{set_by} for {target}: {said}")
+    state = f"works, {took:.1f} s" if works else "COMPILES, BUT THE RESULT IS WRONG"
+    return _hidden(f"{identity}{set_by} for {target}: {state}")
 
 
 def _compiles() -> bool:

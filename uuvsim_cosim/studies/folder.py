@@ -62,12 +62,12 @@ class StudyFolder:
             ) from None
         changed = [k for k in self.asked if before.get(k) != self.asked[k]]
         if changed:
-            told = "; ".join(
+            changes = "; ".join(
                 f"{k} was {_short(before.get(k))}, now {_short(self.asked[k])}" for k in changed
             )
             raise InputInvalid(
-                f"{self.path}: was begun as another study: {told}; expected the same one, another "
-                "folder, or --restart, which begins anew"
+                f"{self.path}: was begun as another study: {changes}; expected the same one, "
+                "another folder, or --restart, which begins anew"
             )
 
     def write(self, more: Mapping[str, object]) -> None:

@@ -87,11 +87,12 @@ class Runs:
             wrong = np.flatnonzero(~hull.right(start, self.n))
             if len(wrong):
                 at = int(wrong[0])
-                told = ", ".join(f"{k} = {float(c[at]):g}" for k, c in self.columns(start).items())
+                columns = self.columns(start)
+                example = ", ".join(f"{k} = {float(c[at]):g}" for k, c in columns.items())
                 raise InputInvalid(
                     f"{hull.path}: {len(wrong)} of {self.n} runs have no possible body (M not "
                     f"positive definite, or inertia against its triangle rule), the first with "
-                    f"{told}; expected masses and inertia that agree with each other"
+                    f"{example}; expected masses and inertia that agree with each other"
                 )
         return start
 

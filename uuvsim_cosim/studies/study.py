@@ -214,8 +214,8 @@ class Study:
         """Say which delayed loops do not converge, by their gain at the system's start values."""
         plan = self._places.plan
         loops = [x for x in plan.algebraic_loops if not (x.iterated or x.undeclared)]
-        said = [delay_remark(hops_of(plan, x), estimated_gain(plan, x)) for x in loops]
-        return [s for s in said if s]
+        remarks = [delay_remark(hops_of(plan, x), estimated_gain(plan, x)) for x in loops]
+        return [s for s in remarks if s]
 
     def _check_windows(self) -> None:
         for name, m in self.metrics.items():

@@ -114,8 +114,8 @@ def train_command(
             report = None if no_report else _report(done, progress)
         except KeyboardInterrupt as interrupted:
             progress.close()
-            said = str(interrupted) or "interrupted; the same command goes on"
-            notice(said)
+            message = str(interrupted) or "interrupted; the same command goes on"
+            notice(message)
             raise typer.Exit(getattr(interrupted, "status", 130)) from None
     _show(done, report)
     if open_ and report is not None:

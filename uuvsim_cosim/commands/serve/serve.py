@@ -187,11 +187,11 @@ def _open_servers(
             "running code as this user\n"
         )
     kind = "tls" if bridge.tls else "tcp"
-    said = [f"port={bridge.port}"] if bridge.port != PORT else []
-    said += ['ca="ca.pem"'] if bridge.tls else []
+    arguments = [f"port={bridge.port}"] if bridge.port != PORT else []
+    arguments += ['ca="ca.pem"'] if bridge.tls else []
     where = ", ".join(f"{kind}/{host}:{bridge.port}" for host in bridge.hosts)
     endpoints: dict[str, list[str]] = {"zenoh": where.split(", ")}
-    lines.append(f"  Zenoh  {where}  Python: uuvsim_cosim.connect({', '.join(said)})")
+    lines.append(f"  Zenoh  {where}  Python: uuvsim_cosim.connect({', '.join(arguments)})")
     admit, tls = opened.admit, opened.tls
     if tcp != -1:
         number = TCP_PORT if tcp is None else tcp
@@ -260,7 +260,7 @@ def _wait(conductor: Conductor, factor: float, paused: bool, until: float | None
     """Run until the end, or until somebody interrupts."""
     from uuvsim_cosim.bridge.calls.service import Client
 
-    told = None
+    reported = None
     try:
         line("paused: clients run or step it; Ctrl-C ends it" if paused else
              f"streams at {factor:g} times real time; Ctrl-C ends it")  # fmt: skip
@@ -270,11 +270,11 @@ def _wait(conductor: Conductor, factor: float, paused: bool, until: float | None
         answer().write_early()
         sys.stdout.flush()
         while until is None or conductor.moment().time < until - 1e-9:
-            if (failed := conductor.failed) is not None and failed is not told:
+            if (failed := conductor.failed) is not None and failed is not reported:
                 if until is not None:
                     raise failed
                 notice(f"{failed}; paused, clients may reset it")
-                told = failed
+                reported = failed
             elif asked is not None and asked.done():
                 asked.result()  # raises what it refused, such as a time after a recording's end
                 asked = None

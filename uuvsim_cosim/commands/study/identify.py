@@ -135,8 +135,8 @@ def identify_command(
     if save_as is not None:
         for saved in save(found, save_as):
             name = save_as.rpartition("@")[2]
-            said = f"written: set {name} in {tilde(saved.file)}; use it as {saved.source}"
-            file_line(saved.file, said)
+            message = f"written: set {name} in {tilde(saved.file)}; use it as {saved.source}"
+            file_line(saved.file, message)
     if not found.converged:
         remark("note", f"ipopt ended with {found.status} after {found.iterations} iterations")
 

@@ -90,7 +90,7 @@ class _Cell:
         self.gdal = wanted("pyogrio", "reading a chart")
         self.shapely = wanted("shapely", "reading a chart")
         self.projection: Projection | None = None
-        self.warnings: dict[str, None] = {}  # what GDAL said, once each, in order
+        self.warnings: dict[str, None] = {}  # of GDAL, each once, in their order
         try:
             with self._listening():
                 self.layers = {str(row[0]) for row in self.gdal.list_layers(path)}
@@ -190,17 +190,17 @@ def _chart(cell: _Cell, files: ChartFiles) -> Chart:
         natures=[c for c in codes if c],
         features=tuple(_features(cell, metre)),
     )
-    said = [f"GDAL: {w}" for w in cell.warnings]
-    more = [f"GDAL: {len(said) - 3} more warnings"] if len(said) > 3 else []
-    return replace(chart, notes=(*notes, *said[:3], *more))
+    warned = [f"GDAL: {w}" for w in cell.warnings]
+    more = [f"GDAL: {len(warned) - 3} more warnings"] if len(warned) > 3 else []
+    return replace(chart, notes=(*notes, *warned[:3], *more))
 
 
 def _parameters(cell: _Cell, notes: list[str]) -> tuple[float, str, int]:
     """Return metres in one unit of depth, the datum of soundings, and the scale."""
     columns = ("DSPM_HDAT", "DSPM_SDAT", "DSPM_CSCL", "DSPM_DUNI", "DSPM_HUNI")
-    _, said = cell.read("DSID", columns)
+    _, parameters = cell.read("DSID", columns)
     hdat, sdat, scale, duni, huni = (
-        int(v[0]) if len(v) and np.isfinite(float(v[0])) else 0 for v in said.values()
+        int(v[0]) if len(v) and np.isfinite(float(v[0])) else 0 for v in parameters.values()
     )
     if duni not in (0, *UNITS):
         raise InputInvalid(

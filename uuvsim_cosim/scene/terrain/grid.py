@@ -29,8 +29,8 @@ MOST_NODES = 25_000_000  # 100 MB a layer; a chart needs about ten while it is m
 class TooManyNodes(InputInvalid):
     """A grid with more nodes than are held in memory; `fits` is the spacing (m) that would do."""
 
-    def __init__(self, said: str, fits: float) -> None:
-        super().__init__(said)
+    def __init__(self, message: str, fits: float) -> None:
+        super().__init__(message)
         self.fits = fits
 
 

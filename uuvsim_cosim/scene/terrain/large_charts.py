@@ -89,9 +89,9 @@ def write_large(
         if not charted:
             raise InputInvalid(f"{file}: no water within this piece of the chart")
         check_whole(scratch)
-    said = chart.files.identification
+    cell = chart.files.identification
     facts = {
-        "chart": f"{said.name}, edition {said.edition} of {said.issued}, 1:{chart.scale:,}",
+        "chart": f"{cell.name}, edition {cell.edition} of {cell.issued}, 1:{chart.scale:,}",
         "updates": f"stands at update {chart.files.last_update}",
         "grid": f"{grid.rows:,} x {grid.columns:,} nodes at {resolution:g} m, "
         f"{chart.projection.code}, in tiles of {tile:,}",

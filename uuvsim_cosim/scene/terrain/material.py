@@ -21,7 +21,7 @@ def materials_of(
 
     Of several natures the chart names the most important first: that one counts.
     """
-    codes = [next((c for c in said if c in NATURES), 0) for said in chart.natures]
+    codes = [next((c for c in named if c in NATURES), 0) for named in chart.natures]
     stated = [(s, c) for s, c in zip(chart.nature, codes, strict=True) if c]
     if not stated:
         return None, ()

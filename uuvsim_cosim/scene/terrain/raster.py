@@ -43,8 +43,8 @@ _FILL_GROWTH = 0.05  # m of standard deviation per m of distance in what is fill
 
 
 @dataclass(frozen=True)
-class _Said:
-    """What a grid says of its values."""
+class _Convention:
+    """How a grid stores its values: unit, direction, datum, scaling."""
 
     metre: float  # m in one unit
     down: bool  # positive downwards
@@ -92,7 +92,7 @@ def raster_terrain(
     with opened as source:
         _check(file, source)
         reference = _reference(file, source, crs, local, notes)
-        said = _said(file, source, reference, unit, positive, notes)
+        convention = _convention(file, source, reference, unit, positive, notes)
         code = _code(source, reference)
         bounds = rasterio.warp.transform_bounds(reference, code, *_inner(source), densify_pts=21)
         if not np.isfinite(bounds).all():
@@ -111,7 +111,7 @@ def raster_terrain(
         finer = spacing < own * (1 + 1e-9)
         layers = _layers(
             file, source, reference, code, grid, way.nearest if same else way.bilinear if finer else
-            way.average, said,
+            way.average, convention,
         )  # fmt: skip
         if spacing < own * 0.99:
             notes.append(
@@ -119,10 +119,10 @@ def raster_terrain(
                 "and adds no detail"
             )
         if not same:
-            lost = relief_lost(source, reference, code, grid, layers[0], said.metres(1))
+            lost = relief_lost(source, reference, code, grid, layers[0], convention.metres(1))
             layers = layers[0], _with_lost(layers[1], lost, spacing, notes)
     elevation, sigma = layers
-    z = elevation if said.down else -elevation
+    z = elevation if convention.down else -elevation
     sense = z[np.isfinite(z)]
     if not len(sense):
         raise InputInvalid(f"{file}: not one cell has a value in this piece")
@@ -134,15 +134,16 @@ def raster_terrain(
     if sense.max() <= 0 and sense.min() < 0 and positive is None:
         raise InputInvalid(
             f"{file}: all values ({-sense.max() + 0.0:g} to {-sense.min():g} m) lie above the "
-            f"datum; if they are {'heights' if said.down else 'depths'}, say --positive "
-            f"{'up' if said.down else 'down'}"
+            f"datum; if they are {'heights' if convention.down else 'depths'}, say --positive "
+            f"{'up' if convention.down else 'down'}"
         )
     z, sigma = _without_holes(z, sigma, grid.spacing, fill, notes)
-    terrain = shrunk(z, sigma, None, (), grid, code, said.datum, f"{file.name}; not for navigation")
+    origin_note = f"{file.name}; not for navigation"
+    terrain = shrunk(z, sigma, None, (), grid, code, convention.datum, origin_note)
     if local:
         origin = terrain.northing + terrain.origin[0], terrain.easting + terrain.origin[1]
         terrain = replace(terrain, origin=origin, crs="", northing=0.0, easting=0.0)
-    return Made(terrain, (), _facts(file, terrain, said), tuple(notes))
+    return Made(terrain, (), _facts(file, terrain, convention), tuple(notes))
 
 
 def _with_lost(
@@ -205,10 +206,10 @@ def _cells(source: DatasetReader, crs: CRS, code: str) -> tuple[float, tuple[flo
 
 def _refined(source: DatasetReader, resolution: float | None, notes: list[str]) -> DatasetReader:
     """Return a BAG of variable resolution with its refined cells, not their coarse summary."""
-    said = source.tags()
-    if source.driver != "BAG" or said.get("HAS_SUPERGRIDS") != "TRUE":
+    tags = source.tags()
+    if source.driver != "BAG" or tags.get("HAS_SUPERGRIDS") != "TRUE":
         return source
-    finest, coarsest = (float(said[f"{m}_RESOLUTION_X"]) for m in ("MIN", "MAX"))
+    finest, coarsest = (float(tags[f"{m}_RESOLUTION_X"]) for m in ("MIN", "MAX"))
     step = min(max(resolution or finest, finest), coarsest)
     notes.append(f"variable resolution: cells of {finest:.3g} to {coarsest:.3g} m")
     rasterio = wanted("rasterio", "reading a grid")
@@ -257,14 +258,14 @@ def _code(source: DatasetReader, crs: CRS) -> str:
     return utm_code((middle + 180) % 360 - 180, 0.5 * (south + north))
 
 
-def _said(
+def _convention(
     file: Path,
     source: DatasetReader,
     crs: CRS,
     unit: str | None,
     positive: str | None,
     notes: list[str],
-) -> _Said:
+) -> _Convention:
     tags = {k.lower(): str(v) for k, v in source.tags().items()}
     wkt = crs.to_wkt()
     stated = (source.units[0] or "").strip().lower()
@@ -317,7 +318,7 @@ def _said(
         source.driver in ("BAG", "S102") or re.search("uncert|sigma|std|deviation", second)
     )
     scaling = tuple(zip(source.scales, source.offsets, strict=True))
-    return _Said(metre, down, datum, 2 if has_sigma else 0, scaling)
+    return _Convention(metre, down, datum, 2 if has_sigma else 0, scaling)
 
 
 def _bag_datum(source: DatasetReader) -> str:
@@ -333,7 +334,13 @@ def _bag_datum(source: DatasetReader) -> str:
 
 
 def _layers(
-    file: Path, source: DatasetReader, crs: CRS, code: str, grid: Grid, way: Resampling, said: _Said
+    file: Path,
+    source: DatasetReader,
+    crs: CRS,
+    code: str,
+    grid: Grid,
+    way: Resampling,
+    convention: _Convention,
 ) -> tuple[Floats, Floats | None]:
     vrt = wanted("rasterio.vrt", "reading a grid")
     layers: list[Floats | None] = []
@@ -343,12 +350,12 @@ def _layers(
             height=grid.rows, resampling=way, dtype="float32", nodata=np.nan,
             src_nodata=source.nodata if source.nodata is not None else None,
         ) as warped:  # fmt: skip
-            for band in (1, said.sigma_band):
+            for band in (1, convention.sigma_band):
                 if not band:
                     layers.append(None)
                     continue
                 read = warped.read(band, masked=True).astype(np.float32)
-                factor, offset = said.metres(band)
+                factor, offset = convention.metres(band)
                 stored = np.ma.filled(read, np.nan)[::-1].astype(np.float64)
                 layers.append((factor * stored + offset).astype(np.float32))
     except Exception as reason:
@@ -390,7 +397,7 @@ def _without_holes(
     return z, sigma
 
 
-def _facts(file: Path, terrain: Terrain, said: _Said) -> dict[str, str]:
+def _facts(file: Path, terrain: Terrain, convention: _Convention) -> dict[str, str]:
     z = terrain.z[np.isfinite(terrain.z)] + 0.0  # no -0.0
     doubt = "not stated"
     if terrain.sigma is not None and np.isfinite(terrain.sigma).any():
@@ -399,7 +406,7 @@ def _facts(file: Path, terrain: Terrain, said: _Said) -> dict[str, str]:
         "grid": f"{file.name}: {terrain.z.shape[0]} x {terrain.z.shape[1]} nodes at "
         f"{terrain.spacing:g} m, {terrain.crs or 'local frame'}, origin N {terrain.northing:.9g} "
         f"E {terrain.easting:.9g}",
-        "datum": said.datum or "not stated",
+        "datum": convention.datum or "not stated",
         "depth": f"{z.min():.2f} to {z.max():.2f} m",
         "known": f"{100 * len(z) / terrain.z.size:.1f} % of nodes",
         "uncertainty": doubt,

@@ -40,16 +40,16 @@ class Prepared:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is to be said of the chart."""
-        said = self.chart.notes
+        """What the user should know of the chart."""
+        notes = self.chart.notes
         if not len(self.chart.quality):
-            said += ("no M_QUAL: the soundings count as unassessed (CATZOC U)",)
+            notes += ("no M_QUAL: the soundings count as unassessed (CATZOC U)",)
         if against := int((self.beyond > 0).sum()):
-            said += (
+            notes += (
                 f"{against} soundings lie outside the depths charted for their area, by up to "
                 f"{self.beyond.max():.1f} m: clipped like the rest, and sigma says so",
             )
-        return said
+        return notes
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ class Surface:
     land: Mask  # whether land
     charted: Mask  # whether interpolated in a charted band
     held: Mask  # whether, of these, in it before clipping
-    relief: str = ""  # what is to be said of invented relief
+    relief: str = ""  # a note on invented relief
 
 
 def prepared(chart: Chart, spacing: float, land: float | None) -> Prepared:
@@ -104,11 +104,11 @@ def surface_on(of: Prepared, grid: Grid, relief: int | None = None) -> Surface:
     spread = np.minimum(spread, np.where(area >= 0, band[1] - band[0], np.inf) / _SQRT_12)
     if of.beyond.any():
         spread = np.fmax(spread, mesh.over(grid, of.beyond)[0])
-    said = ""
+    note = ""
     if relief is not None and np.isfinite(z).any():
         from uuvsim_cosim.scene.terrain.relief import add_relief
 
-        z, said = add_relief(z, distance, spread, grid.spacing, relief, band)
+        z, note = add_relief(z, distance, spread, grid.spacing, relief, band)
     sigma = np.hypot(np.where(np.isfinite(spread), spread, 0.0), _zone_sigma(chart, grid, z))
     land = grid.burn(*_numbered(chart.land), touched=False) >= 0
     small = [s for s in chart.land if s.geom_type not in ("Polygon", "MultiPolygon")]
@@ -117,7 +117,7 @@ def surface_on(of: Prepared, grid: Grid, relief: int | None = None) -> Surface:
     z, sigma = np.clip(np.rint(256 * z) / 256, *band), np.rint(64 * sigma) / 64
     z[land] = -of.height
     sigma[land | np.isnan(z)] = np.nan
-    return Surface(z, sigma, land, charted, held, said)
+    return Surface(z, sigma, land, charted, held, note)
 
 
 def _numbered(shapes: Shapes | list[Geometry]) -> tuple[Shapes | list[Geometry], range]:

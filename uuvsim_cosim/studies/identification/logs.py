@@ -172,9 +172,9 @@ def _ardupilot(path: Path) -> Signals:
             if kind in wanted:
                 _keep(kept, kind, message)
     except Exception as error:
-        said = str(error).splitlines()[0] if str(error) else type(error).__name__
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputInvalid(
-            f"{path}: is no log that pymavlink reads ({said}); expected .BIN or .tlog"
+            f"{path}: is no log that pymavlink reads ({reason}); expected .BIN or .tlog"
         ) from None
     finally:
         if log is not None:

@@ -91,10 +91,10 @@ def thruster_set(found: Identified, name: str, day: str) -> ThrusterSet | None:
                 f"      {key}: {{value: {value:.9g}, unit: {quoted(plain[key].unit)}, "
                 'source: "set for the fit, not identified"}\n'
             )
-    said = ", ".join(f"{n} {s:.2g}" for n, s in found.residuals.items())
+    residuals = ", ".join(f"{n} {s:.2g}" for n, s in found.residuals.items())
     source = (
         f"identified from {found.recording} on {day} by uuvsim identify: {found.samples} samples "
-        f"of {found.seconds:.4g} s; residuals (rms): {said}"
+        f"of {found.seconds:.4g} s; residuals (rms): {residuals}"
     )
     chosen = "".join(f"{k}: {quoted(v)}, " for k, v in options.items()).removesuffix(", ")
     text = (

@@ -171,8 +171,8 @@ class Rows(Panel):
             parts.append(text(frame.left - 6, middle + 3.5, line.label, "tick", "end"))
         right = frame.width - frame.right
         parts.append(f'<path class="axis" d="M{right + 3:g} {top:.1f}v{row:.1f}"/>')
-        said = f"height of a row: ±{reach:.3g} {self.unit}"
-        return "".join(parts) + text(right + 3, top - 4, said, "tick", "end")
+        legend = f"height of a row: ±{reach:.3g} {self.unit}"
+        return "".join(parts) + text(right + 3, top - 4, legend, "tick", "end")
 
 
 @dataclass(frozen=True)

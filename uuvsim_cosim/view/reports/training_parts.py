@@ -70,14 +70,14 @@ def write_report(
     return path
 
 
-def page_html(title: str, told: str, body: Sequence[str]) -> str:
+def page_html(title: str, subtitle: str, body: Sequence[str]) -> str:
     """Return a page of its own, that opens offline."""
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width,initial-scale=1">'
         f"<title>{escape(title)} · uuvsim train</title>\n"
         f"<style>{page_styles()}{STYLE}</style></head>\n"
-        f"<body><main><header><h1>{escape(title)}</h1><p>{escape(told)}</p></header>"
+        f"<body><main><header><h1>{escape(title)}</h1><p>{escape(subtitle)}</p></header>"
         f"{''.join(body)}</main></body></html>\n"
     )
 

@@ -126,7 +126,7 @@ class LiveView:
                     continue
                 with self._lock:
                     newest = self.history.traces(self._names, self._units, last=True)
-                    due = page is None or self._clock() - page.told >= 1.0 / SLOW
+                    due = page is None or self._clock() - page.last_slow >= 1.0 / SLOW
                     whole = self.history.traces(self._names, self._units) if due else None
                 if page is None:
                     self._waiting.remove()
@@ -150,7 +150,7 @@ class _Page:
         self.panel.add_plots(self.panel.signals(newest))
         self.panel.say_notes(self.stage)
         self.greatest = {b.name: LEAST for b in self.stage.bodies}  # N
-        self.told = -np.inf
+        self.last_slow = -np.inf
         for client in server.get_clients().values():
             self.panel.look(client)
 
@@ -167,7 +167,7 @@ class _Page:
             self.drawn.show(motion, 0)
             self.clock.value = f"{float(newest.time[0]):.2f}"
             if whole is not None:
-                self.told = now
+                self.last_slow = now
                 self.drawn.tracks(motion_of(self.stage, whole))
                 self.panel.plot(whole)
         self.panel.move_camera(motion, 0)

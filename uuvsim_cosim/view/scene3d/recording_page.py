@@ -93,7 +93,7 @@ class Replay:
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         """Play while somebody looks, until `until` says so or KeyboardInterrupt ends it."""
-        last, told = clock(), -1.0
+        last, shown = clock(), -1.0
         while not until():
             if not self.server.get_clients():
                 sleep(IDLE)
@@ -102,7 +102,7 @@ class Replay:
             now = clock()
             self.advance(now - last)
             last = now
-            slow = now - told >= 1.0 / SLOW
+            slow = now - shown >= 1.0 / SLOW
             self.show(all_=slow)
-            told = now if slow else told
+            shown = now if slow else shown
             sleep(max(0.0, 1.0 / FRAMES - (clock() - now)))
