@@ -29,7 +29,7 @@ from uuvsim_cosim.commands.models import fmu, models, new, terrain
 from uuvsim_cosim.commands.run import compare, export, pack, report, run, systems, view
 from uuvsim_cosim.commands.run import map as map_
 from uuvsim_cosim.commands.serve import access, matlab, serve
-from uuvsim_cosim.commands.shared.answer import Answer, answer, answering, error_fields, mode_of
+from uuvsim_cosim.commands.shared.answer import answer, answering, error_fields, mode_of
 from uuvsim_cosim.commands.shared.common_options import complete, path_of
 from uuvsim_cosim.commands.shared.completion import whole_words
 from uuvsim_cosim.commands.shared.terminal import line, notice, put
@@ -134,7 +134,10 @@ def status_of(arguments: list[str] | None = None) -> int:
     with suppress(BrokenPipeError), answering(mode_of(given)) as found:
         found.put("command", path_of(command, given))
         status = _status(command, given)
-        _finish(found, status)
+        found.put("status", status)
+        if status == 130 and "error" not in found.fields:
+            reason = found.fields.get("messages", ["interrupted"])[-1]
+            found.put("error", error_fields(KeyboardInterrupt(), reason, status))
     return status
 
 
@@ -147,11 +150,11 @@ def _status(command: Any, arguments: list[str]) -> int:
         return 130
     except RuntimeError as error:
         if "home directory" in str(error):  # of Path.expanduser
-            said = "a path begins with ~, but there is no home folder; expected a path without ~"
-            return _refused(f"{said}, or HOME to be set", 2, error)
+            what = "a path begins with ~, but there is no home folder; expected a path without ~"
+            return _refused(f"{what}, or HOME to be set", 2, error)
         return _unexpected(error)
     except BrokenPipeError:
-        sys.stderr.close()  # whoever read us (head, less) has left; nobody is there to be told
+        sys.stderr.close()  # the reader of the pipe (head, less) has ended: no one reads messages
         return 0
     except Exception as error:
         return _unexpected(error)
@@ -175,14 +178,6 @@ def _unexpected(error: Exception) -> int:
     )
 
 
-def _finish(found: Answer, status: int) -> None:
-    """Put the exit status into the answer, and why there is no success, if nobody did."""
-    found.put("status", status)
-    if status == 130 and "error" not in found.fields:
-        said = found.fields.get("messages", ["interrupted"])[-1]
-        found.put("error", error_fields(KeyboardInterrupt(), said, status))
-
-
 def _usage(error: Any, message: str) -> str:
     context = getattr(error, "ctx", None)
     path = context.command_path if context is not None else "uuvsim"
@@ -203,9 +198,9 @@ def _refused(message: str, status: int, error: BaseException) -> int:
         import traceback
 
         traceback.print_exception(error, file=sys.stderr)
-    said = "; ".join([message, *getattr(error, "__notes__", [])])
-    answer().put("error", error_fields(error, said, status))
-    sys.stderr.write(f"uuvsim: {said}\n")
+    message = "; ".join([message, *getattr(error, "__notes__", [])])
+    answer().put("error", error_fields(error, message, status))
+    sys.stderr.write(f"uuvsim: {message}\n")
     return status
 
 

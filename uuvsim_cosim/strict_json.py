@@ -14,7 +14,7 @@ __all__ = ["Shown", "strict"]
 class Shown:
     """A value for programs, and the text that people read instead."""
 
-    value: Any
+    value: object
     text: str
 
     def __str__(self) -> str:
@@ -22,14 +22,14 @@ class Shown:
         return self.text
 
 
-def strict(value: Any, place: str = "") -> tuple[Any, dict[str, str]]:
+def strict(value: object, place: str = "") -> tuple[Any, dict[str, str]]:
     """Return a value as JSON holds it, and the places of the numbers that JSON cannot hold.
 
     NaN and infinities become null; paths, dates and the like become text.
     """
     replaced: dict[str, str] = {}
 
-    def plain(item: Any, at: str) -> Any:
+    def plain(item: object, at: str) -> object:
         if item is None or isinstance(item, bool | int | str):
             return item
         if isinstance(item, Shown):

@@ -6,7 +6,7 @@ import csv
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -271,14 +271,14 @@ def _plan(text: str, path: Path, origin: Place | None) -> Waypoints:
                 f"{path}: has no plannedHomePosition; expected --origin LAT,LON"
             ) from None
     notes = [_placed(path, origin)]
-    left: dict[int, int] = {}
+    skipped: dict[object, int] = {}  # number of items by command
     zeros: set[str] = set()
     points: list[list[float]] = []
     for number, item in enumerate(items, start=1):
         place = f"{path}: item {number}"
         command = item.get("command")
         if command not in (WAYPOINT, SPLINE):
-            left[command] = left.get(command, 0) + 1
+            skipped[command] = skipped.get(command, 0) + 1
             continue
         zero = RELATIVE.get(item.get("frame", 3))
         if zero is None:
@@ -295,12 +295,12 @@ def _plan(text: str, path: Path, origin: Place | None) -> Waypoints:
     notes += [f"{path.name}: the surface is taken to be at {zero}" for zero in sorted(zeros)]
     notes += [
         f"{path.name}: {count} item(s) with command {command} are left out: no waypoint"
-        for command, count in left.items()
+        for command, count in skipped.items()
     ]
     return Waypoints(np.array(points).reshape(-1, 3), tuple(notes))
 
 
-def _simple(items: Any) -> Any:
+def _simple(items: Iterable[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
     """Yield the simple items, those of surveys and corridors too."""
     for item in items:
         inner = item.get("TransectStyleComplexItem")

@@ -49,26 +49,23 @@ def doctor_command() -> None:
     put("extras", {})
     for extra, wanted in packages().items():
         if extra:
-            _show_extra(extra, wanted)
-
-
-def _show_extra(extra: str, wanted: dict[str, str | None]) -> None:
-    missing = [name for name, number in wanted.items() if number is None]
-    there = ", ".join(f"{name} {number}" for name, number in wanted.items() if number)
-    said = there if not missing else f"without {', '.join(missing)}"
-    purpose = EXTRAS.get(extra, "")
-    line(f"{extra:13} {'installed' if not missing else 'MISSING'}: {purpose} ({said})")
-    entry = {"installed": not missing, "for": purpose, "packages": wanted}
-    put("extras", {**answer().fields["extras"], extra: entry})
+            missing = [name for name, number in wanted.items() if number is None]
+            there = ", ".join(f"{name} {number}" for name, number in wanted.items() if number)
+            state = there if not missing else f"without {', '.join(missing)}"
+            purpose = EXTRAS.get(extra, "")
+            line(f"{extra:13} {'installed' if not missing else 'MISSING'}: {purpose} ({state})")
+            entry = {"installed": not missing, "for": purpose, "packages": wanted}
+            put("extras", {**answer().fields["extras"], extra: entry})
 
 
 def facts() -> dict[str, str]:
     """Return version, platform, compiler and cache; no paths but those below ~."""
+    libc = " ".join(platform.libc_ver())
     return {
         "uuvsim-cosim": __version__,
         "python": f"{platform.python_version()} ({platform.python_implementation()})",
         "platform": f"{platform.system()} {platform.release()}, {platform.machine()}"
-        f"{_libc()}, {os.cpu_count()} processors",
+        f"{f', {libc}' if platform.libc_ver()[0] else ''}, {os.cpu_count()} processors",
         "compiler": _compiler(),
         "cache": _cache(),
     }
@@ -104,11 +101,6 @@ def _version(name: str) -> str | None:
         return None
 
 
-def _libc() -> str:
-    name, number = platform.libc_ver()
-    return f", {name} {number}" if name else ""
-
-
 def _hidden(text: str) -> str:
     """Return a text with the home and temporary folders' names left out."""
     import tempfile
@@ -134,8 +126,8 @@ def _compiler() -> str:
     except UuvsimError as error:
         return _hidden(f"DOES NOT WORK: {error}")
     set_by = " (set by CC)" if os.environ.get("CC", "").strip() else ""
-    said = f"works, {took:.1f} s" if works else "COMPILES, BUT THE RESULT IS WRONG"
-    return _hidden(f"{identity}{set_by} for {target}: {said}")
+    state = f"works, {took:.1f} s" if works else "COMPILES, BUT THE RESULT IS WRONG"
+    return _hidden(f"{identity}{set_by} for {target}: {state}")
 
 
 def _compiles() -> bool:

@@ -27,10 +27,10 @@ def left_terrain(ssd: Path, time: Array, signals: Mapping[str, Array]) -> list[s
     """
     hulls = [n for n in signals if n == "hull.eta" or n.endswith(".hull.eta")]
     return [
-        said
+        warning
         for scene in _scenes(ssd)
         for hull in hulls
-        if (said := _apart(scene, hull.removesuffix(".eta"), time, signals[hull]))
+        if (warning := _apart(scene, hull.removesuffix(".eta"), time, signals[hull]))
     ]
 
 

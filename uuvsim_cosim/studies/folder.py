@@ -6,11 +6,14 @@ import json
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, final
+from typing import TYPE_CHECKING, final
 
 from uuvsim_cosim.cache import content_hash, write_whole
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.studies.simulate_runs import Outcome
+
+if TYPE_CHECKING:
+    from pyarrow import Table
 
 __all__ = ["StudyFolder"]
 
@@ -25,14 +28,16 @@ class StudyFolder:
     Raises InputInvalid if something else lies there, or another study, unless `restart`.
     """
 
-    def __init__(self, path: Path, asked: Mapping[str, Any], restart: bool) -> None:
+    def __init__(self, path: Path, asked: Mapping[str, object], restart: bool) -> None:
         self.path = path.expanduser().absolute()
         self.parts = self.path / "parts"
         self.asked = json.loads(json.dumps(asked))
         if self.path.exists() and not self.path.is_dir():
             raise InputInvalid(f"{self.path}: is a file; expected a folder")
         if restart and (self.path / "study.json").is_file():
-            self._clear()
+            shutil.rmtree(self.parts, ignore_errors=True)
+            for name in OWN:
+                (self.path / name).unlink(missing_ok=True)
         try:
             self._check()
             self.parts.mkdir(parents=True, exist_ok=True)
@@ -57,20 +62,15 @@ class StudyFolder:
             ) from None
         changed = [k for k in self.asked if before.get(k) != self.asked[k]]
         if changed:
-            told = "; ".join(
+            changes = "; ".join(
                 f"{k} was {_short(before.get(k))}, now {_short(self.asked[k])}" for k in changed
             )
             raise InputInvalid(
-                f"{self.path}: was begun as another study: {told}; expected the same one, another "
-                "folder, or --restart, which begins anew"
+                f"{self.path}: was begun as another study: {changes}; expected the same one, "
+                "another folder, or --restart, which begins anew"
             )
 
-    def _clear(self) -> None:
-        shutil.rmtree(self.parts, ignore_errors=True)
-        for name in OWN:
-            (self.path / name).unlink(missing_ok=True)
-
-    def write(self, more: Mapping[str, Any]) -> None:
+    def write(self, more: Mapping[str, object]) -> None:
         """Write study.json: what was asked, and what there is to say beside it."""
         content = {"schema": SCHEMA_VERSION, "asked": self.asked, **more}
         text = json.dumps(content, indent=1, ensure_ascii=False)
@@ -110,7 +110,7 @@ class StudyFolder:
         name = f"{content_hash([json.dumps(list(map(int, runs)))])}.parquet"
         write_whole(self.parts / name, sink.getvalue())
 
-    def finish(self, table: Any, more: Mapping[str, Any]) -> Path:
+    def finish(self, table: Table, more: Mapping[str, object]) -> Path:
         """Write the one table, say what there is to say, and drop the parts."""
         import io
 
@@ -123,6 +123,6 @@ class StudyFolder:
         return self.path / "runs.parquet"
 
 
-def _short(value: Any) -> str:
+def _short(value: object) -> str:
     text = json.dumps(value, ensure_ascii=False)
     return text if len(text) <= 60 else f"{text[:57]}..."

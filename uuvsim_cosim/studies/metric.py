@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -210,7 +210,7 @@ class _Parser:
             raise self._wrong(repr(self._peek()) if self._peek() else "the end", repr(sign))
         self._next()
 
-    def _wrong(self, read: str, expected: str, at: Any = None) -> InputInvalid:
+    def _wrong(self, read: str, expected: str, at: int | None = None) -> InputInvalid:
         tokens = getattr(self, "tokens", [])
         i = getattr(self, "at", 0)
         place = at if at is not None else tokens[i][2] if i < len(tokens) else len(self.text)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import pickle
 from collections.abc import Sequence
-from typing import Any, Literal, final
+from typing import TYPE_CHECKING, Literal, final
 
 from uuvsim_cosim.cluster.ray_cluster import Cluster
 from uuvsim_cosim.studies.simulate_runs import (
@@ -16,6 +16,9 @@ from uuvsim_cosim.studies.simulate_runs import (
     Simulated,
     Starts,
 )
+
+if TYPE_CHECKING:
+    from ray import ObjectRef
 
 __all__ = ["RayRuns", "ray_runs"]
 
@@ -38,7 +41,7 @@ def ray_runs(
 class RayRuns:
     """A request at a time to the cluster; a run follows from its seed and start values alone."""
 
-    def __init__(self, cluster: Cluster, key: tuple[str, str, int], kept: Any) -> None:
+    def __init__(self, cluster: Cluster, key: tuple[str, str, int], kept: ObjectRef) -> None:
         self._cluster, self._key, self._kept = cluster, key, [kept]
 
     def runs(self, seeds: Sequence[int], start: Starts) -> list[Outcome]:
@@ -50,7 +53,7 @@ class RayRuns:
 
 
 def _runs(
-    key: tuple[str, str, int], kept: list[Any], seeds: list[int], start: Starts
+    key: tuple[str, str, int], kept: list[ObjectRef], seeds: list[int], start: Starts
 ) -> list[Outcome]:
     """Simulate, in a worker, which keeps what it has built for the next time."""
     if key not in _made:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from uuvsim_cosim.studies.folder import StudyFolder
 from uuvsim_cosim.studies.intervals import interval, rank_correlation
 from uuvsim_cosim.studies.run_table import Runs
 from uuvsim_cosim.studies.simulate_runs import Script
+
+if TYPE_CHECKING:
+    from pyarrow import Array, Table
 
 __all__ = ["StudyResult", "result_of"]
 
@@ -36,8 +39,8 @@ class StudyResult:
         """The file of the table."""
         return self.folder / "runs.parquet"
 
-    def table(self) -> Any:
-        """Read the table, an Arrow table: run, point, seed, parameters, metrics, failure."""
+    def table(self) -> Table:
+        """Read the table: run, point, seed, parameters, metrics, failure."""
         import pyarrow.parquet as pq
 
         return pq.read_table(self.file)
@@ -57,7 +60,7 @@ def result_of(
     about = runs.about()
     columns = runs.columns()
     fields = [pa.field(n, pa.int64()) for n in ("run", "point", "seed")]
-    arrays: list[Any] = [
+    arrays: list[Array] = [
         pa.array(range(runs.n), pa.int64()),
         pa.array([runs.point(r) for r in range(runs.n)], pa.int64()),
         pa.array([runs.seed(r) for r in range(runs.n)], pa.int64()),
@@ -116,7 +119,7 @@ def result_of(
     )  # fmt: skip
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     """Return numbers as JSON knows them: null for NaN."""
     if isinstance(value, dict):
         return {k: _plain(v) for k, v in value.items()}

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from itertools import product
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,11 +87,12 @@ class Runs:
             wrong = np.flatnonzero(~hull.right(start, self.n))
             if len(wrong):
                 at = int(wrong[0])
-                told = ", ".join(f"{k} = {float(c[at]):g}" for k, c in self.columns(start).items())
+                columns = self.columns(start)
+                example = ", ".join(f"{k} = {float(c[at]):g}" for k, c in columns.items())
                 raise InputInvalid(
                     f"{hull.path}: {len(wrong)} of {self.n} runs have no possible body (M not "
                     f"positive definite, or inertia against its triangle rule), the first with "
-                    f"{told}; expected masses and inertia that agree with each other"
+                    f"{example}; expected masses and inertia that agree with each other"
                 )
         return start
 
@@ -121,7 +122,7 @@ class Runs:
                 found.append((q, t.name, t.element, text))
         return found
 
-    def about(self) -> list[dict[str, Any]]:
+    def about(self) -> list[dict[str, str]]:
         """Describe each column: its unit, and whether it is a grid's axis or drawn."""
         axes = {id(q) for q in self.grid}
         return [

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, Protocol, final
+from typing import TYPE_CHECKING, Protocol, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,9 @@ from uuvsim_cosim.orchestrator.master.prepared import prepare
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.system.system import System
 from uuvsim_cosim.studies.metric import ReadMetric
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.kernels import Batch
 
 __all__ = ["KernelRuns", "MasterRuns", "Outcome", "Script", "Simulated"]
 
@@ -67,7 +70,7 @@ class Outcome:
     failure: str | None = None
 
 
-Starts = Mapping[str, NDArray[Any]]
+Starts = Mapping[str, Array]  # start values of runs by variable, of shape (n, *shape)
 
 
 class Simulated(Protocol):
@@ -89,7 +92,9 @@ class MasterRuns:
         self._plan = flatten(script.system)
         self._instantiate = prepare(self._plan, "native")
         self._master: Master | None = None
+        # The longest first: a path may be the beginning of another one.
         self._paths = sorted((c.path for c in self._plan.components), key=len, reverse=True)
+        self._variables = {c.path: c.description.variables for c in self._plan.components}
 
     def runs(self, seeds: Sequence[int], start: Starts) -> list[Outcome]:
         """Simulate one after the other."""
@@ -101,14 +106,20 @@ class MasterRuns:
             self._master.free()
             self._master = None
 
-    def _run(self, seed: int, start: Mapping[str, Any]) -> Outcome:
+    def _run(self, seed: int, start: Starts) -> Outcome:
         script = self.script
         try:
             if self._master is None:
                 self._master = Master(self._plan, self._instantiate, measured=False)
                 self._master.initialize()
             master = self._master
-            master.reset(seed, self._by_component(start))
+            starts: dict[str, dict[str, object]] = {}
+            for name, value in start.items():
+                path, own = self._split(name)
+                dtype = DTYPES[self._variables[path][own].type]
+                array = np.asarray(value).astype(dtype)
+                starts.setdefault(path, {})[own] = array if array.ndim else array.item()
+            master.reset(seed, starts)
             points = [self._split(name) for name in script.signals]
             sampled: list[list[Array]] = [[] for _ in points]
             reached = 0
@@ -130,16 +141,6 @@ class MasterRuns:
         path = next(p for p in self._paths if name.startswith(f"{p}."))
         return path, name[len(path) + 1 :]
 
-    def _by_component(self, start: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-        found: dict[str, dict[str, Any]] = {}
-        variables = {c.path: c.description.variables for c in self._plan.components}
-        for name, value in start.items():
-            path, own = self._split(name)
-            kind = variables[path][own].type
-            array = np.asarray(value).astype(DTYPES[kind])
-            found.setdefault(path, {})[own] = array if array.ndim else array.item()
-        return found
-
 
 @final
 class KernelRuns:
@@ -151,7 +152,7 @@ class KernelRuns:
         self.script = script
         self._n, self._threads = n, threads
         self._kernel = fuse(script.system)
-        self._batch: Any = None
+        self._batch: Batch | None = None
         self._master: MasterRuns | None = None
 
     def runs(self, seeds: Sequence[int], start: Starts) -> list[Outcome]:
@@ -166,7 +167,13 @@ class KernelRuns:
         filled = {k: np.asarray(v)[place] for k, v in start.items()}
         words = [int(seeds[i]) % 2**64 for i in place]
         if self._batch is None:
-            self._batch = self._first()
+            try:
+                self._batch = self._kernel.batch(self._n, threads=self._threads)
+            except ComponentFailed as error:
+                raise UuvsimError(
+                    f"{self.script.system.name}: fails as it is given, before any parameter is "
+                    f"varied: {error}"
+                ) from error
         batch = self._batch
         batch.reset(seeds=words, start=filled, check=False)
         script, signals = self.script, self.script.signals
@@ -182,7 +189,7 @@ class KernelRuns:
                 values[j] = batch.get(name).reshape(self._n, -1)
         failed = batch.failed
         return [
-            self._failure(i, int(seeds[i]), {k: v[i : i + 1] for k, v in start.items()})
+            self._failure(batch, i, int(seeds[i]), {k: v[i : i + 1] for k, v in start.items()})
             if failed[i]
             else Outcome(script.judged({s: v[:, i] for s, v in zip(signals, sampled, strict=True)}))
             for i in range(n)
@@ -196,20 +203,14 @@ class KernelRuns:
         if self._master is not None:
             self._master.close()
 
-    def _first(self) -> Any:
-        try:
-            return self._kernel.batch(self._n, threads=self._threads)
-        except ComponentFailed as error:
-            raise UuvsimError(
-                f"{self.script.system.name}: fails as it is given, before any parameter is varied: "
-                f"{error}"
-            ) from error
+    def _failure(self, batch: Batch, i: int, seed: int, start: Starts) -> Outcome:
+        """Return the outcome of a run that failed.
 
-    def _failure(self, i: int, seed: int, start: Starts) -> Outcome:
-        """Say what the master says of a run that failed, which names more than the kernel."""
+        A master simulates it again, because its messages name the component and the time.
+        """
         if self._master is None:
             self._master = MasterRuns(self.script)
-        said = self._master.runs([seed], start)[0]
-        if said.failure is not None:
-            return said
-        return Outcome([np.nan] * self.script.n_numbers, str(self._batch.failure(i)))
+        again = self._master.runs([seed], start)[0]
+        if again.failure is not None:
+            return again
+        return Outcome([np.nan] * self.script.n_numbers, str(batch.failure(i)))

@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, final
+from typing import TYPE_CHECKING, Literal, final
 
 import numpy as np
 
@@ -182,7 +182,7 @@ class Study:
         )  # fmt: skip
 
     @property
-    def asked(self) -> dict[str, Any]:
+    def asked(self) -> dict[str, object]:
         """Return what makes it this study and no other."""
         plan = self._places.plan
         start = [
@@ -214,8 +214,8 @@ class Study:
         """Say which delayed loops do not converge, by their gain at the system's start values."""
         plan = self._places.plan
         loops = [x for x in plan.algebraic_loops if not (x.iterated or x.undeclared)]
-        said = [delay_remark(hops_of(plan, x), estimated_gain(plan, x)) for x in loops]
-        return [s for s in said if s]
+        remarks = [delay_remark(hops_of(plan, x), estimated_gain(plan, x)) for x in loops]
+        return [s for s in remarks if s]
 
     def _check_windows(self) -> None:
         for name, m in self.metrics.items():

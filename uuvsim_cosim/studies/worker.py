@@ -15,12 +15,14 @@ import subprocess
 import sys
 import threading
 from collections.abc import Sequence
-from typing import Any, final
+from typing import final
 
 from uuvsim_cosim.errors import UuvsimError
 from uuvsim_cosim.studies.simulate_runs import MasterRuns, Outcome, Script, Starts
 
 __all__ = ["ProcessRuns", "main"]
+
+Request = Script | tuple[list[int], Starts]  # the script first; then seeds and start values
 
 
 @final
@@ -42,7 +44,8 @@ class ProcessRuns:
 
     def runs(self, seeds: Sequence[int], start: Starts) -> list[Outcome]:
         """Simulate runs there."""
-        answer: list[Outcome] = self._ask((list(seeds), dict(start)))
+        answer = self._ask((list(seeds), dict(start)))
+        assert answer is not None
         return answer
 
     def close(self) -> None:
@@ -56,7 +59,7 @@ class ProcessRuns:
                     continue
         self._child.wait()
 
-    def _ask(self, request: Any) -> Any:
+    def _ask(self, request: Request) -> list[Outcome] | None:
         to, back = self._child.stdin, self._child.stdout
         assert to is not None
         assert back is not None
@@ -71,7 +74,8 @@ class ProcessRuns:
             ) from None
         if not good:
             raise answer
-        return answer
+        outcomes: list[Outcome] | None = answer
+        return outcomes
 
 
 def main() -> None:
@@ -82,7 +86,7 @@ def main() -> None:
     logging.getLogger("uuvsim_cosim").addHandler(logging.NullHandler())
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what a component prints must not come between the answers
-    requests: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    requests: queue.SimpleQueue[Request | Exception] = queue.SimpleQueue()
     threading.Thread(target=_listen, args=(requests,), daemon=True).start()
     runs: MasterRuns | None = None
     while True:
@@ -92,7 +96,7 @@ def main() -> None:
                 raise request
             if isinstance(request, Script):
                 runs = MasterRuns(request)
-                answer: Any = None
+                answer: list[Outcome] | None = None
             else:
                 assert runs is not None
                 answer = runs.runs(*request)
@@ -108,7 +112,7 @@ def main() -> None:
             os._exit(0)  # whoever asked has ended
 
 
-def _listen(requests: queue.SimpleQueue[Any]) -> None:
+def _listen(requests: queue.SimpleQueue[Request | Exception]) -> None:
     """Pass on what is asked; end the process where the input ends, even amid a run."""
     while True:
         try:

@@ -132,10 +132,10 @@ def _system(text: YamlText, data: Mapping[str, Any], loops: Loops | None) -> Sys
 
 
 def _seconds(
-    text: YamlText, data: Mapping[str, Any], place: list[Any], tick: Fraction | None
+    text: YamlText, data: Mapping[str, Any], place: list[object], tick: Fraction | None
 ) -> Fraction | None:
     """Read a time: a number of seconds, or text such as "2 min"."""
-    given = data.get(place[-1])
+    given = data.get(str(place[-1]))
     if given is None:
         return None
     match = re.fullmatch(r"\s*([0-9.eE+-]+)\s*([a-z]*)\s*", str(given))
@@ -245,7 +245,7 @@ def _small(text: YamlText, data: Mapping[str, Any], grid: list[Vary]) -> bool:
     return True
 
 
-def _spaced(text: YamlText, place: list[Any], given: dict[str, Any]) -> list[float] | None:
+def _spaced(text: YamlText, place: list[object], given: dict[str, object]) -> list[float] | None:
     """Read {from, to, count}: equally spaced values, both ends included."""
     if not text.keys(place, given, ("from", "to", "count")):
         return None

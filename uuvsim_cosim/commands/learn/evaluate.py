@@ -69,7 +69,10 @@ def evaluate_command(
                 found.name, found.options, found.policies, episodes, seed, cluster=cluster,
                 progress=progress,
             )  # fmt: skip
-        rows = {_label(name): judged([e]) for name, e in given.items()}
+        rows = {
+            (name if "/" not in name.rstrip("/") else tilde(name)): judged([e])
+            for name, e in given.items()
+        }
         learned = [e for name, e in given.items() if name not in ("scripted", "random")]
         if len(learned) > 1:
             rows["together"] = judged(learned)
@@ -92,10 +95,6 @@ def shown(i: Interval) -> Shown:
     """Write a figure with its interval."""
     text = f"{i.value:.4g} [{i.low:.4g}, {i.high:.4g}]"
     return Shown({"value": i.value, "low": i.low, "high": i.high}, text)
-
-
-def _label(given: str) -> str:
-    return given if "/" not in given.rstrip("/") else tilde(given)
 
 
 def _refuse_other(path: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -112,8 +112,7 @@ def _written(
     from uuvsim_cosim.view.plots.player import player_html
     from uuvsim_cosim.view.plots.png import animated_png, png
 
-    task: Any = found.task
-    seconds = float(task.action_step)
+    seconds = float(found.task.action_step)
     name = policy if policy in ("scripted", "random") else "policy"
     path = out or Path(f"{short_name(found.name)}-{name}-{seed}.html")
     try:

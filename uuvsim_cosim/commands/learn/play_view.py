@@ -10,7 +10,12 @@ from typing import TYPE_CHECKING, Any
 from uuvsim_cosim.errors import InputInvalid
 
 if TYPE_CHECKING:
-    from uuvsim_cosim.view.recorded.traces import Traces
+    from viser import ViserServer
+
+    from uuvsim_cosim.envs.pictures.drawn import View
+    from uuvsim_cosim.envs.task.task import Moment, Task, TeamTask
+    from uuvsim_cosim.orchestrator.plan.plan import Plan
+    from uuvsim_cosim.view.recorded.traces import Array, Traces
     from uuvsim_cosim.view.scene3d.motion import Motion
     from uuvsim_cosim.view.scene3d.scene import Solid, Stage
 
@@ -23,8 +28,8 @@ class Page:
     """The page of an episode, where it was `asked` for; its port is taken at once."""
 
     def __init__(self, port: int | None, asked: bool) -> None:
-        self._server: Any = None
-        self._recorded: Any = None
+        self._server: ViserServer | None = None
+        self._recorded: tuple[Stage, Motion, Traces] | None = None
         if port is not None and not asked:
             raise InputInvalid(f"--port {port}: is where --view shows it; expected --view")
         if asked:
@@ -32,7 +37,7 @@ class Page:
 
             self._server = open_server(port)
 
-    def record(self, task: Any, policy: Any, seed: int, name: str) -> None:
+    def record(self, task: Task | TeamTask, policy: Any, seed: int, name: str) -> None:
         """Play the episode, and keep what moved."""
         from uuvsim_cosim.learn.shared.task_ids import short_name
 
@@ -40,7 +45,7 @@ class Page:
 
     def serve(self, what: str, *, show: bool) -> None:
         """Replay what was recorded until Ctrl-C; nothing where no page is."""
-        if self._server is None:
+        if self._server is None or self._recorded is None:
             return
         from uuvsim_cosim.commands.run.view import serve
         from uuvsim_cosim.view.scene3d.viser_server import close_server
@@ -51,7 +56,9 @@ class Page:
             close_server(self._server)
 
 
-def episode_of(task: Any, policy: Any, seed: int, name: str) -> tuple[Stage, Motion, Traces]:
+def episode_of(
+    task: Task | TeamTask, policy: Any, seed: int, name: str
+) -> tuple[Stage, Motion, Traces]:
     """Play episode 0 of a seed and give what moved; raises InputInvalid where nothing has a pose.
 
     The task is not changed: a copy of it reads the signals that move its stage as well.
@@ -69,7 +76,7 @@ def episode_of(task: Any, policy: Any, seed: int, name: str) -> tuple[Stage, Mot
             f"--view: no component of {name} has a pose (eta) that tau moves; expected a task with "
             "a vehicle, or no --view"
         )
-    watched = copy.copy(task)
+    watched: Any = copy.copy(task)  # its method `view` is replaced
     watched.signals = tuple(dict.fromkeys((*task.signals, *stage.signals)))
     seen = _Seen(task, stage)
     watched.view = seen.view
@@ -90,14 +97,14 @@ def episode_of(task: Any, policy: Any, seed: int, name: str) -> tuple[Stage, Mot
 class _Seen:
     """What a task's moments held when their picture was drawn."""
 
-    def __init__(self, task: Any, stage: Stage) -> None:
+    def __init__(self, task: Task | TeamTask, stage: Stage) -> None:
         self._task, self._names = task, stage.signals
         self.time: list[float] = []
-        self.rows: dict[str, list[Any]] = {name: [] for name in self._names}
-        self.goals: list[Any] = []
-        self.start: dict[str, Any] = {}
+        self.rows: dict[str, list[Array]] = {name: [] for name in self._names}
+        self.goals: list[Array] = []
+        self.start: dict[str, Array] = {}
 
-    def view(self, m: Any, row: int) -> Any:
+    def view(self, m: Moment, row: int) -> View | None:
         """Note a moment, and draw it as the task does."""
         import numpy as np
 
@@ -124,7 +131,7 @@ class _Seen:
         return Traces(time, values, units)
 
 
-def _solids(plan: Any, start: dict[str, Any], stage: Stage) -> Iterator[Solid]:
+def _solids(plan: Plan, start: dict[str, Array], stage: Stage) -> Iterator[Solid]:
     """Return what stands still in this episode: pools and obstacles may be drawn by lot."""
     from uuvsim_cosim.view.scene3d.scene_of_plan import pool_solids
 

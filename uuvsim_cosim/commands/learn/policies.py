@@ -21,7 +21,7 @@ class Acting:
     """A task, and what acts in it by name."""
 
     name: str  # of the task
-    options: Mapping[str, Any]
+    options: Mapping[str, object]
     task: Task | TeamTask
     policies: Mapping[str, Any]  # as `evaluate` takes them
     notes: tuple[str, ...] = ()  # of policies that learned under other options than these
@@ -30,7 +30,7 @@ class Acting:
 def acting_of(
     given: Sequence[str],
     task: str | None,
-    options: Mapping[str, Any],
+    options: Mapping[str, object],
     *,
     last: bool = False,
     own_task: bool = False,
@@ -49,7 +49,7 @@ def acting_of(
     which = "policy" if last else "best"
     loaded = {g: load_policies(g, which) for g in given if g not in WORDS}
     firsts = {g: p[0] for g, p in loaded.items()}
-    trained: Mapping[str, Any] = {}
+    trained: Mapping[str, object] = {}
     if task is None:
         tasks = {p.task for p in firsts.values()}
         if len(tasks) != 1:
@@ -86,5 +86,5 @@ def acting_of(
     return Acting(task, every, made, policies, notes)
 
 
-def _shown(options: Mapping[str, Any], name: str) -> str:
+def _shown(options: Mapping[str, object], name: str) -> str:
     return f"{name} {options[name]!r}" if name in options else f"{name} as by default"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -15,6 +15,9 @@ from uuvsim_cosim.commands.shared.study_progress import StudyProgress
 from uuvsim_cosim.commands.shared.terminal import file_table, line, notice, table, tilde
 from uuvsim_cosim.commands.shared.termination import Termination
 from uuvsim_cosim.errors import InputInvalid
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.learn.paper.ways import Budget
 
 __all__ = ["reproduce_command"]
 
@@ -89,7 +92,7 @@ def reproduce_command(
     line(f"written: {', '.join(tilde(f) for f in files)}")
 
 
-def _run(figure: str, budget: Any, seeds: int, out: Path, work: Path) -> None:
+def _run(figure: str, budget: Budget, seeds: int, out: Path, work: Path) -> None:
     from uuvsim_cosim.learn.paper.reproduce import reproduce
     from uuvsim_cosim.learn.training.interruption import Interruption
 
@@ -115,7 +118,7 @@ def _run(figure: str, budget: Any, seeds: int, out: Path, work: Path) -> None:
             raise typer.Exit(interruption.status) from None
 
 
-def _run_on(ray: str, figure: str, budget: Any, seeds: int, out: Path, work: Path) -> None:
+def _run_on(ray: str, figure: str, budget: Budget, seeds: int, out: Path, work: Path) -> None:
     from uuvsim_cosim.commands.learn.reproduce_transfer import FOLDER
     from uuvsim_cosim.learn.paper.ray_reproduce import reproduce_on, transfers_on
     from uuvsim_cosim.learn.training.ray_training import ALIKE

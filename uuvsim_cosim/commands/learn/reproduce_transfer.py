@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from uuvsim_cosim.cache import write_whole
 
 if TYPE_CHECKING:
-    from uuvsim_cosim.learn.paper.transfer_verdicts import Cells
     from uuvsim_cosim.learn.paper.verdicts import Verdict
 
 __all__ = ["FOLDER", "transfer_section"]
@@ -55,8 +54,8 @@ def transfer_section(results: Path) -> tuple[list[Verdict], str, list[Path]]:
             row = [cells.get((w, name, how)) for w in ways]
             if not any(row):
                 continue
-            said = ["" if c is None else f"{c.returns}" for c in row]
-            parts.append(f"| {condition.words} | {how} | {' | '.join(said)} |")
+            texts = ["" if c is None else f"{c.returns}" for c in row]
+            parts.append(f"| {condition.words} | {how} | {' | '.join(texts)} |")
             for way, cell in zip(ways, row, strict=True):
                 if cell is not None:
                     r = cell.returns
@@ -69,17 +68,13 @@ def transfer_section(results: Path) -> tuple[list[Verdict], str, list[Path]]:
         for how in ("as it is", "anticipated"):
             row = [cells.get((w, name, how)) for w in ways]
             if any(row):
-                said = ["" if c is None else f"{c.track.value:.3f}, {c.viol:.3f}, {c.clean:.2f}"
+                texts = ["" if c is None else f"{c.track.value:.3f}, {c.viol:.3f}, {c.clean:.2f}"
                         for c in row]  # fmt: skip
-                parts.append(f"| {condition.words} | {how} | {' | '.join(said)} |")
-    least = _least(cells)
+                parts.append(f"| {condition.words} | {how} | {' | '.join(texts)} |")
+    baseline = cells.get(("dt", "nominal", "as it is"))
+    least = None if baseline is None else (0.9 * baseline.returns.value, "0.9 of dt's own")
     picture = results / "fig11.svg"
     title = "Figure 11: return of an episode, mean and 95 % interval"
     write_whole(picture, transfer_svg(marks, ways, title, least).encode())
     parts.append(f"\n![fig11]({picture.name})\n")
     return rows, "\n".join(parts), [picture]
-
-
-def _least(cells: Cells) -> tuple[float, str] | None:
-    cell = cells.get(("dt", "nominal", "as it is"))
-    return None if cell is None else (0.9 * cell.returns.value, "0.9 of dt's own")

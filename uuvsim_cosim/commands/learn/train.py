@@ -108,12 +108,14 @@ def train_command(
         return
     with TrainingProgress() as progress:
         try:
-            done = _trained(asked, out, restart, progress)
+            from uuvsim_cosim.learn.training.train import train
+
+            done = train(asked, folder=out, restart=restart, observers=(progress,))
             report = None if no_report else _report(done, progress)
         except KeyboardInterrupt as interrupted:
             progress.close()
-            said = str(interrupted) or "interrupted; the same command goes on"
-            notice(said)
+            message = str(interrupted) or "interrupted; the same command goes on"
+            notice(message)
             raise typer.Exit(getattr(interrupted, "status", 130)) from None
     _show(done, report)
     if open_ and report is not None:
@@ -130,14 +132,6 @@ def _config(task: str | None, file: Path | None, changes: dict[str, Any]) -> Tra
     if task is None:
         raise InputInvalid("no task; expected one, as in `uuvsim train transition_1`, or --config")
     return TrainingConfig(**changes)
-
-
-def _trained(
-    config: TrainingConfig, out: Path | None, restart: bool, progress: TrainingProgress
-) -> Trained:
-    from uuvsim_cosim.learn.training.train import train
-
-    return train(config, folder=out, restart=restart, observers=(progress,))
 
 
 def _report(done: Trained, progress: TrainingProgress) -> Path:

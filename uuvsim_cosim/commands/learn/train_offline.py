@@ -56,12 +56,12 @@ def train_offline_command(
         from uuvsim_cosim.learn.training.judging import judged
         from uuvsim_cosim.learn.training.loading import acting_in
 
-        def told(done: int, of: int, losses: Mapping[str, float]) -> None:
+        def report(done: int, of: int, losses: Mapping[str, float]) -> None:
             progress("updates", done, of)
 
         learned = train_offline(
             dataset, algorithm, seed=seed, settings=settings, task=task, options=options,
-            folder=out, progress=told,
+            folder=out, progress=report,
         )  # fmt: skip
         figures = {}
         policy = learned.policy

@@ -56,8 +56,8 @@ def train_seeds(
                 _report(each)
         except KeyboardInterrupt as interrupted:
             progress.close()
-            said = str(interrupted) or "interrupted; the same command goes on from there"
-            notice(said)
+            message = str(interrupted) or "interrupted; the same command goes on from there"
+            notice(message)
             status = max(termination.status, getattr(interrupted, "status", 130))
             raise typer.Exit(status) from None
     _show(done)

@@ -6,9 +6,12 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from uuvsim_cosim.cache import write_whole
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.learn.training.statistics import Interval
 
 __all__ = ["write_judged"]
 
@@ -26,7 +29,7 @@ def write_judged(folder: Path, episodes: int = EPISODES) -> None:
 
     found = acting_of([str(folder)], None, {})
     (acts,) = found.policies.values()
-    rows: dict[str, Mapping[str, Any]] = {"best": judge(found.task, [acts], episodes)}
+    rows: dict[str, Mapping[str, Interval]] = {"best": judge(found.task, [acts], episodes)}
     if yardstick := judge_scripted(found.task, episodes):
         rows["scripted"] = yardstick
     (folder / "pictures").mkdir(exist_ok=True)

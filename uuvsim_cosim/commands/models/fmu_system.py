@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -75,14 +76,14 @@ def client_command(
     from uuvsim_cosim.bridge.clients.client_fmu import build_client_fmu
     from uuvsim_cosim.bridge.tcp.framing import TCP_PORT
 
-    where: dict[str, Any] = {"host": host, "port": TCP_PORT if port is None else port}
     _build(
-        build_client_fmu, system, fmi, platform, out, signals, inputs, names, replace, set_, **where
-    )
+        build_client_fmu, system, fmi, platform, out, signals, inputs, names, replace, set_,
+        host=host, port=TCP_PORT if port is None else port,
+    )  # fmt: skip
 
 
 def _build(
-    build: Any,
+    build: Callable[..., Path],
     system: str,
     fmi: int,
     platform: str,
@@ -92,9 +93,8 @@ def _build(
     names: str,
     replace: list[str] | None,
     set_: list[str] | None,
-    **more: Any,
+    **more: object,
 ) -> None:
-
     version, platforms = fmi_version(fmi), platform_names(platform)
     changes = {
         "replace": assignments("--replace", replace or [], "component=source", dotted=False),

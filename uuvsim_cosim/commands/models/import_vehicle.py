@@ -62,7 +62,10 @@ def import_command(
         for name, given in options.items():
             if given is not None:
                 raise InputInvalid(f"{name}: is for a surface; {file.name} says its own")
-        draft, notes = _described(file)
+        from uuvsim_cosim.models.importing.import_description import import_description
+
+        found = import_description(file)
+        draft, notes = found.draft, found.notes
     else:
         if mass is None:
             raise InputInvalid(f"{file}: a surface has no mass; expected --mass and kg")
@@ -89,13 +92,6 @@ def import_command(
 def _id_of(file: Path) -> str:
     name = re.sub(r"[^a-z0-9_]+", "_", file.name.split(".")[0].lower()).strip("_")
     return name if name[:1].isalpha() else f"vehicle_{name}"
-
-
-def _described(file: Path) -> tuple[Draft, tuple[str, ...]]:
-    from uuvsim_cosim.models.importing.import_description import import_description
-
-    found = import_description(file)
-    return found.draft, found.notes
 
 
 def _surface(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -21,6 +21,9 @@ from uuvsim_cosim.commands.shared.terminal import (
     tilde,
 )
 from uuvsim_cosim.errors import InputInvalid
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.models.checks.reference_trajectory import Deviation
 
 __all__ = ["app"]
 
@@ -86,7 +89,7 @@ def show(
               key="presets")  # fmt: skip
 
 
-def _start(value: Any) -> Shown | str:
+def _start(value: object) -> Shown | str:
     import numpy as np
 
     if value is None:
@@ -146,11 +149,19 @@ def _check_against(name: str, path: Path, tolerance: float, relative: bool) -> N
         line(note)
     table(
         ("column", "largest deviation", "of its greatest value", "at t [s]"),
-        [(d.column, number(d.max, ".3g"), _share(d.relative), number(d.t, "g")) for d in found],
+        [
+            (
+                d.column,
+                number(d.max, ".3g"),
+                Shown(d.relative, f"{d.relative:.3g}" if d.relative < 1e3 else "-"),
+                number(d.t, "g"),
+            )
+            for d in found
+        ],
         key="deviations",
     )
 
-    def off(d: Any) -> float:
+    def off(d: Deviation) -> float:
         return float(min(d.max, d.relative) if relative else d.max)
 
     worst = max(found, key=off)
@@ -161,10 +172,6 @@ def _check_against(name: str, path: Path, tolerance: float, relative: bool) -> N
             f"t = {worst.t:g} s; expected at most {tolerance:g}"
         )
     line(f"{name} agrees with {path.name} within {tolerance:g}{' relative' if relative else ''}")
-
-
-def _share(relative: float) -> Shown:
-    return Shown(relative, f"{relative:.3g}" if relative < 1e3 else "-")
 
 
 def _check_all(name: str | None, groups: set[str]) -> None:

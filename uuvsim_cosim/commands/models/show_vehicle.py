@@ -89,7 +89,10 @@ def show_vehicle(address: str) -> None:
     line(f"stability derivatives at {f.U:g} m/s ahead, such as Y_r = dY/dr, added mass included")
     table(
         ("", *VELOCITIES),
-        [(name, *(_short(v) for v in f.derivatives[i])) for i, name in enumerate(FORCES)],
+        [
+            (name, *(Shown(v, "." if abs(v) < 1e-9 else f"{v:.4g}") for v in f.derivatives[i]))
+            for i, name in enumerate(FORCES)
+        ],
         key="stability_derivatives",
     )
     line()
@@ -132,10 +135,6 @@ def _at(speed: float) -> str:
     from uuvsim_cosim.models.vehicles.vehicle_figures import FASTEST
 
     return f"at {abs(speed):.3g} m/s" if math.isfinite(speed) else f"faster than {FASTEST:g} m/s"
-
-
-def _short(value: float) -> Shown:
-    return Shown(value, "." if abs(value) < 1e-9 else f"{value:.4g}")
 
 
 def _poles(poles: np.ndarray) -> str:

@@ -4,11 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import TYPE_CHECKING, Self
 
 from uuvsim_cosim.commands.run.view import announce, serve
 from uuvsim_cosim.commands.shared.terminal import notice
 from uuvsim_cosim.errors import InputInvalid
+
+if TYPE_CHECKING:
+    from viser import ViserServer
+
+    from uuvsim_cosim.orchestrator.master.observer import Observer
+    from uuvsim_cosim.view.scene3d.live import LiveView
 
 __all__ = ["Watched"]
 
@@ -17,8 +23,10 @@ class Watched:
     """The page of a run, where it was `asked` for; what fails there does not stop the run."""
 
     def __init__(self, name: str, port: int | None, asked: bool) -> None:
-        self._name, self._server, self._live = name, None, None
-        self.observers: list[Any] = []
+        self._name = name
+        self._server: ViserServer | None = None
+        self._live: LiveView | None = None
+        self.observers: list[Observer] = []
         if not asked:
             if port is not None:
                 raise InputInvalid(f"--port {port}: is where --view shows it; expected --view")
@@ -50,9 +58,8 @@ class Watched:
             return
         from uuvsim_cosim.view.scene3d.scene_of_run import placed
 
-        live: Any = self._live
-        if live is not None and live.failure is not None:
-            notice(f"the live view stopped: {live.failure}")
+        if self._live is not None and self._live.failure is not None:
+            notice(f"the live view stopped: {self._live.failure}")
         try:
             recorded = placed(folder)
             self._server.scene.reset()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -24,6 +24,11 @@ from uuvsim_cosim.commands.shared.system_options import MAP, SET, edited_system
 from uuvsim_cosim.commands.shared.terminal import file_line, line, notice, put, remark, tilde
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid, LoopNotConverged
 from uuvsim_cosim.fmus.isolation.watchdog import check_watchdog
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.fmus.tracing.trace import Trace
+    from uuvsim_cosim.orchestrator.master.real_time import Pace
+    from uuvsim_cosim.orchestrator.system.system import System
 
 __all__ = ["run_command"]
 
@@ -191,7 +196,7 @@ def run_command(
     )  # fmt: skip
 
 
-def _pace(factor: float | None, overruns: str) -> Any:
+def _pace(factor: float | None, overruns: str) -> Pace | None:
     from uuvsim_cosim.orchestrator.master.real_time import Pace
 
     if factor is None:
@@ -206,10 +211,10 @@ def _is_fmu(system: str) -> bool:
 
 
 def _run_system(
-    system: Any, changes: dict[str, dict[str, str]], *, name: str, until: float | None,
+    system: System, changes: dict[str, dict[str, str]], *, name: str, until: float | None,
     start_time: float | None, out: Path | None, seed: int, native: bool, record_every: int,
-    report: bool, show: bool, pace: Any, isolate: list[str], watchdog: float, scenario: Path | None,
-    trace_fmi: Path | None, watched: Watched, inputs: list[str],
+    report: bool, show: bool, pace: Pace | None, isolate: list[str], watchdog: float,
+    scenario: Path | None, trace_fmi: Path | None, watched: Watched, inputs: list[str],
 ) -> None:  # fmt: skip
     from uuvsim_cosim.orchestrator.running.run import Interrupted, run
     from uuvsim_cosim.view.reports.run_report import write_metrics, write_report
@@ -255,7 +260,7 @@ def _run_fmu(
     fmu: str, inputs: Path | None, until: float | None, step: str | None, out: Path | None,
     values: dict[str, str], trace_fmi: Path | None, start: float | None, interface: str | None,
 ) -> None:  # fmt: skip
-    from contextlib import nullcontext
+    from contextlib import AbstractContextManager, nullcontext
 
     from uuvsim_cosim.fmus.check.simulate_fmu import (
         SimulationFile,
@@ -269,7 +274,7 @@ def _run_fmu(
     if not target.absolute().parent.is_dir():
         raise InputInvalid(f"{target}: its folder does not exist; expected a file in a folder")
     chosen = None if interface is None else _interface(interface)
-    traced: Any = nullcontext()
+    traced: AbstractContextManager[Trace | None] = nullcontext()
     if trace_fmi is not None:
         from uuvsim_cosim.fmus.tracing.trace import Trace
 

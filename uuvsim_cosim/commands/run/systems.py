@@ -72,8 +72,8 @@ def show(
     line()
     for loop in loop_lines(loop_delays(found), most=12):
         line(f"loop {loop}")
-    for said in [f"refused: {refused}"] if refused else loop_lines_of(found):
-        line(said)
+    for text in [f"refused: {refused}"] if refused else loop_lines_of(found):
+        line(text)
     for note in system.notes:
         remark("assumed", note)
     for warning in found.warnings:

@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from uuvsim_cosim.commands.shared.answer import answer
 from uuvsim_cosim.commands.shared.terminal import line, put, tilde
+
+if TYPE_CHECKING:
+    from viser import ViserServer
+
+    from uuvsim_cosim.view.recorded.traces import Traces
+    from uuvsim_cosim.view.scene3d.motion import Motion
+    from uuvsim_cosim.view.scene3d.scene import Stage
 
 __all__ = ["HOST", "PORT", "announce", "serve", "view_command"]
 
@@ -42,7 +49,9 @@ def view_command(
         close_server(server)
 
 
-def serve(server: Any, what: str, recorded: tuple[Any, Any, Any], *, show: bool) -> None:
+def serve(
+    server: ViserServer, what: str, recorded: tuple[Stage, Motion, Traces], *, show: bool
+) -> None:
     """Serve a replay until Ctrl-C, which is its good end."""
     from uuvsim_cosim.view.scene3d.recording_page import Replay
 
@@ -58,7 +67,7 @@ def serve(server: Any, what: str, recorded: tuple[Any, Any, Any], *, show: bool)
         line()
 
 
-def announce(server: Any, what: str, *, show: bool) -> None:
+def announce(server: ViserServer, what: str, *, show: bool) -> None:
     """Say where the page is, and how to reach it from a machine that has a screen."""
     from uuvsim_cosim.view.scene3d.viser_server import address, entry, has_screen
 

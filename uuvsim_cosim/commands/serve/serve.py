@@ -6,11 +6,11 @@ import errno
 import signal
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import FrameType
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -21,6 +21,11 @@ from uuvsim_cosim.commands.shared.out_option import folder_option
 from uuvsim_cosim.commands.shared.system_options import MAP, SET, edited_system
 from uuvsim_cosim.commands.shared.terminal import line, notice, put, tilde
 from uuvsim_cosim.errors import InputInvalid
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.bridge.access.transports import Opening
+    from uuvsim_cosim.bridge.server.conductor import Conductor
+    from uuvsim_cosim.orchestrator.system.system import System
 
 __all__ = ["serve_command"]
 
@@ -126,17 +131,17 @@ def serve_command(
         "rate": rates(rate or []),
         "set": assignments("--set", set_ or [], SET, dotted=True),
     }
-    recorded = is_recording(system)
-    if recorded:
+    served: System | str = system
+    folder = None
+    if is_recording(system):
         _refuse_changes(system, changes, fmu=fmu, seed=seed, out=out, loops=loops)
     else:
         with_keyboards(system, changes["replace"])
-    edited: Any = system if recorded else edited_system(system, None, changes, loops)
-    folder = None
-    if not no_record and not recorded:
-        folder = out if out is not None else Path("runs") / f"{edited.name}-{seed}"
+        served = edited_system(system, None, changes, loops)
+        if not no_record:
+            folder = out if out is not None else Path("runs") / f"{served.name}-{seed}"
     conductor = Conductor(
-        edited, seed, "fmu" if fmu else "native", record=folder,
+        served, seed, "fmu" if fmu else "native", record=folder,
         fail_safe=fail_safe, loads_code=not no_code,  # type: ignore[arg-type]
     )  # fmt: skip
     before = signal.signal(signal.SIGTERM, _interrupt)
@@ -154,8 +159,8 @@ def serve_command(
 
 def _open_servers(
     stack: ExitStack,
-    conductor: Any,
-    opened: Any,
+    conductor: Conductor,
+    opened: Opening,
     port: int | None,
     tcp: int | None,
     http: int | None,
@@ -182,20 +187,23 @@ def _open_servers(
             "running code as this user\n"
         )
     kind = "tls" if bridge.tls else "tcp"
-    said = [f"port={bridge.port}"] if bridge.port != PORT else []
-    said += ['ca="ca.pem"'] if bridge.tls else []
+    arguments = [f"port={bridge.port}"] if bridge.port != PORT else []
+    arguments += ['ca="ca.pem"'] if bridge.tls else []
     where = ", ".join(f"{kind}/{host}:{bridge.port}" for host in bridge.hosts)
     endpoints: dict[str, list[str]] = {"zenoh": where.split(", ")}
-    lines.append(f"  Zenoh  {where}  Python: uuvsim_cosim.connect({', '.join(said)})")
-    guard = {"admit": opened.admit, "tls": opened.tls}
+    lines.append(f"  Zenoh  {where}  Python: uuvsim_cosim.connect({', '.join(arguments)})")
+    admit, tls = opened.admit, opened.tls
     if tcp != -1:
         number = TCP_PORT if tcp is None else tcp
-        server = stack.enter_context(TcpServer(conductor, number, opened.hosts, **guard))
+        server = stack.enter_context(
+            TcpServer(conductor, number, opened.hosts, admit=admit, tls=tls)
+        )
         endpoints["tcp"] = list(server.addresses)
         whom = "TLS" if bridge.tls else "MATLAB, Octave: uuvsim.connect()"
         lines.append(f"  TCP    {', '.join(server.addresses)}  {whom}")
     if http != -1:
-        page = HttpServer(conductor, HTTP_PORT if http is None else http, opened.hosts, **guard)
+        number = HTTP_PORT if http is None else http
+        page = HttpServer(conductor, number, opened.hosts, admit=admit, tls=tls)
         stack.callback(page.close)
         endpoints["http"] = list(page.addresses)
         token = None if opened.authenticator is None else opened.authenticator.access.token
@@ -248,11 +256,11 @@ def _check_ports(hosts: Sequence[str], port: int | None, tcp: int | None, http: 
                         ) from None
 
 
-def _wait(conductor: Any, factor: float, paused: bool, until: float | None) -> None:
+def _wait(conductor: Conductor, factor: float, paused: bool, until: float | None) -> None:
     """Run until the end, or until somebody interrupts."""
     from uuvsim_cosim.bridge.calls.service import Client
 
-    told = None
+    reported = None
     try:
         line("paused: clients run or step it; Ctrl-C ends it" if paused else
              f"streams at {factor:g} times real time; Ctrl-C ends it")  # fmt: skip
@@ -262,11 +270,11 @@ def _wait(conductor: Any, factor: float, paused: bool, until: float | None) -> N
         answer().write_early()
         sys.stdout.flush()
         while until is None or conductor.moment().time < until - 1e-9:
-            if (failed := conductor.failed) is not None and failed is not told:
+            if (failed := conductor.failed) is not None and failed is not reported:
                 if until is not None:
                     raise failed
                 notice(f"{failed}; paused, clients may reset it")
-                told = failed
+                reported = failed
             elif asked is not None and asked.done():
                 asked.result()  # raises what it refused, such as a time after a recording's end
                 asked = None
@@ -290,7 +298,7 @@ def _raise_limit_of_files() -> None:
         resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
 
 
-def _refuse_changes(system: str, changes: dict[str, Any], **others: Any) -> None:
+def _refuse_changes(system: str, changes: Mapping[str, object], **others: object) -> None:
     """A recording is as it was."""
     given = [f"--{name}" for name, value in {**changes, **others}.items() if value]
     if given:
@@ -300,7 +308,7 @@ def _refuse_changes(system: str, changes: dict[str, Any], **others: Any) -> None
         )
 
 
-def _told(conductor: Any, warned: Sequence[str]) -> None:
+def _told(conductor: Conductor, warned: Sequence[str]) -> None:
     for warning in conductor.warnings:
         if warning not in warned:
             line(f"warning: {warning}")

@@ -32,11 +32,11 @@ class Answer:
     _out: TextIO | None = None
     _written: bool = False
 
-    def put(self, key: str, value: Any) -> None:
+    def put(self, key: str, value: object) -> None:
         """Set a field of the JSON object; text and quiet answers do not have it."""
         self.fields[key] = value
 
-    def add(self, key: str, *values: Any) -> None:
+    def add(self, key: str, *values: object) -> None:
         """Append to a list in the JSON object."""
         self.fields.setdefault(key, []).extend(values)
 
@@ -122,25 +122,21 @@ def _kept_output() -> Iterator[TextIO]:
         with open(os.dup(kept), "w", encoding="utf-8") as own:
             yield own
     finally:
-        _flush_compiled()
+        import ctypes
+
+        # Compiled code buffers what it prints into a pipe until the process ends: flush it now.
+        with suppress(OSError, AttributeError, TypeError):  # Windows: each binary has its own
+            ctypes.CDLL(None).fflush(None)
         os.dup2(kept, 1)
         os.close(kept)
         sys.stdout = out
 
 
-def _flush_compiled() -> None:
-    """Write out what compiled code has printed so far: a pipe's buffer waits until the exit."""
-    import ctypes
-
-    with suppress(OSError, AttributeError, TypeError):  # Windows: each binary has its own
-        ctypes.CDLL(None).fflush(None)
-
-
-def error_fields(error: BaseException | None, message: str, status: int) -> dict[str, Any]:
+def error_fields(error: BaseException | None, message: str, status: int) -> dict[str, object]:
     """Return the field `error` of a command that did not succeed."""
     kind = type(error).__name__ if error is not None else "Refused"
     if isinstance(error, ComponentFailed):
-        place: dict[str, Any] = {"component": error.path, "time": error.time}
+        place = {"component": error.path, "time": error.time}
         return {"type": kind, "status": status, "message": message, **place, "reason": error.reason}
     problems = error.problems if isinstance(error, UuvsimError) else ()
     if not problems or not all(p.place and p.expected for p in problems):

@@ -15,7 +15,29 @@ __all__ = ["complete", "path_of", "walk"]
 
 def complete(command: Any) -> Any:
     """Add shared options, examples and groups of options to a command and all commands below it."""
-    shared = typer.main.get_command(_shared()).params[:2]
+    # `answer.mode_of` reads these options before anything is parsed.
+    app = typer.Typer(add_completion=False)
+
+    @app.command()
+    def options(
+        json: Annotated[
+            bool,
+            typer.Option(
+                "--json", expose_value=False, rich_help_panel=OUTPUT,
+                help="Write the result to stdout as one JSON object.",
+            ),
+        ] = False,
+        quiet: Annotated[
+            bool,
+            typer.Option(
+                "--quiet", expose_value=False, rich_help_panel=OUTPUT,
+                help="Write only warnings and errors, to stderr.",
+            ),
+        ] = False,
+    ) -> None:  # fmt: skip
+        """Declare the options that every command has."""
+
+    shared = typer.main.get_command(app).params[:2]
     for path, each in walk(command):
         group(path, each)
         each.params.extend(shared)
@@ -42,29 +64,3 @@ def path_of(command: Any, arguments: Sequence[str]) -> str:
         elif not argument.startswith("-"):
             break
     return " ".join(words)
-
-
-def _shared() -> typer.Typer:
-    """Declare the shared options; `answer.mode_of` reads them before anything is parsed."""
-    app = typer.Typer(add_completion=False)
-
-    @app.command()
-    def options(
-        json: Annotated[
-            bool,
-            typer.Option(
-                "--json", expose_value=False, rich_help_panel=OUTPUT,
-                help="Write the result to stdout as one JSON object.",
-            ),
-        ] = False,
-        quiet: Annotated[
-            bool,
-            typer.Option(
-                "--quiet", expose_value=False, rich_help_panel=OUTPUT,
-                help="Write only warnings and errors, to stderr.",
-            ),
-        ] = False,
-    ) -> None:  # fmt: skip
-        """Declare the options that every command has."""
-
-    return app

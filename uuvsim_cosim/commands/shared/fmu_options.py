@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 from uuvsim_cosim.errors import InputInvalid
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.fmus.export.model_structure import FmiVersion
 
 __all__ = ["fmi_version", "platform_names"]
 
 
-def fmi_version(number: int) -> Any:
+def fmi_version(number: int) -> FmiVersion:
     """Return 2 or 3; raises InputInvalid for another number."""
     if number not in (2, 3):
         raise InputInvalid(f"--fmi: {number} was read; expected 2 or 3")
-    return number
+    return 2 if number == 2 else 3
 
 
 def platform_names(text: str) -> list[str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any
 
 from uuvsim_cosim.errors import InputInvalid
 
@@ -61,7 +60,7 @@ def by_component(found: dict[str, str]) -> dict[str, dict[str, str]]:
     return grouped
 
 
-def value_of(text: str) -> Any:
+def value_of(text: str) -> float | str:
     """Return a number for a text that is one; any other text stays, e.g. ``2 km/h`` or ``true``."""
     for kind in (int, float):
         try:

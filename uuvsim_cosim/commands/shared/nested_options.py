@@ -21,21 +21,15 @@ def nested(option: str, texts: Iterable[str], expected: str) -> dict[str, Any]:
             place = place.setdefault(parent, {})
             if not isinstance(place, dict):
                 raise InputInvalid(f"{option} {name}: {parent} has a value already; expected one")
-        place[last] = _value(option, name, text)
+        place[last] = value_of(text)
+        if isinstance(place[last], str):  # no number; YAML may read a truth value, list or mapping
+            from ruamel.yaml import YAML
+            from ruamel.yaml.error import YAMLError
+
+            try:
+                place[last] = YAML(typ="safe", pure=True).load(text)
+            except YAMLError:
+                raise InputInvalid(
+                    f"{option} {name}={text}: cannot be read; expected a value as in YAML"
+                ) from None
     return found
-
-
-def _value(option: str, name: str, text: str) -> Any:
-    """Return a number, truth value, list or mapping for a text that is one, else the text."""
-    value = value_of(text)
-    if not isinstance(value, str):
-        return value
-    from ruamel.yaml import YAML
-    from ruamel.yaml.error import YAMLError
-
-    try:
-        return YAML(typ="safe", pure=True).load(text)
-    except YAMLError:
-        raise InputInvalid(
-            f"{option} {name}={text}: cannot be read; expected a value as in YAML"
-        ) from None

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from uuvsim_cosim.commands.shared.name_value_options import by_component, value_of
 from uuvsim_cosim.errors import InputInvalid
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.orchestrator.system.system import System
 
 __all__ = ["MAP", "SET", "edited_system"]
 
@@ -18,7 +21,7 @@ MAP = "component.variable=its_name_there"
 def edited_system(
     name: str, waypoints: Path | None, changes: dict[str, dict[str, str]],
     loops: str | None = None, origin: str | None = None,
-) -> Any:  # fmt: skip
+) -> System:  # fmt: skip
     """Load the system and apply the swaps, then rates, values, waypoints and the loop policy."""
     from uuvsim_cosim.orchestrator.running.library import load
     from uuvsim_cosim.orchestrator.running.mission import with_waypoints
@@ -39,12 +42,19 @@ def edited_system(
             )
     for component, source in swaps.items():
         # A file given on the command line lies where the user stands, not beside the system.
-        mapping: Any = Path(files[component]) if component in files else maps.get(component)
+        mapping = Path(files[component]) if component in files else maps.get(component)
         system = system.replace(component, _from_here(source), map=mapping,
                                 rate=rates.get(component))  # fmt: skip
     for component, step in rates.items():
         if component not in swaps:
-            system = _with_rate(system, component, step)
+            element = system.components.get(component)
+            if element is None:
+                known = ", ".join(system.components)
+                raise InputInvalid(
+                    f"--rate {component}: no such component; expected one of {known}"
+                )
+            kept: Any = element.source  # its own source again: text, or a nested system
+            system = system.replace(component, kept, rate=step)
     for path, text in changes["set"].items():
         system = system.set(path, value_of(text))
         _check_effect(system, path)
@@ -54,7 +64,7 @@ def edited_system(
     return replace(system, remarks=(*system.remarks, *flown.notes))
 
 
-def _check_effect(system: Any, path: str) -> None:
+def _check_effect(system: System, path: str) -> None:
     """Refuse a value for an input that a connection overwrites at once."""
     for wire in system.checked.wires:
         fed = f"{wire.target.element}.{wire.target.variable.name}"
@@ -63,14 +73,6 @@ def _check_effect(system: Any, path: str) -> None:
                 f"--set {path}: is fed by {wire.connection.source}; expected a parameter, or an "
                 "input that nothing is connected to"
             )
-
-
-def _with_rate(system: Any, component: str, seconds: str) -> Any:
-    element = system.components.get(component)
-    if element is None:
-        known = ", ".join(system.components)
-        raise InputInvalid(f"--rate {component}: no such component; expected one of {known}")
-    return system.replace(component, element.source, rate=seconds)
 
 
 def _from_here(source: str) -> str:

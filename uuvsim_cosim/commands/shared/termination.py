@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import signal
 import threading
+from collections.abc import Callable
 from types import FrameType, TracebackType
-from typing import Any, Self, final
+from typing import Self, final
 
 __all__ = ["Termination"]
 
@@ -18,7 +19,7 @@ class Termination:
     """
 
     status = 130
-    _before: Any = None
+    _before: Callable[[int, FrameType | None], object] | int | None = None
 
     def __enter__(self) -> Self:
         """Begin to listen; only the main thread can."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -24,7 +24,7 @@ from uuvsim_cosim.commands.shared.terminal import (
 from uuvsim_cosim.errors import InputInvalid
 
 if TYPE_CHECKING:
-    from uuvsim_cosim.studies.identification.experiment import Proposal
+    from uuvsim_cosim.orchestrator.system.system import System
     from uuvsim_cosim.studies.identification.identify import Identified
 
 __all__ = ["identify_command"]
@@ -124,18 +124,24 @@ def identify_command(
             raise InputInvalid(
                 "--manoeuvre: nothing pushes in what is identified; none can be flown"
             )
-        written(manoeuvre, _csv(found.proposals[0]))
+        p = found.proposals[0]
+        rows = [f"# {p.name}: generalised force in b, held from row to row (zero-order hold)"]
+        rows.append("time,tau[1],tau[2],tau[3],tau[4],tau[5],tau[6]")
+        rows += [
+            ",".join(f"{v:.6g}" for v in (t, *force)) for t, force in zip(p.t, p.tau, strict=True)
+        ]
+        written(manoeuvre, "\n".join(rows) + "\n")
         file_line(manoeuvre, f"written: {tilde(manoeuvre)}")
     if save_as is not None:
         for saved in save(found, save_as):
             name = save_as.rpartition("@")[2]
-            said = f"written: set {name} in {tilde(saved.file)}; use it as {saved.source}"
-            file_line(saved.file, said)
+            message = f"written: set {name} in {tilde(saved.file)}; use it as {saved.source}"
+            file_line(saved.file, message)
     if not found.converged:
         remark("note", f"ipopt ended with {found.status} after {found.iterations} iterations")
 
 
-def _edited(name: str, replace: list[str], set_: list[str]) -> Any:
+def _edited(name: str, replace: list[str], set_: list[str]) -> System:
     if name.startswith("model:"):
         from uuvsim_cosim.orchestrator.system.system import System
 
@@ -194,10 +200,3 @@ def _show(found: Identified) -> None:
             ],
             key="manoeuvres",
         )
-
-
-def _csv(p: Proposal) -> str:
-    rows = [f"# {p.name}: generalised force in b, held from row to row (zero-order hold)"]
-    rows.append("time,tau[1],tau[2],tau[3],tau[4],tau[5],tau[6]")
-    rows += [",".join(f"{v:.6g}" for v in (t, *force)) for t, force in zip(p.t, p.tau, strict=True)]
-    return "\n".join(rows) + "\n"

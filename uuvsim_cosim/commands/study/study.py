@@ -72,8 +72,8 @@ def study_command(
             done, report = _run(file, out, jobs, restart, master, ray, no_report, progress, loops)
         except KeyboardInterrupt as interrupted:
             progress.close()
-            said = str(interrupted) or "interrupted; the same command goes on from there"
-            notice(said)
+            message = str(interrupted) or "interrupted; the same command goes on from there"
+            notice(message)
             raise typer.Exit(termination.status) from None
     _show(done, report)
     if open_ and report is not None:

@@ -106,19 +106,19 @@ def chart_files(file: Path) -> ChartFiles:
     A gap in the sequence, or an update of another edition, ends it: what follows is not applied,
     and `notes` says which file is missing.
     """
-    said = identification(file)
-    if said.is_update or re.fullmatch(r"\.(?!000)\d\d\d", file.suffix):
+    cell = identification(file)
+    if cell.is_update or re.fullmatch(r"\.(?!000)\d\d\d", file.suffix):
         base = file.with_suffix(".000")
         where = f"open {base}" if base.is_file() else f"its base cell {base.name} is not beside it"
         raise InputInvalid(
-            f"{file}: this is update {said.update} of a chart, not the chart; {where}"
+            f"{file}: this is update {cell.update} of a chart, not the chart; {where}"
         )
     check_records(file)
     found = _updates(file)
     notes: list[str] = []
     applied: list[Path] = []
-    number = said.update
-    for n in [n for n in sorted(found) if n > said.update]:
+    number = cell.update
+    for n in [n for n in sorted(found) if n > cell.update]:
         if n != number + 1:
             gone = [f"{file.stem}.{m:03d}" for m in range(number + 1, n)]
             kept = [f"{file.stem}.{m:03d}" for m in sorted(found) if m >= n]
@@ -137,10 +137,10 @@ def chart_files(file: Path) -> ChartFiles:
         if update.edition == "0":  # S-57 appendix B.1, 5.7: so a producer withdraws a cell
             notes.append(f"{found[n].name} withdraws this chart: it is no longer in force")
             break
-        if update.edition != said.edition:
+        if update.edition != cell.edition:
             notes.append(
                 f"{found[n].name} belongs to edition {update.edition}, the base cell is edition "
-                f"{said.edition}: not applied; the chart stands at update {number}"
+                f"{cell.edition}: not applied; the chart stands at update {number}"
             )
             break
         if not update.is_update or update.update != n:
@@ -151,7 +151,7 @@ def chart_files(file: Path) -> ChartFiles:
             break
         applied.append(found[n])
         number = n
-    return ChartFiles(file, said, tuple(applied), tuple(notes))
+    return ChartFiles(file, cell, tuple(applied), tuple(notes))
 
 
 def _updates(file: Path) -> dict[int, Path]:
@@ -182,14 +182,11 @@ def in_sequence(files: ChartFiles) -> Iterator[Path]:
         folder = Path(name)
         targets = (files.base, *files.updates)
         for number, target in enumerate(targets):
-            _link(target.resolve(), folder / f"{files.base.stem}.{number:03d}")
+            link = folder / f"{files.base.stem}.{number:03d}"
+            try:
+                link.symlink_to(target.resolve())
+            except OSError:  # Windows needs a right for links that not every user has
+                from shutil import copyfile
+
+                copyfile(target.resolve(), link)
         yield folder / f"{files.base.stem}.000"
-
-
-def _link(target: Path, link: Path) -> None:
-    try:
-        link.symlink_to(target)
-    except OSError:  # Windows, without the right to
-        from shutil import copyfile
-
-        copyfile(target, link)

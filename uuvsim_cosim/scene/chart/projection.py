@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.scene.shared.extra import wanted
+
+if TYPE_CHECKING:
+    from pyproj import Transformer
 
 __all__ = ["Projection", "projection_at", "utm_code"]
 
@@ -20,7 +23,7 @@ class Projection:
     """A projected CRS, and how to come to it from longitude and latitude (WGS 84)."""
 
     code: str  # "EPSG:32610"
-    to_metres: Any  # pyproj.Transformer
+    to_metres: Transformer
 
     def forward(self, degrees: Floats) -> Floats:
         """Return E, N (m) of longitudes and latitudes; (n, 2)."""

@@ -7,10 +7,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.scene.chart.codes import UNITS, VERTICAL_DATUMS
@@ -18,9 +17,11 @@ from uuvsim_cosim.scene.chart.files import ChartFiles, chart_files, in_sequence
 from uuvsim_cosim.scene.chart.projection import Projection, projection_at
 from uuvsim_cosim.scene.shared.extra import wanted
 
-__all__ = ["Areas", "Chart", "Features", "read_chart"]
+__all__ = ["Areas", "Chart", "Features", "Shapes", "read_chart"]
 
 Floats = NDArray[np.float64]
+Shapes = NDArray[np.object_]  # (n,) shapely geometries
+Column = NDArray[np.generic]  # (n,) values of an attribute
 
 _OBJECTS = (
     "OBSTRN", "WRECKS", "UWTROC", "PILPNT", "PONTON", "PIPSOL", "CBLSUB", "MORFAC", "HULKES",
@@ -42,7 +43,7 @@ _OPTIONS = {
 class Areas:
     """Polygons with the depths (m, positive down) between which their seabed lies."""
 
-    shapes: Any  # (n,) shapely polygons, in m of the projection
+    shapes: Shapes  # (n,) polygons, in m of the projection
     low: Floats  # (n,), m; -inf where unknown
     high: Floats  # (n,), m; inf where unknown
 
@@ -52,8 +53,9 @@ class Features:
     """Things of one object class."""
 
     kind: str  # six letters of S-57, such as "WRECKS"
-    shapes: Any  # (n,) shapely geometries
-    values: dict[str, Any]  # attribute: (n,)
+    shapes: Shapes
+    values: dict[str, Floats]  # attribute: (n,); NaN where it is not given
+    names: list[str]  # OBJNAM, or nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,16 +67,16 @@ class Chart:
     scale: int
     vertical_datum: str
     soundings: Floats  # (n, 3)
-    contours: Any  # (n,) lines
+    contours: Shapes  # (n,) lines
     contour_depths: Floats  # (n,)
     depth_areas: Areas  # DEPARE and DRGARE
-    floating: Any  # (n,) polygons that hide the seabed: pontoons, hulks, floating docks
-    land: Any  # (n,) polygons, lines and points
-    coast: Any  # (n,) lines
-    unsurveyed: Any  # (n,) polygons
-    quality: Any  # (n,) polygons
+    floating: Shapes  # (n,) polygons that hide the seabed: pontoons, hulks, floating docks
+    land: Shapes  # (n,) polygons, lines and points
+    coast: Shapes  # (n,) lines
+    unsurveyed: Shapes  # (n,) polygons
+    quality: Shapes  # (n,) polygons
     zones: NDArray[np.int64]  # (n,) CATZOC of `quality`
-    nature: Any  # (n,) points, lines and polygons
+    nature: Shapes  # (n,) points, lines and polygons
     natures: list[list[int]]  # NATSUR of `nature`
     features: tuple[Features, ...] = ()
     notes: tuple[str, ...] = ()
@@ -88,7 +90,7 @@ class _Cell:
         self.gdal = wanted("pyogrio", "reading a chart")
         self.shapely = wanted("shapely", "reading a chart")
         self.projection: Projection | None = None
-        self.warnings: dict[str, None] = {}  # what GDAL said, once each, in order
+        self.warnings: dict[str, None] = {}  # of GDAL, each once, in their order
         try:
             with self._listening():
                 self.layers = {str(row[0]) for row in self.gdal.list_layers(path)}
@@ -102,7 +104,7 @@ class _Cell:
             yield
         self.warnings.update(dict.fromkeys(" ".join(str(w.message).split()) for w in heard))
 
-    def read(self, layer: str, columns: Sequence[str] = ()) -> tuple[Any, dict[str, Any]]:
+    def read(self, layer: str, columns: Sequence[str] = ()) -> tuple[Shapes, dict[str, Column]]:
         """Return (geometries, columns); none where the cell lacks the layer or column."""
         if layer not in self.layers:
             return np.empty(0, object), {name: np.empty(0) for name in columns}
@@ -162,6 +164,13 @@ def _chart(cell: _Cell, files: ChartFiles) -> Chart:
         )
     if not len(xyz):
         notes.append("no soundings: the uncertainty is that of the charted bands alone")
+    # GDAL's warnings are reported in the order of these reads.
+    areas = _areas(cell, metre, notes)
+    floating = [_polygons(cell.read(n)[0]) for n in ("PONTON", "HULKES", "FLODOC")]
+    land, coast, unsurveyed = (cell.read(n)[0] for n in ("LNDARE", "COALNE", "UNSARE"))
+    quality, zones = cell.read("M_QUAL", ("CATZOC",))
+    nature, natures = cell.read("SBDARE", ("NATSUR",))
+    codes = [_codes(v) for v in natures["NATSUR"]]
     chart = Chart(
         files=files,
         projection=cell.projection,
@@ -170,28 +179,28 @@ def _chart(cell: _Cell, files: ChartFiles) -> Chart:
         soundings=xyz,
         contours=lines[known],
         contour_depths=_number(values["VALDCO"])[known] * metre,
-        depth_areas=_areas(cell, metre, notes),
-        floating=np.concatenate(
-            [_polygons(cell.read(n)[0]) for n in ("PONTON", "HULKES", "FLODOC")]
-        ),
-        land=cell.read("LNDARE")[0],
-        coast=cell.read("COALNE")[0],
-        unsurveyed=_polygons(cell.read("UNSARE")[0]),
-        **_quality(cell),
-        **_nature(cell),
+        depth_areas=areas,
+        floating=np.concatenate(floating),
+        land=land,
+        coast=coast,
+        unsurveyed=_polygons(unsurveyed),
+        quality=quality,
+        zones=np.nan_to_num(_number(zones["CATZOC"]), nan=6).astype(np.int64),
+        nature=nature[np.array([bool(c) for c in codes], bool)],
+        natures=[c for c in codes if c],
         features=tuple(_features(cell, metre)),
     )
-    said = [f"GDAL: {w}" for w in cell.warnings]
-    more = [f"GDAL: {len(said) - 3} more warnings"] if len(said) > 3 else []
-    return replace(chart, notes=(*notes, *said[:3], *more))
+    warned = [f"GDAL: {w}" for w in cell.warnings]
+    more = [f"GDAL: {len(warned) - 3} more warnings"] if len(warned) > 3 else []
+    return replace(chart, notes=(*notes, *warned[:3], *more))
 
 
 def _parameters(cell: _Cell, notes: list[str]) -> tuple[float, str, int]:
     """Return metres in one unit of depth, the datum of soundings, and the scale."""
     columns = ("DSPM_HDAT", "DSPM_SDAT", "DSPM_CSCL", "DSPM_DUNI", "DSPM_HUNI")
-    _, said = cell.read("DSID", columns)
+    _, parameters = cell.read("DSID", columns)
     hdat, sdat, scale, duni, huni = (
-        int(v[0]) if len(v) and np.isfinite(float(v[0])) else 0 for v in said.values()
+        int(v[0]) if len(v) and np.isfinite(float(v[0])) else 0 for v in parameters.values()
     )
     if duni not in (0, *UNITS):
         raise InputInvalid(
@@ -240,39 +249,24 @@ def _areas(cell: _Cell, metre: float, notes: list[str]) -> Areas:
     )
 
 
-def _quality(cell: _Cell) -> dict[str, Any]:
-    shapes, values = cell.read("M_QUAL", ("CATZOC",))
-    zones = np.nan_to_num(_number(values["CATZOC"]), nan=6).astype(np.int64)
-    return {"quality": shapes, "zones": zones}
-
-
-def _nature(cell: _Cell) -> dict[str, Any]:
-    shapes, values = cell.read("SBDARE", ("NATSUR",))
-    codes = [_codes(v) for v in values["NATSUR"]]
-    said = np.array([bool(c) for c in codes], bool)
-    return {"nature": shapes[said], "natures": [c for c in codes if c]}
-
-
 def _features(cell: _Cell, metre: float) -> list[Features]:
     found = []
     for kind in _OBJECTS:
         shapes, values = cell.read(kind, _ATTRIBUTES)
         if len(shapes):
-            read: dict[str, Any] = {
-                name: _number(column) for name, column in values.items() if name != "OBJNAM"
-            }
+            names = [v if isinstance(v, str) else "" for v in values.pop("OBJNAM")]
+            read = {name: _number(column) for name, column in values.items()}
             read["VALSOU"] = read["VALSOU"] * metre
-            read["OBJNAM"] = [v if isinstance(v, str) else "" for v in values["OBJNAM"]]
-            found.append(Features(kind, shapes, read))
+            found.append(Features(kind, shapes, read, names))
     return found
 
 
-def _polygons(shapes: Any) -> Any:
+def _polygons(shapes: Shapes) -> Shapes:
     shapely = wanted("shapely", "reading a chart")
     return shapes[np.isin(shapely.get_type_id(shapes), (3, 6))] if len(shapes) else shapes
 
 
-def _number(column: Any) -> Floats:
+def _number(column: Column) -> Floats:
     """Return a column as numbers, NaN where it says nothing."""
     if column.dtype != object:
         return np.asarray(column, np.float64)
@@ -280,7 +274,7 @@ def _number(column: Any) -> Floats:
     return np.array([v[0] if v else np.nan for v in given], np.float64)
 
 
-def _codes(value: Any) -> list[int]:
+def _codes(value: ArrayLike | None) -> list[int]:
     """Return the codes of a list attribute, which GDAL gives as an array, a text or nothing."""
     if value is None or (isinstance(value, float) and np.isnan(value)):
         return []

@@ -47,9 +47,9 @@ def check_records(file: Path) -> int:
                     if tag == "DSSI":
                         stated = _stated(field)
         except ValueError as reason:
-            said = str(reason) if str(reason).startswith("it") else "its leader is no leader"
+            what = str(reason) if str(reason).startswith("it") else "its leader is no leader"
             raise InputInvalid(
-                f"{file}: damaged at byte {at:,}, record {number}: {said}; fetch it again"
+                f"{file}: damaged at byte {at:,}, record {number}: {what}; fetch it again"
             ) from None
         at += length
     for kind, expected in stated.items():

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +45,7 @@ def write_geotiff(made: SeabedMap, file: Path, pose: str = "true") -> Path:
 
     Its CRS is the scene's; without one, coordinates are metres of the local frame.
     """
-    rasterio: Any = wanted("rasterio", f"{file}: writing a GeoTIFF")
+    rasterio = wanted("rasterio", f"{file}: writing a GeoTIFF")
     if pose not in made.depth:
         raise InputInvalid(f"pose {pose!r}; expected one of {', '.join(made.depth)}")
     w = made.window
@@ -82,16 +81,16 @@ def write_las(batches: Iterable[Array], file: Path, crs: str = "",
 
     `origin` is northing and easting of the local frame in `crs`. Gives how many there are.
     """
-    laspy: Any = wanted("laspy", f"{file}: writing points")
+    laspy = wanted("laspy", f"{file}: writing points")
     failures: tuple[type[Exception], ...] = (OSError,)
     if file.suffix.lower() == ".laz":
-        lazrs: Any = wanted("lazrs", f"{file}: compressing points (.las needs nothing more)")
+        lazrs = wanted("lazrs", f"{file}: compressing points (.las needs nothing more)")
         failures = (OSError, lazrs.LazrsError)
     header = laspy.LasHeader(point_format=6, version="1.4")
     header.scales = np.full(3, 0.001)
     header.offsets = np.array([np.floor(origin[1]), np.floor(origin[0]), 0.0])
     if crs:
-        pyproj: Any = wanted("pyproj", f"{file}: a CRS")
+        pyproj = wanted("pyproj", f"{file}: a CRS")
         header.add_crs(pyproj.CRS.from_user_input(crs))
     total = 0
     try:

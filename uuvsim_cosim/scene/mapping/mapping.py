@@ -13,7 +13,6 @@ import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -127,12 +126,21 @@ def map_seabed(
             f"nothing of the seabed was seen ({ranges}); expected a track above the terrain"
             f"{f' of scene {scene}' if scene else ''}, within reach"
         )
-    truth = _truth(window, caster)
+    # The truth is what a plumb line meets in each cell's middle: the seabed or what stands on it.
+    north, east = (c.ravel() for c in np.meshgrid(*window.centres, indexing="ij"))
+    at = 1e-3  # m, just below the surface
+    from_surface = np.column_stack([north, east, np.full(len(north), at)])
+    down = np.zeros_like(from_surface)
+    down[:, 2] = 1.0
+    far, kind = caster.cast(from_surface, down)
+    met = (kind == SEABED) | (kind >= SOLID)
+    truth: Array = np.where(met, at + far, np.nan).reshape(window.rows, window.columns)
     depth = {pose: grid.mean(least) for pose, grid in grids.items()}
     figures = tuple(_figures(pose, z, truth) for pose, z in depth.items())
     return SeabedMap(
         window, depth, truth, figures, n_frames, n_points, clock.process_time() - begun,
-        tuple(_words(s) for s in sondes), scene,
+        tuple(f"{s.name}: {len(s.directions):,} beams at {1 / s.period:g} Hz" for s in sondes),
+        scene,
     )  # fmt: skip
 
 
@@ -146,19 +154,6 @@ def run_points(
     for _, which, xyz, _ in _placed(one, caster, sondes, None, every):
         if which == pose:
             yield xyz
-
-
-def _truth(window: Window, caster: Caster) -> Array:
-    """Return what a plumb line meets in each cell's middle, the seabed or what stands on it [m]."""
-    north, east = (c.ravel() for c in np.meshgrid(*window.centres, indexing="ij"))
-    at = 1e-3  # m, just below the surface
-    from_surface = np.column_stack([north, east, np.full(len(north), at)])
-    down = np.zeros_like(from_surface)
-    down[:, 2] = 1.0
-    far, kind = caster.cast(from_surface, down)
-    met = (kind == SEABED) | (kind >= SOLID)
-    truth: Array = np.where(met, at + far, np.nan).reshape(window.rows, window.columns)
-    return truth
 
 
 def _window(track: Track, caster: Caster, sondes: Sequence[Sonde], cell: float) -> Window:
@@ -221,13 +216,9 @@ def _figures(pose: str, z: Array, truth: Array) -> Figures:
     )  # fmt: skip
 
 
-def _words(s: Sonde) -> str:
-    return f"{s.name}: {len(s.directions):,} beams at {1 / s.period:g} Hz"
-
-
 def write_map(made: SeabedMap, folder: Path) -> Path:
     """Write a map beside its run, compressed; `read_map` reads it."""
-    about: dict[str, Any] = {
+    about: dict[str, object] = {
         "version": 1, "window": asdict(made.window), "figures": [asdict(f) for f in made.figures],
         "frames": made.frames, "points": made.points, "seconds": made.seconds,
         "sensors": list(made.sensors), "scene": made.scene, "crs": made.crs,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 from urllib.parse import parse_qsl
 
 import numpy as np
@@ -29,7 +28,7 @@ def recorded_sonde(run: Path, component: str, signals: Signals) -> Sonde:
     planned = _planned(run, component)
     name, _, query = planned.source.removeprefix("model:").partition("?")
     kind, _, preset = name.partition("@")
-    options: dict[str, Any] = dict(parse_qsl(query))
+    options = dict(parse_qsl(query))
     if kind not in OUTPUTS:
         raise InputInvalid(f"{run}: {component} is {planned.source}; expected model:"
                            f"{' or model:'.join(OUTPUTS)}")  # fmt: skip
@@ -39,7 +38,13 @@ def recorded_sonde(run: Path, component: str, signals: Signals) -> Sonde:
         found = replace(found, r_s=np.array(planned.start["r_s"], float))
     if "Theta_s" in planned.start:
         found = replace(found, R_bs=rotation(*np.array(planned.start["Theta_s"], float)))
-    t, ranges = _readings(run, f"{component}.{OUTPUTS[kind]}", f"{component}.t_sample", signals)
+    reading, sample = f"{component}.{OUTPUTS[kind]}", f"{component}.t_sample"
+    if reading not in signals or sample not in signals:
+        raise InputInvalid(f"{run}: {reading} was not recorded; expected a run of this system")
+    t, first = np.unique(signals[sample], return_index=True)
+    first, t = first[t >= 0], t[t >= 0]  # before the first sample it is -1
+    ranges = np.asarray(signals[reading], float)[first]
+    ranges = np.where(ranges > 0, ranges, np.nan)  # NaN without an echo
     if kind == "depth_camera" and options.get("reading", "depth") == "depth":
         ranges = ranges / found.directions[:, 2]
     period = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
@@ -56,13 +61,3 @@ def _planned(run: Path, component: str) -> PlannedComponent:
             return planned
     known = ", ".join(c.path for c in plan.components)
     raise InputInvalid(f"{run}: its system has no component {component!r}; expected one of {known}")
-
-
-def _readings(run: Path, reading: str, sample: str, signals: Signals) -> tuple[Any, Any]:
-    """Return the times of the samples (k,) [s] and their readings (k, n), NaN without an echo."""
-    if reading not in signals or sample not in signals:
-        raise InputInvalid(f"{run}: {reading} was not recorded; expected a run of this system")
-    t, first = np.unique(signals[sample], return_index=True)
-    first, t = first[t >= 0], t[t >= 0]  # before the first sample it is -1
-    found = np.asarray(signals[reading], float)[first]
-    return t, np.where(found > 0, found, np.nan)

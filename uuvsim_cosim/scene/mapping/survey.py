@@ -17,7 +17,6 @@ from uuvsim_cosim.scene.mapping.mapping import (
     track_of_run,
 )
 from uuvsim_cosim.scene.mapping.recorded_scans import recorded_sonde
-from uuvsim_cosim.scene.mapping.scans import Sonde
 from uuvsim_cosim.scene.mapping.survey_settings import FILE, SurveySettings, read_settings
 from uuvsim_cosim.scene.shared.ray_casting import Caster
 
@@ -71,17 +70,14 @@ def survey_of(run: Path, settings: SurveySettings | None = None) -> Survey:
         settings = read_settings(file)
     track = track_of_run(run)
     if settings.components:
-        settings = replace(settings, sondes=(*settings.sondes, *_recorded(run, settings)))
+        from uuvsim_cosim.orchestrator.recording.recording import read_signals
+
+        signals = read_signals(run)
+        recorded = [recorded_sonde(run, component, signals) for component in settings.components]
+        settings = replace(settings, sondes=(*settings.sondes, *recorded))
     scene = scene_named(settings.scene)
     terrain = scene.terrain
     if terrain is None:
         raise InputInvalid(f"scene {settings.scene}: has no terrain; expected one to map")
     return Survey(track, Caster(scene), settings, terrain.crs, terrain.northing, terrain.easting,
                   terrain.vertical_datum)  # fmt: skip
-
-
-def _recorded(run: Path, settings: SurveySettings) -> list[Sonde]:
-    from uuvsim_cosim.orchestrator.recording.recording import read_signals
-
-    signals = read_signals(run)
-    return [recorded_sonde(run, component, signals) for component in settings.components]

@@ -1,17 +1,20 @@
-"""Libraries of the extra `scene`: imported when wanted, asked for in a sentence if missing."""
+"""Libraries of the extra `scene`, imported when they are needed."""
 
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Any
+from types import ModuleType
 
 from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["wanted"]
 
 
-def wanted(library: str, what: str) -> Any:
-    """Import a library of the extra `scene`; `what` says what it is needed for."""
+def wanted(library: str, what: str) -> ModuleType:
+    """Import a library of the extra `scene`, which `what` needs.
+
+    Raises InputInvalid with the command that installs it.
+    """
     try:
         return import_module(library)
     except ImportError as reason:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from functools import lru_cache
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,9 +35,25 @@ class Caster:
     def __init__(self, scene: Scene | Terrain | str) -> None:
         self.ground = ground_named(scene) if isinstance(scene, str) else ground_of(scene)
         self._c = _library()
-        self._solids = (_Solid * max(1, len(self.ground.solids)))()
-        self._nodes = _nodes(self.ground)
-        self._scene = _packed(self.ground, self._solids, self._nodes)
+        g = self.ground
+        levels, three, five = ctypes.c_int * LEVELS, ctypes.c_double * 3, ctypes.c_double * 5
+        # `_scene` points to the arrays of `ground`, `_solids` and `_nodes`: they must outlive it.
+        self._solids = (_Solid * max(1, len(g.solids)))()
+        for i, row in enumerate(g.solids.tolist()):
+            self._solids[i] = _Solid(int(row[0]), three(*row[1:4]), five(*row[4:9]), row[9])
+        rows, columns = g.z.shape
+        terrain = _Terrain(
+            rows, columns, *g.origin, g.spacing, g.low, g.high, g.z.ctypes.data,
+            g.ranges.ctypes.data, len(g.at) - 1, levels(*g.at), levels(*g.wide),
+        )  # fmt: skip
+        self._nodes = _nodes(g)
+        meshes = g.surfaces
+        tree = _Tree(
+            self._nodes.ctypes.data, len(self._nodes), three(*meshes.middle),
+            meshes.vertices.ctypes.data, meshes.corners.ctypes.data, meshes.first.ctypes.data,
+            len(meshes.first) - 1,
+        )  # fmt: skip
+        self._scene = _Scene(terrain, ctypes.addressof(self._solids), len(g.solids), tree)
 
     def cast(
         self,
@@ -143,30 +159,11 @@ class _Scene(ctypes.Structure):
     )
 
 
-def _nodes(g: Ground) -> NDArray[Any]:
+def _nodes(g: Ground) -> NDArray[np.void]:
     """Return the tree's nodes as uuv_tree_node lies in memory."""
     nodes = np.zeros(len(g.tree.children), [("box", "f4", (6, 4)), ("child", "i4", 4)])
     nodes["box"], nodes["child"] = g.tree.boxes, g.tree.children
     return nodes
-
-
-def _packed(g: Ground, solids: Any, nodes: NDArray[Any]) -> _Scene:
-    """Point to the arrays of a ground, which must outlive what is given."""
-    for i, row in enumerate(g.solids.tolist()):
-        three, five = ctypes.c_double * 3, ctypes.c_double * 5
-        solids[i] = _Solid(int(row[0]), three(*row[1:4]), five(*row[4:9]), row[9])
-    levels = ctypes.c_int * LEVELS
-    rows, columns = g.z.shape
-    terrain = _Terrain(
-        rows, columns, *g.origin, g.spacing, g.low, g.high, g.z.ctypes.data, g.ranges.ctypes.data,
-        len(g.at) - 1, levels(*g.at), levels(*g.wide),
-    )  # fmt: skip
-    meshes, three = g.surfaces, ctypes.c_double * 3
-    tree = _Tree(
-        nodes.ctypes.data, len(nodes), three(*meshes.middle), meshes.vertices.ctypes.data,
-        meshes.corners.ctypes.data, meshes.first.ctypes.data, len(meshes.first) - 1,
-    )  # fmt: skip
-    return _Scene(terrain, ctypes.addressof(solids), len(g.solids), tree)
 
 
 @lru_cache

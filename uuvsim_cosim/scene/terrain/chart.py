@@ -89,11 +89,11 @@ def chart_grid(
 
 def source_of(chart: Chart, relief: int | None) -> str:
     """Say where a terrain comes from."""
-    said = chart.files.identification
-    producer = "NOAA ENC " if said.name.startswith("US") else "ENC "
+    cell = chart.files.identification
+    producer = "NOAA ENC " if cell.name.startswith("US") else "ENC "
     text = (
-        f"{producer}{Path(said.name).stem}, edition {said.edition}, update "
-        f"{chart.files.last_update}, {said.issued}, 1:{chart.scale:,}; not for navigation"
+        f"{producer}{Path(cell.name).stem}, edition {cell.edition}, update "
+        f"{chart.files.last_update}, {cell.issued}, 1:{chart.scale:,}; not for navigation"
     )
     if relief is not None:
         text += f"; relief below the soundings' spacing is invented (seed {relief})"
@@ -103,11 +103,11 @@ def source_of(chart: Chart, relief: int | None) -> str:
 def _facts(
     chart: Chart, terrain: Terrain, hold_out: HoldOut, in_band: float, land: float, obstacles: int
 ) -> dict[str, str]:
-    said = chart.files.identification
+    cell = chart.files.identification
     updates = ", ".join(p.name for p in chart.files.updates) or "none beside it"
     water = terrain.z[np.isfinite(terrain.sigma if terrain.sigma is not None else terrain.z)]
     return {
-        "chart": f"{said.name}, edition {said.edition} of {said.issued}, 1:{chart.scale:,}",
+        "chart": f"{cell.name}, edition {cell.edition} of {cell.issued}, 1:{chart.scale:,}",
         "updates": f"{updates}; stands at update {chart.files.last_update}",
         "known": f"{len(chart.soundings):,} soundings, {len(chart.contours):,} contours",
         "datum": chart.vertical_datum or "not stated",

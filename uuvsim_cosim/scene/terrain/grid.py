@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import ceil, floor
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.scene.shared.extra import wanted
+
+if TYPE_CHECKING:
+    from rasterio import Affine
+    from shapely import Geometry
+
+    from uuvsim_cosim.scene.chart.read import Shapes
 
 __all__ = ["MOST_NODES", "Grid", "TooManyNodes", "grid_over"]
 
@@ -23,8 +29,8 @@ MOST_NODES = 25_000_000  # 100 MB a layer; a chart needs about ten while it is m
 class TooManyNodes(InputInvalid):
     """A grid with more nodes than are held in memory; `fits` is the spacing (m) that would do."""
 
-    def __init__(self, said: str, fits: float) -> None:
-        super().__init__(said)
+    def __init__(self, message: str, fits: float) -> None:
+        super().__init__(message)
         self.fits = fits
 
 
@@ -64,19 +70,21 @@ class Grid:
         )
 
     @property
-    def transform(self) -> Any:
+    def transform(self) -> Affine:
         """The affine from (column, row from the north) of pixels centred on the nodes to E, N."""
         affine = wanted("rasterio", "gridding a chart").Affine
         h = self.spacing
         north = self.south + h * (self.rows - 1)
         return affine(h, 0, self.west - h / 2, 0, -h, north + h / 2)
 
-    def burn(self, shapes: Sequence[Any], numbers: Any, *, touched: bool = False) -> Any:
+    def burn(
+        self, shapes: Sequence[Geometry] | Shapes, numbers: Iterable[int], *, touched: bool = False
+    ) -> NDArray[np.int32]:
         """Return for each node the number of the last shape that holds it, -1 for none; int32."""
         if not len(shapes):
             return np.full(self.shape, -1, np.int32)
         features = wanted("rasterio.features", "gridding a chart")
-        burnt = features.rasterize(
+        burnt: NDArray[np.int32] = features.rasterize(
             [(shape, int(n)) for shape, n in zip(shapes, numbers, strict=True)],
             out_shape=self.shape,
             transform=self.transform,
@@ -86,7 +94,9 @@ class Grid:
         )
         return burnt[::-1]
 
-    def nearest(self, points: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64], Any]:
+    def nearest(
+        self, points: Floats
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
         """Return the (row, column) nearest to each point (E, N), and which points are inside."""
         column = np.rint((points[:, 0] - self.west) / self.spacing).astype(np.int64)
         row = np.rint((points[:, 1] - self.south) / self.spacing).astype(np.int64)

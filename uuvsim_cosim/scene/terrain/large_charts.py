@@ -15,7 +15,7 @@ from uuvsim_cosim.scene.shared.extra import wanted
 from uuvsim_cosim.scene.terrain.chart import chart_grid, source_of
 from uuvsim_cosim.scene.terrain.grid import MOST_NODES, Grid
 from uuvsim_cosim.scene.terrain.piece import Piece
-from uuvsim_cosim.scene.terrain.surface import Prepared, prepared, surface_on
+from uuvsim_cosim.scene.terrain.surface import prepared, surface_on
 from uuvsim_cosim.scene.terrain.write import check_whole
 
 __all__ = ["Large", "write_large"]
@@ -52,7 +52,10 @@ def write_large(
         return None
     rasterio = wanted("rasterio", "writing a GeoTIFF")
     of = prepared(chart, resolution, land)
-    margin = _margin(of, resolution)
+    # Around each tile, so many nodes are interpolated too that its nearest data lie among them.
+    far = of.hold_out.distances
+    reach = 2 * float(np.quantile(far, 0.95)) if len(far) else 50 * resolution
+    margin = int(np.clip(ceil(reach / resolution), 8, 512))
     held = charted = 0
     with whole_file(target) as scratch:
         with rasterio.open(
@@ -86,9 +89,9 @@ def write_large(
         if not charted:
             raise InputInvalid(f"{file}: no water within this piece of the chart")
         check_whole(scratch)
-    said = chart.files.identification
+    cell = chart.files.identification
     facts = {
-        "chart": f"{said.name}, edition {said.edition} of {said.issued}, 1:{chart.scale:,}",
+        "chart": f"{cell.name}, edition {cell.edition} of {cell.issued}, 1:{chart.scale:,}",
         "updates": f"stands at update {chart.files.last_update}",
         "grid": f"{grid.rows:,} x {grid.columns:,} nodes at {resolution:g} m, "
         f"{chart.projection.code}, in tiles of {tile:,}",
@@ -98,13 +101,6 @@ def write_large(
         f"{of.hold_out.mean:.2f} m ({len(of.hold_out.errors)} one by one)",
     }
     return Large(facts, of.notes)
-
-
-def _margin(of: Prepared, spacing: float) -> int:
-    """Return the nodes around a tile in which its nearest data are looked for."""
-    far = of.hold_out.distances
-    reach = 2 * float(np.quantile(far, 0.95)) if len(far) else 50 * spacing
-    return int(np.clip(ceil(reach / spacing), 8, 512))
 
 
 def _cut(grid: Grid, south: int, west: int, rows: int, columns: int, margin: int) -> Grid:

@@ -55,7 +55,13 @@ def make_terrain(file: Path, wishes: Wishes) -> Made:
         facts |= {f"mesh {m.name or m.file.name}": m.facts for m in scene.meshes}
         return _checked(Made(scene.terrain, scene.obstacles, facts, meshes=scene.meshes), wishes)
     if file.is_dir():
-        file = _cell_in(file)
+        cells = sorted(file.rglob("*.000"))
+        if len(cells) != 1:
+            names = ", ".join(str(c.relative_to(file)) for c in cells[:5]) or "none"
+            raise InputInvalid(
+                f"{file}: expected a folder with one base cell (.000); it has {names}"
+            )
+        file = cells[0]
     if file.suffix == ".npz":
         _refuse_for(file, "a terrain", placing)
         terrain = load_terrain(file)
@@ -89,15 +95,6 @@ def make_large(file: Path, target: Path, wishes: Wishes) -> Large | None:
 
 def _beside(file: Path) -> list[str]:
     return [p.name for p in file.parent.iterdir()] if file.parent.is_dir() else []
-
-
-def _cell_in(folder: Path) -> Path:
-    """Return the one base cell in a folder, or in the exchange set that it is."""
-    cells = sorted(folder.rglob("*.000"))
-    if len(cells) != 1:
-        names = ", ".join(str(c.relative_to(folder)) for c in cells[:5]) or "none"
-        raise InputInvalid(f"{folder}: expected a folder with one base cell (.000); it has {names}")
-    return cells[0]
 
 
 def _is_chart(file: Path) -> bool:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,13 +15,13 @@ _REACH = 2000.0  # m; farther from any statement the nature is unknown
 
 
 def materials_of(
-    chart: Chart, grid: Grid, land: Any, unknown: Any
+    chart: Chart, grid: Grid, land: NDArray[np.bool_], unknown: NDArray[np.bool_]
 ) -> tuple[NDArray[np.uint8] | None, tuple[str, ...]]:
     """Return each node's index into the names, and the names; (None, ()) if nothing is charted.
 
     Of several natures the chart names the most important first: that one counts.
     """
-    codes = [next((c for c in said if c in NATURES), 0) for said in chart.natures]
+    codes = [next((c for c in named if c in NATURES), 0) for named in chart.natures]
     stated = [(s, c) for s, c in zip(chart.nature, codes, strict=True) if c]
     if not stated:
         return None, ()

@@ -5,17 +5,21 @@ from __future__ import annotations
 import struct
 from math import atan2, hypot
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.models.worlds.obstacles import Box, Capsule, Cylinder, Obstacle, Sphere
+from uuvsim_cosim.models.worlds.obstacles import Box, Cylinder, Obstacle, Sphere
 from uuvsim_cosim.models.worlds.scene import Scene
 from uuvsim_cosim.models.worlds.terrain import Terrain
 from uuvsim_cosim.scene.shared.extra import wanted
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
 
 __all__ = ["surface", "write_glb", "write_sdf"]
 
@@ -54,9 +58,12 @@ def write_glb(scene: Scene, terrain: Terrain, target: Path) -> list[Path]:
     """Write the seabed, coloured by depth, and obstacles, and meshes; y is up, -z north (glTF)."""
     trimesh = wanted("trimesh", "writing a mesh")
     vertices, triangles = surface(terrain)
-    seabed = trimesh.Trimesh(
-        _gltf(vertices), triangles, vertex_colors=_colours(vertices[:, 2]), process=False
-    )
+    z = vertices[:, 2]
+    part = np.clip(z / max(float(z.max()), 1e-6), 0, 1)[:, None] ** 0.6
+    colour = (1 - part) * np.array(_SHALLOW) + part * np.array(_DEEP)
+    colour[z < 0] = _LAND
+    rgba = np.column_stack([colour, np.full(len(z), 255)]).astype(np.uint8)
+    seabed = trimesh.Trimesh(_gltf(vertices), triangles, vertex_colors=rgba, process=False)
     model = trimesh.Scene()
     model.add_geometry(seabed, node_name="seabed", geom_name="seabed")
     bodies = [_body(trimesh, o) for o in scene.obstacles]
@@ -69,19 +76,12 @@ def write_glb(scene: Scene, terrain: Terrain, target: Path) -> list[Path]:
     return [target]
 
 
-def _gltf(ned: NDArray[Any]) -> NDArray[Any]:
+def _gltf(ned: NDArray[np.floating]) -> NDArray[np.floating]:
     """Turn N, E, D into glTF's x east, y up, z south."""
     return np.stack([ned[:, 1], -ned[:, 2], -ned[:, 0]], axis=1)
 
 
-def _colours(z: NDArray[Any]) -> NDArray[np.uint8]:
-    part = np.clip(z / max(float(z.max()), 1e-6), 0, 1)[:, None] ** 0.6
-    colour = (1 - part) * np.array(_SHALLOW) + part * np.array(_DEEP)
-    colour[z < 0] = _LAND
-    return np.column_stack([colour, np.full(len(z), 255)]).astype(np.uint8)
-
-
-def _body(trimesh: Any, obstacle: Obstacle) -> Any:
+def _body(trimesh: ModuleType, obstacle: Obstacle) -> Trimesh:
     """Return an obstacle's surface in glTF's axes."""
     if isinstance(obstacle, Box):
         body = trimesh.creation.box(2 * np.array(obstacle.half))
@@ -138,7 +138,7 @@ def write_sdf(scene: Scene, terrain: Terrain, target: Path) -> list[Path]:
     return files
 
 
-def _stl(vertices: NDArray[Any], triangles: NDArray[Any]) -> bytes:
+def _stl(vertices: NDArray[np.floating], triangles: NDArray[np.integer]) -> bytes:
     corners = vertices[triangles].astype("<f4")
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(normal, axis=1, keepdims=True)
@@ -165,7 +165,13 @@ def _sdf_model(number: int, o: Obstacle) -> str:
         length = f"<length>{2 * o.half_height:.3f}</length>"
         shape = f"<cylinder><radius>{o.radius:g}</radius>{length}</cylinder>"
     else:
-        (n, e, d), turn, shape = _sdf_capsule(o)
+        n, e, d = ((a + b) / 2 for a, b in zip(o.start, o.end, strict=True))
+        north, east, down = (b - a for a, b in zip(o.start, o.end, strict=True))
+        level = hypot(north, east)
+        # SDF's capsule lies along z: pitched about y by its angle from the vertical, then yawed
+        turn = f"0 {atan2(level, -down):.6f} {atan2(north, east):.6f}"
+        length = f"<length>{hypot(level, down):.3f}</length>"
+        shape = f"<capsule><radius>{o.radius:g}</radius>{length}</capsule>"
     pose = f"{e:.3f} {n:.3f} {-d:.3f} {turn}"
     return _sdf_body(f"{number} {o.name}".strip(), pose, f"<geometry>{shape}</geometry>")
 
@@ -176,13 +182,3 @@ def _sdf_body(name: str, pose: str, geometry: str) -> str:
         f'<link name="body"><collision name="body">{geometry}</collision>'
         f'<visual name="body">{geometry}</visual></link></model>'
     )
-
-
-def _sdf_capsule(o: Capsule) -> tuple[Any, str, str]:
-    middle = tuple((a + b) / 2 for a, b in zip(o.start, o.end, strict=True))
-    north, east, down = (b - a for a, b in zip(o.start, o.end, strict=True))
-    level = hypot(north, east)
-    # SDF's capsule lies along z: pitched about y by its angle from the vertical, then yawed
-    turn = f"0 {atan2(level, -down):.6f} {atan2(north, east):.6f}"
-    length = f"<length>{hypot(level, down):.3f}</length>"
-    return middle, turn, f"<capsule><radius>{o.radius:g}</radius>{length}</capsule>"

@@ -6,11 +6,11 @@ size: the sizes in `_SIZES` are assumptions, and every obstacle's name ends in i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import atan2, hypot, isfinite
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,9 +18,13 @@ from uuvsim_cosim.models.worlds.obstacles import Box, Capsule, Cylinder, Obstacl
 from uuvsim_cosim.models.worlds.terrain import Terrain
 from uuvsim_cosim.scene.chart.read import Chart, Features
 
+if TYPE_CHECKING:
+    from shapely import Geometry
+
 __all__ = ["obstacles_of"]
 
 Place = tuple[float, float]
+Body = Callable[[float], tuple[float, float]]  # depth of the seabed -> of the top and the bottom
 
 _LENGTH = 0.05  # m; what is thinner or lower is not worth an obstacle
 _FOUL = (6, 7, 8, 9)  # CATOBS: foul area, foul ground, ice boom, ground tackle: no solid body
@@ -97,10 +101,9 @@ def obstacles_of(chart: Chart, terrain: Terrain) -> tuple[tuple[Obstacle, ...], 
     return tuple(found), notes
 
 
-def _made(features: Features, index: int, shape: Any, ground: _Ground) -> Iterator[Obstacle]:
+def _made(features: Features, index: int, shape: Geometry, ground: _Ground) -> Iterator[Obstacle]:
     kind = features.kind
-    label = features.values["OBJNAM"][index]
-    name = f"{label} {kind}".strip()
+    name = f"{features.names[index]} {kind}".strip()
     if kind.startswith("BOY") or kind in ("LITFLT", "LITVES"):
         yield from _buoy(shape, ground, name)
     elif kind in ("PIPSOL", "CBLSUB"):
@@ -116,7 +119,7 @@ def _made(features: Features, index: int, shape: Any, ground: _Ground) -> Iterat
             yield from _block(shape, ground, top_of, name)
 
 
-def _top(features: Features, index: int) -> Callable[[float], tuple[float, float]]:
+def _top(features: Features, index: int) -> Body:
     """Return the function from the seabed's depth to depths of the body's top and bottom."""
     size = _SIZES[features.kind]
     charted, level = (float(features.values[n][index]) for n in ("VALSOU", "WATLEV"))
@@ -135,13 +138,13 @@ def _top(features: Features, index: int) -> Callable[[float], tuple[float, float
     return body
 
 
-def _local(ground: _Ground, point: Any) -> Place:
+def _local(ground: _Ground, point: Sequence[float]) -> Place:
     t = ground.terrain
     return float(point[1]) - t.northing, float(point[0]) - t.easting
 
 
 def _upright(
-    shape: Any, ground: _Ground, radius: float, body: Any, name: str
+    shape: Geometry, ground: _Ground, radius: float, body: Body, name: str
 ) -> Iterator[Obstacle]:
     place = _local(ground, shape.coords[0])
     seabed = ground.near(place)
@@ -152,7 +155,7 @@ def _upright(
             yield Cylinder(centre, radius, _centimetre((bottom - top) / 2), name)
 
 
-def _buoy(shape: Any, ground: _Ground, name: str) -> Iterator[Obstacle]:
+def _buoy(shape: Geometry, ground: _Ground, name: str) -> Iterator[Obstacle]:
     if shape.geom_type != "Point":
         return
     place = _local(ground, shape.coords[0])
@@ -164,7 +167,7 @@ def _buoy(shape: Any, ground: _Ground, name: str) -> Iterator[Obstacle]:
             yield Capsule((n, e, _BUOY), (n, e, _centimetre(seabed)), _CHAIN, f"mooring of {name}")
 
 
-def _laid(shape: Any, ground: _Ground, radius: float, name: str) -> Iterator[Obstacle]:
+def _laid(shape: Geometry, ground: _Ground, radius: float, name: str) -> Iterator[Obstacle]:
     """Lay a line on the seabed, in pieces short enough to follow it."""
     if shape.geom_type != "LineString":
         return
@@ -177,7 +180,9 @@ def _laid(shape: Any, ground: _Ground, radius: float, name: str) -> Iterator[Obs
             yield Capsule(start, end, radius, name)
 
 
-def _walls(shape: Any, ground: _Ground, half: float, body: Any, name: str) -> Iterator[Obstacle]:
+def _walls(
+    shape: Geometry, ground: _Ground, half: float, body: Body, name: str
+) -> Iterator[Obstacle]:
     ends = [_local(ground, p) for p in shape.simplify(_THIN).coords]
     for a, b in pairwise(ends):
         length = hypot(b[0] - a[0], b[1] - a[1])
@@ -191,7 +196,7 @@ def _walls(shape: Any, ground: _Ground, half: float, body: Any, name: str) -> It
             yield _box(middle, top, bottom, length / 2, half, yaw, name)
 
 
-def _block(shape: Any, ground: _Ground, body: Any, name: str) -> Iterator[Obstacle]:
+def _block(shape: Geometry, ground: _Ground, body: Body, name: str) -> Iterator[Obstacle]:
     """Stand the smallest rectangle around an outline in the water."""
     around = shape.minimum_rotated_rectangle
     if around.geom_type != "Polygon":

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,8 +71,8 @@ def piece_of(around: str | None, size: str | None) -> Piece | None:
 
 
 def shrunk(
-    z: NDArray[Any],
-    sigma: NDArray[Any] | None,
+    z: NDArray[np.floating],
+    sigma: NDArray[np.floating] | None,
     material: NDArray[np.uint8] | None,
     materials: tuple[str, ...],
     grid: Grid,

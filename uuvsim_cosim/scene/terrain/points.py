@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,8 @@ class KnownPoints:
 
 def known_points(chart: Chart, spacing: float) -> KnownPoints:
     """Gather what is triangulated; lines get a point at least every two spacings."""
+    from scipy.spatial import cKDTree
+
     shapely = wanted("shapely", "gridding a chart")
     step = 2 * spacing
     thinned = shapely.segmentize(shapely.simplify(chart.contours, 0.1 * spacing), step)
@@ -45,29 +47,25 @@ def known_points(chart: Chart, spacing: float) -> KnownPoints:
     z = np.concatenate([chart.soundings[sounded, 2], chart.contour_depths[owner], shore_z])
     kept = _first(xy)
     xy, z = xy[kept], z[kept]
-    border, border_z = _border(shapely.total_bounds(chart.depth_areas.shapes), xy, z, len(sounded))
-    return KnownPoints(
-        np.concatenate([xy, border]), np.concatenate([z, border_z]), len(sounded), len(border)
-    )
-
-
-def _border(bounds: Floats, xy: Floats, z: Floats, soundings: int) -> tuple[Floats, Floats]:
-    """Return points around all that is charted and known, with the depth of the nearest known."""
-    from scipy.spatial import cKDTree
-
+    # Points around all that is charted and known get the depth of the nearest known point.
+    bounds = shapely.total_bounds(chart.depth_areas.shapes)
     low = np.minimum(bounds[:2], xy.min(axis=0)) - 1.0
     high = np.maximum(bounds[2:], xy.max(axis=0)) + 1.0
-    step = float((high - low).min()) / 20
-    if soundings > 1:
-        apart = np.asarray(cKDTree(xy[:soundings]).query(xy[:soundings], 2)[0])
-        step = min(step, float(np.median(apart[:, 1])))
+    apart = float((high - low).min()) / 20
+    if len(sounded) > 1:
+        of_sounded = cKDTree(xy[: len(sounded)])
+        distances = np.asarray(of_sounded.query(xy[: len(sounded)], 2)[0])
+        apart = min(apart, float(np.median(distances[:, 1])))
     around = float(2 * (high - low).sum())
-    count = int(np.clip(around / max(step, 1e-9), 16, _MOST_BORDER)) // 4 + 1
+    count = int(np.clip(around / max(apart, 1e-9), 16, _MOST_BORDER)) // 4 + 1
     x, y = (np.linspace(low[k], high[k], count) for k in (0, 1))
     sides = [np.stack(np.broadcast_arrays(x, e), 1) for e in (low[1], high[1])]
     sides += [np.stack(np.broadcast_arrays(e, y[1:-1]), 1) for e in (low[0], high[0])]
     border = np.concatenate(sides)
-    return border, z[cKDTree(xy).query(border)[1]]
+    border_z = z[cKDTree(xy).query(border)[1]]
+    return KnownPoints(
+        np.concatenate([xy, border]), np.concatenate([z, border_z]), len(sounded), len(border)
+    )
 
 
 def _first(xy: Floats) -> NDArray[np.int64]:
@@ -79,7 +77,7 @@ def _first(xy: Floats) -> NDArray[np.int64]:
     return np.sort(np.unique(keys, return_index=True)[1])
 
 
-def _shore(chart: Chart, step: float, shapely: Any) -> tuple[Floats, Floats]:
+def _shore(chart: Chart, step: float, shapely: ModuleType) -> tuple[Floats, Floats]:
     """Return points along the land's edge; there the shallowest of the adjoining area holds.
 
     A shore that dries stands at its drying height, a quay at the depth charted along it.

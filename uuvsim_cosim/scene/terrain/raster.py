@@ -8,12 +8,13 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.worlds.terrain import Terrain
 from uuvsim_cosim.scene.chart.projection import Projection, utm_code
 from uuvsim_cosim.scene.shared.extra import wanted
 from uuvsim_cosim.scene.terrain.chart import Made
@@ -21,8 +22,14 @@ from uuvsim_cosim.scene.terrain.grid import Grid, grid_over
 from uuvsim_cosim.scene.terrain.piece import Piece, shrunk
 from uuvsim_cosim.scene.terrain.relief_lost import Lost, place, relief_lost
 
+if TYPE_CHECKING:
+    from rasterio import DatasetReader
+    from rasterio.crs import CRS
+    from rasterio.enums import Resampling
+
 __all__ = ["raster_terrain"]
 
+Floats = NDArray[np.floating]
 _DEEPEST, _HIGHEST = 11_100.0, 9_000.0  # m; beyond lies nothing on Earth
 _METRES = {
     "": 1.0, "m": 1.0, "metre": 1.0, "meter": 1.0, "metres": 1.0, "meters": 1.0,
@@ -36,8 +43,8 @@ _FILL_GROWTH = 0.05  # m of standard deviation per m of distance in what is fill
 
 
 @dataclass(frozen=True)
-class _Said:
-    """What a grid says of its values."""
+class _Convention:
+    """How a grid stores its values: unit, direction, datum, scaling."""
 
     metre: float  # m in one unit
     down: bool  # positive downwards
@@ -85,7 +92,7 @@ def raster_terrain(
     with opened as source:
         _check(file, source)
         reference = _reference(file, source, crs, local, notes)
-        said = _said(file, source, reference, unit, positive, notes)
+        convention = _convention(file, source, reference, unit, positive, notes)
         code = _code(source, reference)
         bounds = rasterio.warp.transform_bounds(reference, code, *_inner(source), densify_pts=21)
         if not np.isfinite(bounds).all():
@@ -104,7 +111,7 @@ def raster_terrain(
         finer = spacing < own * (1 + 1e-9)
         layers = _layers(
             file, source, reference, code, grid, way.nearest if same else way.bilinear if finer else
-            way.average, said,
+            way.average, convention,
         )  # fmt: skip
         if spacing < own * 0.99:
             notes.append(
@@ -112,10 +119,10 @@ def raster_terrain(
                 "and adds no detail"
             )
         if not same:
-            lost = relief_lost(source, reference, code, grid, layers[0], said.metres(1))
+            lost = relief_lost(source, reference, code, grid, layers[0], convention.metres(1))
             layers = layers[0], _with_lost(layers[1], lost, spacing, notes)
     elevation, sigma = layers
-    z = elevation if said.down else -elevation
+    z = elevation if convention.down else -elevation
     sense = z[np.isfinite(z)]
     if not len(sense):
         raise InputInvalid(f"{file}: not one cell has a value in this piece")
@@ -127,20 +134,21 @@ def raster_terrain(
     if sense.max() <= 0 and sense.min() < 0 and positive is None:
         raise InputInvalid(
             f"{file}: all values ({-sense.max() + 0.0:g} to {-sense.min():g} m) lie above the "
-            f"datum; if they are {'heights' if said.down else 'depths'}, say --positive "
-            f"{'up' if said.down else 'down'}"
+            f"datum; if they are {'heights' if convention.down else 'depths'}, say --positive "
+            f"{'up' if convention.down else 'down'}"
         )
     z, sigma = _without_holes(z, sigma, grid.spacing, fill, notes)
-    terrain = shrunk(z, sigma, None, (), grid, code, said.datum, f"{file.name}; not for navigation")
+    origin_note = f"{file.name}; not for navigation"
+    terrain = shrunk(z, sigma, None, (), grid, code, convention.datum, origin_note)
     if local:
         origin = terrain.northing + terrain.origin[0], terrain.easting + terrain.origin[1]
         terrain = replace(terrain, origin=origin, crs="", northing=0.0, easting=0.0)
-    return Made(terrain, (), _facts(file, terrain, said), tuple(notes))
+    return Made(terrain, (), _facts(file, terrain, convention), tuple(notes))
 
 
 def _with_lost(
-    sigma: NDArray[Any] | None, lost: Lost | None, spacing: float, notes: list[str]
-) -> NDArray[Any] | None:
+    sigma: Floats | None, lost: Lost | None, spacing: float, notes: list[str]
+) -> Floats | None:
     """Return sigma with the relief that the terrain's nodes miss, and report it."""
     if lost is None:
         return sigma
@@ -150,11 +158,13 @@ def _with_lost(
         f"{100 * lost.share:.2g} % of the grid's variance, lies between them{part}; "
         f"sigma {'includes it' if sigma is not None else 'is this relief alone'}"
     )
-    spread: NDArray[Any] = lost.sigma.astype(np.float32)
+    spread: Floats = lost.sigma.astype(np.float32)
     return spread if sigma is None else np.hypot(sigma, spread)
 
 
-def _reference(file: Path, source: Any, crs: str | None, local: bool, notes: list[str]) -> Any:
+def _reference(
+    file: Path, source: DatasetReader, crs: str | None, local: bool, notes: list[str]
+) -> CRS:
     """Return the coordinate reference system that the file or the user states."""
     rasterio = wanted("rasterio", "reading a grid")
     if crs is not None and local:
@@ -182,7 +192,7 @@ def _reference(file: Path, source: Any, crs: str | None, local: bool, notes: lis
     return chosen
 
 
-def _cells(source: Any, crs: Any, code: str) -> tuple[float, tuple[float, float] | None]:
+def _cells(source: DatasetReader, crs: CRS, code: str) -> tuple[float, tuple[float, float] | None]:
     """Return the size of the cells [m], and the centre of one if all of them can be nodes."""
     rasterio = wanted("rasterio", "reading a grid")
     t = source.transform
@@ -194,12 +204,12 @@ def _cells(source: Any, crs: Any, code: str) -> tuple[float, tuple[float, float]
     return float(f"{cell:.3g}"), None
 
 
-def _refined(source: Any, resolution: float | None, notes: list[str]) -> Any:
+def _refined(source: DatasetReader, resolution: float | None, notes: list[str]) -> DatasetReader:
     """Return a BAG of variable resolution with its refined cells, not their coarse summary."""
-    said = source.tags()
-    if source.driver != "BAG" or said.get("HAS_SUPERGRIDS") != "TRUE":
+    tags = source.tags()
+    if source.driver != "BAG" or tags.get("HAS_SUPERGRIDS") != "TRUE":
         return source
-    finest, coarsest = (float(said[f"{m}_RESOLUTION_X"]) for m in ("MIN", "MAX"))
+    finest, coarsest = (float(tags[f"{m}_RESOLUTION_X"]) for m in ("MIN", "MAX"))
     step = min(max(resolution or finest, finest), coarsest)
     notes.append(f"variable resolution: cells of {finest:.3g} to {coarsest:.3g} m")
     rasterio = wanted("rasterio", "reading a grid")
@@ -209,7 +219,7 @@ def _refined(source: Any, resolution: float | None, notes: list[str]) -> Any:
         )
 
 
-def _check(file: Path, source: Any) -> None:
+def _check(file: Path, source: DatasetReader) -> None:
     if source.count < 1:
         subs = ", ".join(source.subdatasets[:3])
         raise InputInvalid(f"{file}: no band in it" + (f"; it holds {subs}" if subs else ""))
@@ -223,7 +233,7 @@ def _check(file: Path, source: Any) -> None:
             )
 
 
-def _inner(source: Any) -> tuple[float, float, float, float]:
+def _inner(source: DatasetReader) -> tuple[float, float, float, float]:
     """Return the bounds of the centres of the cells, between which nothing is extrapolated."""
     west, south, east, north = source.bounds
     south, north = min(south, north), max(south, north)
@@ -233,7 +243,7 @@ def _inner(source: Any) -> tuple[float, float, float, float]:
     return west + x, south + y, east - x, north - y
 
 
-def _code(source: Any, crs: Any) -> str:
+def _code(source: DatasetReader, crs: CRS) -> str:
     """Return the projection of the terrain: the grid's own if it is in true metres, else UTM."""
     rasterio = wanted("rasterio", "reading a grid")
     name = crs.to_wkt()[:200].lower()
@@ -248,14 +258,14 @@ def _code(source: Any, crs: Any) -> str:
     return utm_code((middle + 180) % 360 - 180, 0.5 * (south + north))
 
 
-def _said(
+def _convention(
     file: Path,
-    source: Any,
-    crs: Any,
+    source: DatasetReader,
+    crs: CRS,
     unit: str | None,
     positive: str | None,
     notes: list[str],
-) -> _Said:
+) -> _Convention:
     tags = {k.lower(): str(v) for k, v in source.tags().items()}
     wkt = crs.to_wkt()
     stated = (source.units[0] or "").strip().lower()
@@ -308,10 +318,10 @@ def _said(
         source.driver in ("BAG", "S102") or re.search("uncert|sigma|std|deviation", second)
     )
     scaling = tuple(zip(source.scales, source.offsets, strict=True))
-    return _Said(metre, down, datum, 2 if has_sigma else 0, scaling)
+    return _Convention(metre, down, datum, 2 if has_sigma else 0, scaling)
 
 
-def _bag_datum(source: Any) -> str:
+def _bag_datum(source: DatasetReader) -> str:
     if "xml:BAG" not in source.tag_namespaces():
         return ""
     text = " ".join(source.tags(ns="xml:BAG").values())
@@ -324,22 +334,28 @@ def _bag_datum(source: Any) -> str:
 
 
 def _layers(
-    file: Path, source: Any, crs: Any, code: str, grid: Grid, way: Any, said: _Said
-) -> tuple[NDArray[Any], NDArray[Any] | None]:
+    file: Path,
+    source: DatasetReader,
+    crs: CRS,
+    code: str,
+    grid: Grid,
+    way: Resampling,
+    convention: _Convention,
+) -> tuple[Floats, Floats | None]:
     vrt = wanted("rasterio.vrt", "reading a grid")
-    layers: list[NDArray[Any] | None] = []
+    layers: list[Floats | None] = []
     try:
         with vrt.WarpedVRT(
             source, src_crs=crs, crs=code, transform=grid.transform, width=grid.columns,
             height=grid.rows, resampling=way, dtype="float32", nodata=np.nan,
             src_nodata=source.nodata if source.nodata is not None else None,
         ) as warped:  # fmt: skip
-            for band in (1, said.sigma_band):
+            for band in (1, convention.sigma_band):
                 if not band:
                     layers.append(None)
                     continue
                 read = warped.read(band, masked=True).astype(np.float32)
-                factor, offset = said.metres(band)
+                factor, offset = convention.metres(band)
                 stored = np.ma.filled(read, np.nan)[::-1].astype(np.float64)
                 layers.append((factor * stored + offset).astype(np.float32))
     except Exception as reason:
@@ -352,8 +368,8 @@ def _layers(
 
 
 def _without_holes(
-    z: NDArray[Any], sigma: NDArray[Any] | None, spacing: float, fill: float, notes: list[str]
-) -> tuple[NDArray[Any], NDArray[Any] | None]:
+    z: Floats, sigma: Floats | None, spacing: float, fill: float, notes: list[str]
+) -> tuple[Floats, Floats | None]:
     from scipy.ndimage import binary_fill_holes, distance_transform_edt
 
     known = np.isfinite(z)
@@ -381,7 +397,7 @@ def _without_holes(
     return z, sigma
 
 
-def _facts(file: Path, terrain: Any, said: _Said) -> dict[str, str]:
+def _facts(file: Path, terrain: Terrain, convention: _Convention) -> dict[str, str]:
     z = terrain.z[np.isfinite(terrain.z)] + 0.0  # no -0.0
     doubt = "not stated"
     if terrain.sigma is not None and np.isfinite(terrain.sigma).any():
@@ -390,7 +406,7 @@ def _facts(file: Path, terrain: Any, said: _Said) -> dict[str, str]:
         "grid": f"{file.name}: {terrain.z.shape[0]} x {terrain.z.shape[1]} nodes at "
         f"{terrain.spacing:g} m, {terrain.crs or 'local frame'}, origin N {terrain.northing:.9g} "
         f"E {terrain.easting:.9g}",
-        "datum": said.datum or "not stated",
+        "datum": convention.datum or "not stated",
         "depth": f"{z.min():.2f} to {z.max():.2f} m",
         "known": f"{100 * len(z) / terrain.z.size:.1f} % of nodes",
         "uncertainty": doubt,

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 __all__ = ["add_relief"]
 
+Floats = NDArray[np.float64]
 _SHARE = 0.3  # of the interpolation's standard deviation that the relief takes up
 _SLOPE = 3.0  # of the power spectrum, k^-3: between sand and rock of published seabeds
 _LONGEST = 200.0  # m; of the relief's waves
 
 
 def add_relief(
-    z: NDArray[Any], distance: Any, spread: Any, spacing: float, seed: int, band: tuple[Any, Any]
-) -> tuple[NDArray[Any], str]:
+    z: Floats, distance: Floats, spread: Floats, spacing: float, seed: int,
+    band: tuple[Floats, Floats],
+) -> tuple[Floats, str]:  # fmt: skip
     """Add noise with a power-law spectrum to depths z; gives the depths, and what to say of it.
 
     Nothing is added at the data; away from them the standard deviation is a share of that of the
@@ -25,7 +25,16 @@ def add_relief(
     """
     near = distance[np.isfinite(z)]
     longest = float(np.clip(2 * np.quantile(near, 0.9), 4 * spacing, max(_LONGEST, 4 * spacing)))
-    noise = _noise(z.shape, spacing, longest, seed)
+    # Gaussian noise with a power-law spectrum, band-limited, of unit variance.
+    draws = np.random.Generator(np.random.Philox(key=seed)).standard_normal(z.shape)
+    k = np.hypot(
+        np.fft.fftfreq(z.shape[0], spacing)[:, None], np.fft.rfftfreq(z.shape[1], spacing)[None, :]
+    )
+    with np.errstate(divide="ignore"):
+        gain = np.where((k > 1 / longest) & (k < 0.5 / spacing), k ** (-_SLOPE / 2), 0.0)
+    noise = np.fft.irfft2(np.fft.rfft2(draws) * gain, s=z.shape)
+    deviation = float(noise.std())
+    noise = noise / deviation if deviation > 0 else noise
     room = np.where(np.isfinite(spread), spread, 0.0)
     taper = np.clip(distance / longest, 0.0, 1.0)
     added = np.clip(z + _SHARE * room * taper * noise, band[0], band[1])
@@ -34,16 +43,3 @@ def add_relief(
         f"relief shorter than {longest:.0f} m is invented (seed {seed}, {rms:.2f} m root mean "
         "square): no sounding saw it"
     )
-
-
-def _noise(shape: tuple[int, int], spacing: float, longest: float, seed: int) -> NDArray[Any]:
-    """Return Gaussian noise of unit variance with a power-law spectrum, band-limited."""
-    draws = np.random.Generator(np.random.Philox(key=seed)).standard_normal(shape)
-    k = np.hypot(
-        np.fft.fftfreq(shape[0], spacing)[:, None], np.fft.rfftfreq(shape[1], spacing)[None, :]
-    )
-    with np.errstate(divide="ignore"):
-        gain = np.where((k > 1 / longest) & (k < 0.5 / spacing), k ** (-_SLOPE / 2), 0.0)
-    noise = np.fft.irfft2(np.fft.rfft2(draws) * gain, s=shape)
-    spread = float(noise.std())
-    return noise / spread if spread > 0 else noise

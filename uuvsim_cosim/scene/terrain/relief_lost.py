@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +11,15 @@ from numpy.typing import NDArray
 from uuvsim_cosim.scene.shared.extra import wanted
 from uuvsim_cosim.scene.terrain.grid import Grid
 
+if TYPE_CHECKING:
+    from rasterio import Affine, DatasetReader
+    from rasterio.crs import CRS
+    from rasterio.windows import Window
+
 __all__ = ["Lost", "place", "relief_lost"]
 
 Floats = NDArray[np.float64]
+Number = TypeVar("Number", float, Floats)
 
 _WINDOW = 1024  # cells along a side
 _MOST = 40_000_000  # cells; of a larger grid, evenly spaced windows are compared
@@ -30,7 +36,12 @@ class Lost:
 
 
 def relief_lost(
-    source: Any, crs: Any, code: str, grid: Grid, z: NDArray[Any], metres: tuple[float, float]
+    source: DatasetReader,
+    crs: CRS,
+    code: str,
+    grid: Grid,
+    z: NDArray[np.floating],
+    metres: tuple[float, float],
 ) -> Lost | None:
     """Compare band 1 of an open rasterio dataset in `crs` with the terrain made of it.
 
@@ -79,13 +90,13 @@ def relief_lost(
     )
 
 
-def place(affine: Any, column: Any, row: Any) -> tuple[Any, Any]:
+def place(affine: Affine, column: Number, row: Number) -> tuple[Number, Number]:
     """Return x and y of a column and row, which count from the corner of the first cell."""
     a, b, c, d, e, f = affine[:6]
     return a * column + b * row + c, d * column + e * row + f
 
 
-def _windows(source: Any, crs: Any, code: str, grid: Grid) -> list[Any]:
+def _windows(source: DatasetReader, crs: CRS, code: str, grid: Grid) -> list[Window]:
     """Return the windows of the source that may hold cells within the grid."""
     wanted("rasterio.warp", "reading a grid")
     rasterio = wanted("rasterio", "reading a grid")
@@ -107,7 +118,7 @@ def _windows(source: Any, crs: Any, code: str, grid: Grid) -> list[Any]:
     ]
 
 
-def _on_triangles(grid: Grid, z: NDArray[Any], x: Floats, y: Floats) -> Floats:
+def _on_triangles(grid: Grid, z: NDArray[np.floating], x: Floats, y: Floats) -> Floats:
     """Interpolate as rays meet the terrain: two triangles a cell; NaN outside and unknown."""
     fi, fj = (y - grid.south) / grid.spacing, (x - grid.west) / grid.spacing
     inside = (np.abs(fi - (grid.rows - 1) / 2) < (grid.rows - 1) / 2 + 1e-9) & (

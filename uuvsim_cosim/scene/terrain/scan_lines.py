@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,7 +14,7 @@ _AT_ONCE = 2_000_000  # nodes
 
 
 def scan(
-    x: Floats, y: Floats, z: Floats, triangles: NDArray[Any], shape: tuple[int, int]
+    x: Floats, y: Floats, z: Floats, triangles: NDArray[np.integer], shape: tuple[int, int]
 ) -> tuple[Floats, NDArray[np.float32]]:
     """Interpolate z linearly over triangles (n, 3) at the nodes (row y, column x) of a grid.
 

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.scene.chart.codes import ZONES_OF_CONFIDENCE
-from uuvsim_cosim.scene.chart.read import Chart
+from uuvsim_cosim.scene.chart.read import Chart, Shapes
 from uuvsim_cosim.scene.shared.extra import wanted
 from uuvsim_cosim.scene.terrain.grid import Grid
 from uuvsim_cosim.scene.terrain.points import known_points
 from uuvsim_cosim.scene.terrain.tin import HoldOut, Triangulation
 
+if TYPE_CHECKING:
+    from shapely import Geometry
+
 __all__ = ["Prepared", "Surface", "prepared", "surface_on"]
 
 Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 _LEAST_LAND = 2.0  # m above the datum, where no area dries higher
 _SLACK = 0.05  # m; half of the least step in which depths are charted
@@ -36,16 +40,16 @@ class Prepared:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is to be said of the chart."""
-        said = self.chart.notes
+        """What the user should know of the chart."""
+        notes = self.chart.notes
         if not len(self.chart.quality):
-            said += ("no M_QUAL: the soundings count as unassessed (CATZOC U)",)
+            notes += ("no M_QUAL: the soundings count as unassessed (CATZOC U)",)
         if against := int((self.beyond > 0).sum()):
-            said += (
+            notes += (
                 f"{against} soundings lie outside the depths charted for their area, by up to "
                 f"{self.beyond.max():.1f} m: clipped like the rest, and sigma says so",
             )
-        return said
+        return notes
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,21 +58,31 @@ class Surface:
 
     z: Floats  # m, down; NaN: unknown
     sigma: Floats  # m; NaN on land
-    land: Any  # whether land
-    charted: Any  # whether interpolated in a charted band
-    held: Any  # whether, of these, in it before clipping
-    relief: str = ""  # what is to be said of invented relief
+    land: Mask  # whether land
+    charted: Mask  # whether interpolated in a charted band
+    held: Mask  # whether, of these, in it before clipping
+    relief: str = ""  # a note on invented relief
 
 
 def prepared(chart: Chart, spacing: float, land: float | None) -> Prepared:
     """Triangulate a chart for grids of a spacing (m), and leave its soundings out one by one."""
     mesh = Triangulation(known_points(chart, spacing))
-    height = _land_height(chart) if land is None else land
+    if land is None:  # as high as the highest area that dries
+        dries = chart.depth_areas.low
+        dries = dries[np.isfinite(dries)]
+        land = max(float(-dries.min()) if len(dries) else 0.0, _LEAST_LAND)
     low, high = _charted(chart, mesh.points.xy[: mesh.points.soundings])
     sounded, beyond = mesh.points.z[: len(low)], np.zeros(len(mesh.points.z))
     apart = np.maximum(low - sounded, sounded - high)
     beyond[: len(low)] = np.where((low <= high) & (apart > _SLACK), apart, 0.0)
-    return Prepared(chart, mesh, _hold_out(chart, mesh), height, beyond)
+    # Soundings are left out one by one; what is interpolated there is clipped as the terrain is.
+    rows, value, slope, distance = mesh.left_out()
+    low, high = _charted(chart, mesh.points.xy[rows])
+    charted = low <= high
+    value[charted] = np.clip(value[charted], low[charted], high[charted])
+    kept = np.isfinite(value)
+    hold_out = HoldOut((value - mesh.points.z[rows])[kept], distance[kept], slope[kept])
+    return Prepared(chart, mesh, hold_out, land, beyond)
 
 
 def surface_on(of: Prepared, grid: Grid, relief: int | None = None) -> Surface:
@@ -90,11 +104,11 @@ def surface_on(of: Prepared, grid: Grid, relief: int | None = None) -> Surface:
     spread = np.minimum(spread, np.where(area >= 0, band[1] - band[0], np.inf) / _SQRT_12)
     if of.beyond.any():
         spread = np.fmax(spread, mesh.over(grid, of.beyond)[0])
-    said = ""
+    note = ""
     if relief is not None and np.isfinite(z).any():
         from uuvsim_cosim.scene.terrain.relief import add_relief
 
-        z, said = add_relief(z, distance, spread, grid.spacing, relief, band)
+        z, note = add_relief(z, distance, spread, grid.spacing, relief, band)
     sigma = np.hypot(np.where(np.isfinite(spread), spread, 0.0), _zone_sigma(chart, grid, z))
     land = grid.burn(*_numbered(chart.land), touched=False) >= 0
     small = [s for s in chart.land if s.geom_type not in ("Polygon", "MultiPolygon")]
@@ -103,20 +117,14 @@ def surface_on(of: Prepared, grid: Grid, relief: int | None = None) -> Surface:
     z, sigma = np.clip(np.rint(256 * z) / 256, *band), np.rint(64 * sigma) / 64
     z[land] = -of.height
     sigma[land | np.isnan(z)] = np.nan
-    return Surface(z, sigma, land, charted, held, said)
+    return Surface(z, sigma, land, charted, held, note)
 
 
-def _land_height(chart: Chart) -> float:
-    low = chart.depth_areas.low
-    dries = -low[np.isfinite(low)].min() if np.isfinite(low).any() else 0.0
-    return max(float(dries), _LEAST_LAND)
-
-
-def _numbered(shapes: Any) -> tuple[Any, Any]:
+def _numbered(shapes: Shapes | list[Geometry]) -> tuple[Shapes | list[Geometry], range]:
     return shapes, range(len(shapes))
 
 
-def _bands(chart: Chart, grid: Grid) -> tuple[Any, tuple[Any, Any]]:
+def _bands(chart: Chart, grid: Grid) -> tuple[NDArray[np.int32], tuple[Floats, Floats]]:
     """Return each node's depth area (-1: none), its least and greatest depth (inf, -inf: dry)."""
     areas = chart.depth_areas
     area = grid.burn(*_numbered(areas.shapes))
@@ -128,7 +136,7 @@ def _bands(chart: Chart, grid: Grid) -> tuple[Any, tuple[Any, Any]]:
     return area, (low, high)
 
 
-def _distance_and_filled(grid: Grid, xy: Floats, raw: Floats, wet: Any) -> tuple[Floats, Floats]:
+def _distance_and_filled(grid: Grid, xy: Floats, raw: Floats, wet: Mask) -> tuple[Floats, Floats]:
     """Return each node's distance to data (m), and the depths where the nearest known fills."""
     from scipy.ndimage import distance_transform_edt
 
@@ -147,17 +155,6 @@ def _distance_and_filled(grid: Grid, xy: Floats, raw: Floats, wet: Any) -> tuple
         at = distance_transform_edt(np.isnan(raw), return_distances=False, return_indices=True)
         raw = np.where(missing, raw[tuple(at)], raw)
     return distance, raw
-
-
-def _hold_out(chart: Chart, mesh: Triangulation) -> HoldOut:
-    """Leave out soundings one by one; what is interpolated is clipped as the terrain is."""
-    rows, value, slope, distance = mesh.left_out()
-    points = mesh.points
-    low, high = _charted(chart, points.xy[rows])
-    charted = low <= high
-    value[charted] = np.clip(value[charted], low[charted], high[charted])
-    kept = np.isfinite(value)
-    return HoldOut((value - points.z[rows])[kept], distance[kept], slope[kept])
 
 
 def _charted(chart: Chart, xy: Floats) -> tuple[Floats, Floats]:

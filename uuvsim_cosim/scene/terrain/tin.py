@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +38,7 @@ class Triangulation:
         except Exception:
             raise InputInvalid("all points of known depth lie on one line") from None
 
-    def over(self, grid: Grid, z: Floats | None = None) -> tuple[Floats, Any]:
+    def over(self, grid: Grid, z: Floats | None = None) -> tuple[Floats, NDArray[np.float32]]:
         """Return depth (m) and slope at the nodes of a grid; NaN outside the known points' hull.
 
         `z` is interpolated in place of the depths, if given; (points,).
@@ -142,7 +141,7 @@ class HoldOut:
         rms = np.array([float(np.sqrt(np.mean(self.errors[p] ** 2))) for p in parts])
         return at, np.maximum.accumulate(rms)
 
-    def sigma(self, distance: Any, slope: Any) -> Any:
+    def sigma(self, distance: Floats, slope: Floats) -> Floats:
         """Return the standard deviation (m) at distances to data (m) and slopes; 0 at the data.
 
         Beyond the greatest fall that was left out it grows in proportion.

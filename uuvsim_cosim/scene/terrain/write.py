@@ -6,10 +6,8 @@ import struct
 import zlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uuvsim_cosim.cache import whole_file
 from uuvsim_cosim.errors import InputInvalid
@@ -106,16 +104,12 @@ def _png(scene: Scene, terrain: Terrain, target: Path) -> list[Path]:
     levels = np.where(
         np.isnan(height), 0, 1 + np.rint((np.nan_to_num(height, nan=low) - low) / step)
     )
-    said = {
+    texts = {
         "Description": f"elevation in m = {low:.6f} + (level - 1) * {step:.9g}; level 0: unknown; "
         f"{terrain.spacing:g} m a pixel, north up, {terrain.crs}; not for navigation",
         "Source": terrain.source,
     }
-    target.write_bytes(_png_bytes(levels.astype(">u2"), said))
-    return [target]
 
-
-def _png_bytes(levels: NDArray[Any], said: dict[str, str]) -> bytes:
     def chunk(kind: bytes, data: bytes) -> bytes:
         return (
             struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
@@ -123,18 +117,19 @@ def _png_bytes(levels: NDArray[Any], said: dict[str, str]) -> bytes:
 
     rows, columns = levels.shape
     lines = np.zeros((rows, 1 + 2 * columns), np.uint8)  # each line opens with filter 0
-    lines[:, 1:] = np.ascontiguousarray(levels).view(np.uint8).reshape(rows, 2 * columns)
-    texts = b"".join(
+    lines[:, 1:] = levels.astype(">u2").view(np.uint8).reshape(rows, 2 * columns)
+    written = b"".join(
         chunk(b"tEXt", key.encode("latin-1") + b"\0" + text.encode("latin-1", "replace"))
-        for key, text in said.items()
+        for key, text in texts.items()
     )
-    return (
+    target.write_bytes(
         b"\x89PNG\r\n\x1a\n"
         + chunk(b"IHDR", struct.pack(">IIBBBBB", columns, rows, 16, 0, 0, 0, 0))
-        + texts
+        + written
         + chunk(b"IDAT", zlib.compress(lines.tobytes(), 6))
         + chunk(b"IEND", b"")
     )
+    return [target]
 
 
 _WRITERS: dict[str, Callable[[Scene, Terrain, Path], list[Path]]] = {

@@ -263,15 +263,10 @@ def _filled(grid: Grid) -> Array:
             rate = np.gradient(y[j], grid.h)
             y[6 + j] = np.convolve(rate, np.ones(5) / 5, mode="same") if j >= 3 else 0.0
     if not np.isfinite(grid.y[6:9]).any():
-        y[6:9] = _body_velocity(y, grid.h)
+        from scipy.ndimage import uniform_filter1d
+        from scipy.spatial.transform import Rotation
+
+        # u v w from positions and attitude, smoothed over five steps
+        rates = uniform_filter1d(np.gradient(y[:3], grid.h, axis=1), 5, axis=1)
+        y[6:9] = Rotation.from_euler("ZYX", y[[5, 4, 3]].T).inv().apply(rates.T).T
     return y
-
-
-def _body_velocity(y: Array, h: float) -> Array:
-    """Return u v w [m/s] of positions and attitude, smoothed over five steps."""
-    from scipy.ndimage import uniform_filter1d
-    from scipy.spatial.transform import Rotation
-
-    rates = uniform_filter1d(np.gradient(y[:3], h, axis=1), 5, axis=1)
-    turned: Array = Rotation.from_euler("ZYX", y[[5, 4, 3]].T).inv().apply(rates.T).T
-    return turned

@@ -170,11 +170,11 @@ def _ardupilot(path: Path) -> Signals:
             kind = message.get_type()
             names.add(kind)
             if kind in wanted:
-                _keep(kept, kind, message, log)
+                _keep(kept, kind, message)
     except Exception as error:
-        said = str(error).splitlines()[0] if str(error) else type(error).__name__
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputInvalid(
-            f"{path}: is no log that pymavlink reads ({said}); expected .BIN or .tlog"
+            f"{path}: is no log that pymavlink reads ({reason}); expected .BIN or .tlog"
         ) from None
     finally:
         if log is not None:
@@ -205,7 +205,7 @@ def _begins_well(path: Path) -> None:
         raise InputInvalid(f"{path}: begins with {head.hex(' ') or 'nothing'}; expected {kind}")
 
 
-def _keep(kept: dict[str, list[tuple[float, list[float]]]], kind: str, m: Any, log: Any) -> None:
+def _keep(kept: dict[str, list[tuple[float, list[float]]]], kind: str, m: Any) -> None:
     def put(name: str, t: float, values: list[float]) -> None:
         kept.setdefault(name, []).append((t, values))
 
@@ -245,7 +245,7 @@ def _merged(kept: Mapping[str, list[tuple[float, list[float]]]], path: Path) -> 
     time = time[time >= begin]
     eta, nu = np.full((len(time), 6), np.nan), np.full((len(time), 6), np.nan)
 
-    def place(name: str) -> tuple[Any, Array]:
+    def place(name: str) -> tuple[NDArray[np.intp], Array]:
         t, values = series[name]
         t, first = np.unique(t, return_index=True)
         inside = t >= begin

@@ -11,8 +11,9 @@ import casadi as ca
 import numpy as np
 
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.models.declaration.evaluation import Evaluation
-from uuvsim_cosim.models.declaration.model import Model
+from uuvsim_cosim.models.declaration.model import Declared, Model
 from uuvsim_cosim.models.declaration.near_names import expected_names
 from uuvsim_cosim.models.intrinsics.table import TABLES, interpolants
 from uuvsim_cosim.orchestrator.plan.plan import Plan
@@ -142,7 +143,7 @@ def wanted_parameters(plan: Plan, hull: int, texts: Sequence[str]) -> list[Fitte
     return found
 
 
-def _held_inputs(plan: Plan, i: int) -> Iterator[Any]:
+def _held_inputs(plan: Plan, i: int) -> Iterator[Variable]:
     """Return the inputs that nothing feeds and that could be a constant, as a supply's voltage."""
     fed = {t.target_variable.name for t in plan.transfers if t.target == i}
     for v in plan.components[i].description.of("input"):
@@ -150,7 +151,7 @@ def _held_inputs(plan: Plan, i: int) -> Iterator[Any]:
             yield v
 
 
-def _bounds(declared: Any, start: float) -> tuple[float, float]:
+def _bounds(declared: Declared, start: float) -> tuple[float, float]:
     """Return the declared bounds; if a value cannot be negative, 1/50 to 30 times the start.
 
     Without an end, what the data say nothing of could grow until no step is short enough.

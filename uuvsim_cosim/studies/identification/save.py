@@ -144,12 +144,12 @@ def _set(
         row_of(key, q if key in fitted else Quantity(q.value, q.unit, f"{q.source} (set {base})"))
         for key, q in quantities.items()
     ]
-    said = f"{found.samples} samples of {found.seconds:.4g} s; residuals (rms): {worst}"
+    facts = f"{found.samples} samples of {found.seconds:.4g} s; residuals (rms): {worst}"
     cited = f"identified from {found.recording} on {day} by uuvsim identify"
     return (
         f"  {name}:\n"
         f"    citation: {quoted(cited)}\n"
-        f"    obtained: {quoted(f'{said}; what was not fitted is of the set {base}{also}')}\n"
+        f"    obtained: {quoted(f'{facts}; what was not fitted is of the set {base}{also}')}\n"
         "    parameters:\n" + "".join(rows)
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import parse_qsl
 
 import numpy as np
@@ -16,6 +17,9 @@ from uuvsim_cosim.models.declaration.library import declare
 from uuvsim_cosim.models.importing.vehicle_draft import quoted
 from uuvsim_cosim.studies.identification.identify import Actuator, Identified, Number
 from uuvsim_cosim.studies.identification.vehicle_text import inserted, is_known, replaced, words_of
+
+if TYPE_CHECKING:
+    from ruamel.yaml.comments import CommentedMap
 
 __all__ = ["ThrusterSet", "thruster_set"]
 
@@ -40,14 +44,14 @@ class ThrusterSet:
         replaced(file, text, lambda path: thrusters_file(Path(path)))
         return file
 
-    def _read(self, folder: Path) -> dict[str, dict[str, object]]:
+    def _read(self, folder: Path) -> CommentedMap:
         file = folder / "thrusters.yaml"
         if not file.is_file():
             raise InputInvalid(
                 f"--save-as: {folder} has no thrusters.yaml; expected a vehicle with thrusters, "
                 "as numbers of thrusters were fitted"
             )
-        data: dict[str, dict[str, object]] = thrusters_file(file)
+        data: CommentedMap = thrusters_file(file)
         if len(data["thrusters"]) != self.count:
             raise InputInvalid(
                 f"{file}: {len(data['thrusters'])} thrusters, and the system's wrench has "
@@ -87,10 +91,10 @@ def thruster_set(found: Identified, name: str, day: str) -> ThrusterSet | None:
                 f"      {key}: {{value: {value:.9g}, unit: {quoted(plain[key].unit)}, "
                 'source: "set for the fit, not identified"}\n'
             )
-    said = ", ".join(f"{n} {s:.2g}" for n, s in found.residuals.items())
+    residuals = ", ".join(f"{n} {s:.2g}" for n, s in found.residuals.items())
     source = (
         f"identified from {found.recording} on {day} by uuvsim identify: {found.samples} samples "
-        f"of {found.seconds:.4g} s; residuals (rms): {said}"
+        f"of {found.seconds:.4g} s; residuals (rms): {residuals}"
     )
     chosen = "".join(f"{k}: {quoted(v)}, " for k, v in options.items()).removesuffix(", ")
     text = (

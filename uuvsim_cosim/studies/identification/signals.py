@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -158,7 +157,7 @@ def grid_of(
     )
 
 
-def _times(signals: Signals, first: float, last: float | None) -> tuple[Array, Any]:
+def _times(signals: Signals, first: float, last: float | None) -> tuple[Array, NDArray[np.intp]]:
     time = np.asarray(signals.time, dtype=float)
     keep = np.isfinite(time) & (time >= first) & (time <= (np.inf if last is None else last))
     # A communication point may have been recorded twice (a restart): the first counts.
@@ -246,7 +245,7 @@ def _measured(t: Array, values: Array, grid: Array, h: float, angle: bool) -> Ar
 class _Supply:
     """Columns of feeds over the recording's own times: recorded, computed, or a start value."""
 
-    def __init__(self, plan: Plan, lookup: Lookup, t: Array, place: Any) -> None:
+    def __init__(self, plan: Plan, lookup: Lookup, t: Array, place: NDArray[np.intp]) -> None:
         self.plan, self.lookup, self.t, self.place = plan, lookup, t, place
         self.computed: list[str] = []
         self._done: dict[int, Mapping[str, Array] | None] = {}
@@ -259,9 +258,17 @@ class _Supply:
             values = self.lookup.values(name)[self.place]
             e = self._column(feed, name, values.shape[1])
             return np.asarray(feed.factor * values[:, e] + feed.offset, dtype=float)
-        if feed.free:
-            return self._start(feed)
-        made = self._simulated(feed.component)
+        if feed.free:  # nothing feeds it: its start value; commands and forces have none
+            if feed.variable in ("u", "tau", "thrust", "force"):
+                return None
+            variable = component.description.variables[feed.variable]
+            value = component.start.get(feed.variable, variable.start)
+            flat = np.asarray(0.0 if value is None else value, dtype=float).ravel()
+            return np.full(len(self.t), flat[min(feed.element, len(flat) - 1)])
+        if feed.component not in self._done:
+            self._done[feed.component] = None  # so that an algebraic loop ends here
+            self._done[feed.component] = self._run(feed.component)
+        made = self._done[feed.component]
         if made is None:
             return None
         values = made[feed.variable]
@@ -286,24 +293,8 @@ class _Supply:
             f"--map {label}={name}[1] for one of them"
         )
 
-    def _start(self, feed: Feed) -> Array | None:
-        """Return the start value of an input that nothing feeds; commands and forces have none."""
-        if feed.variable in ("u", "tau", "thrust", "force"):
-            return None
-        component = self.plan.components[feed.component]
-        variable = component.description.variables[feed.variable]
-        value = component.start.get(feed.variable, variable.start)
-        flat = np.asarray(0.0 if value is None else value, dtype=float).ravel()
-        return np.full(len(self.t), flat[min(feed.element, len(flat) - 1)])
-
-    def _simulated(self, i: int) -> Mapping[str, Array] | None:
-        """Compute a declaration's outputs from recorded signals alone, once."""
-        if i not in self._done:
-            self._done[i] = None  # a loop finds nothing
-            self._done[i] = self._run(i)
-        return self._done[i]
-
     def _run(self, i: int) -> Mapping[str, Array] | None:
+        """Compute a declaration's outputs from recorded signals alone; None if one is missing."""
         from uuvsim_cosim.models.analysis.simulate import simulate
 
         component = self.plan.components[i]
@@ -311,7 +302,9 @@ class _Supply:
         if not isinstance(source, ModelSource):
             return None
         model = source.declaration()
-        if model.clocks or not _acts_at_once(model):
+        outputs = {v.name for v in model.of_kind("output")}
+        # Only what makes a force of a command at once: a thruster, a wrench, a fin.
+        if model.clocks or not outputs & _FORCES or "tau_d" in outputs:
             return None
         signals: dict[str, Array] = {}
         used = _used_inputs(model)
@@ -365,9 +358,3 @@ def _used_inputs(model: Model) -> set[str]:
         for v in model.of_kind("input")
         if used & {s.element_hash() for s in v.symbol.nonzeros()}
     }
-
-
-def _acts_at_once(model: Model) -> bool:
-    """Return whether a model makes a force of a command: thruster, wrench, fin."""
-    outputs = {v.name for v in model.of_kind("output")}
-    return bool(outputs & _FORCES) and "tau_d" not in outputs

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from uuvsim_cosim.cache import whole_file
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.studies.identification.ambiguity import WEAK
 from uuvsim_cosim.studies.identification.identify import Identified, Number
+
+if TYPE_CHECKING:
+    from ruamel.yaml.comments import CommentedMap
 
 __all__ = ["inserted", "is_known", "replaced", "words_of"]
 
@@ -27,7 +30,7 @@ def words_of(found: Identified, number: Number, day: str) -> str:
     )
 
 
-def inserted(text: str, data: Any, block: str) -> str:
+def inserted(text: str, data: CommentedMap, block: str) -> str:
     """Put a set (indented by two) behind the last one, or begin `sets` at the file's end."""
     lines = text.splitlines(keepends=True)
     if lines and not lines[-1].endswith("\n"):
@@ -43,7 +46,7 @@ def inserted(text: str, data: Any, block: str) -> str:
     return "".join([*lines[:end], block, *lines[end:]])
 
 
-def replaced(file: Path, text: str, read: Callable[[Any], object]) -> None:
+def replaced(file: Path, text: str, read: Callable[[str], object]) -> None:
     """Write a parameter file if `read` takes it; else leave what was there."""
     try:
         with whole_file(file) as scratch:

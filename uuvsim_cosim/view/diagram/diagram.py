@@ -28,7 +28,8 @@ def diagram(system: System) -> str:
     layout = laid_out(boxes, nets)
     routes = routed(layout, boxes, nets)
     caption = _caption(system)
-    title = _title(system)
+    facts = f"tick {step_text(system.base_step * 1000)} ms, {len(system.elements)} components"
+    title = f"{system.description}. {facts}" if system.description else facts
     width = max(
         routes.width, text_width(title, 12.5), text_width(system.name, 19, bold=True),
         *(text_width(c, 12) + 8 for c in caption), 320.0,
@@ -55,7 +56,9 @@ def diagram(system: System) -> str:
                 f'<path d="{_rounded(p)}" fill="none" stroke="{stroke}" stroke-width="{w}"/>'
                 for p in lines
             ]
-        parts += [_arrow(p[-1], colour) for p in lines]
+        for points in lines:
+            x, y = points[-1]
+            parts.append(f'<path d="M{x:.1f} {y:.1f}l-7.5 -3.6v7.2z" fill="{colour}"/>')
     for key, box in boxes.items():
         place = layout.boxes[key]
         parts.append(_box(box, place, routes.columns[place.column]))
@@ -67,11 +70,6 @@ def diagram(system: System) -> str:
     parts.append(_legend(boxes, width, _MARGIN + 12))
     parts.append("</svg>\n")
     return "\n".join(parts)
-
-
-def _title(system: System) -> str:
-    facts = f"tick {step_text(system.base_step * 1000)} ms, {len(system.elements)} components"
-    return f"{system.description}. {facts}" if system.description else facts
 
 
 def _caption(system: System) -> list[str]:
@@ -136,11 +134,6 @@ def _text(
         f'<text x="{x:.1f}" y="{y:.1f}" font-size="{size:g}" fill="{fill}"{weight}{place}>'
         f"{escape(text)}</text>"
     )
-
-
-def _arrow(tip: Point, colour: str) -> str:
-    x, y = tip
-    return f'<path d="M{x:.1f} {y:.1f}l-7.5 -3.6v7.2z" fill="{colour}"/>'
 
 
 def _rounded(points: list[Point], radius: float = 5.0) -> str:

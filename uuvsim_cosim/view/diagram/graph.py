@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 
-from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.plan.loop_delays import alike
 from uuvsim_cosim.orchestrator.system.elements import Element, step_text
 from uuvsim_cosim.orchestrator.system.resolve import resolve
@@ -64,7 +63,12 @@ def boxes_and_nets(system: System) -> tuple[dict[str, Box], list[Net]]:
         if key in boxes:
             boxes[key].count += 1
             continue
-        boxes[key] = _box(system, element, key, groups.get(element.name))
+        nested = system.nested_or_none(element.name)
+        kind = "system" if nested else resolve(str(element.source), system.base).kind
+        step = Fraction(element.rate or (nested.base_step if nested else system.base_step))
+        rate = f"{step_text(step * 1000)} ms" if step < 1 else f"{step_text(step)} s"
+        group = groups.get(element.name)
+        boxes[key] = Box(key, key, _label(element), kind, rate, 1, group, [], [], {})
     nets: dict[tuple[str, str], dict[tuple[str, str], None]] = {}
     for w in wires:
         source = (stacks[w.source.element], w.source.variable.name)
@@ -76,15 +80,11 @@ def boxes_and_nets(system: System) -> tuple[dict[str, Box], list[Net]]:
             ports = boxes[key].outputs if side == ">" else boxes[key].inputs
             if port not in ports:
                 ports.append(port)
-                boxes[key].labels[f"{side} {port}"] = _port_label(variable)
+                size = f" [{' x '.join(map(str, variable.shape))}]" if variable.shape else ""
+                unit = variable.unit_text if is_float(variable) else ""
+                unit = "" if unit in ("", "1") else f"  {unit}"
+                boxes[key].labels[f"{side} {port}"] = f"{variable.name}{size}{unit}"
     return boxes, [Net(source, tuple(targets)) for source, targets in nets.items()]
-
-
-def _box(system: System, element: Element, key: str, group: int | None) -> Box:
-    nested = system.nested_or_none(element.name)
-    kind = "system" if nested else resolve(str(element.source), system.base).kind
-    step = Fraction(element.rate or (nested.base_step if nested else system.base_step))
-    return Box(key, key, _label(element), kind, _period(step), 1, group, [], [], {})
 
 
 def _label(element: Element) -> str:
@@ -97,14 +97,3 @@ def _label(element: Element) -> str:
         options = dict(part.partition("=")[::2] for part in query.split("&") if part)
         return options.get("id", name)
     return Path(text).name
-
-
-def _period(step: Fraction) -> str:
-    ms = step * 1000
-    return f"{step_text(ms)} ms" if ms < 1000 else f"{step_text(step)} s"
-
-
-def _port_label(variable: Variable) -> str:
-    size = f" [{' x '.join(map(str, variable.shape))}]" if variable.shape else ""
-    unit = variable.unit_text if is_float(variable) and variable.unit_text != "1" else ""
-    return f"{variable.name}{size}{f'  {unit}' if unit else ''}"

@@ -55,7 +55,13 @@ def laid_out(boxes: Mapping[str, Box], nets: list[Net]) -> Layout:
     places: dict[str, Place] = {}
     for key, box in boxes.items():
         columns[layer[key]].append((key, -1))
-        places[key] = Place(layer[key], 0.0, _width(box), _height(box))
+        ins = max((text_width(box.labels[f"< {p}"], 11.5) for p in box.inputs), default=0.0)
+        outs = max((text_width(box.labels[f"> {p}"], 11.5) for p in box.outputs), default=0.0)
+        rate = text_width(box.rate, 11) + 12
+        head = max(text_width(box.title, 13.5, bold=True), text_width(box.subtitle, 11) + rate)
+        width = max(head + 26.0, ins + outs + 34.0, 120.0)
+        height = HEAD + ROW * max(len(box.inputs), len(box.outputs), 0) + 7.0
+        places[key] = Place(layer[key], 0.0, width, height)
     passages: dict[tuple[int, int], Place] = {}
     for n, net in enumerate(nets):
         last = max((layer[t] for t, _ in net.targets), default=0)
@@ -74,18 +80,6 @@ def laid_out(boxes: Mapping[str, Box], nets: list[Net]) -> Layout:
     for place in (*places.values(), *passages.values()):
         place.y -= top
     return layout
-
-
-def _width(box: Box) -> float:
-    ins = max((text_width(box.labels[f"< {p}"], 11.5) for p in box.inputs), default=0.0)
-    outs = max((text_width(box.labels[f"> {p}"], 11.5) for p in box.outputs), default=0.0)
-    rate = text_width(box.rate, 11) + 12
-    head = max(text_width(box.title, 13.5, bold=True), text_width(box.subtitle, 11) + rate)
-    return max(head + 26.0, ins + outs + 34.0, 120.0)
-
-
-def _height(box: Box) -> float:
-    return HEAD + ROW * max(len(box.inputs), len(box.outputs), 0) + 7.0
 
 
 def _layers(keys: list[str], nets: list[Net]) -> dict[str, int]:
@@ -197,7 +191,7 @@ def _heights(layout: Layout, boxes: Mapping[str, Box], nets: list[Net]) -> None:
             offsets, total = [], 0.0
             for cell in cells:
                 offsets.append(total)
-                total += _place(layout, cell, column).height + _gap(cell)
+                total += _place(layout, cell, column).height + (_SPACE if cell[1] < 0 else 9.0)
             goals = [
                 _mean(wanted.get(cell, []), _place(layout, cell, column).y) - offset
                 for cell, offset in zip(cells, offsets, strict=True)
@@ -205,10 +199,6 @@ def _heights(layout: Layout, boxes: Mapping[str, Box], nets: list[Net]) -> None:
             weights = [max(len(wanted.get(c, [])), 0.2) for c in cells]
             for cell, y, offset in zip(cells, _monotone(goals, weights), offsets, strict=True):
                 _place(layout, cell, column).y = y + offset
-
-
-def _gap(cell: Cell) -> float:
-    return _SPACE if cell[1] < 0 else 9.0
 
 
 def _place(layout: Layout, cell: Cell, column: int) -> Place:

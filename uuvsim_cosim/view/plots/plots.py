@@ -88,18 +88,6 @@ def _time_axis(time: Array, frame: Frame) -> str:
     return "".join(parts)
 
 
-def _value_axis(y: Scale, frame: Frame, count: int) -> str:
-    parts: list[str] = []
-    for tick in nice_ticks(y.low, y.high, count):
-        py = float(y(tick))
-        style = "zero" if tick == 0 else "grid"
-        parts.append(
-            f'<path class="{style}" d="M{frame.left:g} {py:.1f}H{frame.width - frame.right:g}"/>'
-        )
-        parts.append(text(frame.left - 6, py + 3.5, f"{tick:g}".replace("-", "−"), "tick", "end"))
-    return "".join(parts)
-
-
 @dataclass(frozen=True)
 class TimePanel(Panel):
     """Curves and bands over time; `down` puts positive values below, as depth is drawn."""
@@ -112,7 +100,10 @@ class TimePanel(Panel):
     def limits(self) -> tuple[float, float]:
         """Return the range of the value axis: all of the lines, most of the bands."""
         lines = [line.value for line in self.lines if not line.readout_only]
-        low, high = _range(lines, self.include)
+        finite = [v[np.isfinite(v)] for v in lines]
+        lows = [float(v.min()) for v in finite if v.size] + list(self.include)
+        highs = [float(v.max()) for v in finite if v.size] + list(self.include)
+        low, high = (min(lows), max(highs)) if lows else (0.0, 1.0)
         for band in self.bands:  # as it is most of the time; at the start it may be far wider
             low = min(low, 1.25 * float(np.nanpercentile(band.low, 15)))
             high = max(high, 1.25 * float(np.nanpercentile(band.high, 85)))
@@ -130,7 +121,14 @@ class TimePanel(Panel):
             else Scale(low, high, bottom, frame.top)
         )
         x = frame.time_scale(time)
-        parts = [_time_axis(time, frame), _value_axis(y, frame, max(3, int(frame.height / 34)))]
+        parts = [_time_axis(time, frame)]
+        right = frame.width - frame.right
+        for tick in nice_ticks(y.low, y.high, max(3, int(frame.height / 34))):
+            py = float(y(tick))
+            style = "zero" if tick == 0 else "grid"
+            parts.append(f'<path class="{style}" d="M{frame.left:g} {py:.1f}H{right:g}"/>')
+            label = f"{tick:g}".replace("-", "−")
+            parts.append(text(frame.left - 6, py + 3.5, label, "tick", "end"))
         every = max(1, len(time) // BINS)
         for band in self.bands:
             limit = [np.clip(v[::every], low, high) for v in (band.low, band.high)]
@@ -142,13 +140,6 @@ class TimePanel(Panel):
             style = f"line {line.style}" + (" dash" if line.dashed else "")
             parts.append(path(x(t), y(v), style))
         return "".join(parts)
-
-
-def _range(values: Sequence[Array], include: Sequence[float]) -> tuple[float, float]:
-    finite = [v[np.isfinite(v)] for v in values]
-    lows = [float(v.min()) for v in finite if v.size] + list(include)
-    highs = [float(v.max()) for v in finite if v.size] + list(include)
-    return (min(lows), max(highs)) if lows else (0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -180,8 +171,8 @@ class Rows(Panel):
             parts.append(text(frame.left - 6, middle + 3.5, line.label, "tick", "end"))
         right = frame.width - frame.right
         parts.append(f'<path class="axis" d="M{right + 3:g} {top:.1f}v{row:.1f}"/>')
-        said = f"height of a row: ±{reach:.3g} {self.unit}"
-        return "".join(parts) + text(right + 3, top - 4, said, "tick", "end")
+        legend = f"height of a row: ±{reach:.3g} {self.unit}"
+        return "".join(parts) + text(right + 3, top - 4, legend, "tick", "end")
 
 
 @dataclass(frozen=True)

@@ -72,7 +72,13 @@ class Track:
         if self.estimate is not None:
             parts.append(path(x(self.estimate[picks, 1]), y(self.estimate[picks, 0]),
                               "line estimate"))  # fmt: skip
-        parts.append(self._vessels(x, y))
+        for i in self._spaced(x, y, 120.0):
+            degrees = np.degrees(self.eta[i, 5]) - 90.0
+            a, b = float(x(self.eta[i, 1])), float(y(self.eta[i, 0]))
+            parts.append(
+                f'<path class="vessel" d="{VESSEL}" '
+                f'transform="translate({a:.1f} {b:.1f}) rotate({degrees:.0f}) scale(.8)"/>'
+            )
         parts.append(self._mark(x, y, 0, "start"))
         parts.append(self._mark(x, y, -1, "end"))
         return "".join(parts)
@@ -125,17 +131,6 @@ class Track:
         along = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(a), np.diff(b)))])
         wanted = np.arange(0.5 * distance, along[-1], distance)
         return [int(i) for i in picks[np.searchsorted(along, wanted)]]
-
-    def _vessels(self, x: Scale, y: Scale) -> str:
-        parts = []
-        for i in self._spaced(x, y, 120.0):
-            degrees = np.degrees(self.eta[i, 5]) - 90.0
-            a, b = float(x(self.eta[i, 1])), float(y(self.eta[i, 0]))
-            parts.append(
-                f'<path class="vessel" d="{VESSEL}" '
-                f'transform="translate({a:.1f} {b:.1f}) rotate({degrees:.0f}) scale(.8)"/>'
-            )
-        return "".join(parts)
 
     def _mark(self, x: Scale, y: Scale, i: int, label: str) -> str:
         a, b = float(x(self.eta[i, 1])), float(y(self.eta[i, 0]))

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -186,12 +185,12 @@ def figures(traces: Traces, path: Array | None) -> list[Figure]:
     return found
 
 
-def metrics_of(figures: Iterable[Figure]) -> dict[str, dict[str, Any]]:
+def metrics_of(figures: Iterable[Figure]) -> dict[str, dict[str, str | float | None]]:
     """Return figures for programs: by key, the value with its unit, label and note.
 
     JSON has no NaN and no infinity: such a value is None, and `not_finite` is its text.
     """
-    found: dict[str, dict[str, Any]] = {}
+    found: dict[str, dict[str, str | float | None]] = {}
     for f in figures:
         value = f.value if math.isfinite(f.value) else None
         found[f.key] = {"value": value, "unit": f.unit, "label": f.label}

@@ -9,7 +9,6 @@ from typing import Any
 from uuvsim_cosim.view.plots.svg import escape
 from uuvsim_cosim.view.reports.training_parts import (
     CURVES_NOTE,
-    Columns,
     Pictures,
     asked_html,
     columns_of,
@@ -46,9 +45,17 @@ def _page(
             columns_of(place / f"{n}.csv") for n in ("evaluations", "episodes")
         )
         scripted = {} if row["scripted"] is None else {"return": row["scripted"]}
+        facts = [
+            f"{int(evaluations['step'][-1]):,} of {stage['steps']:,} steps",
+            f"{len(episodes.get('return', ())):,} episodes",
+            f"{row['cpu']:,.0f} CPU s",
+            "promoted" if row["promoted"] else "all steps",
+        ]
+        if row.get("note"):
+            facts.append(row["note"])
         sections += [
             f"<h2>Stage {k + 1}, {escape(stage['task'])}</h2>",
-            f"<p>{escape(_told(stage, row, evaluations, episodes))}</p>",
+            f"<p>{escape(' · '.join(facts))}</p>",
             curves_html(evaluations, episodes, scripted),
         ]
     cpu = sum(row["cpu"] for _, _, row in done)
@@ -63,15 +70,3 @@ def _page(
             episodes_html(pictures), asked_html(asked),
         ],
     )  # fmt: skip
-
-
-def _told(
-    stage: Mapping[str, Any], row: Mapping[str, Any], evaluations: Columns, episodes: Columns
-) -> str:
-    told = [
-        f"{int(evaluations['step'][-1]):,} of {stage['steps']:,} steps",
-        f"{len(episodes.get('return', ())):,} episodes",
-        f"{row['cpu']:,.0f} CPU s",
-        "promoted" if row["promoted"] else "all steps",
-    ]
-    return " · ".join([*told, row["note"]] if row.get("note") else told)

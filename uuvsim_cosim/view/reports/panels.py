@@ -33,12 +33,16 @@ def track_of(traces: Traces, path: Array | None) -> Track | None:
     eta = traces.vector("hull.eta", 6)
     if eta is None:
         return None
+    fixes = traces.vector("usbl.position", 2)
+    if fixes is not None:  # the distinct ones, at most 600; a fix is new when its value changes
+        fresh = np.flatnonzero(np.any(np.diff(fixes, axis=0) != 0, axis=1)) + 1
+        fixes = fixes[fresh[:: max(1, -(-len(fresh) // 600))]]
     return Track(
         time=traces.time,
         eta=eta,
         path=path,
         estimate=traces.vector("navigation.eta", 2),
-        fixes=_fixes(traces),
+        fixes=fixes,
         current=_current(traces),
     )
 
@@ -46,15 +50,6 @@ def track_of(traces: Traces, path: Array | None) -> Track | None:
 def _current(traces: Traces) -> Array | None:
     v_c = traces.vector("current.v_c", 2)
     return v_c if v_c is not None and np.nanmax(np.abs(v_c), initial=0.0) > 0 else None
-
-
-def _fixes(traces: Traces) -> Array | None:
-    """Return the USBL's distinct fixes, at most 600; a fix is new when its value changes."""
-    fixes = traces.vector("usbl.position", 2)
-    if fixes is None:
-        return None
-    fresh = np.flatnonzero(np.any(np.diff(fixes, axis=0) != 0, axis=1)) + 1
-    return fixes[fresh[:: max(1, -(-len(fresh) // 600))]]
 
 
 def _states(traces: Traces, axis: int, *, degrees: bool = False, digits: int = 2) -> list[Line]:

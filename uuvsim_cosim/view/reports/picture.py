@@ -37,7 +37,13 @@ def picture_svg(traces: Traces, provenance: Mapping[str, Any]) -> str:
     panels = [*lead_panels(traces, path)[:2], *_navigation(below), *extra][:4]
     tall = track_height + HEAD + 16
     top = 62.0
-    parts = [_title(traces, provenance, path)]
+    shown = ("cross_track_rms", "cross_track_max", "navigation_horizontal_rms", "energy")
+    key_figures = [f"{f.label} {f}" for f in figures(traces, path) if f.key in shown]
+    parts = [
+        f'<text x="{MARGIN + 2}" y="27" class="ink" style="font-size:18px;font-weight:650">'
+        f"{provenance.get('system', 'run')}</text>",
+        text(MARGIN + 2, 48, "   ·   ".join(key_figures), "tick"),
+    ]
     parts.append(_card(MARGIN, top, left, tall, "Track, seen from above [m]", track.draw(),
                        _keys(track.estimate is not None)))  # fmt: skip
     right = WIDTH - left - GAP - 2 * MARGIN
@@ -77,16 +83,6 @@ def _navigation(below: Mapping[str, Sequence[Panel]]) -> list[Panel]:
         for p in found[:1]
         if isinstance(p, TimePanel)
     ]
-
-
-def _title(traces: Traces, provenance: Mapping[str, Any], path: Any) -> str:
-    shown = ("cross_track_rms", "cross_track_max", "navigation_horizontal_rms", "energy")
-    said = "   ·   ".join(f"{f.label} {f}" for f in figures(traces, path) if f.key in shown)
-    name = provenance.get("system", "run")
-    return (
-        f'<text x="{MARGIN + 2}" y="27" class="ink" style="font-size:18px;font-weight:650">'
-        f"{name}</text>" + text(MARGIN + 2, 48, said, "tick")
-    )
 
 
 def _card(x: float, y: float, w: float, h: float, title: str, inside: str, keys: str) -> str:

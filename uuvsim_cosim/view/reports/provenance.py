@@ -57,14 +57,25 @@ def provenance_html(provenance: Mapping[str, Any]) -> str:
         if provenance.get(key):
             parts.append(_listed(title, provenance[key], opened=True))
     if provenance.get("components"):
-        parts.append(_components(provenance["components"]))
+        components = provenance["components"]
+        head = "<tr><th>Component</th><th>Kind</th><th>Source</th><th>Step [s]</th></tr>"
+        cells = "".join(
+            f"<tr><td>{escape(c.get('path', ''))}</td><td>{escape(c.get('kind', ''))}</td>"
+            f"<td>{escape(c.get('source', ''))}</td>"
+            f"<td>{escape(_shown(c.get('step', '')))}</td></tr>"
+            for c in components
+        )
+        parts.append(
+            f'<details class="card"><summary>{len(components)} components</summary>'
+            f"<table>{head}{cells}</table></details>"
+        )
     parts.append(_listed("How the figures are computed", FORMULAS))
     version = escape(provenance.get("version", ""))
     parts.append(f"<footer>Written by uuvsim-cosim {version}. This file needs no network.</footer>")
     return "".join(parts)
 
 
-def _shown(value: Any) -> str:
+def _shown(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
     if isinstance(value, Mapping):
@@ -79,16 +90,3 @@ def _listed(title: str, items: Sequence[str], *, opened: bool = False) -> str:
     state = " open" if opened else ""
     head = f'<details class="card"{state}><summary>{escape(title)}</summary>'
     return f"{head}<ul>{inside}</ul></details>"
-
-
-def _components(components: Sequence[Mapping[str, Any]]) -> str:
-    head = "<tr><th>Component</th><th>Kind</th><th>Source</th><th>Step [s]</th></tr>"
-    rows = "".join(
-        f"<tr><td>{escape(c.get('path', ''))}</td><td>{escape(c.get('kind', ''))}</td>"
-        f"<td>{escape(c.get('source', ''))}</td><td>{escape(_shown(c.get('step', '')))}</td></tr>"
-        for c in components
-    )
-    return (
-        f'<details class="card"><summary>{len(components)} components</summary>'
-        f"<table>{head}{rows}</table></details>"
-    )

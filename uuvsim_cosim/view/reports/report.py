@@ -35,7 +35,7 @@ class _Page:
     def __init__(self, time: Array) -> None:
         self.time = time
         self.picks = np.unique(np.linspace(0, len(time) - 1, READOUTS).astype(int))
-        self.series: list[dict[str, Any]] = []
+        self.series: list[dict[str, object]] = []
 
     def encoded(self, value: Array) -> str:
         data = np.asarray(value, dtype="<f4")
@@ -78,7 +78,7 @@ class _Page:
         return f'<h2>{escape(section.title)}</h2><div class="grid{section.columns}">{inside}</div>'
 
     def data(self, track: Track | None) -> str:
-        content: dict[str, Any] = {
+        content: dict[str, object] = {
             "time": self.encoded(self.time[self.picks]),
             "series": self.series,
         }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
@@ -28,6 +28,55 @@ STYLE = (
 )
 
 
+class Parameter(TypedDict):
+    """A parameter of a study: an axis of the grid ("grid"), or drawn at random ("drawn")."""
+
+    name: str
+    kind: str
+    unit: str
+
+
+class Metric(TypedDict):
+    """A metric of a study, and the expression that defines it."""
+
+    name: str
+    unit: str
+    expression: str
+
+
+class Interval(TypedDict):
+    """Mean of a metric over the runs of one grid point; None stands for NaN."""
+
+    metric: str
+    point: int
+    at: Mapping[str, float]  # value of each axis of the grid
+    n: int
+    mean: float | None
+    low: float | None
+    high: float | None
+    std: float | None
+
+
+StudyFile = TypedDict(
+    "StudyFile",
+    {
+        "name": str,
+        "system": str,
+        "duration": float,  # s
+        "runs": int,
+        "failed": int,
+        "remarks": Sequence[str],
+        "asked": Mapping[str, object],
+        "parameters": Sequence[Parameter],
+        "metrics": Sequence[Metric],
+        "intervals": Sequence[Interval],
+        # By metric and parameter; None if a parameter or the metric is constant.
+        "rank correlation": Mapping[str, Mapping[str, float | None]],
+    },
+)
+"""What the report needs of study.json (`studies/result.py` writes it)."""
+
+
 def write_study_report(folder: str | Path) -> Path:
     """Write report.html into a study's folder; raises InputInvalid if it is none."""
     import pyarrow.parquet as pq
@@ -46,16 +95,31 @@ def write_study_report(folder: str | Path) -> Path:
 
 
 def study_html(
-    about: Mapping[str, Any], columns: Mapping[str, Array], failures: Sequence[str | None]
+    about: StudyFile, columns: Mapping[str, Array], failures: Sequence[str | None]
 ) -> str:
     """Return the report as one HTML page."""
     grid = [p for p in about["parameters"] if p["kind"] == "grid" and _varies(columns, p)]
+    points = len({i["point"] for i in about["intervals"]})
+    runs = f"{about['runs']} runs"
+    if points > 1:
+        runs += f": {points} grid points, {about['runs'] // points} seeds"
+    facts = [f"{about['system']}, {about['duration']:g} s", runs]
+    if about["failed"]:
+        facts.append(f"{about['failed']} failed")
     body = [
-        f"<header><h1>{escape(about['name'])}</h1><p>{escape(_subtitle(about))}</p></header>",
+        f"<header><h1>{escape(about['name'])}</h1><p>{escape(' · '.join(facts))}</p></header>",
         *(f"<p>{escape(remark)}</p>" for remark in about["remarks"]),
     ]
     body += [_section(metric, about, grid, columns) for metric in about["metrics"]]
-    body += [_table(about, grid), _failures(failures, columns), _asked(about)]
+    rows = "".join(
+        f"<tr><th>{escape(k)}</th><td>{escape(_text(v))}</td></tr>"
+        for k, v in about["asked"].items()
+    )
+    body += [_table(about, grid), _failures(failures, columns)]
+    body.append(
+        '<details class="card"><summary>What was asked</summary>'
+        f"<table><tbody>{rows}</tbody></table></details>"
+    )
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width,initial-scale=1">'
@@ -65,24 +129,12 @@ def study_html(
     )
 
 
-def _varies(columns: Mapping[str, Array], parameter: Mapping[str, Any]) -> bool:
+def _varies(columns: Mapping[str, Array], parameter: Parameter) -> bool:
     return len(np.unique(columns[parameter["name"]])) > 1
 
 
-def _subtitle(about: Mapping[str, Any]) -> str:
-    points = len({i["point"] for i in about["intervals"]})
-    parts = [
-        f"{about['system']}, {about['duration']:g} s",
-        f"{about['runs']} runs"
-        + (f": {points} grid points, {about['runs'] // points} seeds" if points > 1 else ""),
-    ]
-    if about["failed"]:
-        parts.append(f"{about['failed']} failed")
-    return " · ".join(parts)
-
-
 def _section(
-    metric: Mapping[str, Any], about: Mapping[str, Any], grid: Sequence[Mapping[str, Any]],
+    metric: Metric, about: StudyFile, grid: Sequence[Parameter],
     columns: Mapping[str, Array],
 ) -> str:  # fmt: skip
     name, unit = metric["name"], metric["unit"]
@@ -95,10 +147,10 @@ def _section(
     here, where = _widest(name, about, grid, columns)
     ranks = about["rank correlation"][name]
     drawn = [p for p in about["parameters"] if p["kind"] == "drawn" and _varies(columns, p)]
-    known = [p for p in drawn if ranks[p["name"]] is not None]
-    best = sorted(known, key=lambda p: -abs(ranks[p["name"]]))[:MOST_SCATTERS]
-    for p in best:
-        title = f"against {p['name']}, rank correlation {ranks[p['name']]:+.2f}"
+    known = [(p, rank) for p in drawn if (rank := ranks[p["name"]]) is not None]
+    best = sorted(known, key=lambda pair: -abs(pair[1]))[:MOST_SCATTERS]
+    for p, rank in best:
+        title = f"against {p['name']}, rank correlation {rank:+.2f}"
         picture = scatter(columns[p["name"]][here], values[here], _with_unit(p))
         cards.append(card(title.replace("-", "−"), "", picture))
     notes = []
@@ -116,21 +168,21 @@ def _section(
 
 
 def _widest(
-    name: str, about: Mapping[str, Any], grid: Sequence[Mapping[str, Any]],
+    name: str, about: StudyFile, grid: Sequence[Parameter],
     columns: Mapping[str, Array],
 ) -> tuple[Array, str]:  # fmt: skip
     """Return the runs of the grid point where a metric varies most, and what is set there."""
-    rows = [i for i in about["intervals"] if i["metric"] == name and i["std"] is not None]
-    if not grid or not rows:
+    spread = [
+        (i["std"], i) for i in about["intervals"] if i["metric"] == name and i["std"] is not None
+    ]
+    if not grid or not spread:
         return np.ones(len(columns["point"]), bool), ""
-    row = max(rows, key=lambda i: i["std"])
+    _, row = max(spread, key=lambda pair: pair[0])
     where = ", ".join(f"{p['name']} = {row['at'][p['name']]:g} {p['unit']}" for p in grid)
     return columns["point"] == row["point"], where
 
 
-def _along(
-    name: str, unit: str, about: Mapping[str, Any], grid: Sequence[Mapping[str, Any]]
-) -> str:
+def _along(name: str, unit: str, about: StudyFile, grid: Sequence[Parameter]) -> str:
     """Draw means along the grid's longest axis, a course for each value of the next."""
     rows = [i for i in about["intervals"] if i["metric"] == name]
     count = {p["name"]: len({r["at"][p["name"]] for r in rows}) for p in grid}
@@ -142,44 +194,40 @@ def _along(
     for value in sorted({r["at"][others[0]["name"]] for r in rows}) if others else [None]:
         mine = [r for r in rows if value is None or r["at"][others[0]["name"]] == value]
         x = sorted({r["at"][axis["name"]] for r in mine})
-        stacks = {
-            k: [[_float(r[k]) for r in mine if r["at"][axis["name"]] == at] for at in x]
-            for k in ("mean", "low", "high")
-        }
+        stacks = [[r for r in mine if r["at"][axis["name"]] == at] for at in x]
         label = "" if value is None else f"{others[0]['name']} = {value:g} {others[0]['unit']}"
-        courses.append(
-            Course(label, np.array(x), *(np.array([_mean(s) for s in stacks[k]])
-                                         for k in ("mean", "low", "high")))
-        )  # fmt: skip
-    left = len(axes) - 1 - len(others[:1])
-    title = "mean with 95 % interval" + (f", over {left} other axes" if left else "")
+        courses.append(Course(
+            label, np.array(x), _means([[r["mean"] for r in s] for s in stacks]),
+            _means([[r["low"] for r in s] for s in stacks]),
+            _means([[r["high"] for r in s] for s in stacks]),
+        ))  # fmt: skip
+    merged = len(axes) - 1 - len(others[:1])
+    title = "mean with 95 % interval" + (f", over {merged} other axes" if merged else "")
     keys = [(s, c.label) for s, c in zip(STYLES, courses, strict=False) if c.label]
     return card(title, unit, grid_lines(courses, _with_unit(axis)), keys)
 
 
-def _with_unit(p: Mapping[str, Any]) -> str:
+def _with_unit(p: Parameter) -> str:
     return p["name"] if p["unit"] in ("", "1") else f"{p['name']} [{p['unit']}]"
 
 
-def _float(value: Any) -> float:
-    return float("nan") if value is None else float(value)
+def _means(groups: Sequence[Sequence[float | None]]) -> Array:
+    """Return the mean of each group without its None; NaN if nothing else is in it."""
+    known = [[v for v in group if v is not None] for group in groups]
+    return np.array([float(np.mean(values)) if values else float("nan") for values in known])
 
 
-def _mean(values: Sequence[float]) -> float:
-    finite = [v for v in values if np.isfinite(v)]
-    return float(np.mean(finite)) if finite else float("nan")
-
-
-def _table(about: Mapping[str, Any], grid: Sequence[Mapping[str, Any]]) -> str:
+def _table(about: StudyFile, grid: Sequence[Parameter]) -> str:
     names = [m["name"] for m in about["metrics"]]
-    points: dict[int, dict[str, Any]] = {}
+    points: dict[int, dict[str, Interval]] = {}  # by number of the point and by metric
     for row in about["intervals"]:
-        points.setdefault(row["point"], {"at": row["at"]})[row["metric"]] = row
+        points.setdefault(row["point"], {})[row["metric"]] = row
     head = "".join(f"<th>{escape(_with_unit(p))}</th>" for p in grid)
     head += "<th>runs</th>" + "".join(f"<th>{escape(n)}</th>" for n in names)
     rows = []
     for found in list(points.values())[:MOST_ROWS]:
-        cells = [f'<td class="number">{found["at"][p["name"]]:g}</td>' for p in grid]
+        at = next(iter(found.values()))["at"]
+        cells = [f'<td class="number">{at[p["name"]]:g}</td>' for p in grid]
         cells.append(f'<td class="number">{max(found[n]["n"] for n in names)}</td>')
         for n in names:
             r = found[n]
@@ -213,18 +261,7 @@ def _failures(failures: Sequence[str | None], columns: Mapping[str, Array]) -> s
     )
 
 
-def _asked(about: Mapping[str, Any]) -> str:
-    rows = "".join(
-        f"<tr><th>{escape(k)}</th><td>{escape(_text(v))}</td></tr>"
-        for k, v in about["asked"].items()
-    )
-    return (
-        '<details class="card"><summary>What was asked</summary>'
-        f"<table><tbody>{rows}</tbody></table></details>"
-    )
-
-
-def _text(value: Any) -> str:
+def _text(value: object) -> str:
     if isinstance(value, list):
         shown = "; ".join(str(v) for v in value[:40])
         return shown + (f"; and {len(value) - 40} more" if len(value) > 40 else "")

@@ -67,12 +67,20 @@ def map_section(made: SeabedMap, tracks: Mapping[str, Array]) -> str:
         over = _lines(made, tracks) if name == "depth" else ""
         w = made.window
         width, height = w.columns * w.cell, w.rows * w.cell
+        length = 10.0 ** np.floor(np.log10(max(width / 3.0, 1e-3)))  # of the ruler
+        y, size = height - 0.03 * height, 0.032 * width
+        ruler = (
+            f'<path d="M{0.03 * width:.2f} {y:.2f}h{length:g}" stroke="#fff" fill="none" '
+            f'stroke-width="{0.006 * width:.3f}"/><text x="{0.03 * width:.2f}" '
+            f'y="{y - 0.35 * size:.2f}" style="fill:#fff;font-size:{size:.2f}px">{length:g} m'
+            "</text>"
+        )
         cards.append(
             f'<div class="card"><h3>Map: {escape(name)}<span class="keys">{escape(words)}</span>'
             f'</h3><svg viewBox="0 0 {width:.1f} {height:.1f}" role="img" '
             f'aria-label="Map: {escape(name)}"><image width="{width:.1f}" height="{height:.1f}" '
             f'preserveAspectRatio="none" style="image-rendering:pixelated" '
-            f'href="data:image/png;base64,{data}"/>{over}{_ruler(width, height)}</svg></div>'
+            f'href="data:image/png;base64,{data}"/>{over}{ruler}</svg></div>'
         )
     sensors = "; ".join(made.sensors)
     about = (
@@ -115,13 +123,3 @@ def _lines(made: SeabedMap, tracks: Mapping[str, Array]) -> str:
         drawn += (f'<path class="line {style}" vector-effect="non-scaling-stroke" fill="none" '
                   f'd="M{at}"/>')  # fmt: skip
     return drawn
-
-
-def _ruler(width: float, height: float) -> str:
-    length = 10.0 ** np.floor(np.log10(max(width / 3.0, 1e-3)))
-    y, size = height - 0.03 * height, 0.032 * width
-    return (
-        f'<path d="M{0.03 * width:.2f} {y:.2f}h{length:g}" stroke="#fff" fill="none" '
-        f'stroke-width="{0.006 * width:.3f}"/><text x="{0.03 * width:.2f}" '
-        f'y="{y - 0.35 * size:.2f}" style="fill:#fff;font-size:{size:.2f}px">{length:g} m</text>'
-    )

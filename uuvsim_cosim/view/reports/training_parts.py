@@ -70,14 +70,14 @@ def write_report(
     return path
 
 
-def page_html(title: str, told: str, body: Sequence[str]) -> str:
+def page_html(title: str, subtitle: str, body: Sequence[str]) -> str:
     """Return a page of its own, that opens offline."""
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width,initial-scale=1">'
         f"<title>{escape(title)} · uuvsim train</title>\n"
         f"<style>{page_styles()}{STYLE}</style></head>\n"
-        f"<body><main><header><h1>{escape(title)}</h1><p>{escape(told)}</p></header>"
+        f"<body><main><header><h1>{escape(title)}</h1><p>{escape(subtitle)}</p></header>"
         f"{''.join(body)}</main></body></html>\n"
     )
 
@@ -148,7 +148,7 @@ def episodes_html(pictures: Pictures) -> str:
     return f'<h2>{title}</h2><div class="grid2 episodes">{cards}</div>'
 
 
-def asked_html(asked: Mapping[str, Any]) -> str:
+def asked_html(asked: Mapping[str, object]) -> str:
     """Return what was asked as a table."""
     rows = "".join(
         f"<tr><th>{escape(k)}</th><td>{escape(_text(v))}</td></tr>" for k, v in asked.items()
@@ -187,7 +187,7 @@ def _figure(i: Mapping[str, float]) -> str:
     return f"{i['value']:.4g} [{i['low']:.4g}, {i['high']:.4g}]".replace("-", "−")
 
 
-def _text(value: Any) -> str:
+def _text(value: object) -> str:
     if isinstance(value, Mapping):
         return ", ".join(f"{k} = {_text(v)}" for k, v in value.items()) or "as it is"
     return "as it is" if value is None else str(value)

@@ -47,12 +47,12 @@ def training_html(
         columns["step"][-1] for columns in (evaluations, episodes) if len(columns.get("step", ()))
     ]
     steps = int(max(last, default=0))
-    told = f"seed {c['seed']} · {c['envs']} environments · {steps:,} of {c['steps']:,} steps"
+    facts = f"seed {c['seed']} · {c['envs']} environments · {steps:,} of {c['steps']:,} steps"
     count = len(episodes.get("return", ()))
     scripted = (judged or {}).get("figures", {}).get("scripted", {})
     return page_html(
         f"{c['task']}, {c['algorithm']}",
-        f"{told} · {count:,} episodes",
+        f"{facts} · {count:,} episodes",
         [
             judged_html(judged),
             "<h2>Curves</h2>",

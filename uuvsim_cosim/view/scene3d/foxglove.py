@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import base64
 import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -31,6 +32,9 @@ from uuvsim_cosim.view.scene3d.motion import Motion, echoes, motion_of
 from uuvsim_cosim.view.scene3d.scene import Body, Mesh, Stage
 from uuvsim_cosim.view.scene3d.scene_of_run import placed
 from uuvsim_cosim.view.scene3d.shapes import lathe, terrain_mesh
+
+if TYPE_CHECKING:
+    from mcap.writer import Writer
 
 __all__ = ["FoxgloveScene", "export_scene_mcap"]
 
@@ -64,7 +68,7 @@ class FoxgloveScene:
         self.stage, self.motion = stage, motion
         self.nanoseconds = np.rint(motion.time * 1e9).astype(np.int64).tolist()
 
-    def write(self, writer: Any) -> None:
+    def write(self, writer: Writer) -> None:
         """Write the channels /tf, /scene, /thrust, /echoes and /path."""
         tf = _channel(writer, "/tf", "foxglove.FrameTransforms", {"transforms": "array"})
         scene = _channel(
@@ -77,9 +81,22 @@ class FoxgloveScene:
         _say(writer, scene, begin, {"deletions": [], "entities": self._entities(begin)})
         points = [echoes(b, self.motion) for b in self.stage.bodies]
         if any(len(p) for p in points):
-            self._cloud(writer, np.concatenate(points), begin)
+            channel = _channel(writer, "/echoes", "foxglove.PointCloud", {"data": "string"})
+            fields = [{"name": n, "offset": 4 * i, "type": 7} for i, n in enumerate("xyz")]
+            data = base64.b64encode(np.concatenate(points).astype("<f4").tobytes()).decode()
+            _say(writer, channel, begin, {
+                "timestamp": _stamp(begin), "frame_id": "ned", "pose": _still(), "point_stride": 12,
+                "fields": fields, "data": data,
+            })  # fmt: skip
         if self.stage.lines:
-            self._path(writer, begin)
+            channel = _channel(writer, "/path", "foxglove.PosesInFrame", {"poses": "array"})
+            poses = [
+                {"position": _point(p), "orientation": {"x": 0, "y": 0, "z": 0, "w": 1}}
+                for line in self.stage.lines
+                for p in line.points.tolist()
+            ]
+            message = {"timestamp": _stamp(begin), "frame_id": "ned", "poses": poses}
+            _say(writer, channel, begin, message)
         for k, at in enumerate(self.nanoseconds):
             _say(writer, tf, at, {"transforms": self._transforms(k, at)})
             entities = [
@@ -90,7 +107,7 @@ class FoxgloveScene:
             if entities:
                 _say(writer, thrust, at, {"deletions": [], "entities": entities})
 
-    def _transforms(self, k: int, at: int) -> list[dict[str, Any]]:
+    def _transforms(self, k: int, at: int) -> list[dict[str, object]]:
         found = [_transform("world", "ned", np.zeros(3), np.array([0.0, ROOT, ROOT, 0.0]), at)]
         upright = np.array([1.0, 0.0, 0.0, 0.0])
         for name, positions in self.motion.positions.items():
@@ -100,7 +117,7 @@ class FoxgloveScene:
                 found.append(_transform("ned", name, positions[k], q, at))
         return found
 
-    def _entities(self, at: int) -> list[dict[str, Any]]:
+    def _entities(self, at: int) -> list[dict[str, object]]:
         stage, found = self.stage, []
         if stage.terrain is not None:
             mesh = terrain_mesh(stage.terrain, 128)
@@ -132,7 +149,7 @@ class FoxgloveScene:
             found.append(_entity(marker.name, marker.name, at, triangles=[shape], locked=True))
         return found
 
-    def _thrust(self, body: Body, k: int) -> dict[str, Any]:
+    def _thrust(self, body: Body, k: int) -> dict[str, object]:
         lengths = self.motion.scales[body.name] * self.motion.thrusts[body.name][k]
         points = []
         for arrow, length in zip(body.arrows, lengths.tolist(), strict=True):
@@ -140,26 +157,8 @@ class FoxgloveScene:
             points += [r, r + length * e]
         return _strip(np.array(points), ARROW) | {"type": 2, "thickness": 4.0}
 
-    def _cloud(self, writer: Any, points: Array, at: int) -> None:
-        channel = _channel(writer, "/echoes", "foxglove.PointCloud", {"data": "string"})
-        fields = [{"name": n, "offset": 4 * i, "type": 7} for i, n in enumerate("xyz")]
-        data = base64.b64encode(points.astype("<f4").tobytes()).decode()
-        _say(writer, channel, at, {
-            "timestamp": _stamp(at), "frame_id": "ned", "pose": _still(), "point_stride": 12,
-            "fields": fields, "data": data,
-        })  # fmt: skip
 
-    def _path(self, writer: Any, at: int) -> None:
-        channel = _channel(writer, "/path", "foxglove.PosesInFrame", {"poses": "array"})
-        poses = [
-            {"position": _point(p), "orientation": {"x": 0, "y": 0, "z": 0, "w": 1}}
-            for line in self.stage.lines
-            for p in line.points.tolist()
-        ]
-        _say(writer, channel, at, {"timestamp": _stamp(at), "frame_id": "ned", "poses": poses})
-
-
-def _channel(writer: Any, topic: str, name: str, fields: dict[str, str]) -> int:
+def _channel(writer: Writer, topic: str, name: str, fields: dict[str, str]) -> int:
     properties = {
         "timestamp": {"type": "object"}, "frame_id": {"type": "string"},
         **{field: {"type": kind} for field, kind in fields.items()},
@@ -172,7 +171,7 @@ def _channel(writer: Any, topic: str, name: str, fields: dict[str, str]) -> int:
     return int(writer.register_channel(topic=topic, message_encoding="json", schema_id=schema))
 
 
-def _say(writer: Any, channel: int, at: int, message: dict[str, Any]) -> None:
+def _say(writer: Writer, channel: int, at: int, message: Mapping[str, object]) -> None:
     data = json.dumps(message, separators=(",", ":"), allow_nan=False).encode()
     writer.add_message(channel, log_time=at, publish_time=at, data=data)
 
@@ -181,11 +180,11 @@ def _stamp(at: int) -> dict[str, int]:
     return {"sec": at // 1_000_000_000, "nsec": at % 1_000_000_000}
 
 
-def _point(p: Any) -> dict[str, float]:
+def _point(p: Array | Sequence[float]) -> dict[str, float]:
     return {axis: round(float(v), 5) for axis, v in zip("xyz", p, strict=True)}
 
 
-def _still() -> dict[str, Any]:
+def _still() -> dict[str, object]:
     return {"position": _point((0, 0, 0)), "orientation": {"x": 0, "y": 0, "z": 0, "w": 1}}
 
 
@@ -194,7 +193,7 @@ def _colour(c: list[int] | tuple[int, ...], alpha: float = 1.0) -> dict[str, flo
             "a": alpha}  # fmt: skip
 
 
-def _transform(parent: str, child: str, p: Array, q: Array, at: int) -> dict[str, Any]:
+def _transform(parent: str, child: str, p: Array, q: Array, at: int) -> dict[str, object]:
     rotation = {axis: float(v) for axis, v in zip("wxyz", q, strict=True)}
     return {
         "timestamp": _stamp(at), "parent_frame_id": parent, "child_frame_id": child,
@@ -202,7 +201,9 @@ def _transform(parent: str, child: str, p: Array, q: Array, at: int) -> dict[str
     }  # fmt: skip
 
 
-def _entity(name: str, frame: str, at: int, *, locked: bool = False, **shapes: Any) -> Any:
+def _entity(
+    name: str, frame: str, at: int, *, locked: bool = False, **shapes: list[dict[str, object]]
+) -> dict[str, object]:
     kinds = ("arrows", "cubes", "spheres", "cylinders", "lines", "triangles", "texts", "models")
     return {
         "timestamp": _stamp(at), "frame_id": frame, "id": name, "lifetime": _stamp(0),
@@ -211,7 +212,7 @@ def _entity(name: str, frame: str, at: int, *, locked: bool = False, **shapes: A
     }  # fmt: skip
 
 
-def _triangles(mesh: Mesh, colour: str, alpha: float = 1.0) -> dict[str, Any]:
+def _triangles(mesh: Mesh, colour: str, alpha: float = 1.0) -> dict[str, object]:
     return {
         "pose": _still(), "points": [_point(v) for v in mesh.vertices.tolist()],
         "color": _colour(rgb(colour), alpha), "colors": [],
@@ -219,7 +220,7 @@ def _triangles(mesh: Mesh, colour: str, alpha: float = 1.0) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _strip(points: Array, colour: str) -> dict[str, Any]:
+def _strip(points: Array, colour: str) -> dict[str, object]:
     known = points[np.isfinite(points).all(axis=1)]
     picks = np.unique(np.linspace(0, max(len(known) - 1, 0), min(TRACK, len(known))).astype(int))
     return {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,9 @@ from uuvsim_cosim.view.scene3d.motion import LEAST, REACH, extent, motion_of
 from uuvsim_cosim.view.scene3d.scene_of_plan import stage_of_plan
 from uuvsim_cosim.view.scene3d.viser_panel import Panel
 from uuvsim_cosim.view.scene3d.viser_scene import ViserStage
+
+if TYPE_CHECKING:
+    from viser import ViserServer
 
 __all__ = ["History", "LiveView"]
 
@@ -66,7 +69,7 @@ class LiveView:
     """
 
     def __init__(
-        self, server: Any, name: str, clock: Callable[[], float] = time.perf_counter
+        self, server: ViserServer, name: str, clock: Callable[[], float] = time.perf_counter
     ) -> None:
         self.server, self.name, self._clock = server, name, clock
         self.history = History()
@@ -76,7 +79,7 @@ class LiveView:
         self._next = -np.inf
         self._units: dict[str, str] = {}
         self._names: list[str] = []
-        self._read: list[tuple[NDArray[np.intp], NDArray[np.intp], Any]] = []
+        self._read: list[tuple[NDArray[np.intp], NDArray[np.intp], str]] = []
         self._waiting = server.gui.add_markdown("The first step is being prepared.")
         self.failure: Exception | None = None  # of drawing; the run goes on
 
@@ -117,29 +120,26 @@ class LiveView:
 
     def _draw(self) -> None:
         try:
-            self._drawn()
+            page: _Page | None = None
+            while not self._over.wait(1.0 / FRAMES):
+                if not self.server.get_clients() or not len(self.history):
+                    continue
+                with self._lock:
+                    newest = self.history.traces(self._names, self._units, last=True)
+                    due = page is None or self._clock() - page.last_slow >= 1.0 / SLOW
+                    whole = self.history.traces(self._names, self._units) if due else None
+                if page is None:
+                    self._waiting.remove()
+                    page = _Page(self.server, self, newest)
+                page.show(newest, whole, self._clock())
         except Exception as error:  # the run is worth more than its picture
             self.failure = error
-
-    def _drawn(self) -> None:
-        page: _Page | None = None
-        while not self._over.wait(1.0 / FRAMES):
-            if not self.server.get_clients() or not len(self.history):
-                continue
-            with self._lock:
-                newest = self.history.traces(self._names, self._units, last=True)
-                due = page is None or self._clock() - page.told >= 1.0 / SLOW
-                whole = self.history.traces(self._names, self._units) if due else None
-            if page is None:
-                self._waiting.remove()
-                page = _Page(self.server, self, newest)
-            page.show(newest, whole, self._clock())
 
 
 class _Page:
     """What is drawn of a live run."""
 
-    def __init__(self, server: Any, live: LiveView, newest: Traces) -> None:
+    def __init__(self, server: ViserServer, live: LiveView, newest: Traces) -> None:
         self.server, self.stage = server, live.stage
         self.low, self.high = extent(self.stage, motion_of(self.stage, newest))
         self.drawn = ViserStage(server, self.stage, self.low, self.high)
@@ -150,7 +150,7 @@ class _Page:
         self.panel.add_plots(self.panel.signals(newest))
         self.panel.say_notes(self.stage)
         self.greatest = {b.name: LEAST for b in self.stage.bodies}  # N
-        self.told = -np.inf
+        self.last_slow = -np.inf
         for client in server.get_clients().values():
             self.panel.look(client)
 
@@ -167,7 +167,7 @@ class _Page:
             self.drawn.show(motion, 0)
             self.clock.value = f"{float(newest.time[0]):.2f}"
             if whole is not None:
-                self.told = now
+                self.last_slow = now
                 self.drawn.tracks(motion_of(self.stage, whole))
                 self.panel.plot(whole)
         self.panel.move_camera(motion, 0)

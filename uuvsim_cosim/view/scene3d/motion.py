@@ -48,9 +48,16 @@ def motion_of(stage: Stage, traces: Traces, most: int | None = None) -> Motion:
             continue
         positions[body.name] = eta[picks, :3]
         q = _signal(traces, body.q)
-        attitudes[body.name] = _unit(q[picks]) if q is not None else quaternions(eta[picks, 3:6])
-        thrust = _thrusts(traces, body, n)
-        if thrust is not None and len(thrust):
+        if q is None:
+            attitudes[body.name] = quaternions(eta[picks, 3:6])
+        else:
+            length = np.linalg.norm(q[picks], axis=1, keepdims=True)
+            unit = q[picks] / np.where(length > 1e-9, length, 1.0)
+            attitudes[body.name] = np.where(length > 1e-9, unit, [1.0, 0.0, 0.0, 0.0])
+        columns = [_signal(traces, arrow.signal) for arrow in body.arrows]
+        if n and any(c is not None for c in columns):
+            thrust = np.column_stack([np.zeros(n) if c is None else c for c in columns])
+            thrust = np.where(np.isfinite(thrust), thrust, 0.0)
             scales[body.name] = REACH * body.size / max(float(np.abs(thrust).max()), LEAST)
             thrusts[body.name] = thrust[picks]
         believed = _signal(traces, body.estimate)
@@ -80,14 +87,6 @@ def _signal(traces: Traces, name: str) -> Array | None:
     return np.asarray(value[:, indices[0] - 1], float)
 
 
-def _thrusts(traces: Traces, body: Body, n: int) -> Array | None:
-    columns = [_signal(traces, arrow.signal) for arrow in body.arrows]
-    if not any(c is not None for c in columns):
-        return None
-    thrust = np.column_stack([np.zeros(n) if c is None else c for c in columns])
-    return np.where(np.isfinite(thrust), thrust, 0.0)
-
-
 def _ranges(traces: Traces, rays: Rays) -> Array | None:
     given = _signal(traces, rays.signal)
     if given is None:
@@ -100,11 +99,6 @@ def _ranges(traces: Traces, rays: Rays) -> Array | None:
     if valid is not None:
         heard &= valid.reshape(len(valid), -1) > 0.5
     return np.where(heard, distance, np.nan)
-
-
-def _unit(q: Array) -> Array:
-    length = np.linalg.norm(q, axis=1, keepdims=True)
-    return np.where(length > 1e-9, q / np.where(length > 1e-9, length, 1.0), [1.0, 0.0, 0.0, 0.0])
 
 
 def quaternions(angles: Array) -> Array:

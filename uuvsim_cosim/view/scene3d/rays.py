@@ -86,11 +86,11 @@ def _instrument(sensor: PlannedComponent, value: Value, n: int, output: str) -> 
 
 
 def _directions(sensor: PlannedComponent, value: Value, n: int) -> Array | None:
-    said = value(sensor, "directions")
-    if said is not None and said.shape == (n, 3):
-        return said
-    if said is not None and said.shape == (3, n):
-        return said.T
+    directions = value(sensor, "directions")
+    if directions is not None and directions.shape == (n, 3):
+        return directions
+    if directions is not None and directions.shape == (3, n):
+        return directions.T
     tilt, azimuth = value(sensor, "tilt"), value(sensor, "azimuth")
     if tilt is not None and azimuth is not None and azimuth.shape == (n,):
         t = np.broadcast_to(tilt, (n,))

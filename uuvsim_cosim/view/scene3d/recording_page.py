@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING
 
 from uuvsim_cosim.view.recorded.traces import Traces
 from uuvsim_cosim.view.scene3d.motion import Motion, extent
 from uuvsim_cosim.view.scene3d.scene import Stage
 from uuvsim_cosim.view.scene3d.viser_panel import Panel
 from uuvsim_cosim.view.scene3d.viser_scene import ViserStage
+
+if TYPE_CHECKING:
+    from viser import GuiEvent, ViserServer
 
 __all__ = ["Replay"]
 
@@ -22,7 +25,7 @@ IDLE = 0.2  # s between two looks for a viewer, while there is none
 class Replay:
     """The page of a recording; `serve` keeps it moving until it is interrupted."""
 
-    def __init__(self, server: Any, stage: Stage, motion: Motion, traces: Traces) -> None:
+    def __init__(self, server: ViserServer, stage: Stage, motion: Motion, traces: Traces) -> None:
         self.server, self.motion, self.traces = server, motion, traces
         self.start, self.end = float(motion.time[0]), float(motion.time[-1])
         self.t = self.start
@@ -45,11 +48,11 @@ class Replay:
         self.playing.on_update(self._begun)
         self.show()
 
-    def _moved(self, event: Any) -> None:
+    def _moved(self, event: GuiEvent) -> None:
         if event.client is not None:  # somebody moved it, not the replay
             self.t = self.start + float(self.slider.value)
 
-    def _begun(self, event: Any) -> None:
+    def _begun(self, event: GuiEvent) -> None:
         if self.playing.value and self.t >= self.end:
             self.t = self.start
 
@@ -90,7 +93,7 @@ class Replay:
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         """Play while somebody looks, until `until` says so or KeyboardInterrupt ends it."""
-        last, told = clock(), -1.0
+        last, shown = clock(), -1.0
         while not until():
             if not self.server.get_clients():
                 sleep(IDLE)
@@ -99,7 +102,7 @@ class Replay:
             now = clock()
             self.advance(now - last)
             last = now
-            slow = now - told >= 1.0 / SLOW
+            slow = now - shown >= 1.0 / SLOW
             self.show(all_=slow)
-            told = now if slow else told
+            shown = now if slow else shown
             sleep(max(0.0, 1.0 / FRAMES - (clock() - now)))

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from uuvsim_cosim.cache import whole_file
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.view.recorded.traces import Traces
 from uuvsim_cosim.view.scene3d.colours import (
     ARROW,
     BODIES,
@@ -25,6 +25,9 @@ from uuvsim_cosim.view.scene3d.motion import Motion, echoes
 from uuvsim_cosim.view.scene3d.scene import Stage
 from uuvsim_cosim.view.scene3d.scene_of_run import placed
 from uuvsim_cosim.view.scene3d.shapes import terrain_mesh
+
+if TYPE_CHECKING:
+    from rerun import RecordingStream
 
 __all__ = ["export_rrd"]
 
@@ -49,14 +52,22 @@ def export_rrd(run: str | Path, out: Path) -> Path:
         try:
             _still(recording, rerun, stage, motion)
             _moving(recording, rerun, stage, motion)
-            _signals(recording, rerun, traces)
+            when = [rerun.TimeColumn("time", duration=traces.time)]
+            for name, values in traces.values.items():
+                table = values.reshape(len(values), -1)
+                if table.shape[1] > 64:
+                    continue
+                place = "signals/" + "/".join(_name(part) for part in name.split("."))
+                columns = rerun.Scalars.columns(scalars=table.reshape(-1).astype(float))
+                parts = columns.partition([table.shape[1]] * len(table))
+                recording.send_columns(place, when, parts)
             recording.flush()
         finally:
             recording.disconnect()
     return out
 
 
-def _still(to: Any, rr: Any, stage: Stage, motion: Motion) -> None:
+def _still(to: RecordingStream, rr: ModuleType, stage: Stage, motion: Motion) -> None:
     to.log("world", rr.ViewCoordinates.FRD, static=True)  # N, E, D lie as ahead, right, down
     if stage.terrain is not None:
         mesh = terrain_mesh(stage.terrain, 320)
@@ -97,10 +108,10 @@ def _still(to: Any, rr: Any, stage: Stage, motion: Motion) -> None:
         to.log(f"world/{_name(marker.name)}", ball, static=True)
 
 
-def _moving(to: Any, rr: Any, stage: Stage, motion: Motion) -> None:
+def _moving(to: RecordingStream, rr: ModuleType, stage: Stage, motion: Motion) -> None:
     when = [rr.TimeColumn("time", duration=motion.time)]
     for name, positions in motion.positions.items():
-        columns: dict[str, Any] = {"translation": positions}
+        columns = {"translation": positions}
         if name in motion.attitudes:
             columns["quaternion"] = motion.attitudes[name][:, [1, 2, 3, 0]]
         to.send_columns(f"world/{_name(name)}", when, rr.Transform3D.columns(**columns))
@@ -119,17 +130,6 @@ def _moving(to: Any, rr: Any, stage: Stage, motion: Motion) -> None:
         place = f"world/{_name(body.name)}/thrust"
         to.log(place, rr.Arrows3D.from_fields(colors=[rgb(ARROW)]), static=True)
         to.send_columns(place, [rr.TimeColumn("time", duration=motion.time[picks])], columns)
-
-
-def _signals(to: Any, rr: Any, traces: Traces) -> None:
-    when = [rr.TimeColumn("time", duration=traces.time)]
-    for name, values in traces.values.items():
-        table = values.reshape(len(values), -1)
-        if table.shape[1] > 64:
-            continue
-        place = "signals/" + "/".join(_name(part) for part in name.split("."))
-        columns = rr.Scalars.columns(scalars=table.reshape(-1).astype(float))
-        to.send_columns(place, when, columns.partition([table.shape[1]] * len(table)))
 
 
 def _name(text: str) -> str:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import base64
 import json
+from collections.abc import Iterable
 from importlib.resources import files
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from uuvsim_cosim.models.worlds.terrain import Terrain
 from uuvsim_cosim.view.plots.svg import escape
@@ -64,7 +66,7 @@ def scene_data(stage: Stage, motion: Motion) -> dict[str, Any]:
             continue
         colour = BODIES[i % len(BODIES)]
         at = motion.positions[body.name]
-        entry: dict[str, Any] = {
+        entry: dict[str, object] = {
             "name": body.name, "p": _floats(_held(at)), "size": body.size, "colour": colour,
             "q": _shorts(motion.attitudes[body.name]), **_mesh(body.hull), "arrows": None,
         }  # fmt: skip
@@ -95,7 +97,12 @@ def scene_data(stage: Stage, motion: Motion) -> dict[str, Any]:
         margin = max(AROUND * float(max(high[:2] - low[:2])), 60.0)
         data["terrain"] = _terrain(cropped(stage.terrain, low, high, margin))
     around = low[:2] - margin, high[:2] + margin
-    shown = [s for s in stage.solids if stage.terrain is None or _within(s.mesh, *around)]
+    shown = []
+    for solid in stage.solids:  # those far from a terrain's part are left out
+        places = solid.mesh.vertices[:, :2]
+        near = (places.max(axis=0) > around[0]).all() and (places.min(axis=0) < around[1]).all()
+        if stage.terrain is None or near:
+            shown.append(solid)
     if stage.terrain is None and stage.bottom is not None:
         shown.append(Solid("bottom", floor(*around, stage.bottom), "floor"))
     if stage.terrain is not None or stage.bottom is not None:
@@ -106,20 +113,15 @@ def scene_data(stage: Stage, motion: Motion) -> dict[str, Any]:
     return data
 
 
-def _within(mesh: Mesh, low: Array, high: Array) -> bool:
-    at = mesh.vertices[:, :2]
-    return bool((at.max(axis=0) > low).all() and (at.min(axis=0) < high).all())
-
-
 def _own(name: str) -> str:
     return files("uuvsim_cosim.view.scene3d").joinpath(name).read_text(encoding="utf-8")
 
 
-def _encoded(data: Any) -> str:
+def _encoded(data: NDArray[np.generic]) -> str:
     return base64.b64encode(np.ascontiguousarray(data).tobytes()).decode("ascii")
 
 
-def _floats(values: Any) -> str:
+def _floats(values: ArrayLike) -> str:
     return _encoded(np.asarray(values, "<f4"))
 
 
@@ -128,7 +130,7 @@ def _shorts(values: Array) -> str:
     return _encoded(np.clip(np.nan_to_num(values) * 32767, -32767, 32767).round().astype("<i2"))
 
 
-def _list(values: Any) -> list[float]:
+def _list(values: Iterable[float]) -> list[float]:
     return [round(float(v), 4) for v in values]
 
 
@@ -141,14 +143,14 @@ def _held(points: Array) -> Array:
     return np.where(np.isfinite(points).all(axis=1, keepdims=True), points, np.nan)
 
 
-def _line(points: Array, colour: str, width: float) -> dict[str, Any]:
+def _line(points: Array, colour: str, width: float) -> dict[str, object]:
     known = points[np.isfinite(points).all(axis=1)]
     if len(known) < 2:
         return {}
     return {"points": _floats(known), "colour": colour, "width": width}
 
 
-def _terrain(terrain: Terrain) -> dict[str, Any]:
+def _terrain(terrain: Terrain) -> dict[str, object]:
     """Return a height field with at most NODES a side, depths in 16 bits; -32768 is unknown."""
     steps = [max(1, -(-size // NODES)) for size in terrain.z.shape]
     z = terrain.z[:: steps[0], :: steps[1]].astype(float)

@@ -9,7 +9,6 @@ sensor with ``range`` (n) has rays, if its parameters say where they point. A co
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 from urllib.parse import parse_qsl
 
 import numpy as np
@@ -46,7 +45,7 @@ def stage_of_plan(plan: Plan, name: str = "") -> Stage:
     hulls = [i for i, c in enumerate(plan.components) if _is_hull(c)]
     bodies = tuple(_body(plan, i, len(hulls) == 1, notes) for i in hulls)
     markers = tuple(
-        Marker(c.path, f"{c.path}.position", _radius(bodies))
+        Marker(c.path, f"{c.path}.position", 0.25 * min((b.size for b in bodies), default=4 * 0.1))
         for c in plan.components
         if _output(c, "position", 3) and _output(c, "velocity", 3) and not _is_hull(c)
     )
@@ -65,16 +64,13 @@ def stage_of_plan(plan: Plan, name: str = "") -> Stage:
     path = path_of(plan)
     lines = () if path is None else (Line("waypoints", np.asarray(path, float)),)
     terrain = None if scene is None else scene.terrain
-    bottom = None if terrain is not None or solids else _bottom(plan)
+    bottom = None
+    if terrain is None and not solids:  # else a sensor may measure over a flat bottom
+        depths = (value_of(c, "bottom_depth") for c in plan.components)
+        known = (float(d) for d in depths if d is not None and d.shape == () and np.isfinite(d))
+        bottom = next(known, None)
     still = tuple(solids.values())
     return Stage(name, bodies, markers, lines, still, terrain, bottom, tuple(notes))
-
-
-def _bottom(plan: Plan) -> float | None:
-    """Return the depth of the flat bottom that a sensor measures over, if it is finite."""
-    depths = (value_of(c, "bottom_depth") for c in plan.components)
-    known = [float(d) for d in depths if d is not None and d.shape == () and np.isfinite(d)]
-    return known[0] if known else None
 
 
 def value_of(component: PlannedComponent, name: str) -> Array | None:
@@ -111,7 +107,7 @@ def _body(plan: Plan, index: int, alone: bool, notes: list[str]) -> Body:
             f"{c.path}.eta"
             for c in plan.components
             if c.path != hull.path and c.path.rpartition(".")[0] == prefix
-            and _output(c, "eta", 6) and _output_any(c, "sigma")
+            and _output(c, "eta", 6) and "sigma" in (v.name for v in c.description.of("output"))
         ),
         "",
     )  # fmt: skip
@@ -124,11 +120,6 @@ def _body(plan: Plan, index: int, alone: bool, notes: list[str]) -> Body:
         rays=tuple(rays_of(plan, index, value_of, notes)),
         estimate=estimate,
     )
-
-
-def _output_any(component: PlannedComponent, name: str) -> bool:
-    variable = component.description.variables.get(name)
-    return variable is not None and variable.causality == "output"
 
 
 def _arrows(plan: Plan, hull: int) -> tuple[Arrow, ...]:
@@ -158,7 +149,10 @@ def _arrows(plan: Plan, hull: int) -> tuple[Arrow, ...]:
 
 def _hull_mesh(hull: PlannedComponent, arrows: tuple[Arrow, ...], notes: list[str]) -> Mesh:
     """Return a vehicle's hull by its file, else a box about its thrusters, else one of 0.5 m."""
-    vehicle = _vehicle_id(hull.source)
+    name, _, query = hull.source.removeprefix("model:").partition("?")
+    given = dict(parse_qsl(query)).get("id", "") if name == "vehicle" else name
+    id = given.partition("@")[0]
+    vehicle = id if hull.source.startswith("model:") and id and is_vehicle(id) else None
     if vehicle is not None:
         size = vehicle_size(vehicle)
         if size is not None:
@@ -174,19 +168,8 @@ def _hull_mesh(hull: PlannedComponent, arrows: tuple[Arrow, ...], notes: list[st
     return ANYTHING
 
 
-def _vehicle_id(source: str) -> str | None:
-    name, _, query = source.removeprefix("model:").partition("?")
-    given = dict(parse_qsl(query)).get("id", "") if name == "vehicle" else name
-    id = given.partition("@")[0]
-    return id if source.startswith("model:") and id and is_vehicle(id) else None
-
-
-def _radius(bodies: tuple[Body, ...]) -> float:
-    return 0.25 * min((b.size for b in bodies), default=4 * 0.1)
-
-
 def pool_solids(
-    component: PlannedComponent, values: Mapping[str, Any] | None = None
+    component: PlannedComponent, values: Mapping[str, Array] | None = None
 ) -> list[Solid]:
     """Return a pool's basin and its cylinders; `values` may replace its parameters."""
     given = dict(values or {})

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from uuvsim_cosim.errors import InputInvalid, UuvsimError
 from uuvsim_cosim.view.recorded.run_folder import provenance_of, traces_of
 from uuvsim_cosim.view.recorded.traces import Traces
 from uuvsim_cosim.view.scene3d.motion import Motion, motion_of
-from uuvsim_cosim.view.scene3d.scene import Arrow, Body, Line, Marker, Stage
+from uuvsim_cosim.view.scene3d.scene import Body, Line, Marker, Stage
 
 __all__ = ["newest_run", "placed", "stage_of_run", "stage_of_signals"]
 
@@ -85,28 +85,24 @@ def stage_of_signals(traces: Traces, name: str, notes: tuple[str, ...] = ()) -> 
         if key.endswith(".eta") and value.ndim == 2 and value.shape[1] == 6
         and f"{key.removesuffix('.eta')}.sigma" not in traces.values
     ]  # fmt: skip
-    none: tuple[Arrow, ...] = ()
-    bodies = tuple(
-        Body(h, ANYTHING, f"{h}.eta", f"{h}.q" if f"{h}.q" in traces.values else "", none,
-             estimate=_estimate(traces, h))
-        for h in hulls
-    )  # fmt: skip
+    bodies = []
+    for hull in hulls:
+        prefix = f"{hull.rpartition('.')[0]}.".removeprefix(".")
+        q, estimate = (
+            name if name in traces.values else ""
+            for name in (f"{hull}.q", f"{prefix}navigation.eta")
+        )
+        bodies.append(Body(hull, ANYTHING, f"{hull}.eta", q, estimate=estimate))
     markers = tuple(
         Marker(key.removesuffix(".position"), key)
         for key, value in traces.values.items()
         if key.endswith(".position") and value.ndim == 2 and value.shape[1] == 3
         and f"{key.removesuffix('.position')}.velocity" in traces.values
     )  # fmt: skip
-    return Stage(name, bodies, markers, notes=notes)
+    return Stage(name, tuple(bodies), markers, notes=notes)
 
 
-def _estimate(traces: Traces, hull: str) -> str:
-    prefix = f"{hull.rpartition('.')[0]}.".removeprefix(".")
-    name = f"{prefix}navigation.eta"
-    return name if name in traces.values else ""
-
-
-def _with_path(stage: Stage, provenance: dict[str, Any]) -> Stage:
+def _with_path(stage: Stage, provenance: Mapping[str, object]) -> Stage:
     given = provenance.get("waypoints")
     points = np.zeros(0) if given is None else np.asarray(given, float)
     if points.ndim != 2 or points.shape[1] != 3 or not len(points):

@@ -70,19 +70,15 @@ def hull_of(size: Size) -> Mesh:
         mesh = lathe(-np.cos(t), np.sin(t))
         mesh = _mesh(mesh.vertices * half, mesh.faces)
     else:  # a torpedo: its tail tapers over 1.8 diameters, its nose is round
-        mesh = _torpedo(half)
+        wide = 2.0 * float(half[1:].max())
+        length = 2.0 * float(half[0])
+        tail, nose = min(1.8 * wide, length / 3), min(wide, length / 4)
+        s, t = np.linspace(0.0, 1.0, 7), np.linspace(0.0, 0.5 * pi, 7)
+        along = np.concatenate([[0.0], s * tail, length - nose + np.sin(t) * nose])
+        radius = np.concatenate([[0.0], 0.15 + 0.85 * np.sin(0.5 * pi * s), np.cos(t)])
+        mesh = lathe(along - 0.5 * length, radius)
+        mesh = _mesh(mesh.vertices * np.array([1.0, half[1], half[2]]), mesh.faces)
     return _mesh(mesh.vertices + np.asarray(size.at), mesh.faces)
-
-
-def _torpedo(half: Array) -> Mesh:
-    wide = 2.0 * float(half[1:].max())
-    length = 2.0 * float(half[0])
-    tail, nose = min(1.8 * wide, length / 3), min(wide, length / 4)
-    s, t = np.linspace(0.0, 1.0, 7), np.linspace(0.0, 0.5 * pi, 7)
-    along = np.concatenate([[0.0], s * tail, length - nose + np.sin(t) * nose])
-    radius = np.concatenate([[0.0], 0.15 + 0.85 * np.sin(0.5 * pi * s), np.cos(t)])
-    mesh = lathe(along - 0.5 * length, radius)
-    return _mesh(mesh.vertices * np.array([1.0, half[1], half[2]]), mesh.faces)
 
 
 def basin(middle: Array, size: Array) -> Mesh:

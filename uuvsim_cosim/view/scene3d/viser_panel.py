@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,16 @@ from uuvsim_cosim.view.scene3d.motion import Motion
 from uuvsim_cosim.view.scene3d.scene import Stage
 from uuvsim_cosim.view.scene3d.viser_plots import plot_markdown, plotted
 from uuvsim_cosim.view.scene3d.viser_scene import ViserStage
+
+if TYPE_CHECKING:
+    from viser import (
+        ClientHandle,
+        GuiCheckboxHandle,
+        GuiDropdownHandle,
+        GuiEvent,
+        GuiMarkdownHandle,
+        ViserServer,
+    )
 
 __all__ = ["Panel"]
 
@@ -28,7 +38,7 @@ BESIDE = 0.17 * np.array([-0.51, 0.86, 0.0])  # to the right of what is looked a
 class Panel:
     """Controls of a server's page; a stage that is drawn obeys them."""
 
-    def __init__(self, server: Any, drawn: ViserStage, low: Array, high: Array) -> None:
+    def __init__(self, server: ViserServer, drawn: ViserStage, low: Array, high: Array) -> None:
         self.server, self.drawn = server, drawn
         self._low, self._high = low, high
         self._followed: Array | None = None
@@ -39,8 +49,8 @@ class Panel:
             self.follow = server.gui.add_dropdown("follow", tuple(names))
             home = server.gui.add_button("whole scene")
         home.on_click(self._go_home)
-        self._boxes: dict[str, Any] = {}
-        self._plots: list[tuple[Any, Any]] = []
+        self._boxes: dict[str, GuiCheckboxHandle] = {}
+        self._plots: list[tuple[GuiDropdownHandle, GuiMarkdownHandle]] = []
 
     def add_parts(self) -> None:
         """Add a box for each part that there is."""
@@ -68,8 +78,9 @@ class Panel:
         """Say what could not be drawn."""
         if stage.notes:
             with self.server.gui.add_folder("Not drawn", expand_by_default=False):
-                said = "\n".join(f"- {_plain(note)}" for note in stage.notes)
-                self.server.gui.add_markdown(said)
+                # In backquotes, MDX does not read a note as markup.
+                notes = [note.replace("`", "'").replace("\n", " ") for note in stage.notes]
+                self.server.gui.add_markdown("\n".join(f"- `{note}`" for note in notes))
 
     def plot(self, traces: Traces, t: float | None = None) -> None:
         """Draw the chosen plots anew."""
@@ -102,12 +113,12 @@ class Panel:
     def _size(self, name: str) -> float:
         return next((b.size for b in self.drawn.stage.bodies if b.name == name), 0.5)
 
-    def _go_home(self, event: Any) -> None:
+    def _go_home(self, event: GuiEvent) -> None:
         self.follow.value = NOBODY
         if event.client is not None:
             self.look(event.client)
 
-    def look(self, client: Any) -> None:
+    def look(self, client: ClientHandle) -> None:
         """Let one browser see the whole scene."""
         middle = 0.5 * (self._low + self._high)
         away = float(np.linalg.norm(self._high - self._low))
@@ -119,8 +130,3 @@ class Panel:
     def signals(self, traces: Traces) -> list[str]:
         """List the signals to choose from."""
         return plotted(traces)
-
-
-def _plain(text: str) -> str:
-    """Keep MDX from reading a sentence as markup."""
-    return "`" + text.replace("`", "'").replace("\n", " ") + "`"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +22,19 @@ from uuvsim_cosim.view.scene3d.motion import Motion, echoes
 from uuvsim_cosim.view.scene3d.scene import Body, Rays, Stage
 from uuvsim_cosim.view.scene3d.shapes import floor, surface, terrain_mesh
 
+if TYPE_CHECKING:
+    from viser import (
+        FrameHandle,
+        LineSegmentsHandle,
+        MeshHandle,
+        PointCloudHandle,
+        SceneNodeHandle,
+        ViserServer,
+    )
+
 __all__ = ["ViserStage"]
 
+Handle = TypeVar("Handle", bound="SceneNodeHandle")
 Array = NDArray[np.float64]
 TRACK = 2000  # points of a track, at most
 LIGHT, DEEP = "#eaf3f8", "#a9c6d8"
@@ -34,17 +45,21 @@ HEAD = 0.25  # of an arrow's length: its head
 class ViserStage:
     """A stage in a server's scene; N, E, D are x, y, z, and down is down."""
 
-    def __init__(self, server: Any, stage: Stage, low: Array, high: Array) -> None:
+    def __init__(self, server: ViserServer, stage: Stage, low: Array, high: Array) -> None:
         self.scene, self.stage = server.scene, stage
-        self.parts: dict[str, list[Any]] = {}  # handles by what a viewer may hide
-        self._bodies: dict[str, Any] = {}
-        self._markers: dict[str, Any] = {}
-        self._arrows: dict[str, Any] = {}
-        self._rays: dict[str, Any] = {}
-        self._drawn_anew: dict[str, Any] = {}  # tracks and echoes
+        self.parts: dict[str, list[SceneNodeHandle]] = {}  # handles by what a viewer may hide
+        self._bodies: dict[str, FrameHandle] = {}
+        self._markers: dict[str, MeshHandle] = {}
+        self._arrows: dict[str, LineSegmentsHandle] = {}
+        self._rays: dict[str, LineSegmentsHandle] = {}
+        self._drawn_anew: dict[str, LineSegmentsHandle | PointCloudHandle] = {}  # tracks and echoes
         self._hidden: set[str] = set()
         self.scene.set_up_direction("-z")
-        self.scene.set_background_image(_water())
+        # The background is water, lighter towards the surface.
+        share = np.linspace(0.0, 1.0, 64)[:, None]
+        column = (1.0 - share) * np.array(rgb(LIGHT)) + share * np.array(rgb(DEEP))
+        water = np.repeat(column[:, None].round().astype(np.uint8), 64, axis=1)
+        self.scene.set_background_image(water)
         self._still(low, high)
         for i, body in enumerate(stage.bodies):
             self._add(body, rgb(BODIES[i % len(BODIES)]))
@@ -59,7 +74,7 @@ class ViserStage:
         rays = any(b.rays for b in self.stage.bodies)
         return {"tracks", "echoes"} if rays else {"tracks"}
 
-    def _keep(self, part: str, handle: Any) -> Any:
+    def _keep(self, part: str, handle: Handle) -> Handle:
         self.parts.setdefault(part, []).append(handle)
         if part in self._hidden:
             handle.visible = False
@@ -146,19 +161,17 @@ class ViserStage:
                 self._track(body.name, motion.positions[body.name], rgb(BODIES[i % len(BODIES)]))
             if body.name in motion.estimates:
                 self._track(f"{body.name} estimate", motion.estimates[body.name], rgb(ESTIMATE))
-            self._echoes(body.name, echoes(body, motion))
+            points = echoes(body, motion)
+            place = f"/echoes/{body.name}"
+            self._anew("echoes", place)
+            if len(points):
+                size = max(0.02, 0.004 * float(np.ptp(points, axis=0).max()))
+                colours = depth_colours(points[:, 2])
+                cloud = self.scene.add_point_cloud(place, points, colours, size, "circle")
+                self._drawn_anew[place] = self._keep("echoes", cloud)
         for marker in self.stage.markers:
             if marker.name in motion.positions:
                 self._track(marker.name, motion.positions[marker.name], rgb(MARKER))
-
-    def _echoes(self, name: str, points: Array) -> None:
-        place = f"/echoes/{name}"
-        self._anew("echoes", place)
-        if len(points):
-            size = max(0.02, 0.004 * float(np.ptp(points, axis=0).max()))
-            colours = depth_colours(points[:, 2])
-            cloud = self.scene.add_point_cloud(place, points, colours, size, "circle")
-            self._drawn_anew[place] = self._keep("echoes", cloud)
 
     def _track(self, name: str, points: Array, colour: tuple[int, int, int]) -> None:
         points = points[np.isfinite(points).all(axis=1)]
@@ -209,13 +222,6 @@ def _drawn(rays: Rays) -> NDArray[np.intp]:
     """Return the rays that are drawn: all, or some spread evenly."""
     n = len(rays.directions)
     return np.unique(np.linspace(0, n - 1, min(n, DRAWN)).astype(np.intp))
-
-
-def _water() -> NDArray[np.uint8]:
-    """Return the background: water, lighter towards the surface."""
-    share = np.linspace(0.0, 1.0, 64)[:, None]
-    column = (1.0 - share) * np.array(rgb(LIGHT)) + share * np.array(rgb(DEEP))
-    return np.repeat(column[:, None].round().astype(np.uint8), 64, axis=1)
 
 
 def _segments(points: Array) -> Array:

@@ -1,4 +1,4 @@
-"""The page's server: viser on one port of this machine, or a sentence that says why not."""
+"""Server of the page: viser on one port of this machine, guarded by a token."""
 
 from __future__ import annotations
 
@@ -9,24 +9,27 @@ import sys
 import time
 from contextlib import redirect_stdout
 from io import StringIO
-from typing import Any
+from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.view.scene3d.viser_guard import PageGuard
 
+if TYPE_CHECKING:
+    from viser import ViserServer
+
 __all__ = ["PORT", "address", "close_server", "entry", "has_screen", "open_server"]
 
 PORT = 8080
-_guards: WeakKeyDictionary[Any, PageGuard] = WeakKeyDictionary()
-TRIED = 20  # ports from PORT on, where none was asked for
+_guards: WeakKeyDictionary[ViserServer, PageGuard] = WeakKeyDictionary()
+TRIED = 20  # ports from PORT on, if none is given
 
 
-def open_server(port: int | None, host: str = "127.0.0.1", label: str = "uuvsim") -> Any:
+def open_server(port: int | None, host: str = "127.0.0.1", label: str = "uuvsim") -> ViserServer:
     """Start serving the page on a port, the first free one from 8080 on if none is given.
 
     The page requires a token (`entry`). Raises InputInvalid if viser is not installed, or the port
-    is taken.
+    is in use.
     """
     if port is not None and not 0 < port < 65536:
         raise InputInvalid(f"--port {port}: expected 1 to 65535")
@@ -38,7 +41,7 @@ def open_server(port: int | None, host: str = "127.0.0.1", label: str = "uuvsim"
             "pip install 'uuvsim-cosim[view]'"
         ) from None
     free = _free(port, host)
-    # It greets with a table of its own; the command line says where the page is.
+    # viser prints a table when it starts; the command line prints the address instead.
     guard = PageGuard()
     with redirect_stdout(StringIO()), guard.attached():
         server = viser.ViserServer(host=host, port=free, label=label, verbose=False)
@@ -51,12 +54,12 @@ def open_server(port: int | None, host: str = "127.0.0.1", label: str = "uuvsim"
     return server
 
 
-def close_server(server: Any) -> None:
-    """Stop serving, and leave neither its port taken nor its event loop behind (5 s at most)."""
+def close_server(server: ViserServer) -> None:
+    """Stop serving, free the port, and close the event loop; it takes at most 5 s."""
     if (guard := _guards.pop(server, None)) is not None:
         guard.close()
     loop: asyncio.AbstractEventLoop = server.get_event_loop()
-    with redirect_stdout(StringIO()):  # it says goodbye as well
+    with redirect_stdout(StringIO()):  # viser prints a message when it stops
         server.stop()
         for _ in range(250):
             if not loop.is_running():
@@ -69,53 +72,48 @@ def close_server(server: Any) -> None:
         loop.close()
 
 
-async def _cancelled(waiting: set[asyncio.Task[Any]]) -> None:
-    """End what waits for viewers who are gone."""
+async def _cancelled(waiting: set[asyncio.Task[object]]) -> None:
+    """Cancel the tasks that wait for viewers that have disconnected."""
     for task in waiting:
         task.cancel()
     await asyncio.gather(*waiting, return_exceptions=True)
 
 
 def _free(port: int | None, host: str) -> int:
-    asked = [port] if port is not None else list(range(PORT, PORT + TRIED))
-    said = ""
-    for each in asked:
-        said = _why_taken(each, host)
-        if not said:
-            return each
+    """Return the port if it can be served, or the first one from PORT on if none is given."""
+    reason = ""
+    for candidate in [port] if port is not None else range(PORT, PORT + TRIED):
+        with socket.socket() as trial:
+            trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                trial.bind((host, candidate))
+            except socket.gaierror:
+                raise InputInvalid(
+                    f"--host {host}: no address of this machine; expected 127.0.0.1, 0.0.0.0, or "
+                    "one"
+                ) from None
+            except OSError as error:
+                reason = str(error.strerror or error)
+            else:
+                return candidate
     if port is not None:
         raise InputInvalid(
-            f"--port {port} at {host}: {said}; expected a free port, or none, to take the first "
+            f"--port {port} at {host}: {reason}; expected a free port, or none, to take the first "
             f"free one from {PORT} on"
         )
     raise InputInvalid(
-        f"ports {PORT} to {PORT + TRIED - 1} at {host}: {said}; expected --port with a free one"
+        f"ports {PORT} to {PORT + TRIED - 1} at {host}: {reason}; expected --port with a free one"
     )
 
 
-def _why_taken(port: int, host: str) -> str:
-    """Say why a port cannot be served; nothing if it can."""
-    with socket.socket() as trial:
-        trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            trial.bind((host, port))
-        except socket.gaierror:
-            raise InputInvalid(
-                f"--host {host}: no address of this machine; expected 127.0.0.1, 0.0.0.0, or one"
-            ) from None
-        except OSError as error:
-            return str(error.strerror or error)
-    return ""
-
-
-def address(server: Any) -> str:
+def address(server: ViserServer) -> str:
     """Return the page's address, for a browser on this machine."""
     host = server.get_host()
     shown = "localhost" if host in ("0.0.0.0", "127.0.0.1") else host
     return f"http://{shown}:{server.get_port()}"
 
 
-def entry(server: Any) -> str:
+def entry(server: ViserServer) -> str:
     """Return the page's address with its token, which a browser exchanges for a cookie."""
     return f"{address(server)}/?token={_guards[server].token}"
 
