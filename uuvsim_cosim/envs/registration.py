@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from uuvsim_cosim.envs.task.argument_checks import refuse_options
 from uuvsim_cosim.errors import InputInvalid
 
 if TYPE_CHECKING:
+    from gymnasium.vector import AutoresetMode
+
+    from uuvsim_cosim.envs.plants.choice import Backend, DType
     from uuvsim_cosim.envs.single import CosimEnv
     from uuvsim_cosim.envs.task.task import Task
     from uuvsim_cosim.envs.vector import CosimVectorEnv
@@ -31,7 +34,7 @@ _OF_MANY = ("threads", "dtype", "processes", "autoreset_mode")  # what make_vect
 SHIPPED = {f"uuvsim/{id}": f"uuvsim_cosim.envs.tasks.{name}" for id, name in _TASKS.items()}
 
 
-def register(id: str, make_task: str | Callable[..., Task], **options: Any) -> None:
+def register(id: str, make_task: str | Callable[..., Task], **options: object) -> None:
     """Register a task under an id: ``register("mine/Dock-v0", "my_package.dock:Dock", depth=3.0)``.
 
     `make_task`, or what "module:name" names, is called with `options` and those given to
@@ -64,8 +67,8 @@ def make_env(
     make_task: str | Callable[..., Task],
     *,
     render_mode: str | None = None,
-    backend: Any = "auto",
-    **options: Any,
+    backend: Backend = "auto",
+    **options: object,
 ) -> CosimEnv:
     """Make one environment; other options are the task's."""
     from uuvsim_cosim.envs.single import CosimEnv
@@ -78,12 +81,12 @@ def make_vector_env(
     make_task: str | Callable[..., Task],
     *,
     render_mode: str | None = None,
-    backend: Any = "auto",
-    autoreset_mode: Any = "NextStep",
+    backend: Backend = "auto",
+    autoreset_mode: AutoresetMode | str = "NextStep",
     threads: int = 1,
-    dtype: Any = "float64",
+    dtype: DType = "float64",
     processes: int | None = None,
-    **options: Any,
+    **options: object,
 ) -> CosimVectorEnv:
     """Make many environments; other options are the task's."""
     from uuvsim_cosim.envs.vector import CosimVectorEnv
@@ -100,7 +103,7 @@ def make_vector_env(
     )
 
 
-def _task(make_task: str | Callable[..., Task], options: dict[str, Any]) -> Task:
+def _task(make_task: str | Callable[..., Task], options: dict[str, object]) -> Task:
     from uuvsim_cosim.envs.task.task import TeamTask
 
     steps = options.pop("max_episode_steps", None)  # make_vec gives what a spec says
@@ -128,7 +131,7 @@ def _found(name: str) -> Callable[..., Task]:
     return found
 
 
-def _name(make_task: Any) -> str:
+def _name(make_task: object) -> str:
     return make_task if isinstance(make_task, str) else getattr(make_task, "__name__", "")
 
 

@@ -18,6 +18,7 @@ from uuvsim_cosim.errors import InputInvalid
 
 try:
     from stable_baselines3.common.vec_env import VecEnv
+    from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
 except ModuleNotFoundError as error:
     raise InputInvalid(
         f"{error}; expected stable-baselines3: pip install stable-baselines3"
@@ -48,7 +49,7 @@ class Sb3VecEnv(VecEnv):
             task, num_envs, autoreset_mode=AutoresetMode.SAME_STEP, **options
         )
         self._seed: int | None = None
-        self._actions: NDArray[Any] | None = None
+        self._actions: NDArray[np.generic] | None = None
         super().__init__(
             num_envs, self.vector.single_observation_space, self.vector.single_action_space
         )
@@ -65,16 +66,16 @@ class Sb3VecEnv(VecEnv):
         self.reset_infos = [{} for _ in range(self.num_envs)]
         return observations
 
-    def step_async(self, actions: NDArray[Any]) -> None:
+    def step_async(self, actions: NDArray[np.generic]) -> None:
         """Keep the actions."""
         self._actions = actions
 
-    def step_wait(self) -> tuple[NDArray[np.float32], NDArray[Any], NDArray[Any], list[Any]]:
+    def step_wait(self) -> VecEnvStepReturn:
         """Act; environments whose episode ends show the first observation of their next."""
         assert self._actions is not None
         observations, rewards, terminated, truncated, told = self.vector.step(self._actions)
         ended = terminated | truncated
-        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        infos: list[dict[str, object]] = [{} for _ in range(self.num_envs)]
         for i in np.flatnonzero(ended).tolist():
             last = told["final_info"]
             infos[i] = {
@@ -88,26 +89,30 @@ class Sb3VecEnv(VecEnv):
         """Free everything; a second call does nothing."""
         self.vector.close()
 
-    def get_attr(self, attr_name: str, indices: Indices = None) -> list[Any]:
+    def get_attr(self, attr_name: str, indices: Indices = None) -> list[object]:
         """Return an attribute, the same for all environments."""
         return [getattr(self.vector, attr_name)] * len(list(self._get_indices(indices)))
 
-    def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:
+    def set_attr(self, attr_name: str, value: object, indices: Indices = None) -> None:
         """Refuse: the environments share their attributes."""
         raise InputInvalid(f"{attr_name}: environments of one kernel share it; expected a new task")
 
     def env_method(
-        self, method_name: str, *method_args: Any, indices: Indices = None, **method_kwargs: Any
-    ) -> list[Any]:
+        self,
+        method_name: str,
+        *method_args: object,
+        indices: Indices = None,
+        **method_kwargs: object,
+    ) -> list[object]:
         """Refuse: there is one object for all environments."""
         raise InputInvalid(
             f"{method_name}: cannot be called of single environments; expected a call on `vector`"
         )
 
-    def env_is_wrapped(self, wrapper_class: type[Any], indices: Indices = None) -> list[bool]:
+    def env_is_wrapped(self, wrapper_class: type[object], indices: Indices = None) -> list[bool]:
         """Say no for each."""
         return [False] * len(list(self._get_indices(indices)))
 
-    def get_images(self) -> Sequence[NDArray[Any] | None]:
+    def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
         """Draw each environment."""
         return self.vector.render() or [None] * self.num_envs

@@ -26,7 +26,7 @@ Observation = NDArray[np.float32]
 
 
 @final
-class CosimEnv(gymnasium.Env[Observation, NDArray[Any]]):
+class CosimEnv(gymnasium.Env[Observation, NDArray[np.generic]]):
     """A task in its system, as the fused kernel or, with backend "master", as any components.
 
     Actions are numbers in [-1, 1], those beyond are clipped; they scale to the limits of the
@@ -35,7 +35,7 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[Any]]):
     ComponentFailed if the episode cannot start, and the next one begins the next episode.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array", "human"]}  # type: ignore[misc]
+    metadata: ClassVar[dict[str, object]] = {"render_modes": ["rgb_array", "human"]}  # type: ignore[misc]
 
     def __init__(
         self, task: Task, render_mode: str | None = None, backend: Backend = "auto"
@@ -69,7 +69,7 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[Any]]):
         return cls(FunctionTask(system, **task), render_mode=render_mode, backend=backend)
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+        self, *, seed: int | None = None, options: dict[str, object] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """Begin episode 0 of a seed, or without one the next episode of the same seed."""
         stage = self._live()
@@ -86,7 +86,9 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[Any]]):
         self._screen.changed(self)
         return result
 
-    def step(self, action: NDArray[Any]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+    def step(
+        self, action: NDArray[np.generic]
+    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Act for one action step."""
         stage = self._live()
         if self._ended or not stage.episodes.begun:
@@ -118,7 +120,7 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[Any]]):
         """The seconds since the reset."""
         return float(self._live().episodes.moment.time[0])
 
-    def render(self) -> Any:
+    def render(self) -> NDArray[np.uint8] | None:
         """Draw the present moment: an array of pixels, or nothing in a window."""
         stage = self._live()
         return self._screen.frame(self.task, stage.episodes.moment, 0)
@@ -130,9 +132,9 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[Any]]):
         if stage is not None:
             stage.episodes.close()
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> dict[str, object]:
         """Return what makes an equal environment, which goes on with the next episode."""
-        state: dict[str, Any] = {
+        state: dict[str, object] = {
             "made": (self.task, self.render_mode, self.backend),
             "spec": self.spec,
             "spaces": (self.action_space, self.observation_space),
@@ -163,6 +165,6 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[Any]]):
         return self._stage
 
 
-def _row(info: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+def _row(info: Mapping[str, NDArray[np.generic]]) -> dict[str, Any]:
     """Return the infos of one environment, copied."""
     return {k: v[0].copy() for k, v in info.items()}

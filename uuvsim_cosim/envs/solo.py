@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,7 +88,7 @@ class Solo(Task):
         ended = np.stack([given[agent] for agent in self.team.agents], axis=1)
         return np.asarray((ended & self._present(m)).any(axis=1))
 
-    def info(self, m: Moment) -> Mapping[str, NDArray[Any]]:
+    def info(self, m: Moment) -> Mapping[str, NDArray[np.generic]]:
         """Return what the team's task gives."""
         return self.team.info(self._split(m))
 

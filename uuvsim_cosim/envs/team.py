@@ -25,7 +25,7 @@ Observation = NDArray[np.float32]
 
 
 @final
-class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[Any]]):  # type: ignore[misc]
+class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[np.generic]]):  # type: ignore[misc]
     """A team's task in its system: agents act at the same time, each on a vehicle of its own.
 
     `agents` are those that act next. One may come later, and one that has ended is gone until the
@@ -33,7 +33,7 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[Any]]):  # type: ig
     failure terminates all, with info["failure"]. Seeds, actions and options are as in `CosimEnv`.
     """
 
-    metadata: dict[str, Any] = {  # noqa: RUF012  (PettingZoo's own attribute)
+    metadata: dict[str, object] = {  # noqa: RUF012  (PettingZoo's own attribute)
         "name": "uuvsim_team",
         "render_modes": ["rgb_array", "human"],
         "is_parallelizable": True,
@@ -73,7 +73,7 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[Any]]):  # type: ig
         return self.action_spaces[self._known(agent)]
 
     def reset(
-        self, seed: int | None = None, options: dict[str, Any] | None = None
+        self, seed: int | None = None, options: dict[str, object] | None = None
     ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
         """Begin episode 0 of a seed, or without one the next episode of the same seed."""
         stage = self._live()
@@ -89,7 +89,7 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[Any]]):  # type: ig
         return result
 
     def step(
-        self, actions: dict[str, NDArray[Any]]
+        self, actions: Mapping[str, NDArray[np.generic]]
     ) -> tuple[
         dict[str, Observation],
         dict[str, float],
@@ -123,7 +123,7 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[Any]]):  # type: ig
         """The seconds since the reset."""
         return float(self._live().episodes.moment.time[0])
 
-    def render(self) -> Any:
+    def render(self) -> NDArray[np.uint8] | None:
         """Draw the present moment: an array of pixels, or nothing in a window."""
         return self._screen.frame(self.task, self._live().now.moment, 0)
 
@@ -134,9 +134,9 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[Any]]):  # type: ig
         if stage is not None:
             stage.episodes.close()
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> dict[str, object]:
         """Return what makes an equal environment, which goes on with the next episode."""
-        state: dict[str, Any] = {
+        state: dict[str, object] = {
             "task": self.task,
             "render_mode": self.render_mode,
             "backend": self.backend,
@@ -189,7 +189,7 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[Any]]):  # type: ig
             raise InputInvalid(f"{self._place()}: no agent {agent!r}; expected {known}")
         return agent
 
-    def _check(self, actions: Mapping[str, Any]) -> None:
+    def _check(self, actions: Mapping[str, object]) -> None:
         place = self._place()
         if not isinstance(actions, Mapping):
             raise InputInvalid(f"{place}: actions {actions!r}; expected an action by agent")

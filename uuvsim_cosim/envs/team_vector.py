@@ -20,8 +20,9 @@ from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["CosimTeamVectorEnv"]
 
-Array = NDArray[Any]
-Step = tuple[NDArray[np.float32], Array, Array, Array, dict[str, Any]]
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Step = tuple[NDArray[np.float32], Array, Mask, Mask, dict[str, Any]]
 
 
 @final
@@ -65,7 +66,7 @@ class CosimTeamVectorEnv:
         self.task = team_task
         self.num_envs = num_envs
         self.agents = stage.agents
-        self.metadata: dict[str, Any] = {
+        self.metadata: dict[str, object] = {
             "name": type(team_task).__name__,
             "render_modes": [],
             "autoreset_mode": self._mode,
@@ -91,7 +92,7 @@ class CosimTeamVectorEnv:
         self,
         *,
         seed: int | Sequence[int] | None = None,
-        options: dict[str, Any] | None = None,
+        options: dict[str, object] | None = None,
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Begin episode 0 of seeds s, s + 1, …, or without any the next of the same seeds."""
         stage = self._live()
@@ -150,7 +151,7 @@ class CosimTeamVectorEnv:
             raise InputInvalid("the environments are closed; expected new ones")
         return self._stage
 
-    def _by_agent(self, stage: TeamStage, actions: Any) -> Array:
+    def _by_agent(self, stage: TeamStage, actions: object) -> Array:
         given = np.asarray(actions)
         if given.shape != self.action_space.shape or given.dtype.kind not in "fiu":
             raise InputInvalid(

@@ -25,8 +25,9 @@ from uuvsim_cosim.errors import InputInvalid
 __all__ = ["CosimVectorEnv"]
 
 Observations = NDArray[np.float32]
-Array = NDArray[Any]
-Step = tuple[Observations, Array, Array, Array, dict[str, Any]]
+Array = NDArray[np.generic]
+Mask = NDArray[np.bool_]
+Step = tuple[Observations, NDArray[np.float64], Mask, Mask, dict[str, Any]]
 
 
 @final
@@ -41,7 +42,7 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
     start terminates in its first step; a reset in which none can start raises ComponentFailed.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]
+    metadata: ClassVar[dict[str, object]] = {  # type: ignore[misc]
         "render_modes": ["rgb_array"],
         "autoreset_mode": AutoresetMode.NEXT_STEP,
     }
@@ -99,7 +100,7 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
         self,
         *,
         seed: int | Sequence[int | None] | None = None,
-        options: dict[str, Any] | None = None,
+        options: dict[str, object] | None = None,
     ) -> tuple[Observations, dict[str, Any]]:
         """Begin episode 0 of seeds, or without any the next episodes of the same seeds.
 
@@ -171,18 +172,18 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
             return None
         return tuple(self._screen.frame(self.task, m, row) for row in range(self.num_envs))
 
-    def close_extras(self, **kwargs: Any) -> None:
+    def close_extras(self, **kwargs: object) -> None:
         """Free everything."""
         self._screen.close()
         stage, self._stage = self._stage, None
         if stage is not None:
             stage.episodes.close()
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> dict[str, object]:
         """Return what makes equal environments, which go on with the next episodes."""
         spaces = (self.action_space, self.single_action_space,
                   self.observation_space, self.single_observation_space)  # fmt: skip
-        state: dict[str, Any] = {
+        state: dict[str, object] = {
             "made": self._made,
             "spec": self.spec,
             "spaces": spaces,

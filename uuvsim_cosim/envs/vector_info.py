@@ -15,7 +15,7 @@ __all__ = ["add_failures", "final", "of"]
 Mask = NDArray[np.bool_]
 
 
-def of(info: Mapping[str, NDArray[Any]], mask: Mask | None, n: int) -> dict[str, Any]:
+def of(info: Mapping[str, NDArray[np.generic]], mask: Mask | None, n: int) -> dict[str, Any]:
     """Return a task's infos, of the environments of the mask."""
     infos: dict[str, Any] = {}
     for key, values in info.items():
@@ -24,7 +24,7 @@ def of(info: Mapping[str, NDArray[Any]], mask: Mask | None, n: int) -> dict[str,
     return infos
 
 
-def add_failures(infos: dict[str, Any], episodes: Episodes, terminated: Mask) -> None:
+def add_failures(infos: dict[str, object], episodes: Episodes, terminated: Mask) -> None:
     """Add a sentence for each environment in which a component has failed."""
     failed = episodes.failed & terminated
     if failed.any():
@@ -38,7 +38,7 @@ def final(
     infos: Mapping[str, Any],
     observations: NDArray[np.float32],
     ended: Mask,
-    begun: Mapping[str, NDArray[Any]],
+    begun: Mapping[str, NDArray[np.generic]],
 ) -> dict[str, Any]:
     """Move infos of episodes that have ended to "final_info", and add "final_obs"."""
     n = len(ended)

@@ -147,7 +147,7 @@ def exact_substeps(subject: Subject) -> str:
     return f"{k} actions last the same time each"
 
 
-def _one(subject: Subject, info: Any) -> Any:
+def _one(subject: Subject, info: Any) -> object:
     """Return the info of one agent."""
     return next(iter(info.values()), {}) if subject.kind == "parallel" else info
 

@@ -92,7 +92,7 @@ CLAIMS: tuple[Claim, ...] = (
 )
 
 
-def examine(env: Any, *, claims: Sequence[str] | None = None, **options: Any) -> Report:
+def examine(env: object, *, claims: Sequence[str] | None = None, **options: Any) -> Report:
     """Examine an environment, and give what was found; see `check`."""
     names = [c.name for c in CLAIMS]
     for name in claims or ():
@@ -110,7 +110,7 @@ def examine(env: Any, *, claims: Sequence[str] | None = None, **options: Any) ->
     return Report(title, tuple(outcomes))
 
 
-def check(env: Any, **options: Any) -> Report:
+def check(env: object, **options: Any) -> Report:
     """Examine an environment; raises ConformanceFailed, with every failure, if a claim fails.
 
     `env` is an id registered with Gymnasium, "module:function", or a function without arguments
@@ -145,7 +145,7 @@ class Case:
         return f"{self.subject.kind}-{self.claim.name}"
 
 
-def cases(env: Any, **options: Any) -> list[Case]:
+def cases(env: object, **options: Any) -> list[Case]:
     """Return the claims one by one, as tests.
 
     >>> @pytest.mark.parametrize("case", cases("uuvsim/StationKeeping-v0"), ids=str)

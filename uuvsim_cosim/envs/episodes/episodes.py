@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
-from typing import Any, final
+from typing import TypeVar, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ __all__ = ["AGENT", "Episodes", "check_times"]
 AGENT = "agent"  # the agent of a task of one
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+T = TypeVar("T", bound=np.generic)
 
 
 def check_times(task: Task | TeamTask, tick: Fraction) -> list[Problem]:
@@ -100,7 +101,7 @@ class Episodes:
         mask: Mask | None = None,
         *,
         seeds: Sequence[int] | NDArray[np.uint64] | None = None,
-        start: Mapping[str, Any] | None = None,
+        start: Mapping[str, object] | None = None,
     ) -> Instant:
         """Begin the next episodes where the mask is true, or the first of other seeds (n rows).
 
@@ -198,7 +199,7 @@ class Episodes:
         self,
         chosen: Mask,
         seeds: Sequence[int] | NDArray[np.uint64] | None,
-        start: Mapping[str, Any],
+        start: Mapping[str, object],
     ) -> None:
         """Count, draw, and reset the plant."""
         whole = bool(chosen.all())
@@ -254,7 +255,7 @@ class Episodes:
         return wide
 
 
-def _cleared(values: NDArray[Any], rows: NDArray[np.intp]) -> NDArray[Any]:
+def _cleared(values: NDArray[T], rows: NDArray[np.intp]) -> NDArray[T]:
     """Copy values (…, n) of all environments, with zeros for some."""
     both = values.copy()
     both[..., rows] = 0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,7 +82,7 @@ class Stage:
         self.episodes = Episodes(task, plant, signals, {AGENT: self.action_box})
 
     def act(
-        self, actions: Any, again: NDArray[np.bool_] | None = None, *, alone: bool = False
+        self, actions: object, again: NDArray[np.bool_] | None = None, *, alone: bool = False
     ) -> Instant:
         """Check actions and act, or begin anew where `again` is true; raises InputInvalid.
 
@@ -117,7 +117,7 @@ class Stage:
             )
         return ended | self.episodes.failed if self.episodes.any_failed else ended
 
-    def info(self, m: Instant) -> Mapping[str, NDArray[Any]]:
+    def info(self, m: Instant) -> Mapping[str, NDArray[np.generic]]:
         """Return the task's infos, of shape (n, …)."""
         return infos_of(self.task.info(m), m.n, self.place)
 

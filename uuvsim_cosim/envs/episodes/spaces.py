@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,7 +58,7 @@ class ActionBox:
         self._middle = (low / 2 + high / 2)[:, None]
         self._half = _inside(self._middle[:, 0], high / 2 - low / 2, low, high)[:, None]
 
-    def checked(self, actions: Any, n: int | None, place: str) -> Array:
+    def checked(self, actions: object, n: int | None, place: str) -> Array:
         """Return actions of shape (n, width), clipped to [-1, 1]; raises InputInvalid.
 
         With n None those of one environment are given without the first axis.
@@ -164,7 +164,7 @@ class ObservationBox:
     def of(
         self,
         values: Array,
-        extra: Any,
+        extra: object,
         blank: NDArray[np.bool_] | None = None,
         *,
         clipped: bool = True,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +16,7 @@ __all__ = ["rows_of"]
 Array = NDArray[np.float64]
 
 
-def rows_of(variables: Mapping[str, Variable], name: str, value: Any, n: int) -> Array:
+def rows_of(variables: Mapping[str, Variable], name: str, value: object, n: int) -> Array:
     """Return a start value with one row for each of n environments; raises InputInvalid."""
     variable = variables.get(name)
     if variable is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,11 +46,11 @@ class KernelPlant:
         self._runs = _runs(self._out)
         self._width = self._cells.shape[2]
 
-    def read(self, name: str) -> NDArray[Any]:
+    def read(self, name: str) -> NDArray[np.generic]:
         """Copy a variable: of shape (n, *shape)."""
         return self._batch.get(name)
 
-    def write(self, name: str, values: NDArray[Any]) -> None:
+    def write(self, name: str, values: NDArray[np.generic]) -> None:
         """Set an unconnected input or a tunable parameter in all copies: (n, *shape)."""
         self._batch.set(name, values)
 
@@ -85,7 +85,7 @@ class KernelPlant:
         self._batch.step(ticks, check=False)
 
     def reset(
-        self, mask: NDArray[np.bool_], seeds: Seeds, start: Mapping[str, NDArray[Any]]
+        self, mask: NDArray[np.bool_], seeds: Seeds, start: Mapping[str, NDArray[np.generic]]
     ) -> None:
         """Go back to time 0 where the mask is true."""
         for name in start:

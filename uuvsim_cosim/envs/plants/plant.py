@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,10 +28,10 @@ class Plant(Protocol):
     tick: Fraction  # s, of a communication step
     variables: Mapping[str, Variable]  # by path and name, "hull.eta"
 
-    def read(self, name: str) -> NDArray[Any]:
+    def read(self, name: str) -> NDArray[np.generic]:
         """Copy a variable: of shape (n, *shape)."""
 
-    def write(self, name: str, values: NDArray[Any]) -> None:
+    def write(self, name: str, values: NDArray[np.generic]) -> None:
         """Set an unconnected input or a tunable parameter in all copies: (n, *shape)."""
 
     def gather(self) -> NDArray[np.float64]:
@@ -47,7 +47,7 @@ class Plant(Protocol):
         self,
         mask: NDArray[np.bool_],
         seeds: Seeds,
-        start: Mapping[str, NDArray[Any]],
+        start: Mapping[str, NDArray[np.generic]],
     ) -> None:
         """Go back to time 0 where the mask is true, with other system seeds and start values.
 

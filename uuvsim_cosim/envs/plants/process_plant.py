@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, final
 
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.plants.plant import Seeds
 from uuvsim_cosim.envs.plants.shared_memory import Shared
-from uuvsim_cosim.envs.plants.worker_pipe import WorkerProcess
+from uuvsim_cosim.envs.plants.worker_pipe import Failures, Job, WorkerProcess
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid, UuvsimError
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.plan.plan import Plan
@@ -59,8 +60,9 @@ class ProcessPlant:
         size = sum(self.variables[name].size for name in reads)
         self._memory = Shared(None, size, len(acts), n)
         self._workers: list[WorkerProcess] = []
-        self._job = {"plan": plan, "reads": tuple(reads), "acts": tuple(acts),
-                     "memory": self._memory.key, "shape": (size, len(acts), n)}  # fmt: skip
+        self._job = Job(
+            plan, tuple(reads), tuple(acts), self._memory.key, (size, len(acts), n), 0, n
+        )
         try:
             for first, end in pairwise(bounds):
                 worker = self._begun(first, end)
@@ -73,11 +75,11 @@ class ProcessPlant:
             self._end(now=True)
             raise
 
-    def read(self, name: str) -> NDArray[Any]:
+    def read(self, name: str) -> NDArray[np.generic]:
         """Copy a variable: of shape (n, *shape)."""
         return np.concatenate(self._call("read", name))
 
-    def write(self, name: str, values: NDArray[Any]) -> None:
+    def write(self, name: str, values: NDArray[np.generic]) -> None:
         """Set an unconnected input or a tunable parameter in all copies: (n, *shape)."""
         self._each("write", [(name, values[worker.rows]) for worker in self._live()])
 
@@ -95,10 +97,10 @@ class ProcessPlant:
     def step(self, ticks: int) -> None:
         """Make communication steps in all copies that have not failed."""
         acted, self._acted = self._acted, False
-        self._took_failures(self._call("step", ticks, acted))
+        self._keep_failures(self._call("step", ticks, acted))
 
     def reset(
-        self, mask: NDArray[np.bool_], seeds: Seeds, start: Mapping[str, NDArray[Any]]
+        self, mask: NDArray[np.bool_], seeds: Seeds, start: Mapping[str, NDArray[np.generic]]
     ) -> None:
         """Go back to time 0 where the mask is true."""
         if self._broken and mask.all():
@@ -107,7 +109,7 @@ class ProcessPlant:
         self._memory.mask[...] = mask
         self._memory.seeds[...] = np.asarray(seeds, np.uint64)
         starts = [({name: v[w.rows] for name, v in start.items()},) for w in workers]
-        self._took_failures(self._each("reset", starts))
+        self._keep_failures(self._each("reset", starts))
         self._acted = self._acted and not mask.all()
 
     @property
@@ -128,13 +130,13 @@ class ProcessPlant:
     def _begun(self, first: int, end: int) -> WorkerProcess:
         """Start a worker and tell it its rows; its answer is to be taken."""
         worker = WorkerProcess(first, end, self._memory.handles)
-        worker.send("begin", {**self._job, "n": end - first, "first": first})
+        worker.send("begin", replace(self._job, first=first, n=end - first))
         return worker
 
-    def _call(self, name: str, *arguments: Any) -> list[Any]:
+    def _call(self, name: str, *arguments: object) -> list[Any]:
         return self._each(name, [arguments] * len(self._live()))
 
-    def _each(self, name: str, arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
+    def _each(self, name: str, arguments: Sequence[tuple[object, ...]]) -> list[Any]:
         """Ask all, take the answers of all, then raise the first error; one gone closes all."""
         workers, results, errors = self._live(), [], []
         self._broken = True
@@ -170,10 +172,10 @@ class ProcessPlant:
                 self._workers[i].answer()
         self._broken = False
 
-    def _took_failures(self, told: Sequence[Mapping[int, tuple[str, float, str]]]) -> None:
+    def _keep_failures(self, answers: Sequence[Failures]) -> None:
         self._failures = {
             worker.rows.start + row: ComponentFailed(*failure)
-            for worker, failures in zip(self._workers, told, strict=True)
+            for worker, failures in zip(self._workers, answers, strict=True)
             for row, failure in failures.items()
         }
 

@@ -63,7 +63,7 @@ class Distribution(ABC):
         """Return finite limits: three deviations from the mean where a normal has none."""
         return self.limits
 
-    def _numbers(self) -> dict[str, Any]:
+    def _numbers(self) -> dict[str, Numbers]:
         return {f.name: getattr(self, f.name) for f in fields(self)}  # type: ignore[arg-type]
 
     def _frozen(self, *may_be_infinite: str) -> None:
@@ -85,7 +85,7 @@ class Distribution(ABC):
             )
         _ = self.size
 
-    def _must(self, holds: Any, expected: str) -> None:
+    def _must(self, holds: bool | np.bool_ | NDArray[np.bool_], expected: str) -> None:
         if not np.all(holds):
             raise InputInvalid(f"{self!r}: expected {expected}")
 
@@ -236,7 +236,7 @@ class Triangular(Distribution):
 class Choice(Distribution):
     """One of several values, or of several whole vectors, equally often or by weights."""
 
-    values: Sequence[Any]
+    values: Sequence[Any]  # numbers, or vectors
     weights: Sequence[float] | None = None
 
     def __post_init__(self) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, final, overload
+from typing import TYPE_CHECKING, final, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,7 +89,7 @@ class PrivilegedTask(Task):
         """Say what the task says."""
         return self.task.terminated(m)
 
-    def info(self, m: Moment) -> Mapping[str, NDArray[Any]]:
+    def info(self, m: Moment) -> Mapping[str, NDArray[np.generic]]:
         """Return the task's info."""
         return self.task.info(m)
 
@@ -150,7 +150,7 @@ class PrivilegedTeamTask(TeamTask):
         """Say what the task says."""
         return self.task.present(m)
 
-    def info(self, m: Moment) -> Mapping[str, NDArray[Any]]:
+    def info(self, m: Moment) -> Mapping[str, NDArray[np.generic]]:
         """Return the task's info."""
         return self.task.info(m)
 

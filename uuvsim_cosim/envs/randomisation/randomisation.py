@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -199,7 +199,7 @@ def _pairs(given: Correlation | None, parameters: tuple[Vary, ...]) -> dict[tupl
         return {(str(a), str(b)): rho for (a, b), rho in given.items()}
     k = len(parameters)
     try:
-        matrix: Any = np.asarray(given, dtype=float)
+        matrix = np.asarray(given, dtype=float)
     except (TypeError, ValueError):
         raise InputInvalid(
             f"correlation: {given!r}; expected numbers by pairs of names, or a matrix {k} x {k}"

@@ -6,7 +6,6 @@ A study file names them under `sets`; `published.py` makes randomisations of the
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any
 
 import numpy as np
 
@@ -156,12 +155,8 @@ def _must(found: Iterable[object], system: System, what: str, expected: str) -> 
         raise InputInvalid(f"{system.name}: has no {what} that can be drawn; expected {expected}")
 
 
-def _published(system: System, **options: Any) -> Declared:
-    return published_intervals(**options)
-
-
 SETS: dict[str, Callable[..., Declared]] = {
-    "published": _published,
+    "published": lambda system, **options: published_intervals(**options),
     "sensor_noise": noise_of_sensors,
     "current": current_of_any_direction,
     "thruster_strength": strength_of_thrusters,

@@ -18,7 +18,9 @@ from uuvsim_cosim.orchestrator.values.values import Misfit
 __all__ = ["Named", "Signals", "refuse", "resolved"]
 
 Array = NDArray[np.float64]
-_TYPES: dict[str, Any] = {"Boolean": bool, "Int32": np.int32, "Int64": np.int64}
+# A view: its rows, its shape, and the type of the variable unless it is float64.
+View = tuple[slice | NDArray[np.intp], tuple[int, ...], type[np.generic] | None]
+_TYPES: dict[str, type[np.generic]] = {"Boolean": np.bool_, "Int32": np.int32, "Int64": np.int64}
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,7 @@ class Signals:
             if named.key not in self._first:
                 self._first[named.key] = self.size
                 self.size += named.variable.size
-        self._views: dict[str, tuple[slice | NDArray[np.intp], tuple[int, ...], Any]] = {}
+        self._views: dict[str, View] = {}
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -97,7 +99,7 @@ class Signals:
             part = np.moveaxis(part.reshape(*shape, n), -1, 0)
         return part if type_ is None else part.astype(type_)
 
-    def _found(self, name: str) -> tuple[slice | NDArray[np.intp], tuple[int, ...], Any]:
+    def _found(self, name: str) -> View:
         try:
             named = resolved(self._plan, name)
         except Misfit as misfit:

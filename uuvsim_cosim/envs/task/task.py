@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,7 @@ __all__ = ["Moment", "Randomised", "Task", "TeamTask"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+T = TypeVar("T")
 
 
 class Moment(Protocol):
@@ -104,7 +105,7 @@ class _Common:
         """Draw an episode's start values, by variable ("hull.eta_0"), of shape (n, *shape)."""
         return {} if self.randomisation is None else self.randomisation.draw(draws)
 
-    def info(self, m: Moment) -> Mapping[str, NDArray[Any]]:
+    def info(self, m: Moment) -> Mapping[str, NDArray[np.generic]]:
         """Return what else is worth knowing, of shape (n, …): metrics, the terms of a reward."""
         return {}
 
@@ -231,7 +232,7 @@ class TeamTask(_Common, ABC):
         """Return the least and the greatest value of each number of `state`."""
 
 
-def _several(given: Any, name: str, of: str) -> tuple[Any, ...]:
+def _several(given: Iterable[T], name: str, of: str) -> tuple[T, ...]:
     """Return a list's elements; a text is none."""
     if isinstance(given, str | Channel) or not isinstance(given, Iterable):
         wanted = f"a list of {of}" + (f", [{given!r}]" if isinstance(given, str | Channel) else "")
@@ -239,7 +240,7 @@ def _several(given: Any, name: str, of: str) -> tuple[Any, ...]:
     return tuple(given)
 
 
-def _channels(given: Any, name: str) -> tuple[Channel, ...]:
+def _channels(given: Iterable[Channel], name: str) -> tuple[Channel, ...]:
     channels = _several(given, name, "channels")
     for channel in channels:
         if not isinstance(channel, Channel):

@@ -98,7 +98,7 @@ class AltitudeFollowing(PoseTask):
         """Return their limits."""
         return [1.0] * 3 + [2.0, 20.0, 1.0, 1.0]
 
-    def info(self, m: Moment) -> Mapping[str, NDArray[Any]]:
+    def info(self, m: Moment) -> Mapping[str, NDArray[np.generic]]:
         """Return the errors of `PoseTask`, and the altitude [m]."""
         eta = m["hull.eta"]
         return {**super().info(m), "altitude": self._height(eta) - eta[:, 2]}

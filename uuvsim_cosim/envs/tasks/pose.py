@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,7 +68,7 @@ class PoseTask(Task, ABC):
         signals: Sequence[str] = (),
         reference: bool = False,
         disturbances: bool = False,
-        **unknown: Any,
+        **unknown: object,
     ) -> None:
         known_options(type(self), unknown)
         one_of("action", action, get_args(ActedOn))
@@ -179,7 +179,7 @@ class PoseTask(Task, ABC):
         """Say who has strayed out of the region."""
         return np.asarray(self._errors(m)[0] > self.region)
 
-    def info(self, m: Moment) -> Mapping[str, NDArray[Any]]:
+    def info(self, m: Moment) -> Mapping[str, NDArray[np.generic]]:
         """Return the errors: of position [m], of heading [rad]."""
         distance, e_psi, _ = self._errors(m)
         return {"position_error": distance, "heading_error": np.abs(e_psi)}

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,7 +64,7 @@ class TargetTracking(TeamTask):
         target_speed: float = 0.15,
         profile: str = "default",
         vehicle: str = "pool8",
-        rules: Mapping[str, Any] | None = None,
+        rules: Mapping[str, object] | None = None,
         delay: float = 0.0,
         noise: float = 0.0,
         loss: float = 0.0,
@@ -75,7 +75,7 @@ class TargetTracking(TeamTask):
         action_step: Fraction | str | float = "0.4",
         horizon: Fraction | str | float = 20,
         randomisation: Randomised | None = None,
-        **unknown: Any,
+        **unknown: object,
     ) -> None:
         known_options(type(self), unknown)
         one_of("motion", motion, get_args(Motion))
@@ -181,7 +181,7 @@ class TargetTracking(TeamTask):
         high += [x, y, max(x, y), z] * self.n_obstacles
         return -np.array(high), np.array(high)
 
-    def info(self, m: Moment) -> Mapping[str, NDArray[Any]]:
+    def info(self, m: Moment) -> Mapping[str, NDArray[np.generic]]:
         """Return track, dist [m], viol and clean of this step, and each weighted term's mean."""
         t, rules = self.terms(m), self.rules
         viol = t.violated.any(axis=1)
@@ -294,7 +294,7 @@ class TargetTracking(TeamTask):
     def _reaches(self, obstacles: Array) -> Mask:
         return np.asarray(self.arena.size[2] - obstacles[:, :, 3] <= DEPTH)
 
-    def _slots_of(self, given: Any) -> tuple[int, int]:
+    def _slots_of(self, given: object) -> tuple[int, int]:
         least = (self.n_trackers - 1, self.n_obstacles)
         if given is None:
             return max(1, least[0]), max(2, least[1])

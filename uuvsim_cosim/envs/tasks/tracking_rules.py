@@ -67,7 +67,7 @@ def rules_of(profile: str, vehicle: str, **changes: Any) -> TrackingRules:
     return replace(rules, **{**(HEAVY if vehicle == "bluerov2_heavy" else {}), **changes})
 
 
-def _check(name: str, value: Any) -> None:
+def _check(name: str, value: object) -> None:
     kind = get_type_hints(TrackingRules)[name]
     if kind is bool:
         flag(f"rules, {name}", value)

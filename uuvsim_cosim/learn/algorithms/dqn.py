@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, Self, final
+from typing import Self, final
 
 import numpy as np
 import torch
@@ -19,7 +19,7 @@ from torch.nn.functional import smooth_l1_loss
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.algorithms.action_grid import action_grid
-from uuvsim_cosim.learn.algorithms.checkpoint import unfit
+from uuvsim_cosim.learn.algorithms.checkpoint import State, unfit
 from uuvsim_cosim.learn.algorithms.gradients import check_gradients
 from uuvsim_cosim.learn.algorithms.masac_learner import _philox, _set_philox
 from uuvsim_cosim.learn.algorithms.replay_buffer import Replay, Transitions
@@ -81,7 +81,7 @@ class DqnLearner:
         self._chosen: NDArray[np.int64] | None = None
 
     @property
-    def settings(self) -> Mapping[str, Any]:
+    def settings(self) -> Mapping[str, float]:
         """All numbers."""
         return asdict(self.given)
 
@@ -158,7 +158,7 @@ class DqnLearner:
         for of, to in ((last.network, self.network), (last.target, self.target)):
             pass_on(of, to, nets, [[(0, 0)]] * self.agents, awake)
 
-    def state(self) -> Mapping[str, Any]:
+    def state(self) -> State:
         """Return networks, optimiser, buffer, counters, random numbers."""
         return {
             "network": self.network.state_dict(),
@@ -169,7 +169,7 @@ class DqnLearner:
             "counters": (self._lived, self._due, self._updates),
         }
 
-    def set_state(self, state: Mapping[str, Any]) -> None:
+    def set_state(self, state: State) -> None:
         """Go on from there."""
         try:
             self.network.load_state_dict(state["network"])

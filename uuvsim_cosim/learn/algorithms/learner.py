@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Protocol, Self
+from typing import TYPE_CHECKING, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.learn.algorithms.replay_buffer import Transitions
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.learn.algorithms.checkpoint import State
 
 __all__ = ["Learner", "Transferable"]
 
@@ -26,7 +29,7 @@ class Learner(Protocol):
         """The algorithm, as on the command line: "masac"."""
 
     @property
-    def settings(self) -> Mapping[str, Any]:
+    def settings(self) -> Mapping[str, float]:
         """All numbers that it was given, for the record."""
 
     def act(self, observation: Array, explore: bool = True) -> Array:
@@ -41,10 +44,10 @@ class Learner(Protocol):
     def tensors(self, agent: int) -> tuple[str, Mapping[str, Array]]:
         """Return the kind and the tensors of one agent's `Policy`."""
 
-    def state(self) -> Mapping[str, Any]:
+    def state(self) -> State:
         """Return all that learning goes on from: networks, optimisers, buffers, random numbers."""
 
-    def set_state(self, state: Mapping[str, Any]) -> None:
+    def set_state(self, state: State) -> None:
         """Go on from what `state` gave; raises InputInvalid for one of another shape."""
 
 

@@ -14,10 +14,9 @@ All agents and both critics of each are one stacked batch of networks.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import dataclass
-from typing import Any, final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 import torch
@@ -29,6 +28,9 @@ from uuvsim_cosim.learn.algorithms.gradients import check_gradients
 from uuvsim_cosim.learn.algorithms.replay_buffer import Transitions
 from uuvsim_cosim.learn.algorithms.stacked import StackedMLP
 from uuvsim_cosim.learn.shared.errors import LearningDiverged
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.learn.algorithms.checkpoint import State
 
 __all__ = ["Masac", "MasacSettings"]
 
@@ -94,7 +96,7 @@ class Masac:
     # ---- acting ---------------------------------------------------------------------------
 
     @torch.no_grad()
-    def act(self, observation: NDArray[Any], explore: bool = True) -> NDArray[np.float32]:
+    def act(self, observation: NDArray[np.generic], explore: bool = True) -> NDArray[np.float32]:
         """Return actions (n, N, a) of observations (n, N, d): drawn, or each actor's mean."""
         o = torch.as_tensor(observation, dtype=torch.float32).transpose(0, 1)
         if explore:
@@ -205,7 +207,7 @@ class Masac:
 
     # ---- state ----------------------------------------------------------------------------
 
-    def state(self) -> dict[str, Any]:
+    def state(self) -> dict[str, object]:
         """Return all that learning goes on from, for torch.save."""
         return {
             "actor": self.actor.state_dict(),
@@ -218,7 +220,7 @@ class Masac:
             **{f"adam_{k}": o.state_dict() for k, o in self.optimizers.items()},
         }
 
-    def set_state(self, state: Mapping[str, Any]) -> None:
+    def set_state(self, state: State) -> None:
         """Go on from what `state` gave; raises KeyError or RuntimeError for another shape."""
         self.actor.load_state_dict(state["actor"])
         self.averaged.load_state_dict(state["averaged"])

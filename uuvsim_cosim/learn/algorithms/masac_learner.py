@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, Self, final
+from typing import Self, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.task.symmetry import Symmetry
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.learn.algorithms.checkpoint import unfit
+from uuvsim_cosim.learn.algorithms.checkpoint import State, unfit
 from uuvsim_cosim.learn.algorithms.masac import Masac, MasacSettings
 from uuvsim_cosim.learn.algorithms.n_step import NStep
 from uuvsim_cosim.learn.algorithms.replay_buffer import Replay, Transitions
@@ -74,7 +74,7 @@ class MasacLearner:
         return "masac" if self.masac.settings.central else "isac"
 
     @property
-    def settings(self) -> Mapping[str, Any]:
+    def settings(self) -> Mapping[str, float]:
         """All numbers."""
         return {**asdict(self.masac.settings), **asdict(self.schedule)}
 
@@ -125,7 +125,7 @@ class MasacLearner:
             last.masac, m.agents, last.awake(), observed=m.observed, seed=seed, settings=m.settings
         )
 
-    def state(self) -> Mapping[str, Any]:
+    def state(self) -> State:
         """Return networks, optimisers, buffer, counters, random numbers."""
         return {
             "masac": self.masac.state(),
@@ -135,7 +135,7 @@ class MasacLearner:
             "counters": (self._lived, self._due, self._updates),
         }
 
-    def set_state(self, state: Mapping[str, Any]) -> None:
+    def set_state(self, state: State) -> None:
         """Go on from there."""
         try:
             self.masac.set_state(state["masac"])
@@ -147,7 +147,7 @@ class MasacLearner:
             raise unfit(error) from error
 
 
-def _philox(random: np.random.Generator) -> dict[str, Any]:
+def _philox(random: np.random.Generator) -> dict[str, list[int]]:
     """Return a generator's state as plain integers."""
     state = random.bit_generator.state
     inner = state["state"]
@@ -159,7 +159,7 @@ def _philox(random: np.random.Generator) -> dict[str, Any]:
     }
 
 
-def _set_philox(random: np.random.Generator, kept: Mapping[str, Any]) -> None:
+def _set_philox(random: np.random.Generator, kept: Mapping[str, list[int]]) -> None:
     pos, has, word = kept["rest"]
     random.bit_generator.state = {
         "bit_generator": "Philox",

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import fields
-from typing import Any, final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.learn.algorithms.replay_buffer import Transitions
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.learn.algorithms.checkpoint import State
 
 __all__ = ["NStep"]
 
@@ -48,12 +51,12 @@ class NStep:
         self._kept.pop(0)
         return Transitions(first.observation, first.action, reward, after, 1.0 - left)
 
-    def state(self) -> list[dict[str, Any]]:
+    def state(self) -> list[dict[str, object]]:
         """Return the steps that wait for their rewards."""
         names = [f.name for f in fields(Transitions)]
         return [{**{k: getattr(t, k) for k in names}, "over": over} for t, over in self._kept]
 
-    def set_state(self, state: list[Mapping[str, Any]]) -> None:
+    def set_state(self, state: Sequence[State]) -> None:
         """Go on from there."""
         self._kept = [
             (Transitions(**{k: v for k, v in row.items() if k != "over"}), row["over"])

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, Self, final
+from typing import Self, final
 
 import numpy as np
 import torch
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.learn.algorithms.checkpoint import unfit
+from uuvsim_cosim.learn.algorithms.checkpoint import State, unfit
 from uuvsim_cosim.learn.algorithms.gradients import check_gradients, clip_by_network
 from uuvsim_cosim.learn.algorithms.replay_buffer import Transitions
 from uuvsim_cosim.learn.algorithms.stacked import StackedMLP
@@ -94,7 +94,7 @@ class PpoLearner:
         return "mappo" if self.central else "ippo"
 
     @property
-    def settings(self) -> Mapping[str, Any]:
+    def settings(self) -> Mapping[str, float]:
         """All numbers."""
         return asdict(self.given)
 
@@ -217,7 +217,7 @@ class PpoLearner:
         with torch.no_grad():
             self.log_std.copy_(last.log_std[nets])
 
-    def state(self) -> Mapping[str, Any]:
+    def state(self) -> State:
         """Return networks, optimiser, what is kept, random numbers."""
         kept = {k: np.stack([row[k] for row in self._kept]) for k in (self._kept or [{}])[0]}
         return {
@@ -230,7 +230,7 @@ class PpoLearner:
             "kept": kept,
         }
 
-    def set_state(self, state: Mapping[str, Any]) -> None:
+    def set_state(self, state: State) -> None:
         """Go on from there."""
         try:
             self.actor.load_state_dict(state["actor"])

@@ -71,7 +71,7 @@ def algorithm_for(name: str | None, agents: int) -> Algorithm:
 
 def learner_of(
     algorithm: Algorithm,
-    settings: Mapping[str, Any],
+    settings: Mapping[str, object],
     *,
     agents: int,
     observed: int,
@@ -102,14 +102,14 @@ def learner_of(
     return makers.make(agents, observed, acted, n, seed, made)
 
 
-def check_settings(algorithm: Algorithm, settings: Mapping[str, Any]) -> dict[str, Any]:
+def check_settings(algorithm: Algorithm, settings: Mapping[str, object]) -> dict[str, float]:
     """Return settings as what they are; raises InputInvalid for unknown ones and wrong values."""
     makers = _makers(algorithm.name)
-    hints: dict[str, Any] = {}
+    hints: dict[str, type] = {}
     for kind in makers.settings:
         hints |= {k: v for k, v in get_type_hints(kind).items() if k not in makers.fixed}
-    given = dict(settings)
-    for name, value in given.items():
+    given = {}
+    for name, value in settings.items():
         if name not in hints:
             raise InputInvalid(
                 f"{algorithm.name}, setting {name!r}; expected {expected_names(name, hints)}"
@@ -118,17 +118,17 @@ def check_settings(algorithm: Algorithm, settings: Mapping[str, Any]) -> dict[st
     return given
 
 
-def default_settings(name: str) -> dict[str, Any]:
+def default_settings(name: str) -> dict[str, float]:
     """Return the defaults of all settings of an algorithm."""
     makers = _makers(name)
-    given = {f.name: f.default for kind in makers.settings for f in fields(kind)}
+    given: dict[str, Any] = {f.name: f.default for kind in makers.settings for f in fields(kind)}
     return {**given, **makers.fixed}
 
 
 @dataclass(frozen=True)
 class _Makers:
-    settings: tuple[Any, ...]  # dataclasses
-    fixed: Mapping[str, Any]  # what the algorithm's name says
+    settings: tuple[type[Any], ...]  # dataclasses
+    fixed: Mapping[str, bool]  # settings that the algorithm's name decides
     make: Callable[..., Learner]
 
 
@@ -185,7 +185,7 @@ _LIMITS = {  # of numbers that cannot be anything: (least, greatest); else posit
 _MAY_BE_0 = ("warm_up", "critic_only", "epsilon_steps")
 
 
-def _checked(algorithm: str, name: str, value: Any, kind: type) -> Any:
+def _checked(algorithm: str, name: str, value: Any, kind: type) -> float:
     """Return a setting as what it is; raises InputInvalid with what was expected."""
     place = f"{algorithm}, {name} {value!r}"
     if kind is bool:

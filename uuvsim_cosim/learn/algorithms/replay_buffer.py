@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any, final
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.task.symmetry import Symmetry
 from uuvsim_cosim.errors import InputInvalid
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.learn.algorithms.checkpoint import State
 
 __all__ = ["Replay", "Transitions", "seen_by"]
 
@@ -80,7 +83,7 @@ class Replay:
         kept = {name: rows[: self.count].copy() for name, rows in self._rows.items()}
         return {**kept, "next": self._next}
 
-    def set_state(self, state: Mapping[str, Any]) -> None:
+    def set_state(self, state: State) -> None:
         """Go on with what `state` gave."""
         self.count, self._next = len(state["reward"]), int(state["next"])
         for name, rows in self._rows.items():

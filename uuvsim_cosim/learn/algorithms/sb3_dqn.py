@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.algorithms.action_grid import action_grid
-from uuvsim_cosim.learn.algorithms.checkpoint import unfit
+from uuvsim_cosim.learn.algorithms.checkpoint import State, unfit
 from uuvsim_cosim.learn.algorithms.dqn import DqnSettings
 from uuvsim_cosim.learn.algorithms.replay_buffer import Transitions
 from uuvsim_cosim.learn.algorithms.sb3_parts import (
@@ -65,7 +65,7 @@ class Sb3Dqn:
         self._chosen: NDArray[np.int64] | None = None
 
     @property
-    def settings(self) -> Mapping[str, Any]:
+    def settings(self) -> Mapping[str, float]:
         """All numbers."""
         return asdict(self.given)
 
@@ -120,7 +120,7 @@ class Sb3Dqn:
         """Return the network, and the grid whose row of greatest value it chooses."""
         return "grid", {**layers([self.model.q_net.q_net]), "grid": self.grid}
 
-    def state(self) -> Mapping[str, Any]:
+    def state(self) -> State:
         """Return networks, optimiser, buffer, counters, random numbers."""
         buffer: Any = self.model.replay_buffer
         count = buffer.buffer_size if buffer.full else buffer.pos
@@ -132,7 +132,7 @@ class Sb3Dqn:
             "random": self._randomness.state(),
         }
 
-    def set_state(self, state: Mapping[str, Any]) -> None:
+    def set_state(self, state: State) -> None:
         """Go on from there."""
         try:
             set_networks(self.model, state)

@@ -7,9 +7,8 @@ stable-baselines3 draws comes from generators of its own, so a training goes on 
 from __future__ import annotations
 
 import random
-from collections.abc import Mapping
 from types import TracebackType
-from typing import Any, final
+from typing import TYPE_CHECKING, Any, TypeVar, final
 
 import gymnasium
 import numpy as np
@@ -19,9 +18,15 @@ from torch import nn
 
 from uuvsim_cosim.learn.shared.errors import LearningDiverged
 
+if TYPE_CHECKING:
+    from stable_baselines3.common.base_class import BaseAlgorithm
+
+    from uuvsim_cosim.learn.algorithms.checkpoint import State
+
 __all__ = ["Randomness", "layers", "networks", "set_networks", "set_up", "told_of"]
 
 Array = NDArray[np.float32]
+Model = TypeVar("Model", bound="BaseAlgorithm")
 
 
 @final
@@ -51,19 +56,19 @@ class Randomness:
         np.random.set_state(self._outer[1])  # noqa: NPY002
         random.setstate(self._outer[2])
 
-    def state(self) -> dict[str, Any]:
+    def state(self) -> dict[str, object]:
         """Return them as plain numbers."""
         words = np.asarray(self._numpy[1], np.int64)
         return {"torch": self._torch, "words": words, "rest": list(self._numpy[2:])}
 
-    def set_state(self, state: Mapping[str, Any]) -> None:
+    def set_state(self, state: State) -> None:
         """Go on from there."""
         self._torch = state["torch"]
         place, has, cached = state["rest"]
         self._numpy = ("MT19937", state["words"].astype(np.uint32), place, has, cached)
 
 
-def set_up(model: Any, observed: int, actions: gymnasium.Space[Any], n: int) -> Any:
+def set_up(model: Model, observed: int, actions: gymnasium.Space[Any], n: int) -> Model:
     """Make a model's networks and buffers for spaces, as its own `load` does."""
     model.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (observed,), np.float32)
     model.action_space, model.n_envs = actions, n
@@ -74,7 +79,7 @@ def set_up(model: Any, observed: int, actions: gymnasium.Space[Any], n: int) -> 
     return model
 
 
-def told_of(model: Any, name: str) -> dict[str, float]:
+def told_of(model: BaseAlgorithm, name: str) -> dict[str, float]:
     """Return what was logged; raises LearningDiverged for what is no number."""
     logged = model.logger.name_to_value
     told = {
@@ -102,13 +107,13 @@ def layers(parts: list[nn.Module]) -> dict[str, Array]:
     }
 
 
-def networks(model: Any) -> dict[str, Any]:
+def networks(model: BaseAlgorithm) -> dict[str, object]:
     """Return networks and optimiser."""
     policy = model.policy
     return {"policy": policy.state_dict(), "adam": policy.optimizer.state_dict()}
 
 
-def set_networks(model: Any, state: Mapping[str, Any]) -> None:
+def set_networks(model: BaseAlgorithm, state: State) -> None:
     """Go on with them."""
     model.policy.load_state_dict(state["policy"])
     model.policy.optimizer.load_state_dict(state["adam"])

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from torch import nn
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.learn.algorithms.checkpoint import unfit
+from uuvsim_cosim.learn.algorithms.checkpoint import State, unfit
 from uuvsim_cosim.learn.algorithms.ppo import PpoSettings
 from uuvsim_cosim.learn.algorithms.replay_buffer import Transitions
 from uuvsim_cosim.learn.algorithms.sb3_parts import (
@@ -66,10 +66,10 @@ class Sb3Ppo:
             )  # fmt: skip
         self._policy: Any = self.model.policy
         self._starts = np.ones(n, bool)
-        self._drawn: tuple[Any, Any, Any] | None = None
+        self._drawn: tuple[Array, torch.Tensor, torch.Tensor] | None = None
 
     @property
-    def settings(self) -> Mapping[str, Any]:
+    def settings(self) -> Mapping[str, float]:
         """All numbers."""
         return asdict(self.given)
 
@@ -112,7 +112,7 @@ class Sb3Ppo:
         """Return the actor's mean, to be cut to [-1, 1]."""
         return "clip", layers([self._policy.mlp_extractor.policy_net, self._policy.action_net])
 
-    def state(self) -> Mapping[str, Any]:
+    def state(self) -> State:
         """Return networks, optimiser, what is kept, random numbers."""
         buffer = self.model.rollout_buffer
         return {
@@ -122,7 +122,7 @@ class Sb3Ppo:
             "random": self._randomness.state(),
         }
 
-    def set_state(self, state: Mapping[str, Any]) -> None:
+    def set_state(self, state: State) -> None:
         """Go on from there."""
         try:
             set_networks(self.model, state)

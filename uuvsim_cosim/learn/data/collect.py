@@ -5,18 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.task.task import Task, TeamTask
+from uuvsim_cosim.envs.tasks import scripted
 from uuvsim_cosim.envs.tasks.scripted import scripted_policy
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.data.dataset import Dataset, Episode
 from uuvsim_cosim.learn.policies.policy import Named, Policy
 from uuvsim_cosim.learn.policies.sequence_runner import begin
 from uuvsim_cosim.learn.shared.task_ids import make_task
+from uuvsim_cosim.learn.training.agents import agents_of
 from uuvsim_cosim.learn.training.loading import acting_in, load_policies, random_policy
 from uuvsim_cosim.learn.training.rollout import Rollout
 
@@ -39,7 +41,7 @@ def collect(
     policy: str | Path = "scripted",
     episodes: int = 100,
     *,
-    options: Mapping[str, Any] | None = None,
+    options: Mapping[str, object] | None = None,
     seed: int = COLLECTING_SEED,
     cluster: Cluster | None = None,
 ) -> Dataset:
@@ -77,7 +79,7 @@ class _Part:
     """So many episodes side by side; what comes of them follows from this alone."""
 
     name: str
-    options: Mapping[str, Any]
+    options: Mapping[str, object]
     acts: str | tuple[Policy, ...]
     seed: int
     first: int
@@ -128,19 +130,19 @@ def _lived(rollout: Rollout, acts: Act, numbers: NDArray[np.intp]) -> list[Episo
     ]
 
 
-def _acts(task: Task | TeamTask, part: _Part) -> tuple[Act, list[Any]]:
+def _acts(task: Task | TeamTask, part: _Part) -> tuple[Act, list[scripted.Policy]]:
     """Return how all agents act, and the policies that it is made of."""
     policy = part.acts
     drawn = part.seed if part.first == 0 else [part.seed, part.first]
     random = np.random.default_rng(drawn)
-    given: Any
+    given: scripted.Policies
     if policy in ("scripted", "mixed"):
         given = scripted_policy(task)
     elif policy == "random":
         given = random_policy(task, drawn)
     else:
         given = acting_in(task, [p for p in policy if isinstance(p, Policy)], part.name)
-    parts = [given[a] for a in task.agents] if isinstance(task, TeamTask) else [given]
+    parts = [given[a] for a in agents_of(task)] if isinstance(given, Mapping) else [given]
 
     def act(observation: Array, numbers: NDArray[np.intp]) -> Array:
         columns = [p(observation[:, j]) for j, p in enumerate(parts)]

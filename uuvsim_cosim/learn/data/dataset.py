@@ -55,7 +55,7 @@ class Dataset:
     observation: tuple[Named, ...]
     action: tuple[Named, ...]
     task: str
-    options: Mapping[str, Any] = field(default_factory=dict)
+    options: Mapping[str, object] = field(default_factory=dict)
     told: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -102,7 +102,7 @@ def read_minari(path: Path) -> Dataset:
     return made
 
 
-def _named(space: Any, what: str, about: dict[str, Any], path: Path) -> tuple[Named, ...]:
+def _named(space: object, what: str, about: dict[str, Any], path: Path) -> tuple[Named, ...]:
     from gymnasium.spaces import Box
 
     if not isinstance(space, Box) or len(space.shape) != 1 or space.dtype.kind != "f":

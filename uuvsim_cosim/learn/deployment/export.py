@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.policies.policy import Array, Named, Policy
 from uuvsim_cosim.learn.policies.sequence_runner import SequenceRunner
 from uuvsim_cosim.learn.training.loading import load_policies, policy_path
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.models.declaration.model import Model
 
 __all__ = [
     "ENDINGS",
@@ -64,7 +67,7 @@ def export_policy(
     return write(policy, out)
 
 
-def policy_model(policy: Policy, *, plain: bool = False) -> Any:
+def policy_model(policy: Policy, *, plain: bool = False) -> Model:
     """Declare a policy as a component; its actions are in the units of the task's inputs.
 
     With `plain` they are in [-1, 1]. Raises InputInvalid as `in_units` does.
@@ -96,7 +99,7 @@ def sequential(policy: Policy) -> dict[str, Array]:
     return given | {k: v for k, v in policy.tensors.items() if k == "grid"}
 
 
-def tracking_settings(policy: Policy) -> Mapping[str, Any] | None:
+def tracking_settings(policy: Policy) -> Mapping[str, object] | None:
     """Return what target tracking's observation is made with; None for another task."""
     task = _task(policy)
     if task is None or not hasattr(task, "slots"):

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.errors import InputInvalid
@@ -20,6 +21,7 @@ from uuvsim_cosim.learn.policies.policy import Policy
 __all__ = ["write_onnx"]
 
 OPSET = 17
+Port = tuple[str, int, list[object]]  # name, element type, shape
 
 
 def write_onnx(policy: Policy, out: Path) -> list[Path]:
@@ -45,8 +47,8 @@ def write_onnx(policy: Policy, out: Path) -> list[Path]:
 def _model(onnx: Any, policy: Policy) -> Any:
     make, number, count = onnx.helper, onnx.TensorProto.FLOAT, onnx.TensorProto.INT64
     graph, told = _Graph(make), {"task": policy.task}
-    takes: list[Any] = [("observation", number, ["n", len(policy.observation)])]
-    gives: list[Any] = [("action", number, ["n", len(policy.action)])]
+    takes: list[Port] = [("observation", number, ["n", len(policy.observation)])]
+    gives: list[Port] = [("action", number, ["n", len(policy.action)])]
     if policy.kind == "sequence":
         _sequence(graph, policy)
         width = 1 + len(policy.observation) + len(policy.action)
@@ -79,17 +81,17 @@ class _Graph:
     """Nodes and constants as they are written; a call appends a node and names what it gives."""
 
     def __init__(self, make: Any) -> None:
-        self.make, self.nodes = make, list[Any]()
-        self.constants: dict[str, Any] = {}
+        self.make, self.nodes = make, list[object]()
+        self.constants: dict[str, NDArray[np.generic]] = {}
 
-    def __call__(self, kind: str, *of: Any, out: str = "", **attributes: Any) -> str:
+    def __call__(self, kind: str, *of: object, out: str = "", **attributes: object) -> str:
         """Append a node of names, arrays and whole numbers."""
         name = out or f"x{len(self.nodes)}"
         names = [x if isinstance(x, str) else self.constant(np.asarray(x)) for x in of]
         self.nodes.append(self.make.make_node(kind, names, [name], **attributes))
         return name
 
-    def constant(self, value: Any, name: str = "") -> str:
+    def constant(self, value: object, name: str = "") -> str:
         """Keep an array, and give its name."""
         name = name or f"c{len(self.constants)}"
         self.constants[name] = np.array(value, order="C")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import torch
@@ -76,7 +75,7 @@ def descend(algorithm: str, name: str, adam: torch.optim.Optimizer, loss: Tensor
 
 
 def policy_of(
-    data: Dataset, kind: Kind, tensors: Mapping[str, Array], settings: Mapping[str, Any]
+    data: Dataset, kind: Kind, tensors: Mapping[str, Array], settings: Mapping[str, object]
 ) -> Policy:
     """Return a policy of each agent of the dataset's task."""
     return Policy(kind, tensors, data.observation, data.action, data.task, options=data.options,

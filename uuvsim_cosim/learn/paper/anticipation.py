@@ -10,7 +10,7 @@ velocity. The policy inside gets an observation as it was trained on, of the tim
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +38,7 @@ class Anticipating:
 
     def __init__(
         self,
-        act: Callable[[NDArray[Any]], Array],
+        act: Callable[[NDArray[np.generic]], Array],
         seen_late: float,
         acted_late: float,
         *,
@@ -68,7 +68,7 @@ class Anticipating:
         if begin is not None:
             begin()
 
-    def __call__(self, observation: NDArray[Any]) -> Array:
+    def __call__(self, observation: NDArray[np.generic]) -> Array:
         """Act on observations (n, width), one action after those before."""
         o = np.array(observation, float)
         if o.ndim != 2 or o.shape[1] != len(self.limits):

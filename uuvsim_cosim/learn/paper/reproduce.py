@@ -10,7 +10,7 @@ import json
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.learn.paper.results import Key, is_kept, keep
@@ -95,7 +95,7 @@ def reproduce_one(
         if begins is not None:
             begins(f"{stage.task}, {chain.way}, seed {seed}")
 
-    def kept(k: int, folder: Path, about: Mapping[str, Any]) -> None:
+    def kept(k: int, folder: Path, about: Mapping[str, object]) -> None:
         if not is_kept(results, wanted[k]):
             keep(results, wanted[k], folder, about, episodes=episodes)
             ran.append(wanted[k])
@@ -110,7 +110,7 @@ def reproduce_one(
 def _train(
     chain: Chain, budget: Budget, seed: int, place: Path,
     observers: tuple[TrainingObserver, ...], interrupted: Callable[[], bool] | None,
-    told: Callable[[int, Stage], None], kept: Callable[[int, Path, Mapping[str, Any]], None],
+    told: Callable[[int, Stage], None], kept: Callable[[int, Path, Mapping[str, object]], None],
 ) -> None:  # fmt: skip
     """Train a chain; `kept` is given the folder of each scenario as it ends, and what it is."""
     first = first_of(seed)

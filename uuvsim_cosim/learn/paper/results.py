@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from uuvsim_cosim._version import __version__
 from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.envs.task.task import TeamTask
+from uuvsim_cosim.envs.tasks import scripted
 from uuvsim_cosim.envs.tasks.evaluation import evaluate
 from uuvsim_cosim.envs.tasks.scripted import scripted_policy
 from uuvsim_cosim.errors import InputInvalid
@@ -60,16 +61,16 @@ def keep(
     task = make_task(about["task"], about["options"])
     policies = load_policies(folder)
     acts = acting_in(task, policies, about["task"])
-    scripted = scripted_policy(task)
+    teacher = scripted_policy(task)
     judged = evaluate(task, acts, episodes, seed=JUDGING_SEED)
-    yardstick = evaluate(task, scripted, episodes, seed=JUDGING_SEED)
+    yardstick = evaluate(task, teacher, episodes, seed=JUDGING_SEED)
     stem = results / key.stem
     stem.parent.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(folder / "evaluations.csv", stem.with_name(f"{stem.name}.csv"))
     for policy in _distinct(policies) if key.seed == 0 else ():
         name = f"{stem.name}{f'.{policy.agent}' if policy.agent else ''}.npz"
         replace(policy, options=dict(about["options"])).save(stem.with_name(name))
-    if isinstance(task, TeamTask):
+    if isinstance(task, TeamTask) and isinstance(acts, Mapping):
         _write_episode(stem.with_name(f"{stem.name}.episode.csv"), task, acts)
     content = {
         "uuvsim_result": 1,
@@ -132,7 +133,7 @@ def _distinct(policies: list[Policy]) -> Iterable[Policy]:
     return [replace(first, agent="")] if same else policies
 
 
-def _write_episode(path: Path, task: TeamTask, acts: Mapping[str, Any]) -> None:
+def _write_episode(path: Path, task: TeamTask, acts: Mapping[str, scripted.Policy]) -> None:
     """Write the first of the judged episodes: the state (5) after each action."""
     from uuvsim_cosim.envs.team_vector import CosimTeamVectorEnv
 

@@ -55,7 +55,7 @@ def begun(work: Path, budget: Budget, chain: Chain, seed: int) -> Path:
 
 def _alike(
     plan: Curriculum, about: Mapping[str, Any], other: Path
-) -> tuple[int, list[dict[str, Any]]]:
+) -> tuple[int, list[dict[str, object]]]:
     """Return how many of another's first stages can be used, and its record of those done here.
 
     The last may be one that goes on here for more steps.
@@ -87,7 +87,7 @@ def _goes_on(mine: Mapping[str, Any], its: Mapping[str, Any], every: int) -> boo
     )
 
 
-def _copy(source: Path, place: Path, names: list[str], content: Mapping[str, Any]) -> None:
+def _copy(source: Path, place: Path, names: list[str], content: Mapping[str, object]) -> None:
     """Make the folder, whole or not at all."""
     new = place.with_name(f"{place.name}.new")
     shutil.rmtree(new, ignore_errors=True)

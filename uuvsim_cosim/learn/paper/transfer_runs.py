@@ -12,7 +12,7 @@ import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,7 +55,7 @@ class Way:
     name: str
     words: str
     task: str = "transition_1"
-    options: Mapping[str, Any] = field(default_factory=dict)
+    options: Mapping[str, object] = field(default_factory=dict)
     steps: int = 0  # of environments, where it lives in the task
     algorithm: str = ""  # "sac", or one that learns offline
 
@@ -78,7 +78,7 @@ class Condition:
     """Where policies are judged; `options` are the task's."""
 
     words: str
-    options: Mapping[str, Any]
+    options: Mapping[str, float]
     task: str = "disturbed"
 
     @property
@@ -266,7 +266,7 @@ def _from_data(
     from uuvsim_cosim.learn.data.collect import collect
     from uuvsim_cosim.learn.offline.offline import train_offline
 
-    def told(*_: Any) -> None:
+    def told(*_: object) -> None:
         if interrupted is not None and interrupted():
             raise KeyboardInterrupt
 
@@ -287,7 +287,7 @@ def _from_data(
 
 def _judged(
     policies: list[Policy], condition: Condition, how: str, episodes: int
-) -> dict[str, Any] | None:
+) -> dict[str, object] | None:
     """Judge under a condition; None, where there is nothing to anticipate."""
     options = dict(condition.options)
     anticipated = how == "anticipated"
@@ -297,13 +297,13 @@ def _judged(
         return None
     task = make_task(condition.task, options)
     assert isinstance(task, TeamTask)
-    acts: Any = acting_in(task, policies, condition.task) if policies else scripted_policy(task)
-    if anticipated and condition.task != "pool_tracking":
+    acts = acting_in(task, policies, condition.task) if policies else scripted_policy(task)
+    if anticipated and condition.task != "pool_tracking" and isinstance(acts, Mapping):
         acts = {agent: Anticipating(act, *condition.late) for agent, act in acts.items()}
     return _kept(evaluate(task, acts, episodes, seed=JUDGING_SEED))
 
 
-def _kept(e: Evaluation) -> dict[str, Any]:
+def _kept(e: Evaluation) -> dict[str, object]:
     summary = e.summary()
     return {
         "return": [float(f"{x:.4g}") for x in e.returns],

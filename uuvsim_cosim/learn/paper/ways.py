@@ -42,11 +42,11 @@ class Budget:
     envs: int
     steps: Mapping[str, int]
     evaluate_every: Mapping[str, int]  # environment steps
-    settings: Mapping[str, Any] = field(default_factory=dict)  # of MASAC and SAC
+    settings: Mapping[str, object] = field(default_factory=dict)  # of MASAC and SAC
     options: Mapping[str, Any] = field(default_factory=dict)  # of the tasks
-    alone: Mapping[str, Any] = field(default_factory=dict)  # settings where there is one tracker
-    of: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # settings, by scenario
-    under: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # rules to learn under
+    alone: Mapping[str, object] = field(default_factory=dict)  # settings where there is one tracker
+    of: Mapping[str, Mapping[str, object]] = field(default_factory=dict)  # settings, by scenario
+    under: Mapping[str, Mapping[str, object]] = field(default_factory=dict)  # rules to learn under
 
     def episodes(self, scenario: str) -> int:
         """Return the episodes of 50 actions that its steps are."""
@@ -96,7 +96,7 @@ class Chain:
     schooling: Literal["stt", "scratch"]
     algorithm: str
     scenarios: tuple[str, ...]
-    options: Mapping[str, Any] = field(default_factory=dict)
+    options: Mapping[str, object] = field(default_factory=dict)
     label: str = ""  # says what is particular
     trackers: int | None = None  # where a team tracks, instead of two
 
@@ -139,7 +139,7 @@ def scenarios_of(chain: Chain, budget: Budget) -> tuple[str, ...]:
     return tuple(s for s in chain.scenarios if s in budget.steps)
 
 
-def options_of(chain: Chain, scenario: str) -> dict[str, Any]:
+def options_of(chain: Chain, scenario: str) -> dict[str, object]:
     """Return what a way says of the task; the rest is the budget's."""
     options = dict(chain.options)
     if chain.trackers is not None and _task(scenario) in ("transition_2", "target"):
@@ -185,7 +185,7 @@ def plan_of(chain: Chain, budget: Budget) -> Curriculum | dict[str, Any]:
 def _stage(chain: Chain, budget: Budget, scenario: str) -> Stage:
     options, under = options_of(chain, scenario), budget.under.get(scenario)
     alone = scenario in ("source", "transition_1") or options.get("n_trackers") == 1
-    settings: dict[str, Any] = {}
+    settings: dict[str, object] = {}
     if chain.algorithm in TUNED:
         settings = {**(budget.alone if alone else {}), **budget.of.get(scenario, {})}
     if under:

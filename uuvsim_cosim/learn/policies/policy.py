@@ -54,7 +54,7 @@ class Policy:
     observation: tuple[Named, ...]
     action: tuple[Named, ...]
     task: str
-    options: Mapping[str, Any] = field(default_factory=dict)
+    options: Mapping[str, object] = field(default_factory=dict)
     activation: Literal["relu", "tanh"] = "relu"
     agent: str = ""
     settings: Mapping[str, Any] = field(default_factory=dict)
@@ -98,7 +98,7 @@ class Policy:
         """The number of layers."""
         return sum(name.endswith(".weight") and name[:-7].isdigit() for name in self.tensors)
 
-    def __call__(self, observation: NDArray[Any]) -> NDArray[np.float64]:
+    def __call__(self, observation: NDArray[np.generic]) -> NDArray[np.float64]:
         """Act without noise; raises InputInvalid for "sequence", which needs a history."""
         if self.kind == "sequence":
             raise InputInvalid("policy: a transformer acts on a history; expected its runner")
@@ -115,7 +115,7 @@ class Policy:
             x = np.tanh(x)
         return np.asarray(np.clip(x, -1.0, 1.0), np.float64)
 
-    def told(self, **trained: Any) -> Policy:
+    def told(self, **trained: object) -> Policy:
         """Return the same policy, with more to tell of where it comes from."""
         return replace(self, trained={**self.trained, **trained})
 
@@ -175,6 +175,6 @@ def network(
     return np.asarray(x, np.float32)
 
 
-def names_of(names: Sequence[str], low: NDArray[Any], high: NDArray[Any]) -> tuple[Named, ...]:
+def names_of(names: Sequence[str], low: Array, high: Array) -> tuple[Named, ...]:
     """Pair names with limits."""
     return tuple(Named(n, float(a), float(b)) for n, a, b in zip(names, low, high, strict=True))

@@ -33,8 +33,8 @@ class TrainingConfig:
     envs: int = 64  # environments side by side
     steps: int = 96_000  # environment steps, of all of them together
     profile: str = "default"
-    task_options: Mapping[str, Any] = field(default_factory=dict)
-    settings: Mapping[str, Any] = field(default_factory=dict)
+    task_options: Mapping[str, object] = field(default_factory=dict)
+    settings: Mapping[str, object] = field(default_factory=dict)
     evaluate_every: int = 6_400  # environment steps
     evaluation_episodes: int = 100
     checkpoint_every: int | None = None  # environment steps; as often as it is evaluated
@@ -57,13 +57,13 @@ class TrainingConfig:
         return replace(self, **changes)
 
     def plain(self) -> dict[str, Any]:
-        """Return it as JSON and YAML know it."""
+        """Return the fields as values of JSON and YAML."""
         return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
 
 
-def problems_of(config: TrainingConfig) -> list[tuple[str, Any, str]]:
+def problems_of(config: TrainingConfig) -> list[tuple[str, object, str]]:
     """Return (field, value, what was expected) of each that cannot be."""
-    found: list[tuple[str, Any, str]] = []
+    found: list[tuple[str, object, str]] = []
     if not isinstance(config.task, str) or (config.task not in TASKS and ":" not in config.task):
         found.append(("task", config.task, f"expected {expected_names(config.task, TASKS)}"))
     if config.algorithm is not None and config.algorithm not in ALGORITHMS:
@@ -128,7 +128,9 @@ def read_config(path: str | Path, **changes: Any) -> TrainingConfig:
     return TrainingConfig(**{**given, **changes}).changed(**added)
 
 
-def _check_settings(text: YamlText, given: Mapping[str, Any], changes: Mapping[str, Any]) -> None:
+def _check_settings(
+    text: YamlText, given: Mapping[str, object], changes: Mapping[str, object]
+) -> None:
     """Note settings that the algorithm does not have, or that cannot be, with their lines."""
     from uuvsim_cosim.learn.algorithms.registry import check_settings
 
@@ -143,7 +145,7 @@ def _check_settings(text: YamlText, given: Mapping[str, Any], changes: Mapping[s
             text.wrong(["settings", key], str(error))
 
 
-def merged(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
+def merged(old: Mapping[str, object], new: Mapping[str, object]) -> dict[str, object]:
     """Return both, mappings inside them as well."""
     both = dict(old)
     for key, value in new.items():

@@ -37,8 +37,8 @@ class Stage:
 
     task: str  # a name of TASKS, or "package.module:Name"
     steps: int  # environment steps, of all environments together
-    options: Mapping[str, Any] = field(default_factory=dict)  # the task's own
-    settings: Mapping[str, Any] = field(default_factory=dict)  # how experience becomes updates
+    options: Mapping[str, object] = field(default_factory=dict)  # the task's own
+    settings: Mapping[str, object] = field(default_factory=dict)  # how experience becomes updates
     promotion: Promotion | None = None
     evaluate_every: int | None = None  # environment steps, instead of the curriculum's
 
@@ -50,8 +50,8 @@ class Curriculum:
     name: str
     stages: tuple[Stage, ...]
     algorithm: str = "masac"  # one of TRANSFERS; masac with one agent is sac
-    settings: Mapping[str, Any] = field(default_factory=dict)  # of the algorithm
-    options: Mapping[str, Any] = field(default_factory=dict)  # of every task
+    settings: Mapping[str, object] = field(default_factory=dict)  # of the algorithm
+    options: Mapping[str, object] = field(default_factory=dict)  # of every task
     envs: int = 64
     evaluate_every: int = 6_400  # environment steps
     evaluation_episodes: int = 100
@@ -91,12 +91,12 @@ class Curriculum:
             stages.append(replace(stage, options=options, settings=settings, evaluate_every=every))
         return replace(self, stages=tuple(stages), **changes)
 
-    def plain(self) -> dict[str, Any]:
+    def plain(self) -> dict[str, object]:
         """Return it as JSON knows it."""
         return dict(json.loads(json.dumps(asdict(self))))
 
 
-def _whole(name: str, value: Any) -> None:
+def _whole(name: str, value: object) -> None:
     if not isinstance(value, int) or isinstance(value, bool) or value < 1:
         raise InputInvalid(f"{name} {value!r}; expected a whole number from 1")
 

@@ -102,7 +102,7 @@ def last_done(folder: Path) -> Path:
     return done[-1]
 
 
-def _named(plain: Mapping[str, Any]) -> dict[str, Any]:
+def _named(plain: Mapping[str, Any]) -> dict[str, object]:
     """Return what a curriculum is by name, that of each stage apart."""
     return {k: v for k, v in plain.items() if k != "stages"} | {
         f"stage {k + 1}, {name}": value

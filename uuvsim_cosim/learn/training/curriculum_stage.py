@@ -88,7 +88,7 @@ def learner_for(curriculum: Curriculum, k: int, task: Task | TeamTask, seed: int
     agents = len(agents_of(task))
     observed, acted = widths(task)
     name = "sac" if agents == 1 and curriculum.algorithm == "masac" else curriculum.algorithm
-    made: Any = learner_of(
+    made: object = learner_of(
         algorithm_for(name, agents), settings_of(curriculum, k), agents=agents, observed=observed,
         acted=acted, n=curriculum.envs, seed=seed, symmetries=task.symmetries(),
     )  # fmt: skip
@@ -103,14 +103,14 @@ def spent(about: Path) -> float:
         return 0.0
 
 
-def settings_of(curriculum: Curriculum, k: int) -> dict[str, Any]:
+def settings_of(curriculum: Curriculum, k: int) -> dict[str, object]:
     """Return the settings of stage k; after a switch, without random actions to begin with."""
     before, own = curriculum.settings, curriculum.stages[k].settings
     return {**before, **(_after_a_switch(curriculum.algorithm, {**before, **own}) if k else {}),
             **own}  # fmt: skip
 
 
-def _after_a_switch(algorithm: str, settings: Mapping[str, Any]) -> dict[str, Any]:
+def _after_a_switch(algorithm: str, settings: Mapping[str, object]) -> dict[str, object]:
     """Return what keeps a learner from acting at random again in its next task."""
     if algorithm in ("masac", "isac"):
         return {"warm_up": 0, "critic_only": CRITIC_ONLY}

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from uuvsim_cosim.envs.tasks.evaluation import Evaluation, evaluate
+from uuvsim_cosim.envs.tasks.scripted import Policies
 from uuvsim_cosim.learn.shared.task_ids import make_task
 
 if TYPE_CHECKING:
@@ -22,16 +23,16 @@ AT_ONCE = 256  # episodes side by side: a matrix product's bits follow from its 
 @dataclass(frozen=True)
 class _Part:
     name: str
-    options: Mapping[str, Any]
-    acts: Any
+    options: Mapping[str, object]
+    acts: Policies
     seed: int
     count: int
 
 
 def evaluate_all(
     name: str,
-    options: Mapping[str, Any],
-    policies: Mapping[str, Any],
+    options: Mapping[str, object],
+    policies: Mapping[str, Policies],
     episodes: int,
     seed: int,
     *,

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, final
 
 from uuvsim_cosim.closing import Closing
 
 if TYPE_CHECKING:
+    from torch.utils.tensorboard import SummaryWriter
+
     from uuvsim_cosim.learn.training.training import Progress
 
 __all__ = ["Events"]
@@ -25,7 +27,7 @@ class Events(Closing):
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._writer: Any = None
+        self._writer: SummaryWriter | None = None
         self._last = -1
 
     @staticmethod

@@ -74,7 +74,7 @@ def is_told(about: Path) -> bool:
     return False
 
 
-def tell(about: Path, content: Mapping[str, Any]) -> None:
+def tell(about: Path, content: Mapping[str, object]) -> None:
     """Write whose a folder is, whole or not at all; raises InputInvalid."""
     try:
         about.parent.mkdir(parents=True, exist_ok=True)

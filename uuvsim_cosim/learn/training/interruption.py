@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import signal
 import threading
+from collections.abc import Callable
 from types import FrameType, TracebackType
-from typing import Any, Self, final
+from typing import Self, final
 
 __all__ = ["Interruption", "TrainingInterrupted"]
+
+
+Handler = Callable[[int, FrameType | None], object] | int | None
 
 
 class TrainingInterrupted(KeyboardInterrupt):
@@ -27,7 +31,7 @@ class Interruption:
     """
 
     status = 130
-    _before: dict[int, Any]
+    _before: dict[int, Handler]
 
     def __enter__(self) -> Self:
         """Begin to listen."""

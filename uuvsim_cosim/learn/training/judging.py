@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.task.task import Task, TeamTask
 from uuvsim_cosim.envs.tasks.evaluation import Evaluation, evaluate
-from uuvsim_cosim.envs.tasks.scripted import scripted_policy
+from uuvsim_cosim.envs.tasks.scripted import Policies, scripted_policy
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.training.statistics import Interval, interquartile_mean, interval
 from uuvsim_cosim.learn.training.training_seeds import JUDGING_SEED
@@ -21,7 +20,10 @@ DRAWS = 1000
 
 
 def judge(
-    task: Task | TeamTask, policies: Sequence[Any], episodes: int = 100, seed: int = JUDGING_SEED
+    task: Task | TeamTask,
+    policies: Sequence[Policies],
+    episodes: int = 100,
+    seed: int = JUDGING_SEED,
 ) -> dict[str, Interval]:
     """Return figures of one policy, or of several together: each is run on the same episodes.
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from glob import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +20,13 @@ from uuvsim_cosim.learn.training.agents import agents_of, widths
 from uuvsim_cosim.learn.training.curriculum_folder import ABOUT, last_done
 from uuvsim_cosim.models.declaration.near_names import expected_names
 
+if TYPE_CHECKING:
+    from uuvsim_cosim.envs.tasks import scripted
+    from uuvsim_cosim.envs.tasks.scripted import Policies
+
 __all__ = ["acting_in", "load_policies", "policy_path", "random_policy"]
 
 MARKS = ("-", ".")  # between a file's stem and its agent: of trainings, of kept results
-Act = Callable[[NDArray[Any]], NDArray[np.float64]]
 
 
 def policy_path(given: str | Path) -> Path:
@@ -66,7 +69,7 @@ def load_policies(path: str | Path, which: str = "best") -> list[Policy]:
     raise InputInvalid(f"{path}: holds no policy; expected best.npz, or a policy (.npz)")
 
 
-def acting_in(task: Task | TeamTask, policies: Sequence[Policy], name: str) -> Any:
+def acting_in(task: Task | TeamTask, policies: Sequence[Policy], name: str) -> Policies:
     """Return policies as `evaluate` takes them; raises InputInvalid if they see or do other things.
 
     An agent acts by the policy that is named after it. Only if the policies are those of a whole
@@ -98,18 +101,18 @@ def acting_in(task: Task | TeamTask, policies: Sequence[Policy], name: str) -> A
     }
 
 
-def random_policy(task: Task | TeamTask, seed: int | Sequence[int] = 0) -> Mapping[str, Act] | Act:
+def random_policy(task: Task | TeamTask, seed: int | Sequence[int] = 0) -> Policies:
     """Return what acts at random, uniformly."""
     _, acted = widths(task)
     random = np.random.default_rng(seed)
 
-    def act(observation: NDArray[Any]) -> NDArray[np.float64]:
+    def act(observation: NDArray[np.generic]) -> NDArray[np.float64]:
         return random.uniform(-1.0, 1.0, (len(observation), acted))
 
     return dict.fromkeys(agents_of(task), act) if isinstance(task, TeamTask) else act
 
 
-def _act(policy: Policy) -> Act:
+def _act(policy: Policy) -> scripted.Policy:
     return SequenceRunner(policy) if policy.kind == "sequence" else policy
 
 

@@ -7,22 +7,29 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from uuvsim_cosim.envs.episodes.episodes import AGENT, Episodes
 from uuvsim_cosim.envs.episodes.multi_agent import TeamStage
 from uuvsim_cosim.envs.episodes.single_agent import Stage
+from uuvsim_cosim.envs.episodes.spaces import ActionBox
 from uuvsim_cosim.envs.task.task import Task, TeamTask
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.algorithms.replay_buffer import Transitions
 from uuvsim_cosim.learn.policies.policy import Named
 
+if TYPE_CHECKING:
+    from uuvsim_cosim.learn.algorithms.checkpoint import State
+
 __all__ = ["Ended", "Rollout"]
 
 Array = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+# Rewards (n, N), agents that terminated (n, N), episodes that are over (n,), and the task's infos.
+Outcome = tuple[NDArray[np.float64], Mask, Mask, Mapping[str, NDArray[np.generic]]]
 
 
 @dataclass(frozen=True)
@@ -93,7 +100,7 @@ class Rollout:
                             terminated.astype(np.float32))  # fmt: skip
         return lived, ended
 
-    def state(self) -> dict[str, Any]:
+    def state(self) -> dict[str, NDArray[np.generic]]:
         """Return what the present episodes follow from."""
         episodes = self._world.episodes
         return {
@@ -103,7 +110,7 @@ class Rollout:
             "actions": self._actions[: int(self.steps.max(initial=0))].copy(),
         }
 
-    def set_state(self, state: Mapping[str, Any]) -> None:
+    def set_state(self, state: State) -> None:
         """Live the episodes of `state` again, up to where they were."""
         steps = np.asarray(state["steps"])
         if steps.shape != (self.n,) or state["actions"].shape[1:] != self._actions.shape[1:]:
@@ -178,7 +185,7 @@ class _Team:
         every = np.stack([team.observation[a] for a in self.agents], axis=1)
         return np.where(team.seen[:, :, None], every, np.float32(0))
 
-    def act(self, actions: Array) -> Any:
+    def act(self, actions: Array) -> Outcome:
         team = self._stage.act({a: actions[:, j] for j, a in enumerate(self.agents)})
         return team.reward, team.terminated, team.over, self._stage.info(team.moment)
 
@@ -205,7 +212,7 @@ class _Alone:
     def observe(self) -> Array:
         return self._stage.observe(self.episodes.moment)[:, None]
 
-    def act(self, actions: Array) -> Any:
+    def act(self, actions: Array) -> Outcome:
         m = self._stage.act(actions[:, 0])
         terminated = self._stage.terminated(m)
         over = terminated | self.episodes.over
@@ -217,11 +224,11 @@ class _Alone:
 
 
 def _named(
-    low: Any, high: Any, box: Any, agent: str
+    low: ArrayLike, high: ArrayLike, box: ActionBox, agent: str
 ) -> tuple[tuple[Named, ...], tuple[Named, ...]]:
     seen = tuple(
         Named(f"o[{i + 1}]", float(a), float(b))
-        for i, (a, b) in enumerate(zip(low, high, strict=True))
+        for i, (a, b) in enumerate(zip(np.asarray(low), np.asarray(high), strict=True))
     )
     acts = []
     for i in range(box.width):

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 __all__ = ["taught_nothing"]
 
 BEFORE = ("samples", "warm_up", "batch")  # environment steps without an update
 
 
-def taught_nothing(settings: Mapping[str, Any], steps: int, updates: int | None) -> str | None:
+def taught_nothing(settings: Mapping[str, float], steps: int, updates: int | None) -> str | None:
     """Say why no actor is other than at the start; None, where one is, or `updates` is not known.
 
     `settings` are a learner's, `updates` those that it made in `steps` environment steps.

@@ -154,9 +154,9 @@ def _config(given: TrainingConfig | str | Path, changes: Mapping[str, Any]) -> T
     return TrainingConfig(given, **changes)
 
 
-def _options(config: TrainingConfig) -> dict[str, Any]:
+def _options(config: TrainingConfig) -> dict[str, object]:
     """Return the options that make the task again, with its profile."""
-    given: dict[str, Any] = dict(config.plain()["task_options"])
+    given: dict[str, object] = dict(config.plain()["task_options"])
     return given if config.profile == "default" else {**given, "profile": config.profile}
 
 

@@ -9,12 +9,13 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol, final
+from typing import Protocol, final
 
 import numpy as np
 
 from uuvsim_cosim.envs.task.task import Task, TeamTask
 from uuvsim_cosim.envs.tasks.evaluation import Evaluation, evaluate
+from uuvsim_cosim.envs.tasks.scripted import Policies
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
 from uuvsim_cosim.learn.algorithms.checkpoint import load_checkpoint, save_checkpoint
 from uuvsim_cosim.learn.algorithms.learner import Learner
@@ -61,7 +62,7 @@ class Training:
         learner: Learner,
         *,
         name: str,
-        options: Mapping[str, Any],
+        options: Mapping[str, object],
         n: int,
         seed: int,
         steps: int,
@@ -236,7 +237,7 @@ class Training:
 
     # ---- inside ---------------------------------------------------------------------------
 
-    def _content(self) -> dict[str, Any]:
+    def _content(self) -> dict[str, object]:
         return {
             "task": self.name,
             "options": self.options,
@@ -307,7 +308,7 @@ class Training:
             observer(Progress(self.step, self.steps, self.episodes, row, what))
 
 
-def acting(task: Task | TeamTask, policies: Mapping[str, Policy]) -> Any:
+def acting(task: Task | TeamTask, policies: Mapping[str, Policy]) -> Policies:
     """Return policies as `evaluate` takes them: by agent of a team, else the only one."""
     if isinstance(task, TeamTask):
         return dict(policies)
