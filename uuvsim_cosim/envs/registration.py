@@ -1,4 +1,4 @@
-"""Tasks get ids, so that gymnasium.make and make_vec know them; the latter is CosimVectorEnv."""
+"""Registration of tasks with Gymnasium, for `gymnasium.make` and `gymnasium.make_vec`."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _TASKS = {  # names under uuvsim/, and in uuvsim_cosim.envs.tasks
     "TargetTrackingTransition2-v0": "tracking_scenarios:transition_2",
     "TargetTrackingTarget-v0": "tracking_scenarios:target",
 }
-_OF_MANY = ("threads", "dtype", "processes", "autoreset_mode")  # what make_vector_env has beside
+_OF_MANY = ("threads", "dtype", "processes", "autoreset_mode")  # options of make_vector_env only
 SHIPPED = {f"uuvsim/{id}": f"uuvsim_cosim.envs.tasks.{name}" for id, name in _TASKS.items()}
 
 
@@ -43,8 +43,10 @@ def register(id: str, make_task: str | Callable[..., Task], **options: object) -
     """
     import gymnasium
 
-    if isinstance(make_task, str) and not _is_name(make_task):
-        raise InputInvalid(f"task {make_task!r} of {id}; expected 'package.module:name'")
+    if isinstance(make_task, str):
+        module, colon, name = make_task.partition(":")
+        if not colon or not all(part.isidentifier() for part in (*module.split("."), name)):
+            raise InputInvalid(f"task {make_task!r} of {id}; expected 'package.module:name'")
     here = "uuvsim_cosim.envs.registration"
     gymnasium.register(
         id,
@@ -106,12 +108,13 @@ def make_vector_env(
 def _task(make_task: str | Callable[..., Task], options: dict[str, object]) -> Task:
     from uuvsim_cosim.envs.task.task import TeamTask
 
-    steps = options.pop("max_episode_steps", None)  # make_vec gives what a spec says
+    steps = options.pop("max_episode_steps", None)  # gymnasium.make_vec passes the spec's
     make = _found(make_task) if isinstance(make_task, str) else make_task
-    for name in _OF_MANY:
-        if name in options:
-            raise InputInvalid(f"{name}: is of many environments; expected it in make_vec")
-    refuse_options(f"task {_name(make_task)}", make, options)
+    for option in _OF_MANY:
+        if option in options:
+            raise InputInvalid(f"{option}: is of many environments; expected it in make_vec")
+    name = make_task if isinstance(make_task, str) else getattr(make_task, "__name__", "")
+    refuse_options(f"task {name}", make, options)
     task = make(**options)
     if steps is not None and steps != task.horizon / task.action_step:
         raise InputInvalid("max_episode_steps: is the task's to say; expected horizon= in seconds")
@@ -129,12 +132,3 @@ def _found(name: str) -> Callable[..., Task]:
     except (ImportError, AttributeError) as error:
         raise InputInvalid(f"task {name!r}: {error}; expected 'package.module:name'") from error
     return found
-
-
-def _name(make_task: object) -> str:
-    return make_task if isinstance(make_task, str) else getattr(make_task, "__name__", "")
-
-
-def _is_name(text: str) -> bool:
-    module, colon, own = text.partition(":")
-    return bool(colon) and own.isidentifier() and all(p.isidentifier() for p in module.split("."))

@@ -27,7 +27,7 @@ Observation = NDArray[np.float32]
 
 @final
 class CosimEnv(gymnasium.Env[Observation, NDArray[np.generic]]):
-    """A task in its system, as the fused kernel or, with backend "master", as any components.
+    """A task in its system, run by a fused kernel or, with backend "master", by a master.
 
     Actions are numbers in [-1, 1], those beyond are clipped; they scale to the limits of the
     task's channels. `reset(options={"start": {"hull.eta_0": …}})` sets start values by name.
@@ -108,7 +108,7 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[np.generic]]):
 
     @property
     def spec(self) -> EnvSpec | None:
-        """The spec of gymnasium.make, with the steps of an episode, which ends by itself."""
+        """The spec of gymnasium.make, with the number of steps of an episode."""
         return self._spec
 
     @spec.setter
@@ -121,7 +121,7 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[np.generic]]):
         return float(self._live().episodes.moment.time[0])
 
     def render(self) -> NDArray[np.uint8] | None:
-        """Draw the present moment: an array of pixels, or nothing in a window."""
+        """Draw the present moment; returns pixels, or None where a window shows them."""
         stage = self._live()
         return self._screen.frame(self.task, stage.episodes.moment, 0)
 
@@ -133,7 +133,7 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[np.generic]]):
             stage.episodes.close()
 
     def __getstate__(self) -> dict[str, object]:
-        """Return what makes an equal environment, which goes on with the next episode."""
+        """Return the state of a copy that continues with the next episode."""
         state: dict[str, object] = {
             "made": (self.task, self.render_mode, self.backend),
             "spec": self.spec,
@@ -145,7 +145,7 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[np.generic]]):
         return state
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Make the environment anew; its next call must be reset()."""
+        """Make a new environment; the next call must be reset()."""
         CosimEnv.__init__(self, *state["made"])
         self.spec = state["spec"]
         self._np_random, self._np_random_seed = state["np_random"]

@@ -26,11 +26,12 @@ Observation = NDArray[np.float32]
 
 @final
 class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[np.generic]]):  # type: ignore[misc]
-    """A team's task in its system: agents act at the same time, each on a vehicle of its own.
+    """A team's task in its system: all agents act at the same time, each on its own vehicle.
 
-    `agents` are those that act next. One may come later, and one that has ended is gone until the
-    next reset; an episode is over when nobody is there. The horizon truncates all; a component's
-    failure terminates all, with info["failure"]. Seeds, actions and options are as in `CosimEnv`.
+    `agents` are the agents that act next. An agent may appear later. An agent that has ended does
+    not come back before the next reset, and the episode is over when no agent is present. The
+    horizon truncates all agents; a component's failure terminates all of them, with
+    info["failure"]. Seeds, actions and options are as in `CosimEnv`.
     """
 
     metadata: dict[str, object] = {  # noqa: RUF012  (PettingZoo's own attribute)
@@ -115,7 +116,7 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[np.generic]]):  # t
         return result
 
     def state(self) -> NDArray[np.float32]:
-        """Return the whole as a central critic sees it."""
+        """Return the state for a central critic."""
         return np.asarray(self._live().state()[0])
 
     @property
@@ -124,7 +125,7 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[np.generic]]):  # t
         return float(self._live().episodes.moment.time[0])
 
     def render(self) -> NDArray[np.uint8] | None:
-        """Draw the present moment: an array of pixels, or nothing in a window."""
+        """Draw the present moment; returns pixels, or None where a window shows them."""
         return self._screen.frame(self.task, self._live().now.moment, 0)
 
     def close(self) -> None:
@@ -135,7 +136,7 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[np.generic]]):  # t
             stage.episodes.close()
 
     def __getstate__(self) -> dict[str, object]:
-        """Return what makes an equal environment, which goes on with the next episode."""
+        """Return the state of a copy that continues with the next episode."""
         state: dict[str, object] = {
             "task": self.task,
             "render_mode": self.render_mode,
@@ -147,7 +148,7 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[np.generic]]):  # t
         return state
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Make the environment anew; its next call must be reset()."""
+        """Make a new environment; the next call must be reset()."""
         self.__init__(state["task"], state["render_mode"], state["backend"])
         self.action_spaces, self.observation_spaces = state["spaces"]
         if "counters" in state and self._stage is not None:

@@ -1,4 +1,4 @@
-"""Many teams at once, as arrays with an axis of environments and one of agents: for learners."""
+"""Environments of a team's task as arrays (environments, agents, numbers), for learners."""
 
 from __future__ import annotations
 
@@ -30,11 +30,12 @@ class CosimTeamVectorEnv:
     """A team's task in n = `num_envs` copies of its system, each with N agents.
 
     Row i of seed s is CosimParallelEnv of s + i. Observations are (n, N, d), actions (n, N, a),
-    rewards, terminated and truncated (n, N), `state()` (n, s). `present` (n, N) says who acts
-    next, infos["acted"] whose action led here; who is not there has zeros, and actions for them
-    are ignored. An episode is over when nobody is there; then the row is reset as Gymnasium's
-    autoreset modes say, with infos "final_obs" (n, N, d), "final_state" and "_final_obs" (n,) in
-    SAME_STEP. Refuses agents whose spaces differ.
+    rewards, terminated and truncated (n, N), `state()` (n, s). The mask `present` (n, N) marks the
+    agents that act next, infos["acted"] those whose action led here. The numbers of an absent
+    agent are zero, and its actions are ignored. An episode is over when no agent is present; then
+    the row is reset according to Gymnasium's autoreset mode, with infos "final_obs" (n, N, d),
+    "final_state" and "_final_obs" (n,) in SAME_STEP. Raises InputInvalid for agents whose spaces
+    differ.
     """
 
     def __init__(
@@ -81,11 +82,11 @@ class CosimTeamVectorEnv:
 
     @property
     def present(self) -> NDArray[np.bool_]:
-        """Say who acts next, of shape (n, N)."""
+        """The mask of the agents that act next, of shape (n, N)."""
         return self._live().now.present.copy()
 
     def state(self) -> NDArray[np.float32]:
-        """Return the central states, of shape (n, s)."""
+        """Return the states for a central critic, of shape (n, s)."""
         return self._live().state()
 
     def reset(
@@ -179,7 +180,7 @@ class CosimTeamVectorEnv:
 
 
 def _observations(stage: TeamStage, team: TeamMoment) -> NDArray[np.float32]:
-    """Return the observations of those who are told, of shape (n, N, d); zeros of the others."""
+    """Return observations (n, N, d): zeros for agents that did not act and are not present."""
     every = np.stack([team.observation[a] for a in stage.agents], axis=1)
     return np.where(team.seen[:, :, None], every, np.float32(0))
 

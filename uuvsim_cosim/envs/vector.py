@@ -102,9 +102,9 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, object] | None = None,
     ) -> tuple[Observations, dict[str, Any]]:
-        """Begin episode 0 of seeds, or without any the next episodes of the same seeds.
+        """Begin episode 0 of the seeds, or without seeds the next episodes of the same ones.
 
-        A seed s stands for s, s + 1, …; a list gives each its own.
+        One seed s means s, s + 1, …; a list has a seed for each environment.
         """
         stage = self._live()
         wants = None if self._mode is AutoresetMode.DISABLED else "autoreset mode 'Disabled'"
@@ -180,7 +180,7 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
             stage.episodes.close()
 
     def __getstate__(self) -> dict[str, object]:
-        """Return what makes equal environments, which go on with the next episodes."""
+        """Return the state of copies that continue with the next episodes."""
         spaces = (self.action_space, self.single_action_space,
                   self.observation_space, self.single_observation_space)  # fmt: skip
         state: dict[str, object] = {
@@ -194,7 +194,7 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
         return state
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Make the environments anew; the next call must be reset()."""
+        """Make new environments; the next call must be reset()."""
         CosimVectorEnv.__init__(self, **state["made"])
         self.spec = state["spec"]
         self._np_random, self._np_random_seed = state["np_random"]
@@ -209,7 +209,7 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
             self.close()
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> NDArray[np.uint64] | None:
-        """Return a seed for each environment, or None to go on."""
+        """Return a seed for each environment, or None to continue with the same seeds."""
         n = self.num_envs
         if seed is None and self._live().episodes.seeded:
             return None

@@ -1,4 +1,4 @@
-"""Infos of many environments in Gymnasium's form: arrays, each with a mask of who has it."""
+"""Infos of many environments in Gymnasium's form: arrays, each with a mask of valid rows."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def of(info: Mapping[str, NDArray[np.generic]], mask: Mask | None, n: int) -> di
 
 
 def add_failures(infos: dict[str, object], episodes: Episodes, terminated: Mask) -> None:
-    """Add a sentence for each environment in which a component has failed."""
+    """Add a message for each environment in which a component has failed."""
     failed = episodes.failed & terminated
     if failed.any():
         texts = np.full(len(failed), None, object)

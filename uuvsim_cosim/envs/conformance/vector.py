@@ -52,7 +52,10 @@ class _Row(NamedTuple):
 
 def row_is_single_environment(subject: Subject) -> str:
     """Row i is the single environment with seed s + i, bit for bit."""
-    _with_singles(subject)
+    if subject.single is None:
+        raise NotApplicable("no single environment is given; give single=")
+    if not subject.row_seeds:
+        raise NotApplicable('it does not promise seeds s + i (metadata["row_seeds"] is absent)')
     count = 0
     for r in _rows(subject):
         count += 1
@@ -106,13 +109,6 @@ def autoreset_obeyed(subject: Subject) -> str:
     if not resets:
         raise NotApplicable("no episode ended")
     return f"{resets} resets as declared"
-
-
-def _with_singles(subject: Subject) -> None:
-    if subject.single is None:
-        raise NotApplicable("no single environment is given; give single=")
-    if not subject.row_seeds:
-        raise NotApplicable('it does not promise seeds s + i (metadata["row_seeds"] is absent)')
 
 
 def _compare(r: _Row, parts: Iterable[int]) -> None:

@@ -1,4 +1,4 @@
-"""A task of several agents on its episodes: who is there, what each sees, and who has ended."""
+"""Episodes of a task of several agents: which are present, what each observes, who has ended."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ T = TypeVar("T", bound=np.generic)
 
 @dataclass(frozen=True)
 class TeamMoment:
-    """What a step gave, or a reset: masks of shape (n, agents), and arrays by agent."""
+    """The results of a step, or of a reset: masks of shape (n, agents), and arrays by agent."""
 
     moment: Instant
-    acted: Mask  # whose action led here
-    seen: Mask  # who is told: those that acted, and those that have come
-    present: Mask  # who acts next
+    acted: Mask  # agents whose action led here
+    seen: Mask  # agents that get an observation: those that acted, and those that have come
+    present: Mask  # agents that act next
     observation: Mapping[str, NDArray[np.float32]]
     reward: Array  # (n, agents), 0 for those that did not act
     terminated: Mask
@@ -43,16 +43,16 @@ class TeamMoment:
 
     @property
     def over(self) -> Mask:
-        """Say which episodes have ended, of shape (n,): nobody is there any more."""
+        """The episodes that have ended, of shape (n,): no agent is present any more."""
         return np.asarray(~self.present.any(axis=1))
 
 
 @final
 class TeamStage:
-    """What CosimParallelEnv and CosimTeamVectorEnv share.
+    """The common part of CosimParallelEnv and CosimTeamVectorEnv: a task, its episodes, spaces.
 
     An agent that has ended does not come back in its episode, and one that is not `present` any
-    more is truncated. Where an agent does not act, its inputs are in the middle of their limits.
+    more is truncated. While an agent does not act, its inputs are in the middle of their limits.
     """
 
     def __init__(
@@ -104,7 +104,7 @@ class TeamStage:
 
     @property
     def now(self) -> TeamMoment:
-        """Return what the last step or reset gave."""
+        """The results of the last step or reset."""
         if self._now is None:
             raise InputInvalid(f"{self.place}: no episode has begun; expected reset() first")
         return self._now
@@ -122,7 +122,8 @@ class TeamStage:
         here = self._by_agent(self.task.present(m), "present()", np.bool_)
         fresh = np.ones(self.n, bool) if mask is None or old is None else mask
         if self.episodes.stillborn is not None:
-            here |= self.episodes.stillborn[:, None]  # all are told of it in the first step
+            # All agents stay present for one step, which reports the failed start to them.
+            here |= self.episodes.stillborn[:, None]
         empty = fresh & ~here.any(axis=1)
         if empty.any():
             raise InputInvalid(
@@ -184,7 +185,7 @@ class TeamStage:
         return infos_of(self.task.info(m), m.n, self.place)
 
     def state(self) -> NDArray[np.float32]:
-        """Return the central state, of shape (n, width)."""
+        """Return the state for a central critic, of shape (n, width)."""
         return self._clipped(self.task.state(self.now.moment), self.state_space, "state()")
 
     # ---- inside ---------------------------------------------------------------------------

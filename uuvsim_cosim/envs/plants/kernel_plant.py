@@ -1,4 +1,4 @@
-"""A plant that is a fused kernel: all environments in one call."""
+"""Plant of a fused kernel: all environments in one call."""
 
 from __future__ import annotations
 
@@ -38,7 +38,9 @@ class KernelPlant:
         self.tick = kernel.fused.plan.tick
         self._batch = kernel.batch(n, threads=threads)
         self.variables = self._batch.variables
-        self._given: dict[str, Array] = {}  # variables that `start` has named, with their own
+        # The declared start values of all variables that `start` has named: a later reset without
+        # them must set them back.
+        self._given: dict[str, Array] = {}
         self._kernel = kernel
         self._cells = self._batch.cells
         self._out = np.array([c for name in reads for c in self._places(name)], np.intp)
@@ -97,15 +99,16 @@ class KernelPlant:
 
     @property
     def failed(self) -> NDArray[np.bool_]:
-        """Say which copies have failed since their reset."""
+        """The copies that have failed since their reset."""
         return self._batch.failed
 
     def failure(self, row: int) -> ComponentFailed | None:
-        """Say what failed in a copy."""
+        """Return the failure of a copy, or None."""
         failure = self._batch.failure(row)
         if failure is None:
             return None
-        reason = failure.reason.removesuffix(f" in environment {row}")  # a copy knows no others
+        # The batch names the environment; `Episodes.failure` adds it where there are several.
+        reason = failure.reason.removesuffix(f" in environment {row}")
         return ComponentFailed(failure.path, failure.time, reason)
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""A plant that is a master for each copy, in this process: any system, FMUs included."""
+"""Plant of one master for each copy, in this process: for any system, FMUs included."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from uuvsim_cosim.orchestrator.plan.plan import Plan, PlannedComponent
 __all__ = ["MasterPlant"]
 
 Array = NDArray[np.float64]
-_TRIED = 64  # masters after which it is known how much memory one takes
+_TRIED = 64  # masters, after which the memory of one master is measured
 
 
 @final
@@ -108,7 +108,7 @@ class MasterPlant:
             for path, own, rows in places:
                 value = rows[i]
                 values.setdefault(path, {})[own] = value.item() if value.ndim == 0 else value
-            if self._failures[i] is not None:  # what has failed may not answer
+            if self._failures[i] is not None:  # a failed component may not accept a reset
                 self._rows[i].master.free()
                 self._rows[i] = self._row()
                 self._failures[i], self._failed[i] = None, False
@@ -125,11 +125,11 @@ class MasterPlant:
 
     @property
     def failed(self) -> NDArray[np.bool_]:
-        """Say which copies have failed since their reset."""
+        """The copies that have failed since their reset."""
         return self._failed
 
     def failure(self, row: int) -> ComponentFailed | None:
-        """Say what failed in a copy."""
+        """Return the failure of a copy, or None."""
         return self._failures[row]
 
     def close(self) -> None:

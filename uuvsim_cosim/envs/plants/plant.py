@@ -1,4 +1,4 @@
-"""What an environment stands on: n copies of a system that make communication steps together."""
+"""Plant, the backend of environments: n copies of a system that step together."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ Seeds = Sequence[int] | NDArray[np.uint64]
 
 
 class Plant(Protocol):
-    """n copies of a system. A kernel is one, a master another, masters in processes a third.
+    """n copies of a system: in a fused kernel, as masters, or as masters in processes.
 
-    A copy that fails keeps the others going: it stands still, and `failure` says why, until it is
-    reset.
+    A copy that fails does not stop the others. It is not stepped until its next reset, and
+    `failure` returns the reason.
     """
 
     n: int
@@ -51,16 +51,16 @@ class Plant(Protocol):
     ) -> None:
         """Go back to time 0 where the mask is true, with other system seeds and start values.
 
-        `seeds` and the arrays of `start` have n rows; only those of the mask count. What the
-        plan and `start` do not give has its declared start value again.
+        `seeds` and the arrays of `start` have n rows; only those of the mask count. A variable that
+        neither the plan nor `start` names gets its declared start value again.
         """
 
     @property
     def failed(self) -> NDArray[np.bool_]:
-        """Say which copies have failed since their reset, of shape (n,)."""
+        """The copies that have failed since their reset, of shape (n,)."""
 
     def failure(self, row: int) -> ComponentFailed | None:
-        """Say what failed in a copy."""
+        """Return the failure of a copy, or None."""
 
     def close(self) -> None:
         """Free everything; a second call does nothing."""

@@ -1,4 +1,4 @@
-"""A plant that is masters in worker processes: systems that no kernel runs, on all cores."""
+"""Plant of masters in worker processes: on all cores, for systems that cannot be fused."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ Array = NDArray[np.float64]
 class ProcessPlant:
     """The `Plant` protocol over `MasterPlant`s, each with some of the rows in a process.
 
-    Signals and actions lie in shared memory. A worker ends when this process does; when a worker
-    ends before, the next call says so and the plant is closed. After a call that an exception has
-    interrupted a reset of all is the only call; it makes workers anew that it finds in the midst
-    of a message.
+    Signals and actions are in shared memory. A worker ends when this process does. If a worker
+    ends earlier, the next call raises UuvsimError and the plant is closed. After a call that was
+    interrupted by an exception, only a reset of all environments is accepted; it replaces a worker
+    that was interrupted within a message.
     """
 
     def __init__(
@@ -114,11 +114,11 @@ class ProcessPlant:
 
     @property
     def failed(self) -> NDArray[np.bool_]:
-        """Say which copies have failed since their reset."""
+        """The copies that have failed since their reset."""
         return self._memory.failed.copy()
 
     def failure(self, row: int) -> ComponentFailed | None:
-        """Say what failed in a copy."""
+        """Return the failure of a copy, or None."""
         return self._failures.get(row)
 
     def close(self) -> None:
@@ -128,7 +128,7 @@ class ProcessPlant:
     # ---- inside ---------------------------------------------------------------------------
 
     def _begun(self, first: int, end: int) -> WorkerProcess:
-        """Start a worker and tell it its rows; its answer is to be taken."""
+        """Start a worker and send its job; the caller must receive the answer."""
         worker = WorkerProcess(first, end, self._memory.handles)
         worker.send("begin", replace(self._job, first=first, n=end - first))
         return worker
@@ -137,7 +137,11 @@ class ProcessPlant:
         return self._each(name, [arguments] * len(self._live()))
 
     def _each(self, name: str, arguments: Sequence[tuple[object, ...]]) -> list[Any]:
-        """Ask all, take the answers of all, then raise the first error; one gone closes all."""
+        """Send to all workers, receive all answers, then raise the first error.
+
+        All answers are received first, so that no answer stays in a pipe. If a worker has ended,
+        the others are ended too.
+        """
         workers, results, errors = self._live(), [], []
         self._broken = True
         try:

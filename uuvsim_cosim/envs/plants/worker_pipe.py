@@ -1,4 +1,4 @@
-"""Questions and answers between a plant and a worker process, each with its number."""
+"""Requests and answers between a plant and a worker process, each with its number."""
 
 from __future__ import annotations
 
@@ -75,15 +75,15 @@ def _read(pipe: IO[bytes], size: int) -> bytes:
 class WorkerProcess:
     """One worker, with the rows from `first` to before `end`, and its pipes.
 
-    Any call may be interrupted by an exception of a signal handler. What it asked is answered
-    nevertheless, and `settle` passes the answer over; in the midst of a message the worker is
-    `torn`, and fit for nothing.
+    Any call may be interrupted by an exception of a signal handler. Its request is answered
+    nevertheless, and `settle` discards the answer. A worker that was interrupted within a message
+    is `torn`: it cannot be used any more.
     """
 
     def __init__(self, first: int, end: int, handles: Sequence[int]) -> None:
         self.rows = slice(first, end)
         self.is_gone = False
-        self.torn = True  # until it has been asked to begin
+        self.torn = True  # until its job has been sent
         self._asked = self._answered = 0
         search = os.pathsep.join(p for p in sys.path if p)
         self._process = subprocess.Popen(
@@ -96,7 +96,7 @@ class WorkerProcess:
         )
 
     def send(self, name: str, *arguments: object) -> None:
-        """Ask for something."""
+        """Send a request: the name of a method, and its arguments."""
         try:
             self.torn = True
             self._asked += 1
@@ -116,18 +116,18 @@ class WorkerProcess:
         return result
 
     def settle(self) -> None:
-        """Wait until the worker has nothing to do."""
+        """Receive the answers to all requests, and discard them."""
         while not self.torn and self._answered < self._asked:
             self._next()
 
     def hang_up(self) -> None:
-        """Tell the worker to end."""
+        """Close the requests' pipe, at which the worker ends."""
         if self._process.stdin is not None:
             with contextlib.suppress(OSError):
                 self._process.stdin.close()
 
     def end(self, *, now: bool = False) -> None:
-        """Wait until it has ended, or make it end `now`."""
+        """Wait until the worker has ended; with `now`, kill it."""
         try:
             if now:
                 self._process.kill()

@@ -1,4 +1,4 @@
-"""What users give to reset and to constructors: refused in a sentence if wrong."""
+"""Checks of the arguments of reset and of constructors: one clear error message each."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def start_of(
 ) -> Mapping[str, object]:
     """Return the start values of reset's options; raises InputInvalid for unknown options.
 
-    `mask` says, if it must not be there, what would take a reset_mask. `others` may be there
-    (PettingZoo's own tests give some), but for names that are nearly those of ours.
+    `mask` names the environment that accepts a reset_mask, if this one does not. With `others`,
+    unknown options are accepted (PettingZoo's own tests pass some), except near misspellings.
     """
     if options is None:
         return {}

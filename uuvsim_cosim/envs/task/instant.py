@@ -84,6 +84,6 @@ class Instant:
         return self._signals.view(self.values, name)
 
     def alone(self) -> Instant:
-        """Forget the moment before, so that no chain of them is kept."""
+        """Forget the moment before, so that no chain of moments is kept in memory."""
         self._before = self._fresh = None
         return self

@@ -1,8 +1,8 @@
-"""The variables that a task reads lie one below another in an array: signals by name."""
+"""Signals by name: the variables that a task reads, as rows of one array."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, final
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid, Problem
-from uuvsim_cosim.fmus.description import Description, Variable
+from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.values.endpoints import resolve_endpoint
 from uuvsim_cosim.orchestrator.values.values import Misfit
@@ -25,7 +25,7 @@ _TYPES: dict[str, type[np.generic]] = {"Boolean": np.bool_, "Int32": np.int32, "
 
 @dataclass(frozen=True)
 class Named:
-    """What a name such as "hull.eta[1:3]" means: elements (flat, from 0) of a variable."""
+    """The meaning of a name such as "hull.eta[1:3]": elements (flat, from 0) of a variable."""
 
     key: str  # the variable's full name, "hull.eta"
     path: str
@@ -38,7 +38,7 @@ def resolved(plan: Plan, name: str) -> Named:
     """Find the elements that a name means; raises Misfit with the near names."""
     if not isinstance(name, str):
         raise Misfit(f"{name!r}", "a name such as 'hull.eta'")
-    point = resolve_endpoint(name, _descriptions(plan))
+    point = resolve_endpoint(name, {c.path: c.description for c in plan.components})
     if point.variable.type in ("String", "Binary", "Clock"):
         raise Misfit(f"a variable of type {point.variable.type}", "a number")
     single = len(point.elements) == 1 and ":" not in name.rpartition("[")[2]
@@ -110,13 +110,7 @@ class Signals:
                 f"{', '.join(self._first) or 'none'}; expected it among the task's signals="
             )
         rows = self.rows(named)
-        whole = slice(int(rows[0]), int(rows[-1]) + 1) if _consecutive(rows) else rows
-        return whole, named.shape, _TYPES.get(named.variable.type)
-
-
-def _consecutive(rows: NDArray[np.intp]) -> bool:
-    return len(rows) > 0 and bool(np.all(np.diff(rows) == 1))
-
-
-def _descriptions(plan: Plan) -> Mapping[str, Description]:
-    return {c.path: c.description for c in plan.components}
+        # A slice of consecutive rows is a view of the values, where an index would be a copy.
+        consecutive = len(rows) > 0 and bool(np.all(np.diff(rows) == 1))
+        part = slice(int(rows[0]), int(rows[-1]) + 1) if consecutive else rows
+        return part, named.shape, _TYPES.get(named.variable.type)

@@ -1,4 +1,4 @@
-"""What a task's methods give, before it is used: numbers of the right shape, and finite."""
+"""Checks of the results of a task's methods: shapes, types, finite numbers."""
 
 from __future__ import annotations
 

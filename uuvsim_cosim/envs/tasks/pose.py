@@ -95,7 +95,7 @@ class PoseTask(Task, ABC):
         )  # fmt: skip
         self.known = known
         self._water = "ramps.v_c" if disturbances else "current.v_c"
-        self._width = sum(_size(c) for c in self.actions)
+        self._width = sum(6 if c.name.endswith("tau_d") else 1 for c in self.actions)
 
     # ---- what a task says -----------------------------------------------------------------
 
@@ -240,7 +240,3 @@ def _channels(action: ActedOn) -> tuple[Channel, ...]:
         return tuple(Channel(f"{name}.u") for name in THRUSTERS)
     names = ("nu_d[1]", "nu_d[2]", "nu_d[3]", "nu_d[6]")
     return tuple(Channel(f"controller.{n}", -s, s) for n, s in zip(names, SPEED, strict=True))
-
-
-def _size(channel: Channel) -> int:
-    return 6 if channel.name.endswith("tau_d") else 1

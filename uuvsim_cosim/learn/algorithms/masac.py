@@ -149,11 +149,11 @@ class Masac:
     def _offset(self, ended: Tensor) -> Tensor:
         """Return the share of a mean reward c in y (N, n): without it, Q is Q - c / (1 - gamma).
 
-        Naik et al., "Reward Centering", 2024. What is best stays the best, also where episodes
-        end; what is learned no longer begins with climbing to c / (1 - gamma).
+        Naik et al., "Reward Centering", 2024. The best action stays the best, also where episodes
+        end, and learning no longer begins with climbing to c / (1 - gamma).
         """
-        left = 1.0 - self.settings.gamma * (1.0 - ended)
-        return self.centre[:, None] * left / max(1.0 - self.settings.gamma, 1e-9)
+        share = 1.0 - self.settings.gamma * (1.0 - ended)
+        return self.centre[:, None] * share / max(1.0 - self.settings.gamma, 1e-9)
 
     def _improve(self, o: Tensor, a: Tensor, alpha: Tensor) -> dict[str, float]:
         drawn, log_pi = self._drawn(o)

@@ -56,11 +56,7 @@ class MasacLearner:
             raise InputInvalid("mirror: the task has no symmetry; expected mirror=false")
         for symmetry in self.symmetries:
             symmetry.check(observed, acted)
-        self.masac = Masac(agents, observed, acted, network or MasacSettings(), seed)
-        self._begin(seed)
-
-    def _begin(self, seed: int) -> None:
-        m = self.masac
+        self.masac = m = Masac(agents, observed, acted, network or MasacSettings(), seed)
         self._replay = Replay(self.schedule.buffer, m.agents, m.observed, m.acted)
         self._random = np.random.Generator(np.random.Philox(key=seed % 2**64))
         self._several = NStep(self.schedule.n_step, m.settings.gamma)

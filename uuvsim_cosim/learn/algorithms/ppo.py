@@ -140,7 +140,10 @@ class PpoLearner:
         """Learn from columns (T, n, N, …)."""
         s = self.given
         with torch.no_grad():
-            v, v_after = (self._values_over_time(kept[k]) for k in ("observation", "after"))
+            v, v_after = (
+                self._values(kept[k].flatten(0, 1)).view(kept[k].shape[:3])
+                for k in ("observation", "after")
+            )
             delta = kept["reward"] + s.gamma * (1.0 - kept["terminated"]) * v_after - v
             advantage, last = torch.zeros_like(delta), torch.zeros_like(delta[0])
             goes_on = (1.0 - kept["over"]) * (1.0 - kept["terminated"])
@@ -199,9 +202,6 @@ class PpoLearner:
         seen = o.flatten(1).expand(self.agents, -1, -1) if self.central else o.transpose(0, 1)
         values: Tensor = self.critic(seen)
         return values.squeeze(-1).T
-
-    def _values_over_time(self, o: Tensor) -> Tensor:
-        return self._values(o.flatten(0, 1)).view(o.shape[:3])
 
     def tensors(self, agent: int) -> tuple[str, Mapping[str, Array]]:
         """Return an actor's mean, to be cut to [-1, 1]."""

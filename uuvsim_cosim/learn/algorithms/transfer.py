@@ -70,7 +70,10 @@ def transfer(
         first = torch.zeros_like(to.weights[0])
         for row, net in enumerate(nets):
             i = row // each
-            pairs = [(i, old[i])] if acts else _pairs(last, given, i, old[i])
+            pairs = [(i, old[i])]  # (agent, agent of the last team in whose place it stands)
+            if not acts:
+                central = last.settings.central
+                pairs = in_the_place_of(i, agents, old[i], last.agents) if central else [(0, 0)]
             for new, was in pairs:
                 o_new, o_was = new * width, was * last.observed
                 if acts:
@@ -123,13 +126,6 @@ def pass_on(
 
 def _widths(network: StackedMLP) -> list[int]:
     return [int(w.shape[2]) for w in network.weights]
-
-
-def _pairs(last: Masac, given: Masac, i: int, was: int) -> list[tuple[int, int]]:
-    """Return which agent stands in the place of which, for a critic of agent i."""
-    if not last.settings.central:
-        return [(0, 0)]
-    return in_the_place_of(i, given.agents, was, last.agents)
 
 
 def _copy_actions(

@@ -75,7 +75,10 @@ def policy_model(policy: Policy, *, plain: bool = False) -> Model:
     from uuvsim_cosim.models.declaration.library import declare
 
     kept = policy if plain else in_units(policy)
-    file = cache_dir("policies", _digest(kept)) / "policy.npz"
+    # The tensors are hashed as bytes: their texts are abbreviated.
+    tensors = (part for k, v in sorted(kept.tensors.items()) for part in (k, v.tobytes()))
+    texts = [str(replace(kept, tensors={}, kind="sequence")), kept.kind]
+    file = cache_dir("policies", content_hash([*texts, *tensors])) / "policy.npz"
     kept.save(file)
     return declare("policy", file=str(file), plain=int(plain))
 
@@ -101,8 +104,13 @@ def sequential(policy: Policy) -> dict[str, Array]:
 
 def tracking_settings(policy: Policy) -> Mapping[str, object] | None:
     """Return what target tracking's observation is made with; None for another task."""
-    task = _task(policy)
-    if task is None or not hasattr(task, "slots"):
+    from uuvsim_cosim.learn.shared.task_ids import make_task
+
+    try:
+        task: Any = make_task(policy.task, policy.options)
+    except InputInvalid:  # the task is not available here
+        return None
+    if not hasattr(task, "slots"):
         return None
     from uuvsim_cosim.envs.tasks.target_tracking import A_MAX, OMEGA_MAX, V_MAX
 
@@ -177,22 +185,6 @@ def _one(source: str | Path) -> Policy:
         file = next(p.name for p in sorted(path.glob("*.npz")))
         raise InputInvalid(f"{path}: policies of {agents}; expected the file of one, as {file}")
     return found[0]
-
-
-def _digest(policy: Policy) -> str:
-    tensors = sorted(policy.tensors.items())
-    texts = [str(replace(policy, tensors={}, kind="sequence")), policy.kind]
-    return content_hash([*texts, *(p for k, v in tensors for p in (k, v.tobytes()))])
-
-
-def _task(policy: Policy) -> Any:
-    """Make the task that a policy was trained on; None if it is not here."""
-    from uuvsim_cosim.learn.shared.task_ids import make_task
-
-    try:
-        return make_task(policy.task, policy.options)
-    except InputInvalid:
-        return None
 
 
 def _write_torch(policy: Policy, out: Path) -> list[Path]:

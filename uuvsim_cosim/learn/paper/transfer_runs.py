@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from uuvsim_cosim._version import __version__
 from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.envs.task.task import TeamTask
-from uuvsim_cosim.envs.tasks.evaluation import Evaluation, evaluate
+from uuvsim_cosim.envs.tasks.evaluation import evaluate
 from uuvsim_cosim.envs.tasks.scripted import scripted_policy
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.paper.anticipation import Anticipating
@@ -300,13 +300,10 @@ def _judged(
     acts = acting_in(task, policies, condition.task) if policies else scripted_policy(task)
     if anticipated and condition.task != "pool_tracking" and isinstance(acts, Mapping):
         acts = {agent: Anticipating(act, *condition.late) for agent, act in acts.items()}
-    return _kept(evaluate(task, acts, episodes, seed=JUDGING_SEED))
-
-
-def _kept(e: Evaluation) -> dict[str, object]:
-    summary = e.summary()
+    judged = evaluate(task, acts, episodes, seed=JUDGING_SEED)
+    summary = judged.summary()
     return {
-        "return": [float(f"{x:.4g}") for x in e.returns],
-        "track": [float(f"{x:.3g}") for x in e.metrics["track"]],
+        "return": [float(f"{x:.4g}") for x in judged.returns],
+        "track": [float(f"{x:.3g}") for x in judged.metrics["track"]],
         **{k: float(f"{summary[k]:.4g}") for k in ("dist", "viol", "clean")},
     }

@@ -87,7 +87,9 @@ def _continuity(results: Results) -> list[Verdict]:
     rows = []
     for before, after in pairwise(STAGES):
         claim, wanted = f"first of {after} is last of {before}", "ratio ≥ 0.9 on common terms"
-        pairs = _by_seed(results.get((before, STT), []), results.get((after, STT), []))
+        later = {r.key.seed: r for r in results.get((after, STT), [])}
+        earlier = results.get((before, STT), [])
+        pairs = [(r, later[r.key.seed]) for r in earlier if r.key.seed in later]
         if not pairs:
             rows.append(_missing("7", claim, wanted))
             continue
@@ -297,11 +299,6 @@ def _over(a: float, b: float) -> float:
 
 def _steps(number: float) -> str:
     return f"{number:,.0f} steps" if np.isfinite(number) else "never"
-
-
-def _by_seed(a: Sequence[Result], b: Sequence[Result]) -> list[tuple[Result, Result]]:
-    by = {r.key.seed: r for r in b}
-    return [(r, by[r.key.seed]) for r in a if r.key.seed in by]
 
 
 def _two(results: Results, scenario: str, *ways: str) -> tuple[Sequence[Result], Sequence[Result]]:

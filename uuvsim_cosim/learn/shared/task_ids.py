@@ -39,7 +39,10 @@ def make_task(
     make = _found(name)
     given = dict(options or {})
     if profile not in (None, "default"):
-        if not _takes_profile(make):
+        from uuvsim_cosim.envs.tasks.target_tracking import TargetTracking
+        from uuvsim_cosim.envs.tasks.tracking_scenarios import SCENARIOS
+
+        if make is not TargetTracking and make not in SCENARIOS.values():
             raise InputInvalid(
                 f"profile {profile!r}: {name} has none; expected default, or a task of target "
                 "tracking"
@@ -64,13 +67,6 @@ def make_task(
 def short_name(name: str) -> str:
     """Return a task's name as part of a folder's: without "uuvsim/", or a module's path."""
     return name.rpartition("/")[2].rpartition(":")[2]
-
-
-def _takes_profile(make: Callable[..., object]) -> bool:
-    from uuvsim_cosim.envs.tasks.target_tracking import TargetTracking
-    from uuvsim_cosim.envs.tasks.tracking_scenarios import SCENARIOS
-
-    return make is TargetTracking or make in SCENARIOS.values()
 
 
 def _found(name: str) -> Callable[..., object]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from uuvsim_cosim.errors import InputInvalid
@@ -72,8 +72,18 @@ class Curriculum:
             _whole(f"{place}, steps", stage.steps)
             if stage.evaluate_every is not None:
                 _whole(f"{place}, evaluate_every", stage.evaluate_every)
-            if stage.promotion is not None:
-                _check(place, stage.promotion)
+            rule = stage.promotion
+            if rule is None:
+                continue
+            _whole(f"{place}, promotion, evaluations", rule.evaluations)
+            given = [name for name in ("share", "least") if getattr(rule, name) is not None]
+            if len(given) != 1:
+                raise InputInvalid(
+                    f"{place}, promotion: {given or 'nothing'}; expected share or least"
+                )
+            value = getattr(rule, given[0])
+            if isinstance(value, bool) or not isinstance(value, int | float):
+                raise InputInvalid(f"{place}, promotion, {given[0]} {value!r}; expected a number")
 
     def changed(self, **changes: Any) -> Curriculum:
         """Return the same with changes, which come after what each stage says.
@@ -99,13 +109,3 @@ class Curriculum:
 def _whole(name: str, value: object) -> None:
     if not isinstance(value, int) or isinstance(value, bool) or value < 1:
         raise InputInvalid(f"{name} {value!r}; expected a whole number from 1")
-
-
-def _check(place: str, rule: Promotion) -> None:
-    _whole(f"{place}, promotion, evaluations", rule.evaluations)
-    given = [f.name for f in fields(rule)[:2] if getattr(rule, f.name) is not None]
-    if len(given) != 1:
-        raise InputInvalid(f"{place}, promotion: {given or 'nothing'}; expected share or least")
-    value = getattr(rule, given[0])
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputInvalid(f"{place}, promotion, {given[0]} {value!r}; expected a number")

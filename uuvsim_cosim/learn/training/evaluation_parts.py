@@ -55,18 +55,16 @@ def evaluate_all(
         found[k] = evaluation
         if progress is not None:
             progress("evaluating", len(found), len(parts))
-    return {
-        who: _joined([found[k] for k in range(len(parts)) if whose[k] == who]) for who in policies
-    }
+    joined = {}
+    for who in policies:
+        own = [found[k] for k in range(len(parts)) if whose[k] == who]
+        joined[who] = Evaluation(
+            np.concatenate([e.returns for e in own]),
+            np.concatenate([e.seconds for e in own]),
+            {k: np.concatenate([e.metrics[k] for e in own]) for k in own[0].metrics},
+        )
+    return joined
 
 
 def _evaluate(part: _Part) -> Evaluation:
     return evaluate(make_task(part.name, part.options), part.acts, part.count, seed=part.seed)
-
-
-def _joined(parts: list[Evaluation]) -> Evaluation:
-    return Evaluation(
-        np.concatenate([p.returns for p in parts]),
-        np.concatenate([p.seconds for p in parts]),
-        {k: np.concatenate([p.metrics[k] for p in parts]) for k in parts[0].metrics},
-    )

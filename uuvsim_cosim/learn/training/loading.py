@@ -59,7 +59,12 @@ def load_policies(path: str | Path, which: str = "best") -> list[Policy]:
     """
     path = policy_path(path)
     if not path.is_dir():
-        return _team_beside(path)
+        policy = Policy.load(path)
+        for mark in MARKS if policy.agent else ():  # named after its agent: its team is beside it
+            stem = path.stem.removesuffix(f"{mark}{policy.agent}")
+            if stem != path.stem:
+                return _team(path.parent, f"{stem}{mark}")
+        return [policy]
     for kind in (which, "best", "policy"):
         alone = path / f"{kind}.npz"
         found = [Policy.load(alone)] if alone.is_file() else []
@@ -114,16 +119,6 @@ def random_policy(task: Task | TeamTask, seed: int | Sequence[int] = 0) -> Polic
 
 def _act(policy: Policy) -> scripted.Policy:
     return SequenceRunner(policy) if policy.kind == "sequence" else policy
-
-
-def _team_beside(path: Path) -> list[Policy]:
-    """Return the policy of a file, with its team where the file is named after its agent."""
-    first = Policy.load(path)
-    for mark in MARKS:
-        stem = path.stem.removesuffix(f"{mark}{first.agent}")
-        if first.agent and stem != path.stem:
-            return _team(path.parent, f"{stem}{mark}")
-    return [first]
 
 
 def _team(folder: Path, begins: str) -> list[Policy]:

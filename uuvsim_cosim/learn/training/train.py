@@ -65,7 +65,12 @@ def train(
     call goes on from there, to the same bits. Torch computes on one thread meanwhile. `first` is
     of environments' seeds, as `Training` has it; `interrupted` is asked after each step too.
     """
-    config = _config(given, changes)
+    if isinstance(given, TrainingConfig):
+        config = given.changed(**changes)
+    elif isinstance(given, Path) or str(given).endswith((".yaml", ".yml")):
+        config = read_config(given, **changes)
+    else:
+        config = TrainingConfig(given, **changes)
     task = make_task(config.task, config.task_options, profile=config.profile)
     config = config.changed(algorithm=algorithm_for(config.algorithm, len(agents_of(task))).name)
     place = training_folder(config) if folder is None else Path(folder)
@@ -118,8 +123,11 @@ def training_of(
     )  # fmt: skip
     from uuvsim_cosim.learn.training.training import Training
 
+    options = dict(config.plain()["task_options"])
+    if config.profile != "default":  # the task is made again from its name and options
+        options["profile"] = config.profile
     return Training(
-        task, learner, name=config.task, options=_options(config), n=config.envs, seed=config.seed,
+        task, learner, name=config.task, options=options, n=config.envs, seed=config.seed,
         steps=config.steps, folder=folder, evaluate_every=config.evaluate_every,
         evaluation_episodes=config.evaluation_episodes, checkpoint_every=config.checkpoint_every,
         observers=observers, interrupted=interrupted, first=first,
@@ -144,20 +152,6 @@ def training_folder(config: TrainingConfig, parent: Path = Path("runs") / "train
 
 
 # ---- inside -------------------------------------------------------------------------------
-
-
-def _config(given: TrainingConfig | str | Path, changes: Mapping[str, Any]) -> TrainingConfig:
-    if isinstance(given, TrainingConfig):
-        return given.changed(**changes)
-    if isinstance(given, Path) or str(given).endswith((".yaml", ".yml")):
-        return read_config(given, **changes)
-    return TrainingConfig(given, **changes)
-
-
-def _options(config: TrainingConfig) -> dict[str, object]:
-    """Return the options that make the task again, with its profile."""
-    given: dict[str, object] = dict(config.plain()["task_options"])
-    return given if config.profile == "default" else {**given, "profile": config.profile}
 
 
 def one_thread() -> ExitStack:

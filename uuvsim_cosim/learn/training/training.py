@@ -115,9 +115,15 @@ class Training:
         kept = self.step
         began = time.process_time()
         try:
-            while self.step < self.steps and not self._enough():
+            while self.step < self.steps:
+                if self.evaluations and self.evaluations[-1].get("stopped"):
+                    break  # `stop` found the last evaluation good enough
                 self._one_step()
-                kept = self.step if self._after_step() else kept
+                if self._passed(self._evaluate_every):
+                    self._evaluate()
+                if self._passed(self._checkpoint_every):
+                    self.save()
+                    kept = self.step
                 if self._interrupted is not None and self._interrupted():
                     self.save()
                     raise KeyboardInterrupt
@@ -162,15 +168,6 @@ class Training:
             self._count(ended)
         self._tell("step", told)
 
-    def _after_step(self) -> bool:
-        """Evaluate and save where it is time; say whether it was saved."""
-        if self._passed(self._evaluate_every):
-            self._evaluate()
-        due = self._passed(self._checkpoint_every)
-        if due:
-            self.save()
-        return due
-
     def _passed(self, every: int) -> bool:
         return self.step // every > (self.step - self.n) // every
 
@@ -182,9 +179,6 @@ class Training:
         self.episodes += len(ended.returns)
         means = {"return": float(ended.returns.mean())}
         self._tell("episodes", means | {k: float(v.mean()) for k, v in ended.metrics.items()})
-
-    def _enough(self) -> bool:
-        return bool(self.evaluations and self.evaluations[-1].get("stopped"))
 
     def _evaluate(self) -> None:
         judged = evaluate(
