@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 import torch
 
-from uuvsim_cosim.learn.algorithms.sb3_parts import told_of
+from uuvsim_cosim.learn.algorithms.sb3_parts import logged_losses
 from uuvsim_cosim.learn.shared.errors import LearningDiverged
 
 LOGGED = {"train/loss": 0.5, "train/n_updates": 10.0, "train/learning_rate": 3e-4,
@@ -25,13 +25,13 @@ def model(logged: dict[str, float], weight: float = 1.0) -> Any:
 
 def test_losses_of_an_update_are_passed_on_and_the_log_is_emptied() -> None:
     updated = model(LOGGED)
-    assert told_of(updated, "ppo") == {"loss": 0.5}
+    assert logged_losses(updated, "ppo") == {"loss": 0.5}
     assert updated.logger.name_to_value == {}
 
 
 @pytest.mark.parametrize("wrong", [float("nan"), float("inf")])
 def test_a_loss_or_a_weight_that_is_not_finite_is_divergence(wrong: float) -> None:
     with pytest.raises(LearningDiverged, match="loss is"):
-        told_of(model({**LOGGED, "train/loss": wrong}), "ppo")
+        logged_losses(model({**LOGGED, "train/loss": wrong}), "ppo")
     with pytest.raises(LearningDiverged, match="w is"):
-        told_of(model(LOGGED, wrong), "ppo")
+        logged_losses(model(LOGGED, wrong), "ppo")

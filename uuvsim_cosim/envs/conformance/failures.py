@@ -1,4 +1,4 @@
-"""What is known of this package's own environments: how one fails, and how its start is fixed."""
+"""Failures and fixed starts of this package's own environments, for the claims about them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Fails:
 
 
 def failing_of(env: Environment) -> Make | None:
-    """Return what makes an environment of the same task in which the second action fails."""
+    """Return a function that makes an environment of the same task whose second action fails."""
     kind = _own(env)
     if kind is None:
         return None

@@ -51,7 +51,7 @@ Make = Callable[[], Any]  # of an Environment: gymnasium's and pettingzoo's type
 
 
 class Transition(NamedTuple):
-    """What a step gave, or a reset (then the reward is None)."""
+    """The results of a step, or of a reset (then the reward is None)."""
 
     observation: object
     reward: object
@@ -62,7 +62,7 @@ class Transition(NamedTuple):
 
 @dataclass(frozen=True)
 class Subject:
-    """One kind of environment, and what the claims must know to examine it."""
+    """An environment under examination, and the data that the claims need."""
 
     kind: Kind
     make: Make
@@ -132,7 +132,7 @@ class Subject:
 
 
 class Actions:
-    """Actions that a seed decides, from copies of the spaces, so that those stay as they are."""
+    """Random actions of a seed, from copies of the spaces, whose own generators stay unchanged."""
 
     def __init__(self, kind: Kind, env: Environment, seed: int) -> None:
         self.kind = kind
@@ -194,7 +194,7 @@ def same(a: object, b: object) -> bool:
 
 
 def difference(a: Iterable[Transition], b: Iterable[Transition]) -> str | None:
-    """Say where two walks first differ; None if they do not."""
+    """Return where two walks first differ, in words; None if they do not."""
     steps = 0
     for x, y in zip(a, b, strict=True):
         steps += x.reward is not None

@@ -1,4 +1,4 @@
-"""From what a user has, an id or a function, to the environments that are examined."""
+"""The environments to examine, made from an id or a function of the user."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def subjects_of(
     seed: int = 7,
     strict: bool = False,
 ) -> tuple[str, list[Subject]]:
-    """Return a name, and what is examined under it: the environment, and its vector."""
+    """Return a name, and the subjects: the environment, and its vector if there is one."""
     if steps < 8 or num_envs < 1:
         raise InputInvalid(f"{steps} steps of {num_envs} environments; expected at least 8 and 1")
     title, make, bare, batch = _makes(env)
@@ -76,7 +76,7 @@ def subjects_of(
 
 
 def _makes(env: Any) -> tuple[str, Make, Make | None, Callable[[int], Any] | None]:
-    """Return a title and functions that make it, it without wrappers, and a vector of it."""
+    """Return a title and functions that make the environment, it without wrappers, its vector."""
     if isinstance(env, gymnasium.Env | VectorEnv) and env.spec is not None:
         env = env.spec.id
     if isinstance(env, str):
@@ -130,7 +130,7 @@ def _kind(env: object) -> Kind:
 
 
 def _time_of(env: Environment) -> tuple[int | None, Fraction | None]:
-    """Return an episode's steps and an action's duration, where the environment says so."""
+    """Return an episode's steps and an action's duration, if the environment declares them."""
     spec = getattr(env, "spec", None)
     limit = getattr(spec, "max_episode_steps", None)
     task = getattr(env.unwrapped, "task", None)

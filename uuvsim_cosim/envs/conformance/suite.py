@@ -1,4 +1,4 @@
-"""A suite that says what an environment promises and does not keep; for anybody's environments.
+"""Conformance suite: which promises of its interface any environment keeps.
 
 python -m uuvsim_cosim.envs.conformance uuvsim/StationKeeping-v0
 """
@@ -31,7 +31,7 @@ ALL: tuple[Kind, ...] = ("single", "vector", "parallel")
 
 @dataclass(frozen=True)
 class Claim:
-    """What is claimed of environments of some kinds; told only if other claims hold."""
+    """A claim about environments of some kinds; checked only if the claims in `needs` hold."""
 
     function: Callable[[Subject], str]
     kinds: tuple[Kind, ...] = ALL
@@ -93,7 +93,7 @@ CLAIMS: tuple[Claim, ...] = (
 
 
 def examine(env: object, *, claims: Sequence[str] | None = None, **options: Any) -> Report:
-    """Examine an environment, and give what was found; see `check`."""
+    """Examine an environment and return the report; see `check`."""
     names = [c.name for c in CLAIMS]
     for name in claims or ():
         if name not in names:

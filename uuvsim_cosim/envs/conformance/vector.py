@@ -26,7 +26,7 @@ __all__ = [
     "terminal_observation_kept",
 ]
 
-MOST = 3000  # steps that are waited for, so that an episode ends
+MOST = 3000  # steps to wait for the end of an episode
 
 
 def autoreset_declared(subject: Subject) -> str:
@@ -41,7 +41,7 @@ def autoreset_declared(subject: Subject) -> str:
 
 
 class _Row(NamedTuple):
-    """What one row gave in one step, beside what it should have given."""
+    """The results of one row in one step, and the expected ones."""
 
     step: int
     row: int

@@ -1,4 +1,4 @@
-"""What render() shows of environments: pictures, or a window."""
+"""Rendering of environments: pictures, or a window."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MODES = ("rgb_array", "human")
 
 
 class Rendered(Protocol):
-    """An environment, as far as its screen knows it."""
+    """The part of an environment that its screen uses."""
 
     def render(self) -> object:
         """Draw the present moment."""
@@ -28,7 +28,7 @@ class Rendered(Protocol):
 
 @final
 class Screen:
-    """Draws moments of environments in one of Gymnasium's render modes, if any."""
+    """Drawing of moments of environments in one of Gymnasium's render modes, if any."""
 
     def __init__(self, mode: str | None) -> None:
         if mode is not None and mode not in MODES:

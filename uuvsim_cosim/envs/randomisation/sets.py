@@ -75,7 +75,7 @@ def published_intervals(
 
 
 def noise_of_sensors(system: System, low: float = 0.5, high: float = 2.0) -> Declared:
-    """Scale the noise of every sensor: its densities, deviations and biases, each by itself."""
+    """Scale the noise of every sensor: densities, deviations and biases, independently."""
     places = Places(system)
     names = [
         f"{c.path}.{v.name}"

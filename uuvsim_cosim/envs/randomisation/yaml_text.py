@@ -1,4 +1,4 @@
-"""Randomisations written as YAML: every mistake with its line and what would have been right."""
+"""Randomisations in YAML files; every mistake is reported with its line."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def _distribution(text: YamlText, place: Path_, kind: str, given: object) -> Dis
 def declared_in(
     text: YamlText, data: Mapping[str, object], system: System, skip: Iterable[str] = ()
 ) -> Declared | None:
-    """Read `parameters` (but for those to skip), `sets` and `correlation` of a mapping."""
+    """Read `parameters` (except those to skip), `sets` and `correlation` of a mapping."""
     parameters: list[tuple[Path_, Vary]] = []
     pairs: dict[tuple[str, str], float] = {}
     given = data.get("parameters")

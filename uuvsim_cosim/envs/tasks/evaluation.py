@@ -1,4 +1,4 @@
-"""How good is a policy: its episodes on given seeds, side by side, and the metrics of the task."""
+"""Evaluation of a policy: its episodes on given seeds, side by side, and the task's metrics."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What n episodes gave; `metrics` are means over the second half of each, of shape (n,)."""
+    """Results of n episodes; `metrics` are means over the second half of each, of shape (n,)."""
 
     returns: Array  # (n,); of a team, the mean of its agents
     seconds: Array  # (n,), how long each lasted
@@ -52,8 +52,8 @@ def evaluate(
 ) -> Evaluation:
     """Run episode 0 of the seeds `seed`, `seed` + 1, …, each to its end.
 
-    `policy` gives actions (n, width) of observations (n, width); of a team, one for each agent.
-    The metrics are the numbers of the task's `info`.
+    `policy` maps observations (n, width) to actions (n, width); a team has one for each agent. The
+    metrics are the numbers of the task's `info`.
     """
     if episodes < 1:
         raise InputInvalid(f"{episodes} episodes; expected at least 1")

@@ -1,4 +1,4 @@
-"""Options of tasks are refused, with what would be right, where they cannot be meant."""
+"""Checks of the options of tasks, with messages that name the expected values."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = [
     "flag", "known_options", "numbers", "one_of", "pair", "randomised", "whole", "within",
 ]  # fmt: skip
 
-_OF_SHIPPED = ("self", "signals", "reference", "disturbances")  # what tasks tell each other
+_OF_SHIPPED = ("self", "signals", "reference", "disturbances")  # options for subclasses only
 
 
 def within(name: str, value: object, low: float, high: float) -> float:
@@ -44,7 +44,7 @@ def whole(name: str, value: SupportsIndex, low: int, high: int | None = None) ->
 def numbers(
     name: str, value: object, expected: Sequence[str], low: float = 0.0
 ) -> tuple[float, ...]:
-    """Return as many numbers of at least `low` as `expected` names; raises InputInvalid."""
+    """Return one number of at least `low` for each name in `expected`; raises InputInvalid."""
     if isinstance(value, Sequence | np.ndarray) and not isinstance(value, str):
         given = tuple(float(v) for v in value if _is_number(v))
         if len(value) == len(given) == len(expected) and all(low <= v < inf for v in given):
@@ -76,13 +76,13 @@ def one_of(name: str, value: object, known: Sequence[str]) -> None:
 
 
 def randomised(value: object) -> None:
-    """Raise InputInvalid unless something can be drawn by it, or it is None."""
+    """Raise InputInvalid unless the value has a method `draw`, or is None."""
     if value is not None and not hasattr(value, "draw"):
         raise InputInvalid(f"randomisation: {value!r}; expected a Randomisation")
 
 
 def known_options(make: type, unknown: Mapping[str, object]) -> None:
-    """Raise InputInvalid, with the options that a task has, if there are unknown ones."""
+    """Raise InputInvalid, with the options of the task, if there are unknown ones."""
     if not unknown:
         return
     known = [

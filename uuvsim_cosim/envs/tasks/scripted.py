@@ -1,6 +1,6 @@
-"""Hand-written controllers: observations (n, width) in, actions (n, width) out; the yardsticks.
+"""Scripted controllers as references: observations (n, width) in, actions (n, width) out.
 
-They see what a policy sees and keep no memory, so that their return says what is within reach.
+They have the observations of a policy and no memory, so that their return is a fair reference.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def hold_pose(observation: NDArray[np.generic], moves: bool = False) -> Array:
 
 
 def hold_velocity(observation: NDArray[np.generic], moves: bool = False) -> Array:
-    """Return velocities towards the wanted pose, beside the wanted one's own."""
+    """Return velocities: proportional to the error of pose, plus the wanted velocity."""
     o = np.asarray(observation, float)
     v = 1.2 * o[:, :3] + (o[:, 14:17] if moves else 0.0)
     r = 1.5 * np.arctan2(o[:, 3], o[:, 4]) + (o[:, 17] if moves else 0.0)
@@ -94,7 +94,7 @@ def hold_velocity(observation: NDArray[np.generic], moves: bool = False) -> Arra
 
 
 def with_slope(observation: NDArray[np.generic], altitude: float) -> Array:
-    """Let the wanted velocity sink as the seabed does ahead, by both echoes of altitude following.
+    """Add the seabed's slope to the wanted velocity, from both echoes of altitude following.
 
     With d the range down and r that ahead, first heard from the angle a, the seabed falls by
     r cos a - d within r sin a.
@@ -116,8 +116,8 @@ def track_target(
 ) -> Array:
     """Return (a, omega): go to `wanted` m from the target, away from what is close.
 
-    A wanted velocity is summed up in the vehicle's own axes; who would have to turn by more than
-    a right angle for it drives backwards.
+    The wanted velocity is a sum in the vehicle's own axes. If it points more than a right angle
+    away from the bow, the vehicle drives backwards.
     """
     o = np.asarray(observation, float)
     flag, p = o[:, OWN], o[:, OWN + 1 : OWN + 3]
@@ -160,7 +160,7 @@ def _around(o: Array, slots: tuple[int, int], d_safe: float) -> Iterator[tuple[A
 
 
 def _braked(u: Array, hazards: list[tuple[Array, ...]]) -> Array:
-    """Return the surge speed that closes no gap faster than it can still be kept."""
+    """Limit the surge speed so that the vehicle can still stop before each hazard."""
     low, high = np.full(len(u), -V_MAX), np.full(len(u), V_MAX)
     for there, place, gap in hazards:
         along = place[:, 0]

@@ -1,4 +1,4 @@
-"""A training kept whole in one file, from which it goes on to the same bits."""
+"""Checkpoint: the whole state of a training in one file; a resumed training has the same bits."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
 
 
 def unfit(error: Exception) -> InputInvalid:
-    """Return the error of a checkpoint that a learner cannot go on from."""
+    """Return the error of a checkpoint that does not fit a learner."""
     if isinstance(error, KeyError):
         reason = f"{error} is not in it"
     else:  # torch lists on further lines every number that differs
@@ -71,7 +71,7 @@ def unfit(error: Exception) -> InputInvalid:
 
 
 def _tensors(value: object) -> object:
-    """Put tensors in place of arrays, told apart from tensors by a mark."""
+    """Replace arrays by marked tensors, since torch.load accepts no arrays."""
     if isinstance(value, np.ndarray):
         kept = value.view(np.int64) if value.dtype == np.uint64 else value
         return {"__array__": str(value.dtype), "data": torch.from_numpy(np.ascontiguousarray(kept))}

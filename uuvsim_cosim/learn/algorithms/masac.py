@@ -39,7 +39,7 @@ LOG_STD = -5.0, 2.0  # limits of the logarithm of an actor's deviation
 
 @dataclass(frozen=True)
 class MasacSettings:
-    """The paper's numbers, and what it does not say (see docs/learning/learning.md)."""
+    """The paper's numbers, and others that it does not give (see docs/learning/learning.md)."""
 
     lr: float = 3e-4
     gamma: float = 0.99
@@ -51,9 +51,9 @@ class MasacSettings:
     central: bool = True  # critics see all agents; without: independent SAC
     shared: bool = False  # one actor and one critic for all agents, each seen as the first
     h0: float = 1.0  # the entropy wanted is -h0 dim a
-    centre: float = 0.0  # share of the error that a mean of rewards, taken off them, follows
+    centre: float = 0.0  # rate of the mean reward that is subtracted from the rewards
     normalised: bool = False  # layers of the critics, see `StackedMLP`
-    average: float = 1.0  # share of the way to the actor that what leaves goes, an update
+    average: float = 1.0  # weight of the actor in the exported moving average; 1: the actor itself
 
 
 @final
@@ -76,10 +76,10 @@ class Masac:
             for _ in range(2)
         )
         self.target.load_state_dict(self.critic.state_dict())
-        self.averaged = deepcopy(self.actor)  # what leaves: it follows the actor
+        self.averaged = deepcopy(self.actor)  # moving average, which is evaluated and exported
         for slow in (self.target, self.averaged):
             slow.requires_grad_(False)
-        self.centre = torch.zeros(agents)  # taken off the rewards
+        self.centre = torch.zeros(agents)  # mean rewards, which are subtracted
         self.log_alpha = torch.full((agents,), math.log(settings.alpha), requires_grad=True)
         self.optimizers = {
             name: torch.optim.Adam(parameters, lr=settings.lr, fused=True)
@@ -125,8 +125,8 @@ class Masac:
 
     def update(self, drawn: Transitions, *, critic_only: bool = False) -> dict[str, float]:
         """Make one gradient step of each network; gives the losses and alpha, means of agents."""
-        lived = drawn.observation, drawn.action, drawn.after
-        o, a, after = (torch.from_numpy(x).transpose(0, 1) for x in lived)
+        columns = drawn.observation, drawn.action, drawn.after
+        o, a, after = (torch.from_numpy(x).transpose(0, 1) for x in columns)
         r, ended = (torch.from_numpy(x).T for x in (drawn.reward, drawn.terminated))
         alpha = self.log_alpha.detach().exp()[:, None]
         with torch.no_grad():
@@ -139,12 +139,12 @@ class Masac:
             error = (y - q.detach().mean(1)).mean(1)
             self.centre += self.settings.centre * (error.mean() if self.settings.shared else error)
         critic_loss = 0.5 * ((q - y[:, None]) ** 2).mean(-1).sum()
-        told = {"critic_loss": self._descend("critic", critic_loss)}
+        losses = {"critic_loss": self._descend("critic", critic_loss)}
         if not critic_only:
-            told |= self._improve(o, a, alpha)
+            losses |= self._improve(o, a, alpha)
             _follow(self.averaged, self.actor, self.settings.average)
         _follow(self.target, self.critic, self.settings.tau)
-        return {**told, "alpha": float(alpha.mean()), "q": float(q.detach().mean())}
+        return {**losses, "alpha": float(alpha.mean()), "q": float(q.detach().mean())}
 
     def _offset(self, ended: Tensor) -> Tensor:
         """Return the share of a mean reward c in y (N, n): without it, Q is Q - c / (1 - gamma).
@@ -162,18 +162,18 @@ class Masac:
         q = self._q(self.critic, self._seen(o, a, drawn)).amin(1)
         for p in self.critic.parameters():
             p.requires_grad_(True)
-        told = {"actor_loss": self._descend("actor", (alpha * log_pi - q).mean(-1).sum())}
+        losses = {"actor_loss": self._descend("actor", (alpha * log_pi - q).mean(-1).sum())}
         entropy = -log_pi.detach().mean(-1)
         if self.settings.tune_alpha:
             wanted = -self.settings.h0 * self.acted
             loss = (self.log_alpha.exp() * (entropy - wanted)).sum()
             self._descend("alpha", loss)
-        return {**told, "entropy": float(entropy.mean())}
+        return {**losses, "entropy": float(entropy.mean())}
 
     def _descend(self, name: str, loss: Tensor) -> float:
         optimizer = self.optimizers[name]
         value = float(loss.detach()) / self.agents
-        if not math.isfinite(value):  # before anything is changed by it
+        if not math.isfinite(value):  # checked before it changes the networks
             raise LearningDiverged("masac", f"{name}_loss", value)
         optimizer.zero_grad(set_to_none=True)
         loss.backward()  # type: ignore[no-untyped-call]
@@ -208,7 +208,7 @@ class Masac:
     # ---- state ----------------------------------------------------------------------------
 
     def state(self) -> dict[str, object]:
-        """Return all that learning goes on from, for torch.save."""
+        """Return the state of learning, for torch.save."""
         return {
             "actor": self.actor.state_dict(),
             "averaged": self.averaged.state_dict(),
@@ -221,7 +221,7 @@ class Masac:
         }
 
     def set_state(self, state: State) -> None:
-        """Go on from what `state` gave; raises KeyError or RuntimeError for another shape."""
+        """Restore a state; raises KeyError or RuntimeError for another shape."""
         self.actor.load_state_dict(state["actor"])
         self.averaged.load_state_dict(state["averaged"])
         self.critic.load_state_dict(state["critic"])

@@ -1,4 +1,4 @@
-"""The algorithms by name: for how many agents each is, its numbers, and how it is made."""
+"""Registry of the algorithms: number of agents, settings, and how a learner is made."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ ALGORITHMS = {
 }
 
 
-TRANSFERS = ("masac", "isac", "ippo", "mappo", "idqn")  # go on in another task: a curriculum's
+TRANSFERS = ("masac", "isac", "ippo", "mappo", "idqn")  # Transferable: for curricula
 
 
 def algorithm_for(name: str | None, agents: int) -> Algorithm:
@@ -103,7 +103,7 @@ def learner_of(
 
 
 def check_settings(algorithm: Algorithm, settings: Mapping[str, object]) -> dict[str, float]:
-    """Return settings as what they are; raises InputInvalid for unknown ones and wrong values."""
+    """Return settings with their types; raises InputInvalid for unknown names and wrong values."""
     makers = _makers(algorithm.name)
     hints: dict[str, type] = {}
     for kind in makers.settings:
@@ -176,7 +176,7 @@ def _makers(name: str, symmetries: Sequence[Symmetry] = ()) -> _Makers:
     )  # fmt: skip
 
 
-_LIMITS = {  # of numbers that cannot be anything: (least, greatest); else positive, or 0 as well
+_LIMITS = {  # (least, greatest) of some numbers; the others are positive
     "gamma": (0.0, 1.0), "tau": (0.0, 1.0), "epsilon": (0.0, 1.0), "epsilon_end": (0.0, 1.0),
     "gae_lambda": (0.0, 1.0), "log_std": (-10.0, 2.0), "entropy": (0.0, 1e3),
     "value": (0.0, 1e3), "updates": (1e-3, 1e3), "centre": (0.0, 1.0), "alpha": (1e-9, 1e3),
@@ -186,7 +186,7 @@ _MAY_BE_0 = ("warm_up", "critic_only", "epsilon_steps")
 
 
 def _checked(algorithm: str, name: str, value: Any, kind: type) -> float:
-    """Return a setting as what it is; raises InputInvalid with what was expected."""
+    """Return a setting with its type; raises InputInvalid."""
     place = f"{algorithm}, {name} {value!r}"
     if kind is bool:
         if not isinstance(value, bool):

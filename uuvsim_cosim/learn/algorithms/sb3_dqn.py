@@ -19,10 +19,10 @@ from uuvsim_cosim.learn.algorithms.replay_buffer import Transitions
 from uuvsim_cosim.learn.algorithms.sb3_parts import (
     Randomness,
     layers,
+    logged_losses,
     networks,
     set_networks,
     set_up,
-    told_of,
 )
 
 try:
@@ -61,7 +61,7 @@ class Sb3Dqn:
                 ),
                 observed, gymnasium.spaces.Discrete(len(self.grid)), n,
             )  # fmt: skip
-        self._lived, self._due, self._updates = 0, 0.0, 0
+        self._steps, self._due, self._updates = 0, 0.0, 0
         self._chosen: NDArray[np.int64] | None = None
 
     @property
@@ -73,12 +73,12 @@ class Sb3Dqn:
     def epsilon(self) -> float:
         """The share of random actions now."""
         s = self.given
-        done = min(self._lived / max(s.epsilon_steps, 1), 1.0)
+        done = min(self._steps / max(s.epsilon_steps, 1), 1.0)
         return s.epsilon + done * (s.epsilon_end - s.epsilon)
 
     @torch.no_grad()
     def act(self, observation: Array, explore: bool = True) -> Array:
-        """Return the actions of greatest value, or now and then any."""
+        """Return the actions of greatest value; epsilon-greedy while exploring."""
         seen = torch.from_numpy(np.ascontiguousarray(observation[:, 0]))
         chosen = np.asarray(self.model.q_net(seen).argmax(1).numpy())
         if explore:
@@ -88,19 +88,19 @@ class Sb3Dqn:
             self._chosen = chosen = np.where(at_random, any_, chosen)
         return np.asarray(self.grid[chosen][:, None])
 
-    def learn(self, lived: Transitions, over: NDArray[np.bool_]) -> Mapping[str, float]:
-        """Keep what was lived, and make the updates that are due."""
+    def learn(self, transitions: Transitions, over: NDArray[np.bool_]) -> Mapping[str, float]:
+        """Store the transitions, and make the updates that are due."""
         buffer = self.model.replay_buffer
         if self._chosen is None or buffer is None:
             raise InputInvalid("dqn: nothing was chosen; expected act() before learn()")
-        terminated = lived.terminated[:, 0] > 0
+        terminated = transitions.terminated[:, 0] > 0
         infos = [{"TimeLimit.truncated": bool(t)} for t in over & ~terminated]
         buffer.add(
-            lived.observation[:, 0], lived.after[:, 0], self._chosen, lived.reward[:, 0], over,
-            infos,
+            transitions.observation[:, 0], transitions.after[:, 0], self._chosen,
+            transitions.reward[:, 0], over, infos,
         )  # fmt: skip
-        self._lived += len(over)
-        if self._lived < max(self.given.warm_up, self.given.batch):
+        self._steps += len(over)
+        if self._steps < max(self.given.warm_up, self.given.batch):
             return {}
         self._due += self.given.updates
         learned = False
@@ -113,8 +113,8 @@ class Sb3Dqn:
                 learned = True
         if not learned:
             return {}
-        told = told_of(self.model, self.name)
-        return {**told, "updates": float(self._updates), "epsilon": self.epsilon}
+        losses = logged_losses(self.model, self.name)
+        return {**losses, "updates": float(self._updates), "epsilon": self.epsilon}
 
     def tensors(self, agent: int) -> tuple[str, Mapping[str, Array]]:
         """Return the network, and the grid whose row of greatest value it chooses."""
@@ -128,19 +128,19 @@ class Sb3Dqn:
             **networks(self.model),
             "kept": {k: getattr(buffer, k)[:count].copy() for k in _ROWS},
             "next": (buffer.pos, buffer.full),
-            "counters": (self._lived, self._due, self._updates),
+            "counters": (self._steps, self._due, self._updates),
             "random": self._randomness.state(),
         }
 
     def set_state(self, state: State) -> None:
-        """Go on from there."""
+        """Restore a state; raises InputInvalid for another shape."""
         try:
             set_networks(self.model, state)
             buffer: Any = self.model.replay_buffer
             for k in _ROWS:
                 getattr(buffer, k)[: len(state["kept"][k])] = state["kept"][k]
             buffer.pos, buffer.full = state["next"]
-            self._lived, self._due, self._updates = state["counters"]
+            self._steps, self._due, self._updates = state["counters"]
             self._randomness.set_state(state["random"])
         except (KeyError, RuntimeError, ValueError, TypeError) as error:
             raise unfit(error) from error

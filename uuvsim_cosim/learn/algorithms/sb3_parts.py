@@ -1,7 +1,7 @@
-"""What stable-baselines3's learners need in our loop: their own random numbers, and their state.
+"""Common parts of the learners of stable-baselines3: random numbers, networks, losses.
 
-They stand beside the learners of this package as a check on them: theirs is another's code. What
-stable-baselines3 draws comes from generators of its own, so a training goes on to the same bits.
+They are a check of this package's own learners by independent code. Each learner has its own random
+generators, so a resumed training has the same bits.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from uuvsim_cosim.learn.algorithms.checkpoint import State
 
-__all__ = ["Randomness", "layers", "networks", "set_networks", "set_up", "told_of"]
+__all__ = ["Randomness", "layers", "logged_losses", "networks", "set_networks", "set_up"]
 
 Array = NDArray[np.float32]
 Model = TypeVar("Model", bound="BaseAlgorithm")
@@ -31,7 +31,7 @@ Model = TypeVar("Model", bound="BaseAlgorithm")
 
 @final
 class Randomness:
-    """The global random numbers, which stable-baselines3 draws from, lent to one learner."""
+    """Random generators of one learner, in place of the global ones that stable-baselines3 uses."""
 
     def __init__(self, seed: int) -> None:
         self._torch = torch.Generator().manual_seed(seed).get_state()
@@ -39,7 +39,7 @@ class Randomness:
         self._outer: Any = None
 
     def __enter__(self) -> None:
-        """Put the learner's in place of everybody's."""
+        """Replace the global generators' states by the learner's."""
         self._outer = torch.get_rng_state(), np.random.get_state(), random.getstate()  # noqa: NPY002
         torch.set_rng_state(self._torch)
         np.random.set_state(self._numpy)  # noqa: NPY002
@@ -50,19 +50,19 @@ class Randomness:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Keep the learner's, and give everybody's back."""
+        """Keep the learner's states, and restore the global ones."""
         self._torch, self._numpy = torch.get_rng_state(), np.random.get_state()  # noqa: NPY002
         torch.set_rng_state(self._outer[0])
         np.random.set_state(self._outer[1])  # noqa: NPY002
         random.setstate(self._outer[2])
 
     def state(self) -> dict[str, object]:
-        """Return them as plain numbers."""
+        """Return the generators' states as plain numbers."""
         words = np.asarray(self._numpy[1], np.int64)
         return {"torch": self._torch, "words": words, "rest": list(self._numpy[2:])}
 
     def set_state(self, state: State) -> None:
-        """Go on from there."""
+        """Restore the generators' states."""
         self._torch = state["torch"]
         place, has, cached = state["rest"]
         self._numpy = ("MT19937", state["words"].astype(np.uint32), place, has, cached)
@@ -79,22 +79,22 @@ def set_up(model: Model, observed: int, actions: gymnasium.Space[Any], n: int) -
     return model
 
 
-def told_of(model: BaseAlgorithm, name: str) -> dict[str, float]:
-    """Return what was logged; raises LearningDiverged for what is no number."""
+def logged_losses(model: BaseAlgorithm, name: str) -> dict[str, float]:
+    """Return the logged losses; raises LearningDiverged for one that is not finite."""
     logged = model.logger.name_to_value
-    told = {
+    losses = {
         k.removeprefix("train/"): float(v)
         for k, v in logged.items()
         if k.startswith("train/") and not k.endswith(("n_updates", "learning_rate", "clip_range"))
     }
     logged.clear()
-    for what, value in told.items():
+    for what, value in losses.items():
         if not np.isfinite(value) and what != "explained_variance":
             raise LearningDiverged(name, what, value)
     for what, parameter in model.policy.named_parameters():
         if not bool(torch.isfinite(parameter).all()):
             raise LearningDiverged(name, what, float("nan"))
-    return {k: v for k, v in told.items() if np.isfinite(v)}
+    return {k: v for k, v in losses.items() if np.isfinite(v)}
 
 
 def layers(parts: list[nn.Module]) -> dict[str, Array]:
@@ -114,6 +114,6 @@ def networks(model: BaseAlgorithm) -> dict[str, object]:
 
 
 def set_networks(model: BaseAlgorithm, state: State) -> None:
-    """Go on with them."""
+    """Restore networks and optimiser."""
     model.policy.load_state_dict(state["policy"])
     model.policy.optimizer.load_state_dict(state["adam"])

@@ -19,10 +19,10 @@ from uuvsim_cosim.learn.algorithms.replay_buffer import Transitions
 from uuvsim_cosim.learn.algorithms.sb3_parts import (
     Randomness,
     layers,
+    logged_losses,
     networks,
     set_networks,
     set_up,
-    told_of,
 )
 from uuvsim_cosim.learn.shared.errors import LearningDiverged
 
@@ -83,19 +83,19 @@ class Sb3Ppo:
             self._drawn = action.numpy(), value, log_pi
         return np.asarray(np.clip(action.numpy(), -1.0, 1.0)[:, None])
 
-    def learn(self, lived: Transitions, over: NDArray[np.bool_]) -> Mapping[str, float]:
-        """Keep what was lived; every so often learn from it, and forget it."""
+    def learn(self, transitions: Transitions, over: NDArray[np.bool_]) -> Mapping[str, float]:
+        """Store the transitions; after `samples` steps learn from them, and discard them."""
         if self._drawn is None:
             raise InputInvalid("ppo: nothing was drawn; expected act() before learn()")
         drawn, value, log_pi = self._drawn
-        buffer, after = self.model.rollout_buffer, torch.from_numpy(lived.after[:, 0].copy())
+        buffer, after = self.model.rollout_buffer, torch.from_numpy(transitions.after[:, 0].copy())
         with torch.no_grad():
             worth = self._policy.predict_values(after)
-        cut_short = over & (lived.terminated[:, 0] == 0)
-        reward = lived.reward[:, 0] + self.given.gamma * np.where(
+        cut_short = over & (transitions.terminated[:, 0] == 0)
+        reward = transitions.reward[:, 0] + self.given.gamma * np.where(
             cut_short, worth.numpy()[:, 0], 0.0
         )
-        buffer.add(lived.observation[:, 0], drawn, reward, self._starts, value, log_pi)
+        buffer.add(transitions.observation[:, 0], drawn, reward, self._starts, value, log_pi)
         self._starts = over.copy()
         if not buffer.full:
             return {}
@@ -106,7 +106,7 @@ class Sb3Ppo:
         except ValueError as error:  # a distribution's mean that is no number
             raise LearningDiverged(self.name, "the mean of an action", float("nan")) from error
         buffer.reset()
-        return told_of(self.model, self.name)
+        return logged_losses(self.model, self.name)
 
     def tensors(self, agent: int) -> tuple[str, Mapping[str, Array]]:
         """Return the actor's mean, to be cut to [-1, 1]."""
@@ -123,7 +123,7 @@ class Sb3Ppo:
         }
 
     def set_state(self, state: State) -> None:
-        """Go on from there."""
+        """Restore a state; raises InputInvalid for another shape."""
         try:
             set_networks(self.model, state)
             buffer, kept = self.model.rollout_buffer, state["kept"]

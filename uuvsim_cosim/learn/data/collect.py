@@ -1,4 +1,4 @@
-"""What a policy lives becomes a dataset: episode 0 of consecutive seeds, side by side."""
+"""Collection of a dataset: episode 0 of consecutive seeds, in which a policy acts."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def collect(
     seed: int = COLLECTING_SEED,
     cluster: Cluster | None = None,
 ) -> Dataset:
-    """Let a policy act in a task's episodes; what it sees, does and is given is kept.
+    """Let a policy act in a task's episodes; returns observations, actions and rewards.
 
     `policy` is "scripted", "random", a policy's file or a training's folder, or "mixed": episode
     by episode in turn scripted, scripted with noise, and random. With a `cluster`, its workers
@@ -76,7 +76,7 @@ def collect(
 
 @dataclass(frozen=True)
 class _Part:
-    """So many episodes side by side; what comes of them follows from this alone."""
+    """`count` episodes side by side; their data depend on nothing else."""
 
     name: str
     options: Mapping[str, object]
@@ -97,25 +97,25 @@ def _collect(part: _Part) -> _Collected:
     rollout = Rollout(task, part.count, part.seed + part.first)
     try:
         rows = np.arange(part.first, part.first + part.count)
-        return _lived(rollout, acts, rows), rollout.named()
+        return _episodes(rollout, acts, rows), rollout.named()
     finally:
         rollout.close()
 
 
-def _lived(rollout: Rollout, acts: Act, numbers: NDArray[np.intp]) -> list[Episode]:
+def _episodes(rollout: Rollout, acts: Act, numbers: NDArray[np.intp]) -> list[Episode]:
     """Return the episodes of all environments, and of all agents, in their order."""
     n, agents = rollout.n, len(rollout.agents)
-    lived, alive = [], np.ones(n, bool)
+    transitions, alive = [], np.ones(n, bool)
     steps = np.zeros((n, agents), int)
     ended = np.zeros((n, agents), bool)
     while alive.any():
         t, _ = rollout.step(acts(rollout.observation, numbers))
-        lived.append(t)
+        transitions.append(t)
         steps += alive[:, None] & ~ended
         ended |= alive[:, None] & (t.terminated > 0)
         alive &= rollout.steps > 0
     o, a, r, after = (
-        np.stack([getattr(t, k) for t in lived])
+        np.stack([getattr(t, k) for t in transitions])
         for k in ("observation", "action", "reward", "after")
     )
     return [

@@ -1,7 +1,8 @@
-"""Recorded runs become episodes: what a task would have seen, and what was done.
+"""Episodes from recorded runs: the observations and rewards of a task, and the recorded actions.
 
-Signals are read every action step; an action is what held until the next one. It stands in the
-recording by its channel's name, or as a policy's output `action` of the same component.
+Signals are read at every action step. The action of a step is the value that was held until the
+next step; it is recorded under its channel's name, or as a policy's output `action` of the same
+component.
 """
 
 from __future__ import annotations
@@ -39,9 +40,9 @@ def from_recordings(
 ) -> Dataset:
     """Return a task's observations, actions and rewards in recorded runs, cut at its horizon.
 
-    A run is its folder, a .parquet or a .mcap. `renamed` says where a signal of the task is found
-    in the recording. `told["clipped"]` counts what lay beyond limits. Raises InputInvalid that
-    names what was not recorded.
+    A run is its folder, a .parquet or a .mcap. `renamed` maps signals of the task to names in the
+    recording. `told["clipped"]` of the dataset counts the numbers beyond limits. Raises
+    InputInvalid that names the signals that were not recorded.
     """
     task = make_task(name, options)
     reader = _Reader(task, name, dict(renamed or {}))
@@ -137,7 +138,7 @@ class _Reader:
             extra = self.task.extra(m) if self.box.n_extra else None
             seen = {"agent": self.box.of(m.values, extra)}
             raw = self.task.unclipped(m) if self.box.n_extra else None
-            # Who adds to another task's `extra` may leave its `unclipped` as it is.
+            # A subclass may override `extra` with more numbers, and not `unclipped`.
             if raw is not None and extra is not None and raw.shape == extra.shape:
                 extra = raw
             beyond = {"agent": self.box.of(m.values, extra, clipped=False)}
@@ -195,7 +196,7 @@ class _Reader:
 def _clipped(
     given: NDArray[np.generic], kept: NDArray[np.float32], low: ArrayLike, high: ArrayLike
 ) -> int:
-    """Count numbers that clipping changed; none of a task whose `unclipped` is another's."""
+    """Return how many numbers clipping changed; 0 if `unclipped` has another shape."""
     if given.shape != kept.shape:
         return 0
     with np.errstate(over="ignore"):

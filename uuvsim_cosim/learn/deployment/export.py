@@ -1,4 +1,4 @@
-"""A policy leaves: as an FMU, as ONNX, as torch's tensors, or as a runner of numpy alone."""
+"""Export of a policy: FMU, ONNX, PyTorch tensors, or a NumPy runner."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ def export_policy(
     platforms: Sequence[str] = ("host",),
     plain: bool = False,
 ) -> list[Path]:
-    """Write the policy in a file, or in a training's folder, as the ending of `out` says.
+    """Write a policy, from a file or a training's folder, in the format of the ending of `out`.
 
-    Gives what was written: for .py the runner and its weights, and what remembers for a decision
-    transformer. With `plain`, an FMU of target tracking has an observation and an action instead
+    Returns the files: for .py the runner and its weights, and for a decision transformer the code
+    of its memory. With `plain`, an FMU of target tracking has an observation and an action instead
     of a pilot's connectors. Raises InputInvalid.
     """
     out = Path(out).expanduser()

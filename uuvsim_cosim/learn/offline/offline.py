@@ -1,4 +1,4 @@
-"""Learning from a dataset alone: `train_offline("data.npz", "dt")`; the task is not lived in."""
+"""Learning from a dataset alone, without the task: `train_offline("data.npz", "dt")`."""
 
 from __future__ import annotations
 
@@ -40,20 +40,20 @@ EVERY = 100  # updates, between rows of losses.csv
 
 
 class OfflineLearner(Protocol):
-    """What learns from a dataset: equal seeds give equal bits on one thread."""
+    """A learner from a dataset; equal seeds give equal bits on one thread."""
 
     name: str
 
     def update(self) -> dict[str, float]:
-        """Make one step of descent; gives losses. Raises LearningDiverged for a NaN."""
+        """Make one gradient step; returns losses. Raises LearningDiverged for a NaN."""
 
     def policy(self) -> Policy:
-        """Return what has been learned."""
+        """Return the policy that has been learned."""
 
 
 @dataclass(frozen=True)
 class LearnedOffline:
-    """What was learned, and how."""
+    """The result of learning from a dataset."""
 
     folder: Path
     policy: Policy
@@ -77,8 +77,8 @@ def train_offline(
 ) -> LearnedOffline:
     """Learn, and write policy.npz, losses.csv and offline.json into a new folder.
 
-    `task` is needed where the dataset tells none, and refused where its spaces are others. Ctrl-C,
-    and LearningDiverged, keep what has been learned so far. Raises InputInvalid.
+    `task` is needed if the dataset has none; its spaces must be those of the dataset. After Ctrl-C
+    or LearningDiverged, the policy learned so far is written. Raises InputInvalid.
     """
     given = data if isinstance(data, Dataset) else read_dataset(data)
     given = of_task(given, task, options)
@@ -106,13 +106,13 @@ def train_offline(
     except KeyboardInterrupt:
         interrupted = True
     except LearningDiverged as diverged:
-        kept = _write(place, _told(learner, given, chosen, seed, done), rows)
+        kept = _write(place, _described(learner, given, chosen, seed, done), rows)
         raise diverged.saying(
             algorithm, f"what was before, of {done} updates, is in {kept}"
         ) from None
     finally:
         torch.set_num_threads(threads)
-    policy = _told(learner, given, chosen, seed, done)
+    policy = _described(learner, given, chosen, seed, done)
     _write(place, policy, rows)
     last = {k: v for k, v in rows[-1].items() if k != "updates"} if rows else {}
     cpu = time.process_time() - began
@@ -149,7 +149,7 @@ def offline_learner(
 def of_task(
     data: Dataset, task: str | None, options: Mapping[str, object] | None = None
 ) -> Dataset:
-    """Return a dataset as one of a task; raises InputInvalid where the spaces are others."""
+    """Return a dataset with a task; raises InputInvalid if the spaces are not those of the task."""
     name = task or data.task
     if not name:
         raise InputInvalid("dataset: tells no task; expected one, by --task")
@@ -184,7 +184,8 @@ def _space(named: Sequence[Named]) -> str:
     return f"{len(named)} numbers in [{low:g}, {high:g}]"
 
 
-def _told(learner: OfflineLearner, data: Dataset, chosen: Any, seed: int, done: int) -> Policy:
+def _described(learner: OfflineLearner, data: Dataset, chosen: Any, seed: int, done: int) -> Policy:
+    """Return the policy, with the algorithm, settings and data that it was learned from."""
     return learner.policy().told(
         algorithm=learner.name, seed=seed, updates=done, settings=asdict(chosen),
         dataset={"episodes": len(data.episodes), "return": float(data.returns.mean()),

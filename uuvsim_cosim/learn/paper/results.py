@@ -1,4 +1,4 @@
-"""What a run of the benchmark leaves for good: numbers, its curve, an episode, its policies."""
+"""Results of a run of the benchmark: numbers, the learning curve, an episode, policies."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ METRICS = ("track", "dist", "viol", "clean")
 
 @dataclass(frozen=True)
 class Result:
-    """A run that was kept; values by episode are of seeds that nothing was chosen on."""
+    """Results of a run; values by episode are of seeds used for nothing else."""
 
     key: Key
     about: Mapping[str, Any]  # algorithm, schooling, cpu [s], steps, settings, options
@@ -46,17 +46,17 @@ class Result:
 
 
 def is_kept(results: Path, key: Key) -> bool:
-    """Return whether a run's numbers are there; they are written last."""
+    """Return whether the results of a run exist; the numbers are written last."""
     return kept(results, key) is not None
 
 
 def keep(
     results: Path, key: Key, folder: Path, about: Mapping[str, Any], *, episodes: int = 100
 ) -> Result:
-    """Judge a training's best policy on seeds never seen, and keep what it leaves.
+    """Judge a training's best policy on unused seeds, and write the results.
 
-    The policies themselves are kept of seed 0, as of the task that they are judged in; those of
-    others stay in `folder`.
+    The policies are copied for seed 0 only, with the options of the task in which they are judged;
+    those of other seeds stay in `folder`.
     """
     task = make_task(about["task"], about["options"])
     policies = load_policies(folder)
@@ -86,7 +86,7 @@ def keep(
 
 
 def read_result(results: Path, key: Key) -> Result:
-    """Read a run that was kept; raises InputInvalid for one that is not, or not whole."""
+    """Read the results of a run; raises InputInvalid if they are missing or damaged."""
     found = kept(results, key)
     if found is None:
         raise InputInvalid(
@@ -109,7 +109,7 @@ def read_result(results: Path, key: Key) -> Result:
 
 
 def read_results(results: Path, budget: str) -> dict[tuple[str, str], list[Result]]:
-    """Read all that was kept under a budget, seeds in order, by scenario and way."""
+    """Read all results of a budget, seeds in order, by scenario and way."""
     found: dict[tuple[str, str], list[Result]] = {}
     for key in keys_of_budget(results, budget):
         found.setdefault((key.scenario, key.way), []).append(read_result(results, key))
@@ -117,13 +117,13 @@ def read_results(results: Path, budget: str) -> dict[tuple[str, str], list[Resul
 
 
 def read_episode(results: Path, key: Key) -> dict[str, NDArray[np.float64]]:
-    """Read the episode that was kept of a team's run, column by column."""
+    """Read the saved episode of a team's run, by column."""
     found = kept(results, key)
     return _columns(found.episode if found else None, f"{results / key.stem}: episode")
 
 
 def _distinct(policies: list[Policy]) -> Iterable[Policy]:
-    """Return the policies; one for all agents, if theirs are equal."""
+    """Return the policies, or one for all agents if they are equal."""
     first = policies[0]
     same = all(
         p.tensors.keys() == first.tensors.keys()

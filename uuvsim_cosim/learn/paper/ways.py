@@ -1,4 +1,4 @@
-"""What the paper's figures need: budgets, and ways of learning as chains of scenarios."""
+"""Trainings for the paper's figures: budgets, and ways of learning as chains of scenarios."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ SCENARIOS = ("source", "transition_1", "transition_2", "target")
 
 @dataclass(frozen=True)
 class Budget:
-    """How much may be learned: `steps` of environments for each scenario, `envs` side by side."""
+    """Size of the trainings: environment steps for each scenario, `envs` side by side."""
 
     name: str
     described: str
@@ -97,7 +97,7 @@ class Chain:
     algorithm: str
     scenarios: tuple[str, ...]
     options: Mapping[str, object] = field(default_factory=dict)
-    label: str = ""  # says what is particular
+    label: str = ""  # the difference from the way without a label
     trackers: int | None = None  # where a team tracks, instead of two
 
     @property
@@ -140,7 +140,7 @@ def scenarios_of(chain: Chain, budget: Budget) -> tuple[str, ...]:
 
 
 def options_of(chain: Chain, scenario: str) -> dict[str, object]:
-    """Return what a way says of the task; the rest is the budget's."""
+    """Return the task options of a way; the others are the budget's."""
     options = dict(chain.options)
     if chain.trackers is not None and _task(scenario) in ("transition_2", "target"):
         options["n_trackers"] = chain.trackers
@@ -153,7 +153,7 @@ def first_of(seed: int) -> int:
 
 
 def place_of(work: Path, budget: Budget, chain: Chain, seed: int) -> Path:
-    """Name the folder that a chain's checkpoints are in."""
+    """Return the folder of a chain's checkpoints."""
     return work / budget.name / f"{chain.way}-{scenarios_of(chain, budget)[-1]}-{seed}"
 
 
@@ -201,6 +201,6 @@ def _task(scenario: str) -> str:
 
 
 def _steps(chain: Chain, budget: Budget, scenario: str) -> int:
-    if chain.label == "all_steps":  # as many as the whole schooling has
+    if chain.label == "all_steps":  # the sum over all scenarios of the schooling
         return sum(budget.steps[s] for s in SCENARIOS)
     return budget.steps[scenario]

@@ -1,4 +1,4 @@
-"""An episode seen: what a policy does in a task, picture by picture."""
+"""Pictures of an episode in which a policy acts."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def frames_of(
 
 
 def _one(policy: Policy, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Act on one observation; what learners act on is cut to float32, as in `Rollout`."""
+    """Act on one observation; actions are rounded to float32, as in `Rollout`."""
     return np.asarray(policy(observation[None])[0], np.float32)
 
 

@@ -23,7 +23,7 @@ __all__ = ["Named", "Policy", "network"]
 
 Array = NDArray[np.float32]
 Kind = Literal["tanh", "clip", "grid", "sequence"]
-FORMAT = 1  # raised when a file of before can no longer be read
+FORMAT = 1  # incremented when older files cannot be read any more
 
 
 @dataclass(frozen=True)
@@ -38,15 +38,15 @@ class Named:
 
 @dataclass(frozen=True)
 class Policy:
-    """What acts: observations (n, width) in, actions (n, width) in [-1, 1] out.
+    """Map of observations (n, width) to actions (n, width) in [-1, 1].
 
     Layers are `tensors` "0.weight" (out, in), "0.bias" (out,), "1.weight", …, with
-    `activation` between them. `kind` is what becomes of the last layer: "tanh" of it (the mean of
-    a squashed Gaussian), "clip" to [-1, 1], or "grid", the row of tensor "grid" (choices, width)
-    with the greatest value. "sequence" is a decision transformer, whose `settings` say its form.
+    `activation` between them. `kind` is the function of the last layer: "tanh" (the mean of a
+    squashed Gaussian), "clip" to [-1, 1], or "grid", the row of the tensor "grid" (choices, width)
+    with the greatest value. "sequence" is a decision transformer, whose `settings` give its form.
     An observation is first shifted and scaled: (o - `shift`) * `scale`, where given as tensors.
-    `task` and `options` make the task that it was trained on; `agent` is whose policy it is, ""
-    for each of them; `trained` tells where it comes from.
+    `task` and `options` make the task that it was trained on; `agent` is the agent that it is for,
+    "" for all agents; `trained` describes the training.
     """
 
     kind: Kind
@@ -116,7 +116,7 @@ class Policy:
         return np.asarray(np.clip(x, -1.0, 1.0), np.float64)
 
     def told(self, **trained: object) -> Policy:
-        """Return the same policy, with more to tell of where it comes from."""
+        """Return the same policy with more entries of `trained`."""
         return replace(self, trained={**self.trained, **trained})
 
     # ---- files ----------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""A policy with a memory acts in evaluations: n histories of K returns, observations and actions.
+"""Runner of a policy with a memory: n histories of K returns, observations and actions.
 
 The network and the history are those of the vehicle's runner, runner_sequence.py.
 """
@@ -18,7 +18,7 @@ __all__ = ["SequenceRunner", "begin"]
 
 
 def begin(policy: object) -> None:
-    """Tell what acts that episodes begin: a memory is emptied."""
+    """Clear the memory of a policy that has one, at the start of episodes."""
     if isinstance(policy, SequenceRunner):
         policy.begin()
 

@@ -1,4 +1,4 @@
-"""A curriculum: tasks one after the other, each begun with what was learned in the last.
+"""A curriculum: tasks one after the other, each begun with the networks of the last.
 
 Scenario transfer training (STT) of the UUVSim paper is one; at each switch the actions are exactly
 unchanged (see `transfer`).
@@ -24,11 +24,11 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Promotion:
-    """When a stage is done before its steps are: so good in so many evaluations running."""
+    """Condition to end a stage early: a return reached in consecutive evaluations."""
 
-    share: float | None = 0.9  # of the scripted return
-    least: float | None = None  # a return; instead of a share, where nothing is scripted
-    evaluations: int = 2  # running
+    share: float | None = 0.9  # of the scripted controller's return
+    least: float | None = None  # a return, instead of `share`, for tasks without a controller
+    evaluations: int = 2  # consecutive
 
 
 @dataclass(frozen=True)
@@ -38,14 +38,14 @@ class Stage:
     task: str  # a name of TASKS, or "package.module:Name"
     steps: int  # environment steps, of all environments together
     options: Mapping[str, object] = field(default_factory=dict)  # the task's own
-    settings: Mapping[str, object] = field(default_factory=dict)  # how experience becomes updates
+    settings: Mapping[str, object] = field(default_factory=dict)  # of the algorithm
     promotion: Promotion | None = None
     evaluate_every: int | None = None  # environment steps, instead of the curriculum's
 
 
 @dataclass(frozen=True)
 class Curriculum:
-    """Stages in their order, and what they share; the same one gives the same bits."""
+    """Stages in their order, and their common options; the same one gives the same bits."""
 
     name: str
     stages: tuple[Stage, ...]
@@ -57,7 +57,7 @@ class Curriculum:
     evaluation_episodes: int = 100
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be."""
+        """Check the fields of the curriculum and of its stages."""
         if not self.stages:
             raise InputInvalid(f"curriculum {self.name}: no stages; expected at least one")
         if self.algorithm not in TRANSFERS:
@@ -86,9 +86,9 @@ class Curriculum:
                 raise InputInvalid(f"{place}, promotion, {given[0]} {value!r}; expected a number")
 
     def changed(self, **changes: Any) -> Curriculum:
-        """Return the same with changes, which come after what each stage says.
+        """Return a copy with changes, which take precedence over those of the stages.
 
-        Options and settings are added to those that are there.
+        Options and settings are merged with the present ones.
         """
         given = {name: changes.pop(name, {}) for name in ("options", "settings")}
         stages = []
@@ -102,7 +102,7 @@ class Curriculum:
         return replace(self, stages=tuple(stages), **changes)
 
     def plain(self) -> dict[str, object]:
-        """Return it as JSON knows it."""
+        """Return the fields as values of JSON."""
         return dict(json.loads(json.dumps(asdict(self))))
 
 

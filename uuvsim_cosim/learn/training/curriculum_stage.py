@@ -1,4 +1,4 @@
-"""One stage of a curriculum: its learner, its training, and what the next one begins with."""
+"""One stage of a curriculum: its learner, its training, and the start of the next stage."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def train_stage(
     observers: tuple[TrainingObserver, ...], interrupted: Callable[[], bool] | None,
     first: int | None,
 ) -> tuple[dict[str, Any], Transferable]:  # fmt: skip
-    """Train stage k, or go on with it; gives what is kept of it, and the learner as it ended."""
+    """Train stage k, or resume it; returns the record of the stage, and its learner."""
     from uuvsim_cosim.learn.algorithms.checkpoint import load_checkpoint
     from uuvsim_cosim.learn.training.training import Training
 
@@ -93,7 +93,7 @@ def train_stage(
 
 
 def learner_for(curriculum: Curriculum, k: int, task: Task | TeamTask, seed: int) -> Transferable:
-    """Make a stage's learner, as if nothing had been learned before."""
+    """Make the new learner of a stage, without the networks of earlier stages."""
     agents = len(agents_of(task))
     observed, acted = widths(task)
     name = "sac" if agents == 1 and curriculum.algorithm == "masac" else curriculum.algorithm
@@ -105,7 +105,7 @@ def learner_for(curriculum: Curriculum, k: int, task: Task | TeamTask, seed: int
 
 
 def spent(about: Path) -> float:
-    """Return the CPU seconds of earlier calls; none, if that cannot be read."""
+    """Return the CPU seconds of earlier calls; 0 if they cannot be read."""
     try:
         return float(json.loads(about.read_text(encoding="utf-8"))["cpu"])
     except (OSError, ValueError, KeyError, TypeError):
@@ -133,7 +133,7 @@ def keep_switch(
     folder: Path,
     seed: int,
 ) -> None:
-    """Write what stage k begins with."""
+    """Write the state with which stage k begins."""
     from uuvsim_cosim.learn.algorithms.checkpoint import save_checkpoint
 
     began = learner_for(curriculum, k, task, seed)
@@ -144,7 +144,7 @@ def keep_switch(
 
 
 def switch_of(folder: Path, curriculum: Curriculum, k: int) -> Path:
-    """Name the file that stage k begins with."""
+    """Return the file with which stage k begins."""
     return stage_folder(folder, k, curriculum.stages[k].task) / SWITCH
 
 

@@ -1,4 +1,4 @@
-"""Many episodes of several policies, in parts: here, or on a cluster to the same bits."""
+"""Evaluation of several policies in parts, in this process or, with equal bits, on a cluster."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = ["AT_ONCE", "evaluate_all"]
 
-AT_ONCE = 256  # episodes side by side: a matrix product's bits follow from its shape
+AT_ONCE = 256  # episodes side by side; fixed, as a matrix product's bits depend on its shape
 
 
 @dataclass(frozen=True)
@@ -41,14 +41,14 @@ def evaluate_all(
 ) -> dict[str, Evaluation]:
     """Return an Evaluation of each policy (as `evaluate` takes them); all on the same seeds.
 
-    "random", which draws from episode to episode, is one part.
+    "random" is one part, since its random numbers continue from episode to episode.
     """
-    parts, whose = [], []
+    parts, owners = [], []
     for who, acts in policies.items():
         size = episodes if who == "random" else AT_ONCE
         for first in range(0, episodes, size):
             parts.append(_Part(name, options, acts, seed + first, min(size, episodes - first)))
-            whose.append(who)
+            owners.append(who)
     came = cluster.spread(_evaluate, parts) if cluster else enumerate(map(_evaluate, parts))
     found: dict[int, Evaluation] = {}
     for k, evaluation in came:
@@ -57,7 +57,7 @@ def evaluate_all(
             progress("evaluating", len(found), len(parts))
     joined = {}
     for who in policies:
-        own = [found[k] for k in range(len(parts)) if whose[k] == who]
+        own = [found[k] for k in range(len(parts)) if owners[k] == who]
         joined[who] = Evaluation(
             np.concatenate([e.returns for e in own]),
             np.concatenate([e.seconds for e in own]),

@@ -1,4 +1,4 @@
-"""How good policies are, on seeds that nothing was chosen by: means with bootstrap intervals."""
+"""Judgement of policies on seeds used for nothing else: means with bootstrap intervals."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def judge(
 def judge_scripted(
     task: Task | TeamTask, episodes: int = 100, seed: int = JUDGING_SEED
 ) -> dict[str, Interval]:
-    """Return the figures of the task's hand-written controller; none, for tasks without one."""
+    """Return the figures of the task's scripted controller; none for a task without one."""
     try:
         policy = scripted_policy(task)
     except InputInvalid:
@@ -45,7 +45,7 @@ def judge_scripted(
 
 
 def judged(evaluations: Sequence[Evaluation]) -> dict[str, Interval]:
-    """Return the figures of evaluations, which are seeds of one thing."""
+    """Return the figures of evaluations of one policy trained with several seeds."""
 
     def stacked(name: str) -> NDArray[np.float64]:
         return np.stack([e.metrics[name] for e in evaluations])

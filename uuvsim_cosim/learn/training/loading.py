@@ -1,4 +1,4 @@
-"""Policies from files and folders, as what acts in a task."""
+"""Loading of policies from files and folders, to act in a task."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def acting_in(task: Task | TeamTask, policies: Sequence[Policy], name: str) -> P
 
 
 def random_policy(task: Task | TeamTask, seed: int | Sequence[int] = 0) -> Policies:
-    """Return what acts at random, uniformly."""
+    """Return policies of uniform random actions."""
     _, acted = widths(task)
     random = np.random.default_rng(seed)
 
@@ -122,7 +122,7 @@ def _act(policy: Policy) -> scripted.Policy:
 
 
 def _team(folder: Path, begins: str) -> list[Policy]:
-    """Read the files whose names are `begins` and the agent's name; others are no part of it."""
+    """Read the files of a team: those whose names are `begins` and the agent's name."""
     found = [(file, Policy.load(file)) for file in sorted(folder.glob(f"{escape(begins)}*.npz"))]
     return [p for file, p in found if p.agent and file.stem == f"{begins}{p.agent}"]
 
@@ -130,7 +130,7 @@ def _team(folder: Path, begins: str) -> list[Policy]:
 def _refuse_part_of_a_team(policies: Sequence[Policy], lacking: Sequence[str], name: str) -> None:
     """Raise InputInvalid unless the policies are of every agent of the team that learned."""
     first, team = policies[0], list(lacking)
-    if first.task == name or first.task in TASKS:  # nobody's code is imported for this
+    if first.task == name or first.task in TASKS:  # do not import foreign code for a message
         team = list(agents_of(make_task(first.task, first.options)))
     missing = [agent for agent in team if agent not in {p.agent for p in policies}]
     if missing:

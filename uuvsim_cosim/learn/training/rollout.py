@@ -1,6 +1,6 @@
-"""Where experience comes from: a task in n copies of its system, as arrays; can be gone back to.
+"""Rollout: a task in n copies of its system, as arrays; its state can be saved and restored.
 
-A team's task and a task of one agent look alike here: observations (n, N, d), actions (n, N, a).
+A team's task and a task of one agent have the same form: observations (n, N, d), actions (n, N, a).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ Outcome = tuple[NDArray[np.float64], Mask, Mask, Mapping[str, NDArray[np.generic
 
 @dataclass(frozen=True)
 class Ended:
-    """Episodes that have just ended: returns (the mean of a team's agents) and what infos say.
+    """Episodes that have just ended: returns (the mean of a team's agents) and means of infos.
 
     `metrics` are means over the second half of each episode, as `envs.tasks.evaluate` gives.
     """
@@ -84,10 +84,10 @@ class Rollout:
         actions = np.asarray(actions, np.float32)
         before, at, rows = self.observation, self.steps.copy(), np.arange(self.n)
         self._actions[at, rows] = actions
-        reward, terminated, over, told = self._world.act(actions)
+        reward, terminated, over, infos = self._world.act(actions)
         after = self.observation = self._world.observe()
         self._returns[at, rows] = reward.mean(axis=1)
-        for name, values in told.items():
+        for name, values in infos.items():
             if np.shape(values) == (self.n,):
                 kept = self._infos.setdefault(name, np.zeros((self._length, self.n)))
                 kept[at, rows] = values
@@ -96,12 +96,12 @@ class Rollout:
             ended = self._ended(np.flatnonzero(over), at + 1)
             self._world.again(over)
             self.observation = self._world.observe()
-        lived = Transitions(before, actions, reward.astype(np.float32), after,
+        transitions = Transitions(before, actions, reward.astype(np.float32), after,
                             terminated.astype(np.float32))  # fmt: skip
-        return lived, ended
+        return transitions, ended
 
     def state(self) -> dict[str, NDArray[np.generic]]:
-        """Return what the present episodes follow from."""
+        """Return the seeds and the actions from which `set_state` repeats the episodes."""
         episodes = self._world.episodes
         return {
             "seeds": episodes.seeds.copy(),
@@ -111,7 +111,7 @@ class Rollout:
         }
 
     def set_state(self, state: State) -> None:
-        """Live the episodes of `state` again, up to where they were."""
+        """Repeat the episodes of `state` with their actions, up to where they were."""
         steps = np.asarray(state["steps"])
         if steps.shape != (self.n,) or state["actions"].shape[1:] != self._actions.shape[1:]:
             raise InputInvalid(
@@ -124,15 +124,15 @@ class Rollout:
         episodes.count(np.asarray(state["seeds"]), np.asarray(state["episodes"]) - 1)
         self._world.again(np.ones(self.n, bool))
         for k in range(most):
-            # Those with fewer steps begin later: what they do until then is not looked at.
+            # Environments with fewer steps begin later: their actions until then do not matter.
             late = steps == most - k
             if k and late.any():
                 episodes.count(episodes.seeds, episodes.episodes - late)
                 self._world.again(late)
             at = self.steps
-            reward, _, _, told = self._world.act(self._actions[at, np.arange(self.n)])
+            reward, _, _, infos = self._world.act(self._actions[at, np.arange(self.n)])
             self._returns[at, np.arange(self.n)] = reward.mean(axis=1)
-            for name, values in told.items():
+            for name, values in infos.items():
                 if np.shape(values) == (self.n,):
                     kept = self._infos.setdefault(name, np.zeros((self._length, self.n)))
                     kept[at, np.arange(self.n)] = values
@@ -148,11 +148,11 @@ class Rollout:
 
     def _ended(self, rows: NDArray[np.intp], steps: NDArray[np.int64]) -> Ended:
         length = steps[rows]
-        lived = np.arange(self._length)[:, None] < length
+        counted = np.arange(self._length)[:, None] < length
         # Means over the second half: step k (from 0) counts where 2 k >= length - 1.
-        late = lived & (2 * np.arange(self._length)[:, None] >= length - 1)
+        late = counted & (2 * np.arange(self._length)[:, None] >= length - 1)
         return Ended(
-            np.where(lived, self._returns[:, rows], 0.0).sum(axis=0),
+            np.where(counted, self._returns[:, rows], 0.0).sum(axis=0),
             length,
             {
                 name: np.where(late, kept[:, rows], 0.0).sum(axis=0) / late.sum(axis=0)

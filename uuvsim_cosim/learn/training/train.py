@@ -15,7 +15,7 @@ from uuvsim_cosim.learn.shared.task_ids import make_task
 from uuvsim_cosim.learn.training.agents import agents_of, widths
 from uuvsim_cosim.learn.training.config import TrainingConfig, read_config
 from uuvsim_cosim.learn.training.events import Events
-from uuvsim_cosim.learn.training.folder_lock import claim, held, refuse_other
+from uuvsim_cosim.learn.training.folder_lock import locked, refuse_other, write_owner
 from uuvsim_cosim.learn.training.interruption import Interruption, TrainingInterrupted
 from uuvsim_cosim.learn.training.loading import load_policies
 
@@ -34,7 +34,7 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Trained:
-    """What a training left in its folder."""
+    """The results of a training, from its folder."""
 
     folder: Path
     config: TrainingConfig
@@ -58,12 +58,12 @@ def train(
     interrupted: Callable[[], bool] | None = None,
     **changes: Any,
 ) -> Trained:
-    """Train, or go on with a training, in `folder` (runs/train/TASK-ALGORITHM-SEED).
+    """Train, or resume a training, in `folder` (runs/train/TASK-ALGORITHM-SEED).
 
     `given` is a configuration, a YAML file of one, or a task's name; `changes` are fields of
-    TrainingConfig. Ctrl-C keeps the step that it came in and raises TrainingInterrupted; the same
-    call goes on from there, to the same bits. Torch computes on one thread meanwhile. `first` is
-    of environments' seeds, as `Training` has it; `interrupted` is asked after each step too.
+    TrainingConfig. After Ctrl-C, the current step is saved and TrainingInterrupted raised; the
+    same call resumes, to the same bits. Torch computes on one thread. `first` is the first seed of
+    the environments, see `Training`; `interrupted` is called after each step too.
     """
     if isinstance(given, TrainingConfig):
         config = given.changed(**changes)
@@ -88,10 +88,10 @@ def train(
             config, task, place, observers=observers, interrupted=either, first=first
         )
         stack.callback(training.close)
-        stack.enter_context(held(place))
+        stack.enter_context(locked(place))
         if not restart:
-            training.resume()  # what it refuses leaves the folder as it was
-        claim(place, config, restart)
+            training.resume()  # an error here leaves the folder unchanged
+        write_owner(place, config, restart)
         with interruption:
             try:
                 rows = training.run()
@@ -135,9 +135,9 @@ def training_of(
 
 
 def resolved(config: TrainingConfig) -> TrainingConfig:
-    """Return the same with the algorithm named, and its settings as what they are.
+    """Return the configuration with the algorithm's name and settings with their types.
 
-    Raises InputInvalid for a task, an algorithm or settings that cannot be.
+    Raises InputInvalid for an invalid task, algorithm or setting.
     """
     task = make_task(config.task, config.task_options, profile=config.profile)
     algorithm = algorithm_for(config.algorithm, len(agents_of(task)))
@@ -160,7 +160,7 @@ def one_thread() -> ExitStack:
     try:
         import torch
     except ModuleNotFoundError:
-        return stack  # learner_of says so
+        return stack  # learner_of raises the error
     stack.callback(torch.set_num_threads, torch.get_num_threads())
     torch.set_num_threads(1)
     return stack

@@ -1,4 +1,4 @@
-"""A training: a learner lives in a task, is judged on seeds never trained on, and is kept."""
+"""A training: a learner acts in a task, is evaluated on other seeds, and is saved."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ __all__ = ["EVALUATION_SEED", "Progress", "Training", "TrainingObserver", "actin
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a training is; `row` are numbers by name, of the last step, episodes or evaluation."""
+    """Progress of a training; `row` has the numbers of the last step, episodes or evaluation."""
 
     step: int  # environment steps, of all environments together
     steps: int  # of the whole training
@@ -40,20 +40,20 @@ class Progress:
 
 
 class TrainingObserver(Protocol):
-    """Watches a training; cannot change it."""
+    """Observer of a training; it cannot change it."""
 
     def __call__(self, progress: Progress) -> None:
-        """Be told."""
+        """Receive the progress."""
 
 
 @final
 class Training:
-    """`learner` on `n` copies of `task`, for `steps` environment steps, kept in `folder`.
+    """`learner` on `n` copies of `task`, for `steps` environment steps, saved in `folder`.
 
     The folder holds episodes.csv (one row an episode), evaluations.csv, policy.npz (the last),
-    best.npz (the best evaluation) and checkpoint.pt. `run` goes on from a checkpoint that is
-    there, to the same bits as without the interruption. `name`, `options` say which task it is.
-    Environment i has the seed `first` + i, by default one that no other `seed` has.
+    best.npz (of the best evaluation) and checkpoint.pt. `run` resumes from a checkpoint, with the
+    same bits as without an interruption. `name` and `options` make the task again. Environment i
+    has the seed `first` + i, by default one that no training with another `seed` uses.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class Training:
         self._observers, self._stop, self._interrupted = observers, stop, interrupted
         self.rollout = Rollout(task, n, first_of_training(seed) if first is None else first)
         self.step, self.episodes, self.cpu = 0, 0, 0.0
-        self.updates: int | None = 0  # not known of checkpoints that do not say
+        self.updates: int | None = 0  # None: unknown, from an older checkpoint
         self.best = -np.inf
         self.evaluations: list[dict[str, float]] = []
         self._rows: list[dict[str, float]] = []
@@ -91,21 +91,21 @@ class Training:
 
     @property
     def checkpoint(self) -> Path:
-        """Name the file that this goes on from."""
+        """The file from which a training is resumed."""
         return self.folder / "checkpoint.pt"
 
     @property
     def note(self) -> str | None:
-        """Say why nothing was learned so far, where that is so."""
+        """The reason why nothing was learned so far, or None."""
         return taught_nothing(self.learner.settings, self.step, self.updates)
 
     def run(self) -> list[dict[str, float]]:
-        """Train to the end; gives one row an evaluation, the first before anything is learned.
+        """Train to the end; returns one row an evaluation, the first before any update.
 
-        The last is of what was learned, whatever `evaluate_every` is. Where `interrupted` says so
-        after a step, that step is kept and KeyboardInterrupt raised. A loss or a gradient that is
-        no number raises LearningDiverged; what there is then is in diverged.pt and policy.npz, and
-        the last checkpoint stays.
+        The last evaluation is made at the end, whatever `evaluate_every` is. If `interrupted`
+        returns True after a step, that step is saved and KeyboardInterrupt is raised. A loss or a
+        gradient that is not finite raises LearningDiverged; then the state is in diverged.pt and
+        policy.npz, and the last checkpoint stays.
         """
         self.folder.mkdir(parents=True, exist_ok=True)
         self.resume()
@@ -129,7 +129,7 @@ class Training:
                     raise KeyboardInterrupt
         except Exception as error:
             last = f"stopped after step {self.step}; {self.checkpoint} is of step {kept}"
-            with suppress(OSError):  # the disk may be full: the first error is the one to be told
+            with suppress(OSError):  # the disk may be full: the first error is reported
                 self._write_curves()
             if isinstance(error, LearningDiverged):
                 raise error.saying(self.learner.name, f"{last}{self._diverged()}") from None
@@ -143,7 +143,7 @@ class Training:
         return self.evaluations
 
     def resume(self) -> None:
-        """Take up the checkpoint, where there is one; a second call does nothing."""
+        """Load the checkpoint, if there is one; a second call does nothing."""
         if self._resumed:
             return
         if self.checkpoint.is_file():
@@ -157,16 +157,16 @@ class Training:
 
     def _one_step(self) -> None:
         actions = self.learner.act(self.rollout.observation)
-        lived, ended = self.rollout.step(actions)
+        transitions, ended = self.rollout.step(actions)
         over = self.rollout.steps == 0
-        told = self.learner.learn(lived, over)
+        losses = self.learner.learn(transitions, over)
         self.step += self.n
-        if told:
+        if losses:
             one_more = None if self.updates is None else self.updates + 1
-            self.updates = int(told["updates"]) if "updates" in told else one_more
+            self.updates = int(losses["updates"]) if "updates" in losses else one_more
         if ended is not None:
             self._count(ended)
-        self._tell("step", told)
+        self._tell("step", losses)
 
     def _passed(self, every: int) -> bool:
         return self.step // every > (self.step - self.n) // every
@@ -218,7 +218,7 @@ class Training:
         return given
 
     def save(self) -> None:
-        """Write what there is: curves, policies, the checkpoint."""
+        """Write curves, policies and the checkpoint."""
         self.folder.mkdir(parents=True, exist_ok=True)
         self._write_curves()
         self._write_policies("policy")
@@ -251,12 +251,12 @@ class Training:
         }
 
     def _diverged(self) -> str:
-        """Keep what there is, beside the checkpoint, which is sound; gives what to tell of it."""
+        """Write the diverged state beside the checkpoint, which stays; returns a message of it."""
         beside = self.folder / "diverged.pt"
         try:
             save_checkpoint(beside, self._content())
             self._write_policies("policy")
-        except (OSError, UuvsimError):  # no room, or no numbers in the networks
+        except (OSError, UuvsimError):  # a full disk, or NaN in the networks
             return ""
         return f"; {beside} and policy.npz are of then"
 
