@@ -165,6 +165,6 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[np.generic]]):
         return self._stage
 
 
-def _row(info: Mapping[str, NDArray[np.generic]]) -> dict[str, Any]:
+def _row(info: Mapping[str, NDArray[np.generic]]) -> dict[str, object]:
     """Return the infos of one environment, copied."""
     return {k: v[0].copy() for k, v in info.items()}

@@ -175,7 +175,7 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[np.generic]]):  # t
     def _observations(self, team: TeamMoment) -> dict[str, Observation]:
         return {a: team.observation[a][0].copy() for a in self._those(team.seen)}
 
-    def _infos(self, team: TeamMoment) -> dict[str, dict[str, Any]]:
+    def _infos(self, team: TeamMoment) -> dict[str, dict[str, object]]:
         stage = self._live()
         given = stage.info(team.moment)
         infos = {a: {k: v[0].copy() for k, v in given.items()} for a in self._those(team.seen)}

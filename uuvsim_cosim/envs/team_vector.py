@@ -51,13 +51,7 @@ class CosimTeamVectorEnv:
     ) -> None:
         self._stage: TeamStage | None = None
         num_envs = whole(num_envs, "num_envs")
-        try:
-            self._mode = AutoresetMode(autoreset_mode)
-        except ValueError:
-            words = ", ".join(repr(m.value) for m in AutoresetMode)
-            raise InputInvalid(
-                f"autoreset_mode {autoreset_mode!r}; expected one of {words}"
-            ) from None
+        self._mode = vector_info.autoreset_of(autoreset_mode)
         stage = TeamStage(
             team_task, num_envs, backend=backend, threads=threads, dtype=dtype,
             processes=processes,
@@ -109,11 +103,7 @@ class CosimTeamVectorEnv:
         """Act in all environments for one action step; `actions` are (n, N, a) in [-1, 1]."""
         stage, ended = self._live(), self._ended
         if self._mode is AutoresetMode.DISABLED and ended.any():
-            rows = ", ".join(map(str, np.flatnonzero(ended)[:8]))
-            raise InputInvalid(
-                f"{stage.place}: the episodes of environments {rows} have ended; expected "
-                'reset(options={"reset_mask": …}) before step()'
-            )
+            vector_info.refuse_ended(stage.place, ended)
         given = self._by_agent(stage, actions)
         team = stage.act({a: given[:, j] for j, a in enumerate(self.agents)})
         if ended.any():

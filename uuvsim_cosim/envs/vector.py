@@ -61,13 +61,7 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
     ) -> None:
         self._stage: Stage | None = None
         num_envs = whole(num_envs, "num_envs")
-        try:
-            self._mode = AutoresetMode(autoreset_mode)
-        except ValueError:
-            words = ", ".join(repr(m.value) for m in AutoresetMode)
-            raise InputInvalid(
-                f"autoreset_mode {autoreset_mode!r}; expected one of {words}"
-            ) from None
+        self._mode = vector_info.autoreset_of(autoreset_mode)
         if render_mode == "human":
             raise InputInvalid("render_mode 'human' of many environments; expected 'rgb_array'")
         self._screen = Screen(render_mode)
@@ -125,11 +119,7 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
         ended = self._ended
         again = bool(ended.any())
         if again and self._mode is AutoresetMode.DISABLED:
-            rows = ", ".join(map(str, np.flatnonzero(ended)[:8]))
-            raise InputInvalid(
-                f"{stage.place}: the episodes of environments {rows} have ended; expected "
-                'reset(options={"reset_mask": …}) before step()'
-            )
+            vector_info.refuse_ended(stage.place, ended)
         m = stage.act(actions, ended if again else None)
         reward, terminated = stage.reward(m), stage.terminated(m)
         truncated = stage.episodes.over & ~terminated

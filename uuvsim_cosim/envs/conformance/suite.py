@@ -69,6 +69,7 @@ SEED = general.seed_reaches_observations.__name__
 MODE = vectors.autoreset_declared.__name__
 ROWS = vectors.row_is_single_environment.__name__
 
+# In the order of examination: each claim comes after those that it needs.
 CLAIMS: tuple[Claim, ...] = (
     Claim(general.interface, ("single", "parallel")),
     Claim(general.same_seed_same_trajectory),

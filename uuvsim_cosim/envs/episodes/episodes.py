@@ -151,7 +151,7 @@ class Episodes:
         scaled = [box.scaled(actions[agent]) for agent, box in self._boxes.items()]
         plant.scatter(scaled[0] if len(scaled) == 1 else np.concatenate(scaled))
         plant.step(self._ticks)
-        if again is not None:
+        if again is not None:  # ended rows were stepped too: a kernel steps all of them
             self._begin(again, None, {})
             rows = np.flatnonzero(again)
             steps = _cleared(steps, rows)
@@ -231,6 +231,7 @@ class Episodes:
             system_seeds[chosen] = few
         self._moment = None  # there is none if this is interrupted
         self.plant.reset(chosen, system_seeds, drawn)
+        # Only now: after an interrupted reset the next one begins the same episodes.
         self.count(*counted)
         self._start = drawn if whole else {**self._start, **drawn}
         failed = self.plant.failed

@@ -84,7 +84,7 @@ class KernelPlant:
 
     def step(self, ticks: int) -> None:
         """Make communication steps in all copies."""
-        self._batch.step(ticks, check=False)
+        self._batch.step(ticks, check=False)  # failures do not raise: see `failed`
 
     def reset(
         self, mask: NDArray[np.bool_], seeds: Seeds, start: Mapping[str, NDArray[np.generic]]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.plants.memory_limit import refuse_beyond, resident
-from uuvsim_cosim.envs.plants.plant import Seeds
+from uuvsim_cosim.envs.plants.plant import Seeds, variables_of
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid, UuvsimError
 from uuvsim_cosim.fmus.codegen.native import Native
 from uuvsim_cosim.fmus.component import Component
@@ -42,11 +42,7 @@ class MasterPlant:
     ) -> None:
         self.n = n
         self.tick = plan.tick
-        self.variables: Mapping[str, Variable] = {
-            f"{c.path}.{v.name}": v
-            for c in plan.components
-            for v in c.description.variables.values()
-        }
+        self.variables: Mapping[str, Variable] = variables_of(plan)
         self._plan, self._first = plan, instantiate
         self._known: dict[str, Native] = {}  # an instance of each declaration
         self._reads, self._acts = tuple(reads), tuple(acts)
@@ -57,6 +53,7 @@ class MasterPlant:
             before = None
             for i in range(n):
                 self._rows.append(self._row())
+                # The first masters load what all share: memory is measured over the second half.
                 if n > _TRIED and i == _TRIED // 2:
                     before = resident()
                 elif i == _TRIED and before is not None and (now := resident()) is not None:

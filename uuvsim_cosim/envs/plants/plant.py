@@ -11,10 +11,18 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import ComponentFailed
 from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.orchestrator.plan.plan import Plan
 
-__all__ = ["Plant", "Seeds"]
+__all__ = ["Plant", "Seeds", "variables_of"]
 
 Seeds = Sequence[int] | NDArray[np.uint64]
+
+
+def variables_of(plan: Plan) -> dict[str, Variable]:
+    """Return the variables of a plan by path and name, "hull.eta"."""
+    return {
+        f"{c.path}.{v.name}": v for c in plan.components for v in c.description.variables.values()
+    }
 
 
 class Plant(Protocol):

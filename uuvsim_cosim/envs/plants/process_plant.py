@@ -11,7 +11,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.plants.plant import Seeds
+from uuvsim_cosim.envs.plants.plant import Seeds, variables_of
 from uuvsim_cosim.envs.plants.shared_memory import Shared
 from uuvsim_cosim.envs.plants.worker_pipe import Failures, Job, WorkerProcess
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid, UuvsimError
@@ -47,11 +47,7 @@ class ProcessPlant:
             raise InputInvalid(f"processes {processes}; expected at least 1, or None")
         self.n = n
         self.tick = plan.tick
-        self.variables: Mapping[str, Variable] = {
-            f"{c.path}.{v.name}": v
-            for c in plan.components
-            for v in c.description.variables.values()
-        }
+        self.variables: Mapping[str, Variable] = variables_of(plan)
         self._owner = os.getpid()
         self._failures: dict[int, ComponentFailed] = {}
         self._acted = False  # whether there are actions that the workers have not seen
@@ -67,7 +63,7 @@ class ProcessPlant:
             for first, end in pairwise(bounds):
                 worker = self._begun(first, end)
                 self._workers.append(worker)
-                if first == 0:  # compiles what the others load
+                if first == 0:  # it compiles the components, which the others then load
                     worker.answer()
             for worker in self._workers[1:]:
                 worker.answer()

@@ -27,7 +27,7 @@ class _Worker:
             job.plan, prepare(job.plan, "native"), job.n, reads=job.reads, acts=job.acts
         )
         shared = Shared(job.memory, *job.shape)
-        shared.release()
+        shared.release()  # the mapping stays; no handle or name is needed any more
         rows = slice(job.first, job.first + job.n)
         self._signals, self._actions = shared.signals[:, rows], shared.actions[:, rows]
         self._seeds, self._mask = shared.seeds[rows], shared.mask[rows]
@@ -65,9 +65,9 @@ class _Worker:
 def main() -> None:
     """Answer until the input ends."""
     if hasattr(signal, "SIGINT"):
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent's to handle
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C
     answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what components print is no answer
+    os.dup2(2, 1)  # a component may print: that must not be read as an answer
     calls = sys.stdin.buffer
     worker: _Worker | None = None
     with contextlib.suppress(EOFError, BrokenPipeError):

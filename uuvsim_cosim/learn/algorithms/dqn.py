@@ -150,10 +150,7 @@ class DqnLearner:
 
     def go_on_from(self, last: Self, seed: int) -> None:
         """Copy the networks of `last`; raises InputInvalid for other shapes."""
-        kept = last._replay.state()
-        awake = np.zeros(self.observed, bool)
-        for name in ("observation", "after"):
-            awake |= (kept[name] != 0).any(axis=(0, 1))
+        awake = last._replay.awake()
         nets = [i % last.agents for i in range(self.agents)]
         for of, to in ((last.network, self.network), (last.target, self.target)):
             pass_on(of, to, nets, [[(0, 0)]] * self.agents, awake)

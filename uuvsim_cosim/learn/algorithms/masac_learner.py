@@ -108,11 +108,7 @@ class MasacLearner:
 
     def awake(self) -> NDArray[np.bool_]:
         """Return which numbers of the observations have ever been nonzero, of shape (d,)."""
-        kept = self._replay.state()
-        seen = np.zeros(self.masac.observed, bool)
-        for name in ("observation", "after"):
-            seen |= (kept[name] != 0).any(axis=(0, 1))
-        return seen
+        return self._replay.awake()
 
     def go_on_from(self, last: Self, seed: int) -> None:
         """Continue with the networks of `last`; see `transfer`. Raises InputInvalid."""

@@ -78,6 +78,12 @@ class Replay:
         drawn = Transitions(**{name: rows[at] for name, rows in self._rows.items()})
         return seen_by(drawn, symmetries, random) if symmetries else drawn
 
+    def awake(self) -> NDArray[np.bool_]:
+        """Return which numbers of the observations have ever been nonzero, of shape (d,)."""
+        kept = (self._rows[name][: self.count] for name in ("observation", "after"))
+        seen, after = ((rows != 0).any(axis=(0, 1)) for rows in kept)
+        return np.asarray(seen | after)
+
     def state(self) -> dict[str, Any]:
         """Return the stored transitions as arrays by name."""
         kept = {name: rows[: self.count].copy() for name, rows in self._rows.items()}

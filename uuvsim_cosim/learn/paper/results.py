@@ -81,6 +81,7 @@ def keep(
         "scripted": {"return": _rounded(yardstick.returns),
                      **{k: _rounded(yardstick.metrics[k]) for k in METRICS}},
     }  # fmt: skip
+    # Last: `is_kept` takes this file as the sign that all others are there.
     write_whole(stem.with_name(f"{stem.name}.json"), (json.dumps(content) + "\n").encode())
     return read_result(results, key)
 

@@ -97,7 +97,7 @@ def train_curriculum(
             )
             done = [*done[:k], row]
             results.append(_result(place, stage, row))
-            if not last_one:
+            if not last_one:  # before the record: a recorded stage has what the next one needs
                 keep_switch(curriculum, k + 1, tasks[k + 1], learner, folder, seed)
             write_done(folder, curriculum, seed, done)
             if stage_ends is not None:

@@ -222,6 +222,7 @@ class Training:
         self.folder.mkdir(parents=True, exist_ok=True)
         self._write_curves()
         self._write_policies("policy")
+        # Last: a resumed training rewrites curves and policies from its checkpoint.
         save_checkpoint(self.checkpoint, self._content())
         self._tell("checkpoint", {})
 
