@@ -13,7 +13,7 @@ from tests.envs.drift import LIMIT, Drift, drifting
 from tests.envs.two import Advance
 from uuvsim_cosim import envs
 from uuvsim_cosim.envs import Channel, CosimEnv, CosimParallelEnv, CosimVectorEnv, Solo
-from uuvsim_cosim.envs.plants.choice import told
+from uuvsim_cosim.envs.plants.choice import log_warnings_once
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 
@@ -217,8 +217,8 @@ def test_a_note_of_a_system_is_logged_once(caplog: pytest.LogCaptureFixture) -> 
 
     plan = replace(flatten(drifting()), warnings=("lag.y: no unit given, a test",))
     with caplog.at_level(logging.WARNING):
-        assert told(plan).warnings == ()
-        told(plan)
+        assert log_warnings_once(plan).warnings == ()
+        log_warnings_once(plan)
     assert caplog.text.count("lag.y: no unit given, a test") == 1
 
 

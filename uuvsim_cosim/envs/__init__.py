@@ -1,4 +1,4 @@
-"""Gymnasium and PettingZoo environments over any system, and the tasks that ship.
+"""Gymnasium and PettingZoo environments of any system, and the tasks that ship.
 
 Importing this registers the tasks with Gymnasium. `single.py`, `vector.py`, `team.py` and
 `team_vector.py` are the four interfaces; `tasks/` holds the tasks, `plants/` what steps. It may

@@ -1,15 +1,18 @@
-"""Tasks get ids, so that gymnasium.make and make_vec know them; the latter is CosimVectorEnv."""
+"""Registration of tasks with Gymnasium, for `gymnasium.make` and `gymnasium.make_vec`."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from uuvsim_cosim.envs.task.argument_checks import refuse_options
 from uuvsim_cosim.errors import InputInvalid
 
 if TYPE_CHECKING:
+    from gymnasium.vector import AutoresetMode
+
+    from uuvsim_cosim.envs.plants.choice import Backend, DType
     from uuvsim_cosim.envs.single import CosimEnv
     from uuvsim_cosim.envs.task.task import Task
     from uuvsim_cosim.envs.vector import CosimVectorEnv
@@ -27,11 +30,11 @@ _TASKS = {  # names under uuvsim/, and in uuvsim_cosim.envs.tasks
     "TargetTrackingTransition2-v0": "tracking_scenarios:transition_2",
     "TargetTrackingTarget-v0": "tracking_scenarios:target",
 }
-_OF_MANY = ("threads", "dtype", "processes", "autoreset_mode")  # what make_vector_env has beside
+_OF_MANY = ("threads", "dtype", "processes", "autoreset_mode")  # options of make_vector_env only
 SHIPPED = {f"uuvsim/{id}": f"uuvsim_cosim.envs.tasks.{name}" for id, name in _TASKS.items()}
 
 
-def register(id: str, make_task: str | Callable[..., Task], **options: Any) -> None:
+def register(id: str, make_task: str | Callable[..., Task], **options: object) -> None:
     """Register a task under an id: ``register("mine/Dock-v0", "my_package.dock:Dock", depth=3.0)``.
 
     `make_task`, or what "module:name" names, is called with `options` and those given to
@@ -40,8 +43,10 @@ def register(id: str, make_task: str | Callable[..., Task], **options: Any) -> N
     """
     import gymnasium
 
-    if isinstance(make_task, str) and not _is_name(make_task):
-        raise InputInvalid(f"task {make_task!r} of {id}; expected 'package.module:name'")
+    if isinstance(make_task, str):
+        module, colon, name = make_task.partition(":")
+        if not colon or not all(part.isidentifier() for part in (*module.split("."), name)):
+            raise InputInvalid(f"task {make_task!r} of {id}; expected 'package.module:name'")
     here = "uuvsim_cosim.envs.registration"
     gymnasium.register(
         id,
@@ -64,8 +69,8 @@ def make_env(
     make_task: str | Callable[..., Task],
     *,
     render_mode: str | None = None,
-    backend: Any = "auto",
-    **options: Any,
+    backend: Backend = "auto",
+    **options: object,
 ) -> CosimEnv:
     """Make one environment; other options are the task's."""
     from uuvsim_cosim.envs.single import CosimEnv
@@ -78,12 +83,12 @@ def make_vector_env(
     make_task: str | Callable[..., Task],
     *,
     render_mode: str | None = None,
-    backend: Any = "auto",
-    autoreset_mode: Any = "NextStep",
+    backend: Backend = "auto",
+    autoreset_mode: AutoresetMode | str = "NextStep",
     threads: int = 1,
-    dtype: Any = "float64",
+    dtype: DType = "float64",
     processes: int | None = None,
-    **options: Any,
+    **options: object,
 ) -> CosimVectorEnv:
     """Make many environments; other options are the task's."""
     from uuvsim_cosim.envs.vector import CosimVectorEnv
@@ -100,15 +105,16 @@ def make_vector_env(
     )
 
 
-def _task(make_task: str | Callable[..., Task], options: dict[str, Any]) -> Task:
+def _task(make_task: str | Callable[..., Task], options: dict[str, object]) -> Task:
     from uuvsim_cosim.envs.task.task import TeamTask
 
-    steps = options.pop("max_episode_steps", None)  # make_vec gives what a spec says
+    steps = options.pop("max_episode_steps", None)  # gymnasium.make_vec passes the spec's
     make = _found(make_task) if isinstance(make_task, str) else make_task
-    for name in _OF_MANY:
-        if name in options:
-            raise InputInvalid(f"{name}: is of many environments; expected it in make_vec")
-    refuse_options(f"task {_name(make_task)}", make, options)
+    for option in _OF_MANY:
+        if option in options:
+            raise InputInvalid(f"{option}: is of many environments; expected it in make_vec")
+    name = make_task if isinstance(make_task, str) else getattr(make_task, "__name__", "")
+    refuse_options(f"task {name}", make, options)
     task = make(**options)
     if steps is not None and steps != task.horizon / task.action_step:
         raise InputInvalid("max_episode_steps: is the task's to say; expected horizon= in seconds")
@@ -126,12 +132,3 @@ def _found(name: str) -> Callable[..., Task]:
     except (ImportError, AttributeError) as error:
         raise InputInvalid(f"task {name!r}: {error}; expected 'package.module:name'") from error
     return found
-
-
-def _name(make_task: Any) -> str:
-    return make_task if isinstance(make_task, str) else getattr(make_task, "__name__", "")
-
-
-def _is_name(text: str) -> bool:
-    module, colon, own = text.partition(":")
-    return bool(colon) and own.isidentifier() and all(p.isidentifier() for p in module.split("."))

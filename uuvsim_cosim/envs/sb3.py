@@ -1,4 +1,4 @@
-"""Stable-Baselines3 learns on a CosimVectorEnv: its VecEnv over the same arrays, without copies.
+"""Stable-Baselines3's VecEnv over the arrays of a CosimVectorEnv, without copies.
 
 >>> model = PPO("MlpPolicy", Sb3VecEnv(task, 64))  # doctest: +SKIP
 """
@@ -18,6 +18,7 @@ from uuvsim_cosim.errors import InputInvalid
 
 try:
     from stable_baselines3.common.vec_env import VecEnv
+    from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
 except ModuleNotFoundError as error:
     raise InputInvalid(
         f"{error}; expected stable-baselines3: pip install stable-baselines3"
@@ -32,9 +33,9 @@ Indices = None | int | Iterable[int]
 class Sb3VecEnv(VecEnv):
     """`num_envs` environments of a task, in one kernel where it can be fused.
 
-    A team's task is acted on by one central agent (see `Solo`). Options are CosimVectorEnv's. An
-    episode's last observation is in its info, "terminal_observation"; "TimeLimit.truncated" says
-    whether the horizon ended it; what else the task tells of its last step is there too.
+    A team's task is acted on by one central agent (see `Solo`). Options are CosimVectorEnv's. The
+    info of an ended episode has its last observation ("terminal_observation"), whether the horizon
+    ended it ("TimeLimit.truncated"), and the task's infos of the last step.
     """
 
     def __init__(self, task: Task | TeamTask, num_envs: int, **options: Any) -> None:
@@ -48,7 +49,7 @@ class Sb3VecEnv(VecEnv):
             task, num_envs, autoreset_mode=AutoresetMode.SAME_STEP, **options
         )
         self._seed: int | None = None
-        self._actions: NDArray[Any] | None = None
+        self._actions: NDArray[np.generic] | None = None
         super().__init__(
             num_envs, self.vector.single_observation_space, self.vector.single_action_space
         )
@@ -59,28 +60,28 @@ class Sb3VecEnv(VecEnv):
         return [None if seed is None else seed + i for i in range(self.num_envs)]
 
     def reset(self) -> NDArray[np.float32]:
-        """Begin the first episodes of a seed that was set, else the next."""
+        """Begin the first episodes of the seed, if one was set, else the next episodes."""
         observations, _ = self.vector.reset(seed=self._seed)
         self._seed = None
         self.reset_infos = [{} for _ in range(self.num_envs)]
         return observations
 
-    def step_async(self, actions: NDArray[Any]) -> None:
-        """Keep the actions."""
+    def step_async(self, actions: NDArray[np.generic]) -> None:
+        """Keep the actions for `step_wait`."""
         self._actions = actions
 
-    def step_wait(self) -> tuple[NDArray[np.float32], NDArray[Any], NDArray[Any], list[Any]]:
-        """Act; environments whose episode ends show the first observation of their next."""
+    def step_wait(self) -> VecEnvStepReturn:
+        """Act; an environment whose episode ends returns the first observation of the next one."""
         assert self._actions is not None
-        observations, rewards, terminated, truncated, told = self.vector.step(self._actions)
+        observations, rewards, terminated, truncated, given = self.vector.step(self._actions)
         ended = terminated | truncated
-        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        infos: list[dict[str, object]] = [{} for _ in range(self.num_envs)]
         for i in np.flatnonzero(ended).tolist():
-            last = told["final_info"]
+            last = given["final_info"]
             infos[i] = {
                 k: v[i] for k, v in last.items() if not k.startswith("_") and last[f"_{k}"][i]
             }
-            infos[i]["terminal_observation"] = told["final_obs"][i]
+            infos[i]["terminal_observation"] = given["final_obs"][i]
             infos[i]["TimeLimit.truncated"] = bool(truncated[i])
         return observations, rewards.astype(np.float32), ended, infos
 
@@ -88,26 +89,30 @@ class Sb3VecEnv(VecEnv):
         """Free everything; a second call does nothing."""
         self.vector.close()
 
-    def get_attr(self, attr_name: str, indices: Indices = None) -> list[Any]:
+    def get_attr(self, attr_name: str, indices: Indices = None) -> list[object]:
         """Return an attribute, the same for all environments."""
         return [getattr(self.vector, attr_name)] * len(list(self._get_indices(indices)))
 
-    def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:
+    def set_attr(self, attr_name: str, value: object, indices: Indices = None) -> None:
         """Refuse: the environments share their attributes."""
         raise InputInvalid(f"{attr_name}: environments of one kernel share it; expected a new task")
 
     def env_method(
-        self, method_name: str, *method_args: Any, indices: Indices = None, **method_kwargs: Any
-    ) -> list[Any]:
+        self,
+        method_name: str,
+        *method_args: object,
+        indices: Indices = None,
+        **method_kwargs: object,
+    ) -> list[object]:
         """Refuse: there is one object for all environments."""
         raise InputInvalid(
             f"{method_name}: cannot be called of single environments; expected a call on `vector`"
         )
 
-    def env_is_wrapped(self, wrapper_class: type[Any], indices: Indices = None) -> list[bool]:
-        """Say no for each."""
+    def env_is_wrapped(self, wrapper_class: type[object], indices: Indices = None) -> list[bool]:
+        """Return False for each environment."""
         return [False] * len(list(self._get_indices(indices)))
 
-    def get_images(self) -> Sequence[NDArray[Any] | None]:
+    def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
         """Draw each environment."""
         return self.vector.render() or [None] * self.num_envs

@@ -26,8 +26,8 @@ Observation = NDArray[np.float32]
 
 
 @final
-class CosimEnv(gymnasium.Env[Observation, NDArray[Any]]):
-    """A task in its system, as the fused kernel or, with backend "master", as any components.
+class CosimEnv(gymnasium.Env[Observation, NDArray[np.generic]]):
+    """A task in its system, run by a fused kernel or, with backend "master", by a master.
 
     Actions are numbers in [-1, 1], those beyond are clipped; they scale to the limits of the
     task's channels. `reset(options={"start": {"hull.eta_0": …}})` sets start values by name.
@@ -35,7 +35,7 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[Any]]):
     ComponentFailed if the episode cannot start, and the next one begins the next episode.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array", "human"]}  # type: ignore[misc]
+    metadata: ClassVar[dict[str, object]] = {"render_modes": ["rgb_array", "human"]}  # type: ignore[misc]
 
     def __init__(
         self, task: Task, render_mode: str | None = None, backend: Backend = "auto"
@@ -69,7 +69,7 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[Any]]):
         return cls(FunctionTask(system, **task), render_mode=render_mode, backend=backend)
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+        self, *, seed: int | None = None, options: dict[str, object] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """Begin episode 0 of a seed, or without one the next episode of the same seed."""
         stage = self._live()
@@ -86,7 +86,9 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[Any]]):
         self._screen.changed(self)
         return result
 
-    def step(self, action: NDArray[Any]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+    def step(
+        self, action: NDArray[np.generic]
+    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Act for one action step."""
         stage = self._live()
         if self._ended or not stage.episodes.begun:
@@ -106,7 +108,7 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[Any]]):
 
     @property
     def spec(self) -> EnvSpec | None:
-        """The spec of gymnasium.make, with the steps of an episode, which ends by itself."""
+        """The spec of gymnasium.make, with the number of steps of an episode."""
         return self._spec
 
     @spec.setter
@@ -118,8 +120,8 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[Any]]):
         """The seconds since the reset."""
         return float(self._live().episodes.moment.time[0])
 
-    def render(self) -> Any:
-        """Draw the present moment: an array of pixels, or nothing in a window."""
+    def render(self) -> NDArray[np.uint8] | None:
+        """Draw the present moment; returns pixels, or None where a window shows them."""
         stage = self._live()
         return self._screen.frame(self.task, stage.episodes.moment, 0)
 
@@ -130,9 +132,9 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[Any]]):
         if stage is not None:
             stage.episodes.close()
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Return what makes an equal environment, which goes on with the next episode."""
-        state: dict[str, Any] = {
+    def __getstate__(self) -> dict[str, object]:
+        """Return the state of a copy that continues with the next episode."""
+        state: dict[str, object] = {
             "made": (self.task, self.render_mode, self.backend),
             "spec": self.spec,
             "spaces": (self.action_space, self.observation_space),
@@ -143,7 +145,7 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[Any]]):
         return state
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Make the environment anew; its next call must be reset()."""
+        """Make a new environment; the next call must be reset()."""
         CosimEnv.__init__(self, *state["made"])
         self.spec = state["spec"]
         self._np_random, self._np_random_seed = state["np_random"]
@@ -163,6 +165,6 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[Any]]):
         return self._stage
 
 
-def _row(info: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+def _row(info: Mapping[str, NDArray[np.generic]]) -> dict[str, object]:
     """Return the infos of one environment, copied."""
     return {k: v[0].copy() for k, v in info.items()}

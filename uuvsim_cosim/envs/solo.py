@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,13 +22,13 @@ __all__ = ["Solo"]
 
 @final
 class Solo(Task):
-    """One agent that acts for all of a team, and sees what each of them sees.
+    """One agent that acts for a whole team, with the observations of all its agents.
 
-    Actions and observations stand one after the other, in the order of the team's agents. With
-    more than one agent, those who are not there are seen as zeros and a flag for each, 1 or 0,
-    follows the observations. The reward is the sum over those who are there or, where the task says
-    that each is given its team's (`team_reward`), the mean; the episode is terminated as soon as
-    one of them is. A component's failure gives the team's `failure_reward` once.
+    Actions and observations are concatenated in the order of the team's agents. With more than one
+    agent, the observation of an absent agent is zero, and a flag for each agent, 1 or 0, follows
+    the observations. The reward is the sum over the present agents, or their mean if each agent is
+    given the reward of the team (`team_reward`). The episode is terminated as soon as one agent's
+    is. A component's failure gives the team's `failure_reward` once.
     """
 
     def __init__(self, team: TeamTask) -> None:
@@ -54,7 +54,7 @@ class Solo(Task):
         )
 
     def start(self, draws: Draws) -> Mapping[str, Array]:
-        """Draw what the team's task draws."""
+        """Draw the start values of the team's task."""
         return self.team.start(draws)
 
     @property
@@ -64,7 +64,7 @@ class Solo(Task):
         return low.tolist(), high.tolist()
 
     def extra(self, m: Moment) -> Array:
-        """Return the observations of all, of shape (n, width)."""
+        """Return the observations of all agents, of shape (n, width)."""
         seen = self.team.observe(self._split(m))
         parts = [np.asarray(seen[agent], float) for agent in self.team.agents]
         if len(parts) > 1:
@@ -74,7 +74,7 @@ class Solo(Task):
         return np.concatenate(parts, axis=1)
 
     def reward(self, m: Moment) -> Array:
-        """Return the sum of the rewards of those who are there, or the team's."""
+        """Return the sum of the rewards of the present agents, or the team's reward."""
         given = self.team.reward(self._split(m))
         rewards = np.stack([given[agent] for agent in self.team.agents], axis=1)
         here = self._present(m)
@@ -83,17 +83,17 @@ class Solo(Task):
         return total / np.maximum(here.sum(axis=1), 1) if shared else total
 
     def terminated(self, m: Moment) -> Mask:
-        """Say where one of those who are there has ended."""
+        """Return where a present agent has ended."""
         given = self.team.terminated(self._split(m))
         ended = np.stack([given[agent] for agent in self.team.agents], axis=1)
         return np.asarray((ended & self._present(m)).any(axis=1))
 
-    def info(self, m: Moment) -> Mapping[str, NDArray[Any]]:
-        """Return what the team's task gives."""
+    def info(self, m: Moment) -> Mapping[str, NDArray[np.generic]]:
+        """Return the infos of the team's task."""
         return self.team.info(self._split(m))
 
     def view(self, m: Moment, row: int) -> View | None:
-        """Draw what the team's task draws."""
+        """Return the view of the team's task."""
         return self.team.view(self._split(m), row)
 
     def _present(self, m: Moment) -> Mask:
@@ -104,7 +104,7 @@ class Solo(Task):
         return _TeamMoment(m, self._columns())
 
     def _columns(self) -> Mapping[str, slice]:
-        """Say which of the actions are each agent's."""
+        """Return the slice of the action for each agent."""
         if self._slices is None:
             plan = flatten(self.team.system)
             widths = [ActionBox(plan, self.team.actions[a]).width for a in self.team.agents]
@@ -117,7 +117,7 @@ class Solo(Task):
 
 @final
 class _TeamMoment:
-    """A moment whose actions are told by agent of the team."""
+    """A moment whose actions are split by agent of the team."""
 
     def __init__(self, m: Moment, columns: Mapping[str, slice]) -> None:
         self._m, self._columns = m, columns

@@ -25,15 +25,16 @@ Observation = NDArray[np.float32]
 
 
 @final
-class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[Any]]):  # type: ignore[misc]
-    """A team's task in its system: agents act at the same time, each on a vehicle of its own.
+class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[np.generic]]):  # type: ignore[misc]
+    """A team's task in its system: all agents act at the same time, each on its own vehicle.
 
-    `agents` are those that act next. One may come later, and one that has ended is gone until the
-    next reset; an episode is over when nobody is there. The horizon truncates all; a component's
-    failure terminates all, with info["failure"]. Seeds, actions and options are as in `CosimEnv`.
+    `agents` are the agents that act next. An agent may appear later. An agent that has ended does
+    not come back before the next reset, and the episode is over when no agent is present. The
+    horizon truncates all agents; a component's failure terminates all of them, with
+    info["failure"]. Seeds, actions and options are as in `CosimEnv`.
     """
 
-    metadata: dict[str, Any] = {  # noqa: RUF012  (PettingZoo's own attribute)
+    metadata: dict[str, object] = {  # noqa: RUF012  (PettingZoo's own attribute)
         "name": "uuvsim_team",
         "render_modes": ["rgb_array", "human"],
         "is_parallelizable": True,
@@ -73,7 +74,7 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[Any]]):  # type: ig
         return self.action_spaces[self._known(agent)]
 
     def reset(
-        self, seed: int | None = None, options: dict[str, Any] | None = None
+        self, seed: int | None = None, options: dict[str, object] | None = None
     ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
         """Begin episode 0 of a seed, or without one the next episode of the same seed."""
         stage = self._live()
@@ -89,7 +90,7 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[Any]]):  # type: ig
         return result
 
     def step(
-        self, actions: dict[str, NDArray[Any]]
+        self, actions: Mapping[str, NDArray[np.generic]]
     ) -> tuple[
         dict[str, Observation],
         dict[str, float],
@@ -115,7 +116,7 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[Any]]):  # type: ig
         return result
 
     def state(self) -> NDArray[np.float32]:
-        """Return the whole as a central critic sees it."""
+        """Return the state for a central critic."""
         return np.asarray(self._live().state()[0])
 
     @property
@@ -123,8 +124,8 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[Any]]):  # type: ig
         """The seconds since the reset."""
         return float(self._live().episodes.moment.time[0])
 
-    def render(self) -> Any:
-        """Draw the present moment: an array of pixels, or nothing in a window."""
+    def render(self) -> NDArray[np.uint8] | None:
+        """Draw the present moment; returns pixels, or None where a window shows them."""
         return self._screen.frame(self.task, self._live().now.moment, 0)
 
     def close(self) -> None:
@@ -134,9 +135,9 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[Any]]):  # type: ig
         if stage is not None:
             stage.episodes.close()
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Return what makes an equal environment, which goes on with the next episode."""
-        state: dict[str, Any] = {
+    def __getstate__(self) -> dict[str, object]:
+        """Return the state of a copy that continues with the next episode."""
+        state: dict[str, object] = {
             "task": self.task,
             "render_mode": self.render_mode,
             "backend": self.backend,
@@ -147,7 +148,7 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[Any]]):  # type: ig
         return state
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Make the environment anew; its next call must be reset()."""
+        """Make a new environment; the next call must be reset()."""
         self.__init__(state["task"], state["render_mode"], state["backend"])
         self.action_spaces, self.observation_spaces = state["spaces"]
         if "counters" in state and self._stage is not None:
@@ -174,7 +175,7 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[Any]]):  # type: ig
     def _observations(self, team: TeamMoment) -> dict[str, Observation]:
         return {a: team.observation[a][0].copy() for a in self._those(team.seen)}
 
-    def _infos(self, team: TeamMoment) -> dict[str, dict[str, Any]]:
+    def _infos(self, team: TeamMoment) -> dict[str, dict[str, object]]:
         stage = self._live()
         given = stage.info(team.moment)
         infos = {a: {k: v[0].copy() for k, v in given.items()} for a in self._those(team.seen)}
@@ -189,7 +190,7 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[Any]]):  # type: ig
             raise InputInvalid(f"{self._place()}: no agent {agent!r}; expected {known}")
         return agent
 
-    def _check(self, actions: Mapping[str, Any]) -> None:
+    def _check(self, actions: Mapping[str, object]) -> None:
         place = self._place()
         if not isinstance(actions, Mapping):
             raise InputInvalid(f"{place}: actions {actions!r}; expected an action by agent")

@@ -1,4 +1,4 @@
-"""Many teams at once, as arrays with an axis of environments and one of agents: for learners."""
+"""Environments of a team's task as arrays (environments, agents, numbers), for learners."""
 
 from __future__ import annotations
 
@@ -20,8 +20,9 @@ from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["CosimTeamVectorEnv"]
 
-Array = NDArray[Any]
-Step = tuple[NDArray[np.float32], Array, Array, Array, dict[str, Any]]
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Step = tuple[NDArray[np.float32], Array, Mask, Mask, dict[str, Any]]
 
 
 @final
@@ -29,11 +30,12 @@ class CosimTeamVectorEnv:
     """A team's task in n = `num_envs` copies of its system, each with N agents.
 
     Row i of seed s is CosimParallelEnv of s + i. Observations are (n, N, d), actions (n, N, a),
-    rewards, terminated and truncated (n, N), `state()` (n, s). `present` (n, N) says who acts
-    next, infos["acted"] whose action led here; who is not there has zeros, and actions for them
-    are ignored. An episode is over when nobody is there; then the row is reset as Gymnasium's
-    autoreset modes say, with infos "final_obs" (n, N, d), "final_state" and "_final_obs" (n,) in
-    SAME_STEP. Refuses agents whose spaces differ.
+    rewards, terminated and truncated (n, N), `state()` (n, s). The mask `present` (n, N) marks the
+    agents that act next, infos["acted"] those whose action led here. The numbers of an absent
+    agent are zero, and its actions are ignored. An episode is over when no agent is present; then
+    the row is reset according to Gymnasium's autoreset mode, with infos "final_obs" (n, N, d),
+    "final_state" and "_final_obs" (n,) in SAME_STEP. Raises InputInvalid for agents whose spaces
+    differ.
     """
 
     def __init__(
@@ -49,13 +51,7 @@ class CosimTeamVectorEnv:
     ) -> None:
         self._stage: TeamStage | None = None
         num_envs = whole(num_envs, "num_envs")
-        try:
-            self._mode = AutoresetMode(autoreset_mode)
-        except ValueError:
-            words = ", ".join(repr(m.value) for m in AutoresetMode)
-            raise InputInvalid(
-                f"autoreset_mode {autoreset_mode!r}; expected one of {words}"
-            ) from None
+        self._mode = vector_info.autoreset_of(autoreset_mode)
         stage = TeamStage(
             team_task, num_envs, backend=backend, threads=threads, dtype=dtype,
             processes=processes,
@@ -65,7 +61,7 @@ class CosimTeamVectorEnv:
         self.task = team_task
         self.num_envs = num_envs
         self.agents = stage.agents
-        self.metadata: dict[str, Any] = {
+        self.metadata: dict[str, object] = {
             "name": type(team_task).__name__,
             "render_modes": [],
             "autoreset_mode": self._mode,
@@ -80,18 +76,18 @@ class CosimTeamVectorEnv:
 
     @property
     def present(self) -> NDArray[np.bool_]:
-        """Say who acts next, of shape (n, N)."""
+        """The mask of the agents that act next, of shape (n, N)."""
         return self._live().now.present.copy()
 
     def state(self) -> NDArray[np.float32]:
-        """Return the central states, of shape (n, s)."""
+        """Return the states for a central critic, of shape (n, s)."""
         return self._live().state()
 
     def reset(
         self,
         *,
         seed: int | Sequence[int] | None = None,
-        options: dict[str, Any] | None = None,
+        options: dict[str, object] | None = None,
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Begin episode 0 of seeds s, s + 1, …, or without any the next of the same seeds."""
         stage = self._live()
@@ -107,11 +103,7 @@ class CosimTeamVectorEnv:
         """Act in all environments for one action step; `actions` are (n, N, a) in [-1, 1]."""
         stage, ended = self._live(), self._ended
         if self._mode is AutoresetMode.DISABLED and ended.any():
-            rows = ", ".join(map(str, np.flatnonzero(ended)[:8]))
-            raise InputInvalid(
-                f"{stage.place}: the episodes of environments {rows} have ended; expected "
-                'reset(options={"reset_mask": …}) before step()'
-            )
+            vector_info.refuse_ended(stage.place, ended)
         given = self._by_agent(stage, actions)
         team = stage.act({a: given[:, j] for j, a in enumerate(self.agents)})
         if ended.any():
@@ -150,7 +142,7 @@ class CosimTeamVectorEnv:
             raise InputInvalid("the environments are closed; expected new ones")
         return self._stage
 
-    def _by_agent(self, stage: TeamStage, actions: Any) -> Array:
+    def _by_agent(self, stage: TeamStage, actions: object) -> Array:
         given = np.asarray(actions)
         if given.shape != self.action_space.shape or given.dtype.kind not in "fiu":
             raise InputInvalid(
@@ -178,7 +170,7 @@ class CosimTeamVectorEnv:
 
 
 def _observations(stage: TeamStage, team: TeamMoment) -> NDArray[np.float32]:
-    """Return the observations of those who are told, of shape (n, N, d); zeros of the others."""
+    """Return observations (n, N, d): zeros for agents that did not act and are not present."""
     every = np.stack([team.observation[a] for a in stage.agents], axis=1)
     return np.where(team.seen[:, :, None], every, np.float32(0))
 

@@ -25,8 +25,9 @@ from uuvsim_cosim.errors import InputInvalid
 __all__ = ["CosimVectorEnv"]
 
 Observations = NDArray[np.float32]
-Array = NDArray[Any]
-Step = tuple[Observations, Array, Array, Array, dict[str, Any]]
+Array = NDArray[np.generic]
+Mask = NDArray[np.bool_]
+Step = tuple[Observations, NDArray[np.float64], Mask, Mask, dict[str, Any]]
 
 
 @final
@@ -41,7 +42,7 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
     start terminates in its first step; a reset in which none can start raises ComponentFailed.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]
+    metadata: ClassVar[dict[str, object]] = {  # type: ignore[misc]
         "render_modes": ["rgb_array"],
         "autoreset_mode": AutoresetMode.NEXT_STEP,
     }
@@ -60,13 +61,7 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
     ) -> None:
         self._stage: Stage | None = None
         num_envs = whole(num_envs, "num_envs")
-        try:
-            self._mode = AutoresetMode(autoreset_mode)
-        except ValueError:
-            words = ", ".join(repr(m.value) for m in AutoresetMode)
-            raise InputInvalid(
-                f"autoreset_mode {autoreset_mode!r}; expected one of {words}"
-            ) from None
+        self._mode = vector_info.autoreset_of(autoreset_mode)
         if render_mode == "human":
             raise InputInvalid("render_mode 'human' of many environments; expected 'rgb_array'")
         self._screen = Screen(render_mode)
@@ -99,11 +94,11 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
         self,
         *,
         seed: int | Sequence[int | None] | None = None,
-        options: dict[str, Any] | None = None,
+        options: dict[str, object] | None = None,
     ) -> tuple[Observations, dict[str, Any]]:
-        """Begin episode 0 of seeds, or without any the next episodes of the same seeds.
+        """Begin episode 0 of the seeds, or without seeds the next episodes of the same ones.
 
-        A seed s stands for s, s + 1, …; a list gives each its own.
+        One seed s means s, s + 1, …; a list has a seed for each environment.
         """
         stage = self._live()
         wants = None if self._mode is AutoresetMode.DISABLED else "autoreset mode 'Disabled'"
@@ -124,11 +119,7 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
         ended = self._ended
         again = bool(ended.any())
         if again and self._mode is AutoresetMode.DISABLED:
-            rows = ", ".join(map(str, np.flatnonzero(ended)[:8]))
-            raise InputInvalid(
-                f"{stage.place}: the episodes of environments {rows} have ended; expected "
-                'reset(options={"reset_mask": …}) before step()'
-            )
+            vector_info.refuse_ended(stage.place, ended)
         m = stage.act(actions, ended if again else None)
         reward, terminated = stage.reward(m), stage.terminated(m)
         truncated = stage.episodes.over & ~terminated
@@ -171,18 +162,18 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
             return None
         return tuple(self._screen.frame(self.task, m, row) for row in range(self.num_envs))
 
-    def close_extras(self, **kwargs: Any) -> None:
+    def close_extras(self, **kwargs: object) -> None:
         """Free everything."""
         self._screen.close()
         stage, self._stage = self._stage, None
         if stage is not None:
             stage.episodes.close()
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Return what makes equal environments, which go on with the next episodes."""
+    def __getstate__(self) -> dict[str, object]:
+        """Return the state of copies that continue with the next episodes."""
         spaces = (self.action_space, self.single_action_space,
                   self.observation_space, self.single_observation_space)  # fmt: skip
-        state: dict[str, Any] = {
+        state: dict[str, object] = {
             "made": self._made,
             "spec": self.spec,
             "spaces": spaces,
@@ -193,7 +184,7 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
         return state
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Make the environments anew; the next call must be reset()."""
+        """Make new environments; the next call must be reset()."""
         CosimVectorEnv.__init__(self, **state["made"])
         self.spec = state["spec"]
         self._np_random, self._np_random_seed = state["np_random"]
@@ -208,7 +199,7 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
             self.close()
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> NDArray[np.uint64] | None:
-        """Return a seed for each environment, or None to go on."""
+        """Return a seed for each environment, or None to continue with the same seeds."""
         n = self.num_envs
         if seed is None and self._live().episodes.seeded:
             return None

@@ -1,4 +1,4 @@
-"""Infos of many environments in Gymnasium's form: arrays, each with a mask of who has it."""
+"""Autoreset modes and infos of many environments, in Gymnasium's form."""
 
 from __future__ import annotations
 
@@ -6,16 +6,36 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.episodes.episodes import Episodes
+from uuvsim_cosim.errors import InputInvalid
 
-__all__ = ["add_failures", "final", "of"]
+__all__ = ["add_failures", "autoreset_of", "final", "of", "refuse_ended"]
 
 Mask = NDArray[np.bool_]
 
 
-def of(info: Mapping[str, NDArray[Any]], mask: Mask | None, n: int) -> dict[str, Any]:
+def autoreset_of(given: AutoresetMode | str) -> AutoresetMode:
+    """Return an autoreset mode; raises InputInvalid."""
+    try:
+        return AutoresetMode(given)
+    except ValueError:
+        words = ", ".join(repr(m.value) for m in AutoresetMode)
+        raise InputInvalid(f"autoreset_mode {given!r}; expected one of {words}") from None
+
+
+def refuse_ended(place: str, ended: Mask) -> None:
+    """Raise InputInvalid for a step after the end of episodes, in autoreset mode DISABLED."""
+    rows = ", ".join(map(str, np.flatnonzero(ended)[:8]))
+    raise InputInvalid(
+        f"{place}: the episodes of environments {rows} have ended; expected "
+        'reset(options={"reset_mask": …}) before step()'
+    )
+
+
+def of(info: Mapping[str, NDArray[np.generic]], mask: Mask | None, n: int) -> dict[str, Any]:
     """Return a task's infos, of the environments of the mask."""
     infos: dict[str, Any] = {}
     for key, values in info.items():
@@ -24,8 +44,8 @@ def of(info: Mapping[str, NDArray[Any]], mask: Mask | None, n: int) -> dict[str,
     return infos
 
 
-def add_failures(infos: dict[str, Any], episodes: Episodes, terminated: Mask) -> None:
-    """Add a sentence for each environment in which a component has failed."""
+def add_failures(infos: dict[str, object], episodes: Episodes, terminated: Mask) -> None:
+    """Add a message for each environment in which a component has failed."""
     failed = episodes.failed & terminated
     if failed.any():
         texts = np.full(len(failed), None, object)
@@ -38,7 +58,7 @@ def final(
     infos: Mapping[str, Any],
     observations: NDArray[np.float32],
     ended: Mask,
-    begun: Mapping[str, NDArray[Any]],
+    begun: Mapping[str, NDArray[np.generic]],
 ) -> dict[str, Any]:
     """Move infos of episodes that have ended to "final_info", and add "final_obs"."""
     n = len(ended)

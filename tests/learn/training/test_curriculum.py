@@ -19,7 +19,7 @@ from uuvsim_cosim.learn.training.curricula import CURRICULA, curriculum_of, read
 from uuvsim_cosim.learn.training.curriculum import Curriculum, Promotion, Stage
 from uuvsim_cosim.learn.training.curriculum_folder import write_done
 from uuvsim_cosim.learn.training.curriculum_stage import learner_for, settings_of
-from uuvsim_cosim.learn.training.folder_lock import held
+from uuvsim_cosim.learn.training.folder_lock import locked
 from uuvsim_cosim.learn.training.loading import load_policies
 from uuvsim_cosim.learn.training.train_curriculum import train_curriculum
 
@@ -110,12 +110,12 @@ def test_a_folder_of_another_curriculum_or_seed_is_refused(whole: Path) -> None:
 
 
 def test_two_processes_do_not_go_through_a_curriculum_in_one_folder(tmp_path: Path) -> None:
-    with held(tmp_path), pytest.raises(InputInvalid, match="another process trains there now"):
+    with locked(tmp_path), pytest.raises(InputInvalid, match="another process trains there now"):
         train_curriculum(small(), tmp_path)
     assert [p.name for p in tmp_path.iterdir()] == [".in_use"]
     with pytest.raises(KeyboardInterrupt):  # once it is free, it is taken, and let go of
         train_curriculum(small(), tmp_path, interrupted=lambda: True)
-    with held(tmp_path):
+    with locked(tmp_path):
         pass
 
 

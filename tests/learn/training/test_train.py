@@ -15,7 +15,7 @@ from uuvsim_cosim.learn.algorithms.checkpoint import load_checkpoint
 from uuvsim_cosim.learn.policies.policy import Policy
 from uuvsim_cosim.learn.shared.errors import LearningDiverged
 from uuvsim_cosim.learn.shared.task_ids import make_task
-from uuvsim_cosim.learn.training.folder_lock import held
+from uuvsim_cosim.learn.training.folder_lock import locked
 from uuvsim_cosim.learn.training.interruption import TrainingInterrupted
 from uuvsim_cosim.learn.training.loading import acting_in, load_policies
 from uuvsim_cosim.learn.training.train import Trained, train
@@ -134,7 +134,7 @@ def test_a_folder_with_other_things_is_left_alone(tmp_path: Path) -> None:
 
 def test_two_processes_do_not_train_in_one_folder(tmp_path: Path) -> None:
     small(tmp_path, steps=8, evaluate_every=8)
-    with held(tmp_path), pytest.raises(InputInvalid, match="another process trains there now"):
+    with locked(tmp_path), pytest.raises(InputInvalid, match="another process trains there now"):
         small(tmp_path, steps=16, evaluate_every=8)
     assert small(tmp_path, steps=16, evaluate_every=8).evaluations[-1]["step"] == 16
 

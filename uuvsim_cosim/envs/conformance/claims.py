@@ -11,11 +11,13 @@ import warnings
 from collections.abc import Iterator
 from typing import Any
 
+import gymnasium
 import numpy as np
 
 from uuvsim_cosim.envs.conformance.report import NotApplicable, Violation
 from uuvsim_cosim.envs.conformance.subject import (
     Actions,
+    Environment,
     Subject,
     Transition,
     difference,
@@ -172,12 +174,13 @@ def observations_in_space(subject: Subject) -> str:
     count = 0
     with subject.opened() as env:
         for t in subject.walk(env, subject.seed):
-            for what, space, value in _observed(subject, env, t):
+            for name, space, value in _observed(subject, env, t.observation):
                 count += 1
                 if not space.contains(value):
-                    raise Violation(
-                        f"{what} after {count} is not in {short(space)}: {_seen(value)}"
-                    )
+                    seen = short(value)
+                    if isinstance(value, np.ndarray):
+                        seen = f"{value.dtype} of shape {value.shape}, {seen}"
+                    raise Violation(f"{name} after {count} is not in {short(space)}: {seen}")
             rewards = t.reward.values() if isinstance(t.reward, dict) else (t.reward,)
             for reward in rewards:
                 if reward is not None and not np.all(np.isfinite(np.asarray(reward, float))):
@@ -206,7 +209,7 @@ def actions_unchanged(subject: Subject) -> str:
 
 def observations_kept(subject: Subject) -> str:
     """An observation once given is not changed by later steps, nor by a reset."""
-    given: list[Any] = []
+    given: list[tuple[object, object]] = []
     with subject.opened() as env:
         actions = Actions(subject.kind, env, subject.seed)
         observation, _ = env.reset(seed=subject.seed)
@@ -240,7 +243,7 @@ def close_twice(subject: Subject) -> str:
 
 def wrong_seed_refused(subject: Subject) -> str:
     """A seed that is no whole number from 0 is refused."""
-    wrong: tuple[Any, ...] = ("7", 1.5, -1, [[1]])
+    wrong: tuple[object, ...] = ("7", 1.5, -1, [[1]])
     with subject.opened() as env:
         for seed in wrong:
             try:
@@ -257,20 +260,21 @@ def _first(subject: Subject, seed: int) -> list[Transition]:
         return _beginning(subject, env, seed)
 
 
-def _beginning(subject: Subject, env: Any, seed: int | None, **reset: Any) -> list[Transition]:
+def _beginning(
+    subject: Subject, env: Environment, seed: int | None, options: dict[str, object] | None = None
+) -> list[Transition]:
     """Return the first observations of an episode; the same number, whenever it ends."""
-    return list(itertools.islice(subject.walk(env, seed, **reset), 1 + min(subject.steps, 8)))
+    walk = subject.walk(env, seed, options=options)
+    return list(itertools.islice(walk, 1 + min(subject.steps, 8)))
 
 
-def _observed(subject: Subject, env: Any, t: Any) -> Iterator[tuple[str, Any, Any]]:
+def _observed(
+    subject: Subject, env: Environment, observation: Any
+) -> Iterator[tuple[str, gymnasium.Space[Any], object]]:
+    """Yield each observation with its name in a message and its space."""
     if subject.kind != "parallel":
-        yield "observation", env.observation_space, t.observation
+        yield "observation", env.observation_space, observation
         return
-    for agent, value in t.observation.items():
+    for agent, value in observation.items():
         if agent in env.possible_agents:
             yield f"{agent}'s observation", env.observation_space(agent), value
-
-
-def _seen(value: Any) -> str:
-    kind = f"{value.dtype} of shape {value.shape}, " if isinstance(value, np.ndarray) else ""
-    return f"{kind}{short(value)}"

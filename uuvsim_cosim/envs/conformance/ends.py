@@ -21,7 +21,7 @@ from uuvsim_cosim.envs.conformance.subject import (
 __all__ = ["exact_substeps", "failure_is_termination", "time_limit_is_truncation"]
 
 EPISODES = 4
-MOST = 20_000  # steps of an episode that is waited for
+MOST = 20_000  # steps to wait for the end of an episode
 
 
 class _End(NamedTuple):
@@ -65,7 +65,7 @@ def _without_limit(ends: list[_End | None], patience: int) -> str:
 
 
 def _end(subject: Subject, k: int, patience: int) -> _End | None:
-    """Live one episode, of random actions or of one held in the middle."""
+    """Run one episode with random actions, or with one constant action if k is odd."""
     with subject.opened() as env:
         actions = Actions(subject.kind, env, subject.seed + k)
         observation, _ = env.reset(seed=subject.seed + k)
@@ -147,7 +147,7 @@ def exact_substeps(subject: Subject) -> str:
     return f"{k} actions last the same time each"
 
 
-def _one(subject: Subject, info: Any) -> Any:
+def _one(subject: Subject, info: Any) -> object:
     """Return the info of one agent."""
     return next(iter(info.values()), {}) if subject.kind == "parallel" else info
 

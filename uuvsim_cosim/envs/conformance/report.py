@@ -1,4 +1,4 @@
-"""What a conformance check found: one outcome for each claim, in words."""
+"""Report of a conformance check: one outcome for each claim, in words."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ MARKS: dict[Verdict, str] = {"holds": "✓", "fails": "✗", "not applicable": "
 
 
 class Violation(Exception):
-    """A claim that does not hold; its text says what was seen and what is right."""
+    """A claim that does not hold; the message has what was seen and what was expected."""
 
 
 class NotApplicable(Exception):
-    """A claim that cannot be made of this environment; its text says why."""
+    """A claim that cannot be checked for this environment; the message has the reason."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one claim."""
+    """The outcome of one claim."""
 
     claim: str
     kind: str  # of environment: single, vector, parallel

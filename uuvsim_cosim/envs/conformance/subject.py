@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, Protocol
 
 import gymnasium
 import numpy as np
@@ -15,25 +15,54 @@ from gymnasium.vector import AutoresetMode
 
 from uuvsim_cosim.envs.conformance.report import NotApplicable, Violation
 
-__all__ = ["Actions", "Kind", "Subject", "Transition", "difference", "same", "seconds"]
+__all__ = [
+    "Actions", "Environment", "Kind", "Subject", "Transition", "difference", "same", "seconds",
+]  # fmt: skip
 
 Kind = Literal["single", "vector", "parallel"]
-Make = Callable[[], Any]
+Step = tuple[Any, Any, Any, Any, Any]  # observation, reward, terminated, truncated, info
+
+
+class Environment(Protocol):
+    """An environment as the claims use it: the members of the three interfaces together.
+
+    An environment of one kind has only its own: claims ask for the kind before they use others.
+    """
+
+    metadata: dict[str, Any]
+    agents: list[str]  # of a parallel one, as `possible_agents`
+    possible_agents: list[str]
+    num_envs: int  # of a vector
+    observation_space: Any  # a space, of a parallel one a function of the agent
+    action_space: Any
+    unwrapped: Any
+
+    def reset(self, *, seed: Any = None, options: Any = None) -> tuple[Any, Any]:
+        """Begin an episode; returns an observation and infos."""
+
+    def step(self, action: Any, /) -> Step:
+        """Act for one step."""
+
+    def close(self) -> None:
+        """Free everything."""
+
+
+Make = Callable[[], Any]  # of an Environment: gymnasium's and pettingzoo's types do not say so
 
 
 class Transition(NamedTuple):
-    """What a step gave, or a reset (then the reward is None)."""
+    """The results of a step, or of a reset (then the reward is None)."""
 
-    observation: Any
-    reward: Any
-    terminated: Any
-    truncated: Any
-    info: Any
+    observation: object
+    reward: object
+    terminated: object
+    truncated: object
+    info: object
 
 
 @dataclass(frozen=True)
 class Subject:
-    """One kind of environment, and what the claims must know to examine it."""
+    """An environment under examination, and the data that the claims need."""
 
     kind: Kind
     make: Make
@@ -43,7 +72,7 @@ class Subject:
     single: Make | None = None  # of which a vector is n
     failing: Make | None = None  # one in which a component fails
     row_seeds: bool = True  # row i of a vector has seed s + i
-    start: dict[str, Any] | None = None  # options of a reset that fix how an episode starts
+    start: dict[str, object] | None = None  # options of a reset that fix how an episode starts
     limit: int | None = None  # steps of an episode
     action_step: Fraction | None = None  # s
     time: Callable[[Any], float] | None = None
@@ -51,7 +80,7 @@ class Subject:
 
     @contextmanager
     def opened(self, make: Make | None = None) -> Iterator[Any]:
-        """Make an environment, and close it."""
+        """Make an `Environment`, and close it."""
         env = (make or self.make)()
         try:
             yield env
@@ -59,21 +88,31 @@ class Subject:
             env.close()
 
     def walk(
-        self, env: Any, seed: int | None, steps: int | None = None, **reset: Any
+        self,
+        env: Environment,
+        seed: int | None,
+        steps: int | None = None,
+        options: dict[str, object] | None = None,
     ) -> Iterator[Transition]:
-        """Reset and act at random; the next episode begins without a seed. Gives copies."""
+        """Reset and act at random; the next episode begins without a seed. Yields copies."""
         actions = Actions(self.kind, env, self.seed)
-        observation, info = env.reset(seed=seed, **reset)
+        # Without options the argument is absent: an environment need not know it.
+        observation, info = env.reset(
+            seed=seed, **({} if options is None else {"options": options})
+        )
         yield _kept(observation, None, None, None, info)
         for _ in range(steps or self.steps):
             step = env.step(actions.sample(env, observation))
             observation = step[0]
             yield _kept(*step)
             if self.over(env, step):
-                observation, info = env.reset(**self._again(env, step))
+                over = {"reset_mask": step[2] | step[3]} if self.kind == "vector" else None
+                observation, info = env.reset() if over is None else env.reset(options=over)
                 yield _kept(observation, None, None, None, info)
 
-    def path(self, env: Any, seed: int | None, steps: int | None = None) -> list[Transition]:
+    def path(
+        self, env: Environment, seed: int | None, steps: int | None = None
+    ) -> list[Transition]:
         """Return a whole walk."""
         return list(self.walk(env, seed, steps))
 
@@ -82,7 +121,7 @@ class Subject:
         with self.opened() as env:
             return self.path(env, seed, steps)
 
-    def over(self, env: Any, step: Any) -> bool:
+    def over(self, env: Environment, step: Step) -> bool:
         """Return whether a reset must follow."""
         if self.kind == "parallel":
             return not env.agents
@@ -91,14 +130,11 @@ class Subject:
         disabled = env.metadata.get("autoreset_mode") == AutoresetMode.DISABLED
         return disabled and bool(np.any(step[2] | step[3]))
 
-    def _again(self, env: Any, step: Any) -> dict[str, Any]:
-        return {"options": {"reset_mask": step[2] | step[3]}} if self.kind == "vector" else {}
-
 
 class Actions:
-    """Actions that a seed decides, from copies of the spaces, so that those stay as they are."""
+    """Random actions of a seed, from copies of the spaces, whose own generators stay unchanged."""
 
-    def __init__(self, kind: Kind, env: Any, seed: int) -> None:
+    def __init__(self, kind: Kind, env: Environment, seed: int) -> None:
         self.kind = kind
         if kind == "parallel":
             self.spaces = {a: copy.deepcopy(env.action_space(a)) for a in env.possible_agents}
@@ -107,19 +143,20 @@ class Actions:
         for i, space in enumerate(self.spaces.values()):
             space.seed(seed + i)
 
-    def sample(self, env: Any, observation: Any) -> Any:
-        """Return the next action."""
+    def sample(self, env: Environment, observation: Any) -> Any:
+        """Return the next action; by agent, with the mask of legal actions that it observes."""
         if self.kind != "parallel":
             return self.spaces[""].sample()
-        return {a: self._masked(a, observation.get(a)) for a in env.agents}
+        chosen = {}
+        for agent in env.agents:
+            seen = observation.get(agent)
+            masked = isinstance(seen, dict) and "action_mask" in seen
+            space = self.spaces[agent]
+            chosen[agent] = space.sample(mask=seen["action_mask"]) if masked else space.sample()
+        return chosen
 
-    def _masked(self, agent: str, observation: Any) -> Any:
-        if isinstance(observation, dict) and "action_mask" in observation:
-            return self.spaces[agent].sample(mask=observation["action_mask"])
-        return self.spaces[agent].sample()
 
-
-def still(space: Any) -> Any:
+def still(space: gymnasium.Space[Any]) -> object:
     """Return an action in the middle of a space, the same each time."""
     if isinstance(space, gymnasium.spaces.Box):
         low = np.where(np.isfinite(space.low), space.low, 0)
@@ -130,7 +167,7 @@ def still(space: Any) -> Any:
     return space.sample()
 
 
-def seconds(subject: Subject, env: Any, info: Any) -> float:
+def seconds(subject: Subject, env: Environment, info: object) -> float:
     """Read the time of an environment: from `time`, its info, or its own attribute."""
     if subject.time is not None:
         return float(subject.time(env))
@@ -142,7 +179,7 @@ def seconds(subject: Subject, env: Any, info: Any) -> float:
     raise NotApplicable('no time to read: neither info["time"] nor env.time; give time=')
 
 
-def same(a: Any, b: Any) -> bool:
+def same(a: object, b: object) -> bool:
     """Return whether two values are equal in type, shape and every bit."""
     if isinstance(a, dict) and isinstance(b, dict):
         return a.keys() == b.keys() and all(same(a[k], b[k]) for k in a)
@@ -157,7 +194,7 @@ def same(a: Any, b: Any) -> bool:
 
 
 def difference(a: Iterable[Transition], b: Iterable[Transition]) -> str | None:
-    """Say where two walks first differ; None if they do not."""
+    """Return where two walks first differ, in words; None if they do not."""
     steps = 0
     for x, y in zip(a, b, strict=True):
         steps += x.reward is not None
@@ -168,13 +205,13 @@ def difference(a: Iterable[Transition], b: Iterable[Transition]) -> str | None:
     return None
 
 
-def short(value: Any) -> str:
+def short(value: object) -> str:
     """Return a value on one line."""
     text = " ".join(str(value).split())
     return text if len(text) <= 90 else f"{text[:87]}…"
 
 
-def finite(value: Any) -> bool:
+def finite(value: object) -> bool:
     """Return whether all numbers of a value are finite."""
     if isinstance(value, dict):
         return all(finite(v) for v in value.values())
@@ -189,5 +226,5 @@ def refuse_unless(right: bool, sentence: str) -> None:
         raise Violation(sentence)
 
 
-def _kept(*parts: Any) -> Transition:
+def _kept(*parts: object) -> Transition:
     return Transition(*copy.deepcopy(parts))

@@ -1,9 +1,10 @@
-"""From what a user has, an id or a function, to the environments that are examined."""
+"""The environments to examine, made from an id or a function of the user."""
 
 from __future__ import annotations
 
 import importlib
 from collections.abc import Callable
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
@@ -11,7 +12,7 @@ import gymnasium
 from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv, VectorEnv
 
 from uuvsim_cosim.envs.conformance.failures import failing_of, start_of
-from uuvsim_cosim.envs.conformance.subject import Make, Subject
+from uuvsim_cosim.envs.conformance.subject import Environment, Kind, Make, Subject
 from uuvsim_cosim.envs.vector import CosimVectorEnv
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.near_names import expected_names
@@ -34,7 +35,7 @@ def subjects_of(
     seed: int = 7,
     strict: bool = False,
 ) -> tuple[str, list[Subject]]:
-    """Return a name, and what is examined under it: the environment, and its vector."""
+    """Return a name, and the subjects: the environment, and its vector if there is one."""
     if steps < 8 or num_envs < 1:
         raise InputInvalid(f"{steps} steps of {num_envs} environments; expected at least 8 and 1")
     title, make, bare, batch = _makes(env)
@@ -48,19 +49,20 @@ def subjects_of(
         start = start or start_of(sample, seed)
     finally:
         sample.close()
-    common: dict[str, Any] = {
-        "steps": steps,
-        "seed": seed,
-        "time": time,
-        "start": start,
-        "strict": strict,
-        "action_step": step if action_step is None else Fraction(str(action_step)),
-        "limit": limit if time_limit is None else time_limit,
-    }
+    common = Subject(
+        kind,
+        make,
+        steps,
+        seed,
+        time=time,
+        start=start,
+        strict=strict,
+        action_step=step if action_step is None else Fraction(str(action_step)),
+        limit=limit if time_limit is None else time_limit,
+    )
     if kind == "vector":
-        seeds = single is not None
-        return title, [Subject("vector", make, single=single, row_seeds=seeds, **common)]
-    found = [Subject(kind, make, bare=bare, failing=failing, **common)]  # type: ignore[arg-type]
+        return title, [replace(common, single=single, row_seeds=single is not None)]
+    found = [replace(common, bare=bare, failing=failing)]
     if kind == "single" and vector is not None:
         batch_of = vector
         sample = batch_of(num_envs)
@@ -68,13 +70,13 @@ def subjects_of(
         seeds = promised or isinstance(sample, known)
         seeds = seeds or sample.metadata.get("row_seeds") == "seed + row"
         sample.close()
-        many = Subject("vector", lambda: batch_of(num_envs), single=make, row_seeds=seeds, **common)
-        found.append(many)
+        many = replace(common, kind="vector", make=lambda: batch_of(num_envs))
+        found.append(replace(many, single=make, row_seeds=seeds))
     return title, found
 
 
 def _makes(env: Any) -> tuple[str, Make, Make | None, Callable[[int], Any] | None]:
-    """Return a title and functions that make it, it without wrappers, and a vector of it."""
+    """Return a title and functions that make the environment, it without wrappers, its vector."""
     if isinstance(env, gymnasium.Env | VectorEnv) and env.spec is not None:
         env = env.spec.id
     if isinstance(env, str):
@@ -85,11 +87,7 @@ def _makes(env: Any) -> tuple[str, Make, Make | None, Callable[[int], Any] | Non
             f"id, or a function that makes a new one (several are compared)"
         )
     title = getattr(env, "__name__", type(env).__name__)
-    return title, env, lambda: _bare(env()), None
-
-
-def _bare(env: Any) -> Any:
-    return env.unwrapped
+    return title, env, lambda: env().unwrapped, None
 
 
 def _registered(name: str) -> tuple[str, Make, Make | None, Callable[[int], Any] | None]:
@@ -101,7 +99,7 @@ def _registered(name: str) -> tuple[str, Make, Make | None, Callable[[int], Any]
             make = getattr(importlib.import_module(module), function)
         except (ImportError, AttributeError) as error:
             raise InputInvalid(f"{name!r}: {error}; expected module:function") from None
-        return name, make, lambda: _bare(make()), None
+        return name, make, lambda: make().unwrapped, None
     if colon:
         importlib.import_module(module)
     own = function if colon else name
@@ -116,7 +114,7 @@ def _registered(name: str) -> tuple[str, Make, Make | None, Callable[[int], Any]
     )
 
 
-def _kind(env: Any) -> str:
+def _kind(env: object) -> Kind:
     if isinstance(env, gymnasium.Env):
         return "single"
     if isinstance(env, VectorEnv):
@@ -131,8 +129,8 @@ def _kind(env: Any) -> str:
     )
 
 
-def _time_of(env: Any) -> tuple[int | None, Fraction | None]:
-    """Return an episode's steps and an action's duration, where the environment says so."""
+def _time_of(env: Environment) -> tuple[int | None, Fraction | None]:
+    """Return an episode's steps and an action's duration, if the environment declares them."""
     spec = getattr(env, "spec", None)
     limit = getattr(spec, "max_episode_steps", None)
     task = getattr(env.unwrapped, "task", None)

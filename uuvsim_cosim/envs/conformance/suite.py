@@ -1,4 +1,4 @@
-"""A suite that says what an environment promises and does not keep; for anybody's environments.
+"""Conformance suite: which promises of its interface any environment keeps.
 
 python -m uuvsim_cosim.envs.conformance uuvsim/StationKeeping-v0
 """
@@ -31,7 +31,7 @@ ALL: tuple[Kind, ...] = ("single", "vector", "parallel")
 
 @dataclass(frozen=True)
 class Claim:
-    """What is claimed of environments of some kinds; told only if other claims hold."""
+    """A claim about environments of some kinds; checked only if the claims in `needs` hold."""
 
     function: Callable[[Subject], str]
     kinds: tuple[Kind, ...] = ALL
@@ -69,6 +69,7 @@ SEED = general.seed_reaches_observations.__name__
 MODE = vectors.autoreset_declared.__name__
 ROWS = vectors.row_is_single_environment.__name__
 
+# In the order of examination: each claim comes after those that it needs.
 CLAIMS: tuple[Claim, ...] = (
     Claim(general.interface, ("single", "parallel")),
     Claim(general.same_seed_same_trajectory),
@@ -92,8 +93,8 @@ CLAIMS: tuple[Claim, ...] = (
 )
 
 
-def examine(env: Any, *, claims: Sequence[str] | None = None, **options: Any) -> Report:
-    """Examine an environment, and give what was found; see `check`."""
+def examine(env: object, *, claims: Sequence[str] | None = None, **options: Any) -> Report:
+    """Examine an environment and return the report; see `check`."""
     names = [c.name for c in CLAIMS]
     for name in claims or ():
         if name not in names:
@@ -110,7 +111,7 @@ def examine(env: Any, *, claims: Sequence[str] | None = None, **options: Any) ->
     return Report(title, tuple(outcomes))
 
 
-def check(env: Any, **options: Any) -> Report:
+def check(env: object, **options: Any) -> Report:
     """Examine an environment; raises ConformanceFailed, with every failure, if a claim fails.
 
     `env` is an id registered with Gymnasium, "module:function", or a function without arguments
@@ -145,7 +146,7 @@ class Case:
         return f"{self.subject.kind}-{self.claim.name}"
 
 
-def cases(env: Any, **options: Any) -> list[Case]:
+def cases(env: object, **options: Any) -> list[Case]:
     """Return the claims one by one, as tests.
 
     >>> @pytest.mark.parametrize("case", cases("uuvsim/StationKeeping-v0"), ids=str)

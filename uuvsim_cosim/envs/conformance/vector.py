@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,7 +10,14 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import iterate
 
 from uuvsim_cosim.envs.conformance.report import NotApplicable, Violation
-from uuvsim_cosim.envs.conformance.subject import Actions, Subject, refuse_unless, same, short
+from uuvsim_cosim.envs.conformance.subject import (
+    Actions,
+    Environment,
+    Subject,
+    refuse_unless,
+    same,
+    short,
+)
 
 __all__ = [
     "autoreset_declared",
@@ -19,7 +26,7 @@ __all__ = [
     "terminal_observation_kept",
 ]
 
-MOST = 3000  # steps that are waited for, so that an episode ends
+MOST = 3000  # steps to wait for the end of an episode
 
 
 def autoreset_declared(subject: Subject) -> str:
@@ -34,18 +41,21 @@ def autoreset_declared(subject: Subject) -> str:
 
 
 class _Row(NamedTuple):
-    """What one row gave in one step, beside what it should have given."""
+    """The results of one row in one step, and the expected ones."""
 
     step: int
     row: int
     phase: str  # "run", "end", "reset"
-    seen: tuple[Any, Any, Any, Any]  # observation, reward, terminated, truncated
-    expected: tuple[Any, Any, Any, Any] | None  # None if rows have no seeds of their own
+    seen: tuple[Any, ...]  # observation, reward, terminated, truncated
+    expected: tuple[Any, ...] | None  # None if rows have no seeds of their own
 
 
 def row_is_single_environment(subject: Subject) -> str:
     """Row i is the single environment with seed s + i, bit for bit."""
-    _with_singles(subject)
+    if subject.single is None:
+        raise NotApplicable("no single environment is given; give single=")
+    if not subject.row_seeds:
+        raise NotApplicable('it does not promise seeds s + i (metadata["row_seeds"] is absent)')
     count = 0
     for r in _rows(subject):
         count += 1
@@ -58,7 +68,7 @@ def row_is_single_environment(subject: Subject) -> str:
 def terminal_observation_kept(subject: Subject) -> str:
     """The last observation of an episode is given, not that of the next one in its place."""
     ends = 0
-    last: dict[int, Any] = {}
+    last: dict[int, object] = {}
     for r in _rows(subject):
         if r.phase == "end":
             ends += 1
@@ -101,14 +111,7 @@ def autoreset_obeyed(subject: Subject) -> str:
     return f"{resets} resets as declared"
 
 
-def _with_singles(subject: Subject) -> None:
-    if subject.single is None:
-        raise NotApplicable("no single environment is given; give single=")
-    if not subject.row_seeds:
-        raise NotApplicable('it does not promise seeds s + i (metadata["row_seeds"] is absent)')
-
-
-def _compare(r: _Row, parts: Any) -> None:
+def _compare(r: _Row, parts: Iterable[int]) -> None:
     assert r.expected is not None
     names = ("observation", "reward", "terminated", "truncated")
     for i in parts:
@@ -139,7 +142,7 @@ def _rows(subject: Subject) -> Iterator[_Row]:
 
 
 def _beside(
-    subject: Subject, env: Any, mode: AutoresetMode, singles: list[Any], steps: int
+    subject: Subject, env: Environment, mode: AutoresetMode, singles: list[Environment], steps: int
 ) -> Iterator[_Row]:
     n = env.num_envs
     actions = Actions("vector", env, subject.seed)
@@ -166,7 +169,8 @@ def _beside(
             finished = bool(right[2] or right[3]) if right else bool(over[i])
             seen = observations[i]
             if finished and mode == AutoresetMode.SAME_STEP:
-                seen = _final(info, i)
+                final = info.get("final_obs")
+                seen = None if final is None else final[i]
             yield _Row(k, i, "end" if finished else "run", (seen, *flags), right)
             if finished and mode == AutoresetMode.SAME_STEP:
                 first = (singles[i].reset()[0], *[None] * 3) if singles else None
@@ -180,10 +184,5 @@ def _beside(
         ended = over
 
 
-def _split(env: Any, batch: Any) -> list[Any]:
+def _split(env: Environment, batch: object) -> list[object]:
     return list(iterate(env.observation_space, batch))
-
-
-def _final(info: Any, row: int) -> Any:
-    final = info.get("final_obs")
-    return None if final is None else final[row]

@@ -1,4 +1,4 @@
-"""Tasks on their episodes: seeds, time limits, spaces; one agent or several.
+"""Episodes of tasks: seeds, time limits, spaces; one agent or several.
 
 It may import `envs.plants`, `envs.task`, `envs.pictures`. Start reading with `episodes.py`.
 """

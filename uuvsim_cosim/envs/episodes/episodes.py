@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
-from typing import Any, final
+from typing import TypeVar, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ __all__ = ["AGENT", "Episodes", "check_times"]
 AGENT = "agent"  # the agent of a task of one
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+T = TypeVar("T", bound=np.generic)
 
 
 def check_times(task: Task | TeamTask, tick: Fraction) -> list[Problem]:
@@ -75,7 +76,7 @@ class Episodes:
         self._moment: Instant | None = None
         self.any_failed = False  # whether a component of any has failed
         self.seeded = False  # whether seeds and counters are those of a reset
-        self.stillborn: Mask | None = None  # whose start has failed, if any
+        self.stillborn: Mask | None = None  # episodes whose start has failed, if any
         self._every = np.ones(n, bool)
         self._idle = {agent: np.zeros((n, box.width)) for agent, box in self._boxes.items()}
 
@@ -100,19 +101,22 @@ class Episodes:
         mask: Mask | None = None,
         *,
         seeds: Sequence[int] | NDArray[np.uint64] | None = None,
-        start: Mapping[str, Any] | None = None,
+        start: Mapping[str, object] | None = None,
     ) -> Instant:
         """Begin the next episodes where the mask is true, or the first of other seeds (n rows).
 
         `start` gives start values instead of those drawn, of the variable's shape or with an axis
-        of n rows. Where a start fails the first step says so; raises ComponentFailed if without a
-        mask all fail.
+        of n rows. A failed start is reported by the first step. Raises ComponentFailed if, without
+        a mask, all starts fail.
         """
         old = self._moment
         chosen = self._every if mask is None or old is None else mask
         self._begin(chosen, seeds, start or {})
         if mask is None and self.stillborn is not None and self.stillborn.all():
-            raise self._none_began()
+            failure = self.plant.failure(0)
+            assert failure is not None
+            more = f" in environment 0, and all others of {self.n} fail" if self.n > 1 else ""
+            raise ComponentFailed(failure.path, failure.time, failure.reason + more)
         values, rows = self._living(self.plant.gather()), np.flatnonzero(chosen)
         if old is None or len(rows) == self.n:
             self._moment = Instant(
@@ -133,7 +137,7 @@ class Episodes:
         return self._moment
 
     def count(self, seeds: NDArray[np.uint64], episodes: NDArray[np.int64]) -> None:
-        """Go on after the given episodes of seeds."""
+        """Set the counters: the next reset begins the episodes after these."""
         self.seeds, self.episodes, self.seeded = seeds, episodes, True
 
     def step(self, actions: Mapping[str, Array], again: Mask | None = None) -> Instant:
@@ -147,7 +151,7 @@ class Episodes:
         scaled = [box.scaled(actions[agent]) for agent, box in self._boxes.items()]
         plant.scatter(scaled[0] if len(scaled) == 1 else np.concatenate(scaled))
         plant.step(self._ticks)
-        if again is not None:
+        if again is not None:  # ended rows were stepped too: a kernel steps all of them
             self._begin(again, None, {})
             rows = np.flatnonzero(again)
             steps = _cleared(steps, rows)
@@ -170,23 +174,23 @@ class Episodes:
 
     @property
     def over(self) -> Mask:
-        """Say which episodes have reached the horizon."""
+        """The episodes that have reached the horizon."""
         return np.asarray(self.moment.step >= self._steps)
 
     @property
     def failed(self) -> Mask:
-        """Say in which environments a component has failed."""
+        """The environments in which a component has failed."""
         return self.plant.failed
 
     def failure(self, row: int) -> str:
-        """Say what failed, in a sentence that names the environment if there are several."""
+        """Return a message of a failure, which names the environment if there are several."""
         failure = self.plant.failure(row)
         if failure is None:
             return ""
         return str(failure) if self.n == 1 else f"environment {row}: {failure}"
 
     def rewarded(self, reward: Array) -> Array:
-        """Put the task's reward of a failure where a component has failed; 0 for a failed start."""
+        """Replace the rewards of failures by the task's `failure_reward`; 0 for a failed start."""
         if not self.any_failed:
             return reward
         reward = np.where(self.failed, self.task.failure_reward, reward)
@@ -198,7 +202,7 @@ class Episodes:
         self,
         chosen: Mask,
         seeds: Sequence[int] | NDArray[np.uint64] | None,
-        start: Mapping[str, Any],
+        start: Mapping[str, object],
     ) -> None:
         """Count, draw, and reset the plant."""
         whole = bool(chosen.all())
@@ -227,6 +231,7 @@ class Episodes:
             system_seeds[chosen] = few
         self._moment = None  # there is none if this is interrupted
         self.plant.reset(chosen, system_seeds, drawn)
+        # Only now: after an interrupted reset the next one begins the same episodes.
         self.count(*counted)
         self._start = drawn if whole else {**self._start, **drawn}
         failed = self.plant.failed
@@ -235,14 +240,8 @@ class Episodes:
         self.stillborn = dead if self.any_failed and dead.any() else None
 
     def _living(self, values: Array) -> Array:
-        """Put zeros where a start has failed, whatever the plant has there."""
+        """Return values with zeros where a start has failed: the plant's may not be finite."""
         return values if self.stillborn is None else np.where(self.stillborn, 0.0, values)
-
-    def _none_began(self) -> ComponentFailed:
-        failure = self.plant.failure(0)
-        assert failure is not None
-        more = f" in environment 0, and all others of {self.n} fail" if self.n > 1 else ""
-        return ComponentFailed(failure.path, failure.time, failure.reason + more)
 
     def _spread(self, name: str, rows: Array, chosen: Mask) -> Array:
         """Put rows of some environments among those of all."""
@@ -254,7 +253,7 @@ class Episodes:
         return wide
 
 
-def _cleared(values: NDArray[Any], rows: NDArray[np.intp]) -> NDArray[Any]:
+def _cleared(values: NDArray[T], rows: NDArray[np.intp]) -> NDArray[T]:
     """Copy values (…, n) of all environments, with zeros for some."""
     both = values.copy()
     both[..., rows] = 0

@@ -1,10 +1,10 @@
-"""A task of several agents on its episodes: who is there, what each sees, and who has ended."""
+"""Episodes of a task of several agents: which are present, what each observes, who has ended."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, final
+from typing import TypeVar, final
 
 import gymnasium
 import numpy as np
@@ -25,16 +25,17 @@ __all__ = ["TeamMoment", "TeamStage"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+T = TypeVar("T", bound=np.generic)
 
 
 @dataclass(frozen=True)
 class TeamMoment:
-    """What a step gave, or a reset: masks of shape (n, agents), and arrays by agent."""
+    """The results of a step, or of a reset: masks of shape (n, agents), and arrays by agent."""
 
     moment: Instant
-    acted: Mask  # whose action led here
-    seen: Mask  # who is told: those that acted, and those that have come
-    present: Mask  # who acts next
+    acted: Mask  # agents whose action led here
+    seen: Mask  # agents that get an observation: those that acted, and those that have come
+    present: Mask  # agents that act next
     observation: Mapping[str, NDArray[np.float32]]
     reward: Array  # (n, agents), 0 for those that did not act
     terminated: Mask
@@ -42,16 +43,16 @@ class TeamMoment:
 
     @property
     def over(self) -> Mask:
-        """Say which episodes have ended, of shape (n,): nobody is there any more."""
+        """The episodes that have ended, of shape (n,): no agent is present any more."""
         return np.asarray(~self.present.any(axis=1))
 
 
 @final
 class TeamStage:
-    """What CosimParallelEnv and CosimTeamVectorEnv share.
+    """The common part of CosimParallelEnv and CosimTeamVectorEnv: a task, its episodes, spaces.
 
     An agent that has ended does not come back in its episode, and one that is not `present` any
-    more is truncated. Where an agent does not act, its inputs are in the middle of their limits.
+    more is truncated. While an agent does not act, its inputs are in the middle of their limits.
     """
 
     def __init__(
@@ -103,7 +104,7 @@ class TeamStage:
 
     @property
     def now(self) -> TeamMoment:
-        """Return what the last step or reset gave."""
+        """The results of the last step or reset."""
         if self._now is None:
             raise InputInvalid(f"{self.place}: no episode has begun; expected reset() first")
         return self._now
@@ -113,15 +114,16 @@ class TeamStage:
         mask: Mask | None = None,
         *,
         seeds: Sequence[int] | None = None,
-        start: Mapping[str, Any] | None = None,
+        start: Mapping[str, object] | None = None,
     ) -> TeamMoment:
         """Begin episodes where the mask is true; raises InputInvalid if nobody is there."""
         m = self.episodes.reset(mask, seeds=seeds, start=start)
         old = self._now
-        here = self._by_agent(self.task.present(m), "present()", bool)
+        here = self._by_agent(self.task.present(m), "present()", np.bool_)
         fresh = np.ones(self.n, bool) if mask is None or old is None else mask
         if self.episodes.stillborn is not None:
-            here |= self.episodes.stillborn[:, None]  # all are told of it in the first step
+            # All agents stay present for one step, which reports the failed start to them.
+            here |= self.episodes.stillborn[:, None]
         empty = fresh & ~here.any(axis=1)
         if empty.any():
             raise InputInvalid(
@@ -146,7 +148,7 @@ class TeamStage:
         )
         return self._now
 
-    def act(self, actions: Mapping[str, Any]) -> TeamMoment:
+    def act(self, actions: Mapping[str, object]) -> TeamMoment:
         """Act for one action step; `actions` by agent, of shape (n, width). Raises InputInvalid."""
         acting = self.now.present
         checked = {}
@@ -156,13 +158,13 @@ class TeamStage:
             checked[agent] = np.where(acting[:, j, None], given, 0.0)
         m = self.episodes.step(checked)
         failed, over = self.episodes.failed[:, None], self.episodes.over[:, None]
-        here = self._by_agent(self.task.present(m), "present()", bool)
-        terminated = self._by_agent(self.task.terminated(m), "terminated()", bool)
+        here = self._by_agent(self.task.present(m), "present()", np.bool_)
+        terminated = self._by_agent(self.task.terminated(m), "terminated()", np.bool_)
         terminated = acting & (terminated | failed)
         truncated = acting & (over | ~here) & ~terminated
         come = here & ~acting & ~self._gone & ~failed & ~over
         self._gone |= terminated | truncated
-        reward = self._by_agent(self.task.reward(m), "reward()", float)
+        reward = self._by_agent(self.task.reward(m), "reward()", np.float64)
         acted = np.where(acting, self.episodes.rewarded(reward.T).T, 0.0)
         for j, agent in enumerate(self.agents):
             refuse_infinite(acted[:, j], f"{self.place}: reward(), {agent!r},")
@@ -178,12 +180,12 @@ class TeamStage:
         )
         return self._now
 
-    def info(self, m: Instant) -> Mapping[str, NDArray[Any]]:
+    def info(self, m: Instant) -> Mapping[str, NDArray[np.generic]]:
         """Return the task's infos, of shape (n, …)."""
         return infos_of(self.task.info(m), m.n, self.place)
 
     def state(self) -> NDArray[np.float32]:
-        """Return the central state, of shape (n, width)."""
+        """Return the state for a central critic, of shape (n, width)."""
         return self._clipped(self.task.state(self.now.moment), self.state_space, "state()")
 
     # ---- inside ---------------------------------------------------------------------------
@@ -194,7 +196,9 @@ class TeamStage:
         return {a: self._clipped(given[a], self.spaces[a], f"observe(), {a!r}")
                 for a in self.agents}  # fmt: skip
 
-    def _clipped(self, values: Any, space: gymnasium.spaces.Box, place: str) -> NDArray[np.float32]:
+    def _clipped(
+        self, values: object, space: gymnasium.spaces.Box, place: str
+    ) -> NDArray[np.float32]:
         numbers = np.asarray(values, dtype=np.float32)
         expected = (self.n, *space.shape)
         if numbers.shape != expected:
@@ -207,14 +211,14 @@ class TeamStage:
         refuse_infinite(numbers, f"{self.place}: {place}")
         return np.asarray(np.clip(numbers, space.low, space.high))
 
-    def _by_agent(self, given: Mapping[str, Any], place: str, kind: type) -> NDArray[Any]:
+    def _by_agent(self, given: Mapping[str, NDArray[T]], place: str, dtype: type[T]) -> NDArray[T]:
         """Return values by agent as columns, of shape (n, agents)."""
         self._check_agents(given, place)
-        result: NDArray[Any] = np.empty((self.n, len(self.agents)), kind)
+        result = np.empty((self.n, len(self.agents)), dtype)
         for j, agent in enumerate(self.agents):
             column = np.asarray(given[agent])
-            if column.shape != (self.n,) or (kind is bool and column.dtype != bool):
-                wanted = "Booleans" if kind is bool else "numbers"
+            if column.shape != (self.n,) or (dtype is np.bool_ and column.dtype != bool):
+                wanted = "Booleans" if dtype is np.bool_ else "numbers"
                 raise InputInvalid(
                     f"{self.place}: {place}, {agent!r}, of type {column.dtype} and shape "
                     f"{column.shape}; expected {wanted} of shape {(self.n,)}"
@@ -222,7 +226,7 @@ class TeamStage:
             result[:, j] = column
         return result
 
-    def _check_agents(self, given: Mapping[str, Any], place: str) -> None:
+    def _check_agents(self, given: Mapping[str, object], place: str) -> None:
         missing = [a for a in self.agents if a not in given]
         if missing:
             raise InputInvalid(
@@ -230,7 +234,7 @@ class TeamStage:
                 f"an entry for each of {', '.join(self.agents)}, also for those that are absent"
             )
 
-    def _space(self, limits: tuple[Any, Any], place: str) -> gymnasium.spaces.Box:
+    def _space(self, limits: tuple[object, object], place: str) -> gymnasium.spaces.Box:
         low, high = (np.asarray(side, np.float32) for side in limits)
         if low.ndim != 1 or low.shape != high.shape or not np.all(low <= high):
             raise InputInvalid(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +31,10 @@ Array = NDArray[np.float64]
 
 @final
 class Stage:
-    """What CosimEnv and CosimVectorEnv share; refuses a task that does not fit its system."""
+    """The common part of CosimEnv and CosimVectorEnv: a task, its episodes and its spaces.
+
+    Raises InputInvalid for a task that does not fit its system.
+    """
 
     def __init__(
         self,
@@ -55,7 +58,9 @@ class Stage:
         names += [f"{path}.eta" for path in hulls(plan)] if drawn else []
         signals = Signals(plan, names)
         self.action_box = ActionBox(plan, task.actions)
-        observed = [c for c in task.observations if not _bad(signals, c.name)]
+        # An observation with an unknown name is reported once, as a signal.
+        unknown = {p.place for p in signals.problems}
+        observed = [c for c in task.observations if f"signal {c.name!r}" not in unknown]
         self.observation_box = ObservationBox(plan, signals, observed, task.extra_limits)
         none = [] if observed == list(task.observations) else ["observations"]
         observations = [p for p in self.observation_box.problems if p.place not in none]
@@ -82,11 +87,11 @@ class Stage:
         self.episodes = Episodes(task, plant, signals, {AGENT: self.action_box})
 
     def act(
-        self, actions: Any, again: NDArray[np.bool_] | None = None, *, alone: bool = False
+        self, actions: object, again: NDArray[np.bool_] | None = None, *, alone: bool = False
     ) -> Instant:
-        """Check actions and act, or begin anew where `again` is true; raises InputInvalid.
+        """Check the actions and act; where `again` is true, begin the next episodes instead.
 
-        Those of an environment `alone` have no axis of environments.
+        With `alone`, the action has no axis of environments. Raises InputInvalid.
         """
         n = None if alone else self.episodes.n
         checked = self.action_box.checked(actions, n, self.place)
@@ -101,14 +106,14 @@ class Stage:
             raise InputInvalid(f"{self.place}: {error}") from None
 
     def reward(self, m: Instant) -> Array:
-        """Return the rewards, of shape (n,); the task's `failure_reward` where one has failed."""
+        """Return the rewards, of shape (n,); the task's `failure_reward` after a failure."""
         reward = rewards_of(self.task.reward(m), m.n, f"{self.place}: reward()")
         reward = self.episodes.rewarded(reward)
         refuse_infinite(reward, f"{self.place}: reward()")
         return reward
 
     def terminated(self, m: Instant) -> NDArray[np.bool_]:
-        """Say which episodes have ended by themselves, or by a failure."""
+        """Return which episodes have terminated, by the task or by a failure."""
         ended = np.asarray(self.task.terminated(m))
         if ended.shape != (m.n,) or ended.dtype != bool:
             raise InputInvalid(
@@ -117,10 +122,6 @@ class Stage:
             )
         return ended | self.episodes.failed if self.episodes.any_failed else ended
 
-    def info(self, m: Instant) -> Mapping[str, NDArray[Any]]:
+    def info(self, m: Instant) -> Mapping[str, NDArray[np.generic]]:
         """Return the task's infos, of shape (n, …)."""
         return infos_of(self.task.info(m), m.n, self.place)
-
-
-def _bad(signals: Signals, name: str) -> bool:
-    return any(p.place == f"signal {name!r}" for p in signals.problems)

@@ -1,9 +1,9 @@
-"""Channels become boxes: limits in any unit become [-1, 1]; what cannot be is refused."""
+"""Boxes of actions and observations: channels with limits in any unit, scaled to [-1, 1]."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +21,9 @@ Array = NDArray[np.float64]
 
 @final
 class ActionBox:
-    """Actions in [-1, 1] of some channels, which are free inputs; `width` numbers in order.
+    """Actions in [-1, 1] of channels, which are unconnected inputs; `width` numbers in order.
 
-    What is wrong with the channels stands in `problems`.
+    `problems` lists the mistakes in the channels.
     """
 
     def __init__(self, plan: Plan, channels: Sequence[Channel]) -> None:
@@ -31,7 +31,7 @@ class ActionBox:
         self.targets: list[tuple[str, int]] = []  # variable and element, by number of the action
         lows: list[float] = []
         highs: list[float] = []
-        taken: dict[tuple[str, int], str] = {}
+        owner: dict[tuple[str, int], str] = {}
         for channel in channels:
             try:
                 named = resolved(plan, channel.name)
@@ -42,9 +42,9 @@ class ActionBox:
                 if low is None or high is None:
                     raise Misfit("an action without limits", "low= and high=")
                 for i in named.elements:
-                    if (named.key, i) in taken:
+                    if (named.key, i) in owner:
                         raise Misfit("an element acted on twice", "each in one channel")
-                    taken[named.key, i] = channel.name
+                    owner[named.key, i] = channel.name
             except Misfit as misfit:
                 self.problems.append(misfit.at(f"action {channel.name!r}"))
                 continue
@@ -56,9 +56,13 @@ class ActionBox:
         self.width = len(self.targets)
         low, high = np.array(lows), np.array(highs)
         self._middle = (low / 2 + high / 2)[:, None]
-        self._half = _inside(self._middle[:, 0], high / 2 - low / 2, low, high)[:, None]
+        middle, half = self._middle[:, 0], high / 2 - low / 2
+        for _ in range(4):  # until rounding cannot lead out of the limits
+            out = (middle - half < low) | (middle + half > high)
+            half = np.where(out, np.nextafter(half, 0.0), half)
+        self._half = half[:, None]
 
-    def checked(self, actions: Any, n: int | None, place: str) -> Array:
+    def checked(self, actions: object, n: int | None, place: str) -> Array:
         """Return actions of shape (n, width), clipped to [-1, 1]; raises InputInvalid.
 
         With n None those of one environment are given without the first axis.
@@ -88,12 +92,12 @@ class ActionBox:
         return clipped.T
 
     def name(self, column: int) -> str:
-        """Name an element that is acted on."""
+        """Return the name of the element that a number of the action sets."""
         key, i = self.targets[column]
         return f"{key}[{i + 1}]"
 
     def scaled(self, actions: Array) -> Array:
-        """Return what the inputs get, in their units, of shape (width, n)."""
+        """Return the values of the inputs, in their units, of shape (width, n)."""
         return np.asarray(self._middle + self._half * actions.T)
 
 
@@ -143,7 +147,7 @@ class ObservationBox:
         self._rows = np.concatenate(rows)
         self._factor, self._offset = np.array(factor)[:, None], np.array(offset)[:, None]
         self._sines = sines
-        self._rooms: dict[int, tuple[Array, NDArray[np.float32]]] = {}
+        self._buffers: dict[int, tuple[Array, NDArray[np.float32]]] = {}
         low_extra, high_extra = (np.asarray(e, np.float32).ravel() for e in extra)
         self.n_extra = len(low_extra)
         if len(low_extra) != len(high_extra) or not np.all(low_extra <= high_extra):
@@ -164,7 +168,7 @@ class ObservationBox:
     def of(
         self,
         values: Array,
-        extra: Any,
+        extra: object,
         blank: NDArray[np.bool_] | None = None,
         *,
         clipped: bool = True,
@@ -174,7 +178,10 @@ class ObservationBox:
         Those of `blank` environments are zeros. Raises InputInvalid if one is not finite.
         """
         n = values.shape[1]
-        own, columns = self._room(n)
+        if n not in self._buffers:  # allocated once: a learner asks for the same n in each step
+            own = np.empty((self._n_own, n))
+            self._buffers = {n: (own, np.empty((self.width, n), np.float32))}
+        own, columns = self._buffers[n]
         values.take(self._rows, axis=0, out=own, mode="clip")
         own *= self._factor
         for i in self._sines:
@@ -212,13 +219,6 @@ class ObservationBox:
             raise InputInvalid(
                 f"{which} in environment {row} is {columns[column, row]}; expected a finite number"
             )
-
-    def _room(self, n: int) -> tuple[Array, NDArray[np.float32]]:
-        """Return room for intermediate values, which is the same each time."""
-        if n not in self._rooms:
-            own = np.empty((self._n_own, n)), np.empty((self.width, n), np.float32)
-            self._rooms = {n: own}
-        return self._rooms[n]
 
 
 def _check_free(plan: Plan, named: Named) -> None:
@@ -292,11 +292,3 @@ def _to(plan: Plan, named: Named, unit: str) -> list[tuple[float, float]]:
             raise Misfit(f"unit {unit!r} for a variable in {own!r}", "a unit of its kind")
         found.append(pair)
     return found
-
-
-def _inside(middle: Array, half: Array, low: Array, high: Array) -> Array:
-    """Lessen halves until rounding cannot lead out of the limits."""
-    for _ in range(4):
-        out = (middle - half < low) | (middle + half > high)
-        half = np.where(out, np.nextafter(half, 0.0), half)
-    return half

@@ -1,9 +1,8 @@
-"""Start values by name, one row for each environment; refused if they cannot be."""
+"""Checks of start values by name, one row for each environment."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +16,7 @@ __all__ = ["rows_of"]
 Array = NDArray[np.float64]
 
 
-def rows_of(variables: Mapping[str, Variable], name: str, value: Any, n: int) -> Array:
+def rows_of(variables: Mapping[str, Variable], name: str, value: object, n: int) -> Array:
     """Return a start value with one row for each of n environments; raises InputInvalid."""
     variable = variables.get(name)
     if variable is None:
@@ -34,26 +33,20 @@ def rows_of(variables: Mapping[str, Variable], name: str, value: Any, n: int) ->
         raise InputInvalid(f"start value {name!r}: {value!r}; expected numbers") from None
     shape = (n, *variable.shape)
     good = np.isfinite(array).all()
-    if good and array.shape in (shape, variable.shape):
-        _refuse_outside(name, array, variable, several=array.shape == shape and n > 1)
-    if good and array.shape == shape:
-        return array
     if array.shape not in (shape, variable.shape) or not good:
         read = f"of shape {array.shape}" if good else "that are not finite"
         raise InputInvalid(
             f"start value {name!r}: numbers {read}; expected finite ones of shape "
             f"{variable.shape} or {shape}"
         )
-    return np.broadcast_to(array, shape)
-
-
-def _refuse_outside(name: str, array: Array, variable: Variable, *, several: bool) -> None:
     low = -np.inf if variable.min is None else variable.min
     high = np.inf if variable.max is None else variable.max
-    bad = np.argwhere((array < low) | (array > high))
-    if len(bad):
-        where = f" in environment {bad[0][0]}" if several else ""
+    outside = np.argwhere((array < low) | (array > high))
+    if len(outside):
+        first = tuple(outside[0])
+        where = f" in environment {first[0]}" if array.shape == shape and n > 1 else ""
         raise InputInvalid(
-            f"start value {name!r}: {array[tuple(bad[0])]}{where}; expected finite numbers in "
+            f"start value {name!r}: {array[first]}{where}; expected finite numbers in "
             f"[{low}, {high}]"
         )
+    return array if array.shape == shape else np.broadcast_to(array, shape)

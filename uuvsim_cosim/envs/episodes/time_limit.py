@@ -1,4 +1,4 @@
-"""The spec of Gymnasium says how long an episode is, although no wrapper ends it."""
+"""Number of steps of an episode in Gymnasium's spec, although no wrapper ends the episode."""
 
 from __future__ import annotations
 
@@ -15,6 +15,6 @@ def limited(spec: EnvSpec | None, task: Task) -> EnvSpec | None:
     """Return a spec with the task's number of steps, unless it has one."""
     if spec is None or spec.max_episode_steps is not None:
         return spec
-    told = copy(spec)
-    told.max_episode_steps = int(task.horizon / task.action_step)
-    return told
+    result = copy(spec)
+    result.max_episode_steps = int(task.horizon / task.action_step)
+    return result

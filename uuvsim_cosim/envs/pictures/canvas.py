@@ -36,7 +36,7 @@ def rgb(colour: str) -> tuple[float, float, float]:
 
 
 class Canvas:
-    """A picture that is drawn on; what lies outside of it, or of `clipped`, is left out."""
+    """A picture to draw on; pixels outside of it, or of `clipped`, are not drawn."""
 
     def __init__(self, width: int, height: int, background: str = "#ffffff") -> None:
         if width < 1 or height < 1:
@@ -174,7 +174,7 @@ class Canvas:
         *,
         anchor: tuple[float, float] = (0.0, 0.0),
     ) -> None:
-        """Write one line; `anchor` says which part of it is at `at`.
+        """Write one line; `anchor` is the point of the text that is placed at `at`.
 
         (0, 0) is the upper left of its capitals, (1, 1) the right end of its baseline.
         """

@@ -1,4 +1,4 @@
-"""What there is to draw at one instant, as frozen values: vehicles, targets, obstacles, goals.
+"""Objects of a picture, as frozen values: vehicles, targets, obstacles, goals.
 
 Positions are N E D in metres (the frame `n`), angles in radians.
 """
@@ -33,7 +33,7 @@ def _positive(place: str, value: float) -> None:
 
 @dataclass(frozen=True)
 class Vehicle:
-    """A vehicle; a position that is not finite is not drawn but said."""
+    """A vehicle; if its position is not finite, it is not drawn but reported as text."""
 
     name: str
     eta: Sequence[float]  # N E D [m], phi theta psi [rad]
@@ -51,7 +51,7 @@ class Vehicle:
 
 @dataclass(frozen=True)
 class Target:
-    """What is followed."""
+    """A target that vehicles follow."""
 
     position: Sequence[float]  # N E D [m]
     psi: float | None = None  # heading [rad]
@@ -79,7 +79,7 @@ class Cylinder:
 
 @dataclass(frozen=True)
 class Goal:
-    """Where a vehicle is to be."""
+    """The wanted position of a vehicle."""
 
     position: Sequence[float]  # N E or N E D [m]
     psi: float | None = None  # wanted heading [rad]
@@ -106,7 +106,7 @@ class Arena:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """All that one picture shows."""
+    """The content of one picture."""
 
     vehicles: Sequence[Vehicle] = ()
     targets: Sequence[Target] = ()

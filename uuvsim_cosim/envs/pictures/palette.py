@@ -1,4 +1,4 @@
-"""The colours of pictures: calm, and told apart by colour-blind viewers as well."""
+"""The colours of pictures, which colour-blind viewers can distinguish too."""
 
 from __future__ import annotations
 

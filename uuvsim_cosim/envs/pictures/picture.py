@@ -1,4 +1,4 @@
-"""A chart of what happens, for render_mode "rgb_array": plan view, depths beside it, text."""
+"""Picture of an environment, for render_mode "rgb_array": plan view, depth strip, text."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ LEAST_WIDTH, LEAST_HEIGHT = 240, 160  # [px]
 class Picture:
     """Draws views of one simulation, one after the other, with a scale that does not jump.
 
-    N is up and E right; beside the plan each vehicle stands in a strip at its depth.  Where the
-    view has an arena, the scale is fixed by it.  The last `trail` positions of each vehicle are
-    remembered and drawn; when time goes back, all is forgotten: a new episode.
+    N is up and E right; a strip beside the plan shows the depth of each vehicle.  The scale is that
+    of the arena, if the view has one.  The last `trail` positions of each vehicle are drawn too.
+    They are cleared when time goes back, at the start of a new episode.
     """
 
     def __init__(self, width: int = 640, height: int = 480, *, trail: int = 400) -> None:
@@ -81,7 +81,7 @@ class Picture:
             del track[: max(len(track) - self.trail, 0)]
 
     def _write(self, canvas: Canvas, view: View, left: int) -> int:
-        """Write title, time and lines; give where the strip may begin."""
+        """Write title, time and lines; returns the y below them, where the strip begins."""
         size, top = self.size, round(self.size)
         leading = round(1.5 * size)
         if view.title:

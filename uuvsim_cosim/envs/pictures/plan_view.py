@@ -60,8 +60,8 @@ class Plan:
         if view.arena is not None:
             edges = np.array([view.arena.north, view.arena.east], float).T
             low, high = edges
-            room = 0.05 * (high - low).max()
-            low, high = low - room, high + room
+            margin = 0.05 * (high - low).max()
+            low, high = low - margin, high + margin
         else:
             points = np.concatenate([*_things(view), *(track[:, :2] for track in trails.values())])
             points = points[np.isfinite(points).all(axis=1)]
@@ -71,7 +71,7 @@ class Plan:
         self.scale = float(min((bottom - top) / span[0], (right - left) / span[1]))
 
     def _lay_still(self, canvas: Canvas, view: View) -> None:
-        """Draw what seldom changes; kept until scale, walls, obstacles or path do."""
+        """Draw the still layer; it is kept until scale, walls, obstacles or path change."""
         parts = [self.scale, *self.middle]
         if view.arena is not None:
             parts += [*view.arena.north, *view.arena.east]
@@ -164,7 +164,7 @@ class Plan:
 
     def _vehicles(self, canvas: Canvas, view: View, colours: Mapping[str, str]) -> None:
         seen = [v for v in view.vehicles if np.isfinite(v.eta).all()]
-        taken = [self.at(v.eta) for v in seen] + [self.at(t.position) for t in view.targets]
+        occupied = [self.at(v.eta) for v in seen] + [self.at(t.position) for t in view.targets]
         reach = []
         for vehicle in seen:
             length, breadth = shown_size(vehicle, self.scale, self.size)
@@ -174,10 +174,10 @@ class Plan:
             canvas.line(outline, palette.INK, 1.0, 0.55, closed=True)
             reach.append(0.5 * max(length, breadth) + 0.35 * self.size)
         for vehicle, away in zip(seen, reach, strict=True):
-            self._name(canvas, vehicle.name, self.at(vehicle.eta), away, taken)
+            self._name(canvas, vehicle.name, self.at(vehicle.eta), away, occupied)
 
     def _name(
-        self, canvas: Canvas, name: str, centre: Floats, away: float, taken: list[Floats]
+        self, canvas: Canvas, name: str, centre: Floats, away: float, occupied: list[Floats]
     ) -> None:
         """Write a name below its vehicle, or above, right, left, where it covers least."""
         wide, high = 0.5 * text_width(name, self.size), 0.5 * cap_height(self.size)
@@ -187,7 +187,7 @@ class Plan:
             middle = centre + np.array([dx * (away + wide), dy * (away + high)])
             covered = sum(
                 bool(np.all(np.abs(other - middle) < (wide + self.size, high + self.size)))
-                for other in taken
+                for other in occupied
                 if other is not centre and np.hypot(*(other - centre)) > 1e-9
             )
             outside = not (
@@ -198,7 +198,7 @@ class Plan:
             if best is None or cost < best[0]:
                 best = (cost, middle)
         if best is not None:
-            taken.append(best[1])
+            occupied.append(best[1])
             where = (float(best[1][0]), float(best[1][1]))
             canvas.text(where, name, palette.INK, self.size, anchor=(0.5, 0.5))
 
@@ -228,7 +228,7 @@ class Plan:
 
 
 def _things(view: View) -> list[Floats]:
-    """Return N and E of all that must be seen, vehicles with a length of room around them."""
+    """Return N and E of all objects, with a margin of a length around vehicles."""
     round_about = np.array([(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)])
     things = [np.zeros((0, 2))]
     things += [np.array(v.eta[:2]) + 1.5 * v.length * round_about for v in view.vehicles]

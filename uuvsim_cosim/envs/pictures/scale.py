@@ -1,4 +1,4 @@
-"""Which part of the world a picture shows, such that it does not jump from frame to frame."""
+"""Scale of a picture: the visible part of the world, which changes smoothly between frames."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ class Extent:
     def follow(self, points: Floats) -> tuple[Floats, Floats]:
         """Return the lowest and greatest values shown, for points (n, axes), n >= 1."""
         low, high = points.min(axis=0), points.max(axis=0)
-        room = np.maximum(SLACK * (high - low), 0.5 * (self.least_span - (high - low)))
-        room = np.maximum(room, 0.1 * (high - low).max())
-        wanted_low, wanted_high = low - room, high + room
+        margin = np.maximum(SLACK * (high - low), 0.5 * (self.least_span - (high - low)))
+        margin = np.maximum(margin, 0.1 * (high - low).max())
+        wanted_low, wanted_high = low - margin, high + margin
         if self._low is None or self._high is None:
             self._low, self._high = wanted_low, wanted_high
             return self._low, self._high
         span = self._high - self._low
         near = (low < self._low + 0.06 * span) | (high > self._high - 0.06 * span)
-        loose = (high - low + 2.0 * room) < 0.4 * span
+        loose = (high - low + 2.0 * margin) < 0.4 * span
         moves = (near | loose) * APPROACH
         self._low = np.minimum(self._low + moves * (wanted_low - self._low), low - 0.02 * span)
         self._high = np.maximum(self._high + moves * (wanted_high - self._high), high + 0.02 * span)

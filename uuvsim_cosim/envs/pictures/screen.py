@@ -1,11 +1,18 @@
-"""What render() shows of environments: pictures, or a window."""
+"""Rendering of environments: pictures, or a window."""
 
 from __future__ import annotations
 
-from typing import Any, Protocol, final
+from typing import TYPE_CHECKING, Any, Protocol, final
+
+import numpy as np
+from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.envs.pictures.picture import Picture
+    from uuvsim_cosim.envs.pictures.window import Window
 
 __all__ = ["Screen"]
 
@@ -13,22 +20,22 @@ MODES = ("rgb_array", "human")
 
 
 class Rendered(Protocol):
-    """An environment, as far as its screen knows it."""
+    """The part of an environment that its screen uses."""
 
-    def render(self) -> Any:
+    def render(self) -> object:
         """Draw the present moment."""
 
 
 @final
 class Screen:
-    """Draws moments of environments in one of Gymnasium's render modes, if any."""
+    """Drawing of moments of environments in one of Gymnasium's render modes, if any."""
 
     def __init__(self, mode: str | None) -> None:
         if mode is not None and mode not in MODES:
             raise InputInvalid(f"render_mode {mode!r}; expected one of {', '.join(MODES)}, or None")
         self.mode = mode
-        self._pictures: dict[int, Any] = {}
-        self._window: Any = None
+        self._pictures: dict[int, Picture] = {}
+        self._window: Window | None = None
         self._hulls: list[str] | None = None
 
     def changed(self, env: Rendered) -> None:
@@ -36,7 +43,7 @@ class Screen:
         if self.mode == "human":
             env.render()
 
-    def frame(self, task: Any, moment: Any, row: int) -> Any:
+    def frame(self, task: Any, moment: Any, row: int) -> NDArray[np.uint8] | None:
         """Draw one environment: pixels (height, width, 3), or None in a window or without mode."""
         if self.mode is None:
             import gymnasium

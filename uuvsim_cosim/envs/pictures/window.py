@@ -68,9 +68,9 @@ class Window:
                 f"window: frame of {frame.dtype} {frame.shape}; "
                 "expected uint8 (height, width, 3), as render() gives with rgb_array"
             )
-        while not self.closed and (left := self._next - self._clock()) > 0.0:
+        while not self.closed and (wait := self._next - self._clock()) > 0.0:
             self._look()
-            self._sleep(min(left, NAP))
+            self._sleep(min(wait, NAP))
         if self.closed:
             return False
         now = self._clock()
@@ -84,14 +84,14 @@ class Window:
         return not self.closed
 
     def close(self) -> None:
-        """Take the window away; a second time does nothing."""
+        """Destroy the window; a second call does nothing."""
         root, self._root = self._root, None
         self._image = self._label = None
         if root is not None:
             try:
                 root.destroy()
             except self._tkinter.TclError:
-                return  # it is gone already, which is what was wanted
+                return  # it is destroyed already
 
     def _put(self, frame: NDArray[np.uint8]) -> None:
         """Hand the frame to tkinter as a PPM; a new image only where the size is new."""

@@ -1,4 +1,4 @@
-"""What an environment stands on: a fused kernel, masters in this process, or worker processes.
+"""Backends of environments: a fused kernel, masters in this process, or worker processes.
 
 It may import `envs.task`, `envs.pictures`. Start reading with `plant.py`, then `choice.py`.
 """

@@ -1,4 +1,4 @@
-"""Which plant a system gets: a kernel when it can be fused, else masters, in processes if many."""
+"""Choice of the plant of a system: a kernel if it can be fused, else masters, or processes."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ DType = Literal["float64", "float32"]
 
 _kernels: list[tuple[System, int, str, Kernel]] = []  # the last few, so that each is made once
 _KEPT = 8
-_SIGNALS = 64  # bytes of a number that is read or acted on: it lies in several arrays
-_told: set[str] = set()  # notes of systems, which are logged once
+_SIGNALS = 64  # bytes of a number that is read or acted on: several arrays hold it
+_logged: set[str] = set()  # warnings of plans, which are logged once
 
 
 def check_backend(backend: str, dtype: str) -> None:
-    """Refuse words that are none; raises InputInvalid."""
+    """Raise InputInvalid for an unknown backend or number type."""
     if backend not in ("auto", "kernel", "master"):
         raise InputInvalid(f"backend {backend!r}; expected 'auto', 'kernel' or 'master'")
     if dtype not in ("float64", "float32"):
@@ -53,9 +53,9 @@ def plant_of(
 ) -> Plant:
     """Make n copies of a system.
 
-    "auto" takes a kernel unless the system cannot be fused; "kernel" says why it cannot
-    (SystemInvalid). Masters of more than one copy run in `processes` (0: in this one).
-    Refuses more copies than memory holds. Raises ToolchainError.
+    "auto" makes a kernel if the system can be fused, else masters; "kernel" raises SystemInvalid if
+    it cannot. Masters of more than one copy run in `processes` (0: in this process). Raises
+    InputInvalid for more copies than memory holds, and ToolchainError.
     """
     check_backend(backend, dtype)
     threads = whole(threads, "threads")
@@ -76,7 +76,7 @@ def plant_of(
             return KernelPlant(kernel, n, reads=reads, acts=acts, threads=threads)
     plan = flatten(system)
     refuse_beyond(n, LEAST_MASTER * len(plan.components), least=True)
-    plan = told(plan)
+    plan = log_warnings_once(plan)
     if n > 1 and processes != 0:
         from uuvsim_cosim.envs.plants.process_plant import ProcessPlant
 
@@ -86,19 +86,19 @@ def plant_of(
     return MasterPlant(plan, prepare(plan, "native"), n, reads=reads, acts=acts)
 
 
-def told(plan: SystemPlan) -> SystemPlan:
-    """Log the notes of a plan, once in a process, not with each master of it."""
-    for note in plan.warnings:
-        if note not in _told:
-            _told.add(note)
-            _log.warning("%s", note)
+def log_warnings_once(plan: SystemPlan) -> SystemPlan:
+    """Log the warnings of a plan once in a process; returns the plan without them."""
+    for warning in plan.warnings:
+        if warning not in _logged:
+            _logged.add(warning)
+            _log.warning("%s", warning)
     return replace(plan, warnings=())
 
 
 def _kernel(system: System, n: int, dtype: DType) -> Kernel:
     lanes = 1 if n == 1 else 16 if dtype == "float32" else 8
-    for known, width, kind, kernel in _kernels:
-        if known is system and (width, kind) == (lanes, dtype):
+    for known, width, number, kernel in _kernels:
+        if known is system and (width, number) == (lanes, dtype):
             return kernel
     made = fuse(system, lanes=lanes, dtype=dtype)
     _kernels.append((system, lanes, dtype, made))

@@ -1,9 +1,9 @@
-"""A plant that is a fused kernel: all environments in one call."""
+"""Plant of a fused kernel: all environments in one call."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +38,9 @@ class KernelPlant:
         self.tick = kernel.fused.plan.tick
         self._batch = kernel.batch(n, threads=threads)
         self.variables = self._batch.variables
-        self._given: dict[str, Array] = {}  # variables that `start` has named, with their own
+        # The declared start values of all variables that `start` has named: a later reset without
+        # them must set them back.
+        self._given: dict[str, Array] = {}
         self._kernel = kernel
         self._cells = self._batch.cells
         self._out = np.array([c for name in reads for c in self._places(name)], np.intp)
@@ -46,11 +48,11 @@ class KernelPlant:
         self._runs = _runs(self._out)
         self._width = self._cells.shape[2]
 
-    def read(self, name: str) -> NDArray[Any]:
+    def read(self, name: str) -> NDArray[np.generic]:
         """Copy a variable: of shape (n, *shape)."""
         return self._batch.get(name)
 
-    def write(self, name: str, values: NDArray[Any]) -> None:
+    def write(self, name: str, values: NDArray[np.generic]) -> None:
         """Set an unconnected input or a tunable parameter in all copies: (n, *shape)."""
         self._batch.set(name, values)
 
@@ -82,10 +84,10 @@ class KernelPlant:
 
     def step(self, ticks: int) -> None:
         """Make communication steps in all copies."""
-        self._batch.step(ticks, check=False)
+        self._batch.step(ticks, check=False)  # failures do not raise: see `failed`
 
     def reset(
-        self, mask: NDArray[np.bool_], seeds: Seeds, start: Mapping[str, NDArray[Any]]
+        self, mask: NDArray[np.bool_], seeds: Seeds, start: Mapping[str, NDArray[np.generic]]
     ) -> None:
         """Go back to time 0 where the mask is true."""
         for name in start:
@@ -97,15 +99,16 @@ class KernelPlant:
 
     @property
     def failed(self) -> NDArray[np.bool_]:
-        """Say which copies have failed since their reset."""
+        """The copies that have failed since their reset."""
         return self._batch.failed
 
     def failure(self, row: int) -> ComponentFailed | None:
-        """Say what failed in a copy."""
+        """Return the failure of a copy, or None."""
         failure = self._batch.failure(row)
         if failure is None:
             return None
-        reason = failure.reason.removesuffix(f" in environment {row}")  # a copy knows no others
+        # The batch names the environment; `Episodes.failure` adds it where there are several.
+        reason = failure.reason.removesuffix(f" in environment {row}")
         return ComponentFailed(failure.path, failure.time, reason)
 
     def close(self) -> None:

@@ -1,15 +1,15 @@
-"""A plant that is a master for each copy, in this process: any system, FMUs included."""
+"""Plant of one master for each copy, in this process: for any system, FMUs included."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.plants.memory_limit import refuse_beyond, resident
-from uuvsim_cosim.envs.plants.plant import Seeds
+from uuvsim_cosim.envs.plants.plant import Seeds, variables_of
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid, UuvsimError
 from uuvsim_cosim.fmus.codegen.native import Native
 from uuvsim_cosim.fmus.component import Component
@@ -20,7 +20,7 @@ from uuvsim_cosim.orchestrator.plan.plan import Plan, PlannedComponent
 __all__ = ["MasterPlant"]
 
 Array = NDArray[np.float64]
-_TRIED = 64  # masters after which it is known how much memory one takes
+_TRIED = 64  # masters, after which the memory of one master is measured
 
 
 @final
@@ -42,11 +42,7 @@ class MasterPlant:
     ) -> None:
         self.n = n
         self.tick = plan.tick
-        self.variables: Mapping[str, Variable] = {
-            f"{c.path}.{v.name}": v
-            for c in plan.components
-            for v in c.description.variables.values()
-        }
+        self.variables: Mapping[str, Variable] = variables_of(plan)
         self._plan, self._first = plan, instantiate
         self._known: dict[str, Native] = {}  # an instance of each declaration
         self._reads, self._acts = tuple(reads), tuple(acts)
@@ -57,6 +53,7 @@ class MasterPlant:
             before = None
             for i in range(n):
                 self._rows.append(self._row())
+                # The first masters load what all share: memory is measured over the second half.
                 if n > _TRIED and i == _TRIED // 2:
                     before = resident()
                 elif i == _TRIED and before is not None and (now := resident()) is not None:
@@ -65,12 +62,12 @@ class MasterPlant:
             self.close()
             raise
 
-    def read(self, name: str) -> NDArray[Any]:
+    def read(self, name: str) -> NDArray[np.generic]:
         """Copy a variable: of shape (n, *shape)."""
         path, _, own = name.rpartition(".")
         return np.array([row.master.get(path, own) for row in self._rows])
 
-    def write(self, name: str, values: NDArray[Any]) -> None:
+    def write(self, name: str, values: NDArray[np.generic]) -> None:
         """Set an unconnected input or a tunable parameter in all copies: (n, *shape)."""
         path, _, own = name.rpartition(".")
         for row, value in zip(self._rows, values, strict=True):
@@ -99,15 +96,16 @@ class MasterPlant:
                     self._fail(i, ComponentFailed("", row.master.time, str(error)))
 
     def reset(
-        self, mask: NDArray[np.bool_], seeds: Seeds, start: Mapping[str, NDArray[Any]]
+        self, mask: NDArray[np.bool_], seeds: Seeds, start: Mapping[str, NDArray[np.generic]]
     ) -> None:
         """Go back to time 0 where the mask is true."""
         places = [(*name.rpartition(".")[::2], values) for name, values in start.items()]
         for i in np.flatnonzero(mask).tolist():
-            values: dict[str, dict[str, Any]] = {}
+            values: dict[str, dict[str, object]] = {}
             for path, own, rows in places:
-                values.setdefault(path, {})[own] = _one(rows[i])
-            if self._failures[i] is not None:  # what has failed may not answer
+                value = rows[i]
+                values.setdefault(path, {})[own] = value.item() if value.ndim == 0 else value
+            if self._failures[i] is not None:  # a failed component may not accept a reset
                 self._rows[i].master.free()
                 self._rows[i] = self._row()
                 self._failures[i], self._failed[i] = None, False
@@ -124,11 +122,11 @@ class MasterPlant:
 
     @property
     def failed(self) -> NDArray[np.bool_]:
-        """Say which copies have failed since their reset."""
+        """The copies that have failed since their reset."""
         return self._failed
 
     def failure(self, row: int) -> ComponentFailed | None:
-        """Say what failed in a copy."""
+        """Return the failure of a copy, or None."""
         return self._failures[row]
 
     def close(self) -> None:
@@ -168,18 +166,13 @@ class _Row:
         self, master: Master, reads: Sequence[tuple[str, str]], acts: Sequence[tuple[str, int]]
     ) -> None:
         self.master = master
-        shown = [(path, name, master.slots(path, name)) for path, name in reads]
-        self._parts = [
-            _asked(master, path, name) if view is None else _shown(view)
-            for path, name, view in shown
-        ]
-        base = next((v for _, _, v in shown if v is not None), None)
-        self._all: NDArray[Any] | None = None
+        self._reads = [(path, name, master.slots(path, name)) for path, name in reads]
+        self._all: Array | None = None
         self._index = np.zeros(0, np.intp)
-        if base is not None and all(v is not None and v.dtype == float for _, _, v in shown):
+        views = [view for _, _, view in self._reads if view is not None and view.dtype == float]
+        if views and len(views) == len(self._reads):  # all are slots: one take reads them
             self._all = master.all_slots
-            views = [v for _, _, v in shown if v is not None]
-            self._index = np.concatenate([_places(v, self._all) for v in views])
+            self._index = np.concatenate([_places(view, self._all) for view in views])
         self._held = master.all_slots
         at = [_places(_held(master, name), self._held)[i] for name, i in acts]
         self._at = np.array(at, np.intp)
@@ -187,9 +180,13 @@ class _Row:
     def gather(self) -> Array:
         if self._all is not None:
             return self._all.take(self._index)
-        if not self._parts:
+        if not self._reads:
             return np.zeros(0)
-        return np.concatenate([np.asarray(part(), float).ravel() for part in self._parts])
+        parts = (
+            self.master.get(path, name) if view is None else view
+            for path, name, view in self._reads
+        )
+        return np.concatenate([np.asarray(part, float).ravel() for part in parts])
 
     def check_start(self) -> None:
         """Raise ComponentFailed for a start that is not finite, as a kernel finds it."""
@@ -204,21 +201,13 @@ class _Row:
         self._held[self._at] = values
 
 
-def _asked(master: Master, path: str, name: str) -> Callable[[], Any]:
-    return lambda: master.get(path, name)
-
-
-def _shown(view: NDArray[Any]) -> Callable[[], Any]:
-    return lambda: view
-
-
-def _held(master: Master, name: str) -> NDArray[Any]:
+def _held(master: Master, name: str) -> NDArray[np.generic]:
     view = master.slots(*_split(name))
     assert view is not None
     return view
 
 
-def _places(view: NDArray[Any], base: NDArray[Any]) -> NDArray[np.intp]:
+def _places(view: NDArray[np.generic], base: NDArray[np.generic]) -> NDArray[np.intp]:
     first = (view.ctypes.data - base.ctypes.data) // 8
     return np.arange(first, first + view.size)
 
@@ -226,7 +215,3 @@ def _places(view: NDArray[Any], base: NDArray[Any]) -> NDArray[np.intp]:
 def _split(name: str) -> tuple[str, str]:
     path, _, own = name.rpartition(".")
     return path, own
-
-
-def _one(value: Any) -> Any:
-    return value.item() if np.ndim(value) == 0 else value

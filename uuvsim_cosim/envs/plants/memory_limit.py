@@ -1,4 +1,4 @@
-"""Environments that the machine's memory cannot hold are refused before any is made."""
+"""Limit of the number of environments by the memory of the machine."""
 
 from __future__ import annotations
 
@@ -16,11 +16,12 @@ LEAST_MASTER = 2048  # bytes of a component in a master; most take more
 
 def refuse_beyond(n: int, each: int, *, least: bool = False) -> None:
     """Raise InputInvalid if n environments of `each` bytes (or at `least`) do not fit."""
-    room = available_memory()
-    if room is not None and n * each > room:
+    available = available_memory()
+    if available is not None and n * each > available:
         raise InputInvalid(
             f"{n} environments of {'at least ' if least else ''}{each} bytes need "
-            f"{_size(n * each)}, where {_size(room)} are available; expected at most {room // each}"
+            f"{_size(n * each)}, where {_size(available)} are available; "
+            f"expected at most {available // each}"
         )
 
 

@@ -1,37 +1,45 @@
-"""What an environment stands on: n copies of a system that make communication steps together."""
+"""Plant, the backend of environments: n copies of a system that step together."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import ComponentFailed
 from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.orchestrator.plan.plan import Plan
 
-__all__ = ["Plant", "Seeds"]
+__all__ = ["Plant", "Seeds", "variables_of"]
 
 Seeds = Sequence[int] | NDArray[np.uint64]
 
 
-class Plant(Protocol):
-    """n copies of a system. A kernel is one, a master another, masters in processes a third.
+def variables_of(plan: Plan) -> dict[str, Variable]:
+    """Return the variables of a plan by path and name, "hull.eta"."""
+    return {
+        f"{c.path}.{v.name}": v for c in plan.components for v in c.description.variables.values()
+    }
 
-    A copy that fails keeps the others going: it stands still, and `failure` says why, until it is
-    reset.
+
+class Plant(Protocol):
+    """n copies of a system: in a fused kernel, as masters, or as masters in processes.
+
+    A copy that fails does not stop the others. It is not stepped until its next reset, and
+    `failure` returns the reason.
     """
 
     n: int
     tick: Fraction  # s, of a communication step
     variables: Mapping[str, Variable]  # by path and name, "hull.eta"
 
-    def read(self, name: str) -> NDArray[Any]:
+    def read(self, name: str) -> NDArray[np.generic]:
         """Copy a variable: of shape (n, *shape)."""
 
-    def write(self, name: str, values: NDArray[Any]) -> None:
+    def write(self, name: str, values: NDArray[np.generic]) -> None:
         """Set an unconnected input or a tunable parameter in all copies: (n, *shape)."""
 
     def gather(self) -> NDArray[np.float64]:
@@ -47,20 +55,20 @@ class Plant(Protocol):
         self,
         mask: NDArray[np.bool_],
         seeds: Seeds,
-        start: Mapping[str, NDArray[Any]],
+        start: Mapping[str, NDArray[np.generic]],
     ) -> None:
         """Go back to time 0 where the mask is true, with other system seeds and start values.
 
-        `seeds` and the arrays of `start` have n rows; only those of the mask count. What the
-        plan and `start` do not give has its declared start value again.
+        `seeds` and the arrays of `start` have n rows; only those of the mask count. A variable that
+        neither the plan nor `start` names gets its declared start value again.
         """
 
     @property
     def failed(self) -> NDArray[np.bool_]:
-        """Say which copies have failed since their reset, of shape (n,)."""
+        """The copies that have failed since their reset, of shape (n,)."""
 
     def failure(self, row: int) -> ComponentFailed | None:
-        """Say what failed in a copy."""
+        """Return the failure of a copy, or None."""
 
     def close(self) -> None:
         """Free everything; a second call does nothing."""

@@ -1,18 +1,19 @@
-"""A plant that is masters in worker processes: systems that no kernel runs, on all cores."""
+"""Plant of masters in worker processes: on all cores, for systems that cannot be fused."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.plants.plant import Seeds
+from uuvsim_cosim.envs.plants.plant import Seeds, variables_of
 from uuvsim_cosim.envs.plants.shared_memory import Shared
-from uuvsim_cosim.envs.plants.worker_pipe import WorkerProcess
+from uuvsim_cosim.envs.plants.worker_pipe import Failures, Job, WorkerProcess
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid, UuvsimError
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.plan.plan import Plan
@@ -26,10 +27,10 @@ Array = NDArray[np.float64]
 class ProcessPlant:
     """The `Plant` protocol over `MasterPlant`s, each with some of the rows in a process.
 
-    Signals and actions lie in shared memory. A worker ends when this process does; when a worker
-    ends before, the next call says so and the plant is closed. After a call that an exception has
-    interrupted a reset of all is the only call; it makes workers anew that it finds in the midst
-    of a message.
+    Signals and actions are in shared memory. A worker ends when this process does. If a worker
+    ends earlier, the next call raises UuvsimError and the plant is closed. After a call that was
+    interrupted by an exception, only a reset of all environments is accepted; it replaces a worker
+    that was interrupted within a message.
     """
 
     def __init__(
@@ -46,11 +47,7 @@ class ProcessPlant:
             raise InputInvalid(f"processes {processes}; expected at least 1, or None")
         self.n = n
         self.tick = plan.tick
-        self.variables: Mapping[str, Variable] = {
-            f"{c.path}.{v.name}": v
-            for c in plan.components
-            for v in c.description.variables.values()
-        }
+        self.variables: Mapping[str, Variable] = variables_of(plan)
         self._owner = os.getpid()
         self._failures: dict[int, ComponentFailed] = {}
         self._acted = False  # whether there are actions that the workers have not seen
@@ -59,13 +56,14 @@ class ProcessPlant:
         size = sum(self.variables[name].size for name in reads)
         self._memory = Shared(None, size, len(acts), n)
         self._workers: list[WorkerProcess] = []
-        self._job = {"plan": plan, "reads": tuple(reads), "acts": tuple(acts),
-                     "memory": self._memory.key, "shape": (size, len(acts), n)}  # fmt: skip
+        self._job = Job(
+            plan, tuple(reads), tuple(acts), self._memory.key, (size, len(acts), n), 0, n
+        )
         try:
             for first, end in pairwise(bounds):
                 worker = self._begun(first, end)
                 self._workers.append(worker)
-                if first == 0:  # compiles what the others load
+                if first == 0:  # it compiles the components, which the others then load
                     worker.answer()
             for worker in self._workers[1:]:
                 worker.answer()
@@ -73,11 +71,11 @@ class ProcessPlant:
             self._end(now=True)
             raise
 
-    def read(self, name: str) -> NDArray[Any]:
+    def read(self, name: str) -> NDArray[np.generic]:
         """Copy a variable: of shape (n, *shape)."""
         return np.concatenate(self._call("read", name))
 
-    def write(self, name: str, values: NDArray[Any]) -> None:
+    def write(self, name: str, values: NDArray[np.generic]) -> None:
         """Set an unconnected input or a tunable parameter in all copies: (n, *shape)."""
         self._each("write", [(name, values[worker.rows]) for worker in self._live()])
 
@@ -95,10 +93,10 @@ class ProcessPlant:
     def step(self, ticks: int) -> None:
         """Make communication steps in all copies that have not failed."""
         acted, self._acted = self._acted, False
-        self._took_failures(self._call("step", ticks, acted))
+        self._keep_failures(self._call("step", ticks, acted))
 
     def reset(
-        self, mask: NDArray[np.bool_], seeds: Seeds, start: Mapping[str, NDArray[Any]]
+        self, mask: NDArray[np.bool_], seeds: Seeds, start: Mapping[str, NDArray[np.generic]]
     ) -> None:
         """Go back to time 0 where the mask is true."""
         if self._broken and mask.all():
@@ -107,16 +105,16 @@ class ProcessPlant:
         self._memory.mask[...] = mask
         self._memory.seeds[...] = np.asarray(seeds, np.uint64)
         starts = [({name: v[w.rows] for name, v in start.items()},) for w in workers]
-        self._took_failures(self._each("reset", starts))
+        self._keep_failures(self._each("reset", starts))
         self._acted = self._acted and not mask.all()
 
     @property
     def failed(self) -> NDArray[np.bool_]:
-        """Say which copies have failed since their reset."""
+        """The copies that have failed since their reset."""
         return self._memory.failed.copy()
 
     def failure(self, row: int) -> ComponentFailed | None:
-        """Say what failed in a copy."""
+        """Return the failure of a copy, or None."""
         return self._failures.get(row)
 
     def close(self) -> None:
@@ -126,16 +124,20 @@ class ProcessPlant:
     # ---- inside ---------------------------------------------------------------------------
 
     def _begun(self, first: int, end: int) -> WorkerProcess:
-        """Start a worker and tell it its rows; its answer is to be taken."""
+        """Start a worker and send its job; the caller must receive the answer."""
         worker = WorkerProcess(first, end, self._memory.handles)
-        worker.send("begin", {**self._job, "n": end - first, "first": first})
+        worker.send("begin", replace(self._job, first=first, n=end - first))
         return worker
 
-    def _call(self, name: str, *arguments: Any) -> list[Any]:
+    def _call(self, name: str, *arguments: object) -> list[Any]:
         return self._each(name, [arguments] * len(self._live()))
 
-    def _each(self, name: str, arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
-        """Ask all, take the answers of all, then raise the first error; one gone closes all."""
+    def _each(self, name: str, arguments: Sequence[tuple[object, ...]]) -> list[Any]:
+        """Send to all workers, receive all answers, then raise the first error.
+
+        All answers are received first, so that no answer stays in a pipe. If a worker has ended,
+        the others are ended too.
+        """
         workers, results, errors = self._live(), [], []
         self._broken = True
         try:
@@ -170,10 +172,10 @@ class ProcessPlant:
                 self._workers[i].answer()
         self._broken = False
 
-    def _took_failures(self, told: Sequence[Mapping[int, tuple[str, float, str]]]) -> None:
+    def _keep_failures(self, answers: Sequence[Failures]) -> None:
         self._failures = {
             worker.rows.start + row: ComponentFailed(*failure)
-            for worker, failures in zip(self._workers, told, strict=True)
+            for worker, failures in zip(self._workers, answers, strict=True)
             for row, failure in failures.items()
         }
 

@@ -23,7 +23,7 @@ BY_HANDLE = os.name == "posix"  # children inherit the handle, and the file need
 class Shared:
     """Arrays over one mapped file, without a name where children inherit handles.
 
-    So nothing is left when a process is killed. `source` is another process's `key`.
+    So no file remains when a process is killed. `source` is the `key` of another process.
     """
 
     def __init__(self, source: int | str | None, n_read: int, n_acted: int, n: int) -> None:
@@ -53,11 +53,11 @@ class Shared:
 
     @property
     def handles(self) -> tuple[int, ...]:
-        """Return what a child must inherit, until `release`."""
+        """The handles that a child must inherit, until `release`."""
         return (self._handle,) if BY_HANDLE else ()
 
     def release(self) -> None:
-        """Take no others in: close the handle, and take the name away if there is one."""
+        """Close the handle, and delete the file's name if there is one: no process can join."""
         handle, self._handle = self._handle, -1
         if handle >= 0:
             os.close(handle)
@@ -71,10 +71,10 @@ def _new(size: int) -> tuple[int, str]:
     fast = Path("/dev/shm")
     folders = [fast] if fast.is_dir() and os.access(fast, os.W_OK) else []
     folders.append(Path(tempfile.gettempdir()))
-    rooms = {folder: shutil.disk_usage(folder).free for folder in folders}
-    folder = next((f for f in folders if rooms[f] > size), None)
+    available = {folder: shutil.disk_usage(folder).free for folder in folders}
+    folder = next((f for f in folders if available[f] > size), None)
     if folder is None:
-        free = ", ".join(f"{room / 1e9:.3g} GB in {f}" for f, room in rooms.items())
+        free = ", ".join(f"{n_bytes / 1e9:.3g} GB in {f}" for f, n_bytes in available.items())
         raise InputInvalid(
             f"{size / 1e9:.3g} GB of memory to share with processes, where there are {free}; "
             "expected fewer environments, or more room"

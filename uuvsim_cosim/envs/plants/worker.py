@@ -6,13 +6,13 @@ import contextlib
 import os
 import signal
 import sys
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.plants.master_plant import MasterPlant
 from uuvsim_cosim.envs.plants.shared_memory import Shared
-from uuvsim_cosim.envs.plants.worker_pipe import receive, send
+from uuvsim_cosim.envs.plants.worker_pipe import Failures, Job, receive, send
 from uuvsim_cosim.errors import ComponentFailed, UuvsimError
 from uuvsim_cosim.orchestrator.master.prepared import prepare
 
@@ -22,39 +22,39 @@ __all__ = ["main"]
 class _Worker:
     """The rows from `first` on of a plant whose memory is shared."""
 
-    def __init__(self, job: dict[str, Any]) -> None:
-        plan, n, first = job["plan"], job["n"], job["first"]
+    def __init__(self, job: Job) -> None:
         self.plant = MasterPlant(
-            plan, prepare(plan, "native"), n, reads=job["reads"], acts=job["acts"]
+            job.plan, prepare(job.plan, "native"), job.n, reads=job.reads, acts=job.acts
         )
-        shared = Shared(job["memory"], *job["shape"])
-        shared.release()
-        rows = slice(first, first + n)
+        shared = Shared(job.memory, *job.shape)
+        shared.release()  # the mapping stays; no handle or name is needed any more
+        rows = slice(job.first, job.first + job.n)
         self._signals, self._actions = shared.signals[:, rows], shared.actions[:, rows]
         self._seeds, self._mask = shared.seeds[rows], shared.mask[rows]
         self._failed = shared.failed[rows]
 
-    def step(self, ticks: int, acted: bool) -> Any:
-        """Act if there are new actions, step, and show the signals."""
+    def step(self, ticks: int, acted: bool) -> Failures:
+        """Apply the actions if there are new ones, step, and write the signals."""
         if acted:
             self.plant.scatter(self._actions)
         self.plant.step(ticks)
         return self._show()
 
-    def reset(self, start: dict[str, Any]) -> Any:
+    def reset(self, start: dict[str, NDArray[np.generic]]) -> Failures:
         """Reset the rows of the mask."""
         self.plant.reset(self._mask.copy(), self._seeds.tolist(), start)
         return self._show()
 
-    def read(self, name: str) -> Any:
+    def read(self, name: str) -> NDArray[np.generic]:
         """Copy a variable."""
         return self.plant.read(name)
 
-    def write(self, name: str, values: Any) -> None:
+    def write(self, name: str, values: NDArray[np.generic]) -> None:
         """Set a variable."""
         self.plant.write(name, values)
 
-    def _show(self) -> Any:
+    def _show(self) -> Failures:
+        """Write signals and failures into the shared memory; return the failures in words."""
         self._signals[...] = self.plant.gather()
         failed = self.plant.failed
         self._failed[...] = failed
@@ -65,9 +65,9 @@ class _Worker:
 def main() -> None:
     """Answer until the input ends."""
     if hasattr(signal, "SIGINT"):
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent's to handle
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C
     answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what components print is no answer
+    os.dup2(2, 1)  # a component may print: that must not be read as an answer
     calls = sys.stdin.buffer
     worker: _Worker | None = None
     with contextlib.suppress(EOFError, BrokenPipeError):

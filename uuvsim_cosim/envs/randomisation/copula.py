@@ -24,7 +24,7 @@ TINY = 1e-12  # a pivot below it counts as zero: a draw that follows from those 
 
 
 def copula_problems(pairs: Pairs, labels: Sequence[str]) -> list[Problem]:
-    """List what is wrong with correlations between draws."""
+    """Return the mistakes in the correlations between draws."""
     problems: list[Problem] = []
     seen: set[frozenset[str]] = set()
     for pair, rho in pairs.items():
@@ -62,7 +62,7 @@ def _matrix(pairs: Pairs) -> tuple[list[str], Array]:
 
 @final
 class Copula:
-    """Correlations between some of the draws; the others pass unchanged."""
+    """Correlations between some of the draws; the others are returned unchanged."""
 
     def __init__(self, pairs: Pairs) -> None:
         self.names, C = _matrix(pairs)
@@ -78,7 +78,7 @@ class Copula:
                     L[i][j] = rest / L[j][j]
 
     def correlated(self, u: Mapping[str, Array]) -> dict[str, Array]:
-        """Return the draws by label, those that are correlated replaced; each row by itself."""
+        """Return the draws by label, with the correlated ones replaced, row by row."""
         from scipy.special import ndtr, ndtri
 
         z = [np.asarray(ndtri(u[name])) for name in self.names]

@@ -1,7 +1,7 @@
-"""Distributions of a parameter, each given by its quantile function: one number in (0, 1) decides.
+"""Distributions of a parameter, each defined by its quantile function.
 
-So a draw depends on that number alone, and a copula can correlate draws of any two of them.
-A distribution over a vector has fields of one number an element.
+A draw depends on one number in (0, 1) alone, so a copula can correlate the draws of any two
+distributions. A distribution of a vector has fields with one number for each element.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class Distribution(ABC):
         """Return finite limits: three deviations from the mean where a normal has none."""
         return self.limits
 
-    def _numbers(self) -> dict[str, Any]:
+    def _numbers(self) -> dict[str, Numbers]:
         return {f.name: getattr(self, f.name) for f in fields(self)}  # type: ignore[arg-type]
 
     def _frozen(self, *may_be_infinite: str) -> None:
@@ -85,7 +85,7 @@ class Distribution(ABC):
             )
         _ = self.size
 
-    def _must(self, holds: Any, expected: str) -> None:
+    def _must(self, holds: bool | np.bool_ | NDArray[np.bool_], expected: str) -> None:
         if not np.all(holds):
             raise InputInvalid(f"{self!r}: expected {expected}")
 
@@ -96,7 +96,7 @@ class Distribution(ABC):
 @final
 @dataclass(frozen=True)
 class Uniform(Distribution):
-    """Every value in [low, high] alike."""
+    """Uniform distribution in [low, high]."""
 
     low: Numbers
     high: Numbers
@@ -121,7 +121,7 @@ class Uniform(Distribution):
 @final
 @dataclass(frozen=True)
 class LogUniform(Distribution):
-    """The logarithm uniform in [ln low, ln high]: as often below as above the geometric mean."""
+    """Distribution whose logarithm is uniform in [ln low, ln high]."""
 
     low: Numbers
     high: Numbers
@@ -148,7 +148,7 @@ class LogUniform(Distribution):
 @final
 @dataclass(frozen=True)
 class Normal(Distribution):
-    """Gauss, conditioned on [min, max] if these are given."""
+    """Normal distribution, conditioned on [min, max] if these are given."""
 
     mean: Numbers
     std: Numbers
@@ -156,7 +156,7 @@ class Normal(Distribution):
     max: Numbers = math.inf
 
     def __post_init__(self) -> None:
-        """Check that something is left between min and max."""
+        """Check the order, and that [min, max] has some probability."""
         self._frozen("min", "max")
         _, std, low, high = self._arrays()
         self._must(std >= 0, "std of at least 0")
@@ -170,7 +170,7 @@ class Normal(Distribution):
                 self._must(b - a > 1e-9, "min and max that leave more than a billionth of it")
 
     def quantile(self, u: Array) -> Array:
-        """Return the quantile of what the limits leave, from the nearer tail."""
+        """Return the quantile of the conditioned normal, computed from the nearer tail."""
         from scipy.special import ndtri
 
         if _one(self.std) == 0:
@@ -205,7 +205,7 @@ class Normal(Distribution):
 @final
 @dataclass(frozen=True)
 class Triangular(Distribution):
-    """Density that rises from low to mode and falls to high."""
+    """Triangular distribution: its density rises from low to mode and falls to high."""
 
     low: Numbers
     mode: Numbers
@@ -234,9 +234,9 @@ class Triangular(Distribution):
 @final
 @dataclass(frozen=True)
 class Choice(Distribution):
-    """One of several values, or of several whole vectors, equally often or by weights."""
+    """Discrete distribution of values, or of whole vectors, with equal or given weights."""
 
-    values: Sequence[Any]
+    values: Sequence[Any]  # numbers, or vectors
     weights: Sequence[float] | None = None
 
     def __post_init__(self) -> None:
@@ -280,11 +280,11 @@ class Choice(Distribution):
         return isinstance(self.values[0], tuple)
 
     def element(self, i: int) -> Choice:
-        """Return the choice among the elements i, with the same places."""
+        """Return the choice among the elements i, with the same weights."""
         return Choice([v[i] for v in self.values], self.weights) if self.joint else self
 
     def quantile(self, u: Array) -> Array:
-        """Return the value in whose share of (0, 1) u lies."""
+        """Return the value whose part of (0, 1) contains u."""
         if self.weights is None:
             ends = np.arange(1.0, len(self.values)) / len(self.values)
         else:  # exact sums, each rounded once
@@ -301,7 +301,7 @@ class Choice(Distribution):
 @final
 @dataclass(frozen=True)
 class Constant(Distribution):
-    """Always the same value."""
+    """Constant value."""
 
     value: Numbers
 

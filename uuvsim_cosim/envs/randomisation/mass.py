@@ -1,4 +1,4 @@
-"""Drawn masses are masses of a body: M positive definite, and inertia by its triangle rule."""
+"""Check that drawn masses are possible: M positive definite, inertia by its triangle rule."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from uuvsim_cosim.envs.randomisation.targets import Places
 __all__ = ["HullMass", "hulls_of"]
 
 Array = NDArray[np.float64]
-AT_ONCE = 4096  # rows, so that a million of them need little memory
+AT_ONCE = 4096  # rows, to limit the memory for many environments
 MASS = ("m", "I_b", "I_g", "M_A", "x_g", "y_g", "z_g")
 
 
 def hulls_of(places: Places, drawn: Iterable[str]) -> Iterator[HullMass]:
-    """Return the hulls of a system of whose masses some are drawn."""
+    """Yield the hulls of a system with drawn parameters of mass."""
     from uuvsim_cosim.models.declaration.hull_parameters import meaning_of, missing
 
     chosen = set(drawn)
@@ -33,7 +33,7 @@ def hulls_of(places: Places, drawn: Iterable[str]) -> Iterator[HullMass]:
 
 @final
 class HullMass:
-    """The mass matrix of one hull as a function of what is drawn."""
+    """The mass matrix of one hull as a function of the drawn parameters."""
 
     def __init__(self, path: str, names: list[str], places: Places) -> None:
         import casadi as ca
@@ -49,7 +49,7 @@ class HullMass:
         self._triangle = bool(self._inertia_right(self._values({}, 1))[0])
 
     def right(self, start: Mapping[str, Array], n: int) -> NDArray[np.bool_]:
-        """Say which rows of start values are a possible body, of shape (n,)."""
+        """Return which rows of start values are a possible body, of shape (n,)."""
         own = {k: start[f"{self.path}.{k}"] for k in self._names if f"{self.path}.{k}" in start}
         parts = [
             self._right({f"{self.path}.{k}": v[i : i + AT_ONCE] for k, v in own.items()},
@@ -79,7 +79,7 @@ class HullMass:
 
 
 def _positive_definite(A: Array) -> NDArray[np.bool_]:
-    """Say which of the symmetric matrices (n, k, k) have a Cholesky factor; each by itself."""
+    """Return which of the symmetric matrices (n, k, k) have a Cholesky factor, row by row."""
     L = np.zeros_like(A)
     good = np.ones(len(A), bool)
     for i in range(A.shape[1]):

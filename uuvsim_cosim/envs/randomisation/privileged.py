@@ -1,9 +1,9 @@
-"""What a critic may know and a vehicle cannot: a task that shows the drawn parameters as well."""
+"""Privileged observations: a task whose observation includes the drawn parameters."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, final, overload
+from typing import TYPE_CHECKING, final, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,9 +30,9 @@ def with_privileged(task: TeamTask) -> PrivilegedTeamTask: ...
 def with_privileged(task: Task | TeamTask) -> PrivilegedTask | PrivilegedTeamTask:
     """Return a task whose observation ends with the drawn parameters, scaled by their range.
 
-    These are its last `privileged_width` numbers, so that an actor can be kept from seeing them.
-    Of a team, each agent's observation and the state end so.
-    Raises InputInvalid if the task draws nothing by a Randomisation.
+    They are the last `privileged_width` numbers, which can be hidden from an actor. In a team, they
+    end each agent's observation, and the state. Raises InputInvalid for a task without a
+    Randomisation.
     """
     return PrivilegedTeamTask(task) if isinstance(task, TeamTask) else PrivilegedTask(task)
 
@@ -48,7 +48,7 @@ def _drawn(task: Task | TeamTask) -> Randomisation:
 
 @final
 class PrivilegedTask(Task):
-    """Another task, with `extra` longer by what its Randomisation draws."""
+    """A task whose `extra` ends with the parameters that its Randomisation draws."""
 
     def __init__(self, task: Task) -> None:
         self.task, self.drawn = task, _drawn(task)
@@ -78,29 +78,29 @@ class PrivilegedTask(Task):
         return [*low, *least.tolist()], [*high, *most.tolist()]
 
     def start(self, draws: Draws) -> Mapping[str, Array]:
-        """Draw what the task draws."""
+        """Delegate to the task."""
         return self.task.start(draws)
 
     def reward(self, m: Moment) -> Array:
-        """Return the task's reward."""
+        """Delegate to the task."""
         return self.task.reward(m)
 
     def terminated(self, m: Moment) -> NDArray[np.bool_]:
-        """Say what the task says."""
+        """Delegate to the task."""
         return self.task.terminated(m)
 
-    def info(self, m: Moment) -> Mapping[str, NDArray[Any]]:
-        """Return the task's info."""
+    def info(self, m: Moment) -> Mapping[str, NDArray[np.generic]]:
+        """Delegate to the task."""
         return self.task.info(m)
 
     def view(self, m: Moment, row: int) -> View | None:
-        """Draw what the task draws."""
+        """Delegate to the task."""
         return self.task.view(m, row)
 
 
 @final
 class PrivilegedTeamTask(TeamTask):
-    """Another team's task, with observations and state longer by what its Randomisation draws."""
+    """A team's task whose observations and state end with the drawn parameters."""
 
     def __init__(self, task: TeamTask) -> None:
         self.task, self.drawn = task, _drawn(task)
@@ -135,27 +135,27 @@ class PrivilegedTeamTask(TeamTask):
         return self._longer(self.task.state_limits())
 
     def start(self, draws: Draws) -> Mapping[str, Array]:
-        """Draw what the task draws."""
+        """Delegate to the task."""
         return self.task.start(draws)
 
     def reward(self, m: Moment) -> Mapping[str, Array]:
-        """Return the task's rewards."""
+        """Delegate to the task."""
         return self.task.reward(m)
 
     def terminated(self, m: Moment) -> Mapping[str, NDArray[np.bool_]]:
-        """Say what the task says."""
+        """Delegate to the task."""
         return self.task.terminated(m)
 
     def present(self, m: Moment) -> Mapping[str, NDArray[np.bool_]]:
-        """Say what the task says."""
+        """Delegate to the task."""
         return self.task.present(m)
 
-    def info(self, m: Moment) -> Mapping[str, NDArray[Any]]:
-        """Return the task's info."""
+    def info(self, m: Moment) -> Mapping[str, NDArray[np.generic]]:
+        """Delegate to the task."""
         return self.task.info(m)
 
     def view(self, m: Moment, row: int) -> View | None:
-        """Draw what the task draws."""
+        """Delegate to the task."""
         return self.task.view(m, row)
 
     def _longer(self, own: tuple[Array, Array]) -> tuple[Array, Array]:

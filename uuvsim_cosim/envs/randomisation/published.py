@@ -20,21 +20,20 @@ def published(
 ) -> Randomisation:
     """Draw each number of a hull from the interval of all its published values.
 
-    A set that was identified (`uuvsim identify --save-as`) has intervals of its own, and draws from
-    those alone.
+    An identified set (`uuvsim identify --save-as`) has its own intervals, and only those are used.
 
-    `prefix` is the hull's path in the system; `vehicle` and `set` are those that it is declared
-    with, since what a set leaves out is structurally zero and cannot be drawn. Values and sources:
-    models/vehicles/<vehicle>/published.yaml.
+    `prefix` is the hull's path in the system; `vehicle` and `set` must be those of its declaration,
+    since a parameter that a set does not have is structurally zero and cannot be drawn. Values and
+    sources: models/vehicles/<vehicle>/published.yaml.
     """
     return Randomisation(*sets.published_intervals(vehicle, prefix, set, distribution))
 
 
 def sensor_noise(system: System, low: float = 0.5, high: float = 2.0) -> Randomisation:
-    """Scale the noise of every sensor: its densities, deviations and biases, each by itself.
+    """Scale the noise of every sensor: densities, deviations and biases, independently.
 
-    A sensor is a component that says when its reading was taken (an output ``t_sample``), and
-    reads no other sensor.
+    A sensor is a component with an output ``t_sample`` (the time of its sample) that reads no
+    other sensor.
     """
     return Randomisation(*sets.noise_of_sensors(system, low, high))
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +39,7 @@ TRIES = 100
 
 @final
 class Randomisation:
-    """What is drawn, and how draws move together; of use once it is bound to a system.
+    """Distributions of parameters and their correlation; it must be bound to a system to draw.
 
     `correlation` is of the normals behind the draws (a Gaussian copula): by pairs of names, or a
     matrix over `parameters`, each of which must then be one draw. Names are those of `labels`:
@@ -87,13 +87,13 @@ class Randomisation:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Name the draws."""
+        """The names of the draws."""
         self._bound()
         return tuple(q.label for q in self.quantities)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Name the variables that are drawn."""
+        """The names of the variables that are drawn."""
         self._bound()
         return tuple(dict.fromkeys(t.name for q in self.quantities for t in q.targets))
 
@@ -120,7 +120,7 @@ class Randomisation:
         return start
 
     def _impossible(self, start: Mapping[str, Array], n: int) -> NDArray[np.int64]:
-        """Count and give the rows in which a hull is no possible body."""
+        """Return the rows in which a hull is not a possible body, and count them."""
         good = np.ones(n, bool)
         for hull in self._hulls:
             right = hull.right(start, n)
@@ -131,7 +131,7 @@ class Randomisation:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Say how many draws were no possible body."""
+        """Messages of the numbers of impossible draws."""
         return tuple(
             f"{path}: {count} draws beside the {self.drawn} used were no possible body (M not "
             "positive definite, or inertia against its triangle rule) and were drawn again"
@@ -147,14 +147,14 @@ class Randomisation:
 
     @property
     def privileged_names(self) -> tuple[str, ...]:
-        """Name the numbers of `privileged`: the draws that can differ."""
+        """The names of the numbers of `privileged`: the draws that are not constant."""
         self._bound()
         return tuple(q.label for q in self._seen)
 
     def privileged(self, start: Mapping[str, Array]) -> Array:
         """Return the drawn values, each scaled by its range to [-1, 1], of shape (n, k).
 
-        A normal without limits is scaled by three deviations, and what lies beyond is cut.
+        A normal without limits is scaled by three deviations and clipped.
         """
         self._bound()
         columns = []
@@ -199,7 +199,7 @@ def _pairs(given: Correlation | None, parameters: tuple[Vary, ...]) -> dict[tupl
         return {(str(a), str(b)): rho for (a, b), rho in given.items()}
     k = len(parameters)
     try:
-        matrix: Any = np.asarray(given, dtype=float)
+        matrix = np.asarray(given, dtype=float)
     except (TypeError, ValueError):
         raise InputInvalid(
             f"correlation: {given!r}; expected numbers by pairs of names, or a matrix {k} x {k}"

@@ -6,7 +6,6 @@ A study file names them under `sets`; `published.py` makes randomisations of the
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any
 
 import numpy as np
 
@@ -76,7 +75,7 @@ def published_intervals(
 
 
 def noise_of_sensors(system: System, low: float = 0.5, high: float = 2.0) -> Declared:
-    """Scale the noise of every sensor: its densities, deviations and biases, each by itself."""
+    """Scale the noise of every sensor: densities, deviations and biases, independently."""
     places = Places(system)
     names = [
         f"{c.path}.{v.name}"
@@ -156,12 +155,8 @@ def _must(found: Iterable[object], system: System, what: str, expected: str) -> 
         raise InputInvalid(f"{system.name}: has no {what} that can be drawn; expected {expected}")
 
 
-def _published(system: System, **options: Any) -> Declared:
-    return published_intervals(**options)
-
-
 SETS: dict[str, Callable[..., Declared]] = {
-    "published": _published,
+    "published": lambda system, **options: published_intervals(**options),
     "sensor_noise": noise_of_sensors,
     "current": current_of_any_direction,
     "thruster_strength": strength_of_thrusters,

@@ -1,4 +1,4 @@
-"""What a name of a randomisation stands for in a system: elements of variables, and their draws."""
+"""Resolution of the names of a randomisation in a system: elements of variables, and draws."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Vary:
     together: bool = False
 
     def __post_init__(self) -> None:
-        """Check what kinds of things are given."""
+        """Check the types of the fields."""
         if not isinstance(self.name, str):
             raise InputInvalid(f"Vary: name {self.name!r}; expected a text, such as 'hull.m'")
         if not isinstance(self.distribution, Distribution):
@@ -68,7 +68,7 @@ class Declared(NamedTuple):
 
 
 def varies(given: object, name: str = "parameters") -> tuple[Vary, ...]:
-    """Return what is to be varied; raises InputInvalid for anything but a list of Vary."""
+    """Return the elements of a list of Vary; raises InputInvalid for anything else."""
     if isinstance(given, str | Vary) or not isinstance(given, Iterable):
         raise InputInvalid(f"{name}: {given!r}; expected a list of Vary")
     listed = tuple(given)
@@ -139,7 +139,7 @@ class Places:
             self._fed.setdefault(name, {}).update(dict.fromkeys(t.target_elements, source))
 
     def start(self, name: str) -> Array:
-        """Return what the system starts a variable with, of its shape; NaN where nothing says."""
+        """Return the start value of a variable, of its shape; NaN where there is none."""
         variable = self.variables[name]
         value = self._given.get(name, variable.start)
         elements = [np.nan] * variable.size if value is None else flat(value)
@@ -205,7 +205,7 @@ class Places:
         return None
 
     def _target(self, vary: Vary, point: Endpoint, i: int, k: int) -> Target:
-        """Return what element i, the k-th of those named, is set to."""
+        """Return the target of element i, the k-th of the named elements."""
         name = f"{point.element}.{point.variable.name}"
         v = point.variable
         text = f"{point.element}.{v.element_name(i)}"

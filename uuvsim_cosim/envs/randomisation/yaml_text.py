@@ -1,4 +1,4 @@
-"""Randomisations written as YAML: every mistake with its line and what would have been right."""
+"""Randomisations in YAML files; every mistake is reported with its line."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from uuvsim_cosim.orchestrator.system.system import System
 
 __all__ = ["declared_in", "read_declared"]
 
-Path_ = list[Any]
+Path_ = list[str | int]
 KINDS: dict[str, tuple[type[Distribution], tuple[str, ...], int]] = {
     "uniform": (Uniform, ("low", "high"), 2),
     "log_uniform": (LogUniform, ("low", "high"), 2),
@@ -38,7 +38,7 @@ KINDS: dict[str, tuple[type[Distribution], tuple[str, ...], int]] = {
 OPTIONS = ("unit", "relative", "together")
 
 
-def _vary(text: YamlText, place: Path_, name: str, data: Any) -> Vary | None:
+def _vary(text: YamlText, place: Path_, name: str, data: object) -> Vary | None:
     """Read one parameter: a number, a list, or a mapping with one kind of distribution."""
     if not isinstance(data, Mapping):
         data = {"constant": data}
@@ -50,12 +50,13 @@ def _vary(text: YamlText, place: Path_, name: str, data: Any) -> Vary | None:
         text.wrong(place, f"{read}; expected one of {', '.join(KINDS)}")
         return None
     distribution = _distribution(text, [*place, kinds[0]], kinds[0], plain(data[kinds[0]]))
-    flags = {}
+    flags: dict[str, bool] = {}
     for option in ("relative", "together"):
-        flags[option] = data.get(option, False)
-        if not isinstance(flags[option], bool):
-            text.wrong([*place, option], f"{shown(flags[option])}; expected true or false")
+        flag = data.get(option, False)
+        if not isinstance(flag, bool):
+            text.wrong([*place, option], f"{shown(flag)}; expected true or false")
             return None
+        flags[option] = flag
     unit = data.get("unit")
     if unit is not None and not isinstance(unit, str):
         text.wrong([*place, "unit"], f"{shown(unit)}; expected the name of a unit")
@@ -65,7 +66,7 @@ def _vary(text: YamlText, place: Path_, name: str, data: Any) -> Vary | None:
     return Vary(name, distribution, None if unit is None else str(unit), **flags)
 
 
-def _distribution(text: YamlText, place: Path_, kind: str, given: Any) -> Distribution | None:
+def _distribution(text: YamlText, place: Path_, kind: str, given: object) -> Distribution | None:
     made, names, least = KINDS[kind]
     if isinstance(given, dict):
         if not text.keys(place, given, names):
@@ -89,9 +90,9 @@ def _distribution(text: YamlText, place: Path_, kind: str, given: Any) -> Distri
 
 
 def declared_in(
-    text: YamlText, data: Mapping[str, Any], system: System, skip: Iterable[str] = ()
+    text: YamlText, data: Mapping[str, object], system: System, skip: Iterable[str] = ()
 ) -> Declared | None:
-    """Read `parameters` (but for those to skip), `sets` and `correlation` of a mapping."""
+    """Read `parameters` (except those to skip), `sets` and `correlation` of a mapping."""
     parameters: list[tuple[Path_, Vary]] = []
     pairs: dict[tuple[str, str], float] = {}
     given = data.get("parameters")
@@ -123,7 +124,7 @@ def declared_in(
     return Declared([vary for _, vary in parameters], pairs)
 
 
-def _set(text: YamlText, place: Path_, entry: Any, system: System) -> Declared | None:
+def _set(text: YamlText, place: Path_, entry: object, system: System) -> Declared | None:
     options = {"set": entry} if isinstance(entry, str) else entry
     if not isinstance(options, Mapping) or options.get("set") not in SETS:
         read = options.get("set") if isinstance(options, Mapping) else entry
@@ -145,7 +146,7 @@ def _set(text: YamlText, place: Path_, entry: Any, system: System) -> Declared |
 
 
 def _correlation(
-    text: YamlText, data: Mapping[str, Any]
+    text: YamlText, data: Mapping[str, object]
 ) -> dict[tuple[str, str], tuple[float, Path_]]:
     found: dict[tuple[str, str], tuple[float, Path_]] = {}
     for i, entry in enumerate(_list(text, data, "correlation")):
@@ -162,7 +163,7 @@ def _correlation(
     return found
 
 
-def _list(text: YamlText, data: Mapping[str, Any], key: str) -> list[Any]:
+def _list(text: YamlText, data: Mapping[str, object], key: str) -> list[Any]:
     given = data.get(key)
     if given is None:
         return []

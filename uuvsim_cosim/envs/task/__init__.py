@@ -1,4 +1,4 @@
-"""What a task is: names of signals, observations, rewards, ends; and functions as tasks.
+"""Definition of a task: names of signals, observations, rewards, ends; tasks from functions.
 
 It may import `envs.pictures`. Start reading with `task.py`.
 """

@@ -1,4 +1,4 @@
-"""What users give to reset and to constructors: refused in a sentence if wrong."""
+"""Checks of the arguments of reset and of constructors: one clear error message each."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Callable, Mapping
 from fractions import Fraction
 from operator import index
-from typing import Any
+from typing import SupportsIndex
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ _KNOWN = ("start", "reset_mask")
 _SEEDS = 2**64
 
 
-def base_seed(seed: Any, n: int = 1) -> int:
+def base_seed(seed: SupportsIndex, n: int = 1) -> int:
     """Return a seed, of n environments in a row, as a whole number; raises InputInvalid."""
     try:
         number = index(seed)
@@ -33,12 +33,12 @@ def base_seed(seed: Any, n: int = 1) -> int:
 
 
 def start_of(
-    options: Mapping[str, Any] | None, *, mask: str | None = None, others: bool = False
-) -> Mapping[str, Any]:
+    options: Mapping[str, object] | None, *, mask: str | None = None, others: bool = False
+) -> Mapping[str, object]:
     """Return the start values of reset's options; raises InputInvalid for unknown options.
 
-    `mask` says, if it must not be there, what would take a reset_mask. `others` may be there
-    (PettingZoo's own tests give some), but for names that are nearly those of ours.
+    `mask` names the environment that accepts a reset_mask, if this one does not. With `others`,
+    unknown options are accepted (PettingZoo's own tests pass some), except near misspellings.
     """
     if options is None:
         return {}
@@ -59,7 +59,7 @@ def start_of(
     return start
 
 
-def mask_of(options: Mapping[str, Any] | None, n: int) -> NDArray[np.bool_] | None:
+def mask_of(options: Mapping[str, object] | None, n: int) -> NDArray[np.bool_] | None:
     """Return the environments to reset, from reset's options; None is all."""
     mask = None if options is None else options.get("reset_mask")
     if mask is None:
@@ -73,7 +73,7 @@ def mask_of(options: Mapping[str, Any] | None, n: int) -> NDArray[np.bool_] | No
     return chosen.copy()
 
 
-def whole(value: Any, name: str, least: int = 1) -> int:
+def whole(value: SupportsIndex, name: str, least: int = 1) -> int:
     """Return a whole number; raises InputInvalid."""
     try:
         number = index(value)
@@ -84,7 +84,7 @@ def whole(value: Any, name: str, least: int = 1) -> int:
     return number
 
 
-def seconds(value: Any, name: str) -> Fraction:
+def seconds(value: object, name: str) -> Fraction:
     """Return a time as the fraction that is written; raises InputInvalid."""
     try:
         return Fraction(str(value))
@@ -94,7 +94,7 @@ def seconds(value: Any, name: str) -> Fraction:
         ) from None
 
 
-def refuse_options(place: str, make: Callable[..., Any], given: Mapping[str, Any]) -> None:
+def refuse_options(place: str, make: Callable[..., object], given: Mapping[str, object]) -> None:
     """Refuse keyword arguments that a function does not take; raises InputInvalid."""
     try:
         parameters = inspect.signature(make).parameters.values()

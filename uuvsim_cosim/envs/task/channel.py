@@ -1,4 +1,4 @@
-"""A connector of a system as part of an action or an observation: its limits become [-1, 1]."""
+"""Channel: a connector of a system as part of an action or an observation."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ __all__ = ["Channel"]
 
 @dataclass(frozen=True)
 class Channel:
-    """What is acted on, or observed: ``Channel("allocation.tau_d[1]", -40, 40, "N")``.
+    """A connector in an action or an observation: ``Channel("allocation.tau_d[1]", -40, 40, "N")``.
 
-    `name` is a connector by its path, one element (from 1) or a slice ("hull.eta[1:3]"). `low`
-    and `high`, numbers or one for each element, in `unit`, are scaled to -1 and 1; without them
-    those of the variable hold. An observation without limits is given as it is. `unit` is that of
-    the variable unless given, and must be convertible to it. Angles may pass as `sin_cos`: two
-    numbers in place of one, without a jump at pi.
+    `name` is the path of a connector, one element (from 1) or a slice ("hull.eta[1:3]"). `low` and
+    `high`, one number for all elements or one for each, in `unit`, are scaled to -1 and 1; the
+    default are the limits of the variable. An observation without limits is not scaled. `unit` is
+    by default that of the variable, and must be convertible to it. With `sin_cos`, an angle is
+    observed as sine and cosine, without a jump at pi.
     """
 
     name: str

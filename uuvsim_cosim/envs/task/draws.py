@@ -25,8 +25,8 @@ _ahead: dict[tuple[int, str, int], tuple[int, NDArray[Any]]] = {}  # seed, name,
 class Draws:
     """Draws for n episodes; row e depends on (seeds[e], episodes[e], name) and nothing else.
 
-    So an environment sees the same numbers alone and among ten thousand, in any order. Seeds are
-    whole numbers, counted modulo 2^64; episodes count from 0.
+    So an environment draws the same numbers alone and among ten thousand, in any order. Seeds are
+    whole numbers modulo 2^64; episodes count from 0.
     """
 
     def __init__(self, seeds: ArrayLike, episodes: ArrayLike) -> None:
@@ -56,7 +56,7 @@ class Draws:
     ) -> Array:
         """Return numbers in (low, high), of shape (n, *shape).
 
-        The name tells draws apart: "start", "start/2" for a second try.
+        The name distinguishes draws: "start", "start/2" for a second try.
         """
         unit = self._unit(name, math.prod(shape)).reshape(self.n, *shape)
         low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
@@ -78,16 +78,17 @@ class Draws:
         return np.asarray((pairs.reshape(self.n, -1)[:, :size] + 0.5) * 2.0**-52)
 
     def _kept(self, name: str, size: int) -> NDArray[Any] | None:
-        """Return `_unit`, or with size 0 `seeds`, of an environment alone, drawn ahead.
+        """Return `_unit`, or with size 0 `seeds`, of a single environment from a cache.
 
-        An environment alone asks for one episode after the other; many at once cost no more.
+        A single environment asks for one episode after another, so the numbers of several episodes
+        are drawn at once, which costs no more. Returns None where nothing is cached.
         """
         if self.n != 1:
             return None
         seed, episode = int(self._seeds[0]), int(self._episodes[0])
         first, rows = _ahead.get((seed, name, size), (0, None))
         if rows is None or not first <= episode < first + len(rows):
-            if episode == 0:  # another seed each time, perhaps
+            if episode == 0:  # each reset may have another seed: do not draw ahead yet
                 return None
             several = Draws([seed] * _AHEAD, np.arange(episode, episode + _AHEAD, dtype=np.uint64))
             first, rows = episode, several._unit(name, size) if size else several.seeds(name)

@@ -39,7 +39,7 @@ class FunctionTask(Task):
         signals: Sequence[str] = (),
         terminated: Callable[[Moment], Mask] | None = None,
         start: Callable[[Draws], Mapping[str, Array]] | None = None,
-        info: Callable[[Moment], Mapping[str, NDArray[Any]]] | None = None,
+        info: Callable[[Moment], Mapping[str, NDArray[np.generic]]] | None = None,
         randomisation: Randomised | None = None,
         failure_reward: float = 0.0,
     ) -> None:
@@ -82,13 +82,13 @@ class FunctionTask(Task):
         """Return the function's ends, if there is one."""
         return np.zeros(m.n, bool) if self._terminated is None else self._terminated(m)
 
-    def info(self, m: Moment) -> Mapping[str, NDArray[Any]]:
+    def info(self, m: Moment) -> Mapping[str, NDArray[np.generic]]:
         """Return the function's infos, if there is one."""
         return {} if self._info is None else self._info(m)
 
 
 def _named(channels: Any) -> Any:
-    """Make channels of names; what is no list of them the task refuses."""
+    """Make channels of names; `Task` refuses a value that is not a list."""
     if not isinstance(channels, Sequence) or isinstance(channels, str):
         return channels
     return [Channel(c) if isinstance(c, str) else c for c in channels]

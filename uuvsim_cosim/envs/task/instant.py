@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, final
+from typing import Any, TypeVar, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +13,10 @@ from uuvsim_cosim.envs.task.signals import Signals
 __all__ = ["Instant", "mixed"]
 
 Array = NDArray[np.float64]
+T = TypeVar("T", bound=np.generic)
 
 
-def mixed(old: NDArray[Any], new: NDArray[Any], rows: NDArray[np.intp]) -> NDArray[Any]:
+def mixed(old: NDArray[T], new: NDArray[T], rows: NDArray[np.intp]) -> NDArray[T]:
     """Copy values (…, n) of all environments, with the new ones of some."""
     both = old.copy()
     both[..., rows] = new[..., rows]
@@ -83,6 +84,6 @@ class Instant:
         return self._signals.view(self.values, name)
 
     def alone(self) -> Instant:
-        """Forget the moment before, so that no chain of them is kept."""
+        """Forget the moment before, so that no chain of moments is kept in memory."""
         self._before = self._fresh = None
         return self

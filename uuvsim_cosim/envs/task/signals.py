@@ -1,8 +1,8 @@
-"""The variables that a task reads lie one below another in an array: signals by name."""
+"""Signals by name: the variables that a task reads, as rows of one array."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, final
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid, Problem
-from uuvsim_cosim.fmus.description import Description, Variable
+from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.values.endpoints import resolve_endpoint
 from uuvsim_cosim.orchestrator.values.values import Misfit
@@ -18,12 +18,14 @@ from uuvsim_cosim.orchestrator.values.values import Misfit
 __all__ = ["Named", "Signals", "refuse", "resolved"]
 
 Array = NDArray[np.float64]
-_TYPES: dict[str, Any] = {"Boolean": bool, "Int32": np.int32, "Int64": np.int64}
+# A view: its rows, its shape, and the type of the variable unless it is float64.
+View = tuple[slice | NDArray[np.intp], tuple[int, ...], type[np.generic] | None]
+_TYPES: dict[str, type[np.generic]] = {"Boolean": np.bool_, "Int32": np.int32, "Int64": np.int64}
 
 
 @dataclass(frozen=True)
 class Named:
-    """What a name such as "hull.eta[1:3]" means: elements (flat, from 0) of a variable."""
+    """The meaning of a name such as "hull.eta[1:3]": elements (flat, from 0) of a variable."""
 
     key: str  # the variable's full name, "hull.eta"
     path: str
@@ -36,7 +38,7 @@ def resolved(plan: Plan, name: str) -> Named:
     """Find the elements that a name means; raises Misfit with the near names."""
     if not isinstance(name, str):
         raise Misfit(f"{name!r}", "a name such as 'hull.eta'")
-    point = resolve_endpoint(name, _descriptions(plan))
+    point = resolve_endpoint(name, {c.path: c.description for c in plan.components})
     if point.variable.type in ("String", "Binary", "Clock"):
         raise Misfit(f"a variable of type {point.variable.type}", "a number")
     single = len(point.elements) == 1 and ":" not in name.rpartition("[")[2]
@@ -70,7 +72,7 @@ class Signals:
             if named.key not in self._first:
                 self._first[named.key] = self.size
                 self.size += named.variable.size
-        self._views: dict[str, tuple[slice | NDArray[np.intp], tuple[int, ...], Any]] = {}
+        self._views: dict[str, View] = {}
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -97,7 +99,7 @@ class Signals:
             part = np.moveaxis(part.reshape(*shape, n), -1, 0)
         return part if type_ is None else part.astype(type_)
 
-    def _found(self, name: str) -> tuple[slice | NDArray[np.intp], tuple[int, ...], Any]:
+    def _found(self, name: str) -> View:
         try:
             named = resolved(self._plan, name)
         except Misfit as misfit:
@@ -108,13 +110,7 @@ class Signals:
                 f"{', '.join(self._first) or 'none'}; expected it among the task's signals="
             )
         rows = self.rows(named)
-        whole = slice(int(rows[0]), int(rows[-1]) + 1) if _consecutive(rows) else rows
-        return whole, named.shape, _TYPES.get(named.variable.type)
-
-
-def _consecutive(rows: NDArray[np.intp]) -> bool:
-    return len(rows) > 0 and bool(np.all(np.diff(rows) == 1))
-
-
-def _descriptions(plan: Plan) -> Mapping[str, Description]:
-    return {c.path: c.description for c in plan.components}
+        # A slice of consecutive rows is a view of the values, where an index would be a copy.
+        consecutive = len(rows) > 0 and bool(np.all(np.diff(rows) == 1))
+        part = slice(int(rows[0]), int(rows[-1]) + 1) if consecutive else rows
+        return part, named.shape, _TYPES.get(named.variable.type)

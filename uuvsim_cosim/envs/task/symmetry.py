@@ -1,4 +1,4 @@
-"""What leaves a task as it is: a mirror image or a half turn, as signs of an agent's numbers."""
+"""Symmetry of a task, a mirror image or a half turn, as signs of an agent's numbers."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, init=False, eq=False)
 class Symmetry:
-    """The signs, each 1 or -1, that an observation (width,) and an action (width,) change by.
+    """Factors, each 1 or -1, of an observation (width,) and of an action (width,).
 
     Raises InputInvalid for other numbers.
     """

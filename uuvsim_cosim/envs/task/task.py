@@ -1,7 +1,7 @@
-"""What is to be done in a system: names of signals, not solvers; arrays with a batch axis.
+"""Tasks of one agent and of a team: actions, observations, rewards and ends, without a solver.
 
-A task is written once and serves one environment and ten thousand: n is the number of
-environments, and every array that a method gets or gives has n rows.
+A task is written once, for one environment or ten thousand: n is the number of environments, and
+every array that a method receives or returns has n rows.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,10 +28,11 @@ __all__ = ["Moment", "Randomised", "Task", "TeamTask"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+T = TypeVar("T")
 
 
 class Moment(Protocol):
-    """What a task sees at the end of an action, or after a reset; nobody may change its arrays."""
+    """The signals at the end of an action, or after a reset; its arrays must not be changed."""
 
     @property
     def n(self) -> int:
@@ -62,7 +63,7 @@ class Moment(Protocol):
 
 
 class Randomised(Protocol):
-    """Where the start values of an episode come from."""
+    """A source of the start values of episodes."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -73,12 +74,12 @@ class Randomised(Protocol):
 
 
 class _Common:
-    """What a task of one agent and a task of several have in common.
+    """The common part of a task of one agent and a task of several.
 
-    `system` has free inputs that are acted on. An action lasts `action_step` seconds, a whole
-    number of the system's communication steps. An episode is truncated after `horizon` seconds.
-    `signals` names what the methods read of a moment, beside the channels observed.
-    `failure_reward` is given, to each agent that acted, in the step in which a component fails.
+    `system` has unconnected inputs, which the actions set. An action lasts `action_step` seconds, a
+    whole number of the system's communication steps. An episode is truncated after `horizon`
+    seconds. `signals` are the names that the methods read of a moment, besides the observed
+    channels. Each agent that acted gets `failure_reward` in the step in which a component fails.
     """
 
     failure_reward: float = 0.0
@@ -104,16 +105,16 @@ class _Common:
         """Draw an episode's start values, by variable ("hull.eta_0"), of shape (n, *shape)."""
         return {} if self.randomisation is None else self.randomisation.draw(draws)
 
-    def info(self, m: Moment) -> Mapping[str, NDArray[Any]]:
-        """Return what else is worth knowing, of shape (n, …): metrics, the terms of a reward."""
+    def info(self, m: Moment) -> Mapping[str, NDArray[np.generic]]:
+        """Return other results, of shape (n, …): metrics, the terms of a reward."""
         return {}
 
     def symmetries(self) -> tuple[Symmetry, ...]:
-        """Return what leaves transitions and rewards as they are; learners may draw on it."""
+        """Return the symmetries of transitions and rewards, which learners may use."""
         return ()
 
     def view(self, m: Moment, row: int) -> View | None:
-        """Say what to draw of one environment; None draws every hull there is."""
+        """Return the picture of one environment; None draws every hull."""
         return None
 
 
@@ -146,28 +147,28 @@ class Task(_Common, ABC):
         """Return the reward of the action that led to this moment, of shape (n,)."""
 
     def extra(self, m: Moment) -> Array | None:
-        """Return observations that no connector has, after the channels, of shape (n, k)."""
+        """Return observations besides the channels, which they follow, of shape (n, k)."""
         return None
 
     def unclipped(self, m: Moment) -> Array | None:
-        """Return `extra` as it is beyond its limits, where that clips by itself."""
+        """Return `extra` without clipping, for a task whose `extra` clips."""
         return self.extra(m)
 
     @property
     def extra_limits(self) -> tuple[Sequence[float], Sequence[float]]:
-        """The least and the greatest value of each number of `extra`."""
+        """The lower and upper limits of each number of `extra`."""
         return (), ()
 
     def terminated(self, m: Moment) -> Mask:
-        """Say which episodes have ended by themselves: the goal, a collision; shape (n,)."""
+        """Return which episodes have terminated (goal reached, collision), of shape (n,)."""
         return np.zeros(m.n, bool)
 
 
 class TeamTask(_Common, ABC):
-    """A task of several agents, which act at the same time; an agent may come and go.
+    """A task of several agents, which act at the same time; an agent may appear and leave.
 
-    `agents` names all that can ever be there. What a method gives by agent has n rows for each.
-    `team_reward` says that each agent is given the reward of the team, not a part of it.
+    `agents` are the names of all agents that can be present. A mapping by agent has n rows for
+    each. With `team_reward`, each agent is given the reward of the whole team, not a part of it.
     """
 
     team_reward: bool = False
@@ -200,14 +201,14 @@ class TeamTask(_Common, ABC):
 
     @abstractmethod
     def limits(self, agent: str) -> tuple[Array, Array]:
-        """Return the least and the greatest value of an agent's observation."""
+        """Return the lower and upper limits of an agent's observation."""
 
     @abstractmethod
     def observe(self, m: Moment) -> Mapping[str, Array]:
         """Return each agent's observation, of shape (n, width)."""
 
     def unclipped(self, m: Moment) -> Mapping[str, Array]:
-        """Return observations as they are beyond their limits, where `observe` clips by itself."""
+        """Return the observations without clipping, for a task whose `observe` clips."""
         return self.observe(m)
 
     @abstractmethod
@@ -215,31 +216,31 @@ class TeamTask(_Common, ABC):
         """Return each agent's reward, of shape (n,)."""
 
     def terminated(self, m: Moment) -> Mapping[str, Mask]:
-        """Say which agents' episodes have ended by themselves, of shape (n,)."""
+        """Return which agents have terminated, of shape (n,) each."""
         return {agent: np.zeros(m.n, bool) for agent in self.agents}
 
     def present(self, m: Moment) -> Mapping[str, Mask]:
-        """Say which agents are there, of shape (n,); one that is not is neither seen nor heard."""
+        """Return which agents are present, of shape (n,) each; an absent one does not act."""
         return {agent: np.ones(m.n, bool) for agent in self.agents}
 
     @abstractmethod
     def state(self, m: Moment) -> Array:
-        """Return the whole as a central critic sees it, of shape (n, width)."""
+        """Return the state for a central critic, of shape (n, width)."""
 
     @abstractmethod
     def state_limits(self) -> tuple[Array, Array]:
-        """Return the least and the greatest value of each number of `state`."""
+        """Return the lower and upper limits of each number of `state`."""
 
 
-def _several(given: Any, name: str, of: str) -> tuple[Any, ...]:
-    """Return a list's elements; a text is none."""
+def _several(given: Iterable[T], name: str, of: str) -> tuple[T, ...]:
+    """Return the elements of a list; raises InputInvalid for a text, which is not one."""
     if isinstance(given, str | Channel) or not isinstance(given, Iterable):
         wanted = f"a list of {of}" + (f", [{given!r}]" if isinstance(given, str | Channel) else "")
         raise InputInvalid(f"{name} {given!r}; expected {wanted}")
     return tuple(given)
 
 
-def _channels(given: Any, name: str) -> tuple[Channel, ...]:
+def _channels(given: Iterable[Channel], name: str) -> tuple[Channel, ...]:
     channels = _several(given, name, "channels")
     for channel in channels:
         if not isinstance(channel, Channel):

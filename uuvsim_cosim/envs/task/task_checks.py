@@ -1,11 +1,10 @@
-"""What a task's methods give, before it is used: numbers of the right shape, and finite."""
+"""Checks of the results of a task's methods: shapes, types, finite numbers."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from math import isfinite
 from numbers import Real
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +25,7 @@ def check_failure_reward(task: Task | TeamTask) -> list[Problem]:
     return [Problem("failure_reward", repr(given), "a finite number")]
 
 
-def rewards_of(given: Any, n: int, place: str) -> Array:
+def rewards_of(given: object, n: int, place: str) -> Array:
     """Return rewards, of shape (n,); raises InputInvalid."""
     try:
         reward = np.asarray(given, dtype=np.float64)
@@ -37,7 +36,7 @@ def rewards_of(given: Any, n: int, place: str) -> Array:
     return reward
 
 
-def refuse_infinite(numbers: NDArray[Any], place: str) -> None:
+def refuse_infinite(numbers: NDArray[np.generic], place: str) -> None:
     """Raise InputInvalid for the first environment with a number that is not finite."""
     if np.isfinite(np.add.reduce(numbers, axis=None)):
         return
@@ -50,7 +49,7 @@ def refuse_infinite(numbers: NDArray[Any], place: str) -> None:
         )
 
 
-def infos_of(given: Any, n: int, place: str) -> Mapping[str, NDArray[Any]]:
+def infos_of(given: object, n: int, place: str) -> Mapping[str, NDArray[np.generic]]:
     """Return infos, of shape (n, …); raises InputInvalid."""
     if not isinstance(given, Mapping):
         raise InputInvalid(f"{place}: info(): {given!r}; expected arrays by name")

@@ -1,4 +1,4 @@
-"""Altitude following: go along a course at one height above a seabed that only echoes show."""
+"""Altitude following: a course at constant height above a seabed that only echoes show."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ MARGIN = 40.0  # m, from the terrain's edges, that the beginning of a course kee
 class AltitudeFollowing(PoseTask):
     """Follow a point that moves along a straight course, `altitude` [m] above the seabed of `scene`.
 
-    Drawn are where the course begins, its heading, its speed in `speed` [m/s], and the start, up
-    to `away` m off. The reward is that of `PoseTask`, of the true distance to the point. Where it
-    is in N and E is known; how deep the seabed is, is not: in the observation the third number is
-    how far the echo of the beam straight down (an altimeter, 10 Hz) is beyond `altitude`. The task
+    The beginning of the course, its heading, its speed from `speed` [m/s], and the start, up to
+    `away` m off, are drawn. The reward is that of `PoseTask`, of the true distance to the point.
+    N and E of the point are known, the depth of the seabed is not: the third number of the
+    observation is the range of a vertical beam (an altimeter, 10 Hz) minus `altitude`. The task
     adds the course's velocity in body axes (3) and 0, then, over 1 m, the range of a beam 45
-    degrees ahead beyond that over level ground, and whether each beam was heard (2).
+    degrees ahead minus that over level ground, and whether each beam got an echo (2).
     """  # noqa: E501
 
     def __init__(
@@ -73,12 +73,12 @@ class AltitudeFollowing(PoseTask):
         """Return the moving point, at its height above the true seabed."""
         point = m["reference.eta_d"][:, [0, 1, 2, 5]].copy()
         depth = self._height(point) - self.altitude
-        # Off the terrain's edge there is no height to keep: as deep as the vehicle is.
+        # Beyond the terrain's edge there is no height to keep: the vehicle's own depth is wanted.
         point[:, 2] = np.where(np.isfinite(depth), depth, m["hull.eta"][:, 2])
         return point
 
     def seen(self, m: Moment) -> Array:
-        """Return the point as the vehicle knows it: its depth by the echo from below."""
+        """Return the point as the vehicle knows it, with the depth from the vertical echo."""
         eta, point = m[f"{self.known}.eta"], m["reference.eta_d"][:, [0, 1, 2, 5]].copy()
         heard = m["echo_down.altitude"] * np.cos(eta[:, 3]) * np.cos(eta[:, 4])
         beyond = heard + PLACE[2] - self.altitude
@@ -86,7 +86,7 @@ class AltitudeFollowing(PoseTask):
         return point
 
     def more(self, m: Moment, R: Array) -> list[Array]:
-        """Return the course's velocity, and what the beam ahead says."""
+        """Return the course's velocity, and the measurement of the beam ahead."""
         psi, U = m["reference.eta_d"][:, 5], m["reference.nu_d"][:, 0]
         v = np.column_stack([U * np.cos(psi), U * np.sin(psi), np.zeros(m.n)])
         down, ahead = (m[f"{e}.altitude"] for e in ECHOES)
@@ -98,7 +98,7 @@ class AltitudeFollowing(PoseTask):
         """Return their limits."""
         return [1.0] * 3 + [2.0, 20.0, 1.0, 1.0]
 
-    def info(self, m: Moment) -> Mapping[str, NDArray[Any]]:
+    def info(self, m: Moment) -> Mapping[str, NDArray[np.generic]]:
         """Return the errors of `PoseTask`, and the altitude [m]."""
         eta = m["hull.eta"]
         return {**super().info(m), "altitude": self._height(eta) - eta[:, 2]}

@@ -1,7 +1,7 @@
-"""Target tracking with what a real pool adds: late and noisy positions, late commands, weak jets.
+"""Target tracking with the disturbances of a real pool: delays, noise, weak thrusters.
 
-Rewards and metrics are of where things are, not of what is known of them. `randomise` draws all of
-it, and the hull, anew for each episode: what training with domain randomisation lives in.
+Rewards and metrics are computed from the true positions, not from the measured ones. `randomise`
+draws all disturbances, and the hull, for each episode: for training with domain randomisation.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ LATE = (0.0, 0.4)  # s, of positions, and of commands
 
 
 class Disturbed(TargetTracking):
-    """One tracker of the vehicle pool8, unless told otherwise, in disturbed water.
+    """One tracker by default, of the vehicle pool8, with disturbances.
 
-    `seen_late` [s] is how old positions are, its own and the target's; `acted_late` [s] what the
-    radio takes to carry a command; `noise` [m] the deviation of each position; `thrust` the share
-    of the thrust that is left, which nobody on board is told.
+    `seen_late` [s] is the delay of positions, its own and the target's; `acted_late` [s] the delay
+    of commands by radio; `noise` [m] the deviation of each position; `thrust` the remaining share
+    of the thrust, which is not observed.
     """
 
     def __init__(
@@ -59,14 +59,14 @@ class Disturbed(TargetTracking):
         deviation = within("noise [m]", noise, 0, np.inf)
         if self.randomise:
             options.setdefault("randomisation", _hulls(n_trackers))
-        # A delay, if only to have links: all that is disturbed is one system, and one kernel.
+        # A delay, so that the system always has links: all disturbances share one kernel.
         super().__init__(n_trackers, delay=LATENCY, **options)
         self.noise = deviation
         motion = "random_heading" if self.motion == "rest" else self.motion
         self.system = _system(self.n_trackers, self.vehicle, motion, self.n_obstacles)
 
     def start(self, draws: Draws) -> Mapping[str, Array]:
-        """Draw a legal start, and what disturbs."""
+        """Draw a legal start, and the disturbances."""
         n = draws.n
         start = dict(super().start(draws))
         seen, acted, noise, thrust = (
@@ -90,7 +90,7 @@ class Disturbed(TargetTracking):
 
 @lru_cache(maxsize=8)
 def _system(n: int, vehicle: str, motion: str, obstacles: int) -> System:
-    """Return the task's system with links of every tick: what is not late is seen at once."""
+    """Return the task's system with links that transmit in every tick, so delays can be 0."""
     return target_tracking(
         n, vehicle=vehicle, motion=motion, obstacles=obstacles, links=True, link_period="0.02"
     )

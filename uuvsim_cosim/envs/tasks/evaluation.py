@@ -1,10 +1,9 @@
-"""How good is a policy: its episodes on given seeds, side by side, and the metrics of the task."""
+"""Evaluation of a policy: its episodes on given seeds, side by side, and the task's metrics."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ from uuvsim_cosim.envs.episodes.multi_agent import TeamStage
 from uuvsim_cosim.envs.episodes.single_agent import Stage
 from uuvsim_cosim.envs.plants.choice import Backend
 from uuvsim_cosim.envs.task.task import Task, TeamTask
-from uuvsim_cosim.envs.tasks.scripted import Policy
+from uuvsim_cosim.envs.tasks.scripted import Policies, Policy
 from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["Evaluation", "evaluate"]
@@ -24,7 +23,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What n episodes gave; `metrics` are means over the second half of each, of shape (n,)."""
+    """Results of n episodes; `metrics` are means over the second half of each, of shape (n,)."""
 
     returns: Array  # (n,); of a team, the mean of its agents
     seconds: Array  # (n,), how long each lasted
@@ -44,7 +43,7 @@ class Evaluation:
 
 def evaluate(
     task: Task | TeamTask,
-    policy: Policy | Mapping[str, Policy],
+    policy: Policies,
     episodes: int = 100,
     *,
     seed: int = 1_000_000,
@@ -53,8 +52,8 @@ def evaluate(
 ) -> Evaluation:
     """Run episode 0 of the seeds `seed`, `seed` + 1, …, each to its end.
 
-    `policy` gives actions (n, width) of observations (n, width); of a team, one for each agent.
-    The metrics are the numbers of the task's `info`.
+    `policy` maps observations (n, width) to actions (n, width); a team has one for each agent. The
+    metrics are the numbers of the task's `info`.
     """
     if episodes < 1:
         raise InputInvalid(f"{episodes} episodes; expected at least 1")
@@ -80,7 +79,7 @@ def _run(task: Task | TeamTask, stage: _Single | _Team, seeds: list[int]) -> Eva
     n, steps = len(seeds), int(task.horizon / task.action_step)
     stage.reset(seeds)
     returns, alive, length = np.zeros(n), np.ones(n, bool), np.zeros(n, int)
-    rows: list[tuple[Mask, Mapping[str, NDArray[Any]]]] = []
+    rows: list[tuple[Mask, Mapping[str, NDArray[np.generic]]]] = []
     for _ in range(steps):
         reward, ended, info = stage.step()
         returns += np.where(alive, reward, 0.0)
@@ -105,7 +104,7 @@ class _Single:
     def reset(self, seeds: list[int]) -> None:
         self.m = self.stage.episodes.reset(seeds=seeds)
 
-    def step(self) -> tuple[Array, Mask, Mapping[str, NDArray[Any]]]:
+    def step(self) -> tuple[Array, Mask, Mapping[str, NDArray[np.generic]]]:
         stage = self.stage
         self.m = m = stage.act(self.policy(stage.observe(self.m)))
         return stage.reward(m), stage.terminated(m) | stage.episodes.over, stage.info(m)
@@ -118,7 +117,7 @@ class _Team:
     def reset(self, seeds: list[int]) -> None:
         self.m = self.stage.reset(seeds=seeds)
 
-    def step(self) -> tuple[Array, Mask, Mapping[str, NDArray[Any]]]:
+    def step(self) -> tuple[Array, Mask, Mapping[str, NDArray[np.generic]]]:
         acts = {agent: act(self.m.observation[agent]) for agent, act in self.policies.items()}
         self.m = m = self.stage.act(acts)
         count = np.maximum(m.acted.sum(axis=1), 1)

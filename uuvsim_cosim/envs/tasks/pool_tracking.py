@@ -1,7 +1,8 @@
-"""Transition 1 in the system `pool_tracking`: a policy sees what the vehicle's own estimates say.
+"""Transition 1 in the system `pool_tracking`: a policy observes the vehicle's own estimates.
 
-Rewards and metrics are of where tracker and quarry are; a policy has the navigation's pose, a tick
-old, and the predictor's target. What it wants goes straight to the pilot: it is on board.
+Rewards and metrics are computed from the true positions of tracker and quarry. A policy observes
+the pose of the navigation, a tick old, and the predictor's target. Its actions go directly to the
+pilot, since the policy runs on board.
 """
 
 from __future__ import annotations
@@ -31,13 +32,13 @@ __all__ = ["PoolTracking"]
 
 Array = NDArray[np.float64]
 FIXED = ("n_trackers", "n_obstacles", "vehicle", "delay", "knowledge_range", "arena")
-ESTIMATE = (0.02, 0.02, 0.01, 0.0, 0.0, 0.03)  # deviations of what it is told of its start, m, rad
+ESTIMATE = (0.02, 0.02, 0.01, 0.0, 0.0, 0.03)  # deviations of the estimated start, m, rad
 
 
 class PoolTracking(TargetTracking):
     """One tracker, one quarry, in the pool of figure 11; `thrust` and `loss` as in Disturbed.
 
-    With `predicted` off the target is where the radio's last packet says, as old as that is.
+    Without `predicted`, the target's position is that of the radio's last packet.
     """
 
     def __init__(
@@ -71,7 +72,7 @@ class PoolTracking(TargetTracking):
         )
 
     def start(self, draws: Draws) -> Mapping[str, Array]:
-        """Draw a legal start; the vehicle is told its own about right."""
+        """Draw a legal start, and an estimate of it with errors."""
         n, size = draws.n, np.array(self.arena.size)
         drawn = super().start(draws)
         pose = drawn["tracker_1.hull.eta_0"]
@@ -93,11 +94,11 @@ class PoolTracking(TargetTracking):
         }
 
     def symmetries(self) -> tuple[Symmetry, ...]:
-        """Return none: sensors stand where they stand."""
+        """Return none: the sensors' places have no symmetry."""
         return ()
 
     def state(self, m: Moment) -> Array:
-        """Return (5), as it is."""
+        """Return (5) of the true positions."""
         eta, nu = m["hull.eta"], m["hull.nu"]
         flat = np.concatenate([eta[:, [0, 1, 5]], nu[:, [0, 1, 5]], m["quarry.hull.eta"][:, :2]], 1)
         low, high = self.state_limits()

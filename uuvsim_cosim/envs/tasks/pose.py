@@ -1,11 +1,11 @@
-"""What tasks of a vehicle that should be at a pose share: actions, observation, reward."""
+"""Common part of tasks with a wanted pose of one vehicle: actions, observation, reward."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,18 +38,18 @@ LENGTH = 0.5  # m, where the reward of the distance has fallen to a half
 
 
 class PoseTask(Task, ABC):
-    """The hull of `task_system` should be at a wanted pose; who strays `region` m away has failed.
+    """Hold the hull of `task_system` at a wanted pose; the episode ends `region` m away from it.
 
     Reward of each action, in [-effort, 1]:
 
         1 / (1 + (d / 0.5 m)²) · (1 + cos e_psi) / 2 · (1 + cos tilt) / 2 - effort · mean(a²)
 
     with d the distance, e_psi the error of heading, tilt the angle between the hull's and the
-    true vertical. Observed are, in body axes: the error of position over 1 m (3), sin and cos of
-    e_psi (2), where down is (3), nu over 1 m/s and 1 rad/s (6), what the task adds, the last
-    action, and with `privileged` the water's velocity over 1 m/s (3), what else is hidden, and
-    what a Randomisation has drawn. `observation` is "truth" or "navigation"; `randomise` draws
-    the hull anew in each episode.
+    true vertical. The observation, in body axes, is the error of position over 1 m (3), sin and
+    cos of e_psi (2), the direction of down (3), nu over 1 m/s and 1 rad/s (6), the task's own
+    numbers (`more`), and the last action; with `privileged` also the water's velocity over 1 m/s
+    (3), the task's hidden numbers (`hidden`), and the drawn parameters. `observation` is "truth"
+    or "navigation"; `randomise` draws the hull in each episode.
     """
 
     effort = 0.05
@@ -68,7 +68,7 @@ class PoseTask(Task, ABC):
         signals: Sequence[str] = (),
         reference: bool = False,
         disturbances: bool = False,
-        **unknown: Any,
+        **unknown: object,
     ) -> None:
         known_options(type(self), unknown)
         one_of("action", action, get_args(ActedOn))
@@ -95,9 +95,9 @@ class PoseTask(Task, ABC):
         )  # fmt: skip
         self.known = known
         self._water = "ramps.v_c" if disturbances else "current.v_c"
-        self._width = sum(_size(c) for c in self.actions)
+        self._width = sum(6 if c.name.endswith("tau_d") else 1 for c in self.actions)
 
-    # ---- what a task says -----------------------------------------------------------------
+    # ---- for a task to override -----------------------------------------------------------
 
     def made_of(
         self, action: ActedOn, observation: Observed, reference: bool, disturbances: bool
@@ -114,7 +114,7 @@ class PoseTask(Task, ABC):
         return self.wanted(m)
 
     def more(self, m: Moment, R: Array) -> list[Array]:
-        """Return observations of the task's own, each of shape (n, k), in units of about 1."""
+        """Return additional observations, each of shape (n, k), in units of about 1."""
         return []
 
     def more_limits(self) -> list[float]:
@@ -122,7 +122,7 @@ class PoseTask(Task, ABC):
         return []
 
     def hidden(self, m: Moment, R: Array) -> list[Array]:
-        """Return what only a privileged observer sees, beside the water."""
+        """Return other privileged observations than the water's velocity."""
         return []
 
     def hidden_limits(self) -> list[float]:
@@ -132,7 +132,7 @@ class PoseTask(Task, ABC):
     # ---- what an environment asks ---------------------------------------------------------
 
     def extra(self, m: Moment) -> Array:
-        """Return the whole observation; each number is held within its limits."""
+        """Return the whole observation, clipped to its limits."""
         return np.asarray(np.clip(self.unclipped(m), *self.extra_limits))
 
     def unclipped(self, m: Moment) -> Array:
@@ -158,7 +158,7 @@ class PoseTask(Task, ABC):
 
     @property
     def extra_limits(self) -> tuple[Sequence[float], Sequence[float]]:
-        """The limits; an error of more than twice the region ends the episode before."""
+        """The limits; an episode ends before the error exceeds twice the region."""
         high = [2 * self.region] * 3 + [1.0] * 5 + [NU_LIMIT] * 6 + self.more_limits()
         high += [1.0] * self._width
         if self.privileged:
@@ -176,10 +176,10 @@ class PoseTask(Task, ABC):
         return np.asarray(near * upright - self.effort * spent)
 
     def terminated(self, m: Moment) -> NDArray[np.bool_]:
-        """Say who has strayed out of the region."""
+        """Return the episodes whose vehicle is outside the region."""
         return np.asarray(self._errors(m)[0] > self.region)
 
-    def info(self, m: Moment) -> Mapping[str, NDArray[Any]]:
+    def info(self, m: Moment) -> Mapping[str, NDArray[np.generic]]:
         """Return the errors: of position [m], of heading [rad]."""
         distance, e_psi, _ = self._errors(m)
         return {"position_error": distance, "heading_error": np.abs(e_psi)}
@@ -197,7 +197,7 @@ class PoseTask(Task, ABC):
         return {**sets, **super().start(draws)}
 
     def view(self, m: Moment, row: int) -> View:
-        """Say what to draw of one environment: vehicle, wanted pose, what is ahead, current."""
+        """Return the picture of one environment: vehicle, wanted pose, path ahead, current."""
         from uuvsim_cosim.envs.pictures import drawn as p
 
         wanted = self.wanted(m)[row]
@@ -229,7 +229,7 @@ class PoseTask(Task, ABC):
 
 
 def published_vehicle(system: System) -> Randomisation:
-    """Return what `randomise` draws: a hull within all published figures, and weaker thrusters."""
+    """Return the randomisation of `randomise`: hull within published figures, weak thrusters."""
     return published("bluerov2_heavy").bound(system) + thruster_strength(system).bound(system)
 
 
@@ -240,7 +240,3 @@ def _channels(action: ActedOn) -> tuple[Channel, ...]:
         return tuple(Channel(f"{name}.u") for name in THRUSTERS)
     names = ("nu_d[1]", "nu_d[2]", "nu_d[3]", "nu_d[6]")
     return tuple(Channel(f"controller.{n}", -s, s) for n, s in zip(names, SPEED, strict=True))
-
-
-def _size(channel: Channel) -> int:
-    return 6 if channel.name.endswith("tau_d") else 1

@@ -1,4 +1,4 @@
-"""Options of tasks are refused, with what would be right, where they cannot be meant."""
+"""Checks of the options of tasks, with messages that name the expected values."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from math import inf, isnan
 from numbers import Real
 from operator import index
-from typing import Any
+from typing import SupportsIndex, TypeGuard
 
 import numpy as np
 
@@ -18,10 +18,10 @@ __all__ = [
     "flag", "known_options", "numbers", "one_of", "pair", "randomised", "whole", "within",
 ]  # fmt: skip
 
-_OF_SHIPPED = ("self", "signals", "reference", "disturbances")  # what tasks tell each other
+_OF_SHIPPED = ("self", "signals", "reference", "disturbances")  # options for subclasses only
 
 
-def within(name: str, value: Any, low: float, high: float) -> float:
+def within(name: str, value: object, low: float, high: float) -> float:
     """Return a number; raises InputInvalid unless low <= value <= high."""
     if _is_number(value) and low <= value <= high:
         return float(value)
@@ -29,7 +29,7 @@ def within(name: str, value: Any, low: float, high: float) -> float:
     raise InputInvalid(f"{name}: {value!r}; expected {expected}")
 
 
-def whole(name: str, value: Any, low: int, high: int | None = None) -> int:
+def whole(name: str, value: SupportsIndex, low: int, high: int | None = None) -> int:
     """Return a whole number; raises InputInvalid unless low <= value <= high."""
     try:
         number = index(value)
@@ -41,19 +41,20 @@ def whole(name: str, value: Any, low: int, high: int | None = None) -> int:
     return number
 
 
-def numbers(name: str, value: Any, expected: Sequence[str], low: float = 0.0) -> tuple[float, ...]:
-    """Return as many numbers of at least `low` as `expected` names; raises InputInvalid."""
-    right = isinstance(value, Sequence | np.ndarray) and not isinstance(value, str)
-    if right and len(value) == len(expected) and all(_is_number(v) for v in value):
-        given = tuple(float(v) for v in value)
-        if all(low <= v < inf for v in given):
+def numbers(
+    name: str, value: object, expected: Sequence[str], low: float = 0.0
+) -> tuple[float, ...]:
+    """Return one number of at least `low` for each name in `expected`; raises InputInvalid."""
+    if isinstance(value, Sequence | np.ndarray) and not isinstance(value, str):
+        given = tuple(float(v) for v in value if _is_number(v))
+        if len(value) == len(given) == len(expected) and all(low <= v < inf for v in given):
             return given
     raise InputInvalid(
         f"{name}: {value!r}; expected ({', '.join(expected)}), numbers of at least {low:g}"
     )
 
 
-def pair(name: str, value: Any) -> tuple[float, float]:
+def pair(name: str, value: object) -> tuple[float, float]:
     """Return the least and the greatest value of a range that begins at 0 or above."""
     least, greatest = numbers(name, value, ("least", "greatest"))
     if least > greatest:
@@ -61,27 +62,27 @@ def pair(name: str, value: Any) -> tuple[float, float]:
     return least, greatest
 
 
-def flag(name: str, value: Any) -> bool:
+def flag(name: str, value: object) -> bool:
     """Return a Boolean; raises InputInvalid."""
     if not isinstance(value, bool | np.bool_):
         raise InputInvalid(f"{name}: {value!r}; expected True or False")
     return bool(value)
 
 
-def one_of(name: str, value: Any, known: Sequence[str]) -> None:
+def one_of(name: str, value: object, known: Sequence[str]) -> None:
     """Raise InputInvalid unless a text is among those known."""
     if not isinstance(value, str) or value not in known:
         raise InputInvalid(f"{name} {value!r}; expected one of {', '.join(known)}")
 
 
-def randomised(value: Any) -> None:
-    """Raise InputInvalid unless something can be drawn by it, or it is None."""
+def randomised(value: object) -> None:
+    """Raise InputInvalid unless the value has a method `draw`, or is None."""
     if value is not None and not hasattr(value, "draw"):
         raise InputInvalid(f"randomisation: {value!r}; expected a Randomisation")
 
 
-def known_options(make: type, unknown: Mapping[str, Any]) -> None:
-    """Raise InputInvalid, with the options that a task has, if there are unknown ones."""
+def known_options(make: type, unknown: Mapping[str, object]) -> None:
+    """Raise InputInvalid, with the options of the task, if there are unknown ones."""
     if not unknown:
         return
     known = [
@@ -95,5 +96,5 @@ def known_options(make: type, unknown: Mapping[str, Any]) -> None:
     raise InputInvalid(f"{make.__name__}: option {name!r}; expected {expected_names(name, known)}")
 
 
-def _is_number(value: Any) -> bool:
+def _is_number(value: object) -> TypeGuard[float]:
     return isinstance(value, Real) and not isinstance(value, bool) and not isnan(value)

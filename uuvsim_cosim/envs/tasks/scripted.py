@@ -1,12 +1,11 @@
-"""Hand-written controllers: observations (n, width) in, actions (n, width) out; the yardsticks.
+"""Scripted controllers as references: observations (n, width) in, actions (n, width) out.
 
-They see what a policy sees and keep no memory, so that their return says what is within reach.
+They have the observations of a policy and no memory, so that their return is a fair reference.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +18,19 @@ from uuvsim_cosim.envs.tasks.tracking_observation import OBSTACLE, OTHER, OWN, T
 from uuvsim_cosim.envs.tasks.trajectory import TrajectoryFollowing
 from uuvsim_cosim.errors import InputInvalid
 
-__all__ = ["Policy", "hold_pose", "hold_velocity", "scripted_policy", "track_target", "with_slope"]
+__all__ = [
+    "Policies",
+    "Policy",
+    "hold_pose",
+    "hold_velocity",
+    "scripted_policy",
+    "track_target",
+    "with_slope",
+]
 
 Array = NDArray[np.float64]
-Policy = Callable[[NDArray[Any]], Array]
+Policy = Callable[[NDArray[np.generic]], Array]
+Policies = Policy | Mapping[str, Policy]  # of one agent, or by agent of a team
 
 # Proportional and derivative, for about 2.5 rad/s of a BlueROV2 Heavy that is damped to 0.9:
 KP = np.array([140.0, 140.0, 170.0, 14.0, 14.0, 8.0])  # N/m, N.m/rad
@@ -34,13 +42,13 @@ SINKING = 1.0
 D_Q = np.array([141.0, 217.0, 190.0])  # N.s2/m2
 
 
-def scripted_policy(task: Task | TeamTask) -> Policy | Mapping[str, Policy]:
+def scripted_policy(task: Task | TeamTask) -> Policies:
     """Return a task's controller: one, or one for each agent."""
     if isinstance(task, TargetTracking):
         d_safe = max(task.rules.d_su, task.rules.d_st, task.rules.d_so)
         wanted = task.rules.d_st + SHARE * (task.rules.d_m - task.rules.d_st)
 
-        def follow(o: NDArray[Any]) -> Array:
+        def follow(o: NDArray[np.generic]) -> Array:
             return track_target(o, task.slots, wanted, d_safe, task.arena.size[:2])
 
         return dict.fromkeys(task.agents, follow)
@@ -61,7 +69,7 @@ def scripted_policy(task: Task | TeamTask) -> Policy | Mapping[str, Policy]:
     )
 
 
-def hold_pose(observation: NDArray[Any], moves: bool = False) -> Array:
+def hold_pose(observation: NDArray[np.generic], moves: bool = False) -> Array:
     """Return forces: PD on the pose, with the drag of the wanted velocity fed forward."""
     o = np.asarray(observation, float)
     down = o[:, 5:8]
@@ -77,16 +85,16 @@ def hold_pose(observation: NDArray[Any], moves: bool = False) -> Array:
     return np.asarray(np.clip(tau / FORCE, -1.0, 1.0))
 
 
-def hold_velocity(observation: NDArray[Any], moves: bool = False) -> Array:
-    """Return velocities towards the wanted pose, beside the wanted one's own."""
+def hold_velocity(observation: NDArray[np.generic], moves: bool = False) -> Array:
+    """Return velocities: proportional to the error of pose, plus the wanted velocity."""
     o = np.asarray(observation, float)
     v = 1.2 * o[:, :3] + (o[:, 14:17] if moves else 0.0)
     r = 1.5 * np.arctan2(o[:, 3], o[:, 4]) + (o[:, 17] if moves else 0.0)
     return np.asarray(np.clip(np.column_stack([v, r]) / SPEED, -1.0, 1.0))
 
 
-def with_slope(observation: NDArray[Any], altitude: float) -> Array:
-    """Let the wanted velocity sink as the seabed does ahead, by both echoes of altitude following.
+def with_slope(observation: NDArray[np.generic], altitude: float) -> Array:
+    """Add the seabed's slope to the wanted velocity, from both echoes of altitude following.
 
     With d the range down and r that ahead, first heard from the angle a, the seabed falls by
     r cos a - d within r sin a.
@@ -100,7 +108,7 @@ def with_slope(observation: NDArray[Any], altitude: float) -> Array:
 
 
 def track_target(
-    observation: NDArray[Any],
+    observation: NDArray[np.generic],
     slots: tuple[int, int],
     wanted: float,
     d_safe: float,
@@ -108,8 +116,8 @@ def track_target(
 ) -> Array:
     """Return (a, omega): go to `wanted` m from the target, away from what is close.
 
-    A wanted velocity is summed up in the vehicle's own axes; who would have to turn by more than
-    a right angle for it drives backwards.
+    The wanted velocity is a sum in the vehicle's own axes. If it points more than a right angle
+    away from the bow, the vehicle drives backwards.
     """
     o = np.asarray(observation, float)
     flag, p = o[:, OWN], o[:, OWN + 1 : OWN + 3]
@@ -152,7 +160,7 @@ def _around(o: Array, slots: tuple[int, int], d_safe: float) -> Iterator[tuple[A
 
 
 def _braked(u: Array, hazards: list[tuple[Array, ...]]) -> Array:
-    """Return the surge speed that closes no gap faster than it can still be kept."""
+    """Limit the surge speed so that the vehicle can still stop before each hazard."""
     low, high = np.full(len(u), -V_MAX), np.full(len(u), V_MAX)
     for there, place, gap in hazards:
         along = place[:, 0]

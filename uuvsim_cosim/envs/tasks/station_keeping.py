@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 class StationKeeping(PoseTask):
     """Stay at N = E = 0, D = 10 m, heading north; the start is up to `away` m off and at any heading.
 
-    What is drawn: offset, uniform in a box; heading; nu up to 0.2 m/s; mean current.
+    An episode draws the offset, uniform in a box, the heading, nu up to 0.2 m/s, the mean current.
     """  # noqa: E501
 
     GOAL = (0.0, 0.0, 10.0, 0.0)

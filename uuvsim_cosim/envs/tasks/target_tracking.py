@@ -1,7 +1,7 @@
-"""Target tracking: N vehicles in a pool stay with a moving target, apart from all else.
+"""Target tracking: N vehicles in a pool follow a moving target, without collisions.
 
 State (5), action (6) and reward (7) of the UUVSim paper; `tracking_rules` holds its numbers, and
-docs/learning/tasks.md says where the paper is silent and what is done here.
+docs/learning/tasks.md lists the choices that the paper leaves open.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,9 +50,9 @@ class TargetTracking(TeamTask):
 
     `motion` is that of the target, at `target_speed`; "rest" is the source scenario's point.
     `profile` and `rules` choose and change TrackingRules; `vehicle` is pool8 or bluerov2_heavy.
-    What trackers know of the target: `delay` [s], `noise` [m] and `loss` of its position, whoever
-    is farther than `knowledge_range` [m] does not know it at all. `slots` are how many other
-    trackers and obstacles an observation has room for. `frame` is that of v_i in the state.
+    The target's position is measured with `delay` [s], `noise` [m] and `loss`; a tracker farther
+    from it than `knowledge_range` [m] does not observe it. `slots` are the numbers of other
+    trackers and of obstacles in an observation. `frame` is that of v_i in the state.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class TargetTracking(TeamTask):
         target_speed: float = 0.15,
         profile: str = "default",
         vehicle: str = "pool8",
-        rules: Mapping[str, Any] | None = None,
+        rules: Mapping[str, object] | None = None,
         delay: float = 0.0,
         noise: float = 0.0,
         loss: float = 0.0,
@@ -75,7 +75,7 @@ class TargetTracking(TeamTask):
         action_step: Fraction | str | float = "0.4",
         horizon: Fraction | str | float = 20,
         randomisation: Randomised | None = None,
-        **unknown: Any,
+        **unknown: object,
     ) -> None:
         known_options(type(self), unknown)
         one_of("motion", motion, get_args(Motion))
@@ -126,7 +126,7 @@ class TargetTracking(TeamTask):
     # ---- what an environment asks ---------------------------------------------------------
 
     def observe(self, m: Moment) -> Mapping[str, Array]:
-        """Return each tracker's egocentric observation, held within its limits."""
+        """Return each tracker's egocentric observation, clipped to its limits."""
         return {a: np.clip(o, *self.limits(a)) for a, o in self.unclipped(m).items()}
 
     def unclipped(self, m: Moment) -> Mapping[str, Array]:
@@ -143,7 +143,7 @@ class TargetTracking(TeamTask):
         return -high, high
 
     def symmetries(self) -> tuple[Symmetry, ...]:
-        """Return the arena's; none where waypoints go round it one way, or starts are drawn."""
+        """Return the arena's symmetries; none with a path or a randomisation, which break them."""
         if self.motion == "path" or self.randomisation is not None:
             return ()
         return symmetries(self.slots)
@@ -154,7 +154,7 @@ class TargetTracking(TeamTask):
         return {agent: rewards[:, i] for i, agent in enumerate(self.agents)}
 
     def terminated(self, m: Moment) -> Mapping[str, Mask]:
-        """Say which episodes a collision has ended; none, without `end_on_collision`."""
+        """Return the episodes that a collision has ended; none without `end_on_collision`."""
         if self.rules.end_on_collision:
             ended = np.asarray(self.terms(m).violated.any(axis=1))
         else:
@@ -181,7 +181,7 @@ class TargetTracking(TeamTask):
         high += [x, y, max(x, y), z] * self.n_obstacles
         return -np.array(high), np.array(high)
 
-    def info(self, m: Moment) -> Mapping[str, NDArray[Any]]:
+    def info(self, m: Moment) -> Mapping[str, NDArray[np.generic]]:
         """Return track, dist [m], viol and clean of this step, and each weighted term's mean."""
         t, rules = self.terms(m), self.rules
         viol = t.violated.any(axis=1)
@@ -228,7 +228,7 @@ class TargetTracking(TeamTask):
         return {**start, **super().start(draws)}
 
     def view(self, m: Moment, row: int) -> View:
-        """Say what to draw of one environment."""
+        """Return the picture of one environment."""
         from uuvsim_cosim.envs.pictures import drawn as p
 
         x, y, z = self.arena.size
@@ -259,7 +259,7 @@ class TargetTracking(TeamTask):
     def _seen(self, m: Moment) -> Seen:
         eta = self._of_all(m, "hull.eta")
         target, earlier = m["target.position"], m.before["target.position"]
-        if self.links:  # before their first sample, the start is known
+        if self.links:  # links have no sample yet: the start is known
             first, second = (m.step == 0)[:, None], (m.step <= 1)[:, None]
             eta = np.where(first[:, None], eta, self._of_all(m, "positioning.y"))
             target = np.where(first, target, m["positioning.y"])
@@ -294,7 +294,7 @@ class TargetTracking(TeamTask):
     def _reaches(self, obstacles: Array) -> Mask:
         return np.asarray(self.arena.size[2] - obstacles[:, :, 3] <= DEPTH)
 
-    def _slots_of(self, given: Any) -> tuple[int, int]:
+    def _slots_of(self, given: object) -> tuple[int, int]:
         least = (self.n_trackers - 1, self.n_obstacles)
         if given is None:
             return max(1, least[0]), max(2, least[1])

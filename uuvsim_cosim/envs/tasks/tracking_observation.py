@@ -1,4 +1,4 @@
-"""What one tracker sees: egocentric, of fixed width, padded with zeros behind presence flags."""
+"""Observation of one tracker: egocentric, of fixed width, padded with zeros behind flags."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ OBSTACLE = 5  # there?, ahead and to starboard [m], radius [m], distance of its 
 
 @dataclass(frozen=True)
 class Seen:
-    """What all trackers know, in N E D."""
+    """The knowledge of all trackers, in N E D."""
 
     eta: Array  # (n, N, 6)
     nu: Array  # (n, N, 6)
@@ -46,7 +46,7 @@ def largest(slots: tuple[int, int], arena: tuple[float, float]) -> Array:
 
 
 def symmetries(slots: tuple[int, int]) -> tuple[Symmetry, ...]:
-    """Return the mirror on which East changes its sign, and the half turn of the arena, and both.
+    """Return three symmetries: the mirror image (East changes its sign), the half turn, and both.
 
     An action is a surge acceleration and a yaw rate.
     """
@@ -69,10 +69,11 @@ def symmetries(slots: tuple[int, int]) -> tuple[Symmetry, ...]:
 def egocentric(
     i: int, seen: Seen, slots: tuple[int, int], arena: tuple[float, float], v: float, stride: float
 ) -> Array:
-    """Return tracker i's observation (n, width); the slots of others and obstacles: nearest first.
+    """Return tracker i's observation (n, width), with other trackers and obstacles nearest first.
 
-    `slots` are those of other trackers and of obstacles, `arena` its size [m], `v` the largest
-    surge speed [m/s], `stride` what one covers at it in an action [m].
+    `slots` are the numbers of other trackers and of obstacles in the observation, `arena` is its
+    size [m], `v` the largest surge speed [m/s], `stride` the distance covered at it in an action
+    [m].
     """
     eta, nu = seen.eta[:, i], seen.nu[:, i]
     here, psi = eta[:, :2], eta[:, 5]
@@ -111,7 +112,7 @@ def egocentric(
 
 
 def _slots(there: Mask, rows: list[Array], key: Array, count: int, n: int) -> Array:
-    """Return the `count` nearest that are there, each a flag and its rows, flat."""
+    """Return the `count` nearest present ones, each a flag and its rows, as one row."""
     table = np.stack([there.astype(float), *rows], axis=2) * there[:, :, None]
     order = np.argsort(np.where(there, key, np.inf), axis=1, kind="stable")[:, :count]
     chosen = np.take_along_axis(table, order[:, :, None], axis=1)

@@ -18,7 +18,7 @@ CONNECTED = 1e-9  # lambda_2 above it
 
 @dataclass(frozen=True)
 class Scene:
-    """Where all are, at one instant, in the horizontal plane [m]."""
+    """All positions at one instant, in the horizontal plane [m]."""
 
     trackers: Array  # (n, N, 2)
     target: Array  # (n, 2)
@@ -40,7 +40,7 @@ class Terms:
 
     @property
     def violated(self) -> Mask:
-        """Say which trackers are punished, of shape (n, N)."""
+        """The trackers with a penalty, of shape (n, N)."""
         return np.asarray((self.p_1 != 0) | (self.p_2 != 0) | (self.p_3 != 0))
 
     def rewards(self, rules: TrackingRules) -> Array:

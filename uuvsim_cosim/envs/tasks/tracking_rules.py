@@ -62,16 +62,13 @@ def rules_of(profile: str, vehicle: str, **changes: Any) -> TrackingRules:
     if unknown:
         known = list(TrackingRules.__dataclass_fields__)
         raise InputInvalid(f"no rule {unknown[0]!r}; expected {expected_names(unknown[0], known)}")
+    types = get_type_hints(TrackingRules)
     for name, value in changes.items():
-        _check(name, value)
+        place = f"rules, {name}"
+        if types[name] is bool:
+            flag(place, value)
+        elif types[name] is float:
+            within(place, value, 0.0 if name.startswith("d_") else -1e9, 1e9)
+        else:
+            one_of(place, value, get_args(types[name]))
     return replace(rules, **{**(HEAVY if vehicle == "bluerov2_heavy" else {}), **changes})
-
-
-def _check(name: str, value: Any) -> None:
-    kind = get_type_hints(TrackingRules)[name]
-    if kind is bool:
-        flag(f"rules, {name}", value)
-    elif kind is float:
-        within(f"rules, {name}", value, 0.0 if name.startswith("d_") else -1e9, 1e9)
-    else:
-        one_of(f"rules, {name}", value, get_args(kind))

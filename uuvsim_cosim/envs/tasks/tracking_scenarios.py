@@ -1,4 +1,4 @@
-"""The four scenarios of target tracking, each the schooling of the next."""
+"""The four scenarios of target tracking, each of which prepares for the next."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["SCENARIOS", "source", "target", "transition_1", "transition_2"]
 
 
 def source(**options: Any) -> TargetTracking:
-    """One tracker goes to a point."""
+    """One tracker, a target at rest."""
     return TargetTracking(**{"n_trackers": 1, "n_obstacles": 0, "motion": "rest", **options})
 
 

@@ -1,4 +1,4 @@
-"""Where an episode of target tracking begins: uniform in the arena, and legal."""
+"""Start of an episode of target tracking: uniform in the arena, and legal."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ RADIUS, TALL = (0.1, 0.2), (0.7, 1.1)  # m, of obstacles
 
 @dataclass(frozen=True)
 class Arena:
-    """The water's extent, middle at N = E = 0, and what keeps from its walls."""
+    """The arena's size, with its middle at N = E = 0, and distances from the walls at the start."""
 
     size: tuple[float, float, float] = (2.6, 4.8, 1.1)  # m, along N, E, D
     from_wall: float = 0.3  # m, trackers and obstacles' surfaces at the start
@@ -33,7 +33,7 @@ class Arena:
 
 @dataclass(frozen=True)
 class Drawn:
-    """Where all are at the start [m, rad]; obstacles are N, E, radius, height."""
+    """All poses at the start [m, rad]; obstacles are N, E, radius, height."""
 
     trackers: Array  # (n, N, 2)
     psi: Array  # (n, N)
@@ -112,7 +112,7 @@ def legal_start(
 
 
 def _gap(a: int, b: int, arena: Arena, rules: TrackingRules) -> float:
-    """Return what must lie between two kinds: 0 a tracker, 1 the target, 2 an obstacle."""
+    """Return the least distance of two types: 0 a tracker, 1 the target, 2 an obstacle."""
     pair: Sequence[int] = sorted((a, b))
     gaps = {
         (0, 0): rules.d_su + arena.clearance,

@@ -25,10 +25,10 @@ CURVES = ("lemniscate", "helix", "line")
 class TrajectoryFollowing(PoseTask):
     """Follow the curve of the component `reference`, drawn anew in each episode.
 
-    Drawn are its kind among `curves`, its speed in `speed` [m/s], its size (radius 1.5 to 3 m),
-    course, sense and climb. Beside the common ones, the observation holds the reference's
-    velocity in body axes (3), its yaw rate (1), and the next 4 points of it, 0.5 s apart,
-    relative to the vehicle in body axes (12, over 1 m).
+    The shape is drawn from `curves`, the speed from `speed` [m/s]; the size (radius 1.5 to 3 m),
+    course, sense and climb are drawn too. Besides the numbers of `PoseTask`, the observation has
+    the reference's velocity in body axes (3), its yaw rate (1), and its next 4 points, 0.5 s
+    apart, relative to the vehicle in body axes (12, over 1 m).
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class TrajectoryFollowing(PoseTask):
         self.curves = tuple(curves)
 
     def wanted(self, m: Moment) -> Array:
-        """Return where the reference is, and its heading."""
+        """Return the position of the reference, and its heading."""
         return m["reference.eta_d"][:, [0, 1, 2, 5]]
 
     def more(self, m: Moment, R: Array) -> list[Array]:

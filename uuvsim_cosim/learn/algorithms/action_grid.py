@@ -1,4 +1,4 @@
-"""Continuous actions as a choice among a few, for learners that choose."""
+"""Grid of actions: continuous actions as a choice among a few, for DQN."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ __all__ = ["action_grid"]
 def action_grid(width: int) -> NDArray[np.float32]:
     """Return the choices (k, width), in [-1, 1].
 
-    Two actions, as (a, omega) of target tracking: a grid of 3 x 5. One: 5 levels. More: to rest,
-    or one of them alone at -1 or 1, which are 2 width + 1 choices.
+    Two actions, such as (a, omega) of target tracking: a grid of 3 x 5. One action: 5 levels. More
+    actions: all 0, or one of them at -1 or 1, which are 2 width + 1 choices.
     """
     levels = np.linspace(-1.0, 1.0, 5)
     if width == 1:

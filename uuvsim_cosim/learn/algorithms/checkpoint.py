@@ -1,4 +1,4 @@
-"""A training kept whole in one file, from which it goes on to the same bits."""
+"""Checkpoint: the whole state of a training in one file; a resumed training has the same bits."""
 
 from __future__ import annotations
 
@@ -16,13 +16,14 @@ import torch
 from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.errors import InputInvalid, RecordingError
 
-__all__ = ["load_checkpoint", "save_checkpoint", "unfit"]
+__all__ = ["State", "load_checkpoint", "save_checkpoint", "unfit"]
 
+State = Mapping[str, Any]  # tensors, arrays, numbers and texts, nested in mappings and lists
 FORMAT = 2  # 1: without averaged actors
 
 
-def save_checkpoint(path: Path, content: Mapping[str, Any]) -> None:
-    """Write tensors, arrays, numbers and texts, nested in mappings and lists; whole, or not."""
+def save_checkpoint(path: Path, content: State) -> None:
+    """Write a state, whole or not at all."""
     buffer = io.BytesIO()
     torch.save({"uuvsim_checkpoint": FORMAT, "content": _tensors(content)}, buffer)
     try:
@@ -35,7 +36,7 @@ def save_checkpoint(path: Path, content: Mapping[str, Any]) -> None:
 
 
 def load_checkpoint(path: Path) -> dict[str, Any]:
-    """Read what `save_checkpoint` wrote; no code of the file is run. Raises InputInvalid."""
+    """Read a file of `save_checkpoint`; no code of the file is run. Raises InputInvalid."""
     if not path.is_file():
         raise InputInvalid(f"{path}: no such file; expected a checkpoint (.pt)")
     wanted = "expected a whole checkpoint as `uuvsim train` writes it"
@@ -57,21 +58,20 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
             f"{path}: format {read['uuvsim_checkpoint']}, written by another version of this "
             f"package; expected {FORMAT}, or to begin anew (--restart)"
         )
-    content: dict[str, Any] = _arrays(read["content"])
-    return content
+    return dict(_arrays(read["content"]))
 
 
 def unfit(error: Exception) -> InputInvalid:
-    """Return the error of a checkpoint that a learner cannot go on from."""
+    """Return the error of a checkpoint that does not fit a learner."""
     if isinstance(error, KeyError):
-        said = f"{error} is not in it"
-    else:  # torch says on further lines which numbers differ, one by one
-        said = str(error).splitlines()[0].rstrip(": ") if str(error) else type(error).__name__
-    return InputInvalid(f"{said}; expected one of this algorithm, with networks of these widths")
+        reason = f"{error} is not in it"
+    else:  # torch lists on further lines every number that differs
+        reason = str(error).splitlines()[0].rstrip(": ") if str(error) else type(error).__name__
+    return InputInvalid(f"{reason}; expected one of this algorithm, with networks of these widths")
 
 
-def _tensors(value: Any) -> Any:
-    """Put tensors in place of arrays, told apart from tensors by a mark."""
+def _tensors(value: object) -> object:
+    """Replace arrays by marked tensors, since torch.load accepts no arrays."""
     if isinstance(value, np.ndarray):
         kept = value.view(np.int64) if value.dtype == np.uint64 else value
         return {"__array__": str(value.dtype), "data": torch.from_numpy(np.ascontiguousarray(kept))}

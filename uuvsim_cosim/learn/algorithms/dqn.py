@@ -1,4 +1,4 @@
-"""Deep Q-learning of N agents at once, each for itself, that choose among a grid of actions.
+"""Deep Q-learning of N independent agents at once, which choose among a grid of actions.
 
 Mnih et al., "Human-level control through deep reinforcement learning", 2015, for each agent:
 
@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any, Self, final
+from dataclasses import asdict, dataclass, replace
+from typing import Self, final
 
 import numpy as np
 import torch
@@ -19,7 +19,7 @@ from torch.nn.functional import smooth_l1_loss
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.algorithms.action_grid import action_grid
-from uuvsim_cosim.learn.algorithms.checkpoint import unfit
+from uuvsim_cosim.learn.algorithms.checkpoint import State, unfit
 from uuvsim_cosim.learn.algorithms.gradients import check_gradients
 from uuvsim_cosim.learn.algorithms.masac_learner import _philox, _set_philox
 from uuvsim_cosim.learn.algorithms.replay_buffer import Replay, Transitions
@@ -77,11 +77,11 @@ class DqnLearner:
         self._optimizer = torch.optim.Adam(self.network.parameters(), lr=s.lr)
         self._replay = Replay(s.buffer, agents, observed, 1)  # of choices' numbers
         self._random = np.random.Generator(np.random.Philox(key=seed % 2**64))
-        self._lived, self._due, self._updates = 0, 0.0, 0
+        self._steps, self._due, self._updates = 0, 0.0, 0
         self._chosen: NDArray[np.int64] | None = None
 
     @property
-    def settings(self) -> Mapping[str, Any]:
+    def settings(self) -> Mapping[str, float]:
         """All numbers."""
         return asdict(self.given)
 
@@ -89,12 +89,12 @@ class DqnLearner:
     def epsilon(self) -> float:
         """The share of random actions now."""
         s = self.given
-        done = min(self._lived / max(s.epsilon_steps, 1), 1.0)
+        done = min(self._steps / max(s.epsilon_steps, 1), 1.0)
         return s.epsilon + done * (s.epsilon_end - s.epsilon)
 
     @torch.no_grad()
     def act(self, observation: Array, explore: bool = True) -> Array:
-        """Return the actions of greatest value, or now and then any."""
+        """Return the actions of greatest value; epsilon-greedy while exploring."""
         o = torch.as_tensor(observation, dtype=torch.float32).transpose(0, 1)
         chosen = np.asarray(self.network(o).argmax(-1).T.numpy())
         if explore:
@@ -103,24 +103,24 @@ class DqnLearner:
             self._chosen = chosen
         return np.asarray(self.grid[chosen])
 
-    def learn(self, lived: Transitions, over: NDArray[np.bool_]) -> Mapping[str, float]:
-        """Keep what was lived, and make the updates that are due."""
+    def learn(self, transitions: Transitions, over: NDArray[np.bool_]) -> Mapping[str, float]:
+        """Store the transitions, and make the updates that are due."""
         if self._chosen is None:
             raise InputInvalid("idqn: nothing was chosen; expected act() before learn()")
         number = self._chosen[:, :, None].astype(np.float32)
-        self._replay.add(
-            Transitions(lived.observation, number, lived.reward, lived.after, lived.terminated)
-        )
-        self._lived += len(over)
-        if self._lived < max(self.given.warm_up, self.given.batch):
+        self._replay.add(replace(transitions, action=number))
+        self._steps += len(over)
+        if self._steps < max(self.given.warm_up, self.given.batch):
             return {}
         self._due += self.given.updates
-        told: dict[str, float] = {}
+        losses: dict[str, float] = {}
         while self._due >= 1.0:
-            told = self._descend(self._replay.draw(self.given.batch, self._random))
+            losses = self._descend(self._replay.draw(self.given.batch, self._random))
             self._due -= 1.0
             self._updates += 1
-        return {**told, "updates": float(self._updates), "epsilon": self.epsilon} if told else {}
+        if not losses:
+            return {}
+        return {**losses, "updates": float(self._updates), "epsilon": self.epsilon}
 
     def _descend(self, drawn: Transitions) -> dict[str, float]:
         o, a, after = (
@@ -149,16 +149,13 @@ class DqnLearner:
         return "grid", {**self.network.tensors(agent), "grid": self.grid}
 
     def go_on_from(self, last: Self, seed: int) -> None:
-        """Act as `last` does; raises InputInvalid for other shapes."""
-        kept = last._replay.state()
-        awake = np.zeros(self.observed, bool)
-        for name in ("observation", "after"):
-            awake |= (kept[name] != 0).any(axis=(0, 1))
+        """Copy the networks of `last`; raises InputInvalid for other shapes."""
+        awake = last._replay.awake()
         nets = [i % last.agents for i in range(self.agents)]
         for of, to in ((last.network, self.network), (last.target, self.target)):
             pass_on(of, to, nets, [[(0, 0)]] * self.agents, awake)
 
-    def state(self) -> Mapping[str, Any]:
+    def state(self) -> State:
         """Return networks, optimiser, buffer, counters, random numbers."""
         return {
             "network": self.network.state_dict(),
@@ -166,17 +163,17 @@ class DqnLearner:
             "adam": self._optimizer.state_dict(),
             "replay": self._replay.state(),
             "random": _philox(self._random),
-            "counters": (self._lived, self._due, self._updates),
+            "counters": (self._steps, self._due, self._updates),
         }
 
-    def set_state(self, state: Mapping[str, Any]) -> None:
-        """Go on from there."""
+    def set_state(self, state: State) -> None:
+        """Restore a state; raises InputInvalid for another shape."""
         try:
             self.network.load_state_dict(state["network"])
             self.target.load_state_dict(state["target"])
             self._optimizer.load_state_dict(state["adam"])
             self._replay.set_state(state["replay"])
-            self._lived, self._due, self._updates = state["counters"]
+            self._steps, self._due, self._updates = state["counters"]
             _set_philox(self._random, state["random"])
         except (KeyError, RuntimeError, ValueError, TypeError) as error:
             raise unfit(error) from error

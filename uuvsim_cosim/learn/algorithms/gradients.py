@@ -1,4 +1,4 @@
-"""Gradients: refused where they are no numbers, and held to a length."""
+"""Checks of gradients for NaN, and clipping of their norms."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def check_gradients(algorithm: str, name: str, parameters: Iterable[Tensor]) -> 
 
 @torch.no_grad()
 def clip_by_network(parameters: Iterable[Tensor], most: float) -> None:
-    """Hold the gradient of each network of a stack (their first axis) to length `most`."""
+    """Clip the gradient of each network of a stack (the first axis) to the norm `most`."""
     given = [p.grad for p in parameters if p.grad is not None]
     squares = torch.stack([g.flatten(1).square().sum(1) for g in given]).sum(0)
     scale = (most / (squares.sqrt() + 1e-6)).clamp(max=1.0)

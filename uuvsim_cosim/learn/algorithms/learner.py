@@ -1,14 +1,17 @@
-"""What learns, behind one interface: it acts, it is told what came of it, it can be kept."""
+"""Interface of a learner: it acts, learns from transitions, and can be saved and restored."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Protocol, Self
+from typing import TYPE_CHECKING, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.learn.algorithms.replay_buffer import Transitions
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.learn.algorithms.checkpoint import State
 
 __all__ = ["Learner", "Transferable"]
 
@@ -18,42 +21,44 @@ Array = NDArray[np.float32]
 class Learner(Protocol):
     """An algorithm on the experience of n environments with N agents.
 
-    All it draws comes from its seed: equal seeds and experience give equal bits on one thread.
+    Its random numbers come from its seed: equal seeds and transitions give equal bits on one
+    thread. `act` must be called before `learn`: learners keep the drawn actions between the two.
     """
 
     @property
     def name(self) -> str:
-        """The algorithm, as on the command line: "masac"."""
+        """The name of the algorithm, as on the command line: "masac"."""
 
     @property
-    def settings(self) -> Mapping[str, Any]:
-        """All numbers that it was given, for the record."""
+    def settings(self) -> Mapping[str, float]:
+        """All settings, which are saved with the policies."""
 
     def act(self, observation: Array, explore: bool = True) -> Array:
         """Return actions (n, N, a) in [-1, 1] of observations (n, N, d)."""
 
-    def learn(self, lived: Transitions, over: NDArray[np.bool_]) -> Mapping[str, float]:
-        """Take in a step of all environments, and learn; gives losses, or nothing.
+    def learn(self, transitions: Transitions, over: NDArray[np.bool_]) -> Mapping[str, float]:
+        """Learn from a step of all environments; returns losses, or nothing without an update.
 
-        `over` (n,) says whose episode ended. Raises LearningDiverged for a NaN.
+        `over` (n,) marks the environments whose episode ended. Raises LearningDiverged for NaN.
         """
 
     def tensors(self, agent: int) -> tuple[str, Mapping[str, Array]]:
         """Return the kind and the tensors of one agent's `Policy`."""
 
-    def state(self) -> Mapping[str, Any]:
-        """Return all that learning goes on from: networks, optimisers, buffers, random numbers."""
+    def state(self) -> State:
+        """Return the state of learning: networks, optimisers, buffers, random numbers."""
 
-    def set_state(self, state: Mapping[str, Any]) -> None:
-        """Go on from what `state` gave; raises InputInvalid for one of another shape."""
+    def set_state(self, state: State) -> None:
+        """Restore a state; raises InputInvalid for one of another shape."""
 
 
 class Transferable(Learner, Protocol):
-    """A learner that goes on in another task with what it has learned in the last one."""
+    """A learner that can continue in another task with the networks of the last one."""
 
     def go_on_from(self, last: Self, seed: int) -> None:
-        """Act exactly as `last` does, as long as nothing is observed that it never saw.
+        """Copy the networks of `last`, so that the actions are exactly unchanged.
 
-        Agent i begins as a copy of agent i mod N of `last`. Optimisers, buffers and random numbers
-        stay as they are. Raises InputInvalid for networks of other shapes.
+        They differ only for numbers of the observation that were always zero for `last`. Agent i
+        begins as a copy of agent i mod N of `last`. Optimisers, buffers and random numbers are not
+        copied. Raises InputInvalid for networks of other shapes.
         """

@@ -14,10 +14,9 @@ All agents and both critics of each are one stacked batch of networks.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import dataclass
-from typing import Any, final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 import torch
@@ -30,6 +29,9 @@ from uuvsim_cosim.learn.algorithms.replay_buffer import Transitions
 from uuvsim_cosim.learn.algorithms.stacked import StackedMLP
 from uuvsim_cosim.learn.shared.errors import LearningDiverged
 
+if TYPE_CHECKING:
+    from uuvsim_cosim.learn.algorithms.checkpoint import State
+
 __all__ = ["Masac", "MasacSettings"]
 
 LOG_STD = -5.0, 2.0  # limits of the logarithm of an actor's deviation
@@ -37,7 +39,7 @@ LOG_STD = -5.0, 2.0  # limits of the logarithm of an actor's deviation
 
 @dataclass(frozen=True)
 class MasacSettings:
-    """The paper's numbers, and what it does not say (see docs/learning/learning.md)."""
+    """The paper's numbers, and others that it does not give (see docs/learning/learning.md)."""
 
     lr: float = 3e-4
     gamma: float = 0.99
@@ -49,9 +51,9 @@ class MasacSettings:
     central: bool = True  # critics see all agents; without: independent SAC
     shared: bool = False  # one actor and one critic for all agents, each seen as the first
     h0: float = 1.0  # the entropy wanted is -h0 dim a
-    centre: float = 0.0  # share of the error that a mean of rewards, taken off them, follows
+    centre: float = 0.0  # rate of the mean reward that is subtracted from the rewards
     normalised: bool = False  # layers of the critics, see `StackedMLP`
-    average: float = 1.0  # share of the way to the actor that what leaves goes, an update
+    average: float = 1.0  # weight of the actor in the exported moving average; 1: the actor itself
 
 
 @final
@@ -74,10 +76,10 @@ class Masac:
             for _ in range(2)
         )
         self.target.load_state_dict(self.critic.state_dict())
-        self.averaged = deepcopy(self.actor)  # what leaves: it follows the actor
+        self.averaged = deepcopy(self.actor)  # moving average, which is evaluated and exported
         for slow in (self.target, self.averaged):
             slow.requires_grad_(False)
-        self.centre = torch.zeros(agents)  # taken off the rewards
+        self.centre = torch.zeros(agents)  # mean rewards, which are subtracted
         self.log_alpha = torch.full((agents,), math.log(settings.alpha), requires_grad=True)
         self.optimizers = {
             name: torch.optim.Adam(parameters, lr=settings.lr, fused=True)
@@ -94,7 +96,7 @@ class Masac:
     # ---- acting ---------------------------------------------------------------------------
 
     @torch.no_grad()
-    def act(self, observation: NDArray[Any], explore: bool = True) -> NDArray[np.float32]:
+    def act(self, observation: NDArray[np.generic], explore: bool = True) -> NDArray[np.float32]:
         """Return actions (n, N, a) of observations (n, N, d): drawn, or each actor's mean."""
         o = torch.as_tensor(observation, dtype=torch.float32).transpose(0, 1)
         if explore:
@@ -123,8 +125,8 @@ class Masac:
 
     def update(self, drawn: Transitions, *, critic_only: bool = False) -> dict[str, float]:
         """Make one gradient step of each network; gives the losses and alpha, means of agents."""
-        lived = drawn.observation, drawn.action, drawn.after
-        o, a, after = (torch.from_numpy(x).transpose(0, 1) for x in lived)
+        columns = drawn.observation, drawn.action, drawn.after
+        o, a, after = (torch.from_numpy(x).transpose(0, 1) for x in columns)
         r, ended = (torch.from_numpy(x).T for x in (drawn.reward, drawn.terminated))
         alpha = self.log_alpha.detach().exp()[:, None]
         with torch.no_grad():
@@ -137,21 +139,21 @@ class Masac:
             error = (y - q.detach().mean(1)).mean(1)
             self.centre += self.settings.centre * (error.mean() if self.settings.shared else error)
         critic_loss = 0.5 * ((q - y[:, None]) ** 2).mean(-1).sum()
-        told = {"critic_loss": self._descend("critic", critic_loss)}
+        losses = {"critic_loss": self._descend("critic", critic_loss)}
         if not critic_only:
-            told |= self._improve(o, a, alpha)
+            losses |= self._improve(o, a, alpha)
             _follow(self.averaged, self.actor, self.settings.average)
         _follow(self.target, self.critic, self.settings.tau)
-        return {**told, "alpha": float(alpha.mean()), "q": float(q.detach().mean())}
+        return {**losses, "alpha": float(alpha.mean()), "q": float(q.detach().mean())}
 
     def _offset(self, ended: Tensor) -> Tensor:
         """Return the share of a mean reward c in y (N, n): without it, Q is Q - c / (1 - gamma).
 
-        Naik et al., "Reward Centering", 2024. What is best stays the best, also where episodes
-        end; what is learned no longer begins with climbing to c / (1 - gamma).
+        Naik et al., "Reward Centering", 2024. The best action stays the best, also where episodes
+        end, and learning no longer begins with climbing to c / (1 - gamma).
         """
-        left = 1.0 - self.settings.gamma * (1.0 - ended)
-        return self.centre[:, None] * left / max(1.0 - self.settings.gamma, 1e-9)
+        share = 1.0 - self.settings.gamma * (1.0 - ended)
+        return self.centre[:, None] * share / max(1.0 - self.settings.gamma, 1e-9)
 
     def _improve(self, o: Tensor, a: Tensor, alpha: Tensor) -> dict[str, float]:
         drawn, log_pi = self._drawn(o)
@@ -160,18 +162,18 @@ class Masac:
         q = self._q(self.critic, self._seen(o, a, drawn)).amin(1)
         for p in self.critic.parameters():
             p.requires_grad_(True)
-        told = {"actor_loss": self._descend("actor", (alpha * log_pi - q).mean(-1).sum())}
+        losses = {"actor_loss": self._descend("actor", (alpha * log_pi - q).mean(-1).sum())}
         entropy = -log_pi.detach().mean(-1)
         if self.settings.tune_alpha:
             wanted = -self.settings.h0 * self.acted
             loss = (self.log_alpha.exp() * (entropy - wanted)).sum()
             self._descend("alpha", loss)
-        return {**told, "entropy": float(entropy.mean())}
+        return {**losses, "entropy": float(entropy.mean())}
 
     def _descend(self, name: str, loss: Tensor) -> float:
         optimizer = self.optimizers[name]
         value = float(loss.detach()) / self.agents
-        if not math.isfinite(value):  # before anything is changed by it
+        if not math.isfinite(value):  # checked before it changes the networks
             raise LearningDiverged("masac", f"{name}_loss", value)
         optimizer.zero_grad(set_to_none=True)
         loss.backward()  # type: ignore[no-untyped-call]
@@ -205,8 +207,8 @@ class Masac:
 
     # ---- state ----------------------------------------------------------------------------
 
-    def state(self) -> dict[str, Any]:
-        """Return all that learning goes on from, for torch.save."""
+    def state(self) -> dict[str, object]:
+        """Return the state of learning, for torch.save."""
         return {
             "actor": self.actor.state_dict(),
             "averaged": self.averaged.state_dict(),
@@ -218,8 +220,8 @@ class Masac:
             **{f"adam_{k}": o.state_dict() for k, o in self.optimizers.items()},
         }
 
-    def set_state(self, state: Mapping[str, Any]) -> None:
-        """Go on from what `state` gave; raises KeyError or RuntimeError for another shape."""
+    def set_state(self, state: State) -> None:
+        """Restore a state; raises KeyError or RuntimeError for another shape."""
         self.actor.load_state_dict(state["actor"])
         self.averaged.load_state_dict(state["averaged"])
         self.critic.load_state_dict(state["critic"])

@@ -1,17 +1,17 @@
-"""MASAC and SAC as a `Learner`: a warm-up, a buffer, and so many updates for each step lived."""
+"""MASAC and SAC as a `Learner`: warm-up, replay buffer, updates for each environment step."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, Self, final
+from typing import Self, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.task.symmetry import Symmetry
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.learn.algorithms.checkpoint import unfit
+from uuvsim_cosim.learn.algorithms.checkpoint import State, unfit
 from uuvsim_cosim.learn.algorithms.masac import Masac, MasacSettings
 from uuvsim_cosim.learn.algorithms.n_step import NStep
 from uuvsim_cosim.learn.algorithms.replay_buffer import Replay, Transitions
@@ -24,7 +24,7 @@ Array = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class OffPolicySettings:
-    """How experience becomes updates."""
+    """The numbers of the replay buffer and of the updates."""
 
     batch: int = 256
     buffer: int = 100_000  # transitions
@@ -56,15 +56,11 @@ class MasacLearner:
             raise InputInvalid("mirror: the task has no symmetry; expected mirror=false")
         for symmetry in self.symmetries:
             symmetry.check(observed, acted)
-        self.masac = Masac(agents, observed, acted, network or MasacSettings(), seed)
-        self._begin(seed)
-
-    def _begin(self, seed: int) -> None:
-        m = self.masac
+        self.masac = m = Masac(agents, observed, acted, network or MasacSettings(), seed)
         self._replay = Replay(self.schedule.buffer, m.agents, m.observed, m.acted)
         self._random = np.random.Generator(np.random.Philox(key=seed % 2**64))
         self._several = NStep(self.schedule.n_step, m.settings.gamma)
-        self._lived, self._due, self._updates = 0, 0.0, 0
+        self._steps, self._due, self._updates = 0, 0.0, 0
 
     @property
     def name(self) -> str:
@@ -74,80 +70,76 @@ class MasacLearner:
         return "masac" if self.masac.settings.central else "isac"
 
     @property
-    def settings(self) -> Mapping[str, Any]:
-        """All numbers."""
+    def settings(self) -> Mapping[str, float]:
+        """All settings."""
         return {**asdict(self.masac.settings), **asdict(self.schedule)}
 
     def act(self, observation: Array, explore: bool = True) -> Array:
         """Return actions: random ones during the warm-up."""
-        if explore and self._lived < self.schedule.warm_up:
+        if explore and self._steps < self.schedule.warm_up:
             shape = (*observation.shape[:2], self.masac.acted)
             return self._random.uniform(-1.0, 1.0, shape).astype(np.float32)
         return self.masac.act(observation, explore)
 
-    def learn(self, lived: Transitions, over: NDArray[np.bool_]) -> Mapping[str, float]:
-        """Keep what was lived, and make the updates that are due."""
-        summed = self._several(lived, over)
+    def learn(self, transitions: Transitions, over: NDArray[np.bool_]) -> Mapping[str, float]:
+        """Store the transitions, and make the updates that are due."""
+        summed = self._several(transitions, over)
         if summed is not None:
             self._replay.add(summed)
-        self._lived += len(lived.reward)
-        if summed is None or self._lived < max(self.schedule.warm_up, self.schedule.batch):
+        self._steps += len(transitions.reward)
+        if summed is None or self._steps < max(self.schedule.warm_up, self.schedule.batch):
             return {}
         self._due += self.schedule.updates
-        told: Mapping[str, float] = {}
+        losses: Mapping[str, float] = {}
         while self._due >= 1.0:
             drawn = self._replay.draw(
                 self.schedule.batch, self._random, self.symmetries if self.schedule.mirror else ()
             )
             skipped = self._updates % self.schedule.actor_every > 0
             early = self._updates < self.schedule.critic_only
-            told = {**told, **self.masac.update(drawn, critic_only=early or skipped)}
+            losses = {**losses, **self.masac.update(drawn, critic_only=early or skipped)}
             self._due -= 1.0
             self._updates += 1
-        return {**told, "updates": float(self._updates)} if told else {}
+        return {**losses, "updates": float(self._updates)} if losses else {}
 
     def tensors(self, agent: int) -> tuple[str, Mapping[str, Array]]:
         """Return an actor's mean."""
         return "tanh", self.masac.tensors(agent)
 
     def awake(self) -> NDArray[np.bool_]:
-        """Say which numbers of the observations have been other than zero, of shape (d,)."""
-        kept = self._replay.state()
-        seen = np.zeros(self.masac.observed, bool)
-        for name in ("observation", "after"):
-            seen |= (kept[name] != 0).any(axis=(0, 1))
-        return seen
+        """Return which numbers of the observations have ever been nonzero, of shape (d,)."""
+        return self._replay.awake()
 
     def go_on_from(self, last: Self, seed: int) -> None:
-        """Act as `last` does; see `transfer`. Raises InputInvalid for other shapes."""
+        """Continue with the networks of `last`; see `transfer`. Raises InputInvalid."""
         m = self.masac
         self.masac = transfer(
             last.masac, m.agents, last.awake(), observed=m.observed, seed=seed, settings=m.settings
         )
 
-    def state(self) -> Mapping[str, Any]:
+    def state(self) -> State:
         """Return networks, optimisers, buffer, counters, random numbers."""
         return {
             "masac": self.masac.state(),
             "replay": self._replay.state(),
             "several": self._several.state(),
             "random": _philox(self._random),
-            "counters": (self._lived, self._due, self._updates),
+            "counters": (self._steps, self._due, self._updates),
         }
 
-    def set_state(self, state: Mapping[str, Any]) -> None:
-        """Go on from there."""
+    def set_state(self, state: State) -> None:
+        """Restore a state; raises InputInvalid for another shape."""
         try:
             self.masac.set_state(state["masac"])
             self._replay.set_state(state["replay"])
             self._several.set_state(state["several"])
-            self._lived, self._due, self._updates = state["counters"]
+            self._steps, self._due, self._updates = state["counters"]
             _set_philox(self._random, state["random"])
         except (KeyError, RuntimeError, ValueError, TypeError) as error:
             raise unfit(error) from error
 
 
-def _philox(random: np.random.Generator) -> dict[str, Any]:
+def _philox(random: np.random.Generator) -> dict[str, list[int]]:
     """Return a generator's state as plain integers."""
     state = random.bit_generator.state
     inner = state["state"]
@@ -159,7 +151,7 @@ def _philox(random: np.random.Generator) -> dict[str, Any]:
     }
 
 
-def _set_philox(random: np.random.Generator, kept: Mapping[str, Any]) -> None:
+def _set_philox(random: np.random.Generator, kept: Mapping[str, list[int]]) -> None:
     pos, has, word = kept["rest"]
     random.bit_generator.state = {
         "bit_generator": "Philox",

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import fields
-from typing import Any, final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.learn.algorithms.replay_buffer import Transitions
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.learn.algorithms.checkpoint import State
 
 __all__ = ["NStep"]
 
@@ -22,39 +25,39 @@ class NStep:
 
         reward = sum_k gamma^k r_k,    gamma (1 - terminated) = gamma^K (1 - terminated_(K-1))
 
-    so that who learns from one step learns from K with the same equation.
+    so that a learner of one step learns from K steps with the same equation.
     """
 
     def __init__(self, count: int, gamma: float) -> None:
         self.count, self.gamma = count, gamma
         self._kept: list[tuple[Transitions, NDArray[np.bool_]]] = []
 
-    def __call__(self, lived: Transitions, over: NDArray[np.bool_]) -> Transitions | None:
-        """Take in a step of n environments; give that of `count` - 1 steps ago, if there is."""
-        self._kept.append((lived, np.array(over, bool)))
+    def __call__(self, transitions: Transitions, over: NDArray[np.bool_]) -> Transitions | None:
+        """Add a step of n environments; returns the transition of `count` - 1 steps ago, if any."""
+        self._kept.append((transitions, np.array(over, bool)))
         if len(self._kept) < self.count:
             return None
         first = self._kept[0][0]
         reward, after = np.zeros_like(first.reward), first.after.copy()
-        left = np.ones_like(first.reward)  # gamma^(K-1) (1 - terminated)
+        alive = np.ones_like(first.reward)  # gamma^(K-1) (1 - terminated)
         goes_on, discount = np.ones(len(over), bool), 1.0
         for step, ended in self._kept:
             rows = goes_on
             reward[rows] += np.float32(discount) * step.reward[rows]
             after[rows] = step.after[rows]
-            left[rows] = np.float32(discount) * (1.0 - step.terminated[rows])
+            alive[rows] = np.float32(discount) * (1.0 - step.terminated[rows])
             discount *= self.gamma
             goes_on = goes_on & ~ended
         self._kept.pop(0)
-        return Transitions(first.observation, first.action, reward, after, 1.0 - left)
+        return Transitions(first.observation, first.action, reward, after, 1.0 - alive)
 
-    def state(self) -> list[dict[str, Any]]:
+    def state(self) -> list[dict[str, object]]:
         """Return the steps that wait for their rewards."""
         names = [f.name for f in fields(Transitions)]
         return [{**{k: getattr(t, k) for k in names}, "over": over} for t, over in self._kept]
 
-    def set_state(self, state: list[Mapping[str, Any]]) -> None:
-        """Go on from there."""
+    def set_state(self, state: Sequence[State]) -> None:
+        """Restore a state."""
         self._kept = [
             (Transitions(**{k: v for k, v in row.items() if k != "over"}), row["over"])
             for row in state

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, Self, final
+from typing import Self, final
 
 import numpy as np
 import torch
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.learn.algorithms.checkpoint import unfit
+from uuvsim_cosim.learn.algorithms.checkpoint import State, unfit
 from uuvsim_cosim.learn.algorithms.gradients import check_gradients, clip_by_network
 from uuvsim_cosim.learn.algorithms.replay_buffer import Transitions
 from uuvsim_cosim.learn.algorithms.stacked import StackedMLP
@@ -80,14 +80,14 @@ class PpoLearner:
         self.actor = StackedMLP(agents, [observed, *hidden, acted], self._random)
         self.critic = StackedMLP(agents, [seen, *hidden, 1], self._random)
         with torch.no_grad():
-            self.actor.weights[-1].mul_(0.01)  # begins in the middle, with all its deviation
+            self.actor.weights[-1].mul_(0.01)  # the first actions are near 0, and all exploration
             self.actor.biases[-1].zero_()
         self.log_std = torch.full((agents, 1, acted), s.log_std, requires_grad=True)
         self._parameters = [*self.actor.parameters(), *self.critic.parameters(), self.log_std]
         self._optimizer = torch.optim.Adam(self._parameters, lr=s.lr, eps=1e-5)
         self._kept: list[dict[str, Array]] = []
         self._awake = np.zeros(observed, bool)  # numbers observed that have been other than zero
-        self._drawn: tuple[Array, Array] | None = None  # as drawn, before [-1, 1]; log density
+        self._drawn: tuple[Array, Array] | None = None  # unclipped actions, their log density
 
     @property
     def settings(self) -> Mapping[str, Any]:
@@ -96,7 +96,7 @@ class PpoLearner:
 
     @torch.no_grad()
     def act(self, observation: Array, explore: bool = True) -> Array:
-        """Return actions: drawn and cut to [-1, 1], or each actor's mean."""
+        """Return actions clipped to [-1, 1]: drawn, or each actor's mean."""
         o = torch.as_tensor(observation, dtype=torch.float32).transpose(0, 1)
         action = self.actor(o)
         if explore:
@@ -106,21 +106,21 @@ class PpoLearner:
             self._drawn = _rows(action), _rows(log_pi)
         return np.asarray(_rows(action).clip(-1.0, 1.0))
 
-    def learn(self, lived: Transitions, over: NDArray[np.bool_]) -> Mapping[str, float]:
-        """Keep what was lived; every so often learn from it, and forget it."""
+    def learn(self, transitions: Transitions, over: NDArray[np.bool_]) -> Mapping[str, float]:
+        """Store the transitions; after `samples` steps learn from them, and discard them."""
         if self._drawn is None:
             raise InputInvalid(f"{self.name}: nothing was drawn; expected act() before learn()")
         drawn, log_pi = self._drawn
-        for seen in (lived.observation, lived.after):
+        for seen in (transitions.observation, transitions.after):
             self._awake |= (seen != 0).any(axis=(0, 1))
         self._kept.append(
             {
-                "observation": lived.observation,
+                "observation": transitions.observation,
                 "action": drawn,
                 "log_pi": log_pi,
-                "reward": lived.reward,
-                "after": lived.after,
-                "terminated": lived.terminated,
+                "reward": transitions.reward,
+                "after": transitions.after,
+                "terminated": transitions.terminated,
                 "over": np.repeat(over[:, None], self.agents, 1).astype(np.float32),
             }
         )
@@ -136,7 +136,10 @@ class PpoLearner:
         """Learn from columns (T, n, N, …)."""
         s = self.given
         with torch.no_grad():
-            v, v_after = (self._values_over_time(kept[k]) for k in ("observation", "after"))
+            v, v_after = (
+                self._values(kept[k].flatten(0, 1)).view(kept[k].shape[:3])
+                for k in ("observation", "after")
+            )
             delta = kept["reward"] + s.gamma * (1.0 - kept["terminated"]) * v_after - v
             advantage, last = torch.zeros_like(delta), torch.zeros_like(delta[0])
             goes_on = (1.0 - kept["over"]) * (1.0 - kept["terminated"])
@@ -148,13 +151,13 @@ class PpoLearner:
             "goal": (advantage + v).flatten(0, 1),
         }
         count = len(flat["reward"])
-        told: dict[str, float] = {}
+        losses: dict[str, float] = {}
         for _ in range(s.epochs):
             order = torch.randperm(count, generator=self._random)
             for at in torch.split(order, s.batch):
                 if len(at) > 1:
-                    told = self._descend({k: x[at] for k, x in flat.items()})
-        return told
+                    losses = self._descend({k: x[at] for k, x in flat.items()})
+        return losses
 
     def _descend(self, b: Mapping[str, Tensor]) -> dict[str, float]:
         """Make one gradient step on a batch (m, N, …)."""
@@ -168,13 +171,13 @@ class PpoLearner:
         critic_loss = 0.5 * (self._values(b["observation"]).T - goal).square().mean(1).sum()
         entropy = (self.log_std + 0.5 * math.log(2.0 * math.pi * math.e)).sum(-1).sum()
         loss = actor_loss + 2.0 * s.value * critic_loss - s.entropy * entropy
-        told = {
+        losses = {
             "actor_loss": float(actor_loss.detach()) / self.agents,
             "critic_loss": float(critic_loss.detach()) / self.agents,
             "entropy": float(entropy.detach()) / self.agents,
             "ratio": float(ratio.detach().mean()),
         }
-        for name, value in told.items():
+        for name, value in losses.items():
             if not math.isfinite(value):
                 raise LearningDiverged(self.name, name, value)
         self._optimizer.zero_grad(set_to_none=True)
@@ -182,10 +185,10 @@ class PpoLearner:
         check_gradients(self.name, "actors and critics", self._parameters)
         clip_by_network(self._parameters, s.max_norm)
         self._optimizer.step()
-        return told
+        return losses
 
     def _log_density(self, o: Tensor, a: Tensor) -> Tensor:
-        """Return log pi (N, m) of actions (N, m, a), before they are cut."""
+        """Return log pi (N, m) of unclipped actions (N, m, a)."""
         z = (a - self.actor(o)) / self.log_std.exp()
         each: Tensor = -0.5 * z.square() - self.log_std - 0.5 * math.log(2.0 * math.pi)
         return each.sum(-1)
@@ -196,15 +199,12 @@ class PpoLearner:
         values: Tensor = self.critic(seen)
         return values.squeeze(-1).T
 
-    def _values_over_time(self, o: Tensor) -> Tensor:
-        return self._values(o.flatten(0, 1)).view(o.shape[:3])
-
     def tensors(self, agent: int) -> tuple[str, Mapping[str, Array]]:
-        """Return an actor's mean, to be cut to [-1, 1]."""
+        """Return an actor's mean, which is clipped to [-1, 1]."""
         return "clip", self.actor.tensors(agent)
 
     def go_on_from(self, last: Self, seed: int) -> None:
-        """Act as `last` does, with the same deviations; raises InputInvalid for other shapes."""
+        """Copy the networks and deviations of `last`; raises InputInvalid for other shapes."""
         nets = [i % last.agents for i in range(self.agents)]
         own = [[(0, 0)]] * self.agents
         pass_on(last.actor, self.actor, nets, own, last._awake)
@@ -213,7 +213,7 @@ class PpoLearner:
         with torch.no_grad():
             self.log_std.copy_(last.log_std[nets])
 
-    def state(self) -> Mapping[str, Any]:
+    def state(self) -> State:
         """Return networks, optimiser, what is kept, random numbers."""
         kept = {k: np.stack([row[k] for row in self._kept]) for k in (self._kept or [{}])[0]}
         return {
@@ -226,8 +226,8 @@ class PpoLearner:
             "kept": kept,
         }
 
-    def set_state(self, state: Mapping[str, Any]) -> None:
-        """Go on from there."""
+    def set_state(self, state: State) -> None:
+        """Restore a state; raises InputInvalid for another shape."""
         try:
             self.actor.load_state_dict(state["actor"])
             self.critic.load_state_dict(state["critic"])
@@ -235,7 +235,7 @@ class PpoLearner:
                 self.log_std.copy_(state["log_std"])
             self._optimizer.load_state_dict(state["adam"])
             self._random.set_state(state["random"])
-            awake = state.get("awake")  # files of before do not say: then all may have been
+            awake = state.get("awake")  # missing in older files: then any number may have been
             self._awake = np.ones(self.observed, bool) if awake is None else np.array(awake, bool)
             kept = state["kept"]
             count = len(kept["reward"]) if kept else 0

@@ -1,4 +1,4 @@
-"""The algorithms by name: for how many agents each is, its numbers, and how it is made."""
+"""Registry of the algorithms: number of agents, settings, and how a learner is made."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ ALGORITHMS = {
 }
 
 
-TRANSFERS = ("masac", "isac", "ippo", "mappo", "idqn")  # go on in another task: a curriculum's
+TRANSFERS = ("masac", "isac", "ippo", "mappo", "idqn")  # Transferable: for curricula
 
 
 def algorithm_for(name: str | None, agents: int) -> Algorithm:
@@ -71,7 +71,7 @@ def algorithm_for(name: str | None, agents: int) -> Algorithm:
 
 def learner_of(
     algorithm: Algorithm,
-    settings: Mapping[str, Any],
+    settings: Mapping[str, object],
     *,
     agents: int,
     observed: int,
@@ -102,14 +102,14 @@ def learner_of(
     return makers.make(agents, observed, acted, n, seed, made)
 
 
-def check_settings(algorithm: Algorithm, settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Return settings as what they are; raises InputInvalid for unknown ones and wrong values."""
+def check_settings(algorithm: Algorithm, settings: Mapping[str, object]) -> dict[str, float]:
+    """Return settings with their types; raises InputInvalid for unknown names and wrong values."""
     makers = _makers(algorithm.name)
-    hints: dict[str, Any] = {}
+    hints: dict[str, type] = {}
     for kind in makers.settings:
         hints |= {k: v for k, v in get_type_hints(kind).items() if k not in makers.fixed}
-    given = dict(settings)
-    for name, value in given.items():
+    given = {}
+    for name, value in settings.items():
         if name not in hints:
             raise InputInvalid(
                 f"{algorithm.name}, setting {name!r}; expected {expected_names(name, hints)}"
@@ -118,17 +118,17 @@ def check_settings(algorithm: Algorithm, settings: Mapping[str, Any]) -> dict[st
     return given
 
 
-def default_settings(name: str) -> dict[str, Any]:
+def default_settings(name: str) -> dict[str, float]:
     """Return the defaults of all settings of an algorithm."""
     makers = _makers(name)
-    given = {f.name: f.default for kind in makers.settings for f in fields(kind)}
+    given: dict[str, Any] = {f.name: f.default for kind in makers.settings for f in fields(kind)}
     return {**given, **makers.fixed}
 
 
 @dataclass(frozen=True)
 class _Makers:
-    settings: tuple[Any, ...]  # dataclasses
-    fixed: Mapping[str, Any]  # what the algorithm's name says
+    settings: tuple[type[Any], ...]  # dataclasses
+    fixed: Mapping[str, bool]  # settings that the algorithm's name decides
     make: Callable[..., Learner]
 
 
@@ -162,7 +162,7 @@ def _makers(name: str, symmetries: Sequence[Symmetry] = ()) -> _Makers:
     )  # fmt: skip
 
 
-_LIMITS = {  # of numbers that cannot be anything: (least, greatest); else positive, or 0 as well
+_LIMITS = {  # (least, greatest) of some numbers; the others are positive
     "gamma": (0.0, 1.0), "tau": (0.0, 1.0), "epsilon": (0.0, 1.0), "epsilon_end": (0.0, 1.0),
     "gae_lambda": (0.0, 1.0), "log_std": (-10.0, 2.0), "entropy": (0.0, 1e3),
     "value": (0.0, 1e3), "updates": (1e-3, 1e3), "centre": (0.0, 1.0), "alpha": (1e-9, 1e3),
@@ -171,8 +171,8 @@ _LIMITS = {  # of numbers that cannot be anything: (least, greatest); else posit
 _MAY_BE_0 = ("warm_up", "critic_only", "epsilon_steps")
 
 
-def _checked(algorithm: str, name: str, value: Any, kind: type) -> Any:
-    """Return a setting as what it is; raises InputInvalid with what was expected."""
+def _checked(algorithm: str, name: str, value: Any, kind: type) -> float:
+    """Return a setting with its type; raises InputInvalid."""
     place = f"{algorithm}, {name} {value!r}"
     if kind is bool:
         if not isinstance(value, bool):

@@ -1,16 +1,19 @@
-"""What has been lived: the last transitions of a team, drawn from uniformly."""
+"""Replay buffer: the last transitions of a team, drawn uniformly."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any, final
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.task.symmetry import Symmetry
 from uuvsim_cosim.errors import InputInvalid
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.learn.algorithms.checkpoint import State
 
 __all__ = ["Replay", "Transitions", "seen_by"]
 
@@ -19,7 +22,7 @@ Array = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Transitions:
-    """n transitions of N agents; `terminated` is no time limit."""
+    """n transitions of N agents; a time limit is not `terminated`."""
 
     observation: Array  # (n, N, d)
     action: Array  # (n, N, a), in [-1, 1]
@@ -31,7 +34,7 @@ class Transitions:
 def seen_by(
     given: Transitions, symmetries: Sequence[Symmetry], random: np.random.Generator
 ) -> Transitions:
-    """Return transitions each as it was or as one of the symmetries has it, all as likely."""
+    """Return each transition unchanged or as an image of a symmetry, with equal probability."""
     which = random.integers(0, 1 + len(symmetries), len(given.reward))
     o, a = (
         np.stack(
@@ -57,7 +60,7 @@ class Replay:
         self.size, self.count, self._next = size, 0, 0
 
     def add(self, given: Transitions) -> None:
-        """Keep transitions, in place of the oldest."""
+        """Add transitions, in place of the oldest ones."""
         n = len(given.reward)
         if n > self.size:
             raise InputInvalid(f"buffer of {self.size}: {n} at once; expected at least {n}")
@@ -70,18 +73,24 @@ class Replay:
     def draw(
         self, n: int, random: np.random.Generator, symmetries: Sequence[Symmetry] = ()
     ) -> Transitions:
-        """Draw n with replacement; each as it was or, as likely, as one of `symmetries` has it."""
+        """Draw n with replacement, each unchanged or as the image of one of `symmetries`."""
         at = random.integers(0, self.count, n)
         drawn = Transitions(**{name: rows[at] for name, rows in self._rows.items()})
         return seen_by(drawn, symmetries, random) if symmetries else drawn
 
+    def awake(self) -> NDArray[np.bool_]:
+        """Return which numbers of the observations have ever been nonzero, of shape (d,)."""
+        kept = (self._rows[name][: self.count] for name in ("observation", "after"))
+        seen, after = ((rows != 0).any(axis=(0, 1)) for rows in kept)
+        return np.asarray(seen | after)
+
     def state(self) -> dict[str, Any]:
-        """Return all that is kept, as arrays by name."""
+        """Return the stored transitions as arrays by name."""
         kept = {name: rows[: self.count].copy() for name, rows in self._rows.items()}
         return {**kept, "next": self._next}
 
-    def set_state(self, state: Mapping[str, Any]) -> None:
-        """Go on with what `state` gave."""
+    def set_state(self, state: State) -> None:
+        """Restore a state; raises InputInvalid for another shape."""
         self.count, self._next = len(state["reward"]), int(state["next"])
         for name, rows in self._rows.items():
             if len(state[name]) > self.size or state[name].shape[1:] != rows.shape[1:]:

@@ -1,4 +1,4 @@
-"""Many small networks of one shape as one: layers whose weights have a leading axis of networks."""
+"""Stacked networks: small networks of one shape as layers with a leading axis of networks."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from torch.autograd import Function
 
 __all__ = ["StackedMLP"]
 
-EPS = 1e-5  # beside a variance
-MASK = (True, False, False)  # of what is normalised, nothing else
+EPS = 1e-5  # added to a variance
+MASK = (True, False, False)  # gradient of the input only: there are no gains and shifts
 
 
 @final
@@ -24,9 +24,9 @@ class StackedMLP(nn.Module):
     """`count` perceptrons of widths (in, hidden, …, out), ReLU between; x (count, batch, in).
 
     Each layer is one baddbmm for all networks. Weights begin uniform in ±1/sqrt(in), as
-    torch.nn.Linear's, drawn from `generator`. With `normalised`, what goes into a ReLU is brought
-    to mean 0 and variance 1 over a row's layer (Ba et al., "Layer Normalization", 2016; without
-    gains and shifts of its own).
+    torch.nn.Linear's, drawn from `generator`. With `normalised`, the input of each ReLU is
+    normalised to mean 0 and variance 1 over the layer (Ba et al., "Layer Normalization", 2016,
+    without learned gains and shifts).
     """
 
     def __init__(

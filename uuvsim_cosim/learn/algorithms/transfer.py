@@ -1,8 +1,8 @@
-"""Scenario transfer: what was learned in one task goes on in the next, actions exactly unchanged.
+"""Scenario transfer: the networks of one task continue in the next, actions exactly unchanged.
 
-Agent i of the next team is a copy of agent i mod N of the last. Weights of inputs that were never
-anything but zero are cleared in actors and critics, so that those which wake up say nothing until
-they are learned; critics' columns for agents that were not there are zero.
+Agent i of the next team is a copy of agent i mod N of the last. In actors and critics, the weights
+of inputs that were always zero are cleared, so that such an input has no effect until its weights
+are learned. The critics' weights for agents that were not in the last team are zero.
 """
 
 from __future__ import annotations
@@ -36,10 +36,9 @@ def transfer(
     """Return a learner for `agents` that acts as `last` does.
 
     `settings` are the next task's, by default the same; networks must be of the same shapes.
-
-    `awake` (d,) says which numbers of the last task's observations have ever been other than zero.
-    `columns` says where each of them stands in the next task's observations, of `observed`
-    numbers; by default they are the same.
+    `awake` (d,) marks the numbers of the last task's observations that have ever been nonzero.
+    `columns` gives the place of each number in the next task's observations, of `observed`
+    numbers; by default the places are the same.
     """
     places = list(range(last.observed)) if columns is None else list(columns)
     width = last.observed if observed is None else observed
@@ -70,7 +69,10 @@ def transfer(
         first = torch.zeros_like(to.weights[0])
         for row, net in enumerate(nets):
             i = row // each
-            pairs = [(i, old[i])] if acts else _pairs(last, given, i, old[i])
+            pairs = [(i, old[i])]  # (agent, agent of the last team in whose place it stands)
+            if not acts:
+                central = last.settings.central
+                pairs = in_the_place_of(i, agents, old[i], last.agents) if central else [(0, 0)]
             for new, was in pairs:
                 o_new, o_was = new * width, was * last.observed
                 if acts:
@@ -103,9 +105,9 @@ def pass_on(
 ) -> None:
     """Copy networks `nets` of a stack, one for each network of `to`.
 
-    Inputs are blocks of as many numbers as `awake` (d,) has. `blocks` says for each network which
-    block of the new one is which of the old one. All other inputs get the weight zero, and so do
-    those that were never awake. Raises InputInvalid for networks of other shapes.
+    Inputs are blocks of d numbers each, as `awake` (d,). `blocks` has for each network pairs (block
+    of the new network, block of the old one). All other inputs get the weight zero, and so do
+    numbers that were always zero. Raises InputInvalid for networks of other shapes.
     """
     if _widths(of) != _widths(to):
         raise InputInvalid(
@@ -123,13 +125,6 @@ def pass_on(
 
 def _widths(network: StackedMLP) -> list[int]:
     return [int(w.shape[2]) for w in network.weights]
-
-
-def _pairs(last: Masac, given: Masac, i: int, was: int) -> list[tuple[int, int]]:
-    """Return which agent stands in the place of which, for a critic of agent i."""
-    if not last.settings.central:
-        return [(0, 0)]
-    return in_the_place_of(i, given.agents, was, last.agents)
 
 
 def _copy_actions(

@@ -1,22 +1,24 @@
-"""What a policy lives becomes a dataset: episode 0 of consecutive seeds, side by side."""
+"""Collection of a dataset: episode 0 of consecutive seeds, in which a policy acts."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.task.task import Task, TeamTask
+from uuvsim_cosim.envs.tasks import scripted
 from uuvsim_cosim.envs.tasks.scripted import scripted_policy
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.data.dataset import Dataset, Episode
 from uuvsim_cosim.learn.policies.policy import Named, Policy
 from uuvsim_cosim.learn.policies.sequence_runner import begin
 from uuvsim_cosim.learn.shared.task_ids import make_task
+from uuvsim_cosim.learn.training.agents import agents_of
 from uuvsim_cosim.learn.training.loading import acting_in, load_policies, random_policy
 from uuvsim_cosim.learn.training.rollout import Rollout
 
@@ -39,11 +41,11 @@ def collect(
     policy: str | Path = "scripted",
     episodes: int = 100,
     *,
-    options: Mapping[str, Any] | None = None,
+    options: Mapping[str, object] | None = None,
     seed: int = COLLECTING_SEED,
     cluster: Cluster | None = None,
 ) -> Dataset:
-    """Let a policy act in a task's episodes; what it sees, does and is given is kept.
+    """Let a policy act in a task's episodes; returns observations, actions and rewards.
 
     `policy` is "scripted", "random", a policy's file or a training's folder, or "mixed": episode
     by episode in turn scripted, scripted with noise, and random. With a `cluster`, its workers
@@ -74,10 +76,10 @@ def collect(
 
 @dataclass(frozen=True)
 class _Part:
-    """So many episodes side by side; what comes of them follows from this alone."""
+    """`count` episodes side by side; their data depend on nothing else."""
 
     name: str
-    options: Mapping[str, Any]
+    options: Mapping[str, object]
     acts: str | tuple[Policy, ...]
     seed: int
     first: int
@@ -95,25 +97,25 @@ def _collect(part: _Part) -> _Collected:
     rollout = Rollout(task, part.count, part.seed + part.first)
     try:
         rows = np.arange(part.first, part.first + part.count)
-        return _lived(rollout, acts, rows), rollout.named()
+        return _episodes(rollout, acts, rows), rollout.named()
     finally:
         rollout.close()
 
 
-def _lived(rollout: Rollout, acts: Act, numbers: NDArray[np.intp]) -> list[Episode]:
+def _episodes(rollout: Rollout, acts: Act, numbers: NDArray[np.intp]) -> list[Episode]:
     """Return the episodes of all environments, and of all agents, in their order."""
     n, agents = rollout.n, len(rollout.agents)
-    lived, alive = [], np.ones(n, bool)
+    transitions, alive = [], np.ones(n, bool)
     steps = np.zeros((n, agents), int)
     ended = np.zeros((n, agents), bool)
     while alive.any():
         t, _ = rollout.step(acts(rollout.observation, numbers))
-        lived.append(t)
+        transitions.append(t)
         steps += alive[:, None] & ~ended
         ended |= alive[:, None] & (t.terminated > 0)
         alive &= rollout.steps > 0
     o, a, r, after = (
-        np.stack([getattr(t, k) for t in lived])
+        np.stack([getattr(t, k) for t in transitions])
         for k in ("observation", "action", "reward", "after")
     )
     return [
@@ -128,19 +130,19 @@ def _lived(rollout: Rollout, acts: Act, numbers: NDArray[np.intp]) -> list[Episo
     ]
 
 
-def _acts(task: Task | TeamTask, part: _Part) -> tuple[Act, list[Any]]:
+def _acts(task: Task | TeamTask, part: _Part) -> tuple[Act, list[scripted.Policy]]:
     """Return how all agents act, and the policies that it is made of."""
     policy = part.acts
     drawn = part.seed if part.first == 0 else [part.seed, part.first]
     random = np.random.default_rng(drawn)
-    given: Any
+    given: scripted.Policies
     if policy in ("scripted", "mixed"):
         given = scripted_policy(task)
     elif policy == "random":
         given = random_policy(task, drawn)
     else:
         given = acting_in(task, [p for p in policy if isinstance(p, Policy)], part.name)
-    parts = [given[a] for a in task.agents] if isinstance(task, TeamTask) else [given]
+    parts = [given[a] for a in agents_of(task)] if isinstance(given, Mapping) else [given]
 
     def act(observation: Array, numbers: NDArray[np.intp]) -> Array:
         columns = [p(observation[:, j]) for j, p in enumerate(parts)]

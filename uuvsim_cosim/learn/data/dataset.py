@@ -24,12 +24,12 @@ class Episode:
     observation: Array  # (T + 1, d)
     action: Array  # (T, a)
     reward: Array  # (T,)
-    terminated: bool  # ended by itself, not by its time limit
+    terminated: bool  # ended by the task, not by the time limit
 
 
 @dataclass(frozen=True)
 class Stacked:
-    """Episodes one below another, filled with zeros after their ends."""
+    """Episodes as rows of arrays, filled with zeros after their ends."""
 
     observation: Array  # (E, T + 1, d)
     action: Array  # (E, T, a)
@@ -39,7 +39,7 @@ class Stacked:
 
     @property
     def lived(self) -> NDArray[np.bool_]:
-        """Say which steps there have been, of shape (E, T)."""
+        """The mask of the steps before the episodes' ends, of shape (E, T)."""
         return np.asarray(np.arange(self.action.shape[1]) < self.steps[:, None])
 
 
@@ -47,19 +47,19 @@ class Stacked:
 class Dataset:
     """Episodes of a task; of a team, each agent's are episodes of their own.
 
-    `task` and `options` make the task, "" if nothing is known of it; `told` says where they come
-    from. Raises InputInvalid for episodes of other widths than named, and for NaN.
+    `task` and `options` make the task; `task` is "" if it is unknown. `told` describes the origin
+    of the episodes. Raises InputInvalid for episodes of other widths than named, and for NaN.
     """
 
     episodes: Sequence[Episode]
     observation: tuple[Named, ...]
     action: tuple[Named, ...]
     task: str
-    options: Mapping[str, Any] = field(default_factory=dict)
+    options: Mapping[str, object] = field(default_factory=dict)
     told: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be learned from."""
+        """Check shapes and numbers."""
         if not self.episodes:
             raise InputInvalid("dataset: no episode; expected at least one")
         seen, acts = len(self.observation), len(self.action)

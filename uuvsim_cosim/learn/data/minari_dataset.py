@@ -102,16 +102,16 @@ def read_minari(path: Path) -> Dataset:
     return made
 
 
-def _named(space: Any, what: str, about: dict[str, Any], path: Path) -> tuple[Named, ...]:
+def _named(space: object, what: str, about: dict[str, Any], path: Path) -> tuple[Named, ...]:
     from gymnasium.spaces import Box
 
     if not isinstance(space, Box) or len(space.shape) != 1 or space.dtype.kind != "f":
         raise InputInvalid(
             f"{path}: an {what} space {space}; expected a Box of one axis, of floats"
         )
-    told = about.get(what) or [(f"{what[0]}[{i + 1}]", "1") for i in range(space.shape[0])]
-    named = names_of([n for n, _ in told], space.low, space.high)
-    return tuple(Named(c.name, c.low, c.high, u) for c, (_, u) in zip(named, told, strict=True))
+    units = about.get(what) or [(f"{what[0]}[{i + 1}]", "1") for i in range(space.shape[0])]
+    named = names_of([n for n, _ in units], space.low, space.high)
+    return tuple(Named(c.name, c.low, c.high, u) for c, (_, u) in zip(named, units, strict=True))
 
 
 def _minari() -> Any:

@@ -1,17 +1,17 @@
-"""Recorded runs become episodes: what a task would have seen, and what was done.
+"""Episodes from recorded runs: the observations and rewards of a task, and the recorded actions.
 
-Signals are read every action step; an action is what held until the next one. It stands in the
-recording by its channel's name, or as a policy's output `action` of the same component.
+Signals are read at every action step. The action of a step is the value that was held until the
+next step; it is recorded under its channel's name, or as a policy's output `action` of the same
+component.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from uuvsim_cosim.envs.episodes.spaces import ActionBox, ObservationBox
 from uuvsim_cosim.envs.task.instant import Instant
@@ -24,6 +24,7 @@ from uuvsim_cosim.learn.policies.policy import Named
 from uuvsim_cosim.learn.shared.task_ids import make_task
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.recording.recording import read_signals
+from uuvsim_cosim.orchestrator.recording.signals import Signals as Recorded
 
 __all__ = ["from_recordings"]
 
@@ -34,14 +35,14 @@ def from_recordings(
     name: str,
     runs: Sequence[str | Path],
     *,
-    options: Mapping[str, Any] | None = None,
+    options: Mapping[str, object] | None = None,
     renamed: Mapping[str, str] | None = None,
 ) -> Dataset:
     """Return a task's observations, actions and rewards in recorded runs, cut at its horizon.
 
-    A run is its folder, a .parquet or a .mcap. `renamed` says where a signal of the task is found
-    in the recording. `told["clipped"]` counts what lay beyond limits. Raises InputInvalid that
-    names what was not recorded.
+    A run is its folder, a .parquet or a .mcap. `renamed` maps signals of the task to names in the
+    recording. `told["clipped"]` of the dataset counts the numbers beyond limits. Raises
+    InputInvalid that names the signals that were not recorded.
     """
     task = make_task(name, options)
     reader = _Reader(task, name, dict(renamed or {}))
@@ -50,10 +51,10 @@ def from_recordings(
     return Dataset(kept, reader.seen, reader.acts, name, dict(options or {}), told)
 
 
-class _Start(Mapping[str, Any]):
+class _Start(Mapping[str, Array]):
     """Start values, which a recording does not hold."""
 
-    def __getitem__(self, name: str) -> Any:
+    def __getitem__(self, name: str) -> Array:
         raise InputInvalid(f"{name}: the task reads what its episodes drew, which no recording "
                            "holds; expected a task without it")  # fmt: skip
 
@@ -80,7 +81,7 @@ class _Reader:
         self.boxes = {a: ActionBox(plan, c) for a, c in self.channels.items()}
         self.box = None
         if isinstance(task, TeamTask):
-            sides: tuple[NDArray[Any], NDArray[Any]] = task.limits(task.agents[0])
+            sides: tuple[NDArray[np.generic], ...] = task.limits(task.agents[0])
         else:
             self.box = ObservationBox(plan, self.signals, task.observations, task.extra_limits)
             sides = self.box.low, self.box.high
@@ -127,8 +128,8 @@ class _Reader:
             about[0], values.copy(), step, about[1], action, _Start(),
             before=Instant(about[0], values[:, before], before, about[1], earlier, _Start()),
         )  # fmt: skip
-        seen: Mapping[str, NDArray[Any]]
-        beyond: Mapping[str, NDArray[Any]]
+        seen: Mapping[str, NDArray[np.generic]]
+        beyond: Mapping[str, NDArray[np.generic]]
         if isinstance(self.task, TeamTask):
             seen, reward, ended = self.task.observe(m), self.task.reward(m), self.task.terminated(m)
             beyond = self.task.unclipped(m)
@@ -137,7 +138,7 @@ class _Reader:
             extra = self.task.extra(m) if self.box.n_extra else None
             seen = {"agent": self.box.of(m.values, extra)}
             raw = self.task.unclipped(m) if self.box.n_extra else None
-            # Who adds to another task's `extra` may leave its `unclipped` as it is.
+            # A subclass may override `extra` with more numbers, and not `unclipped`.
             if raw is not None and extra is not None and raw.shape == extra.shape:
                 extra = raw
             beyond = {"agent": self.box.of(m.values, extra, clipped=False)}
@@ -170,7 +171,7 @@ class _Reader:
             )
         return np.asarray(at)
 
-    def _action(self, run: Path, read: Any, agent: str) -> Array:
+    def _action(self, run: Path, read: Recorded, agent: str) -> Array:
         """Return actions in [-1, 1], and what was beyond, of shape (instants, width)."""
         box = self.boxes[agent]
         low, high = (box.scaled(np.full((1, box.width), s))[:, 0] for s in (-1.0, 1.0))
@@ -192,10 +193,12 @@ class _Reader:
         return np.stack(columns, axis=1)
 
 
-def _clipped(given: NDArray[Any], kept: NDArray[np.float32], low: Any, high: Any) -> int:
-    """Count numbers that clipping changed; none of a task whose `unclipped` is another's."""
+def _clipped(
+    given: NDArray[np.generic], kept: NDArray[np.float32], low: ArrayLike, high: ArrayLike
+) -> int:
+    """Return how many numbers clipping changed; 0 if `unclipped` has another shape."""
     if given.shape != kept.shape:
         return 0
     with np.errstate(over="ignore"):
-        given = given.astype(np.float32)
-    return int(np.count_nonzero((given != kept) & (np.clip(given, low, high) == kept)))
+        numbers = given.astype(np.float32)
+    return int(np.count_nonzero((numbers != kept) & (np.clip(numbers, low, high) == kept)))

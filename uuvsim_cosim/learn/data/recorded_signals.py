@@ -1,4 +1,4 @@
-"""What a task reads, out of a recording: whole and in order, or refused by name."""
+"""Signals of a task from a recording, checked for completeness and order."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def refuse_times(run: Path, time: Array) -> None:
 
 @final
 class Reading:
-    """Signals of a task by the names that they have in recordings; `renamed` says which differ.
+    """Signals of a task by the names that they have in recordings, where `renamed` gives others.
 
     `names` are those that the task needs. Raises InputInvalid for others in `renamed`.
     """
@@ -94,7 +94,7 @@ class Reading:
 
 
 def _absent(read: Signals, place: str, size: int) -> list[str]:
-    """Name what is missing of a signal: the whole, or elements where the recording tells them."""
+    """Return the missing names: the signal, or its elements if the recording lists them."""
     if place not in read:
         return [place]
     there = read.elements.get(place, ())

@@ -1,4 +1,4 @@
-"""A policy leaves: as an FMU, ONNX, torch tensors, a numpy runner, or a component.
+"""Export of policies: FMU, ONNX, PyTorch tensors, a NumPy runner, or a component.
 
 It may import `learn.data`, `learn.training` and lower parts. Start reading with `export.py`.
 """

@@ -1,4 +1,4 @@
-"""A policy leaves: as an FMU, as ONNX, as torch's tensors, or as a runner of numpy alone."""
+"""Export of a policy: FMU, ONNX, PyTorch tensors, or a NumPy runner."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.policies.policy import Array, Named, Policy
 from uuvsim_cosim.learn.policies.sequence_runner import SequenceRunner
 from uuvsim_cosim.learn.training.loading import load_policies, policy_path
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.models.declaration.model import Model
 
 __all__ = [
     "ENDINGS",
@@ -36,10 +39,10 @@ def export_policy(
     platforms: Sequence[str] = ("host",),
     plain: bool = False,
 ) -> list[Path]:
-    """Write the policy in a file, or in a training's folder, as the ending of `out` says.
+    """Write a policy, from a file or a training's folder, in the format of the ending of `out`.
 
-    Gives what was written: for .py the runner and its weights, and what remembers for a decision
-    transformer. With `plain`, an FMU of target tracking has an observation and an action instead
+    Returns the files: for .py the runner and its weights, and for a decision transformer the code
+    of its memory. With `plain`, an FMU of target tracking has an observation and an action instead
     of a pilot's connectors. Raises InputInvalid.
     """
     out = Path(out).expanduser()
@@ -64,7 +67,7 @@ def export_policy(
     return write(policy, out)
 
 
-def policy_model(policy: Policy, *, plain: bool = False) -> Any:
+def policy_model(policy: Policy, *, plain: bool = False) -> Model:
     """Declare a policy as a component; its actions are in the units of the task's inputs.
 
     With `plain` they are in [-1, 1]. Raises InputInvalid as `in_units` does.
@@ -72,7 +75,10 @@ def policy_model(policy: Policy, *, plain: bool = False) -> Any:
     from uuvsim_cosim.models.declaration.library import declare
 
     kept = policy if plain else in_units(policy)
-    file = cache_dir("policies", _digest(kept)) / "policy.npz"
+    # The tensors are hashed as bytes: their texts are abbreviated.
+    tensors = (part for k, v in sorted(kept.tensors.items()) for part in (k, v.tobytes()))
+    texts = [str(replace(kept, tensors={}, kind="sequence")), kept.kind]
+    file = cache_dir("policies", content_hash([*texts, *tensors])) / "policy.npz"
     kept.save(file)
     return declare("policy", file=str(file), plain=int(plain))
 
@@ -96,10 +102,15 @@ def sequential(policy: Policy) -> dict[str, Array]:
     return given | {k: v for k, v in policy.tensors.items() if k == "grid"}
 
 
-def tracking_settings(policy: Policy) -> Mapping[str, Any] | None:
+def tracking_settings(policy: Policy) -> Mapping[str, object] | None:
     """Return what target tracking's observation is made with; None for another task."""
-    task = _task(policy)
-    if task is None or not hasattr(task, "slots"):
+    from uuvsim_cosim.learn.shared.task_ids import make_task
+
+    try:
+        task: Any = make_task(policy.task, policy.options)
+    except InputInvalid:  # the task is not available here
+        return None
+    if not hasattr(task, "slots"):
         return None
     from uuvsim_cosim.envs.tasks.target_tracking import A_MAX, OMEGA_MAX, V_MAX
 
@@ -174,22 +185,6 @@ def _one(source: str | Path) -> Policy:
         file = next(p.name for p in sorted(path.glob("*.npz")))
         raise InputInvalid(f"{path}: policies of {agents}; expected the file of one, as {file}")
     return found[0]
-
-
-def _digest(policy: Policy) -> str:
-    tensors = sorted(policy.tensors.items())
-    texts = [str(replace(policy, tensors={}, kind="sequence")), policy.kind]
-    return content_hash([*texts, *(p for k, v in tensors for p in (k, v.tobytes()))])
-
-
-def _task(policy: Policy) -> Any:
-    """Make the task that a policy was trained on; None if it is not here."""
-    from uuvsim_cosim.learn.shared.task_ids import make_task
-
-    try:
-        return make_task(policy.task, policy.options)
-    except InputInvalid:
-        return None
 
 
 def _write_torch(policy: Policy, out: Path) -> list[Path]:

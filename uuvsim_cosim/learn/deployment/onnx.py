@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.errors import InputInvalid
@@ -20,6 +21,7 @@ from uuvsim_cosim.learn.policies.policy import Policy
 __all__ = ["write_onnx"]
 
 OPSET = 17
+Port = tuple[str, int, list[object]]  # name, element type, shape
 
 
 def write_onnx(policy: Policy, out: Path) -> list[Path]:
@@ -44,9 +46,9 @@ def write_onnx(policy: Policy, out: Path) -> list[Path]:
 
 def _model(onnx: Any, policy: Policy) -> Any:
     make, number, count = onnx.helper, onnx.TensorProto.FLOAT, onnx.TensorProto.INT64
-    graph, told = _Graph(make), {"task": policy.task}
-    takes: list[Any] = [("observation", number, ["n", len(policy.observation)])]
-    gives: list[Any] = [("action", number, ["n", len(policy.action)])]
+    graph, properties = _Graph(make), {"task": policy.task}
+    takes: list[Port] = [("observation", number, ["n", len(policy.observation)])]
+    gives: list[Port] = [("action", number, ["n", len(policy.action)])]
     if policy.kind == "sequence":
         _sequence(graph, policy)
         width = 1 + len(policy.observation) + len(policy.action)
@@ -54,7 +56,7 @@ def _model(onnx: Any, policy: Policy) -> Any:
         for what, kind, shape in (("history", number, places), ("past", count, [])):
             takes.append((what, kind, shape))
             gives.append((f"{what}_next", kind, shape))
-        told["settings"] = json.dumps(dict(policy.settings), sort_keys=True)
+        properties["settings"] = json.dumps(dict(policy.settings), sort_keys=True)
     else:
         _perceptron(graph, policy)
     made = make.make_graph(
@@ -68,10 +70,10 @@ def _model(onnx: Any, policy: Policy) -> Any:
         made, opset_imports=[make.make_opsetid("", OPSET)], producer_name="uuvsim-cosim"
     )
     model.ir_version = 8  # what runtimes of 2022 and later read
-    told |= {"options": json.dumps(dict(policy.options), sort_keys=True),
+    properties |= {"options": json.dumps(dict(policy.options), sort_keys=True),
              "observation": ", ".join(o.name for o in policy.observation),
              "action": ", ".join(a.name for a in policy.action)}  # fmt: skip
-    make.set_model_props(model, told)
+    make.set_model_props(model, properties)
     return model
 
 
@@ -79,17 +81,17 @@ class _Graph:
     """Nodes and constants as they are written; a call appends a node and names what it gives."""
 
     def __init__(self, make: Any) -> None:
-        self.make, self.nodes = make, list[Any]()
-        self.constants: dict[str, Any] = {}
+        self.make, self.nodes = make, list[object]()
+        self.constants: dict[str, NDArray[np.generic]] = {}
 
-    def __call__(self, kind: str, *of: Any, out: str = "", **attributes: Any) -> str:
+    def __call__(self, kind: str, *of: object, out: str = "", **attributes: object) -> str:
         """Append a node of names, arrays and whole numbers."""
         name = out or f"x{len(self.nodes)}"
         names = [x if isinstance(x, str) else self.constant(np.asarray(x)) for x in of]
         self.nodes.append(self.make.make_node(kind, names, [name], **attributes))
         return name
 
-    def constant(self, value: Any, name: str = "") -> str:
+    def constant(self, value: object, name: str = "") -> str:
         """Keep an array, and give its name."""
         name = name or f"c{len(self.constants)}"
         self.constants[name] = np.array(value, order="C")
@@ -153,7 +155,8 @@ def _sequence(graph: _Graph, policy: Policy) -> None:
         mixed = graph("Transpose", graph("MatMul", weights, v), perm=[0, 2, 1, 3])
         return linear(f"{at}out", graph("Reshape", mixed, [0, 0, hidden]))
 
-    # What is now goes in last, and the oldest place leaves; in float64, as runners reckon.
+    # The present goes into the last place, and the oldest place is dropped; in float64, as in the
+    # runners.
     spent = graph("Mul", graph("Cast", "past", to=11), np.float64(s.get("reward", 0.0)))
     to_go = graph("Sub", np.float64(s["return_to_go"]), spent)
     to_go = graph("Div", to_go, np.float64(s.get("return_scale", 1.0)))
@@ -167,7 +170,7 @@ def _sequence(graph: _Graph, policy: Policy) -> None:
         now = graph("Unsqueeze", graph("Concat", R, o, action, axis=1), [1])
         return graph("Concat", before, now, axis=1, out=out)
 
-    # Three tokens a place, but for the last action; of those before an episode none is seen.
+    # Three tokens a place, without the last action; places before the episode are masked.
     steps = graph("Add", "past", np.arange(1 - K, 1))
     time = graph("Gather", graph.tensor(policy, "embed_time.weight"),
                  graph("Clip", steps, np.int64(0), np.int64(times - 1)), axis=0)  # fmt: skip

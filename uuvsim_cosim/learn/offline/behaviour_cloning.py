@@ -1,4 +1,4 @@
-"""Behaviour cloning: do what was done, L = mean of |pi(s) - a|²."""
+"""Behaviour cloning: imitation of the actions in a dataset, L = mean of |pi(s) - a|²."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["BcSettings", "BehaviourCloning"]
 
 @dataclass(frozen=True)
 class BcSettings(OfflineSettings):
-    """Its form."""
+    """Settings of behaviour cloning."""
 
     hidden: int = 256
 
@@ -35,12 +35,12 @@ class BehaviourCloning:
         self._adam = torch.optim.Adam(self.actor.parameters(), lr=settings.lr)
 
     def update(self) -> dict[str, float]:
-        """Learn from transitions drawn from all; gives the loss."""
+        """Learn from transitions drawn from the dataset; returns the loss."""
         o, a, *_ = self._rows.draw(self.settings.batch)
         loss = ((torch.tanh(self.actor(o[None])[0]) - a) ** 2).mean()
         return {"loss": descend("bc", "loss", self._adam, loss)}
 
     def policy(self) -> Policy:
-        """Return what has been learned."""
+        """Return the policy that has been learned."""
         own = {"shift": self._rows.shift, "scale": self._rows.scale}
         return policy_of(self.data, "tanh", {**self.actor.tensors(0), **own}, {})

@@ -13,10 +13,11 @@ The tensors' names are those of models/intrinsics/transformer.py, which is what 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, final
+from typing import final
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from uuvsim_cosim.learn.data.dataset import Dataset
@@ -150,7 +151,7 @@ class DecisionTransformer:
         s, returns = self.settings, self.data.returns
         wanted = float(np.quantile(returns, s.wanted))
         most = max(len(e.action) for e in self.data.episodes)
-        tensors: dict[str, Any] = {
+        tensors: dict[str, NDArray[np.float32]] = {
             k: v.detach().numpy().copy() for k, v in self.net.state_dict().items()
         }
         settings = {

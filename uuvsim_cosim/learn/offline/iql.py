@@ -1,4 +1,4 @@
-"""Implicit Q-learning: values of what was done, and then more of what was better than expected.
+"""Implicit Q-learning: values of the actions in a dataset, and a policy of the better ones.
 
 Kostrikov et al., 2021. With the expectile loss L_tau(u) = |tau - (u < 0)| u²:
 
@@ -6,7 +6,8 @@ Kostrikov et al., 2021. With the expectile loss L_tau(u) = |tau - (u < 0)| u²:
     Q_k: (r + gamma (1 - terminated) V(s') - Q_k(s, a))²
     pi:  exp(beta (min_k Q_k^-(s, a) - V(s))) |pi(s) - a|²,  the exponential held below 100
 
-Advantages are in units of their mean size in the batch, so that beta does not hang on the rewards'.
+Advantages are divided by their mean size in the batch, so that beta does not depend on the unit of
+the rewards.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ __all__ = ["Iql", "IqlSettings"]
 
 @dataclass(frozen=True)
 class IqlSettings(OfflineSettings):
-    """Its numbers."""
+    """Settings of implicit Q-learning."""
 
     hidden: int = 256
     gamma: float = 0.99
@@ -57,7 +58,7 @@ class Iql:
         }
 
     def update(self) -> dict[str, float]:
-        """Learn from transitions drawn from all; gives the losses."""
+        """Learn from transitions drawn from the dataset; returns the losses."""
         s = self.settings
         o, a, r, after, ended = self._rows.draw(s.batch)
         both = torch.cat([o, a], 1).expand(2, -1, -1)
@@ -67,23 +68,23 @@ class Iql:
         v = self.value(o[None])[0, :, 0]
         u = q - v
         weight = torch.where(u.detach() < 0, 1.0 - s.expectile, s.expectile)
-        told = {
+        losses = {
             "value_loss": descend("iql", "value_loss", self._adam["value"], (weight * u**2).mean())
         }
         loss = ((self.critic(both)[..., 0] - y) ** 2).mean(1).sum()
-        told["critic_loss"] = descend("iql", "critic_loss", self._adam["critic"], loss)
+        losses["critic_loss"] = descend("iql", "critic_loss", self._adam["critic"], loss)
         advantage = u.detach() / u.detach().abs().mean().clamp(min=1e-6)
         how_much = (s.beta * advantage).exp().clamp(max=100.0)
         error = ((torch.tanh(self.actor(o[None])[0]) - a) ** 2).sum(1)
-        told["actor_loss"] = descend(
+        losses["actor_loss"] = descend(
             "iql", "actor_loss", self._adam["actor"], (how_much * error).mean()
         )
         with torch.no_grad():
             for slow, fast in zip(self.target.parameters(), self.critic.parameters(), strict=True):
                 slow.lerp_(fast, s.tau)
-        return told
+        return losses
 
     def policy(self) -> Policy:
-        """Return what has been learned."""
+        """Return the policy that has been learned."""
         own = {"shift": self._rows.shift, "scale": self._rows.scale}
         return policy_of(self.data, "tanh", {**self.actor.tensors(0), **own}, {})

@@ -1,4 +1,4 @@
-"""Learning from a dataset alone: `train_offline("data.npz", "dt")`; the task is not lived in."""
+"""Learning from a dataset alone, without the task: `train_offline("data.npz", "dt")`."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import csv
 import io
 import json
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Protocol, get_type_hints
+from typing import TYPE_CHECKING, Any, Protocol, get_type_hints
 
 import numpy as np
 
@@ -17,12 +17,17 @@ from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.data.dataset import Dataset
 from uuvsim_cosim.learn.data.dataset_files import read_dataset
-from uuvsim_cosim.learn.policies.policy import Policy
+from uuvsim_cosim.learn.policies.policy import Named, Policy
 from uuvsim_cosim.learn.shared.errors import LearningDiverged
 from uuvsim_cosim.learn.shared.extras import check_torch
 from uuvsim_cosim.learn.shared.task_ids import make_task, short_name
 from uuvsim_cosim.learn.training.rollout import Rollout
 from uuvsim_cosim.models.declaration.near_names import expected_names
+
+if TYPE_CHECKING:
+    from uuvsim_cosim.learn.offline.behaviour_cloning import BcSettings
+    from uuvsim_cosim.learn.offline.decision_transformer import DtSettings
+    from uuvsim_cosim.learn.offline.iql import IqlSettings
 
 __all__ = ["OFFLINE", "LearnedOffline", "OfflineLearner", "offline_learner", "train_offline"]
 
@@ -35,20 +40,20 @@ EVERY = 100  # updates, between rows of losses.csv
 
 
 class OfflineLearner(Protocol):
-    """What learns from a dataset: equal seeds give equal bits on one thread."""
+    """A learner from a dataset; equal seeds give equal bits on one thread."""
 
     name: str
 
     def update(self) -> dict[str, float]:
-        """Make one step of descent; gives losses. Raises LearningDiverged for a NaN."""
+        """Make one gradient step; returns losses. Raises LearningDiverged for a NaN."""
 
     def policy(self) -> Policy:
-        """Return what has been learned."""
+        """Return the policy that has been learned."""
 
 
 @dataclass(frozen=True)
 class LearnedOffline:
-    """What was learned, and how."""
+    """The result of learning from a dataset."""
 
     folder: Path
     policy: Policy
@@ -64,16 +69,16 @@ def train_offline(
     algorithm: str = "dt",
     *,
     seed: int = 0,
-    settings: Mapping[str, Any] | None = None,
+    settings: Mapping[str, object] | None = None,
     task: str | None = None,
-    options: Mapping[str, Any] | None = None,
+    options: Mapping[str, object] | None = None,
     folder: str | Path | None = None,
     progress: Callable[[int, int, Mapping[str, float]], None] | None = None,
 ) -> LearnedOffline:
     """Learn, and write policy.npz, losses.csv and offline.json into a new folder.
 
-    `task` is needed where the dataset tells none, and refused where its spaces are others. Ctrl-C,
-    and LearningDiverged, keep what has been learned so far. Raises InputInvalid.
+    `task` is needed if the dataset has none; its spaces must be those of the dataset. After Ctrl-C
+    or LearningDiverged, the policy learned so far is written. Raises InputInvalid.
     """
     given = data if isinstance(data, Dataset) else read_dataset(data)
     given = of_task(given, task, options)
@@ -101,13 +106,13 @@ def train_offline(
     except KeyboardInterrupt:
         interrupted = True
     except LearningDiverged as diverged:
-        kept = _write(place, _told(learner, given, chosen, seed, done), rows)
+        kept = _write(place, _described(learner, given, chosen, seed, done), rows)
         raise diverged.saying(
             algorithm, f"what was before, of {done} updates, is in {kept}"
         ) from None
     finally:
         torch.set_num_threads(threads)
-    policy = _told(learner, given, chosen, seed, done)
+    policy = _described(learner, given, chosen, seed, done)
     _write(place, policy, rows)
     last = {k: v for k, v in rows[-1].items() if k != "updates"} if rows else {}
     cpu = time.process_time() - began
@@ -115,8 +120,8 @@ def train_offline(
 
 
 def offline_learner(
-    data: Dataset, algorithm: str, settings: Mapping[str, Any], seed: int
-) -> tuple[OfflineLearner, Any]:
+    data: Dataset, algorithm: str, settings: Mapping[str, object], seed: int
+) -> tuple[OfflineLearner, BcSettings | IqlSettings | DtSettings]:
     """Make a learner, with its settings; raises InputInvalid."""
     if algorithm not in OFFLINE:
         raise InputInvalid(
@@ -124,14 +129,16 @@ def offline_learner(
             f"{expected_names(algorithm, OFFLINE)}"
         )
     check_torch()
-    kinds: dict[str, tuple[Any, Any]] = {}
     from uuvsim_cosim.learn.offline.behaviour_cloning import BcSettings, BehaviourCloning
     from uuvsim_cosim.learn.offline.decision_transformer import DecisionTransformer, DtSettings
     from uuvsim_cosim.learn.offline.iql import Iql, IqlSettings
 
-    kinds = {"bc": (BehaviourCloning, BcSettings), "iql": (Iql, IqlSettings),
-             "dt": (DecisionTransformer, DtSettings)}  # fmt: skip
-    make, form = kinds[algorithm]
+    makers: dict[str, tuple[Any, type[Any]]] = {
+        "bc": (BehaviourCloning, BcSettings),
+        "iql": (Iql, IqlSettings),
+        "dt": (DecisionTransformer, DtSettings),
+    }
+    make, form = makers[algorithm]
     chosen = form(**_checked(algorithm, settings, form))
     if algorithm == "dt" and chosen.hidden % chosen.heads:
         raise InputInvalid(f"dt, heads {chosen.heads}: expected a divisor of hidden, "
@@ -139,8 +146,10 @@ def offline_learner(
     return make(data, chosen, seed), chosen
 
 
-def of_task(data: Dataset, task: str | None, options: Mapping[str, Any] | None = None) -> Dataset:
-    """Return a dataset as one of a task; raises InputInvalid where the spaces are others."""
+def of_task(
+    data: Dataset, task: str | None, options: Mapping[str, object] | None = None
+) -> Dataset:
+    """Return a dataset with a task; raises InputInvalid if the spaces are not those of the task."""
     name = task or data.task
     if not name:
         raise InputInvalid("dataset: tells no task; expected one, by --task")
@@ -170,12 +179,13 @@ def of_task(data: Dataset, task: str | None, options: Mapping[str, Any] | None =
 # ---- inside ---------------------------------------------------------------------------------
 
 
-def _space(named: Any) -> str:
+def _space(named: Sequence[Named]) -> str:
     low, high = min(c.low for c in named), max(c.high for c in named)
     return f"{len(named)} numbers in [{low:g}, {high:g}]"
 
 
-def _told(learner: OfflineLearner, data: Dataset, chosen: Any, seed: int, done: int) -> Policy:
+def _described(learner: OfflineLearner, data: Dataset, chosen: Any, seed: int, done: int) -> Policy:
+    """Return the policy, with the algorithm, settings and data that it was learned from."""
     return learner.policy().told(
         algorithm=learner.name, seed=seed, updates=done, settings=asdict(chosen),
         dataset={"episodes": len(data.episodes), "return": float(data.returns.mean()),
@@ -183,7 +193,7 @@ def _told(learner: OfflineLearner, data: Dataset, chosen: Any, seed: int, done: 
     )  # fmt: skip
 
 
-def _write(place: Path, policy: Policy, rows: list[dict[str, Any]]) -> Path:
+def _write(place: Path, policy: Policy, rows: list[dict[str, float]]) -> Path:
     try:
         place.mkdir(parents=True, exist_ok=True)
         if rows:
@@ -202,10 +212,10 @@ def _write(place: Path, policy: Policy, rows: list[dict[str, Any]]) -> Path:
 _SHARES = ("gamma", "tau", "expectile", "wanted")
 
 
-def _checked(algorithm: str, settings: Mapping[str, Any], form: Any) -> dict[str, Any]:
+def _checked(algorithm: str, settings: Mapping[str, Any], form: type[Any]) -> dict[str, float]:
     hints = get_type_hints(form)
-    given = dict(settings)
-    for name, value in given.items():
+    given: dict[str, float] = {}
+    for name, value in settings.items():
         if name not in hints or name not in {f.name for f in fields(form)}:
             raise InputInvalid(
                 f"{algorithm}, setting {name!r}; expected {expected_names(name, hints)}"

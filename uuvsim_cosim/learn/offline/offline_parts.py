@@ -1,11 +1,10 @@
-"""What learning from a dataset has in common: normalisation, a step of descent, the policy."""
+"""Common parts of learning from a dataset: normalisation, a gradient step, the policy."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import torch
@@ -24,7 +23,7 @@ Array = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class OfflineSettings:
-    """What all have."""
+    """Settings of all algorithms that learn from a dataset."""
 
     lr: float = 1e-3
     batch: int = 256
@@ -57,14 +56,14 @@ class Rows:
 
 
 def normalisation(rows: Array) -> tuple[Array, Array]:
-    """Return shift and scale to mean 0, deviation 1; what never changed has scale 1."""
+    """Return shift and scale to mean 0, deviation 1; a constant number has scale 1."""
     spread = rows.std(axis=0, dtype=np.float64)
     scale = np.where(spread > 1e-3, 1.0 / np.maximum(spread, 1e-3), 1.0)
     return rows.mean(axis=0, dtype=np.float64).astype(np.float32), scale.astype(np.float32)
 
 
 def descend(algorithm: str, name: str, adam: torch.optim.Optimizer, loss: Tensor) -> float:
-    """Make a step; raises LearningDiverged, before anything is changed, for NaN."""
+    """Make a gradient step; raises LearningDiverged for NaN, before anything is changed."""
     value = float(loss.detach())
     if not math.isfinite(value):
         raise LearningDiverged(algorithm, name, value)
@@ -76,7 +75,7 @@ def descend(algorithm: str, name: str, adam: torch.optim.Optimizer, loss: Tensor
 
 
 def policy_of(
-    data: Dataset, kind: Kind, tensors: Mapping[str, Array], settings: Mapping[str, Any]
+    data: Dataset, kind: Kind, tensors: Mapping[str, Array], settings: Mapping[str, object]
 ) -> Policy:
     """Return a policy of each agent of the dataset's task."""
     return Policy(kind, tensors, data.observation, data.action, data.task, options=data.options,

@@ -1,16 +1,16 @@
-"""Anticipation: a policy of target tracking sees what will be when its action arrives.
+"""Anticipation of delays: a policy of target tracking gets the observation of a later time.
 
-What is known is `seen_late` old, and an action takes `acted_late` to arrive. Between the two lies
-what the vehicle knows of itself: the actions it was sent, and the speeds that it measures. So its
-own position is carried on by the pilot's equations (models/guidance/pilot.py: u follows the
-wanted u, r follows omega at the rate k_r), and the target's by a Kalman filter of constant
-velocity. The policy inside gets an observation as it was trained on, of the time t + acted_late.
+Positions are `seen_late` old, and an action takes `acted_late` to arrive. The vehicle knows the
+actions that were sent and the speeds that it measures. So its own position is predicted by the
+pilot's equations (models/guidance/pilot.py: u follows the wanted u, r follows omega at the rate
+k_r), and the target's by a Kalman filter of constant velocity. The policy inside gets an
+observation as in its training, of the time t + acted_late.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,23 +22,23 @@ from uuvsim_cosim.models.policies.policy_observation import largest
 __all__ = ["Anticipating"]
 
 Array = NDArray[np.float64]
-PIECES = 8  # of an action, in which it is carried on
+PIECES = 8  # integration steps of the prediction in an action step
 SIGMA, SIGMA_TARGET = 0.007, 0.05  # m, of a position; m/s, how unsure the target's first speed is
 # (m/s2)2 s: a target at 0.15 m/s whose yaw rate wanders by 0.4 rad/s for 2 s at a time
 Q_TARGET = 2.0 * 2.0 * (0.15 * 0.4) ** 2
-TRUST = 0.6  # share of a new position of its own that is believed, the rest is dead reckoning
+TRUST = 0.6  # weight of a measured own position; the rest is dead reckoning
 
 
 @final
 class Anticipating:
-    """Acts as the policy inside would, on what is to come; `begin` before new episodes.
+    """A policy on predicted observations; call `begin` before new episodes.
 
     For one tracker without obstacles. `arena` is its size [m], N and E.
     """
 
     def __init__(
         self,
-        act: Callable[[NDArray[Any]], Array],
+        act: Callable[[NDArray[np.generic]], Array],
         seen_late: float,
         acted_late: float,
         *,
@@ -59,7 +59,7 @@ class Anticipating:
         self.begin()
 
     def begin(self) -> None:
-        """Forget: the next observations are first ones."""
+        """Clear the memory: the next observations are the first of an episode."""
         self._sent: list[Array] = []  # actions, oldest first
         self._speeds: list[Array] = []  # u, v, r as they were observed, oldest first
         self._own: Array | None = None
@@ -68,7 +68,7 @@ class Anticipating:
         if begin is not None:
             begin()
 
-    def __call__(self, observation: NDArray[Any]) -> Array:
+    def __call__(self, observation: NDArray[np.generic]) -> Array:
         """Act on observations (n, width), one action after those before."""
         o = np.array(observation, float)
         if o.ndim != 2 or o.shape[1] != len(self.limits):
@@ -93,7 +93,7 @@ class Anticipating:
     # ---- inside -----------------------------------------------------------------------------
 
     def _filtered(self, there: Array, psi: Array) -> Array:
-        """Return its own position `seen` ago: part measured, part reckoned from the last one."""
+        """Return the own position `seen` ago: measurement and dead reckoning, weighted."""
         if self._own is not None:
             moved = _turned(psi, self._before(self.seen + 0.5 * self.T)[:, :2]) * self.T
             reckoned = self._own + moved
@@ -127,11 +127,11 @@ class Anticipating:
         return self._target[:, :2], self._target[:, 2:]
 
     def _carried(self, pose: Array, nu: Array, speed: Array) -> tuple[Array, Array, Array]:
-        """Carry a pose of `seen` ago on to when the next action arrives; gives it, and u, r."""
+        """Predict pose, u and r when the next action arrives, from the pose of `seen` ago."""
         x, psi = pose[:, :2].copy(), pose[:, 2].copy()
         h = self.T / PIECES
         steps = round(self.seen / h)
-        for k in range(steps):  # what has been measured since
+        for k in range(steps):  # speeds that were measured since then
             at = self._before(self.seen - (k + 0.5) * h)
             x += h * _turned(psi + 0.5 * h * at[:, 2], at[:, :2])
             psi += h * at[:, 2]

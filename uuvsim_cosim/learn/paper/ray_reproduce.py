@@ -1,4 +1,4 @@
-"""The paper's figures again on a Ray cluster: each way and seed a chain of pieces, anywhere."""
+"""Reproduction of the paper's figures on a Ray cluster: each way and seed is a chain of pieces."""
 
 from __future__ import annotations
 
@@ -52,16 +52,16 @@ def reproduce_on(
     seconds: float = SECONDS,
     episodes: int = 100,
 ) -> list[Key]:
-    """Run what a figure lacks, all ways and seeds at once; gives what was run, as `reproduce`.
+    """Run the missing results of a figure, all ways and seeds at once; returns as `reproduce`.
 
-    Results and checkpoints come back here after every `seconds`.
+    Results and checkpoints are returned to this machine after every `seconds`.
     """
     before = {k for c, s in lacking(results, figure, budget, seeds) for k in keys_of(c, budget, s)}
     before = {k for k in before if not is_kept(results, k)}
-    left = lacking(results, figure, budget, seeds)
+    missing = lacking(results, figure, budget, seeds)
 
     def piece(k: int) -> _Piece:
-        chain, seed = left[k]
+        chain, seed = missing[k]
         place = begun(work, budget, chain, seed)
         files = {f"{PLACE}/{name}": data for name, data in read_files(place).items()}
         for key in keys_of(chain, budget, seed):
@@ -71,7 +71,7 @@ def reproduce_on(
 
     def follow(k: int, came: tuple[Mapping[str, bytes], bool]) -> _Piece | None:
         files, done = came
-        chain, seed = left[k]
+        chain, seed = missing[k]
         places = {PLACE: place_of(work, budget, chain, seed), RESULTS: results}
         for name, place in places.items():
             within = {f[len(name) + 1 :]: d for f, d in files.items() if f.startswith(f"{name}/")}
@@ -79,10 +79,10 @@ def reproduce_on(
         return None if done else piece(k)
 
     ended = 0
-    for _, (_, done) in cluster.spread(_advance, map(piece, range(len(left))), follow):
+    for _, (_, done) in cluster.spread(_advance, map(piece, range(len(missing))), follow):
         ended += done
         if progress is not None:
-            progress("training", ended, len(left))
+            progress("training", ended, len(missing))
     return sorted(k for k in before if is_kept(results, k))
 
 
@@ -104,15 +104,15 @@ def transfers_on(
     conditions: tuple[str, ...] = tuple(CONDITIONS),
     episodes: int = 100,
 ) -> list[str]:
-    """Run what figure 11 lacks, each way with each seed a piece of its own; as `run_transfers`."""
-    left = lacking_transfers(seeds, results, ways)
-    pieces = [_Transfer(name, seed, conditions, episodes) for name, seed in left]
+    """Run the missing results of figure 11, as `run_transfers`; each way and seed is one piece."""
+    missing = lacking_transfers(seeds, results, ways)
+    pieces = [_Transfer(name, seed, conditions, episodes) for name, seed in missing]
     ran = []
     for k, files in cluster.spread(_transferred, pieces):
         write_files(results, files)
-        ran.append("{}-{}".format(*left[k]))
+        ran.append("{}-{}".format(*missing[k]))
         if progress is not None:
-            progress("training", len(ran), len(left))
+            progress("training", len(ran), len(missing))
     return sorted(ran)
 
 
@@ -126,7 +126,7 @@ def _transferred(piece: _Transfer) -> Mapping[str, bytes]:
 
 
 def _advance(piece: _Piece) -> tuple[Mapping[str, bytes], bool]:
-    """Go on with a chain for a while, in a worker; gives changed files, and whether it is done."""
+    """Run one piece of a chain, in a worker; returns changed files, and whether it is finished."""
     with tempfile.TemporaryDirectory(prefix="uuvsim-") as temporary, one_thread():
         root = Path(temporary)
         write_files(root, piece.files)

@@ -1,7 +1,7 @@
-"""The UUVSim paper's figures again: which trainings they need, each run or gone on with.
+"""Reproduction of the UUVSim paper's figures: the trainings that they need, run or resumed.
 
-A run is a scenario learned in one way with one seed. What it leaves for good are a few small files
-(`reproduce_results`); its checkpoints stay in a work folder.
+A run is a scenario learned in one way with one seed. Its results are a few small files
+(`results.py`); its checkpoints stay in a work folder.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import json
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.learn.paper.results import Key, is_kept, keep
@@ -36,7 +36,7 @@ __all__ = ["keys_of", "lacking", "reproduce", "reproduce_one"]
 
 
 def keys_of(chain: Chain, budget: Budget, seed: int) -> list[Key]:
-    """Return the names of what a chain leaves."""
+    """Return the names of the results of a chain."""
     return [Key(budget.name, s, chain.way, seed) for s in scenarios_of(chain, budget)]
 
 
@@ -62,10 +62,10 @@ def reproduce(
     begins: Callable[[str], None] | None = None,
     episodes: int = 100,
 ) -> list[Key]:
-    """Run what a figure lacks, way by way and seed by seed; gives what was run.
+    """Run the missing results of a figure, way by way and seed by seed; returns their names.
 
-    Goes on where it stopped, and where ways begin alike the first one's stages serve the others.
-    Each finished scenario is kept under `results` at once; checkpoints are under `work`.
+    An interrupted run is resumed. Ways that begin with the same stages share them. The results of
+    a finished scenario are written under `results` at once; checkpoints are under `work`.
     """
     ran: list[Key] = []
     for chain, seed in lacking(results, figure, budget, seeds):
@@ -88,19 +88,19 @@ def reproduce_one(
     begins: Callable[[str], None] | None = None,
     episodes: int = 100,
 ) -> list[Key]:
-    """Run a chain with one seed, or go on with it in `place`; gives what was run."""
+    """Run a chain with one seed, or resume it in `place`; returns the names of new results."""
     wanted, ran = keys_of(chain, budget, seed), []
 
-    def told(k: int, stage: Stage) -> None:
+    def report(k: int, stage: Stage) -> None:
         if begins is not None:
             begins(f"{stage.task}, {chain.way}, seed {seed}")
 
-    def kept(k: int, folder: Path, about: Mapping[str, Any]) -> None:
+    def kept(k: int, folder: Path, about: Mapping[str, object]) -> None:
         if not is_kept(results, wanted[k]):
             keep(results, wanted[k], folder, about, episodes=episodes)
             ran.append(wanted[k])
 
-    _train(chain, budget, seed, place, observers, interrupted, told, kept)
+    _train(chain, budget, seed, place, observers, interrupted, report, kept)
     return ran
 
 
@@ -110,9 +110,9 @@ def reproduce_one(
 def _train(
     chain: Chain, budget: Budget, seed: int, place: Path,
     observers: tuple[TrainingObserver, ...], interrupted: Callable[[], bool] | None,
-    told: Callable[[int, Stage], None], kept: Callable[[int, Path, Mapping[str, Any]], None],
+    begins: Callable[[int, Stage], None], kept: Callable[[int, Path, Mapping[str, object]], None],
 ) -> None:  # fmt: skip
-    """Train a chain; `kept` is given the folder of each scenario as it ends, and what it is."""
+    """Train a chain; `kept` is called with the folder and description of each finished scenario."""
     first = first_of(seed)
     about = {"algorithm": chain.algorithm, "schooling": chain.schooling, "envs": budget.envs,
              "first seed": first}  # fmt: skip
@@ -121,7 +121,7 @@ def _train(
         from uuvsim_cosim.learn.training.train import train
 
         (scenario,) = chain.scenarios
-        told(0, Stage(scenario, made["steps"]))
+        begins(0, Stage(scenario, made["steps"]))
         before, began = spent(place / STAGE), time.process_time()
         try:
             train(
@@ -147,8 +147,8 @@ def _train(
         })  # fmt: skip
 
     every = train_curriculum(
-        made, place, seed=first, observers=observers, interrupted=interrupted, stage_begins=told,
+        made, place, seed=first, observers=observers, interrupted=interrupted, stage_begins=begins,
         stage_ends=ended, first=first, tensorboard=False,
     )  # fmt: skip
-    for k, stage_done in enumerate(every):  # those that an earlier call trained, and did not keep
+    for k, stage_done in enumerate(every):  # an earlier call may have stopped before `kept`
         ended(k, stage_done)

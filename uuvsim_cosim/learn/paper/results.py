@@ -1,4 +1,4 @@
-"""What a run of the benchmark leaves for good: numbers, its curve, an episode, its policies."""
+"""Results of a run of the benchmark: numbers, the learning curve, an episode, policies."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from uuvsim_cosim._version import __version__
 from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.envs.task.task import TeamTask
+from uuvsim_cosim.envs.tasks import scripted
 from uuvsim_cosim.envs.tasks.evaluation import evaluate
 from uuvsim_cosim.envs.tasks.scripted import scripted_policy
 from uuvsim_cosim.errors import InputInvalid
@@ -33,7 +34,7 @@ METRICS = ("track", "dist", "viol", "clean")
 
 @dataclass(frozen=True)
 class Result:
-    """A run that was kept; values by episode are of seeds that nothing was chosen on."""
+    """Results of a run; values by episode are of seeds used for nothing else."""
 
     key: Key
     about: Mapping[str, Any]  # algorithm, schooling, cpu [s], steps, settings, options
@@ -45,31 +46,31 @@ class Result:
 
 
 def is_kept(results: Path, key: Key) -> bool:
-    """Return whether a run's numbers are there; they are written last."""
+    """Return whether the results of a run exist; the numbers are written last."""
     return kept(results, key) is not None
 
 
 def keep(
     results: Path, key: Key, folder: Path, about: Mapping[str, Any], *, episodes: int = 100
 ) -> Result:
-    """Judge a training's best policy on seeds never seen, and keep what it leaves.
+    """Judge a training's best policy on unused seeds, and write the results.
 
-    The policies themselves are kept of seed 0, as of the task that they are judged in; those of
-    others stay in `folder`.
+    The policies are copied for seed 0 only, with the options of the task in which they are judged;
+    those of other seeds stay in `folder`.
     """
     task = make_task(about["task"], about["options"])
     policies = load_policies(folder)
     acts = acting_in(task, policies, about["task"])
-    scripted = scripted_policy(task)
+    teacher = scripted_policy(task)
     judged = evaluate(task, acts, episodes, seed=JUDGING_SEED)
-    yardstick = evaluate(task, scripted, episodes, seed=JUDGING_SEED)
+    yardstick = evaluate(task, teacher, episodes, seed=JUDGING_SEED)
     stem = results / key.stem
     stem.parent.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(folder / "evaluations.csv", stem.with_name(f"{stem.name}.csv"))
     for policy in _distinct(policies) if key.seed == 0 else ():
         name = f"{stem.name}{f'.{policy.agent}' if policy.agent else ''}.npz"
         replace(policy, options=dict(about["options"])).save(stem.with_name(name))
-    if isinstance(task, TeamTask):
+    if isinstance(task, TeamTask) and isinstance(acts, Mapping):
         _write_episode(stem.with_name(f"{stem.name}.episode.csv"), task, acts)
     content = {
         "uuvsim_result": 1,
@@ -80,12 +81,13 @@ def keep(
         "scripted": {"return": _rounded(yardstick.returns),
                      **{k: _rounded(yardstick.metrics[k]) for k in METRICS}},
     }  # fmt: skip
+    # Last: `is_kept` takes this file as the sign that all others are there.
     write_whole(stem.with_name(f"{stem.name}.json"), (json.dumps(content) + "\n").encode())
     return read_result(results, key)
 
 
 def read_result(results: Path, key: Key) -> Result:
-    """Read a run that was kept; raises InputInvalid for one that is not, or not whole."""
+    """Read the results of a run; raises InputInvalid if they are missing or damaged."""
     found = kept(results, key)
     if found is None:
         raise InputInvalid(
@@ -108,7 +110,7 @@ def read_result(results: Path, key: Key) -> Result:
 
 
 def read_results(results: Path, budget: str) -> dict[tuple[str, str], list[Result]]:
-    """Read all that was kept under a budget, seeds in order, by scenario and way."""
+    """Read all results of a budget, seeds in order, by scenario and way."""
     found: dict[tuple[str, str], list[Result]] = {}
     for key in keys_of_budget(results, budget):
         found.setdefault((key.scenario, key.way), []).append(read_result(results, key))
@@ -116,13 +118,13 @@ def read_results(results: Path, budget: str) -> dict[tuple[str, str], list[Resul
 
 
 def read_episode(results: Path, key: Key) -> dict[str, NDArray[np.float64]]:
-    """Read the episode that was kept of a team's run, column by column."""
+    """Read the saved episode of a team's run, by column."""
     found = kept(results, key)
     return _columns(found.episode if found else None, f"{results / key.stem}: episode")
 
 
 def _distinct(policies: list[Policy]) -> Iterable[Policy]:
-    """Return the policies; one for all agents, if theirs are equal."""
+    """Return the policies, or one for all agents if they are equal."""
     first = policies[0]
     same = all(
         p.tensors.keys() == first.tensors.keys()
@@ -132,7 +134,7 @@ def _distinct(policies: list[Policy]) -> Iterable[Policy]:
     return [replace(first, agent="")] if same else policies
 
 
-def _write_episode(path: Path, task: TeamTask, acts: Mapping[str, Any]) -> None:
+def _write_episode(path: Path, task: TeamTask, acts: Mapping[str, scripted.Policy]) -> None:
     """Write the first of the judged episodes: the state (5) after each action."""
     from uuvsim_cosim.envs.team_vector import CosimTeamVectorEnv
 

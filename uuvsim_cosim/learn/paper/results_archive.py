@@ -1,7 +1,8 @@
-"""All results of a benchmark in one Parquet file; those kept since lie beside it, file by file.
+"""Archive of the results of a benchmark in one Parquet file, with newer results beside it.
 
-A run keeps its results as files, each whole at once, so that several can run and any may be killed.
-`pack` moves them into the archive. A file that lies beside the archive replaces its row there.
+A run writes its results as files, each whole or not at all, so that several runs can work at the
+same time and any can be killed. `pack` moves them into the archive. A file beside the archive takes
+precedence over its row there.
 """
 
 from __future__ import annotations
@@ -48,13 +49,13 @@ class Kept:
 
 
 def kept(results: Path, key: Key) -> Kept | None:
-    """Return what is kept of a run, or None; raises InputInvalid if it cannot be read."""
+    """Return the files of a run, or None; raises InputInvalid if they cannot be read."""
     paths = [results / f"{key.stem}{ending}" for ending in _ENDINGS]
     try:
         if not paths[0].is_file():
             return _archived(results).get(key)
         texts = [p.read_text(encoding="utf-8") if p.is_file() else None for p in paths]
-        if not paths[0].is_file():  # packed meanwhile: the numbers go first
+        if not paths[0].is_file():  # packed by another process, which deletes the numbers first
             return _archived(results).get(key)
     except (OSError, ValueError) as error:
         raise InputInvalid(
@@ -64,13 +65,13 @@ def kept(results: Path, key: Key) -> Kept | None:
 
 
 def keys_of_budget(results: Path, budget: str) -> Iterator[Key]:
-    """Yield the runs that are kept under a budget, in order."""
+    """Yield the runs of a budget that have results, in order."""
     found = {key for key in _archived(results) if key.budget == budget}
     yield from sorted(found | set(_loose(results, budget)))
 
 
 def pack(results: Path) -> Path:
-    """Move what lies in files into the archive; policies stay as they are."""
+    """Move the files of results into the archive; policies stay as files."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

@@ -1,8 +1,7 @@
-"""Ways that begin alike: what one of them has trained, the other need not train again.
+"""Ways that begin with the same stages: the stages trained by one are copied for the other.
 
-The same stages with the same seed leave the same bits, so they are copied: two trackers and one go
-through the same first scenarios, and who spends all steps in the target scenario has spent those
-of the one who stops earlier.
+The same stages with the same seed have the same bits. Two trackers and one, for example, share
+their first scenarios, and a training with more steps begins as a shorter one does.
 """
 
 from __future__ import annotations
@@ -34,8 +33,8 @@ __all__ = ["begun"]
 def begun(work: Path, budget: Budget, chain: Chain, seed: int) -> Path:
     """Return the folder of a chain's checkpoints.
 
-    A new one begins with the stages that another chain of this budget and seed has finished under
-    `work`, the most of them; raises InputInvalid where they cannot be copied or gone on from.
+    A new folder begins with the stages that another chain of this budget and seed has finished
+    under `work`, as many as possible. Raises InputInvalid if they cannot be copied or resumed.
     """
     place, plan = place_of(work, budget, chain, seed), plan_of(chain, budget)
     if place.exists() or not isinstance(plan, Curriculum):
@@ -55,10 +54,10 @@ def begun(work: Path, budget: Budget, chain: Chain, seed: int) -> Path:
 
 def _alike(
     plan: Curriculum, about: Mapping[str, Any], other: Path
-) -> tuple[int, list[dict[str, Any]]]:
-    """Return how many of another's first stages can be used, and its record of those done here.
+) -> tuple[int, list[dict[str, object]]]:
+    """Return how many first stages of another chain can be used, and the records of those finished.
 
-    The last may be one that goes on here for more steps.
+    The last stage may be one that this chain trains for more steps.
     """
     try:
         read = json.loads((other / ABOUT).read_text(encoding="utf-8"))
@@ -79,7 +78,7 @@ def _alike(
 
 
 def _goes_on(mine: Mapping[str, Any], its: Mapping[str, Any], every: int) -> bool:
-    """Return whether the other is this one's beginning: its end must not have been judged apart."""
+    """Return whether the other stage is the beginning of this one, with the same evaluations."""
     return (
         {**its, "steps": mine["steps"]} == mine
         and its["steps"] < mine["steps"]
@@ -87,7 +86,7 @@ def _goes_on(mine: Mapping[str, Any], its: Mapping[str, Any], every: int) -> boo
     )
 
 
-def _copy(source: Path, place: Path, names: list[str], content: Mapping[str, Any]) -> None:
+def _copy(source: Path, place: Path, names: list[str], content: Mapping[str, object]) -> None:
     """Make the folder, whole or not at all."""
     new = place.with_name(f"{place.name}.new")
     shutil.rmtree(new, ignore_errors=True)

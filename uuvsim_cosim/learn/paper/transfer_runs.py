@@ -1,7 +1,7 @@
-"""Figure 11 again: who learned on the plain plant, put where positions are late and jets weak.
+"""Reproduction of figure 11: policies trained on the plain plant, tested with delays and weak jets.
 
-Each way of learning is run with each seed, then judged under each condition, with what is late
-taken as it is and with anticipation. One small JSON file is kept of a way and a seed.
+Each way of learning is run with each seed, then judged under each condition, without and with
+anticipation of the delays. The results of a way and a seed are one small JSON file.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from uuvsim_cosim._version import __version__
 from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.envs.task.task import TeamTask
-from uuvsim_cosim.envs.tasks.evaluation import Evaluation, evaluate
+from uuvsim_cosim.envs.tasks.evaluation import evaluate
 from uuvsim_cosim.envs.tasks.scripted import scripted_policy
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.paper.anticipation import Anticipating
@@ -50,13 +50,13 @@ SEEDS_APART = 1000
 
 @dataclass(frozen=True)
 class Way:
-    """How something that acts came to be."""
+    """One way to make a policy."""
 
     name: str
     words: str
     task: str = "transition_1"
-    options: Mapping[str, Any] = field(default_factory=dict)
-    steps: int = 0  # of environments, where it lives in the task
+    options: Mapping[str, object] = field(default_factory=dict)
+    steps: int = 0  # of environments, for an algorithm that acts in the task
     algorithm: str = ""  # "sac", or one that learns offline
 
 
@@ -75,15 +75,15 @@ WAYS = {
 
 @dataclass(frozen=True)
 class Condition:
-    """Where policies are judged; `options` are the task's."""
+    """One condition of the test; `options` are the task's."""
 
     words: str
-    options: Mapping[str, Any]
+    options: Mapping[str, float]
     task: str = "disturbed"
 
     @property
     def late(self) -> tuple[float, float]:
-        """Return how late positions and commands are [s], as anticipation is told."""
+        """The delays of positions and of commands [s], which anticipation is given."""
         seen, acted = (float(self.options.get(k, 0.0)) for k in ("seen_late", "acted_late"))
         return seen, acted
 
@@ -128,7 +128,7 @@ def run_transfers(
     conditions: tuple[str, ...] = tuple(CONDITIONS),
     episodes: int = 100,
 ) -> list[str]:
-    """Learn and judge what is lacking, seed by seed; gives what was run, "dt-0".
+    """Train and judge the missing ways, seed by seed; returns their names, "dt-0".
 
     Raises KeyboardInterrupt where it was interrupted; the same call goes on.
     """
@@ -145,7 +145,7 @@ def run_transfers(
 def lacking_transfers(
     seeds: int, results: Path, ways: tuple[str, ...] = tuple(WAYS)
 ) -> list[tuple[str, int]]:
-    """Return the ways and seeds of which there is no result; what draws nothing has one seed."""
+    """Return the ways and seeds without a result; a way without random numbers has one seed."""
     return [
         (name, seed)
         for seed in range(seeds)
@@ -166,19 +166,19 @@ def run_transfer(
     conditions: tuple[str, ...] = tuple(CONDITIONS),
     episodes: int = 100,
 ) -> Path:
-    """Learn in one way with one seed, judge under each condition; gives the file it leaves."""
+    """Train one way with one seed, judge it under each condition; returns the file of results."""
     way = WAYS[name]
 
-    def say(text: str) -> None:
+    def report(text: str) -> None:
         if begins is not None:
             begins(text)
 
-    say(f"{way.words}, seed {seed}")
+    report(f"{way.words}, seed {seed}")
     policies, cpu = _learned(way, seed, work / f"{name}-{seed}", observers, interrupted)
     cells = {}
     for condition in conditions:
         for how in ("as it is", "anticipated"):
-            say(f"{name}, seed {seed}: {condition}, {how}")
+            report(f"{name}, seed {seed}: {condition}, {how}")
             found = _judged(policies, CONDITIONS[condition], how, episodes)
             if found is not None:
                 cells[f"{condition}/{how}"] = found
@@ -234,18 +234,18 @@ def _learned(
     way: Way, seed: int, place: Path, observers: tuple[TrainingObserver, ...],
     interrupted: Callable[[], bool] | None,
 ) -> tuple[list[Policy], float]:  # fmt: skip
-    """Return what a way learns with a seed, of `place` if it is there, and its CPU time [s]."""
+    """Return the policies of a way and its CPU time [s], from `place` if it is finished there."""
     if not way.algorithm:
         return [], 0.0
-    told = place / "cpu.json"
-    if not told.is_file():
-        learn = _lived if way.steps else _from_data
+    finished = place / "cpu.json"  # written last
+    if not finished.is_file():
+        learn = _in_the_task if way.steps else _from_data
         cpu = learn(way, seed, place, observers, interrupted)
-        write_whole(told, json.dumps({"cpu": cpu}).encode())
-    return load_policies(place), float(json.loads(told.read_text())["cpu"])
+        write_whole(finished, json.dumps({"cpu": cpu}).encode())
+    return load_policies(place), float(json.loads(finished.read_text())["cpu"])
 
 
-def _lived(
+def _in_the_task(
     way: Way, seed: int, place: Path, observers: tuple[TrainingObserver, ...],
     interrupted: Callable[[], bool] | None,
 ) -> float:  # fmt: skip
@@ -266,15 +266,15 @@ def _from_data(
     from uuvsim_cosim.learn.data.collect import collect
     from uuvsim_cosim.learn.offline.offline import train_offline
 
-    def told(*_: Any) -> None:
+    def check(*_: object) -> None:
         if interrupted is not None and interrupted():
             raise KeyboardInterrupt
 
-    # It does not go on: it begins again. Of two at once, the first to end is kept.
+    # It cannot be resumed, so it starts again. Of two processes, the first to finish is kept.
     part = place.with_name(f"{place.name}.part-{os.getpid()}")
     shutil.rmtree(part, ignore_errors=True)
     data = collect(way.task, "scripted", EPISODES)
-    done = train_offline(data, way.algorithm, seed=SEEDS_APART * seed, folder=part, progress=told)
+    done = train_offline(data, way.algorithm, seed=SEEDS_APART * seed, folder=part, progress=check)
     if done.interrupted:
         shutil.rmtree(part)
         raise KeyboardInterrupt
@@ -287,7 +287,7 @@ def _from_data(
 
 def _judged(
     policies: list[Policy], condition: Condition, how: str, episodes: int
-) -> dict[str, Any] | None:
+) -> dict[str, object] | None:
     """Judge under a condition; None, where there is nothing to anticipate."""
     options = dict(condition.options)
     anticipated = how == "anticipated"
@@ -297,16 +297,13 @@ def _judged(
         return None
     task = make_task(condition.task, options)
     assert isinstance(task, TeamTask)
-    acts: Any = acting_in(task, policies, condition.task) if policies else scripted_policy(task)
-    if anticipated and condition.task != "pool_tracking":
+    acts = acting_in(task, policies, condition.task) if policies else scripted_policy(task)
+    if anticipated and condition.task != "pool_tracking" and isinstance(acts, Mapping):
         acts = {agent: Anticipating(act, *condition.late) for agent, act in acts.items()}
-    return _kept(evaluate(task, acts, episodes, seed=JUDGING_SEED))
-
-
-def _kept(e: Evaluation) -> dict[str, Any]:
-    summary = e.summary()
+    judged = evaluate(task, acts, episodes, seed=JUDGING_SEED)
+    summary = judged.summary()
     return {
-        "return": [float(f"{x:.4g}") for x in e.returns],
-        "track": [float(f"{x:.3g}") for x in e.metrics["track"]],
+        "return": [float(f"{x:.4g}") for x in judged.returns],
+        "track": [float(f"{x:.3g}") for x in judged.metrics["track"]],
         **{k: float(f"{summary[k]:.4g}") for k in ("dist", "viol", "clean")},
     }

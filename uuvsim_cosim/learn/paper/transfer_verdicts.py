@@ -1,4 +1,4 @@
-"""What holds of figure 11: who learned from data is as good as its teacher, and in the pool too."""
+"""Verdicts on figure 11: policies learned from data against their teacher, and in the pool."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def cells_of(found: Sequence[Judged]) -> dict[tuple[str, str, str], Cell]:
 
 
 def transfer_verdicts(cells: Cells) -> list[Verdict]:
-    """Judge every claim of the transformer, and say what anticipation and randomisation give."""
+    """Judge every claim on the transformer, on anticipation and on randomisation."""
     rows = [_teacher(cells), _cloning(cells)]
     for condition, words in (
         ("noise", "with ±7 mm of noise"),
@@ -97,9 +97,9 @@ def _teacher(cells: Cells) -> Verdict:
     if dt is None or other is None:
         return _missing(claim, wanted)
     share = ratio(dt.values, other.values)
-    said = f"{share} of {other.returns.value:.4g}, track {dt.track}"
+    measured = f"{share} of {other.returns.value:.4g}, track {dt.track}"
     return _verdict(
-        claim, wanted, said, together(share.at_least(0.95), dt.track.at_least(0.95)), dt
+        claim, wanted, measured, together(share.at_least(0.95), dt.track.at_least(0.95)), dt
     )
 
 
@@ -109,8 +109,8 @@ def _cloning(cells: Cells) -> Verdict:
     if dt is None or bc is None:
         return _missing(claim, wanted)
     share = ratio(dt.values, bc.values)
-    said = f"{dt.returns} against {bc.returns}, ratio {share}"
-    return _verdict(claim, wanted, said, share.at_least(1.0), dt, bc)
+    measured = f"{dt.returns} against {bc.returns}, ratio {share}"
+    return _verdict(claim, wanted, measured, share.at_least(1.0), dt, bc)
 
 
 def _loses(cells: Cells, condition: str, how: str, words: str) -> Verdict:
@@ -120,9 +120,9 @@ def _loses(cells: Cells, condition: str, how: str, words: str) -> Verdict:
         return _missing(words, wanted)
     share = ratio(hard.values, plain.values, same=hard.seeds == plain.seeds)
     lost = [100 * (1 - x) for x in (share.value, share.high, share.low)]
-    said = "loses {:.1f} [{:.1f}, {:.1f}] %".format(*lost)
-    said += f": {hard.returns}, track {hard.track}"
-    return _verdict(words, wanted, said, share.at_least(LEAST), hard)
+    measured = "loses {:.1f} [{:.1f}, {:.1f}] %".format(*lost)
+    measured += f": {hard.returns}, track {hard.track}"
+    return _verdict(words, wanted, measured, share.at_least(LEAST), hard)
 
 
 def _pool(cells: Cells) -> Verdict:
@@ -130,8 +130,8 @@ def _pool(cells: Cells) -> Verdict:
     wanted, cell = "track ≥ 0.9", cells.get(("dt", "pool", ANTICIPATED))
     if cell is None:
         return _missing(claim, wanted)
-    said = f"track {cell.track}, return {cell.returns}, viol {cell.viol:.3g}"
-    return _verdict(claim, wanted, said, cell.track.at_least(0.9), cell)
+    measured = f"track {cell.track}, return {cell.returns}, viol {cell.viol:.3g}"
+    return _verdict(claim, wanted, measured, cell.track.at_least(0.9), cell)
 
 
 def _randomised(cells: Cells, condition: str) -> Verdict:
@@ -143,15 +143,16 @@ def _randomised(cells: Cells, condition: str) -> Verdict:
     with_, without = (cells.get((w, condition, how)) for w in ("sac-randomised", "sac"))
     if with_ is None or without is None:
         return _missing(claim, "reported")
-    said = (
+    measured = (
         f"return {with_.returns}, viol {with_.viol:.3g}; without {without.returns}, "
         f"{without.viol:.3g}"
     )
-    return Verdict("11", claim, "reported", said, "reported", min(with_.seeds, without.seeds))
+    seeds = min(with_.seeds, without.seeds)
+    return Verdict("11", claim, "reported", measured, "reported", seeds)
 
 
-def _verdict(claim: str, wanted: str, measured: str, said: Said, *cells: Cell) -> Verdict:
-    return Verdict("11", claim, wanted, measured, said, min(c.seeds for c in cells))
+def _verdict(claim: str, wanted: str, measured: str, verdict: Said, *cells: Cell) -> Verdict:
+    return Verdict("11", claim, wanted, measured, verdict, min(c.seeds for c in cells))
 
 
 def _missing(claim: str, wanted: str) -> Verdict:

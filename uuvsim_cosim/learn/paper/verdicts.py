@@ -1,7 +1,7 @@
 """Verdicts on each claim: it holds, it does not hold, or it cannot be decided.
 
-A verdict follows from the 95 % interval of what was measured, not from its value: a claim holds if
-the whole interval keeps the limit, does not hold if none of it does, and cannot be decided else.
+A verdict follows from the 95 % interval of the measured figure, not from its value: a claim holds
+if the whole interval keeps the limit, does not hold if no part does, and is undecided otherwise.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class Verdict:
 
 
 def verdicts(results: Results) -> list[Verdict]:
-    """Judge every claim but those of figure 11, which `transfer_verdicts` has."""
+    """Judge every claim, except those of figure 11 (see `transfer_verdicts`)."""
     rows = [_source(results), *_continuity(results)]
     for scenario in STAGES[1:]:
         rows += [_helps(results, scenario), _half(results, scenario)]
@@ -79,15 +79,17 @@ def _source(results: Results) -> Verdict:
     track, share = _metric(runs, "track"), _share(runs)
     early = interval(np.array([[_reaches_last(r)] for r in runs]))
     judged = together(track.at_least(0.95), share.at_least(0.9), early.at_most(0.3))
-    said = f"track {track}, return {share} of scripted, after {early} of the episodes"
-    return Verdict("7", "source converges", wanted, said, judged, len(runs))
+    measured = f"track {track}, return {share} of scripted, after {early} of the episodes"
+    return Verdict("7", "source converges", wanted, measured, judged, len(runs))
 
 
 def _continuity(results: Results) -> list[Verdict]:
     rows = []
     for before, after in pairwise(STAGES):
         claim, wanted = f"first of {after} is last of {before}", "ratio ≥ 0.9 on common terms"
-        pairs = _by_seed(results.get((before, STT), []), results.get((after, STT), []))
+        later = {r.key.seed: r for r in results.get((after, STT), [])}
+        earlier = results.get((before, STT), [])
+        pairs = [(r, later[r.key.seed]) for r in earlier if r.key.seed in later]
         if not pairs:
             rows.append(_missing("7", claim, wanted))
             continue
@@ -117,9 +119,9 @@ def _half(results: Results, scenario: str) -> Verdict:
     a, b = (float(np.median([_steps_to(r, 0.9) for r in runs])) for runs in (stt, scratch))
     share = _share_of_steps(stt, scratch)
     limits = f"{share.low:.2g} … {share.high:.2g}"
-    said = f"{_steps(a)} against {_steps(b)} (medians), ratio {limits}"
+    measured = f"{_steps(a)} against {_steps(b)} (medians), ratio {limits}"
     seeds = min(len(stt), len(scratch))
-    return Verdict("7", claim, wanted, said, share.at_most(0.5), seeds)
+    return Verdict("7", claim, wanted, measured, share.at_most(0.5), seeds)
 
 
 def _figure_8(results: Results, scenario: str) -> Verdict:
@@ -136,8 +138,10 @@ def _figure_8(results: Results, scenario: str) -> Verdict:
         track.at_least(0.95), dist.at_least(0.38), dist.at_most(0.9), viol.at_most(0.01),
         clean.at_least(0.9),
     )  # fmt: skip
-    said = f"track {track}, dist {dist}, viol {viol}, clean {clean}, return {_share(runs)} scripted"
-    return Verdict("8", claim, wanted, said, judged, len(runs))
+    measured = (
+        f"track {track}, dist {dist}, viol {viol}, clean {clean}, return {_share(runs)} scripted"
+    )
+    return Verdict("8", claim, wanted, measured, judged, len(runs))
 
 
 def _beats(results: Results, algorithm: str, schooled: bool) -> Verdict:
@@ -152,9 +156,9 @@ def _beats(results: Results, algorithm: str, schooled: bool) -> Verdict:
         return _missing("9", claim, wanted)
     a, b = (np.array([r.returns.mean() for r in runs]) for runs in (ours, theirs))
     p, x, y = probability_of_improvement(a, b), _returns(ours), _returns(theirs)
-    said = f"P {p}; returns {x} and {y}"
+    measured = f"P {p}; returns {x} and {y}"
     decided = together(p.at_least(0.9), x.above(y)) if judged else "reported"
-    return Verdict("9", claim, wanted, said, decided, min(len(ours), len(theirs)))
+    return Verdict("9", claim, wanted, measured, decided, min(len(ours), len(theirs)))
 
 
 def _teams(results: Results) -> list[Verdict]:
@@ -170,9 +174,10 @@ def _teams(results: Results) -> list[Verdict]:
             continue
         a, b = (np.array([(r.metrics["track"] >= 0.9).mean() for r in x]) for x in (two, other))
         p = probability_of_improvement(a, b)
-        said = f"success {a.mean():.3g} and {b.mean():.3g}, P {p}"
+        measured = f"success {a.mean():.3g} and {b.mean():.3g}, P {p}"
         decided = "reported" if wanted == "reported" else p.at_least(0.9)
-        rows.append(Verdict("success", words, wanted, said, decided, min(len(two), len(other))))
+        seeds = min(len(two), len(other))
+        rows.append(Verdict("success", words, wanted, measured, decided, seeds))
     return rows
 
 
@@ -189,10 +194,10 @@ def _cost(results: Results) -> Verdict:
 
     worst = max(every, key=cost)
     seconds = cost(worst)
-    said = f"at most {seconds:.0f} CPU s ({worst.key.scenario}, {worst.key.way})"
+    measured = f"at most {seconds:.0f} CPU s ({worst.key.scenario}, {worst.key.way})"
     seeds = max(len(runs) for runs in results.values())
     decided = HOLDS if seconds <= 600 else HOLDS_NOT  # of the runs themselves: no interval
-    return Verdict("all", "the cost", wanted, said, decided, seeds)
+    return Verdict("all", "the cost", wanted, measured, decided, seeds)
 
 
 def _cpu(run: Result) -> float:
@@ -209,7 +214,7 @@ def numbers_of(runs: Sequence[Result]) -> dict[str, Interval]:
 
 
 def _metric(runs: Sequence[Result], name: str) -> Interval:
-    """Return the mean: an interquartile mean would leave out the episodes that go wrong."""
+    """Return the mean: an interquartile mean would leave out the failed episodes."""
     return interval(np.stack([r.metrics[name] for r in runs]), _mean, draws=1000)
 
 
@@ -223,7 +228,7 @@ def _returns(runs: Sequence[Result]) -> Interval:
 
 
 def _share(runs: Sequence[Result]) -> Interval:
-    """Return the return over that of the hand-written controller."""
+    """Return the return divided by that of the scripted controller."""
     scripted = float(runs[0].scripted.mean())
     return interval(np.stack([r.returns / scripted for r in runs]), _mean, draws=1000)
 
@@ -263,8 +268,8 @@ def _steps_to(run: Result, share: float) -> float:
 def _share_of_steps(x: Sequence[Result], y: Sequence[Result], draws: int = 2000) -> Interval:
     """Return the ratio of the medians of `_steps_to` with its 95 % bootstrap interval.
 
-    A run that never reaches the return needs more steps than it had, but nobody knows how many.
-    The interval covers everything that this leaves open.
+    A run that never reaches the return would need more steps than it had, by an unknown number. The
+    interval covers all possible numbers.
     """
     found = []
     for runs in (x, y):
@@ -297,11 +302,6 @@ def _over(a: float, b: float) -> float:
 
 def _steps(number: float) -> str:
     return f"{number:,.0f} steps" if np.isfinite(number) else "never"
-
-
-def _by_seed(a: Sequence[Result], b: Sequence[Result]) -> list[tuple[Result, Result]]:
-    by = {r.key.seed: r for r in b}
-    return [(r, by[r.key.seed]) for r in a if r.key.seed in by]
 
 
 def _two(results: Results, scenario: str, *ways: str) -> tuple[Sequence[Result], Sequence[Result]]:

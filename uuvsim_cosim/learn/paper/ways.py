@@ -1,4 +1,4 @@
-"""What the paper's figures need: budgets, and ways of learning as chains of scenarios."""
+"""Trainings for the paper's figures: budgets, and ways of learning as chains of scenarios."""
 
 from __future__ import annotations
 
@@ -35,18 +35,18 @@ SCENARIOS = ("source", "transition_1", "transition_2", "target")
 
 @dataclass(frozen=True)
 class Budget:
-    """How much may be learned: `steps` of environments for each scenario, `envs` side by side."""
+    """Size of the trainings: environment steps for each scenario, `envs` side by side."""
 
     name: str
     described: str
     envs: int
     steps: Mapping[str, int]
     evaluate_every: Mapping[str, int]  # environment steps
-    settings: Mapping[str, Any] = field(default_factory=dict)  # of MASAC and SAC
+    settings: Mapping[str, object] = field(default_factory=dict)  # of MASAC and SAC
     options: Mapping[str, Any] = field(default_factory=dict)  # of the tasks
-    alone: Mapping[str, Any] = field(default_factory=dict)  # settings where there is one tracker
-    of: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # settings, by scenario
-    under: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # rules to learn under
+    alone: Mapping[str, object] = field(default_factory=dict)  # settings where there is one tracker
+    of: Mapping[str, Mapping[str, object]] = field(default_factory=dict)  # settings, by scenario
+    under: Mapping[str, Mapping[str, object]] = field(default_factory=dict)  # rules to learn under
 
     def episodes(self, scenario: str) -> int:
         """Return the episodes of 50 actions that its steps are."""
@@ -96,8 +96,8 @@ class Chain:
     schooling: Literal["stt", "scratch"]
     algorithm: str
     scenarios: tuple[str, ...]
-    options: Mapping[str, Any] = field(default_factory=dict)
-    label: str = ""  # says what is particular
+    options: Mapping[str, object] = field(default_factory=dict)
+    label: str = ""  # the difference from the way without a label
     trackers: int | None = None  # where a team tracks, instead of two
 
     @property
@@ -139,8 +139,8 @@ def scenarios_of(chain: Chain, budget: Budget) -> tuple[str, ...]:
     return tuple(s for s in chain.scenarios if s in budget.steps)
 
 
-def options_of(chain: Chain, scenario: str) -> dict[str, Any]:
-    """Return what a way says of the task; the rest is the budget's."""
+def options_of(chain: Chain, scenario: str) -> dict[str, object]:
+    """Return the task options of a way; the others are the budget's."""
     options = dict(chain.options)
     if chain.trackers is not None and _task(scenario) in ("transition_2", "target"):
         options["n_trackers"] = chain.trackers
@@ -153,7 +153,7 @@ def first_of(seed: int) -> int:
 
 
 def place_of(work: Path, budget: Budget, chain: Chain, seed: int) -> Path:
-    """Name the folder that a chain's checkpoints are in."""
+    """Return the folder of a chain's checkpoints."""
     return work / budget.name / f"{chain.way}-{scenarios_of(chain, budget)[-1]}-{seed}"
 
 
@@ -185,7 +185,7 @@ def plan_of(chain: Chain, budget: Budget) -> Curriculum | dict[str, Any]:
 def _stage(chain: Chain, budget: Budget, scenario: str) -> Stage:
     options, under = options_of(chain, scenario), budget.under.get(scenario)
     alone = scenario in ("source", "transition_1") or options.get("n_trackers") == 1
-    settings: dict[str, Any] = {}
+    settings: dict[str, object] = {}
     if chain.algorithm in TUNED:
         settings = {**(budget.alone if alone else {}), **budget.of.get(scenario, {})}
     if under:
@@ -201,6 +201,6 @@ def _task(scenario: str) -> str:
 
 
 def _steps(chain: Chain, budget: Budget, scenario: str) -> int:
-    if chain.label == "all_steps":  # as many as the whole schooling has
+    if chain.label == "all_steps":  # the sum over all scenarios of the schooling
         return sum(budget.steps[s] for s in SCENARIOS)
     return budget.steps[scenario]

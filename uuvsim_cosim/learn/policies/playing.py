@@ -1,9 +1,9 @@
-"""An episode seen: what a policy does in a task, picture by picture."""
+"""Pictures of an episode in which a policy acts."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,13 +11,21 @@ from numpy.typing import NDArray
 from uuvsim_cosim.envs.task.task import Task, TeamTask
 from uuvsim_cosim.learn.policies.sequence_runner import begin
 
+if TYPE_CHECKING:
+    from uuvsim_cosim.envs.single import CosimEnv
+    from uuvsim_cosim.envs.tasks.scripted import Policies, Policy
+    from uuvsim_cosim.envs.team import CosimParallelEnv
+
 __all__ = ["frames_of"]
 
 Pixels = NDArray[np.uint8]
 
 
 def frames_of(
-    task: Task | TeamTask, policy: Any, seed: int, mode: Literal["rgb_array", "human"] = "rgb_array"
+    task: Task | TeamTask,
+    policy: Policies,
+    seed: int,
+    mode: Literal["rgb_array", "human"] = "rgb_array",
 ) -> Iterator[Pixels]:
     """Return the pictures (height, width, 3) of episode 0 of a seed, from its start to its end.
 
@@ -27,6 +35,7 @@ def frames_of(
     for one in policy.values() if isinstance(policy, Mapping) else (policy,):
         begin(one)
     if isinstance(task, TeamTask):
+        assert isinstance(policy, Mapping)
         from uuvsim_cosim.envs.team import CosimParallelEnv
 
         team = CosimParallelEnv(task, render_mode=mode)
@@ -40,6 +49,7 @@ def frames_of(
         finally:
             team.close()
         return
+    assert not isinstance(policy, Mapping)
     from uuvsim_cosim.envs.single import CosimEnv
 
     env = CosimEnv(task, render_mode=mode)
@@ -55,11 +65,13 @@ def frames_of(
         env.close()
 
 
-def _one(policy: Any, observation: NDArray[Any]) -> NDArray[Any]:
-    """Act on one observation; what learners act on is cut to float32, as in `Rollout`."""
+def _one(policy: Policy, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Act on one observation; actions are rounded to float32, as in `Rollout`."""
     return np.asarray(policy(observation[None])[0], np.float32)
 
 
-def _drawn(env: Any) -> Iterator[Pixels]:
-    if env.render_mode == "rgb_array":
-        yield env.render()
+def _drawn(env: CosimEnv | CosimParallelEnv) -> Iterator[Pixels]:
+    if env.render_mode == "rgb_array":  # a window shows each step without being asked
+        pixels = env.render()
+        assert pixels is not None
+        yield pixels

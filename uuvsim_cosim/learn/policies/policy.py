@@ -23,7 +23,7 @@ __all__ = ["Named", "Policy", "network"]
 
 Array = NDArray[np.float32]
 Kind = Literal["tanh", "clip", "grid", "sequence"]
-FORMAT = 1  # raised when a file of before can no longer be read
+FORMAT = 1  # incremented when older files cannot be read any more
 
 
 @dataclass(frozen=True)
@@ -38,15 +38,15 @@ class Named:
 
 @dataclass(frozen=True)
 class Policy:
-    """What acts: observations (n, width) in, actions (n, width) in [-1, 1] out.
+    """Map of observations (n, width) to actions (n, width) in [-1, 1].
 
     Layers are `tensors` "0.weight" (out, in), "0.bias" (out,), "1.weight", …, with
-    `activation` between them. `kind` is what becomes of the last layer: "tanh" of it (the mean of
-    a squashed Gaussian), "clip" to [-1, 1], or "grid", the row of tensor "grid" (choices, width)
-    with the greatest value. "sequence" is a decision transformer, whose `settings` say its form.
+    `activation` between them. `kind` is the function of the last layer: "tanh" (the mean of a
+    squashed Gaussian), "clip" to [-1, 1], or "grid", the row of the tensor "grid" (choices, width)
+    with the greatest value. "sequence" is a decision transformer, whose `settings` give its form.
     An observation is first shifted and scaled: (o - `shift`) * `scale`, where given as tensors.
-    `task` and `options` make the task that it was trained on; `agent` is whose policy it is, ""
-    for each of them; `trained` tells where it comes from.
+    `task` and `options` make the task that it was trained on; `agent` is the agent that it is for,
+    "" for all agents; `trained` describes the training.
     """
 
     kind: Kind
@@ -54,7 +54,7 @@ class Policy:
     observation: tuple[Named, ...]
     action: tuple[Named, ...]
     task: str
-    options: Mapping[str, Any] = field(default_factory=dict)
+    options: Mapping[str, object] = field(default_factory=dict)
     activation: Literal["relu", "tanh"] = "relu"
     agent: str = ""
     settings: Mapping[str, Any] = field(default_factory=dict)
@@ -98,7 +98,7 @@ class Policy:
         """The number of layers."""
         return sum(name.endswith(".weight") and name[:-7].isdigit() for name in self.tensors)
 
-    def __call__(self, observation: NDArray[Any]) -> NDArray[np.float64]:
+    def __call__(self, observation: NDArray[np.generic]) -> NDArray[np.float64]:
         """Act without noise; raises InputInvalid for "sequence", which needs a history."""
         if self.kind == "sequence":
             raise InputInvalid("policy: a transformer acts on a history; expected its runner")
@@ -115,8 +115,8 @@ class Policy:
             x = np.tanh(x)
         return np.asarray(np.clip(x, -1.0, 1.0), np.float64)
 
-    def told(self, **trained: Any) -> Policy:
-        """Return the same policy, with more to tell of where it comes from."""
+    def told(self, **trained: object) -> Policy:
+        """Return the same policy with more entries of `trained`."""
         return replace(self, trained={**self.trained, **trained})
 
     # ---- files ----------------------------------------------------------------------------
@@ -175,6 +175,6 @@ def network(
     return np.asarray(x, np.float32)
 
 
-def names_of(names: Sequence[str], low: NDArray[Any], high: NDArray[Any]) -> tuple[Named, ...]:
+def names_of(names: Sequence[str], low: Array, high: Array) -> tuple[Named, ...]:
     """Pair names with limits."""
     return tuple(Named(n, float(a), float(b)) for n, a, b in zip(names, low, high, strict=True))

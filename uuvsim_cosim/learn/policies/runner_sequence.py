@@ -31,26 +31,27 @@ class Remembering:
     def begin(self) -> None:
         """Forget: the next observations are first ones."""
         self.past = 0  # actions so far
-        self.history: Any = []  # returns to go, observations, actions: (n, K, width) each
+        # Returns to go, observations, actions: (n, K, width) each.
+        self.history: list[np.ndarray] = []
 
-    def __call__(self, observation: Any) -> Any:
+    def __call__(self, observation: np.ndarray) -> np.ndarray:
         """Return actions (n, width) in [-1, 1]."""
         o = np.asarray(observation, np.float32)
         if "shift" in self.t:
             o = (o - self.t["shift"]) * self.t["scale"]
         to_go = (self.wanted - self.past * self.reward) / self.scale
-        now: Any = (to_go, o, 0.0)  # what is done now is not known yet
+        now = (to_go, o, 0.0)  # the action is not known yet
         places = [np.zeros((len(o), self.context, w), np.float32) for w in self.widths]
         for i, place in enumerate(places):
             if self.past:
                 place[:, :-1] = self.history[i][:, 1:]
             place[:, -1] = now[i]
-        action = np.tanh(self.network(places))
+        action: np.ndarray = np.tanh(self.network(places))
         places[2][:, -1] = action
         self.history, self.past = places, self.past + 1
         return action
 
-    def network(self, places: Any) -> Any:
+    def network(self, places: list[np.ndarray]) -> np.ndarray:
         """Return the last action (n, width), before its tanh, of the three histories."""
         there = min(self.context, self.past + 1)  # places, the last ones
         table = self.t["embed_time.weight"]
@@ -67,23 +68,25 @@ class Remembering:
             x = x + self.linear(at + "narrow", wide)
         return self.linear("head", self.norm("norm", x[:, -1]))
 
-    def linear(self, name: str, x: Any) -> Any:
+    def linear(self, name: str, x: np.ndarray) -> np.ndarray:
         """Return W x + b."""
         return x @ self.t[name + ".weight"].T + self.t[name + ".bias"]
 
-    def norm(self, name: str, x: Any) -> Any:
+    def norm(self, name: str, x: np.ndarray) -> np.ndarray:
         """Return x with mean 0 and deviation 1, scaled and shifted."""
         x = x - x.mean(-1, keepdims=True)
         size = np.sqrt((x * x).mean(-1, keepdims=True) + np.float32(1e-5))
-        return x / size * self.t[name + ".weight"] + self.t[name + ".bias"]
+        return np.asarray(x / size * self.t[name + ".weight"] + self.t[name + ".bias"])
 
-    def activated(self, x: Any) -> Any:
+    def activated(self, x: np.ndarray) -> np.ndarray:
         """Return max(0, x), or gelu(x)."""
         if self.relu:
-            return np.maximum(x, np.float32(0))
-        return 0.5 * x * (1.0 + np.vectorize(math.erf, otypes=[np.float32])(x / math.sqrt(2.0)))
+            y: np.ndarray = np.maximum(x, np.float32(0))
+        else:
+            y = 0.5 * x * (1.0 + np.vectorize(math.erf, otypes=[np.float32])(x / math.sqrt(2.0)))
+        return y
 
-    def attention(self, at: str, x: Any) -> Any:
+    def attention(self, at: str, x: np.ndarray) -> np.ndarray:
         """Let each token see itself and those before it."""
         n, length, h = x.shape
         parts = self.linear(at + "attention.qkv", x).reshape(n, length, 3, self.heads, -1)

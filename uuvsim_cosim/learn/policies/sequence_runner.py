@@ -1,11 +1,11 @@
-"""A policy with a memory acts in evaluations: n histories of K returns, observations and actions.
+"""Runner of a policy with a memory: n histories of K returns, observations and actions.
 
 The network and the history are those of the vehicle's runner, runner_sequence.py.
 """
 
 from __future__ import annotations
 
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +17,8 @@ from uuvsim_cosim.learn.policies.runner_sequence import Remembering
 __all__ = ["SequenceRunner", "begin"]
 
 
-def begin(policy: Any) -> None:
-    """Tell what acts that episodes begin: a memory is emptied."""
+def begin(policy: object) -> None:
+    """Clear the memory of a policy that has one, at the start of episodes."""
     if isinstance(policy, SequenceRunner):
         policy.begin()
 
@@ -53,7 +53,7 @@ class SequenceRunner:
         """Forget: the next observations are first ones."""
         self._acts.begin()
 
-    def __call__(self, observation: NDArray[Any]) -> NDArray[np.float64]:
+    def __call__(self, observation: NDArray[np.generic]) -> NDArray[np.float64]:
         """Act on observations (n, width), one action after those before."""
         o = np.asarray(observation, np.float32)
         seen, before = len(self.policy.observation), self._acts.history

@@ -1,4 +1,4 @@
-"""What goes wrong in learning."""
+"""Errors of learning."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ __all__ = ["LearningDiverged"]
 
 
 class LearningDiverged(UuvsimError):
-    """A loss or a gradient is NaN or infinite; learning stops, and what was before is kept."""
+    """A loss or a gradient is NaN or infinite; learning stops, and the last good state is kept."""
 
     exit_status = 3
 
@@ -21,5 +21,5 @@ class LearningDiverged(UuvsimError):
         )
 
     def saying(self, algorithm: str, kept: str) -> LearningDiverged:
-        """Return the same of an algorithm as the user named it, and what was kept."""
+        """Return the same error with the algorithm as the user named it, and what was kept."""
         return LearningDiverged(algorithm, self.name, self.value, kept)

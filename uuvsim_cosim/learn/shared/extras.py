@@ -1,4 +1,4 @@
-"""What learning needs beyond the core, or the sentence that says which extra has it."""
+"""Checks that the optional libraries of learning are installed."""
 
 from __future__ import annotations
 

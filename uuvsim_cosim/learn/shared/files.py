@@ -11,7 +11,7 @@ from uuvsim_cosim.errors import InputInvalid
 __all__ = ["read_files", "write_files"]
 
 NOT_SENT = (".in_use", "events.out.tfevents")
-LAST = (".pt", ".json")  # say that what they name is there
+LAST = (".pt", ".json")  # refer to other files, which must exist before them
 
 
 def read_files(folder: Path) -> dict[str, bytes]:
@@ -24,7 +24,7 @@ def read_files(folder: Path) -> dict[str, bytes]:
 
 
 def write_files(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write them, each whole or not; checkpoints after what they have led to."""
+    """Write files, each whole or not at all; checkpoints and JSON files last."""
 
     def when(name: str) -> int:
         return next((i + 1 for i, end in enumerate(LAST) if name.endswith(end)), 0)

@@ -28,7 +28,7 @@ TASKS: dict[str, str] = {
 
 
 def make_task(
-    name: str, options: Mapping[str, Any] | None = None, *, profile: str | None = None
+    name: str, options: Mapping[str, object] | None = None, *, profile: str | None = None
 ) -> Task | TeamTask:
     """Make a task of TASKS, or of "my_package.module:Name" or "my.py:Name", with its own options.
 
@@ -39,7 +39,10 @@ def make_task(
     make = _found(name)
     given = dict(options or {})
     if profile not in (None, "default"):
-        if not _takes_profile(make):
+        from uuvsim_cosim.envs.tasks.target_tracking import TargetTracking
+        from uuvsim_cosim.envs.tasks.tracking_scenarios import SCENARIOS
+
+        if make is not TargetTracking and make not in SCENARIOS.values():
             raise InputInvalid(
                 f"profile {profile!r}: {name} has none; expected default, or a task of target "
                 "tracking"
@@ -51,7 +54,7 @@ def make_task(
             )
     refuse_options(f"task {name}", make, given)
     try:
-        task: Any = make(**given)
+        task: object = make(**given)
     except TypeError as error:
         raise InputInvalid(
             f"task {name}: {error}; expected options of {signature(make)}"
@@ -66,14 +69,7 @@ def short_name(name: str) -> str:
     return name.rpartition("/")[2].rpartition(":")[2]
 
 
-def _takes_profile(make: Callable[..., Any]) -> bool:
-    from uuvsim_cosim.envs.tasks.target_tracking import TargetTracking
-    from uuvsim_cosim.envs.tasks.tracking_scenarios import SCENARIOS
-
-    return make is TargetTracking or make in SCENARIOS.values()
-
-
-def _found(name: str) -> Callable[..., Any]:
+def _found(name: str) -> Callable[..., object]:
     from uuvsim_cosim.orchestrator.python.class_file import imported
 
     place = TASKS.get(name, name)

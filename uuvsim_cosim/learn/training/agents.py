@@ -1,4 +1,4 @@
-"""Agents of a task: their names, and how many numbers each observes and acts on."""
+"""Agents of a task: their names, and the widths of their observations and actions."""
 
 from __future__ import annotations
 

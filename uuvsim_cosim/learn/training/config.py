@@ -1,4 +1,4 @@
-"""What a training is: task, algorithm, seed and numbers, as Python writes it or a YAML file."""
+"""Configuration of a training: task, algorithm, seed and numbers, from Python or a YAML file."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ __all__ = ["TrainingConfig", "merged", "read_config"]
 
 @dataclass(frozen=True)
 class TrainingConfig:
-    """A training; the same configuration gives the same bits on one machine.
+    """Configuration of a training; the same one gives the same bits on one machine.
 
-    `task` is a name of `TASKS` or "package.module:Name", `task_options` are its own; `settings`
-    are the algorithm's, of those that should differ from its defaults. `profile` "table1" is the
-    UUVSim paper's table to the letter. Raises InputInvalid for what cannot be.
+    `task` is a name of `TASKS` or "package.module:Name", with the options `task_options`.
+    `settings` are those of the algorithm that differ from its defaults. `profile` "table1" has
+    exactly the numbers of the UUVSim paper's table. Raises InputInvalid for invalid values.
     """
 
     task: str
@@ -33,37 +33,37 @@ class TrainingConfig:
     envs: int = 64  # environments side by side
     steps: int = 96_000  # environment steps, of all of them together
     profile: str = "default"
-    task_options: Mapping[str, Any] = field(default_factory=dict)
-    settings: Mapping[str, Any] = field(default_factory=dict)
+    task_options: Mapping[str, object] = field(default_factory=dict)
+    settings: Mapping[str, object] = field(default_factory=dict)
     evaluate_every: int = 6_400  # environment steps
     evaluation_episodes: int = 100
-    checkpoint_every: int | None = None  # environment steps; as often as it is evaluated
+    checkpoint_every: int | None = None  # environment steps; the default is evaluate_every
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be; whether task and settings can be is seen when they are made."""
+        """Check the fields; task options and settings are checked when they are used."""
         for name, value, problem in problems_of(self):
             raise InputInvalid(f"{name} {value!r}; {problem}")
 
     @property
     def name(self) -> str:
-        """Return what the folder is called: "transition_1-sac-0"."""
+        """The name of the folder: "transition_1-sac-0"."""
         return f"{short_name(self.task)}-{self.algorithm or 'auto'}-{self.seed}"
 
     def changed(self, **changes: Any) -> TrainingConfig:
-        """Return the same with changes; options and settings are added to those that are there."""
+        """Return a copy with changes; options and settings are merged with the present ones."""
         for name in ("task_options", "settings"):
             if name in changes:
                 changes[name] = merged(getattr(self, name), changes[name])
         return replace(self, **changes)
 
     def plain(self) -> dict[str, Any]:
-        """Return it as JSON and YAML know it."""
+        """Return the fields as values of JSON and YAML."""
         return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
 
 
-def problems_of(config: TrainingConfig) -> list[tuple[str, Any, str]]:
-    """Return (field, value, what was expected) of each that cannot be."""
-    found: list[tuple[str, Any, str]] = []
+def problems_of(config: TrainingConfig) -> list[tuple[str, object, str]]:
+    """Return (field, value, what was expected) of each invalid field."""
+    found: list[tuple[str, object, str]] = []
     if not isinstance(config.task, str) or (config.task not in TASKS and ":" not in config.task):
         found.append(("task", config.task, f"expected {expected_names(config.task, TASKS)}"))
     if config.algorithm is not None and config.algorithm not in ALGORITHMS:
@@ -100,7 +100,7 @@ def problems_of(config: TrainingConfig) -> list[tuple[str, Any, str]]:
 
 
 def read_config(path: str | Path, **changes: Any) -> TrainingConfig:
-    """Read a YAML file with TrainingConfig's fields; `changes` come after it.
+    """Read a YAML file with TrainingConfig's fields, then apply `changes`.
 
     Raises InputInvalid with every mistake and its line.
     """
@@ -128,8 +128,10 @@ def read_config(path: str | Path, **changes: Any) -> TrainingConfig:
     return TrainingConfig(**{**given, **changes}).changed(**added)
 
 
-def _check_settings(text: YamlText, given: Mapping[str, Any], changes: Mapping[str, Any]) -> None:
-    """Note settings that the algorithm does not have, or that cannot be, with their lines."""
+def _check_settings(
+    text: YamlText, given: Mapping[str, object], changes: Mapping[str, object]
+) -> None:
+    """Report unknown or invalid settings of the algorithm, with their lines."""
     from uuvsim_cosim.learn.algorithms.registry import check_settings
 
     name = changes.get("algorithm") or given.get("algorithm")
@@ -143,8 +145,8 @@ def _check_settings(text: YamlText, given: Mapping[str, Any], changes: Mapping[s
             text.wrong(["settings", key], str(error))
 
 
-def merged(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
-    """Return both, mappings inside them as well."""
+def merged(old: Mapping[str, object], new: Mapping[str, object]) -> dict[str, object]:
+    """Return two mappings merged, with the mappings inside them; `new` takes precedence."""
     both = dict(old)
     for key, value in new.items():
         inner = both.get(key)

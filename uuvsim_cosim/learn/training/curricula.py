@@ -78,7 +78,7 @@ def read_curriculum(path: Path) -> Curriculum:
         raise InputInvalid(f"{path}: {error}") from None
 
 
-def _stage(text: YamlText, place: list[Any], data: Any) -> Stage | None:
+def _stage(text: YamlText, place: list[str | int], data: Any) -> Stage | None:
     if not text.keys(place, data, [f.name for f in fields(Stage)]):
         return None
     for name in ("task", "steps"):
@@ -105,7 +105,7 @@ def _stage(text: YamlText, place: list[Any], data: Any) -> Stage | None:
     return Stage(**given)
 
 
-def _mapping(text: YamlText, place: list[Any], data: Any) -> bool:
+def _mapping(text: YamlText, place: list[str | int], data: object) -> bool:
     if isinstance(data, Mapping):
         return True
     text.wrong(place, f"{shown(data)}; expected values by name")

@@ -1,4 +1,4 @@
-"""A curriculum: tasks one after the other, each begun with what was learned in the last.
+"""A curriculum: tasks one after the other, each begun with the networks of the last.
 
 Scenario transfer training (STT) of the UUVSim paper is one; at each switch the actions are exactly
 unchanged (see `transfer`).
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from uuvsim_cosim.errors import InputInvalid
@@ -24,11 +24,11 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Promotion:
-    """When a stage is done before its steps are: so good in so many evaluations running."""
+    """Condition to end a stage early: a return reached in consecutive evaluations."""
 
-    share: float | None = 0.9  # of the scripted return
-    least: float | None = None  # a return; instead of a share, where nothing is scripted
-    evaluations: int = 2  # running
+    share: float | None = 0.9  # of the scripted controller's return
+    least: float | None = None  # a return, instead of `share`, for tasks without a controller
+    evaluations: int = 2  # consecutive
 
 
 @dataclass(frozen=True)
@@ -37,27 +37,27 @@ class Stage:
 
     task: str  # a name of TASKS, or "package.module:Name"
     steps: int  # environment steps, of all environments together
-    options: Mapping[str, Any] = field(default_factory=dict)  # the task's own
-    settings: Mapping[str, Any] = field(default_factory=dict)  # how experience becomes updates
+    options: Mapping[str, object] = field(default_factory=dict)  # the task's own
+    settings: Mapping[str, object] = field(default_factory=dict)  # of the algorithm
     promotion: Promotion | None = None
     evaluate_every: int | None = None  # environment steps, instead of the curriculum's
 
 
 @dataclass(frozen=True)
 class Curriculum:
-    """Stages in their order, and what they share; the same one gives the same bits."""
+    """Stages in their order, and their common options; the same one gives the same bits."""
 
     name: str
     stages: tuple[Stage, ...]
     algorithm: str = "masac"  # one of TRANSFERS; masac with one agent is sac
-    settings: Mapping[str, Any] = field(default_factory=dict)  # of the algorithm
-    options: Mapping[str, Any] = field(default_factory=dict)  # of every task
+    settings: Mapping[str, object] = field(default_factory=dict)  # of the algorithm
+    options: Mapping[str, object] = field(default_factory=dict)  # of every task
     envs: int = 64
     evaluate_every: int = 6_400  # environment steps
     evaluation_episodes: int = 100
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be."""
+        """Check the fields of the curriculum and of its stages."""
         if not self.stages:
             raise InputInvalid(f"curriculum {self.name}: no stages; expected at least one")
         if self.algorithm not in TRANSFERS:
@@ -72,13 +72,23 @@ class Curriculum:
             _whole(f"{place}, steps", stage.steps)
             if stage.evaluate_every is not None:
                 _whole(f"{place}, evaluate_every", stage.evaluate_every)
-            if stage.promotion is not None:
-                _check(place, stage.promotion)
+            rule = stage.promotion
+            if rule is None:
+                continue
+            _whole(f"{place}, promotion, evaluations", rule.evaluations)
+            given = [name for name in ("share", "least") if getattr(rule, name) is not None]
+            if len(given) != 1:
+                raise InputInvalid(
+                    f"{place}, promotion: {given or 'nothing'}; expected share or least"
+                )
+            value = getattr(rule, given[0])
+            if isinstance(value, bool) or not isinstance(value, int | float):
+                raise InputInvalid(f"{place}, promotion, {given[0]} {value!r}; expected a number")
 
     def changed(self, **changes: Any) -> Curriculum:
-        """Return the same with changes, which come after what each stage says.
+        """Return a copy with changes, which take precedence over those of the stages.
 
-        Options and settings are added to those that are there.
+        Options and settings are merged with the present ones.
         """
         given = {name: changes.pop(name, {}) for name in ("options", "settings")}
         stages = []
@@ -91,21 +101,11 @@ class Curriculum:
             stages.append(replace(stage, options=options, settings=settings, evaluate_every=every))
         return replace(self, stages=tuple(stages), **changes)
 
-    def plain(self) -> dict[str, Any]:
-        """Return it as JSON knows it."""
+    def plain(self) -> dict[str, object]:
+        """Return the fields as values of JSON."""
         return dict(json.loads(json.dumps(asdict(self))))
 
 
-def _whole(name: str, value: Any) -> None:
+def _whole(name: str, value: object) -> None:
     if not isinstance(value, int) or isinstance(value, bool) or value < 1:
         raise InputInvalid(f"{name} {value!r}; expected a whole number from 1")
-
-
-def _check(place: str, rule: Promotion) -> None:
-    _whole(f"{place}, promotion, evaluations", rule.evaluations)
-    given = [f.name for f in fields(rule)[:2] if getattr(rule, f.name) is not None]
-    if len(given) != 1:
-        raise InputInvalid(f"{place}, promotion: {given or 'nothing'}; expected share or least")
-    value = getattr(rule, given[0])
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputInvalid(f"{place}, promotion, {given[0]} {value!r}; expected a number")

@@ -1,4 +1,4 @@
-"""A curriculum's folder: whose it is, which stages are done, and which stands for it."""
+"""Folder of a curriculum: its owner, the finished stages, and the last one."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.shared.task_ids import short_name
 from uuvsim_cosim.learn.training.curriculum import Curriculum
 from uuvsim_cosim.learn.training.folder_lock import ABOUT as TRAINING
-from uuvsim_cosim.learn.training.folder_lock import LOCK, OURS, is_told, tell
+from uuvsim_cosim.learn.training.folder_lock import LOCK, OURS, has_owner, write_about
 
 __all__ = [
     "ABOUT",
@@ -27,7 +27,7 @@ __all__ = [
 
 ABOUT = "curriculum.json"
 STAGE = "stage.json"  # the CPU seconds of a stage, all calls together
-SWITCH = "switch.pt"  # what a stage began with
+SWITCH = "switch.pt"  # the state that a stage began with
 
 
 def stage_folder(folder: Path, k: int, task: str) -> Path:
@@ -38,13 +38,13 @@ def stage_folder(folder: Path, k: int, task: str) -> Path:
 def done_in(
     folder: Path, curriculum: Curriculum, seed: int, *, restart: bool = False
 ) -> list[dict[str, Any]]:
-    """Return what is kept of the stages that are done.
+    """Return the records of the finished stages.
 
-    Raises InputInvalid if the folder is another's; with `restart` it may be any curriculum's, and
-    none is done.
+    Raises InputInvalid for a folder of another curriculum; with `restart`, it may be any, and no
+    stage is finished.
     """
     about = folder / ABOUT
-    if not is_told(about) or restart:
+    if not has_owner(about) or restart:
         return []
     try:
         read = json.loads(about.read_text(encoding="utf-8"))
@@ -64,14 +64,14 @@ def done_in(
 
 
 def write_done(folder: Path, curriculum: Curriculum, seed: int, done: list[dict[str, Any]]) -> None:
-    """Write whose the folder is, and what is kept of the stages that are done."""
-    tell(folder / ABOUT, {"curriculum": curriculum.plain(), "seed": seed, "done": done})
+    """Write the curriculum and the records of the finished stages into the folder."""
+    write_about(folder / ABOUT, {"curriculum": curriculum.plain(), "seed": seed, "done": done})
 
 
 def begin_anew(folder: Path) -> None:
-    """Delete what a curriculum's stages and their report are; ABOUT stays, to know the folder by.
+    """Delete the files of a curriculum's stages and report; ABOUT stays and marks the folder.
 
-    What else is there stays too, and so does a training of its own in a folder within.
+    Other files stay too, and so does the folder of a separate training within.
     """
     stages = (p for p in folder.glob("[1-9]*-*") if p.is_dir() and not (p / TRAINING).exists())
     for place in (*stages, folder):
@@ -84,7 +84,7 @@ def begin_anew(folder: Path) -> None:
 
 
 def last_done(folder: Path) -> Path:
-    """Return the folder of the last stage that is done; raises InputInvalid where none is."""
+    """Return the folder of the last finished stage; raises InputInvalid if there is none."""
     about = folder / ABOUT
     try:
         read = json.loads(about.read_text(encoding="utf-8"))
@@ -102,8 +102,8 @@ def last_done(folder: Path) -> Path:
     return done[-1]
 
 
-def _named(plain: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what a curriculum is by name, that of each stage apart."""
+def _named(plain: Mapping[str, Any]) -> dict[str, object]:
+    """Return the fields of a curriculum by name, those of each stage separately."""
     return {k: v for k, v in plain.items() if k != "stages"} | {
         f"stage {k + 1}, {name}": value
         for k, stage in enumerate(plain["stages"])

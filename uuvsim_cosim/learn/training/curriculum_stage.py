@@ -1,9 +1,9 @@
-"""One stage of a curriculum: its learner, its training, and what the next one begins with."""
+"""One stage of a curriculum: its learner, its training, and the start of the next stage."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -12,7 +12,7 @@ from uuvsim_cosim.envs.task.task import Task, TeamTask
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.algorithms.registry import algorithm_for, default_settings, learner_of
 from uuvsim_cosim.learn.training.agents import agents_of, widths
-from uuvsim_cosim.learn.training.curriculum import Curriculum, Promotion, Stage
+from uuvsim_cosim.learn.training.curriculum import Curriculum, Stage
 from uuvsim_cosim.learn.training.curriculum_folder import STAGE, SWITCH, stage_folder
 from uuvsim_cosim.learn.training.training_seeds import EVALUATION_SEED
 
@@ -38,7 +38,7 @@ def train_stage(
     observers: tuple[TrainingObserver, ...], interrupted: Callable[[], bool] | None,
     first: int | None,
 ) -> tuple[dict[str, Any], Transferable]:  # fmt: skip
-    """Train stage k, or go on with it; gives what is kept of it, and the learner as it ended."""
+    """Train stage k, or resume it; returns the record of the stage, and its learner."""
     from uuvsim_cosim.learn.algorithms.checkpoint import load_checkpoint
     from uuvsim_cosim.learn.training.training import Training
 
@@ -57,9 +57,18 @@ def train_stage(
     training: Training | None = None
 
     def good(judged: Evaluation) -> bool:
+        rule = stage.promotion
         assert training is not None
         past = [row["return"] for row in training.evaluations]
-        return _promoted(stage.promotion, scripted, [*past, float(judged.returns.mean())])
+        returns = [*past, float(judged.returns.mean())]
+        if rule is None or len(returns) < rule.evaluations:
+            return False
+        wanted = rule.least
+        if wanted is None:
+            assert scripted is not None
+            assert rule.share is not None
+            wanted = scripted - (1.0 - rule.share) * abs(scripted)
+        return all(r >= wanted for r in returns[-rule.evaluations :])
 
     training = Training(
         task, learner, name=stage.task, options={**curriculum.options, **stage.options},
@@ -84,11 +93,11 @@ def train_stage(
 
 
 def learner_for(curriculum: Curriculum, k: int, task: Task | TeamTask, seed: int) -> Transferable:
-    """Make a stage's learner, as if nothing had been learned before."""
+    """Make the new learner of a stage, without the networks of earlier stages."""
     agents = len(agents_of(task))
     observed, acted = widths(task)
     name = "sac" if agents == 1 and curriculum.algorithm == "masac" else curriculum.algorithm
-    made: Any = learner_of(
+    made: object = learner_of(
         algorithm_for(name, agents), settings_of(curriculum, k), agents=agents, observed=observed,
         acted=acted, n=curriculum.envs, seed=seed, symmetries=task.symmetries(),
     )  # fmt: skip
@@ -96,28 +105,24 @@ def learner_for(curriculum: Curriculum, k: int, task: Task | TeamTask, seed: int
 
 
 def spent(about: Path) -> float:
-    """Return the CPU seconds of earlier calls; none, if that cannot be read."""
+    """Return the CPU seconds of earlier calls; 0 if they cannot be read."""
     try:
         return float(json.loads(about.read_text(encoding="utf-8"))["cpu"])
     except (OSError, ValueError, KeyError, TypeError):
         return 0.0
 
 
-def settings_of(curriculum: Curriculum, k: int) -> dict[str, Any]:
-    """Return the settings of stage k; after a switch, without random actions to begin with."""
-    before, own = curriculum.settings, curriculum.stages[k].settings
-    return {**before, **(_after_a_switch(curriculum.algorithm, {**before, **own}) if k else {}),
-            **own}  # fmt: skip
-
-
-def _after_a_switch(algorithm: str, settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what keeps a learner from acting at random again in its next task."""
-    if algorithm in ("masac", "isac"):
-        return {"warm_up": 0, "critic_only": CRITIC_ONLY}
-    if algorithm == "idqn":
+def settings_of(curriculum: Curriculum, k: int) -> dict[str, object]:
+    """Return the settings of stage k; after a switch, without random actions at the start."""
+    algorithm, own = curriculum.algorithm, curriculum.stages[k].settings
+    settings = {**curriculum.settings, **own}
+    switched: dict[str, object] = {}  # PPO needs none: it explores by the deviation it has learned
+    if k and algorithm in ("masac", "isac"):
+        switched = {"warm_up": 0, "critic_only": CRITIC_ONLY}
+    elif k and algorithm == "idqn":
         end = settings.get("epsilon_end", default_settings(algorithm)["epsilon_end"])
-        return {"warm_up": 0, "epsilon": end}
-    return {}  # PPO explores by the deviation that it has learned
+        switched = {"warm_up": 0, "epsilon": end}
+    return {**curriculum.settings, **switched, **own}
 
 
 def keep_switch(
@@ -128,7 +133,7 @@ def keep_switch(
     folder: Path,
     seed: int,
 ) -> None:
-    """Write what stage k begins with."""
+    """Write the state with which stage k begins."""
     from uuvsim_cosim.learn.algorithms.checkpoint import save_checkpoint
 
     began = learner_for(curriculum, k, task, seed)
@@ -139,7 +144,7 @@ def keep_switch(
 
 
 def switch_of(folder: Path, curriculum: Curriculum, k: int) -> Path:
-    """Name the file that stage k begins with."""
+    """Return the file with which stage k begins."""
     return stage_folder(folder, k, curriculum.stages[k].task) / SWITCH
 
 
@@ -155,15 +160,3 @@ def _scripted(task: Task | TeamTask, curriculum: Curriculum, stage: Stage) -> fl
         return None
     judged = evaluate(task, policy, curriculum.evaluation_episodes, seed=EVALUATION_SEED)
     return float(judged.returns.mean())
-
-
-def _promoted(rule: Promotion | None, scripted: float | None, returns: list[float]) -> bool:
-    if rule is None or len(returns) < rule.evaluations:
-        return False
-    if rule.least is not None:
-        wanted = rule.least
-    else:
-        assert scripted is not None
-        assert rule.share is not None
-        wanted = scripted - (1.0 - rule.share) * abs(scripted)
-    return all(r >= wanted for r in returns[-rule.evaluations :])

@@ -1,14 +1,15 @@
-"""Many episodes of several policies, in parts: here, or on a cluster to the same bits."""
+"""Evaluation of several policies in parts, in this process or, with equal bits, on a cluster."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from uuvsim_cosim.envs.tasks.evaluation import Evaluation, evaluate
+from uuvsim_cosim.envs.tasks.scripted import Policies
 from uuvsim_cosim.learn.shared.task_ids import make_task
 
 if TYPE_CHECKING:
@@ -16,22 +17,22 @@ if TYPE_CHECKING:
 
 __all__ = ["AT_ONCE", "evaluate_all"]
 
-AT_ONCE = 256  # episodes side by side: a matrix product's bits follow from its shape
+AT_ONCE = 256  # episodes side by side; fixed, as a matrix product's bits depend on its shape
 
 
 @dataclass(frozen=True)
 class _Part:
     name: str
-    options: Mapping[str, Any]
-    acts: Any
+    options: Mapping[str, object]
+    acts: Policies
     seed: int
     count: int
 
 
 def evaluate_all(
     name: str,
-    options: Mapping[str, Any],
-    policies: Mapping[str, Any],
+    options: Mapping[str, object],
+    policies: Mapping[str, Policies],
     episodes: int,
     seed: int,
     *,
@@ -40,32 +41,30 @@ def evaluate_all(
 ) -> dict[str, Evaluation]:
     """Return an Evaluation of each policy (as `evaluate` takes them); all on the same seeds.
 
-    "random", which draws from episode to episode, is one part.
+    "random" is one part, since its random numbers continue from episode to episode.
     """
-    parts, whose = [], []
+    parts, owners = [], []
     for who, acts in policies.items():
         size = episodes if who == "random" else AT_ONCE
         for first in range(0, episodes, size):
             parts.append(_Part(name, options, acts, seed + first, min(size, episodes - first)))
-            whose.append(who)
+            owners.append(who)
     came = cluster.spread(_evaluate, parts) if cluster else enumerate(map(_evaluate, parts))
     found: dict[int, Evaluation] = {}
     for k, evaluation in came:
         found[k] = evaluation
         if progress is not None:
             progress("evaluating", len(found), len(parts))
-    return {
-        who: _joined([found[k] for k in range(len(parts)) if whose[k] == who]) for who in policies
-    }
+    joined = {}
+    for who in policies:
+        own = [found[k] for k in range(len(parts)) if owners[k] == who]
+        joined[who] = Evaluation(
+            np.concatenate([e.returns for e in own]),
+            np.concatenate([e.seconds for e in own]),
+            {k: np.concatenate([e.metrics[k] for e in own]) for k in own[0].metrics},
+        )
+    return joined
 
 
 def _evaluate(part: _Part) -> Evaluation:
     return evaluate(make_task(part.name, part.options), part.acts, part.count, seed=part.seed)
-
-
-def _joined(parts: list[Evaluation]) -> Evaluation:
-    return Evaluation(
-        np.concatenate([p.returns for p in parts]),
-        np.concatenate([p.seconds for p in parts]),
-        {k: np.concatenate([p.metrics[k] for p in parts]) for k in parts[0].metrics},
-    )

@@ -1,13 +1,15 @@
-"""The curves of a training as TensorBoard reads them, while it goes on."""
+"""Curves of a running training for TensorBoard."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, final
 
 from uuvsim_cosim.closing import Closing
 
 if TYPE_CHECKING:
+    from torch.utils.tensorboard import SummaryWriter
+
     from uuvsim_cosim.learn.training.training import Progress
 
 __all__ = ["Events"]
@@ -20,12 +22,12 @@ class Events(Closing):
     """A TrainingObserver that writes event files into a folder.
 
     Scalars are loss/…, episodes/… (means of those that ended in one step) and evaluation/…, over
-    environment steps. A training that goes on takes back what came after its checkpoint.
+    environment steps. A resumed training removes the points after its checkpoint.
     """
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._writer: Any = None
+        self._writer: SummaryWriter | None = None
         self._last = -1
 
     @staticmethod
@@ -36,12 +38,12 @@ class Events(Closing):
         return find_spec("tensorboard") is not None
 
     def close(self) -> None:
-        """Write what is left."""
+        """Flush and close the event file."""
         if self._writer is not None:
             self._writer.close()
 
     def __call__(self, progress: Progress) -> None:
-        """Write what there is."""
+        """Write the numbers of the progress."""
         if self._writer is None:
             from torch.utils.tensorboard import SummaryWriter
 

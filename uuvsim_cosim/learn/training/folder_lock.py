@@ -1,4 +1,4 @@
-"""Whose a training's folder is: one training's, and one process's at a time."""
+"""Owner and lock of a training's folder: one training, and one process at a time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from uuvsim_cosim.errors import InputInvalid
 if TYPE_CHECKING:
     from uuvsim_cosim.learn.training.config import TrainingConfig
 
-__all__ = ["claim", "held", "is_told", "refuse_other", "tell"]
+__all__ = ["has_owner", "locked", "refuse_other", "write_about", "write_owner"]
 
 ABOUT = "training.json"
 LOCK = ".in_use"
@@ -29,12 +29,12 @@ OURS = (
 
 
 def refuse_other(folder: Path, config: TrainingConfig, restart: bool) -> None:
-    """Raise InputInvalid for a folder of another training, or of other things.
+    """Raise InputInvalid for a folder of another training, or with other files.
 
-    A training may be asked for other numbers of steps; with `restart` for anything.
+    The number of steps may differ; with `restart`, everything may.
     """
     about = folder / ABOUT
-    if not is_told(about) or restart:
+    if not has_owner(about) or restart:
         return
     try:
         before = json.loads(about.read_text(encoding="utf-8"))["config"]
@@ -52,19 +52,19 @@ def refuse_other(folder: Path, config: TrainingConfig, restart: bool) -> None:
         )
 
 
-def claim(folder: Path, config: TrainingConfig, restart: bool) -> None:
-    """Write whose the folder is; with `restart` delete before what trainings write."""
+def write_owner(folder: Path, config: TrainingConfig, restart: bool) -> None:
+    """Write the configuration into the folder; `restart` first deletes the files of trainings."""
     if restart:
         for path in (p for pattern in OURS if pattern != LOCK for p in folder.glob(pattern)):
             path.unlink()
         shutil.rmtree(folder / "pictures", ignore_errors=True)
-    tell(folder / ABOUT, {"config": config.plain(), "version": __version__})
+    write_about(folder / ABOUT, {"config": config.plain(), "version": __version__})
 
 
-def is_told(about: Path) -> bool:
-    """Return whether the file with a folder's owner exists; without it, no other file may.
+def has_owner(about: Path) -> bool:
+    """Return whether the file with a folder's owner exists.
 
-    Raises InputInvalid for a folder with other things.
+    Raises InputInvalid for a folder without it that holds other files.
     """
     if about.is_file():
         return True
@@ -74,8 +74,8 @@ def is_told(about: Path) -> bool:
     return False
 
 
-def tell(about: Path, content: Mapping[str, Any]) -> None:
-    """Write whose a folder is, whole or not at all; raises InputInvalid."""
+def write_about(about: Path, content: Mapping[str, object]) -> None:
+    """Write the file with a folder's owner, whole or not at all; raises InputInvalid."""
     try:
         about.parent.mkdir(parents=True, exist_ok=True)
         write_whole(about, (json.dumps(content, indent=1) + "\n").encode())
@@ -83,10 +83,10 @@ def tell(about: Path, content: Mapping[str, Any]) -> None:
         raise InputInvalid(f"{about.parent}: cannot be written ({error.strerror})") from None
 
 
-def held(folder: Path) -> ExitStack:
-    """Hold the folder until the exit; raises InputInvalid while another process does.
+def locked(folder: Path) -> ExitStack:
+    """Lock the folder until the exit; raises InputInvalid while another process has the lock.
 
-    The operating system lets go of it when the process ends, however that was.
+    The operating system releases the lock when the process ends, also after a crash.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -1,17 +1,24 @@
-"""Ctrl-C and SIGTERM as a question that a training asks after each step; a second one ends it."""
+"""Ctrl-C and SIGTERM as a flag that a training reads after each step; a second one ends it."""
 
 from __future__ import annotations
 
 import signal
 import threading
+from collections.abc import Callable
 from types import FrameType, TracebackType
-from typing import Any, Self, final
+from typing import Self, final
 
 __all__ = ["Interruption", "TrainingInterrupted"]
 
 
+Handler = Callable[[int, FrameType | None], object] | int | None
+
+
 class TrainingInterrupted(KeyboardInterrupt):
-    """A training that was kept, and says how it goes on; `status` is for a command to exit with."""
+    """An interrupted training that was saved; the message says how to resume it.
+
+    `status` is the exit status of a command.
+    """
 
     def __init__(self, sentence: str, status: int) -> None:
         super().__init__(sentence)
@@ -20,17 +27,17 @@ class TrainingInterrupted(KeyboardInterrupt):
 
 @final
 class Interruption:
-    """While it is entered, the first signal is only noted: calling this says whether it came.
+    """Within the context, the first signal only sets a flag, which a call returns.
 
-    `status` is the exit status of a command that it ended: 130, or 143 after SIGTERM. Threads but
-    the main one cannot listen; there nothing is ever noted.
+    `status` is the exit status of an interrupted command: 130, or 143 after SIGTERM. Python
+    delivers signals to the main thread only: in other threads the flag is never set.
     """
 
     status = 130
-    _before: dict[int, Any]
+    _before: dict[int, Handler]
 
     def __enter__(self) -> Self:
-        """Begin to listen."""
+        """Install the signal handlers."""
         self._came, self._before = False, {}
         if threading.current_thread() is threading.main_thread():
             for number in (signal.SIGINT, signal.SIGTERM):
@@ -43,7 +50,7 @@ class Interruption:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Leave signals to whoever had them before."""
+        """Restore the former signal handlers."""
         for number, handler in self._before.items():
             signal.signal(number, handler)
 

@@ -1,16 +1,15 @@
-"""How good policies are, on seeds that nothing was chosen by: means with bootstrap intervals."""
+"""Judgement of policies on seeds used for nothing else: means with bootstrap intervals."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.task.task import Task, TeamTask
 from uuvsim_cosim.envs.tasks.evaluation import Evaluation, evaluate
-from uuvsim_cosim.envs.tasks.scripted import scripted_policy
+from uuvsim_cosim.envs.tasks.scripted import Policies, scripted_policy
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.training.statistics import Interval, interquartile_mean, interval
 from uuvsim_cosim.learn.training.training_seeds import JUDGING_SEED
@@ -21,7 +20,10 @@ DRAWS = 1000
 
 
 def judge(
-    task: Task | TeamTask, policies: Sequence[Any], episodes: int = 100, seed: int = JUDGING_SEED
+    task: Task | TeamTask,
+    policies: Sequence[Policies],
+    episodes: int = 100,
+    seed: int = JUDGING_SEED,
 ) -> dict[str, Interval]:
     """Return figures of one policy, or of several together: each is run on the same episodes.
 
@@ -34,7 +36,7 @@ def judge(
 def judge_scripted(
     task: Task | TeamTask, episodes: int = 100, seed: int = JUDGING_SEED
 ) -> dict[str, Interval]:
-    """Return the figures of the task's hand-written controller; none, for tasks without one."""
+    """Return the figures of the task's scripted controller; none for a task without one."""
     try:
         policy = scripted_policy(task)
     except InputInvalid:
@@ -43,7 +45,7 @@ def judge_scripted(
 
 
 def judged(evaluations: Sequence[Evaluation]) -> dict[str, Interval]:
-    """Return the figures of evaluations, which are seeds of one thing."""
+    """Return the figures of evaluations of one policy trained with several seeds."""
 
     def stacked(name: str) -> NDArray[np.float64]:
         return np.stack([e.metrics[name] for e in evaluations])

@@ -1,11 +1,11 @@
-"""Policies from files and folders, as what acts in a task."""
+"""Loading of policies from files and folders, to act in a task."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from glob import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +20,13 @@ from uuvsim_cosim.learn.training.agents import agents_of, widths
 from uuvsim_cosim.learn.training.curriculum_folder import ABOUT, last_done
 from uuvsim_cosim.models.declaration.near_names import expected_names
 
+if TYPE_CHECKING:
+    from uuvsim_cosim.envs.tasks import scripted
+    from uuvsim_cosim.envs.tasks.scripted import Policies
+
 __all__ = ["acting_in", "load_policies", "policy_path", "random_policy"]
 
 MARKS = ("-", ".")  # between a file's stem and its agent: of trainings, of kept results
-Act = Callable[[NDArray[Any]], NDArray[np.float64]]
 
 
 def policy_path(given: str | Path) -> Path:
@@ -56,7 +59,12 @@ def load_policies(path: str | Path, which: str = "best") -> list[Policy]:
     """
     path = policy_path(path)
     if not path.is_dir():
-        return _team_beside(path)
+        policy = Policy.load(path)
+        for mark in MARKS if policy.agent else ():  # named after its agent: its team is beside it
+            stem = path.stem.removesuffix(f"{mark}{policy.agent}")
+            if stem != path.stem:
+                return _team(path.parent, f"{stem}{mark}")
+        return [policy]
     for kind in (which, "best", "policy"):
         alone = path / f"{kind}.npz"
         found = [Policy.load(alone)] if alone.is_file() else []
@@ -66,7 +74,7 @@ def load_policies(path: str | Path, which: str = "best") -> list[Policy]:
     raise InputInvalid(f"{path}: holds no policy; expected best.npz, or a policy (.npz)")
 
 
-def acting_in(task: Task | TeamTask, policies: Sequence[Policy], name: str) -> Any:
+def acting_in(task: Task | TeamTask, policies: Sequence[Policy], name: str) -> Policies:
     """Return policies as `evaluate` takes them; raises InputInvalid if they see or do other things.
 
     An agent acts by the policy that is named after it. Only if the policies are those of a whole
@@ -98,33 +106,23 @@ def acting_in(task: Task | TeamTask, policies: Sequence[Policy], name: str) -> A
     }
 
 
-def random_policy(task: Task | TeamTask, seed: int | Sequence[int] = 0) -> Mapping[str, Act] | Act:
-    """Return what acts at random, uniformly."""
+def random_policy(task: Task | TeamTask, seed: int | Sequence[int] = 0) -> Policies:
+    """Return policies of uniform random actions."""
     _, acted = widths(task)
     random = np.random.default_rng(seed)
 
-    def act(observation: NDArray[Any]) -> NDArray[np.float64]:
+    def act(observation: NDArray[np.generic]) -> NDArray[np.float64]:
         return random.uniform(-1.0, 1.0, (len(observation), acted))
 
     return dict.fromkeys(agents_of(task), act) if isinstance(task, TeamTask) else act
 
 
-def _act(policy: Policy) -> Act:
+def _act(policy: Policy) -> scripted.Policy:
     return SequenceRunner(policy) if policy.kind == "sequence" else policy
 
 
-def _team_beside(path: Path) -> list[Policy]:
-    """Return the policy of a file, with its team where the file is named after its agent."""
-    first = Policy.load(path)
-    for mark in MARKS:
-        stem = path.stem.removesuffix(f"{mark}{first.agent}")
-        if first.agent and stem != path.stem:
-            return _team(path.parent, f"{stem}{mark}")
-    return [first]
-
-
 def _team(folder: Path, begins: str) -> list[Policy]:
-    """Read the files whose names are `begins` and the agent's name; others are no part of it."""
+    """Read the files of a team: those whose names are `begins` and the agent's name."""
     found = [(file, Policy.load(file)) for file in sorted(folder.glob(f"{escape(begins)}*.npz"))]
     return [p for file, p in found if p.agent and file.stem == f"{begins}{p.agent}"]
 
@@ -132,7 +130,7 @@ def _team(folder: Path, begins: str) -> list[Policy]:
 def _refuse_part_of_a_team(policies: Sequence[Policy], lacking: Sequence[str], name: str) -> None:
     """Raise InputInvalid unless the policies are of every agent of the team that learned."""
     first, team = policies[0], list(lacking)
-    if first.task == name or first.task in TASKS:  # nobody's code is imported for this
+    if first.task == name or first.task in TASKS:  # do not import foreign code for a message
         team = list(agents_of(make_task(first.task, first.options)))
     missing = [agent for agent in team if agent not in {p.agent for p in policies}]
     if missing:

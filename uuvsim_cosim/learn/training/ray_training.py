@@ -1,7 +1,7 @@
-"""Trainings on a Ray cluster: each a chain of pieces, from checkpoint to checkpoint, anywhere.
+"""Trainings on a Ray cluster: each is a chain of pieces, from checkpoint to checkpoint.
 
-A piece is given the training's files and gives them back further on, so that a worker which dies
-loses its piece alone. Resumed trainings have the same bits; so these have those of one process.
+A piece receives the files of the training and returns them changed, so that a worker that dies
+loses only its piece. A resumed training has the same bits, so these have those of one process.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from uuvsim_cosim.errors import UuvsimError
 from uuvsim_cosim.learn.shared.files import read_files, write_files
 from uuvsim_cosim.learn.shared.task_ids import make_task
 from uuvsim_cosim.learn.training.config import TrainingConfig
-from uuvsim_cosim.learn.training.folder_lock import claim, held, refuse_other
+from uuvsim_cosim.learn.training.folder_lock import locked, refuse_other, write_owner
 from uuvsim_cosim.learn.training.interruption import TrainingInterrupted
 from uuvsim_cosim.learn.training.train import Trained, one_thread, resolved, training_of
 
 __all__ = ["ALIKE", "SECONDS", "changed_files", "clock", "train_on"]
 
-ALIKE = ("torch", "stable-baselines3")  # whose versions bits follow from
+ALIKE = ("torch", "stable-baselines3")  # libraries whose versions decide the bits
 SECONDS = 60.0  # of a piece, and what is lost with a worker at most
 
 Progress = Callable[[str, float, float], None]
@@ -32,7 +32,7 @@ Progress = Callable[[str, float, float], None]
 
 @dataclass(frozen=True)
 class Advanced:
-    """How far a training is after a piece, and the files that are other than before."""
+    """The progress of a training after a piece, and the changed files."""
 
     files: Mapping[str, bytes]
     step: int
@@ -51,10 +51,10 @@ def train_on(
     progress: Progress | None = None,
     seconds: float = SECONDS,
 ) -> list[Trained]:
-    """Train, or go on with, several at once, each in its folder here; to the bits of `train`.
+    """Train or resume several trainings at once, each in its local folder, to the bits of `train`.
 
-    No TensorBoard files are written. Ctrl-C raises TrainingInterrupted and loses the pieces that
-    are being learned, of `seconds` each; the same call goes on from there.
+    No TensorBoard files are written. Ctrl-C raises TrainingInterrupted and loses the unfinished
+    pieces, of `seconds` each; the same call resumes.
     """
     chosen = [resolved(c) for c in configs]
     places = [f.expanduser().absolute() for f in folders]
@@ -78,8 +78,8 @@ def train_on(
     total = sum(c.steps for c in chosen)
     with ExitStack() as stack:
         for config, place in zip(chosen, places, strict=True):
-            stack.enter_context(held(place))
-            claim(place, config, restart)
+            stack.enter_context(locked(place))
+            write_owner(place, config, restart)
         try:
             for _ in cluster.spread(_advance, map(piece, range(len(chosen))), follow):
                 if progress is not None:
@@ -94,19 +94,19 @@ def train_on(
 
 
 def clock(seconds: float) -> Callable[[], bool]:
-    """Return the question whether so long has passed, as trainings ask it after each step."""
+    """Return a function for `interrupted`: True after `seconds` from its first call."""
     end = 0.0
 
     def passed() -> bool:
         nonlocal end
-        end = end or time.monotonic() + seconds  # from the first step on
+        end = end or time.monotonic() + seconds
         return time.monotonic() >= end
 
     return passed
 
 
 def changed_files(folder: Path, before: Mapping[str, bytes]) -> dict[str, bytes]:
-    """Return the files that are other than before."""
+    """Return the files that differ from before."""
     return {k: v for k, v in read_files(folder).items() if before.get(k) != v}
 
 
@@ -114,7 +114,7 @@ def changed_files(folder: Path, before: Mapping[str, bytes]) -> dict[str, bytes]
 
 
 def _advance(given: tuple[TrainingConfig, str, Mapping[str, bytes], float]) -> Advanced:
-    """Go on with a training for a while, in a worker."""
+    """Run one piece of a training, in a worker."""
     config, name, files, seconds = given
     task = make_task(config.task, config.task_options, profile=config.profile)
     with tempfile.TemporaryDirectory(prefix="uuvsim-") as temporary, one_thread():

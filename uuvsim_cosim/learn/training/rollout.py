@@ -1,33 +1,40 @@
-"""Where experience comes from: a task in n copies of its system, as arrays; can be gone back to.
+"""Rollout: a task in n copies of its system, as arrays; its state can be saved and restored.
 
-A team's task and a task of one agent look alike here: observations (n, N, d), actions (n, N, a).
+A team's task and a task of one agent have the same form: observations (n, N, d), actions (n, N, a).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from uuvsim_cosim.envs.episodes.episodes import AGENT, Episodes
 from uuvsim_cosim.envs.episodes.multi_agent import TeamStage
 from uuvsim_cosim.envs.episodes.single_agent import Stage
+from uuvsim_cosim.envs.episodes.spaces import ActionBox
 from uuvsim_cosim.envs.task.task import Task, TeamTask
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.algorithms.replay_buffer import Transitions
 from uuvsim_cosim.learn.policies.policy import Named
 
+if TYPE_CHECKING:
+    from uuvsim_cosim.learn.algorithms.checkpoint import State
+
 __all__ = ["Ended", "Rollout"]
 
 Array = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+# Rewards (n, N), agents that terminated (n, N), episodes that are over (n,), and the task's infos.
+Outcome = tuple[NDArray[np.float64], Mask, Mask, Mapping[str, NDArray[np.generic]]]
 
 
 @dataclass(frozen=True)
 class Ended:
-    """Episodes that have just ended: returns (the mean of a team's agents) and what infos say.
+    """Episodes that have just ended: returns (the mean of a team's agents) and means of infos.
 
     `metrics` are means over the second half of each episode, as `envs.tasks.evaluate` gives.
     """
@@ -77,10 +84,10 @@ class Rollout:
         actions = np.asarray(actions, np.float32)
         before, at, rows = self.observation, self.steps.copy(), np.arange(self.n)
         self._actions[at, rows] = actions
-        reward, terminated, over, told = self._world.act(actions)
+        reward, terminated, over, infos = self._world.act(actions)
         after = self.observation = self._world.observe()
         self._returns[at, rows] = reward.mean(axis=1)
-        for name, values in told.items():
+        for name, values in infos.items():
             if np.shape(values) == (self.n,):
                 kept = self._infos.setdefault(name, np.zeros((self._length, self.n)))
                 kept[at, rows] = values
@@ -89,12 +96,12 @@ class Rollout:
             ended = self._ended(np.flatnonzero(over), at + 1)
             self._world.again(over)
             self.observation = self._world.observe()
-        lived = Transitions(before, actions, reward.astype(np.float32), after,
+        transitions = Transitions(before, actions, reward.astype(np.float32), after,
                             terminated.astype(np.float32))  # fmt: skip
-        return lived, ended
+        return transitions, ended
 
-    def state(self) -> dict[str, Any]:
-        """Return what the present episodes follow from."""
+    def state(self) -> dict[str, NDArray[np.generic]]:
+        """Return the seeds and the actions from which `set_state` repeats the episodes."""
         episodes = self._world.episodes
         return {
             "seeds": episodes.seeds.copy(),
@@ -103,8 +110,8 @@ class Rollout:
             "actions": self._actions[: int(self.steps.max(initial=0))].copy(),
         }
 
-    def set_state(self, state: Mapping[str, Any]) -> None:
-        """Live the episodes of `state` again, up to where they were."""
+    def set_state(self, state: State) -> None:
+        """Repeat the episodes of `state` with their actions, up to where they were."""
         steps = np.asarray(state["steps"])
         if steps.shape != (self.n,) or state["actions"].shape[1:] != self._actions.shape[1:]:
             raise InputInvalid(
@@ -117,15 +124,15 @@ class Rollout:
         episodes.count(np.asarray(state["seeds"]), np.asarray(state["episodes"]) - 1)
         self._world.again(np.ones(self.n, bool))
         for k in range(most):
-            # Those with fewer steps begin later: what they do until then is not looked at.
+            # Environments with fewer steps begin later: their actions until then do not matter.
             late = steps == most - k
             if k and late.any():
                 episodes.count(episodes.seeds, episodes.episodes - late)
                 self._world.again(late)
             at = self.steps
-            reward, _, _, told = self._world.act(self._actions[at, np.arange(self.n)])
+            reward, _, _, infos = self._world.act(self._actions[at, np.arange(self.n)])
             self._returns[at, np.arange(self.n)] = reward.mean(axis=1)
-            for name, values in told.items():
+            for name, values in infos.items():
                 if np.shape(values) == (self.n,):
                     kept = self._infos.setdefault(name, np.zeros((self._length, self.n)))
                     kept[at, np.arange(self.n)] = values
@@ -141,11 +148,11 @@ class Rollout:
 
     def _ended(self, rows: NDArray[np.intp], steps: NDArray[np.int64]) -> Ended:
         length = steps[rows]
-        lived = np.arange(self._length)[:, None] < length
+        counted = np.arange(self._length)[:, None] < length
         # Means over the second half: step k (from 0) counts where 2 k >= length - 1.
-        late = lived & (2 * np.arange(self._length)[:, None] >= length - 1)
+        late = counted & (2 * np.arange(self._length)[:, None] >= length - 1)
         return Ended(
-            np.where(lived, self._returns[:, rows], 0.0).sum(axis=0),
+            np.where(counted, self._returns[:, rows], 0.0).sum(axis=0),
             length,
             {
                 name: np.where(late, kept[:, rows], 0.0).sum(axis=0) / late.sum(axis=0)
@@ -178,7 +185,7 @@ class _Team:
         every = np.stack([team.observation[a] for a in self.agents], axis=1)
         return np.where(team.seen[:, :, None], every, np.float32(0))
 
-    def act(self, actions: Array) -> Any:
+    def act(self, actions: Array) -> Outcome:
         team = self._stage.act({a: actions[:, j] for j, a in enumerate(self.agents)})
         return team.reward, team.terminated, team.over, self._stage.info(team.moment)
 
@@ -205,7 +212,7 @@ class _Alone:
     def observe(self) -> Array:
         return self._stage.observe(self.episodes.moment)[:, None]
 
-    def act(self, actions: Array) -> Any:
+    def act(self, actions: Array) -> Outcome:
         m = self._stage.act(actions[:, 0])
         terminated = self._stage.terminated(m)
         over = terminated | self.episodes.over
@@ -217,11 +224,11 @@ class _Alone:
 
 
 def _named(
-    low: Any, high: Any, box: Any, agent: str
+    low: ArrayLike, high: ArrayLike, box: ActionBox, agent: str
 ) -> tuple[tuple[Named, ...], tuple[Named, ...]]:
     seen = tuple(
         Named(f"o[{i + 1}]", float(a), float(b))
-        for i, (a, b) in enumerate(zip(low, high, strict=True))
+        for i, (a, b) in enumerate(zip(np.asarray(low), np.asarray(high), strict=True))
     )
     acts = []
     for i in range(box.width):

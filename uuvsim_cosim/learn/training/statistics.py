@@ -1,4 +1,4 @@
-"""What seeds say: interquartile means, their intervals, and how often one way beats another.
+"""Statistics over seeds: interquartile means, bootstrap intervals, probability of improvement.
 
 Agarwal et al., "Deep Reinforcement Learning at the Edge of the Statistical Precipice", 2021.
 """
@@ -36,7 +36,7 @@ UNDECIDED: Said = "cannot be decided"
 
 @dataclass(frozen=True)
 class Interval:
-    """A figure with the limits between which 95 % of its bootstrap lies."""
+    """A figure with its 95 % bootstrap interval."""
 
     value: float
     low: float
@@ -59,9 +59,9 @@ class Interval:
         return HOLDS if self.low > other.high else HOLDS_NOT if self.high < other.low else UNDECIDED
 
 
-def together(*said: Said) -> Said:
-    """Judge that all hold: one that does not refutes it, else one that is open leaves it open."""
-    return next((verdict for verdict in (HOLDS_NOT, UNDECIDED) if verdict in said), HOLDS)
+def together(*verdicts: Said) -> Said:
+    """Judge that all claims hold: one false claim decides, else one undecided claim does."""
+    return next((verdict for verdict in (HOLDS_NOT, UNDECIDED) if verdict in verdicts), HOLDS)
 
 
 def interquartile_mean(values: Array) -> float:

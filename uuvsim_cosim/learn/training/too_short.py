@@ -1,19 +1,18 @@
-"""Why a training has taught nothing: it was too short for an update."""
+"""Reason why a training has changed no actor: it was too short for an update."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 __all__ = ["taught_nothing"]
 
 BEFORE = ("samples", "warm_up", "batch")  # environment steps without an update
 
 
-def taught_nothing(settings: Mapping[str, Any], steps: int, updates: int | None) -> str | None:
-    """Say why no actor is other than at the start; None, where one is, or `updates` is not known.
+def taught_nothing(settings: Mapping[str, float], steps: int, updates: int | None) -> str | None:
+    """Return the reason why no actor was updated; None if one was, or if `updates` is unknown.
 
-    `settings` are a learner's, `updates` those that it made in `steps` environment steps.
+    `settings` are a learner's; it made `updates` updates in `steps` environment steps.
     """
     if updates is None:
         return None

@@ -15,7 +15,7 @@ from uuvsim_cosim.learn.shared.task_ids import make_task
 from uuvsim_cosim.learn.training.agents import agents_of, widths
 from uuvsim_cosim.learn.training.config import TrainingConfig, read_config
 from uuvsim_cosim.learn.training.events import Events
-from uuvsim_cosim.learn.training.folder_lock import claim, held, refuse_other
+from uuvsim_cosim.learn.training.folder_lock import locked, refuse_other, write_owner
 from uuvsim_cosim.learn.training.interruption import Interruption, TrainingInterrupted
 from uuvsim_cosim.learn.training.loading import load_policies
 
@@ -34,7 +34,7 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Trained:
-    """What a training left in its folder."""
+    """The results of a training, from its folder."""
 
     folder: Path
     config: TrainingConfig
@@ -58,14 +58,19 @@ def train(
     interrupted: Callable[[], bool] | None = None,
     **changes: Any,
 ) -> Trained:
-    """Train, or go on with a training, in `folder` (runs/train/TASK-ALGORITHM-SEED).
+    """Train, or resume a training, in `folder` (runs/train/TASK-ALGORITHM-SEED).
 
     `given` is a configuration, a YAML file of one, or a task's name; `changes` are fields of
-    TrainingConfig. Ctrl-C keeps the step that it came in and raises TrainingInterrupted; the same
-    call goes on from there, to the same bits. Torch computes on one thread meanwhile. `first` is
-    of environments' seeds, as `Training` has it; `interrupted` is asked after each step too.
+    TrainingConfig. After Ctrl-C, the current step is saved and TrainingInterrupted raised; the
+    same call resumes, to the same bits. Torch computes on one thread. `first` is the first seed of
+    the environments, see `Training`; `interrupted` is called after each step too.
     """
-    config = _config(given, changes)
+    if isinstance(given, TrainingConfig):
+        config = given.changed(**changes)
+    elif isinstance(given, Path) or str(given).endswith((".yaml", ".yml")):
+        config = read_config(given, **changes)
+    else:
+        config = TrainingConfig(given, **changes)
     task = make_task(config.task, config.task_options, profile=config.profile)
     config = config.changed(algorithm=algorithm_for(config.algorithm, len(agents_of(task))).name)
     place = training_folder(config) if folder is None else Path(folder)
@@ -83,10 +88,10 @@ def train(
             config, task, place, observers=observers, interrupted=either, first=first
         )
         stack.callback(training.close)
-        stack.enter_context(held(place))
+        stack.enter_context(locked(place))
         if not restart:
-            training.resume()  # what it refuses leaves the folder as it was
-        claim(place, config, restart)
+            training.resume()  # an error here leaves the folder unchanged
+        write_owner(place, config, restart)
         with interruption:
             try:
                 rows = training.run()
@@ -118,8 +123,11 @@ def training_of(
     )  # fmt: skip
     from uuvsim_cosim.learn.training.training import Training
 
+    options = dict(config.plain()["task_options"])
+    if config.profile != "default":  # the task is made again from its name and options
+        options["profile"] = config.profile
     return Training(
-        task, learner, name=config.task, options=_options(config), n=config.envs, seed=config.seed,
+        task, learner, name=config.task, options=options, n=config.envs, seed=config.seed,
         steps=config.steps, folder=folder, evaluate_every=config.evaluate_every,
         evaluation_episodes=config.evaluation_episodes, checkpoint_every=config.checkpoint_every,
         observers=observers, interrupted=interrupted, first=first,
@@ -127,9 +135,9 @@ def training_of(
 
 
 def resolved(config: TrainingConfig) -> TrainingConfig:
-    """Return the same with the algorithm named, and its settings as what they are.
+    """Return the configuration with the algorithm's name and settings with their types.
 
-    Raises InputInvalid for a task, an algorithm or settings that cannot be.
+    Raises InputInvalid for an invalid task, algorithm or setting.
     """
     task = make_task(config.task, config.task_options, profile=config.profile)
     algorithm = algorithm_for(config.algorithm, len(agents_of(task)))
@@ -146,27 +154,13 @@ def training_folder(config: TrainingConfig, parent: Path = Path("runs") / "train
 # ---- inside -------------------------------------------------------------------------------
 
 
-def _config(given: TrainingConfig | str | Path, changes: Mapping[str, Any]) -> TrainingConfig:
-    if isinstance(given, TrainingConfig):
-        return given.changed(**changes)
-    if isinstance(given, Path) or str(given).endswith((".yaml", ".yml")):
-        return read_config(given, **changes)
-    return TrainingConfig(given, **changes)
-
-
-def _options(config: TrainingConfig) -> dict[str, Any]:
-    """Return the options that make the task again, with its profile."""
-    given: dict[str, Any] = dict(config.plain()["task_options"])
-    return given if config.profile == "default" else {**given, "profile": config.profile}
-
-
 def one_thread() -> ExitStack:
     """Let torch compute on one thread, which is faster for small batches, until the exit."""
     stack = ExitStack()
     try:
         import torch
     except ModuleNotFoundError:
-        return stack  # learner_of says so
+        return stack  # learner_of raises the error
     stack.callback(torch.set_num_threads, torch.get_num_threads())
     torch.set_num_threads(1)
     return stack

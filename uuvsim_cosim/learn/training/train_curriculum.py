@@ -27,7 +27,7 @@ from uuvsim_cosim.learn.training.curriculum_stage import (
     train_stage,
 )
 from uuvsim_cosim.learn.training.events import Events
-from uuvsim_cosim.learn.training.folder_lock import held
+from uuvsim_cosim.learn.training.folder_lock import locked
 from uuvsim_cosim.learn.training.train import one_thread
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ __all__ = ["StageTrained", "train_curriculum"]
 
 @dataclass(frozen=True)
 class StageTrained:
-    """What a stage left in its folder."""
+    """The results of a stage, from its folder."""
 
     folder: Path
     task: str
@@ -62,20 +62,20 @@ def train_curriculum(
     first: int | None = None,
     tensorboard: bool = True,
 ) -> list[StageTrained]:
-    """Train through a curriculum, or go on with it, in `folder`; to the same bits.
+    """Train through a curriculum, or resume it, in `folder`; a resumed one has the same bits.
 
-    Each stage is a Training in a folder of its own, "2-transition_1"; switch.pt there is what it
-    began with. A stage that is done is not done again. The folder is this process's meanwhile, and
-    torch computes on one thread. `restart` begins anew where another curriculum is; `first` is of
-    environments' seeds, as `Training` has it.
+    Each stage is a Training in its own folder, "2-transition_1"; switch.pt there is the state that
+    it began with. A finished stage is not repeated. The folder is locked for this process, and
+    torch computes on one thread. With `restart`, another curriculum in the folder is replaced.
+    `first` is the first seed of the environments, see `Training`.
     """
     folder = Path(folder)
-    tasks = [_task(curriculum, k) for k in range(len(curriculum.stages))]  # all mistakes first
+    tasks = [_task(curriculum, k) for k in range(len(curriculum.stages))]  # all checks come first
     _check_settings(curriculum, tasks)
     _check_widths(curriculum, tasks)
-    done_in(folder, curriculum, seed, restart=restart)  # what it refuses, the lock has not touched
+    done_in(folder, curriculum, seed, restart=restart)  # a refused folder gets no lock file
     results: list[StageTrained] = []
-    with one_thread() as stack, held(folder):
+    with one_thread() as stack, locked(folder):
         done = done_in(folder, curriculum, seed, restart=restart)
         if restart:
             begin_anew(folder)
@@ -97,7 +97,7 @@ def train_curriculum(
             )
             done = [*done[:k], row]
             results.append(_result(place, stage, row))
-            if not last_one:
+            if not last_one:  # before the record: a recorded stage has what the next one needs
                 keep_switch(curriculum, k + 1, tasks[k + 1], learner, folder, seed)
             write_done(folder, curriculum, seed, done)
             if stage_ends is not None:
@@ -148,7 +148,7 @@ def _check_widths(curriculum: Curriculum, tasks: Sequence[Task | TeamTask]) -> N
 
 
 def _check_settings(curriculum: Curriculum, tasks: Sequence[Task | TeamTask]) -> None:
-    """Refuse settings that are none, or that would change the networks' shapes on the way."""
+    """Check that all settings exist, and that no switch changes the networks' shapes."""
     settings = []
     for k in range(len(curriculum.stages)):
         try:

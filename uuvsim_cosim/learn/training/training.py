@@ -1,4 +1,4 @@
-"""A training: a learner lives in a task, is judged on seeds never trained on, and is kept."""
+"""A training: a learner acts in a task, is evaluated on other seeds, and is saved."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol, final
+from typing import Protocol, final
 
 import numpy as np
 
 from uuvsim_cosim.envs.task.task import Task, TeamTask
 from uuvsim_cosim.envs.tasks.evaluation import Evaluation, evaluate
+from uuvsim_cosim.envs.tasks.scripted import Policies
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
 from uuvsim_cosim.learn.algorithms.checkpoint import load_checkpoint, save_checkpoint
 from uuvsim_cosim.learn.algorithms.learner import Learner
@@ -29,7 +30,7 @@ __all__ = ["EVALUATION_SEED", "Progress", "Training", "TrainingObserver", "actin
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a training is; `row` are numbers by name, of the last step, episodes or evaluation."""
+    """Progress of a training; `row` has the numbers of the last step, episodes or evaluation."""
 
     step: int  # environment steps, of all environments together
     steps: int  # of the whole training
@@ -39,20 +40,20 @@ class Progress:
 
 
 class TrainingObserver(Protocol):
-    """Watches a training; cannot change it."""
+    """Observer of a training; it cannot change it."""
 
     def __call__(self, progress: Progress) -> None:
-        """Be told."""
+        """Receive the progress."""
 
 
 @final
 class Training:
-    """`learner` on `n` copies of `task`, for `steps` environment steps, kept in `folder`.
+    """`learner` on `n` copies of `task`, for `steps` environment steps, saved in `folder`.
 
     The folder holds episodes.csv (one row an episode), evaluations.csv, policy.npz (the last),
-    best.npz (the best evaluation) and checkpoint.pt. `run` goes on from a checkpoint that is
-    there, to the same bits as without the interruption. `name`, `options` say which task it is.
-    Environment i has the seed `first` + i, by default one that no other `seed` has.
+    best.npz (of the best evaluation) and checkpoint.pt. `run` resumes from a checkpoint, with the
+    same bits as without an interruption. `name` and `options` make the task again. Environment i
+    has the seed `first` + i, by default one that no training with another `seed` uses.
     """
 
     def __init__(
@@ -61,7 +62,7 @@ class Training:
         learner: Learner,
         *,
         name: str,
-        options: Mapping[str, Any],
+        options: Mapping[str, object],
         n: int,
         seed: int,
         steps: int,
@@ -82,7 +83,7 @@ class Training:
         self._observers, self._stop, self._interrupted = observers, stop, interrupted
         self.rollout = Rollout(task, n, first_of_training(seed) if first is None else first)
         self.step, self.episodes, self.cpu = 0, 0, 0.0
-        self.updates: int | None = 0  # not known of checkpoints that do not say
+        self.updates: int | None = 0  # None: unknown, from an older checkpoint
         self.best = -np.inf
         self.evaluations: list[dict[str, float]] = []
         self._rows: list[dict[str, float]] = []
@@ -90,21 +91,21 @@ class Training:
 
     @property
     def checkpoint(self) -> Path:
-        """Name the file that this goes on from."""
+        """The file from which a training is resumed."""
         return self.folder / "checkpoint.pt"
 
     @property
     def note(self) -> str | None:
-        """Say why nothing was learned so far, where that is so."""
+        """The reason why nothing was learned so far, or None."""
         return taught_nothing(self.learner.settings, self.step, self.updates)
 
     def run(self) -> list[dict[str, float]]:
-        """Train to the end; gives one row an evaluation, the first before anything is learned.
+        """Train to the end; returns one row an evaluation, the first before any update.
 
-        The last is of what was learned, whatever `evaluate_every` is. Where `interrupted` says so
-        after a step, that step is kept and KeyboardInterrupt raised. A loss or a gradient that is
-        no number raises LearningDiverged; what there is then is in diverged.pt and policy.npz, and
-        the last checkpoint stays.
+        The last evaluation is made at the end, whatever `evaluate_every` is. If `interrupted`
+        returns True after a step, that step is saved and KeyboardInterrupt is raised. A loss or a
+        gradient that is not finite raises LearningDiverged; then the state is in diverged.pt and
+        policy.npz, and the last checkpoint stays.
         """
         self.folder.mkdir(parents=True, exist_ok=True)
         self.resume()
@@ -114,15 +115,21 @@ class Training:
         kept = self.step
         began = time.process_time()
         try:
-            while self.step < self.steps and not self._enough():
+            while self.step < self.steps:
+                if self.evaluations and self.evaluations[-1].get("stopped"):
+                    break  # `stop` found the last evaluation good enough
                 self._one_step()
-                kept = self.step if self._after_step() else kept
+                if self._passed(self._evaluate_every):
+                    self._evaluate()
+                if self._passed(self._checkpoint_every):
+                    self.save()
+                    kept = self.step
                 if self._interrupted is not None and self._interrupted():
                     self.save()
                     raise KeyboardInterrupt
         except Exception as error:
             last = f"stopped after step {self.step}; {self.checkpoint} is of step {kept}"
-            with suppress(OSError):  # the disk may be full: the first error is the one to be told
+            with suppress(OSError):  # the disk may be full: the first error is reported
                 self._write_curves()
             if isinstance(error, LearningDiverged):
                 raise error.saying(self.learner.name, f"{last}{self._diverged()}") from None
@@ -136,7 +143,7 @@ class Training:
         return self.evaluations
 
     def resume(self) -> None:
-        """Take up the checkpoint, where there is one; a second call does nothing."""
+        """Load the checkpoint, if there is one; a second call does nothing."""
         if self._resumed:
             return
         if self.checkpoint.is_file():
@@ -150,25 +157,16 @@ class Training:
 
     def _one_step(self) -> None:
         actions = self.learner.act(self.rollout.observation)
-        lived, ended = self.rollout.step(actions)
+        transitions, ended = self.rollout.step(actions)
         over = self.rollout.steps == 0
-        told = self.learner.learn(lived, over)
+        losses = self.learner.learn(transitions, over)
         self.step += self.n
-        if told:
+        if losses:
             one_more = None if self.updates is None else self.updates + 1
-            self.updates = int(told["updates"]) if "updates" in told else one_more
+            self.updates = int(losses["updates"]) if "updates" in losses else one_more
         if ended is not None:
             self._count(ended)
-        self._tell("step", told)
-
-    def _after_step(self) -> bool:
-        """Evaluate and save where it is time; say whether it was saved."""
-        if self._passed(self._evaluate_every):
-            self._evaluate()
-        due = self._passed(self._checkpoint_every)
-        if due:
-            self.save()
-        return due
+        self._tell("step", losses)
 
     def _passed(self, every: int) -> bool:
         return self.step // every > (self.step - self.n) // every
@@ -181,9 +179,6 @@ class Training:
         self.episodes += len(ended.returns)
         means = {"return": float(ended.returns.mean())}
         self._tell("episodes", means | {k: float(v.mean()) for k, v in ended.metrics.items()})
-
-    def _enough(self) -> bool:
-        return bool(self.evaluations and self.evaluations[-1].get("stopped"))
 
     def _evaluate(self) -> None:
         judged = evaluate(
@@ -223,10 +218,11 @@ class Training:
         return given
 
     def save(self) -> None:
-        """Write what there is: curves, policies, the checkpoint."""
+        """Write curves, policies and the checkpoint."""
         self.folder.mkdir(parents=True, exist_ok=True)
         self._write_curves()
         self._write_policies("policy")
+        # Last: a resumed training rewrites curves and policies from its checkpoint.
         save_checkpoint(self.checkpoint, self._content())
         self._tell("checkpoint", {})
 
@@ -236,7 +232,7 @@ class Training:
 
     # ---- inside ---------------------------------------------------------------------------
 
-    def _content(self) -> dict[str, Any]:
+    def _content(self) -> dict[str, object]:
         return {
             "task": self.name,
             "options": self.options,
@@ -256,12 +252,12 @@ class Training:
         }
 
     def _diverged(self) -> str:
-        """Keep what there is, beside the checkpoint, which is sound; gives what to tell of it."""
+        """Write the diverged state beside the checkpoint, which stays; returns a message of it."""
         beside = self.folder / "diverged.pt"
         try:
             save_checkpoint(beside, self._content())
             self._write_policies("policy")
-        except (OSError, UuvsimError):  # no room, or no numbers in the networks
+        except (OSError, UuvsimError):  # a full disk, or NaN in the networks
             return ""
         return f"; {beside} and policy.npz are of then"
 
@@ -307,7 +303,7 @@ class Training:
             observer(Progress(self.step, self.steps, self.episodes, row, what))
 
 
-def acting(task: Task | TeamTask, policies: Mapping[str, Policy]) -> Any:
+def acting(task: Task | TeamTask, policies: Mapping[str, Policy]) -> Policies:
     """Return policies as `evaluate` takes them: by agent of a team, else the only one."""
     if isinstance(task, TeamTask):
         return dict(policies)
