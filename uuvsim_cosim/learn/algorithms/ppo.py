@@ -90,7 +90,7 @@ class PpoLearner:
         self._drawn: tuple[Array, Array] | None = None  # unclipped actions, their log density
 
     @property
-    def settings(self) -> Mapping[str, Any]:
+    def settings(self) -> Mapping[str, float]:
         """All numbers."""
         return asdict(self.given)
 

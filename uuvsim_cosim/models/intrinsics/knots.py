@@ -27,12 +27,12 @@ _STRAIGHT = 1e-13  # of a row's largest value: what is nearer to the line is on 
 class Bends:
     """Buckets of a table, in the precision of its numbers; the last bucket is the last knot's."""
 
-    first: np.floating
-    last: np.floating
-    scale: np.floating  # buckets a unit
+    first: float
+    last: float
+    scale: float  # buckets a unit
     count: int  # without the last
-    low: np.floating  # the two rows are at y = low, high
-    high: np.floating
+    low: float  # the two rows are at y = low, high
+    high: float
     rows: tuple[np.ndarray, ...]  # each [knot][x, value, slope below, slope above]
     at: tuple[np.ndarray, ...]  # each [bucket], the knot of the row
 
