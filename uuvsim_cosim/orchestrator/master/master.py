@@ -65,6 +65,9 @@ class Master:
     They get every `record_every`-th communication point. `live` names variables, and `held`
     unconnected inputs, whose present values can be read and set in the arrays of `slots`, without
     a call. Without `measured`, no coupling residuals are measured, and steps are a little faster.
+
+    Order of calls: `initialize`; then `step`, `run_until`, `get`, `set`, `snapshot`, `restore` and
+    `reset` in any order; then `terminate` and `free`, which a ``with`` block calls.
     """
 
     def __init__(
@@ -420,6 +423,7 @@ class Master:
         """Instantiate component i again, and continue from a snapshot, or from the start."""
         old, planned = self.components[i], self.plan.components[i]
         was_last = snapshot is not None and snapshot is self._last
+        # First of all: it raises if the state was lost, and nothing has been changed then.
         states = [] if snapshot is None else [transferable_state(old, snapshot.states[i])]
         fresh = self._instantiate(planned)
         try:
@@ -502,7 +506,7 @@ class Master:
             propagate(self.plan, self.components, self._times[0])
         elif failed := self._restart.propagate(self._start_tick, self._times[0]):
             self._fail(failed)
-        self._check_loops()
+        self._check_loops()  # needs derivatives at the initial values, so before the mode ends
         for component in self.components:
             component.exit_initialization_mode()
         if self._tables is None:
