@@ -17,7 +17,7 @@ from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.units import parse_unit
 from uuvsim_cosim.orchestrator.master.observer import Chunk, Column
 from uuvsim_cosim.orchestrator.plan.initialization import initialization_order
-from uuvsim_cosim.orchestrator.plan.loop_policy import settled
+from uuvsim_cosim.orchestrator.plan.loop_policy import apply_loop_policy
 from uuvsim_cosim.orchestrator.plan.plan import Group, Plan, PlannedComponent, Transfer
 from uuvsim_cosim.orchestrator.plan.seeds import component_seed
 from uuvsim_cosim.orchestrator.python.component import PythonComponent
@@ -266,7 +266,7 @@ def wire(
     order = initialization_order(components, transfers)
     every = (*groups,) or (Group("jacobi", tuple(range(len(paths)))),)
     plan = Plan(Fraction(tick), components, tuple(transfers), every, order)
-    return Wired(settled(plan, frozenset()), makers)
+    return Wired(apply_loop_policy(plan, frozenset()), makers)
 
 
 @pytest.fixture

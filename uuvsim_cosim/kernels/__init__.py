@@ -1,8 +1,9 @@
 """Fused kernels: a system of declarations compiled into one function over many environments.
 
-Its text is written in `codegen/`, its derivatives are in `derivatives/`; a whole system as one FMU
-is in `system_fmu/`. The C around what is generated lies in ``fmus/kernels/`` at the top. It may
-import `orchestrator`, `fmus`, `models`. Start with `kernel.py`, then `batch/batch.py`.
+The C text is generated in `codegen/`, derivatives are in `derivatives/`; a whole system as one FMU
+is in `system_fmu/`. The fixed C around the generated text is in ``fmus/kernels/`` at the top.
+
+It may import `orchestrator`, `fmus`, `models`. Start with `kernel.py`, then `batch/batch.py`.
 """
 
 from __future__ import annotations

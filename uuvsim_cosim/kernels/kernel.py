@@ -83,7 +83,7 @@ class Kernel:
         self.c = ctypes.CDLL(str(built["driver"]))
         _declare(self.c)
         self._libraries = [ctypes.CDLL(str(built[i])) for i in range(len(texts))]
-        if single:
+        if single:  # the declarations call the draws of a library that computes in float64
             draws = ctypes.CDLL(str(built["draws"]))
             for library in self._libraries:
                 place = ctypes.c_void_p.in_dll(library, "uuv_the_lane_draws")

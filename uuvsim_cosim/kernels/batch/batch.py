@@ -71,8 +71,7 @@ class Batch(Closing):
         """End the threads; a second call does nothing."""
         if self._threads is not None:
             self._threads.close()
-            self._threads = None
-            self._ranges = [(0, self._n_blocks)]
+            self._threads = None  # from now on the calling thread steps all blocks
 
     # ---- life -----------------------------------------------------------------------------
 

@@ -34,7 +34,7 @@ def tables_in_lanes(text: str, dtype: np.dtype) -> tuple[str, str]:
     """Return the text of the tables that `text` reads, and `text` with calls of their functions."""
     pairs: dict[str, tuple[Even, ...]] = {}
     text = "\n}\n".join(_paired(body, pairs) for body in text.split("\n}\n"))
-    called: dict[str, set[str]] = {}
+    called: dict[str, set[str]] = {}  # functions by table, such as "at_even" and "at_dx"
 
     def replaced(m: re.Match[str]) -> str:
         call = f"at_{m['form'].strip('_')}" if m["form"] else "at"
@@ -43,7 +43,18 @@ def tables_in_lanes(text: str, dtype: np.dtype) -> tuple[str, str]:
 
     for pattern in _CALLS:
         text = pattern.sub(replaced, text)
-    lines = [s for name in sorted(called) for s in _table(TABLES[name], dtype, called[name])]
+    lines: list[str] = []
+    for name in sorted(called):
+        table, calls = TABLES[name], called[name]
+        e, b = even(table), bends(table, dtype.name)
+        if e is not None and "at_even" in calls:
+            lines += _even(name, (e,), dtype)
+            calls = calls - {"at_even"}
+        if b is not None and "at_bent" in calls:
+            lines += _bent(table, b, dtype)
+            calls = calls - {"at_bent"}
+        if calls:
+            lines += interval_text(table, dtype, calls)
     lines += [s for name in sorted(pairs) for s in _even(name, pairs[name], dtype)]
     return "".join(f"{line}\n" for line in lines), text
 
@@ -68,20 +79,6 @@ def _paired(body: str, pairs: dict[str, tuple[Even, ...]]) -> str:
         body = body.replace(first[0], f"{read}    const V {first['result']} = {two}.first;")
         body = body.replace(m[0], f"    const V {m['result']} = {two}.second;")
     return body
-
-
-def _table(table: Table, dtype: np.dtype, calls: set[str]) -> Iterator[str]:
-    """Yield the functions of a table, each named by the suffix of a call: "at_even", "at_dx"."""
-    intervals = set(calls)
-    e, b = even(table), bends(table, dtype.name)
-    if e is not None and "at_even" in calls:
-        yield from _even(table.name, (e,), dtype)
-        intervals -= {"at_even"}
-    if b is not None and "at_bent" in calls:
-        yield from _bent(table, b, dtype)
-        intervals -= {"at_bent"}
-    if intervals:
-        yield from interval_text(table, dtype, intervals)
 
 
 def _even(name: str, together: tuple[Even, ...], dtype: np.dtype) -> Iterator[str]:

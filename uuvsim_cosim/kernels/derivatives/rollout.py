@@ -64,9 +64,9 @@ class Rollout:
 
     def _real(self, name: str) -> Signal:
         signal = self.batch._signal(name)
-        kind = signal.variable.type
-        if kind != "Float64":
-            raise InputInvalid(f"{name}: is {kind}, without derivatives; expected a Float64")
+        type_ = signal.variable.type
+        if type_ != "Float64":
+            raise InputInvalid(f"{name}: is {type_}, without derivatives; expected a Float64")
         return signal
 
     def _sequence(self, name: str, values: object) -> np.ndarray:

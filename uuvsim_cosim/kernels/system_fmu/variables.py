@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from typing import Any, Literal, get_args
@@ -65,15 +65,30 @@ def exposed(
     """
     if naming not in get_args(Naming):
         raise InputInvalid(f"names {naming!r}; expected one of {', '.join(get_args(Naming))}")
-    outputs = [
-        _shown(plan, i, v, tuple(range(v.size)))
-        for i, c in enumerate(plan.components)
-        for v in c.description.of("output")
-        if v.type in _SHOWN
-    ]
+    connected: dict[tuple[int, str], set[int]] = {}
+    for t in plan.transfers:
+        connected.setdefault((t.target, t.target_variable.name), set()).update(t.target_elements)
+    free_inputs: list[Exposed] = []
+    parameters: list[Exposed] = []
+    outputs: list[Exposed] = []
+    for i, c in enumerate(plan.components):
+        for v in c.description.of("input", "parameter", "output"):
+            if v.type not in _SHOWN:
+                continue
+            every = tuple(range(v.size))
+            if v.causality == "input":
+                free = tuple(k for k in every if k not in connected.get((i, v.name), ()))
+                free_inputs += [_shown(plan, i, v, free)] if free else []
+            elif v.causality == "output":
+                outputs.append(_shown(plan, i, v, every))
+            elif (fixed or v.variability == "tunable") and not (
+                # A seed is derived from the system's, unless the system sets its value.
+                v.name == "seed" and v.shape == (2,) and v.name not in c.start
+            ):
+                parameters.append(_shown(plan, i, v, every))
     found = [
-        *_chosen([*_inputs(plan)], inputs, "inputs", "free input"),
-        *_parameters(plan, fixed),
+        *_chosen(free_inputs, inputs, "inputs", "free input"),
+        *parameters,
         *_chosen(outputs, signals, "signals", "output"),
     ]
     names = _names([e.full_name for e in found], naming)
@@ -130,26 +145,6 @@ def _unit(name: str | None, known: Mapping[str, Unit], units: dict[str, Unit]) -
     except ParameterInvalid:
         return None
     return name if units.setdefault(name, unit) == unit else None
-
-
-def _inputs(plan: Plan) -> Iterator[Exposed]:
-    fed: dict[tuple[int, str], set[int]] = {}
-    for t in plan.transfers:
-        fed.setdefault((t.target, t.target_variable.name), set()).update(t.target_elements)
-    for i, c in enumerate(plan.components):
-        for v in c.description.of("input"):
-            free = tuple(k for k in range(v.size) if k not in fed.get((i, v.name), ()))
-            if v.type in _SHOWN and free:
-                yield _shown(plan, i, v, free)
-
-
-def _parameters(plan: Plan, fixed: bool) -> Iterator[Exposed]:
-    for i, c in enumerate(plan.components):
-        for v in c.description.of("parameter"):
-            # A seed is derived from the system's, unless the system sets its value.
-            key = v.name == "seed" and v.shape == (2,) and v.name not in c.start
-            if v.type in _SHOWN and (fixed or v.variability == "tunable") and not key:
-                yield _shown(plan, i, v, tuple(range(v.size)))
 
 
 def _chosen(

@@ -137,7 +137,8 @@ def by_type(variables: Iterable[Variable]) -> list[Variable]:
 class Core:
     """Tables of one plan in C's memory, and the calls that step it.
 
-    Members, transfers and functions are added before `begin`; `record` may be called then too.
+    Order of calls: `member`, then `access` and `state`, `transfer`, `iterate`, `record`; then
+    `begin`, and `run` any number of times. Faults may be added and cleared at any time.
     """
 
     def __init__(self, n_members: int, n_slots: int, tick: Fraction) -> None:

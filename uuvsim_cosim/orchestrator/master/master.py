@@ -35,10 +35,10 @@ from uuvsim_cosim.orchestrator.master.loop_state import LoopState
 from uuvsim_cosim.orchestrator.master.observer import Column, Observer
 from uuvsim_cosim.orchestrator.master.replacement import (
     copy_values,
-    outliving,
     plan_with,
     set_inputs,
-    taken_over,
+    state_of_new_instance,
+    transferable_state,
 )
 from uuvsim_cosim.orchestrator.master.restart import Restart, show_unconnected, unconnected_inputs
 from uuvsim_cosim.orchestrator.master.serving import serve
@@ -65,6 +65,9 @@ class Master:
     They get every `record_every`-th communication point. `live` names variables, and `held`
     unconnected inputs, whose present values can be read and set in the arrays of `slots`, without
     a call. Without `measured`, no coupling residuals are measured, and steps are a little faster.
+
+    Order of calls: `initialize`; then `step`, `run_until`, `get`, `set`, `snapshot`, `restore` and
+    `reset` in any order; then `terminate` and `free`, which a ``with`` block calls.
     """
 
     def __init__(
@@ -100,7 +103,7 @@ class Master:
         self._hash = snapshots.plan_hash(plan)
         self._instantiate = instantiate
         self._last: Snapshot | None = None  # the snapshot that was taken last
-        self._retired: list[Tables] = []  # of plans before a replacement; observers hold views
+        self._retired: list[Tables] = []  # of earlier plans; freed last, as views of them may exist
         self._recorded: list[tuple[int, Variable]] = []
         self._pools = [InstancePool(partial(instantiate, planned)) for planned in plan.components]
         self._restart: Restart | None = None
@@ -420,13 +423,14 @@ class Master:
         """Instantiate component i again, and continue from a snapshot, or from the start."""
         old, planned = self.components[i], self.plan.components[i]
         was_last = snapshot is not None and snapshot is self._last
-        states = [] if snapshot is None else [outliving(old, snapshot.states[i])]
+        # First of all: it raises if the state was lost, and nothing has been changed then.
+        states = [] if snapshot is None else [transferable_state(old, snapshot.states[i])]
         fresh = self._instantiate(planned)
         try:
             if snapshot is not None:
                 enter_initialization(planned, fresh, {}, None, self._times)
                 fresh.exit_initialization_mode()
-                snapshot = snapshot.with_state(i, taken_over(fresh, states[0]))
+                snapshot = snapshot.with_state(i, state_of_new_instance(fresh, states[0]))
             tables = self._ready()
             next_row = tables.core.next_row
             tables.replace(tables.order.index(i), fresh)
@@ -502,7 +506,7 @@ class Master:
             propagate(self.plan, self.components, self._times[0])
         elif failed := self._restart.propagate(self._start_tick, self._times[0]):
             self._fail(failed)
-        self._check_loops()
+        self._check_loops()  # needs derivatives at the initial values, so before the mode ends
         for component in self.components:
             component.exit_initialization_mode()
         if self._tables is None:

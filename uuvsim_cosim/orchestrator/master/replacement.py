@@ -17,7 +17,7 @@ from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.system.resolve import resolve
 from uuvsim_cosim.orchestrator.values.values import is_float
 
-__all__ = ["copy_values", "outliving", "plan_with", "set_inputs", "taken_over"]
+__all__ = ["copy_values", "plan_with", "set_inputs", "state_of_new_instance", "transferable_state"]
 
 log = logging.getLogger("uuvsim_cosim.master")
 
@@ -25,7 +25,7 @@ log = logging.getLogger("uuvsim_cosim.master")
 # ---- a state that outlives its instance -------------------------------------------------------
 
 
-def outliving(old: Component, state: object) -> object:
+def transferable_state(old: Component, state: object) -> object:
     """Return a state, or its bytes, in a form that a new instance can use.
 
     Raises InputInvalid if there is none.
@@ -47,8 +47,8 @@ def outliving(old: Component, state: object) -> object:
     )
 
 
-def taken_over(fresh: Component, state: object) -> object:
-    """Return a state of `outliving` as a state of the new instance."""
+def state_of_new_instance(fresh: Component, state: object) -> object:
+    """Return a state of `transferable_state` as a state of the new instance."""
     return fresh.deserialize_fmu_state(state) if isinstance(state, bytes) else state
 
 

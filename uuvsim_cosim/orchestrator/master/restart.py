@@ -65,7 +65,8 @@ class Restart:
     def enter(self, states: Sequence[object], seed: int | None, start: Starts) -> None:
         """Go back to Initialization Mode, with the plan's start values, `start` and the seed.
 
-        `states` are those in Initialization Mode; None for a component that cannot copy its state.
+        `states` are those in Initialization Mode; None for a component that cannot copy its state,
+        or has been replaced since.
         """
         keys: dict[int, np.ndarray] = {}
         if seed is not None and self._seeds:

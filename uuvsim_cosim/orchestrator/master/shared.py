@@ -49,6 +49,7 @@ class Exchange:
             raise UuvsimError(f"{component.path}: its process is gone, or shares no memory")
         sizes = [sum(v.size for v in group) for group in (inputs, outputs)]
         room = text_room([*inputs, *outputs])
+        # The memory gets its size before either side maps it.
         os.ftruncate(segment, self._c.uuv_exchange_size(*sizes, room))
         if not self._c.uuv_exchange_map(self.address, segment, *sizes, room):
             raise UuvsimError(f"{component.path}: {room} bytes of shared memory cannot be mapped")

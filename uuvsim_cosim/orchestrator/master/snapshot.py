@@ -77,6 +77,7 @@ def save_snapshot(
             for k in snapshot.faults
         ],
     }  # fmt: skip
+    # Before the file is opened: a component may refuse to serialize its state.
     data = {
         i: component.serialize_fmu_state(state)
         for i, (component, state) in enumerate(zip(components, snapshot.states, strict=True))

@@ -20,7 +20,7 @@ from uuvsim_cosim.orchestrator.osp.variable_groups import (
 )
 from uuvsim_cosim.orchestrator.osp.xml import Reading, children, local, opened
 from uuvsim_cosim.orchestrator.system.elements import Element, step_text
-from uuvsim_cosim.orchestrator.system.proxyfmu import REMARK, proxied
+from uuvsim_cosim.orchestrator.system.proxyfmu import REMARK, proxy_file
 from uuvsim_cosim.orchestrator.system.resolve import resolve
 from uuvsim_cosim.orchestrator.system.sources import FmuSource
 from uuvsim_cosim.orchestrator.system.system import System
@@ -29,7 +29,7 @@ from uuvsim_cosim.orchestrator.values.values import flat
 
 __all__ = ["read_osp"]
 
-DEFAULT_STEP = "0.1"  # libcosim's, where a file gives none
+DEFAULT_STEP = "0.1"  # of libcosim, for files without a step
 _TYPES = ("Real", "Integer", "Boolean", "String", "Enumeration")
 
 
@@ -180,7 +180,7 @@ def _simulators(root: Xml, reading: Reading, base: Fraction) -> tuple[Element, .
 def _source(text: str, place: str, reading: Reading) -> str:
     """Return the file of a source; for proxyfmu (an FMU in its own process), the FMU's file."""
     try:
-        file = proxied(text)
+        file = proxy_file(text)
     except InputInvalid as error:
         problem = error.at(place, "")
         reading.wrong(place, problem.read, problem.expected)

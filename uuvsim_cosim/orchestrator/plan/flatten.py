@@ -9,7 +9,7 @@ from fractions import Fraction
 from uuvsim_cosim.errors import Problem, SystemInvalid
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.plan.initialization import initialization_order
-from uuvsim_cosim.orchestrator.plan.loop_policy import hindrances, settled
+from uuvsim_cosim.orchestrator.plan.loop_policy import apply_loop_policy, iteration_obstacles
 from uuvsim_cosim.orchestrator.plan.plan import Group, Plan, PlannedComponent, Transfer
 from uuvsim_cosim.orchestrator.plan.seeds import component_seed
 from uuvsim_cosim.orchestrator.plan.vehicle_match import vehicle_warnings
@@ -40,7 +40,7 @@ def flatten(system: System, seed: int = 0, loops: Loops | None = None) -> Plan:
     """Return the plan of a system; each component's seed is derived from the system's `seed`.
 
     `loops` is the policy for algebraic loops, by default the system's own (`System.loops`).
-    Raises SystemInvalid if the policy refuses a loop (see `loop_policy.settled`).
+    Raises SystemInvalid if the policy refuses a loop (see `loop_policy.apply_loop_policy`).
     """
     flat_ = _Flat(system, seed)
     transfers = flat_.transfers()
@@ -54,7 +54,7 @@ def flatten(system: System, seed: int = 0, loops: Loops | None = None) -> Plan:
         loops=system.loops if loops is None else loops,
         start=Fraction(str(system.start_time)),
     )
-    return settled(plan, flat_.ungrouped)
+    return apply_loop_policy(plan, flat_.ungrouped)
 
 
 def inspected(system: System) -> tuple[Plan, str]:
@@ -182,7 +182,7 @@ class _Flat:
             if group.algorithm == "iterated":
                 members = [self.components[i] for i in group.members]
                 place = f"iterated group of {', '.join(c.path for c in members)}"
-                reasons = hindrances(members, self.system.base_step)
+                reasons = iteration_obstacles(members, self.system.base_step)
                 problems += [Problem(place, read, expected) for read, expected in reasons]
         if problems:
             raise SystemInvalid(problems)

@@ -174,7 +174,7 @@ class _Map:
         u = np.array([self.parts[i].u_0[e] for i, e in self.free])
         for part in self.parts:
             x[part.at : part.y_at] = part.start
-        for _ in self.parts:  # a value passes one component per pass; none waits longer
+        for _ in self.parts:  # each pass settles at least one more component of a chain
             for i, part in enumerate(self.parts):
                 inputs = np.array(
                     ca.DM(ca.evalf(self._inputs(i, ca.SX(ca.DM(x)), ca.SX(ca.DM(u)))))

@@ -25,13 +25,20 @@ from uuvsim_cosim.orchestrator.plan.plan import (
 )
 from uuvsim_cosim.orchestrator.system.elements import step_text
 
-__all__ = ["check_loops", "found_loops", "hindrances", "hops_of", "loop_lines_of", "settled"]
+__all__ = [
+    "apply_loop_policy",
+    "check_loops",
+    "found_loops",
+    "hops_of",
+    "iteration_obstacles",
+    "loop_lines_of",
+]
 
 _DELAY = '--loops delay (loops="delay")'
 _FILTER = "a component with a state (for example a filter) in the loop"
 
 
-def settled(plan: Plan, ungrouped: frozenset[int]) -> Plan:
+def apply_loop_policy(plan: Plan, ungrouped: frozenset[int]) -> Plan:
     """Return the plan with its algebraic loops treated by its policy `loops`.
 
     `ungrouped` are the components that the user has put into no group. Raises SystemInvalid that
@@ -90,7 +97,7 @@ def check_loops(plan: Plan) -> Plan:
         if group.algorithm == "iterated":
             members = [plan.components[i] for i in group.members]
             place = f"iterated group of {', '.join(c.path for c in members)}"
-            problems += [Problem(place, *h) for h in hindrances(members, plan.tick)]
+            problems += [Problem(place, *o) for o in iteration_obstacles(members, plan.tick)]
     if problems:
         raise SystemInvalid(problems)
     return replace(plan, algebraic_loops=tuple(found))
@@ -135,7 +142,9 @@ def loop_lines_of(plan: Plan) -> list[str]:
     return lines
 
 
-def hindrances(members: Sequence[PlannedComponent], tick: Fraction) -> Iterator[tuple[str, str]]:
+def iteration_obstacles(
+    members: Sequence[PlannedComponent], tick: Fraction
+) -> Iterator[tuple[str, str]]:
     """Yield the reasons why components cannot be iterated: what was read, what is expected."""
     for c in members:
         if not c.description.can_get_and_set_state:
@@ -177,7 +186,7 @@ def _refusal_reasons(
             "some of its members are in a group that others are not in",
             f'one group of {", ".join(c.path for c in components)}, of algorithm "iterated"',
         )
-    yield from hindrances(components, plan.tick)
+    yield from iteration_obstacles(components, plan.tick)
     for k in loop.transfers:
         t = plan.transfers[k]
         if t.target_variable.type in ("String", "Binary"):

@@ -70,16 +70,17 @@ def _not_imported(source: str, error: BaseException) -> InputInvalid:
 
 
 def place_of(error: BaseException, cls: type, method: str) -> str:
-    """Return ``file:line: Error: text``, with the last line that lies in a file of the class.
+    """Return ``file:line: Error: text``, with the last line in a file of the class.
 
     If the error comes from a call that does not fit the method, the line is the method's own.
     """
     frames = traceback.extract_tb(error.__traceback__)[1:]  # the first is the caller
     modules = (sys.modules.get(c.__module__) for c in cls.__mro__ if c is not object)
     own = {getattr(m, "__file__", None) for m in modules}
-    mine = [f for f in frames if f.filename in own] or frames[-1:]
+    own_frames = [f for f in frames if f.filename in own] or frames[-1:]
     text = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-    where = f"{mine[-1].filename}:{mine[-1].lineno}" if mine else definition(cls, method)
+    last = own_frames[-1] if own_frames else None
+    where = definition(cls, method) if last is None else f"{last.filename}:{last.lineno}"
     return f"{where}: {text}"
 
 

@@ -1,4 +1,4 @@
-"""Import of a user's Python file, which may import the modules that lie beside it.
+"""Import of a user's Python file, which may import modules of the same folder.
 
 Two folders may each have a `gains.py`, but Python keeps only one module of a name. So before a file
 is imported, modules from other users' folders and modules that were edited are removed from
@@ -60,7 +60,7 @@ def import_file(path: Path) -> ModuleType:
 
 
 def _search_first(folder: Path) -> None:
-    """Search a user's folder before those of others, and after all that Python searches."""
+    """Put a user's folder into `sys.path`: after Python's own, before those of other users."""
     importlib.invalidate_caches()
     if str(folder) in _FOLDERS:
         sys.path.remove(str(folder))

@@ -37,7 +37,13 @@ def read_signals(run: Path | str) -> Signals:
     descriptions: dict[str, str] = {}
     element_units: dict[str, tuple[str, ...]] = {}
     elements: dict[str, tuple[int, ...]] = {}
-    for name, columns in _grouped(schema).items():
+    groups: dict[str, list[int]] = {}  # columns of each variable
+    for i in range(2, len(schema)):
+        about = _about(schema.field(i))
+        name = f"{about['path']}.{about['variable']}" if "variable" in about else schema.names[i]
+        groups.setdefault(name, []).append(i)
+    for name, columns in groups.items():
+        columns.sort(key=lambda i: _index(schema.field(i)))
         arrays = [_array(table.column(i)) for i in columns]
         about = _about(schema.field(columns[0]))
         values[name] = np.stack(arrays, axis=1) if about.get("index") else arrays[0]
@@ -49,18 +55,6 @@ def read_signals(run: Path | str) -> Signals:
     time, ticks = _array(table.column(0)), _array(table.column(1))
     metadata = metadata_of(schema) | {"messages": messages}
     return Signals(time, ticks, values, units, descriptions, metadata, element_units, elements)
-
-
-def _grouped(schema: pa.Schema) -> dict[str, list[int]]:
-    """Return the columns of each variable, those of an array in the order of its elements."""
-    groups: dict[str, list[int]] = {}
-    for i in range(2, len(schema)):
-        about = _about(schema.field(i))
-        name = f"{about['path']}.{about['variable']}" if "variable" in about else schema.names[i]
-        groups.setdefault(name, []).append(i)
-    for columns in groups.values():
-        columns.sort(key=lambda i: _index(schema.field(i)))
-    return groups
 
 
 def _index(schema_field: pa.Field) -> int:

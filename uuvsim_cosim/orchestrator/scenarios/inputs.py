@@ -20,7 +20,7 @@ from uuvsim_cosim.orchestrator.master.faults import Fault
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.master.real_time import Steps
 from uuvsim_cosim.orchestrator.plan.plan import Plan
-from uuvsim_cosim.orchestrator.scenarios.manipulation import meant
+from uuvsim_cosim.orchestrator.scenarios.manipulation import events_of
 from uuvsim_cosim.orchestrator.scenarios.scenario import Manipulation, SignalFault
 from uuvsim_cosim.orchestrator.scenarios.waveforms import Waveform, waveform
 from uuvsim_cosim.orchestrator.values.endpoints import resolve_endpoint
@@ -209,7 +209,7 @@ class Driven:
                 self._set.append((d, slots, slots[d.element].item() if d.added else 0))
                 continue
             bias = Manipulation(0.0, d.name.removeprefix("+"), "bias", 1.0)
-            for event in meant(bias, master):
+            for event in events_of(bias, master):
                 assert isinstance(event, SignalFault)
                 self._biased.append((d, event.fault.signal, event.fault.value))
         self._begun = False
@@ -237,8 +237,14 @@ class Driven:
             later = float((self._master.tick + 1) * self._master.plan.tick)
             for d, slots, base in self._set:
                 slots[d.element] = base + d.of(now)
-            for d, signal, factor in self._biased:  # seen at the end of the step
-                self._set_bias(d, signal, factor * d.of(later))
+            for d, signal, factor in self._biased:  # receivers get it at the end of the step
+                value = factor * d.of(later)
+                number, present = self._active.get(d.name, (0, 0.0))
+                if value != present:
+                    if number:
+                        self._master.faults.clear(number)
+                    number = self._master.faults.add(Fault(signal, "bias", value))
+                    self._active[d.name] = (number, value)
             self._steps.step(1)
             self._write()
 
@@ -260,16 +266,6 @@ class Driven:
             self._log.write(",".join(cells) + "\n")
         except OSError as error:
             raise RecordingError(f"{self._log.name}: {error.strerror}; expected room") from None
-
-    def _set_bias(self, d: Drive, signal: str, value: float) -> None:
-        """Set the bias of a signal by a fault, in place of the one that the drive set before."""
-        number, present = self._active.get(d.name, (0, 0.0))
-        if value == present:
-            return
-        if number:
-            self._master.faults.clear(number)
-        number = self._master.faults.add(Fault(signal, "bias", value))
-        self._active[d.name] = (number, value)
 
 
 def held_by(drives: Sequence[Drive], plan: Plan) -> list[tuple[str, str]]:

@@ -10,20 +10,22 @@ import numpy as np
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.master.faults import Fault
 from uuvsim_cosim.orchestrator.master.master import Master
-from uuvsim_cosim.orchestrator.scenarios.scenario import Change, Manipulation, SignalFault
+from uuvsim_cosim.orchestrator.scenarios.scenario import Change, Event, Manipulation, SignalFault
 from uuvsim_cosim.orchestrator.values.endpoints import Endpoint, resolve_endpoint
 from uuvsim_cosim.orchestrator.values.values import Misfit
 
-__all__ = ["meant"]
+__all__ = ["events_of"]
 
 
-def meant(event: Manipulation, master: Master) -> Sequence[Change | SignalFault]:
-    """Return the events that a manipulation of a variable means in this system.
+def events_of(event: Event, master: Master) -> Sequence[Change | SignalFault]:
+    """Return the event, or the events that a manipulation of a variable means in this system.
 
     An output gets a fault. A parameter or an unconnected input gets a change (a bias adds to its
     present value), and at `until` its present value again. For a connected input, the output that
     feeds it gets a fault, if it feeds no other input. Raises InputInvalid in all other cases.
     """
+    if not isinstance(event, Manipulation):
+        return (event,)
     plan = master.plan
     try:
         point = resolve_endpoint(event.variable, {c.path: c.description for c in plan.components})

@@ -9,10 +9,9 @@ from typing import final
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.master.master import Master
-from uuvsim_cosim.orchestrator.scenarios.manipulation import meant
+from uuvsim_cosim.orchestrator.scenarios.manipulation import events_of
 from uuvsim_cosim.orchestrator.scenarios.scenario import (
     Change,
-    Manipulation,
     Scenario,
     SignalFault,
 )
@@ -33,8 +32,7 @@ class Played:
         for number, event in enumerate(scenario.events, start=1):
             place = f"scenario {scenario.name!r}, event {number}"
             try:
-                single_events = meant(event, master) if isinstance(event, Manipulation) else [event]
-                for single in single_events:
+                for single in events_of(event, master):
                     # Raises InputInvalid for an event that cannot be applied.
                     if isinstance(single, SignalFault):
                         master.faults.clear(master.faults.add(single.fault))

@@ -81,7 +81,15 @@ def waveform(text: str, place: str) -> Waveform:
             f"{place}: hold={given['hold']}, order={order}, seed={seed}; expected hold > 0 s, "
             "order from 2 to 20, and seed from 1 to 2^order - 1"
         )
-    return Waveform(kind, given["amplitude"], at, until, _prbs(hold, order, seed))
+    from scipy.signal import max_len_seq
+
+    state = np.array([seed >> k & 1 for k in range(order)], dtype=np.int8)
+    bits = 2.0 * max_len_seq(order, state=state)[0].astype(float) - 1.0
+    return Waveform(
+        kind, given["amplitude"], at, until,
+        # A tick that is equal to the time of a change within rounding belongs to the new bit.
+        lambda t: float(bits[math.floor(t / hold + 1e-9) % len(bits)]),
+    )  # fmt: skip
 
 
 def _parameters(kind: str, items: list[str], place: str) -> dict[str, str]:
@@ -104,12 +112,3 @@ def _expected(kind: str) -> str:
     items = (f"{k}=…" if default is None else f"[{k}={default}]" for k, default in
              KINDS[kind].items())  # fmt: skip
     return ",".join((kind, *items))
-
-
-def _prbs(hold: float, order: int, seed: int) -> Callable[[float], float]:
-    from scipy.signal import max_len_seq
-
-    state = np.array([seed >> k & 1 for k in range(order)], dtype=np.int8)
-    bits = 2.0 * max_len_seq(order, state=state)[0].astype(float) - 1.0
-    # A tick that lies at a change within rounding belongs to the new bit.
-    return lambda t: float(bits[math.floor(t / hold + 1e-9) % len(bits)])

@@ -7,13 +7,12 @@ from functools import partial
 
 from uuvsim_cosim.orchestrator.shipped.mapping import seabed_mapping
 from uuvsim_cosim.orchestrator.shipped.pool import pool_tracking
-from uuvsim_cosim.orchestrator.shipped.tasks import task_system
+from uuvsim_cosim.orchestrator.shipped.tasks import OBSERVED, THRUSTERS, task_system
 from uuvsim_cosim.orchestrator.shipped.tracking import target_tracking
 from uuvsim_cosim.orchestrator.system.system import System
 
 __all__ = ["BUILDERS", "bluerov2_hold", "bluerov2_survey"]
 
-THRUSTERS = tuple(f"thruster_{i}" for i in range(1, 9))
 START = (0.0, 0.0, 1.0, 0.0, 0.0, 0.0)  # N E D [m], phi theta psi [rad]
 
 
@@ -71,13 +70,7 @@ def bluerov2_survey() -> System:
     )
     system = _vehicle(system)
     system = system.connect("current.v_c", "hull.v_c")
-    for sensor, observed in {
-        "imu": ("eta", "q", "nu", "nu_dot"),
-        "dvl": ("eta", "q", "nu"),
-        "pressure": ("eta", "q"),
-        "compass": ("eta",),
-        "usbl": ("eta", "q"),
-    }.items():
+    for sensor, observed in OBSERVED.items():
         for name in observed:
             system = system.connect(f"hull.{name}", f"{sensor}.{name}")
     for sensor, readings in {

@@ -8,12 +8,19 @@ from typing import Literal, get_args
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.system.system import System
 
-__all__ = ["ActedOn", "Observed", "task_system"]
+__all__ = ["OBSERVED", "THRUSTERS", "ActedOn", "Observed", "task_system"]
 
 ActedOn = Literal["force", "thrusters", "velocity"]
 Observed = Literal["truth", "navigation"]
 THRUSTERS = tuple(f"thruster_{i}" for i in range(1, 9))
 START = (0.0, 0.0, 10.0, 0.0, 0.0, 0.0)  # N E D [m], phi theta psi [rad]
+OBSERVED = {  # outputs of the hull that each sensor measures
+    "imu": ("eta", "q", "nu", "nu_dot"),
+    "dvl": ("eta", "q", "nu"),
+    "pressure": ("eta", "q"),
+    "compass": ("eta",),
+    "usbl": ("eta", "q"),
+}
 
 
 @lru_cache(maxsize=32)
@@ -90,13 +97,6 @@ def _velocity(system: System, known: str) -> System:
 
 def _navigation(system: System) -> System:
     """Add the sensors and the navigation filter."""
-    observed = {
-        "imu": ("eta", "q", "nu", "nu_dot"),
-        "dvl": ("eta", "q", "nu"),
-        "pressure": ("eta", "q"),
-        "compass": ("eta",),
-        "usbl": ("eta", "q"),
-    }
     readings = {
         "imu": ("acc", "gyro", "valid", "t_sample"),
         "dvl": ("beam_velocity", "beam_valid", "t_sample"),
@@ -104,7 +104,7 @@ def _navigation(system: System) -> System:
         "compass": ("psi", "valid", "t_sample"),
         "usbl": ("position", "sigma", "valid", "t_sample"),
     }
-    for sensor, names in observed.items():
+    for sensor, names in OBSERVED.items():
         system = system.add(sensor, f"model:{sensor}")
         for name in names:
             system = system.connect(f"hull.{name}", f"{sensor}.{name}")

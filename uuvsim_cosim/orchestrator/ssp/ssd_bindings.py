@@ -19,7 +19,7 @@ from uuvsim_cosim.orchestrator.parameters.ssv import (
     read_parameter_set,
     read_ssv,
 )
-from uuvsim_cosim.orchestrator.values.value_table import looked_up
+from uuvsim_cosim.orchestrator.values.value_table import map_value
 from uuvsim_cosim.orchestrator.values.values import Quantity
 
 __all__ = ["Bindings"]
@@ -120,7 +120,7 @@ def _changed(value: ParameterValue, entry: MappingEntry, place: str) -> Paramete
     given = value.value
     if entry.table:
         bare = given.value if isinstance(given, Quantity) else given
-        given = looked_up(entry.table, bare, f"{place}: {entry.source}")
+        given = map_value(entry.table, bare, f"{place}: {entry.source}")
     elif (entry.factor, entry.offset) != (1.0, 0.0) or not entry.convert:
         quantity = given if isinstance(given, Quantity) else Quantity(given, None)
         bare = quantity.value if isinstance(quantity.value, list) else [quantity.value]

@@ -27,7 +27,7 @@ from uuvsim_cosim.orchestrator.ssp.signal_dictionary import (
 from uuvsim_cosim.orchestrator.ssp.ssd_bindings import Bindings
 from uuvsim_cosim.orchestrator.ssp.ssd_connections import Border, End, Links, read_links
 from uuvsim_cosim.orchestrator.system.elements import Element, StepGroup
-from uuvsim_cosim.orchestrator.system.proxyfmu import REMARK, proxied
+from uuvsim_cosim.orchestrator.system.proxyfmu import REMARK, proxy_file
 from uuvsim_cosim.orchestrator.system.system import System
 from uuvsim_cosim.orchestrator.system.validation import as_step, describe_element, problem_of
 from uuvsim_cosim.orchestrator.values.endpoints import find_variable
@@ -43,8 +43,8 @@ _BROKEN = "broken"
 def read_ssd(path: Path, tick: str | None = None, confined: bool = False) -> System:
     """Read a system from a file of SSP 1.0 or 2.0.
 
-    `tick` is taken where the file gives none. Files that sources name must lie in the file's
-    folder if `confined`. Raises SystemInvalid with every problem.
+    `tick` is the step if the file has none. If `confined`, files of sources must be in the file's
+    folder. Raises SystemInvalid with every problem.
     """
     place = shown(path)
     remarks: list[str] = []
@@ -196,7 +196,7 @@ class _Reader:
             self.problems.append(Problem(place, read, "an FMU, an .ssd or an .ssp"))
             return Element(name, _BROKEN)
         try:
-            file = proxied(source)
+            file = proxy_file(source)
         except InputInvalid as error:
             self.problems.append(problem_of(place, error))
             return Element(name, _BROKEN)
@@ -328,7 +328,7 @@ class _Reader:
         return self.folder / source
 
     def _confine(self, source: str, place: str) -> None:
-        """Refuse files of an archive that would lie outside it."""
+        """Note a problem for a source outside of the archive."""
         if not self.confined or source.startswith(("model:", "function:")):
             return
         inside = (self.folder / source).resolve().is_relative_to(self.folder.resolve())

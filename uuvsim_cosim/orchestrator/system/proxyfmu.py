@@ -6,12 +6,12 @@ from urllib.parse import parse_qs, unquote, urlsplit
 
 from uuvsim_cosim.errors import InputInvalid
 
-__all__ = ["REMARK", "proxied"]
+__all__ = ["REMARK", "proxy_file"]
 
 REMARK = "proxyfmu is read as its file; --isolate gives it a process"
 
 
-def proxied(source: str) -> str | None:
+def proxy_file(source: str) -> str | None:
     """Return the file that a proxyfmu URI names, None for any other source.
 
     Raises InputInvalid for one on another machine, or without a file.

@@ -109,7 +109,7 @@ def anchored(source: str, base: Path | None) -> str:
 
 
 def nested_structure(source: str | Structure, base: Path | None) -> Structure | None:
-    """Return the nested system that a source stands for; None if it is a component."""
+    """Return the nested system of a source; None if it is a component."""
     if not isinstance(source, str):
         return source
     if not source.partition("#")[0].lower().endswith((".ssd", ".ssp")):

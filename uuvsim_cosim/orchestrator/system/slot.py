@@ -227,7 +227,10 @@ class _Fit:
 
     @property
     def units(self) -> dict[str, str]:
-        """Return the assumed units by variable, separated by blanks if the elements' differ."""
+        """Return the assumed units by variable, separated by blanks if the elements' differ.
+
+        Valid after `connections` and `exposed`, which find them.
+        """
         result: dict[str, str] = {}
         for name, assumed in self.assumed.items():
             known = self.fresh.variables[name].units

@@ -62,6 +62,7 @@ class System(Structure):
         checked = check(self)
         if checked.problems:
             raise SystemInvalid(checked.problems)
+        # The dataclass is frozen, so that no later change can make a system invalid.
         object.__setattr__(self, "elements", checked.elements)
         object.__setattr__(self, "connections", tuple(w.connection for w in checked.wires))
         object.__setattr__(self, "exposed", checked.exposed)

@@ -13,7 +13,7 @@ from uuvsim_cosim.models.declaration.near_names import expected_names
 from uuvsim_cosim.orchestrator.values.values import Misfit
 from uuvsim_cosim.orchestrator.values.xml_values import text_of
 
-__all__ = ["Numbers", "Table", "add_table", "chained_tables", "listed", "looked_up", "numbers_of",
+__all__ = ["Numbers", "Table", "add_table", "chained_tables", "listed", "map_value", "numbers_of",
            "read_table", "table_of"]  # fmt: skip
 
 Table = tuple[tuple[bool | int | str, bool | int | str], ...]
@@ -83,10 +83,10 @@ def add_table(parent: Xml, table: Table) -> None:
         SubElement(xml, "ssc:MapEntry", source=text_of(source), target=text_of(target))
 
 
-def looked_up(table: Table, value: object, place: str) -> Any:
+def map_value(table: Table, value: object, place: str) -> Any:
     """Map a parameter's value by the table, a list element by element; raises InputInvalid."""
     if isinstance(value, list | tuple):
-        return [looked_up(table, v, place) for v in value]
+        return [map_value(table, v, place) for v in value]
     wanted = type(table[0][0])
     key = getattr(value, "item", value) if wanted is str else value  # an EnumerationItem's name
     if not isinstance(key, wanted) or (wanted is not bool and isinstance(key, bool)):

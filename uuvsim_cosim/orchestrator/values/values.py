@@ -77,7 +77,8 @@ def conversion(
 ) -> tuple[float, float] | None:
     """Return (factor, offset) from one unit to the other; None if they are not commensurable.
 
-    `of_value`: for a value that somebody wrote, where revolutions are angles (`value_conversion`).
+    `of_value`: for a value that a user wrote, in which revolutions are angles
+    (`value_conversion`).
     """
     if source == target:
         return 1.0, 0.0
@@ -173,8 +174,16 @@ def _parsed(variable: Variable, text: str) -> tuple[object, str | None]:
     """Return the value or values of a text, and the unit behind them; raises Misfit."""
     if variable.type == "Binary":
         return text.encode(), None
-    if (nested := _NESTED.match(text)) is not None:
-        text = _flattened(variable, *nested.groups())
+    expected = f"{_type_text(variable)} such as {_example(variable)}"
+    if (nested := _NESTED.match(text)) is not None:  # a matrix: write it without inner brackets
+        matrix, unit = nested.groups()
+        try:
+            elements, shape = split_array(matrix)
+        except ValueError:
+            raise Misfit(f"{matrix!r}, whose brackets make no even rows", expected) from None
+        if shape != variable.shape:
+            raise Misfit(f"values of shape {' x '.join(map(str, shape or ()))}", expected)
+        text = f"[{', '.join(elements)}] {unit}"
     words = text.replace("[", " ").replace("]", " ").replace(",", " ").split()
     if variable.type == "Boolean" and words and all(w.lower() in _BOOLEANS for w in words):
         values = [_BOOLEANS[w.lower()] for w in words]
@@ -182,27 +191,12 @@ def _parsed(variable: Variable, text: str) -> tuple[object, str | None]:
     match = _NUMBERS.match(text)
     wrong = _no_number(variable, text)
     if match is None or wrong:
-        raise Misfit(f"{text!r}{wrong}", f"{_type_text(variable)} such as {_example(variable)}")
+        raise Misfit(f"{text!r}{wrong}", expected)
     numbers = [
         int(n) if re.fullmatch(r"[-+]?\d+", n) else float(n) for n in re.split(r"[\s,;]+", match[1])
     ]
     bare = len(numbers) == 1 and (variable.shape == () or "[" not in text)
     return (numbers[0] if bare else numbers), match[2] or None
-
-
-def _flattened(variable: Variable, matrix: str, unit: str) -> str:
-    """Write a matrix without its inner brackets; raises Misfit for another shape."""
-    try:
-        words, shape = split_array(matrix)
-    except ValueError:
-        raise Misfit(
-            f"{matrix!r}, whose brackets make no even rows",
-            f"{_type_text(variable)} such as {_example(variable)}",
-        ) from None
-    if shape != variable.shape:
-        read = f"values of shape {' x '.join(map(str, shape or ()))}"
-        raise Misfit(read, f"{_type_text(variable)} such as {_example(variable)}")
-    return f"[{', '.join(words)}] {unit}"
 
 
 def _no_number(variable: Variable, text: str) -> str:
