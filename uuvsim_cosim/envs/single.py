@@ -69,7 +69,7 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[np.generic]]):
         return cls(FunctionTask(system, **task), render_mode=render_mode, backend=backend)
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, object] | None = None
+        self, *, seed: int | None = None, options: Mapping[str, object] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """Begin episode 0 of a seed, or without one the next episode of the same seed."""
         stage = self._live()

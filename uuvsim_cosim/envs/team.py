@@ -74,7 +74,7 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[np.generic]]):  # t
         return self.action_spaces[self._known(agent)]
 
     def reset(
-        self, seed: int | None = None, options: dict[str, object] | None = None
+        self, seed: int | None = None, options: Mapping[str, object] | None = None
     ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
         """Begin episode 0 of a seed, or without one the next episode of the same seed."""
         stage = self._live()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, final
 
 import gymnasium
@@ -87,7 +87,7 @@ class CosimTeamVectorEnv:
         self,
         *,
         seed: int | Sequence[int] | None = None,
-        options: dict[str, object] | None = None,
+        options: Mapping[str, object] | None = None,
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Begin episode 0 of seeds s, s + 1, …, or without any the next of the same seeds."""
         stage = self._live()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, final
 
 import numpy as np
@@ -94,7 +94,7 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
         self,
         *,
         seed: int | Sequence[int | None] | None = None,
-        options: dict[str, object] | None = None,
+        options: Mapping[str, object] | None = None,
     ) -> tuple[Observations, dict[str, Any]]:
         """Begin episode 0 of the seeds, or without seeds the next episodes of the same ones.
 

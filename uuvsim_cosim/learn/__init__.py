@@ -1,7 +1,7 @@
-"""Learning: algorithms, trainings, curricula, datasets, and policies that leave as components.
+"""Learning: algorithms, trainings, curricula, datasets, and export of policies as components.
 
 It may import `envs`, `bridge`, `kernels`, `scene`, `orchestrator` and below; torch comes with the
-extra `learn` and is imported where it is used. Start with `training/train.py`, then
+extra `rl` and is imported where it is used. Start with `training/train.py`, then
 `algorithms/ppo.py` and `policies/policy.py`.
 """
 

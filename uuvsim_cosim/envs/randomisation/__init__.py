@@ -1,4 +1,4 @@
-"""Domain randomisation: parameters drawn anew for every episode.
+"""Domain randomisation: parameters drawn for every episode.
 
 It may import `envs.task`, `envs.pictures`. Start reading with `randomisation.py`.
 """

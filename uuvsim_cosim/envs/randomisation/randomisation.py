@@ -1,4 +1,4 @@
-"""Domain randomisation: parameters of a system that are drawn anew for every episode.
+"""Domain randomisation: parameters of a system that are drawn for every episode.
 
 >>> Randomisation(
 ...     [

@@ -22,7 +22,8 @@ class Learner(Protocol):
     """An algorithm on the experience of n environments with N agents.
 
     Its random numbers come from its seed: equal seeds and transitions give equal bits on one
-    thread. `act` must be called before `learn`: learners keep the drawn actions between the two.
+    thread. Each `learn` follows the `act` whose actions led to its transitions, since some
+    learners keep the drawn actions in between.
     """
 
     @property
@@ -58,7 +59,7 @@ class Transferable(Learner, Protocol):
     def go_on_from(self, last: Self, seed: int) -> None:
         """Copy the networks of `last`, so that the actions are exactly unchanged.
 
-        They differ only for numbers of the observation that were always zero for `last`. Agent i
-        begins as a copy of agent i mod N of `last`. Optimisers, buffers and random numbers are not
-        copied. Raises InputInvalid for networks of other shapes.
+        Numbers of the observation that were always zero for `last` have no effect at first. Agent
+        i begins as a copy of agent i mod N of `last`. Optimisers, buffers and random numbers are
+        not copied. Raises InputInvalid for networks of other shapes.
         """

@@ -73,7 +73,7 @@ class _Block(nn.Module):
 
 
 class Transformer(nn.Module):
-    """Gives actions (n, K, a), before their tanh, of K places of R, o and a, oldest first."""
+    """Network of actions (n, K, a), before their tanh, from K places of R, o, a, oldest first."""
 
     def __init__(self, observed: int, acted: int, times: int, s: DtSettings) -> None:
         super().__init__()

@@ -130,7 +130,7 @@ def run_transfers(
 ) -> list[str]:
     """Train and judge the missing ways, seed by seed; returns their names, "dt-0".
 
-    Raises KeyboardInterrupt where it was interrupted; the same call goes on.
+    Raises KeyboardInterrupt if it is interrupted; the same call resumes.
     """
     ran = []
     for name, seed in lacking_transfers(seeds, results, ways):

@@ -31,7 +31,7 @@ SWITCH = "switch.pt"  # the state that a stage began with
 
 
 def stage_folder(folder: Path, k: int, task: str) -> Path:
-    """Name the folder of stage k, counted from 0: "2-transition_1"."""
+    """Return the folder of stage k, counted from 0: "2-transition_1"."""
     return folder / f"{k + 1}-{short_name(task)}"
 
 

@@ -1,4 +1,4 @@
-"""Training through a curriculum: stage by stage in a folder, which the next call goes on with."""
+"""Training through a curriculum, stage by stage, in a folder from which it can be resumed."""
 
 from __future__ import annotations
 
