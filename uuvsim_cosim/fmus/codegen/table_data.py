@@ -28,7 +28,7 @@ def table_call(name: str, suffix: str, a: list[str]) -> str:
 
 
 def table_data(name: str) -> str:
-    """Return the numbers of a table: those of its derivatives, and those of its own form."""
+    """Return the data of a table, and of its faster form for uniform grids or breakpoints."""
     table = TABLES[name]
     arrays = {"x": table.x, "values": table.values}
     if table.n_in == 2:

@@ -1,4 +1,4 @@
-"""The FMU of a whole system is compiled and packed: binaries, sources, a page of documentation."""
+"""The archive of a whole system's FMU: binaries, sources, a page of documentation."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ _OTHERS = ("uuv_float_", "uuv_client", "uuv_json", "uuv_socket", "uuv_token")
 
 @dataclass(frozen=True)
 class WholeFmu:
-    """What a whole system's FMU is made of; `texts` are its generated C files by name."""
+    """The parts of a whole system's FMU; `texts` are its generated C files by name."""
 
     whole: Whole
     texts: Mapping[str, str]
     include: tuple[Path, ...]  # folders of headers, which go into the archive's sources
     page: str
     libraries: Mapping[str, Sequence[str]] | None = None  # by suffix of the binary
-    portable: bool = True  # the sources alone make a component
+    portable: bool = True  # the FMU can be compiled from its sources only
 
 
 @lru_cache
 def sources_of() -> tuple[bytes, ...]:
-    """Return the contents of the C that is not generated: it decides about a token, too."""
+    """Return the contents of the C that is not generated, which is a part of a token's hash."""
     folders = [content("fmus", "whole"), content("fmus", "kernels")]
     files = [f for folder in folders for f in sorted(folder.glob("*.[ch]"))]
     return tuple(f.read_bytes() for f in [*files, *runtime_files()])
@@ -51,7 +51,7 @@ def sources_of() -> tuple[bytes, ...]:
 def compiled(
     fmu: WholeFmu, *, fmi: FmiVersion, platforms: Sequence[str], target: Path | None
 ) -> Path:
-    """Compile and pack, and give the path; the same system gives the same bytes."""
+    """Compile and pack; return the path. The same system gives the same bytes."""
     whole = fmu.whole
     if fmi not in (2, 3):
         raise InputInvalid(f"{whole.identifier}: FMI version {fmi!r}; expected 2 or 3")
@@ -91,6 +91,7 @@ def library(fmu: WholeFmu, platform: str = "host") -> Path:
 
 
 def _texts(fmu: WholeFmu, fmi: FmiVersion) -> dict[str, str]:
+    """Return the members that are text."""
     whole = fmu.whole
     shell = f"whole_fmi{fmi}.c"
     listed = [*fmu.texts, shell] if fmu.portable else []

@@ -28,7 +28,7 @@ _FMI2_TYPES = {"Float64": "Real", "Int32": "Integer", "Boolean": "Boolean", "Str
 
 @dataclass(frozen=True)
 class Whole:
-    """What the FMU of a whole system says of itself; value references are places in its block."""
+    """The description of a whole system's FMU; value references are offsets in its block."""
 
     identifier: str
     description: Description
@@ -36,11 +36,11 @@ class Whole:
     tick: Fraction  # s
     stop_time: float  # s
     states: bool  # its state can be saved
-    needs_tool: bool  # it is nothing without another program
+    needs_tool: bool  # it needs another program
 
     @property
     def size(self) -> int:
-        """Return the number of values of the block; texts follow it."""
+        """The number of values of the block; texts follow it."""
         variables = [v for v in self.description.variables.values() if v.type != "String"]
         last = max(variables, key=lambda v: v.value_references[0])
         return last.value_references[0] + last.size
@@ -49,8 +49,8 @@ class Whole:
 def whole_description(w: Whole, fmi: FmiVersion, sources: Sequence[str] = ()) -> str:
     """Return the XML text of FMI 2.0 or FMI 3.0.
 
-    An output at a communication point follows from the last step alone, so that it depends on no
-    input; initially it may depend on all.
+    An output at a communication point results from the last step, so that it depends on no input;
+    in initialization it may depend on all.
     """
     d = w.description
     root = Element(
@@ -84,7 +84,7 @@ def _co_simulation(root: Element, w: Whole, fmi: FmiVersion, sources: Sequence[s
     attributes = {"modelIdentifier": w.identifier}
     if w.needs_tool:
         attributes["needsExecutionTool"] = "true"
-        # there is one co-simulation, of which two instances would be two hands
+        # Two instances would control the same co-simulation.
         attributes["canBeInstantiatedOnlyOncePerProcess"] = "true"
     if w.states:
         state = "FMUstate" if fmi == 2 else "FMUState"
@@ -108,9 +108,9 @@ def _variables_and_structure(root: Element, d: Description, fmi: FmiVersion) -> 
         SubElement(parent, "Float64", {**time, "variability": "continuous", "unit": "s"})
     index = 0
     for v in d.variables.values():
-        for i, (name, reference) in enumerate(_scalars(v) if fmi == 2 else [(v.name, None)]):
+        for i, name in enumerate(v.element_names if fmi == 2 else [v.name]):
             index += 1
-            known = v.value_references[0] if reference is None else reference
+            known = v.value_references[0] + i
             common = _common(v, name, known)
             values = _values(v, i if fmi == 2 else None)
             if fmi == 2:
@@ -126,10 +126,6 @@ def _variables_and_structure(root: Element, d: Description, fmi: FmiVersion) -> 
         inside = SubElement(structure, f"{tag}s") if fmi == 2 and outputs else structure
         for known_as in outputs:
             SubElement(inside, "Unknown" if fmi == 2 else tag, {key: known_as, **more})
-
-
-def _scalars(v: Variable) -> list[tuple[str, int | None]]:
-    return [(n, v.value_references[0] + i) for i, n in enumerate(v.element_names)]
 
 
 def _values(v: Variable, element: int | None) -> dict[str, str]:
@@ -197,7 +193,7 @@ def _bound(value: float | None, sign: str) -> str:
 
 
 def index_page(w: Whole, text: str) -> str:
-    """Write the page that FMI tools show: what this is, then its variables."""
+    """Return the page that FMI tools show: a text, then the variables."""
     rows = []
     for v in w.description.variables.values():
         shape = f"[{', '.join(map(str, v.shape))}]" if v.shape else ""

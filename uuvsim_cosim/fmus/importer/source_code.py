@@ -1,4 +1,4 @@
-"""An FMU that comes as C sources without a binary for this machine is compiled at its first use."""
+"""Compilation of an FMU's C sources at its first use, if it has no binary for this machine."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from uuvsim_cosim.fmus.importer.safe_xml import read_xml
 
 __all__ = ["Sources", "compiled", "read_sources"]
 
-# Compiled as sources of an FMU are meant to be: GNU's C, every function visible and by its plain
-# name, no optimisation beyond -O2, nothing of this machine's processor, nothing linked but libm.
+# GNU's C, all functions visible under their plain names, at most -O2, no instructions of this
+# machine's processor only, and no library but libm.
 _FLAGS = ("-std=gnu11", "-fvisibility=default", "-w", "-lm",
           "-DFMI2_OVERRIDE_FUNCTION_PREFIX", "-DFMI3_OVERRIDE_FUNCTION_PREFIX")  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Sources:
-    """What is compiled: files and include folders inside ``sources/``, definitions, libraries."""
+    """Input of a compilation: files and include folders in ``sources/``, definitions, libraries."""
 
     files: tuple[str, ...]
     definitions: tuple[str, ...] = ()
     includes: tuple[str, ...] = ()
-    libraries: tuple[str, ...] = ()  # that would have to be linked
+    libraries: tuple[str, ...] = ()  # that the sources need; they are not linked
 
 
 def read_sources(folder: Path, interface: Element, identifier: str, place: str) -> Sources | None:
-    """Read what an unpacked FMU says of its sources; None if there are none.
+    """Read the list of an unpacked FMU's sources; None if there are none.
 
     FMI 2.0 lists files in the description, FMI 3.0 in ``sources/buildDescription.xml``.
     """
@@ -73,7 +73,7 @@ def _configured(xml: Element) -> Sources:
 def compiled(archive: Path, folder: Path, identifier: str, sources: Sources) -> Path:
     """Return the library of an FMU's sources, beside the unpacked files; compiled if missing.
 
-    Raises FmuError with the compiler's own words.
+    Raises FmuError with the compiler's message.
     """
     machine = host()
     library = folder / "compiled" / machine.fmi2 / f"{identifier}{machine.suffix}"
@@ -104,7 +104,7 @@ def compiled(archive: Path, folder: Path, identifier: str, sources: Sources) -> 
             f"{archive}: has no binary for {machine.fmi2}, and its sources do not compile: {error}"
         ) from None
     library.parent.mkdir(parents=True, exist_ok=True)
-    # PermissionError: in use on Windows, so it is there already.
+    # PermissionError: on Windows, another process uses the same library already.
     with contextlib.suppress(PermissionError), whole_file(library) as fresh:
         shutil.copyfile(made, fresh)
     return library
@@ -118,7 +118,7 @@ def _inside(root: Path, name: str, archive: Path) -> Path:
 
 
 def _headers() -> Path:
-    """Return FMI's headers, for sources that come without."""
+    """Return the folder of FMI's headers, for sources without them."""
     spec = find_spec("fmpy")
     if spec is None or spec.origin is None:
         raise FmuError("the package 'fmpy' is missing; expected `pip install fmpy`")

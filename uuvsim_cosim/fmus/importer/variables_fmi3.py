@@ -1,4 +1,4 @@
-"""The variables of an FMI 3.0 model description: all types, arrays, aliases."""
+"""Reader of the variables of an FMI 3.0 model description: all types, arrays, aliases."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def read_variables_fmi3(
 def _structural(source: Source, elements: list[Element]) -> dict[int, int]:
     """Return the whole start values of structural parameters, by value reference.
 
-    Others (a Boolean that chooses among equations, say) cannot be a dimension.
+    Those of other types, for example a Boolean that selects equations, cannot be a dimension.
     """
     extents: dict[int, int] = {}
     for e in elements:
@@ -105,7 +105,7 @@ def _variable(
 
 
 def _element_units(element: Element, size: int) -> tuple[str | None, ...]:
-    """FMI 3.0 gives an array one unit; where ours differ, an annotation lists them."""
+    """Return the units in our annotation; FMI 3.0 itself has one unit for an array."""
     note = element.find(f"Annotations/Annotation[@type='{UNITS_ANNOTATION}']")
     units = tuple((note.text or "").split()) if note is not None else ()
     return units if len(units) == size else ()
