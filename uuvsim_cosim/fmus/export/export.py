@@ -54,7 +54,6 @@ def build_fmu(
     wanted = sorted({platform_named(p).fmi2 for p in platforms})
     lowered = model if isinstance(model, Lowered) else lower(model)
     identifier = model_identifier(declared.name)
-    name = f"{identifier}.fmu"
     members = {k: v.encode() for k, v in _texts(lowered, fmi).items()}
     for place in map(platform_named, wanted):
         folder = place.fmi2 if fmi == 2 else place.fmi3
@@ -67,15 +66,7 @@ def build_fmu(
         "documentation/reference.csv": csv_text(description.of("output"), results),
     }
     members |= {k: v.encode() for k, v in rows.items()}
-    parts = [part for k in sorted(members) for part in (k, members[k])]
-    cached = cache_dir("fmus", content_hash(parts)) / name
-    if not intact(cached):
-        keep(cached, _archive(members))
-    if target is None:
-        return cached
-    file = target if target.suffix == ".fmu" else target / name
-    _write(file, cached.read_bytes())
-    return file
+    return _packed(members, f"{identifier}.fmu", target)
 
 
 def build_many(
@@ -112,6 +103,19 @@ def compile_fmu(lowered: Lowered, platform: str = "host") -> Path:
 def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
     """Write a zip file completely or not at all; equal members give equal bytes."""
     _write(path, _archive(members))
+
+
+def _packed(members: Mapping[str, bytes], name: str, target: Path | None) -> Path:
+    """Return the path of an archive: `target` (a file, or a folder), else in the cache."""
+    parts = [part for k in sorted(members) for part in (k, members[k])]
+    cached = cache_dir("fmus", content_hash(parts)) / name
+    if not intact(cached):
+        keep(cached, _archive(members))
+    if target is None:
+        return cached
+    file = target if target.suffix == ".fmu" else target / name
+    _write(file, cached.read_bytes())
+    return file
 
 
 def _archive(members: Mapping[str, bytes]) -> bytes:

@@ -17,8 +17,7 @@ from uuvsim_cosim.fmus.codegen.toolchain import (
     fmi_headers,
     platform_named,
 )
-from uuvsim_cosim.fmus.export.export import _archive, _build_description, _licence_of_headers
-from uuvsim_cosim.fmus.export.export import _write as write_file
+from uuvsim_cosim.fmus.export.export import _build_description, _licence_of_headers, _packed
 from uuvsim_cosim.fmus.export.model_description import FmiVersion
 from uuvsim_cosim.fmus.export.system_description import Whole, index_page, whole_description
 
@@ -60,16 +59,7 @@ def compiled(
         folder = place.fmi2 if fmi == 2 else place.fmi3
         binary = library(fmu, place.fmi2).read_bytes()
         members[f"binaries/{folder}/{whole.identifier}{place.suffix}"] = binary
-    parts = [part for k in sorted(members) for part in (k, members[k])]
-    name = f"{whole.identifier}.fmu"
-    cached = cache_dir("fmus", content_hash(parts)) / name
-    if not intact(cached):
-        keep(cached, _archive(members))
-    if target is None:
-        return cached
-    file = target if target.suffix == ".fmu" else target / name
-    write_file(file, cached.read_bytes())
-    return file
+    return _packed(members, f"{whole.identifier}.fmu", target)
 
 
 def library(fmu: WholeFmu, platform: str = "host") -> Path:
