@@ -33,9 +33,20 @@ def direct_kinds(eq: Equations) -> list[dict[int, str]]:
         dict.fromkeys(sorted(filter(known, row)), "dependent") for row in _rows(eq.outputs, 0)
     ]
     smooth = _smooth_rows(eq) if count else set()
+    fixed: set[int] = set()
+    tunable: set[int] = set()
+    for p in layout.placed:
+        if p.variable.kind in ("parameter", "derived"):
+            which = fixed if p.variable.variability == "fixed" else tunable
+            which.update(range(p.offset, p.offset + p.variable.size))
     for (row, column), factors in (_factors(eq) if smooth else {}).items():
         if row in smooth and first + column in kinds[row]:
-            kinds[row][first + column] = _kind(layout, factors)
+            kinds[row][first + column] = (
+                "constant" if not factors
+                else "fixed" if factors <= fixed
+                else "tunable" if factors <= fixed | tunable
+                else "dependent"
+            )  # fmt: skip
     return kinds
 
 
@@ -120,18 +131,3 @@ def _factors(eq: Equations) -> dict[tuple[int, int], set[int]]:
     depends = _rows(ca.Function("factors", [b], [ca.densify(entries)]), 0)
     places: Sequence[tuple[int, int]] = list(zip(*jacobian.sparsity().get_triplet(), strict=True))
     return dict(zip(places, depends, strict=True))
-
-
-def _kind(layout: Layout, factors: set[int]) -> str:
-    """Return the dependenciesKind of a partial derivative that depends on `factors`."""
-    fixed: set[int] = set()
-    tunable: set[int] = set()
-    for p in layout.placed:
-        if p.variable.kind in ("parameter", "derived"):
-            which = fixed if p.variable.variability == "fixed" else tunable
-            which.update(range(p.offset, p.offset + p.variable.size))
-    if not factors:
-        return "constant"
-    if factors <= fixed:
-        return "fixed"
-    return "tunable" if factors <= fixed | tunable else "dependent"

@@ -79,6 +79,7 @@ def _read(path: Path) -> bytes:
 
 
 def _checked(archive: zipfile.ZipFile, path: Path, must_contain: str) -> Iterator[zipfile.ZipInfo]:
+    """Yield the members; raises FmuError for an archive that is not safe to unpack."""
     members = archive.infolist()
     if len(members) > MAX_MEMBERS:
         raise FmuError(f"{shown(path)}: {len(members)} members; expected at most {MAX_MEMBERS}")
@@ -100,34 +101,29 @@ def _checked(archive: zipfile.ZipFile, path: Path, must_contain: str) -> Iterato
             f"{shown(path)}: has no {must_contain}; expected it at the top of the archive"
         )
     for member in members:
-        _refuse_outside(member, path)
+        name = member.orig_filename.replace("\\", "/")
+        outside = (
+            not name
+            or name.startswith("/")
+            or "\0" in name
+            or _DRIVE.match(name) is not None
+            or ".." in PurePosixPath(name).parts
+        )
+        if outside:
+            raise FmuError(
+                f"{shown(path)}: member {name!r} would leave its folder; expected a relative name "
+                "that stays in the archive's folder"
+            )
+        if stat.S_IFMT(member.external_attr >> 16) not in (0, stat.S_IFREG, stat.S_IFDIR):
+            raise FmuError(
+                f"{shown(path)}: member {name!r} is a symbolic link or a device; "
+                "expected files and folders"
+            )
+        if member.flag_bits & 0x1:
+            raise FmuError(
+                f"{shown(path)}: member {name!r} is encrypted; expected an archive without password"
+            )
         yield member
-
-
-def _refuse_outside(member: zipfile.ZipInfo, path: Path) -> None:
-    name = member.orig_filename.replace("\\", "/")
-    expected = "a relative name that stays in the archive's folder"
-    outside = (
-        not name
-        or name.startswith("/")
-        or "\0" in name
-        or _DRIVE.match(name) is not None
-        or ".." in PurePosixPath(name).parts
-    )
-    if outside:
-        raise FmuError(
-            f"{shown(path)}: member {name!r} would leave its folder; expected {expected}"
-        )
-    kind = stat.S_IFMT(member.external_attr >> 16)
-    if kind not in (0, stat.S_IFREG, stat.S_IFDIR):
-        raise FmuError(
-            f"{shown(path)}: member {name!r} is a symbolic link or a device; "
-            "expected files and folders"
-        )
-    if member.flag_bits & 0x1:
-        raise FmuError(
-            f"{shown(path)}: member {name!r} is encrypted; expected an archive without password"
-        )
 
 
 def _extract(

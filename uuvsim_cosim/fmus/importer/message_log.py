@@ -53,7 +53,15 @@ class MessageLog:
         if not self.environment or not self._count.value:
             return 0
         count = 0
-        while self._take():
+        status, category, text = ctypes.c_int32(), ctypes.c_void_p(), ctypes.c_void_p()
+        pointers = [ctypes.byref(x) for x in (status, category, text)]
+        while self._c.uuv_log_take(self.environment, *pointers):
+            try:
+                name = STATUS[status.value] if 0 <= status.value < len(STATUS) else "ok"
+                self._keep(name, _string(category), _string(text))
+            finally:
+                self._c.uuv_release(category)
+                self._c.uuv_release(text)
             count += 1
         lost = self._c.uuv_log_lost(self.environment)
         if lost:
@@ -82,23 +90,6 @@ class MessageLog:
         texts = [text for _, text in recent]
         severe = [text for status, text in recent if status != "ok"]
         return "; ".join(" ".join(text.split()) for text in (severe or texts)[-3:])
-
-    def _take(self) -> bool:
-        """Fetch one message from the C side; return whether there was one."""
-        status = ctypes.c_int32()
-        category, text = ctypes.c_void_p(), ctypes.c_void_p()
-        found = self._c.uuv_log_take(
-            self.environment, ctypes.byref(status), ctypes.byref(category), ctypes.byref(text)
-        )
-        if not found:
-            return False
-        try:
-            name = STATUS[status.value] if 0 <= status.value < len(STATUS) else "ok"
-            self._keep(name, _string(category), _string(text))
-        finally:
-            self._c.uuv_release(category)
-            self._c.uuv_release(text)
-        return True
 
     def _keep(self, status: str, category: str, text: str) -> None:
         """Store a message, with variables' names instead of FMI 2.0's references (``#r5#``)."""

@@ -113,12 +113,14 @@ def read_fmu(
         peers=read_peers(folder),
     )
     identifier = source.required(element, "modelIdentifier", chosen)
+    libraries = {identifier + suffix for suffix in LIBRARY_SUFFIXES}
+    platforms = {p.parent.name for p in folder.glob("binaries/*/*") if p.name in libraries}
     return FmuArchive(
         path=path,
         description=description,
         folder=folder,
         model_identifier=identifier,
-        binaries=_binaries(folder, identifier),
+        binaries=tuple(sorted(platforms)),
         enumerations=enumerations,
         default_start_time=(
             None if experiment is None else source.optional_number(experiment, "startTime", where)
@@ -198,9 +200,3 @@ def _restructure(
             element.attrib.pop("start", None)
             for start in element.findall("Start"):
                 element.remove(start)
-
-
-def _binaries(folder: Path, identifier: str) -> tuple[str, ...]:
-    names = {identifier + suffix for suffix in LIBRARY_SUFFIXES}
-    found = (p.parent.name for p in folder.glob("binaries/*/*") if p.name in names)
-    return tuple(sorted(set(found)))

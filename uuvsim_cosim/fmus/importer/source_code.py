@@ -93,7 +93,7 @@ def compiled(archive: Path, folder: Path, identifier: str, sources: Sources) -> 
             f"{machine.fmi2}"
         )
     includes = [root, *(_inside(root, name, archive) for name in sources.includes), _headers()]
-    # Sources include each other: the key of the cache holds all that lies there.
+    # Sources include each other: the key of the cache depends on all files in the folder.
     every = sorted(f for f in root.rglob("*") if f.is_file())
     key = content_hash([str(f.relative_to(root)) for f in every] + [f.read_bytes() for f in every])
     flags = [*_FLAGS, *(f"-D{d}" for d in sources.definitions), f"-DUUVSIM_SOURCES={key}"]
