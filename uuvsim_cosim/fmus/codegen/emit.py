@@ -129,7 +129,10 @@ def _update_text(f: Any, signature: str, first: int) -> str:
     nodes = nodes_of(f)
     items = scheduled(nodes)
     text = _Text(f, nodes, ["b", "draws"], "b")
-    last = _last_block(nodes, items)
+    # The largest block whose results are only stored can be computed last.
+    read = {i for n in nodes if not _stores(n) for i, _ in n.inputs}
+    blocks = [b for b in items if isinstance(b, Block) and read.isdisjoint(b.selections)]
+    last = max(blocks, key=lambda b: len(b.selections), default=None)
     before = [*text.lines([i for i in items if i is not last])]
     stored = [(first + f.instruction_output(n.k)[1], n.inputs[0]) for n in nodes if _stores(n)]
     once = Counter(source for _, source in stored)
@@ -163,13 +166,6 @@ def _update_text(f: Any, signature: str, first: int) -> str:
 
 def _stores(node: Node) -> bool:
     return node.op == ca.OP_OUTPUT
-
-
-def _last_block(nodes: list[Node], items: Sequence[int | Block]) -> Block | None:
-    """Return the largest block whose results are only stored, so that it can be computed last."""
-    read = {i for n in nodes if not _stores(n) for i, _ in n.inputs}
-    blocks = [b for b in items if isinstance(b, Block) and read.isdisjoint(b.selections)]
-    return max(blocks, key=lambda b: len(b.selections), default=None)
 
 
 class _Text:

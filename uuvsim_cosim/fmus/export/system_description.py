@@ -108,18 +108,23 @@ def _variables_and_structure(root: Element, d: Description, fmi: FmiVersion) -> 
         SubElement(parent, "Float64", {**time, "variability": "continuous", "unit": "s"})
     index = 0
     for v in d.variables.values():
-        for i, name in enumerate(v.element_names if fmi == 2 else [v.name]):
-            index += 1
-            known = v.value_references[0] + i
-            common = _common(v, name, known)
-            values = _values(v, i if fmi == 2 else None)
-            if fmi == 2:
-                scalar = SubElement(parent, "ScalarVariable", common)
-                SubElement(scalar, _FMI2_TYPES[v.type], values)
-            else:
-                _fmi3_variable(parent, v, common, values)
+        first = v.value_references[0]
+        if fmi == 3:
+            _fmi3_variable(parent, v)
             if v.causality == "output":
-                outputs.append(str(index if fmi == 2 else known))
+                outputs.append(str(first))
+            continue
+        starts = None if v.start is None or v.type == "String" else np.ravel(v.start).tolist()
+        for i, name in enumerate(v.element_names):
+            index += 1
+            start = None if starts is None else [starts[i]]
+            scalar = SubElement(parent, "ScalarVariable", _common(v, name, first + i))
+            values = {"start": str(v.start)}
+            if v.type != "String":
+                values = _value(v, v.unit_of_element(i), start)
+            SubElement(scalar, _FMI2_TYPES[v.type], values)
+            if v.causality == "output":
+                outputs.append(str(index))
     structure = SubElement(root, "ModelStructure")
     key = "index" if fmi == 2 else "valueReference"
     for tag, more in (("Output", {"dependencies": ""}), ("InitialUnknown", {})):
@@ -128,23 +133,13 @@ def _variables_and_structure(root: Element, d: Description, fmi: FmiVersion) -> 
             SubElement(inside, "Unknown" if fmi == 2 else tag, {key: known_as, **more})
 
 
-def _values(v: Variable, element: int | None) -> dict[str, str]:
-    """Return unit, bounds and start of an element, or of the whole variable."""
+def _fmi3_variable(parent: Element, v: Variable) -> None:
+    common = _common(v, v.name, v.value_references[0])
     if v.type == "String":
-        return {"start": str(v.start)}
-    starts = None if v.start is None else np.ravel(v.start).tolist()
-    if element is None:
-        return _value(v, v.unit, starts)
-    return _value(v, v.unit_of_element(element), None if starts is None else [starts[element]])
-
-
-def _fmi3_variable(
-    parent: Element, v: Variable, common: dict[str, str], values: dict[str, str]
-) -> None:
-    if v.type == "String":
-        SubElement(SubElement(parent, "String", common), "Start", value=values["start"])
+        SubElement(SubElement(parent, "String", common), "Start", value=str(v.start))
         return
-    element = SubElement(parent, v.type, {**common, **values})
+    starts = None if v.start is None else np.ravel(v.start).tolist()
+    element = SubElement(parent, v.type, {**common, **_value(v, v.unit, starts)})
     if v.element_units:  # FMI 3.0 has one unit for the whole array
         note = SubElement(SubElement(element, "Annotations"), "Annotation", type=UNITS_ANNOTATION)
         note.text = " ".join(unit or "1" for unit in v.element_units)

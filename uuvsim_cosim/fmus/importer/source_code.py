@@ -92,7 +92,11 @@ def compiled(archive: Path, folder: Path, identifier: str, sources: Sources) -> 
             f"{archive}: its source {foreign[0]} is not C; expected .c files, or a binary for "
             f"{machine.fmi2}"
         )
-    includes = [root, *(_inside(root, name, archive) for name in sources.includes), _headers()]
+    includes = [root, *(_inside(root, name, archive) for name in sources.includes)]
+    spec = find_spec("fmpy")  # its FMI headers serve sources without their own
+    if spec is None or spec.origin is None:
+        raise FmuError("the package 'fmpy' is missing; expected `pip install fmpy`")
+    includes.append(Path(spec.origin).parent / "c-code")
     # Sources include each other: the key of the cache depends on all files in the folder.
     every = sorted(f for f in root.rglob("*") if f.is_file())
     key = content_hash([str(f.relative_to(root)) for f in every] + [f.read_bytes() for f in every])
@@ -115,11 +119,3 @@ def _inside(root: Path, name: str, archive: Path) -> Path:
     if not path.is_relative_to(root.resolve()) or not path.exists():
         raise FmuError(f"{archive}: its source {name!r} is not there; expected it in sources/")
     return path
-
-
-def _headers() -> Path:
-    """Return the folder of FMI's headers, for sources without them."""
-    spec = find_spec("fmpy")
-    if spec is None or spec.origin is None:
-        raise FmuError("the package 'fmpy' is missing; expected `pip install fmpy`")
-    return Path(spec.origin).parent / "c-code"
