@@ -1,4 +1,4 @@
-"""Servers and clients: a running co-simulation is read, set and stepped from elsewhere.
+"""Servers and clients to read, set and step a running co-simulation from other programs.
 
 Transports are Zenoh (`zenoh/`), TCP for MATLAB and Octave (`tcp/`) and HTTP (`http/`); the Python
 clients and remote components are in `clients/`, tokens and users in `access/`. It may import

@@ -1,7 +1,7 @@
-"""FMI 2.0 and 3.0: a declaration becomes an FMU, and an FMU becomes a component.
+"""FMI 2.0 and 3.0: export of a declaration as an FMU, import of an FMU as a component.
 
-The way out is `codegen/` and `export/`, the way in `importer/`, `model_exchange/` and `isolation/`.
-The C around the equations lies in the folder ``fmus/`` at the top. It may import `models` only.
+Export is in `codegen/` and `export/`, import in `importer/`, `model_exchange/` and `isolation/`.
+The C around the equations is in the folder ``fmus/`` at the top. It may import `models` only.
 Start with `component.py` and `description.py`, then `export/export.py`.
 """
 

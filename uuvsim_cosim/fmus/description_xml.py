@@ -1,4 +1,4 @@
-"""Values, units and errors that model descriptions of FMI 2.0 and 3.0 have in common."""
+"""Reader of the values and units that model descriptions of FMI 2.0 and 3.0 have in common."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _TRUE, _FALSE = ("true", "1"), ("false", "0")
 
 @dataclass(frozen=True)
 class SimpleType:
-    """A declared type, from which variables inherit what they do not say themselves."""
+    """A declared type, from which variables inherit the attributes that they do not have."""
 
     attributes: Mapping[str, str]
     items: Mapping[int, str]
@@ -37,23 +37,23 @@ class SimpleType:
 
 @dataclass(frozen=True)
 class Source:
-    """The file that is read; every fault is raised with its name and the variable's."""
+    """The file that is read; every error names it and the variable."""
 
     place: str
 
     def fault(self, where: str, read: str, expected: str) -> FmuError:
-        """Return the error for one fault."""
+        """Return the error for a fault in the file."""
         return FmuError(f"{self.place}: {where}: {read}; expected {expected}")
 
     def required(self, element: Element, attribute: str, where: str) -> str:
-        """Read an attribute that must be there."""
+        """Read a required attribute."""
         text = element.get(attribute)
         if text is None:
             raise self.fault(where, f"no attribute {attribute!r}", f"one on <{element.tag}>")
         return text
 
     def number(self, element: Element | Mapping[str, str], attribute: str, where: str) -> float:
-        """Read a number; raises if the attribute is there but no number."""
+        """Read a number; raises FmuError if the attribute is no number."""
         text = element.get(attribute, "")
         try:
             return float(text)
@@ -63,13 +63,13 @@ class Source:
     def optional_number(
         self, element: Element | Mapping[str, str], attribute: str, where: str
     ) -> float | None:
-        """Read a number, or None where the attribute is missing."""
+        """Read a number; None if the attribute is missing."""
         return None if element.get(attribute) is None else self.number(element, attribute, where)
 
     def bound(
         self, element: Element | Mapping[str, str], attribute: str, kind: VariableType, where: str
     ) -> float | None:
-        """Read a minimum or a maximum; of integers all digits, or None where it is missing."""
+        """Read a minimum or a maximum, of integers with all digits; None if it is missing."""
         text = element.get(attribute, "")
         if kind not in ("Float32", "Float64") and _WHOLE.fullmatch(text.strip()):
             return int(text)
@@ -101,7 +101,7 @@ class Source:
             raise self.fault(where, f"start {text!r}", f"a value of type {kind}") from None
 
     def causality(self, element: Element, where: str) -> Causality:
-        """Read the causality; ``local`` unless given."""
+        """Read the causality; the default is ``local``."""
         text = element.get("causality", "local")
         if text not in get_args(Causality):
             raise self.fault(where, f"causality {text!r}", f"one of {get_args(Causality)}")
@@ -110,7 +110,7 @@ class Source:
     def variability(
         self, element: Element, causality: Causality, kind: VariableType, where: str
     ) -> Variability:
-        """Read the variability; parameters are ``fixed`` unless they say otherwise."""
+        """Read the variability; the default depends on causality and type."""
         text = element.get("variability")
         if text is None:
             if causality in ("parameter", "calculatedParameter", "structuralParameter"):
@@ -128,13 +128,9 @@ def _boolean(text: str) -> bool:
     return lowered in _TRUE
 
 
-def _binary(text: str) -> bytes:
-    return bytes.fromhex(text)
-
-
-_CONVERT: Mapping[str, Callable[[str], Any]] = {
+_CONVERT: Mapping[str, Callable[[str], object]] = {
     "Float32": float, "Float64": float, "Boolean": _boolean, "Clock": _boolean,
-    "String": str, "Binary": _binary,
+    "String": str, "Binary": bytes.fromhex,
 }  # fmt: skip
 
 
@@ -144,7 +140,7 @@ def flag(element: Element, *names: str) -> bool:
 
 
 def read_units(source: Source, root: Element) -> dict[str, Unit]:
-    """Read the unit definitions; a unit without base unit is taken by its name, if known."""
+    """Read the unit definitions; a unit without a base unit is looked up by its name."""
     units: dict[str, Unit] = {}
     for element in root.iterfind("UnitDefinitions/Unit"):
         name = source.required(element, "name", "a unit")

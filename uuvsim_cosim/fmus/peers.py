@@ -1,4 +1,4 @@
-"""The peers of a component in its FMU: a CSV of inputs, and what feeds each in its system."""
+"""The peers of a component in its FMU: a CSV of inputs, and the source of each in its system."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def peers_text(peers: Mapping[str, str]) -> str:
 
 
 def read_peers(folder: Path) -> dict[str, str]:
-    """Read the peers in an unpacked FMU; none if it has none, or they are not as we write them."""
+    """Read the peers in an unpacked FMU; empty if it has none, or they have another format."""
     try:
         rows = list(csv.reader(StringIO((folder / PEERS).read_text(encoding="utf-8"))))
     except (OSError, ValueError):

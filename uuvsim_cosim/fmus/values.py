@@ -1,4 +1,4 @@
-"""Conversion of a value to an array of its variable's type and shape, or its refusal."""
+"""Conversion of values to arrays of a variable's type and shape, with a check."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ __all__ = [
 ]  # fmt: skip
 
 
-def flat_array(variable: Variable, value: Any, place: str) -> np.ndarray:
+def flat_array(variable: Variable, value: object, place: str) -> np.ndarray:
     """Return the value's elements, row by row, as an array of the variable's type.
 
-    Raises FmuError for another shape, for what is no number, for an integer out of range.
+    Raises FmuError for another shape, for a value of another type, for an integer out of range.
     """
     if variable.type in ("String", "Binary"):
         return _objects(variable, value, place)
@@ -45,10 +45,10 @@ def flat_array(variable: Variable, value: Any, place: str) -> np.ndarray:
     return given.astype(dtype).ravel()
 
 
-def _numbers(value: Any) -> np.ndarray | None:
-    """Return numbers as an array that holds them exactly; None for anything else.
+def _numbers(value: object) -> np.ndarray | None:
+    """Return numbers as an array that represents them exactly; None for other values.
 
-    NumPy makes floats of integers of which some do not fit Int64; they stay Python's here.
+    NumPy would convert integers to floats if some do not fit Int64; here they stay Python's.
     """
     try:
         given = np.asarray(value)
@@ -65,8 +65,9 @@ def _numbers(value: Any) -> np.ndarray | None:
     return given if given.dtype.kind in "fiub" else None
 
 
-def _objects(variable: Variable, value: Any, place: str) -> np.ndarray:
-    kind: type = str if variable.type == "String" else bytes
+def _objects(variable: Variable, value: object, place: str) -> np.ndarray:
+    """Return texts or bytes as an array of objects; NumPy's own types would cut zeros."""
+    cls: type = str if variable.type == "String" else bytes
     given = np.empty((), dtype=object)
     if isinstance(value, (str, bytes)):
         given[()] = value
@@ -74,7 +75,7 @@ def _objects(variable: Variable, value: Any, place: str) -> np.ndarray:
         given = np.asarray(value, dtype=object)
     if given.shape != variable.shape:
         raise FmuError(f"{place}: shape {given.shape}; expected {variable.shape}")
-    if not all(isinstance(x, kind) for x in given.ravel()):
+    if not all(isinstance(x, cls) for x in given.ravel()):
         raise FmuError(f"{place}: {value!r}; expected {_expected(variable)}")
     return given.ravel()
 
@@ -91,8 +92,9 @@ def parse_value(
 ) -> Any:
     """Read a value as a user types it: ``5``, ``5,6,7``, ``[5, 6, 7]`` or ``[[1, 2], [3, 4]]``.
 
-    Elements of an array are separated by commas or blanks; brackets may stand around them, and
-    around each row of a matrix. `items` are the names of an enumeration. Raises ParameterInvalid.
+    Elements of an array are separated by commas or blanks. Brackets around them, and around each
+    row of a matrix, are optional. `items` are the names of an enumeration. Raises
+    ParameterInvalid.
     """
     if variable.type == "String" and not variable.shape:
         return text
@@ -116,8 +118,8 @@ def parse_value(
 def split_array(text: str) -> tuple[list[str], tuple[int, ...] | None]:
     """Split ``1,2``, ``1 2``, ``[1, 2]`` or ``[[1, 2], [3, 4]]`` into its elements, row by row.
 
-    The shape is that which nested brackets make; None where at most one pair stands around all.
-    Raises ValueError for brackets that do not match, or rows of uneven length.
+    The shape results from nested brackets; it is None with one pair of brackets or none. Raises
+    ValueError for brackets that do not match, or rows of different length.
     """
     stripped = text.strip()
     if not stripped.startswith("["):
@@ -131,7 +133,7 @@ def split_array(text: str) -> tuple[list[str], tuple[int, ...] | None]:
 
 
 def _bracket(text: str) -> tuple[list[str], tuple[int, ...], str]:
-    """Read what one pair of brackets holds; the text begins with the first."""
+    """Read the content of a pair of brackets at the begin of a text; return also the rest."""
     inner = text[1:].lstrip()
     if not inner.startswith("["):
         content, close, rest = inner.partition("]")
@@ -151,7 +153,7 @@ def _bracket(text: str) -> tuple[list[str], tuple[int, ...], str]:
 
 
 def _form(variable: Variable) -> str:
-    """Show how an array is written, for the end of an error."""
+    """Return an example of how to write an array, for the end of an error message."""
     if not variable.shape or variable.type in ("String", "Binary"):
         return ""
     flat = ["true" if variable.type == "Boolean" else str(i) for i in range(variable.size)]
@@ -162,12 +164,13 @@ def _form(variable: Variable) -> str:
     return f", such as {','.join(flat)!r} or {shown!r}"
 
 
-def _parse(variable: Variable, word: str, items: Mapping[int, str]) -> Any:
+def _parse(variable: Variable, word: str, items: Mapping[int, str]) -> object:
+    """Read one element; raises ValueError."""
     if variable.type in ("Boolean", "Clock"):
-        truth = {"true": True, "1": True, "false": False, "0": False}
-        if word.lower() not in truth:
+        booleans = {"true": True, "1": True, "false": False, "0": False}
+        if word.lower() not in booleans:
             raise ValueError(word)
-        return truth[word.lower()]
+        return booleans[word.lower()]
     if variable.type == "Binary":
         return bytes.fromhex(word)
     if variable.type == "String":
@@ -180,10 +183,10 @@ def _parse(variable: Variable, word: str, items: Mapping[int, str]) -> Any:
     return int(word)
 
 
-def checked_start(variable: Variable, value: Any, place: str) -> Any:
+def checked_start(variable: Variable, value: object, place: str) -> Any:
     """Return a start value of the variable's type and shape; raises ParameterInvalid.
 
-    Beyond `flat_array`, refuses numbers that are not finite or outside [min, max].
+    In addition to the checks of `flat_array`, numbers must be finite and in [min, max].
     """
     try:
         flat = flat_array(variable, value, place)
@@ -200,8 +203,8 @@ def checked_start(variable: Variable, value: Any, place: str) -> Any:
     return flat.reshape(variable.shape) if variable.shape else flat[0]
 
 
-def is_within(variable: Variable, value: Any) -> bool:
-    """Return whether an element lies in [min, max]; integers are compared as such."""
+def is_within(variable: Variable, value: float) -> bool:
+    """Return whether an element is in [min, max]; integers are compared exactly."""
     low = variable.min is None or value >= variable.min
     return low and (variable.max is None or value <= variable.max)
 

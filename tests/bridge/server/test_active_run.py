@@ -27,4 +27,4 @@ def test_a_value_is_kept_whole_in_each_row(type_: Any, value: Any) -> None:
     record._store = Store(3, {"a.p": (kind, ())}, in_file=False)
     record._rows, record._has_time = 0, False
     record._put(3, np.arange(3.0), {})
-    assert record._store.taken(3)["a.p"].tolist() == [value] * 3
+    assert record._store.first_rows(3)["a.p"].tolist() == [value] * 3

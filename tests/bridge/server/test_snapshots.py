@@ -14,7 +14,7 @@ def test_the_oldest_snapshot_of_a_client_that_has_left_makes_room_and_the_reason
         kept.add(k, f"client {k // EACH}")
     with pytest.raises(InputInvalid, match=f"all clients together keep {ALL} snapshots"):
         kept.check("another")
-    kept.left("client 1")
+    kept.client_left("client 1")
     kept.check("another")
     assert kept.add("new", "another") == f"s{ALL + 1}"
     with pytest.raises(InputInvalid, match=f"'s{EACH + 1}', which .* made room for one of {ALL}"):

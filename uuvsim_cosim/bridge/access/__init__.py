@@ -1,4 +1,4 @@
-"""Who may do what at a server: tokens, access files, passwords, certificates, roles.
+"""Authentication and authorisation: tokens, access files, passwords, certificates, roles.
 
 It may import `bridge.calls`. Start reading with `authentication.py`.
 """

@@ -61,7 +61,7 @@ def client_context(
         if certificate is not None:
             context.load_cert_chain(certificate, key, password=_no_password)
     except (ssl.SSLError, ValueError) as error:
-        raise InputInvalid(f"connect: {_chain_words(error)}") from None
+        raise InputInvalid(f"connect: {_chain_problem(error)}") from None
     return context
 
 
@@ -70,7 +70,7 @@ def certificate_problem(tls: Tls) -> str | None:
     try:
         server_context(tls)
     except (ssl.SSLError, ValueError) as error:
-        return _chain_words(error)
+        return _chain_problem(error)
     except OSError as error:
         return f"{error.filename or tls.key}: {error.strerror}; expected a file that can be read"
     return None
@@ -194,7 +194,7 @@ def _no_password() -> str:
     raise ValueError("the key is locked by a password")
 
 
-def _chain_words(error: Exception) -> str:
+def _chain_problem(error: Exception) -> str:
     """Return a message for certificates that cannot be loaded."""
     reason = getattr(error, "reason", None) or str(error)
     if "KEY_VALUES_MISMATCH" in str(reason):

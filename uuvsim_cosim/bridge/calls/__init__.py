@@ -1,6 +1,6 @@
-"""What a client may ask of a served co-simulation, whatever the transport.
+"""The calls that a client can make to a served co-simulation, over every transport.
 
 The table of calls, their arguments and values, and the limits of a server. It may import
-`orchestrator` and `errors`, nothing of `bridge` beside it. Start with `service.py`, then
+`orchestrator` and `errors`, but no other part of `bridge`. Start with `service.py`, then
 `call_table.py`.
 """

@@ -38,8 +38,9 @@ def serve_component(
     """Let masters use a Python class of this process as ``remote:NAME``.
 
     `component` has `inputs`, `outputs` and ``step(t, dt, u)``, or names such a class,
-    ``FILE.py:Class``. Each master gets an object of its own. Port 0 is any free one. Masters need
-    the token of this user, which they find on this machine; `anyone` lets in all who reach it.
+    ``FILE.py:Class``. Each master gets its own object. Port 0 is any free one. Masters need the
+    token of this user, which they find on this machine; with `anyone`, every process that reaches
+    the port may use the class.
     """
     cls = load(component) if isinstance(component, str) else component
     return ComponentServer(cls, name or cls.__name__, port, host, anyone=anyone)

@@ -106,7 +106,7 @@ class Handler(BaseHTTPRequestHandler):
         """Refuse an invalid request in JSON, like all other errors."""
         self.close_connection = True
         kinds = "; expected GET or POST" if code == 501 else "; expected a request of HTTP/1.1"
-        self._send(405 if code == 501 else code, b"application/json", _words(f"{message}{kinds}"))
+        self._send(405 if code == 501 else code, b"application/json", _error(f"{message}{kinds}"))
 
     def do_GET(self) -> None:
         """Answer a GET: a page, or a call that changes nothing."""
@@ -124,7 +124,7 @@ class Handler(BaseHTTPRequestHandler):
             body = self._body()
         except _Refused as refused:
             self.close_connection = True
-            self._send(refused.status, b"application/json", _words(str(refused)))
+            self._send(refused.status, b"application/json", _error(str(refused)))
             return
         token = self.headers.get(HEADER)
         self.endpoint.sessions.waiting(token, begins=True)
@@ -156,7 +156,7 @@ class Handler(BaseHTTPRequestHandler):
             if found is not None:
                 self._send(200, *found)
         except _Refused as refused:
-            self._send(refused.status, b"application/json", _words(str(refused)))
+            self._send(refused.status, b"application/json", _error(str(refused)))
         except Disconnected as error:
             raise ConnectionAbortedError(str(error)) from None
         except UuvsimError as error:
@@ -399,15 +399,15 @@ def _json(calls: Calls, call: str, request: Mapping[str, object]) -> _Content:
     """Return an answer in JSON: bytes, or an iterator of texts if it is large."""
     found = calls.answer(call, request)
     if call not in ("get", "step", "run"):
-        return b"application/json", f"{found.words}}}".encode()
-    texts = chain((f'{found.words}, "values": ',), json_texts(found.values), ("}",))
+        return b"application/json", f"{found.header_text}}}".encode()
+    texts = chain((f'{found.header_text}, "values": ',), json_texts(found.values), ("}",))
     if sum(np.size(value) for value in found.values.values()) <= _SMALL:
         return b"application/json", "".join(texts).encode()
     return b"application/json", texts
 
 
-def _words(words: str) -> bytes:
-    return json.dumps({"ok": False, "error": words}).encode()
+def _error(message: str) -> bytes:
+    return json.dumps({"ok": False, "error": message}).encode()
 
 
 def _no_path(path: str, method: str) -> str:

@@ -22,7 +22,7 @@ def pilot_page() -> str:
 
 def pilots(service: Service) -> dict[str, object]:
     """Return the components with manual axes, and whether a page holds them."""
-    found = _here(service)
+    found = _axes_here(service)
     return {
         "pilots": [
             {"component": path, "held": manual_axes.is_held} for path, manual_axes in found.items()
@@ -42,7 +42,7 @@ def steered(service: Service, client: Client, request: Mapping[str, object]) -> 
         raise InputInvalid("pilot: page; expected a text of 4 to 64 letters that no other page has")
     if not isinstance(axes, dict):
         raise InputInvalid(f"pilot: axes {axes!r}; expected an object of {', '.join(AXES)}")
-    found = _here(service)
+    found = _axes_here(service)
     component = request.get("component") or next(iter(found), None)
     if not isinstance(component, str) or component not in found:
         raise InputInvalid(
@@ -72,7 +72,7 @@ def steered(service: Service, client: Client, request: Mapping[str, object]) -> 
     }
 
 
-def _here(service: Service) -> dict[str, ManualAxes]:
+def _axes_here(service: Service) -> dict[str, ManualAxes]:
     """Return the manual axes of the components of this service."""
     there = {c["path"] for c in service.describe().get("components", ()) if c["kind"] == "keyboard"}
     return {path: manual_axes for path, manual_axes in known().items() if path in there}

@@ -1,4 +1,4 @@
-"""The thread that owns the master and carries out what clients ask for; lockstep; playback.
+"""The session of a co-simulation: the thread that owns the master, lockstep, and playback.
 
 It may import `bridge.calls`, `bridge.access`. Start reading with `conductor.py`.
 """

@@ -105,13 +105,13 @@ class Record:
     def end(self) -> None:
         """Do nothing: there is nothing to close."""
 
-    def taken(self) -> dict[str, np.ndarray]:
+    def result(self) -> dict[str, np.ndarray]:
         """Return the time and the signals.
 
         A run that records no signals has a row of `time` for each communication point, or only the
         first and the last if these are too many.
         """
-        given = self._store.taken(self._rows)
+        given = self._store.first_rows(self._rows)
         return given if self._has_time else {"time": np.array([self._first, self._last]), **given}
 
 

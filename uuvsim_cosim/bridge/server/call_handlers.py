@@ -69,7 +69,7 @@ class CallHandlers:
                     lockstep.leave(client)
                 else:
                     lockstep.lost(client)
-                current.snapshots.left(client.name)
+                current.snapshots.client_left(client.name)
                 answer.set_result(None)
             case "dismiss":
                 (name,) = arguments

@@ -248,8 +248,8 @@ class Conductor(Closing):
     def _conduct(self) -> None:
         """Carry out calls and make the steps that are due, until the co-simulation ends.
 
-        While a run steps, calls are taken between its steps. With no run and no client that is
-        waited for in lockstep, the thread sleeps until a call comes.
+        During a run, calls are carried out between its steps. Without a run, and if no request
+        waits in lockstep, the thread sleeps until the next call.
         """
         while self._current is None:
             self._calls.carry_out(None)

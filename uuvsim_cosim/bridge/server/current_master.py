@@ -169,7 +169,7 @@ class CurrentMaster:
             return
         rows = end - self.master.tick + 1
         kept = Record(places, self.tap.columns, self.names.read, self.master, rows, most)
-        self._begin(Running(self.master, last, factor, answer, kept, kept.taken))
+        self._begin(Running(self.master, last, factor, answer, kept, kept.result))
         self.tap.listen(kept)
         assert self.running is not None
         if self.running.is_over:  # `until` is the current time
@@ -277,7 +277,7 @@ class CurrentMaster:
             raise InputInvalid(
                 "replace: this was begun without a system; expected one from a system"
             )
-        system = self._system.replace(component, _from_here(source), map=mapping)
+        system = self._system.replace(component, _absolute(source), map=mapping)
         plan = flatten(system, self._seed)
         instantiate = prepare(plan, self._backend)
         self.pause()
@@ -334,7 +334,7 @@ class CurrentMaster:
         return master
 
 
-def _from_here(source: str) -> str:
+def _absolute(source: str) -> str:
     """Return the source with an absolute path if it is a file in the server's folder."""
     name, colon, _ = source.rpartition(":")
     file = name if colon and name.endswith(".py") else source

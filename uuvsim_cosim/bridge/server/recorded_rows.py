@@ -73,7 +73,7 @@ class Store:
                     f"in {tempfile.gettempdir()}"
                 ) from None
 
-    def taken(self, rows: int) -> dict[str, np.ndarray]:
+    def first_rows(self, rows: int) -> dict[str, np.ndarray]:
         """Return the first rows of all arrays; those in the file are mapped."""
         given: dict[str, np.ndarray] = {}
         for name, (dtype, shape) in self._formats.items():

@@ -64,7 +64,7 @@ class Snapshots:
         if name in self._kept:
             return self._kept[name].state
         raise InputInvalid(
-            f"no snapshot {name!r}{self._why(name)}; expected {expected_names(name, self._kept)}"
+            f"no snapshot {name!r}{self._cause(name)}; expected {expected_names(name, self._kept)}"
         )
 
     def discard(self, name: str) -> None:
@@ -72,7 +72,7 @@ class Snapshots:
         self.find(name)
         del self._kept[name]
 
-    def left(self, owner: str) -> None:
+    def client_left(self, owner: str) -> None:
         """Note that a client has left, so that another client of this name has its own limit."""
         for kept in self._kept.values():
             if kept.owner == owner:
@@ -83,7 +83,7 @@ class Snapshots:
         self._kept.clear()
         self._replaced = self._count
 
-    def _why(self, name: str) -> str:
+    def _cause(self, name: str) -> str:
         """Return why a snapshot does not exist any more; empty if it never existed."""
         known = name[:1] == "s" and name[1:].isdecimal() and len(name) < 16
         number = int(name[1:]) if known else 0

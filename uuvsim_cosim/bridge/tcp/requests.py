@@ -34,7 +34,7 @@ class Answer:
     text: str = ""
 
     @property
-    def words(self) -> str:
+    def header_text(self) -> str:
         """Return the header in JSON, with `ok`, without the brace at its end."""
         if self.text:
             return f'{{"ok": true, {self.text}'

@@ -208,7 +208,7 @@ def listening(hosts: Sequence[str], port: int, what: str) -> list[socket.socket]
 
 
 def _listener(host: str, port: int) -> socket.socket:
-    """Open one listening socket; an IPv6 one does not also take IPv4 connections."""
+    """Open one listening socket; an IPv6 one does not also accept IPv4 connections."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     listener = socket.socket(family, socket.SOCK_STREAM)
     try:

@@ -222,7 +222,7 @@ def _called(calls: Calls, header: Mapping[str, object], payload: bytes) -> Itera
     columns, texts, arrays = columns_of(answer.values, calls.schema, integers=integers)
     described = json.dumps({"columns": columns, "texts": texts}, ensure_ascii=False)
     size = sum(8 * array.size for array in arrays)
-    first = begun(f"{answer.words}, {described[1:]}", size)
+    first = begun(f"{answer.header_text}, {described[1:]}", size)
     if size < _SMALL:
         return (b"".join((first, *map(numbers_of, arrays))),)
     return chain((first,), (numbers_of(piece) for array in arrays for piece in pieces(array)))

@@ -43,7 +43,7 @@ class Lane:
         self._thread: threading.Thread | None = None
         self._closed = False
 
-    def take(self) -> bool | None:
+    def count_in(self) -> bool | None:
         """Count a call: return True to carry it out, False to refuse it, None to drop it."""
         with self._lock:
             if self._waiting >= _WAITING + _REFUSALS:

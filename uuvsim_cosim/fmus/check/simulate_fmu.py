@@ -40,7 +40,7 @@ __all__ = [
     "simulate_fmu_to_csv",
 ]
 
-Inputs = Mapping[str, Any] | Path | str | None
+Inputs = Mapping[str, object] | Path | str | None
 _DEFAULT_STEP, _DEFAULT_SPAN = 0.01, 10.0  # [s] if the FMU has none
 # A default experiment without a step size gets `_FEW` steps if `_DEFAULT_STEP` made over `_MANY`.
 _MANY, _FEW = 100_000, 1000
@@ -150,7 +150,7 @@ def simulate_fmu_to_csv(
     until: float | None = None,
     step: float | str | Fraction | None = None,
     inputs: Inputs = None,
-    start: Mapping[str, Any] | None = None,
+    start: Mapping[str, object] | None = None,
     outputs: Sequence[str] | None = None,
     trace: Trace | None = None,
     start_time: float | None = None,
@@ -213,7 +213,7 @@ class _Plan:
 
 def _plan(
     fmu: Path | str | FmuArchive, until: float | None, step: float | str | Fraction | None,
-    inputs: Inputs, start: Mapping[str, Any] | None, outputs: Sequence[str] | None,
+    inputs: Inputs, start: Mapping[str, object] | None, outputs: Sequence[str] | None,
     start_time: float | None, interface: str | None,
 ) -> _Plan:  # fmt: skip
     archive, values = _archive(fmu, interface, start or {})
@@ -243,8 +243,8 @@ def _plan(
 
 
 def _archive(
-    fmu: Path | str | FmuArchive, interface: str | None, start: Mapping[str, Any]
-) -> tuple[FmuArchive, dict[str, Any]]:
+    fmu: Path | str | FmuArchive, interface: str | None, start: Mapping[str, object]
+) -> tuple[FmuArchive, dict[str, object]]:
     """Read the FMU with its structural parameters; return it and the other start values."""
     archive = fmu if isinstance(fmu, FmuArchive) else read_fmu(Path(fmu), interface)
     variables = archive.description.variables
@@ -439,7 +439,7 @@ def _start_values(
         for v in variables.values()
         if v.variability != "constant" and (v.causality in ("input", "parameter") or v.initial)
     ]
-    whole: dict[str, Any] = {}
+    whole: dict[str, np.ndarray] = {}
     for name, value in start.items():
         place = f"start value {name}"
         if name in variables:

@@ -1,8 +1,8 @@
-"""Instructions that only one branch of `if_else` needs: skipped where no lane takes the branch.
+"""Blocks of instructions that only one branch of `if_else` needs, to skip them if possible.
 
-`if_else(c, a, b)` computes both a and b. What only `a` needs, of all selections by the same c, can
-stand in one block behind "if c holds in any lane": results stay the same to the last bit. Blocks
-nest. A block too small to be worth a jump is left flat.
+`if_else(c, a, b)` computes both a and b. The instructions that only `a` needs, in all selections by
+the same c, are moved to a block after "if c holds in any lane". Results stay the same to the last
+bit. Blocks nest. A block that is too small for a jump is dissolved.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ __all__ = ["Block", "Node", "flat", "nodes_of", "scheduled"]
 
 Depth = dict[tuple[int, int], int]
 ROOT = -1
-WORTH = 20  # operations, of which a jump spares more than it costs
+WORTH = 20  # operations of a block for which a jump saves more than it costs
 FREE = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}
 DEAR = {ca.OP_SIN, ca.OP_COS, ca.OP_TAN, ca.OP_EXP, ca.OP_LOG, ca.OP_POW, ca.OP_ATAN, ca.OP_ATAN2,
         ca.OP_ASIN, ca.OP_ACOS, ca.OP_TANH, ca.OP_CALL}  # fmt: skip
@@ -25,17 +25,17 @@ DEAR = {ca.OP_SIN, ca.OP_COS, ca.OP_TAN, ca.OP_EXP, ca.OP_LOG, ca.OP_POW, ca.OP_
 
 @dataclass
 class Node:
-    """An instruction, and which ones give its inputs; a selection's are (condition, a, b)."""
+    """An instruction, with the sources of its inputs; a selection's are (condition, a, b)."""
 
     k: int
     op: int
-    inputs: list[tuple[int, int]]  # (instruction, place among its results)
+    inputs: list[tuple[int, int]]  # (instruction, index of its result)
     selects: bool = False
 
 
 @dataclass
 class Block:
-    """Selections by one condition, and what only they need; `body` is in an order to compute."""
+    """Selections by one condition, and the instructions for them only, in computing order."""
 
     condition: tuple[int, int]
     selections: list[int]
@@ -43,7 +43,7 @@ class Block:
 
 
 def nodes_of(f: Any) -> list[Node]:
-    """List the instructions of an SX function, each selection as one instead of four."""
+    """List the instructions of an SX function; a selection is one instruction instead of four."""
     holds: dict[int, tuple[int, int]] = {}
     nodes: list[Node] = []
     for k in range(f.n_instructions()):
@@ -60,7 +60,7 @@ def nodes_of(f: Any) -> list[Node]:
 
 
 def _become_selection(nodes: list[Node], node: Node) -> None:
-    """Read  (c ? a : 0) + (not c ? b : 0)  as  c ? a : b."""
+    """Change  (c ? a : 0) + (not c ? b : 0)  to  c ? a : b."""
     if node.op == ca.OP_IF_ELSE_ZERO:
         node.selects = True
         return
@@ -80,7 +80,7 @@ def _negates(nodes: list[Node], c: tuple[int, int], d: tuple[int, int]) -> bool:
 
 
 def flat(nodes: list[Node]) -> list[int | Block]:
-    """Return all instructions that results need, in their own order."""
+    """Return all instructions that results need, in their original order."""
     return [k for k, used in enumerate(_used(nodes)) if used]
 
 
@@ -90,7 +90,10 @@ def scheduled(nodes: list[Node]) -> list[int | Block]:
     grouped = _groups(nodes, used)
     while grouped:
         region, parent = _regions(nodes, used, grouped)
-        own = _own_costs(nodes, region)
+        own: Counter[int | None] = Counter()  # cost of each block without the blocks inside it
+        for n in nodes:
+            if n.op not in FREE:
+                own[region[n.k]] += 20 if n.op in DEAR else 1
         small = [g for g in grouped if _cost(own, parent, g) < WORTH]
         if not small:
             order = _Order(nodes, used, grouped, region, parent)
@@ -112,7 +115,7 @@ def _used(nodes: list[Node]) -> list[bool]:
 
 
 def _groups(nodes: list[Node], used: list[bool]) -> dict[int, list[int]]:
-    """Group selections by condition and by how many of that condition stand before them."""
+    """Group selections by condition, and by the number of those of the same condition before."""
     behind: list[Depth] = []
     groups: dict[tuple[tuple[int, int], int], list[int]] = {}
     for n in nodes:
@@ -126,7 +129,7 @@ def _groups(nodes: list[Node], used: list[bool]) -> dict[int, list[int]]:
 
 
 def _deepest(depths: list[Depth]) -> Depth:
-    """Return the largest of each; most instructions share those of an input."""
+    """Return the maximum for each condition; most instructions share the mapping of an input."""
     found = max(depths, key=len, default={})
     for other in depths:
         if other is not found and any(found.get(c, 0) < d for c, d in other.items()):
@@ -137,7 +140,11 @@ def _deepest(depths: list[Depth]) -> Depth:
 def _regions(
     nodes: list[Node], used: list[bool], groups: dict[int, list[int]]
 ) -> tuple[list[int | None], dict[int, int]]:
-    """Return the block that each instruction lies in, and the block around each block."""
+    """Return the block of each instruction, and the block around each block.
+
+    An instruction is in the innermost block that contains all its uses; a block, in the innermost
+    one that contains all its selections. Both depend on each other: they are iterated.
+    """
     group_of = {k: g for g, members in groups.items() for k in members}
     parent: dict[int, int] = {}
 
@@ -188,16 +195,8 @@ def _regions(
         parent = found
 
 
-def _own_costs(nodes: list[Node], region: list[int | None]) -> Counter[int | None]:
-    """Count what each block costs without the blocks inside it."""
-    own: Counter[int | None] = Counter()
-    for n in nodes:
-        if n.op not in FREE:
-            own[region[n.k]] += 20 if n.op in DEAR else 1
-    return own
-
-
 def _cost(own: Counter[int | None], parent: dict[int, int], block: int) -> int:
+    """Return the cost of a block with the blocks inside it."""
     cost = own[block]
     for g in parent:
         seen = g
@@ -209,7 +208,7 @@ def _cost(own: Counter[int | None], parent: dict[int, int], block: int) -> int:
 
 
 class _Order:
-    """An order in which everything stands behind what it needs, as near the given one as can be."""
+    """A computing order in which each instruction follows its inputs, close to the original one."""
 
     def __init__(
         self,
@@ -240,7 +239,7 @@ class _Order:
         return where == g
 
     def _needs(self, g: int) -> set[int]:
-        """List what stands outside of a block and is read within it."""
+        """Return the instructions outside of a block that are read within it."""
         needs: set[int] = set()
         for k in self.groups[g]:
             needs.update(i for i, _ in self.nodes[k].inputs if i >= 0 and not self._within(i, g))
@@ -254,7 +253,7 @@ class _Order:
             self._need(k, where, items)
 
     def _need(self, k: int, where: int, items: list[int | Block]) -> None:
-        """Append everything in region `where` that instruction k needs, then k."""
+        """Append all instructions in region `where` that instruction k needs, then k."""
         for j in [*self._missing(k, where), k]:
             if self.done[j] or self.stuck is not None:
                 continue
@@ -266,7 +265,7 @@ class _Order:
                 self._block(g, where, items)
 
     def _missing(self, k: int, where: int) -> list[int]:
-        """List what k needs in `where` and is not there yet, in the order of instructions."""
+        """List the instructions in `where` that k still needs, in their original order."""
         found: set[int] = set()
         todo = [k]
         while todo:
@@ -278,7 +277,7 @@ class _Order:
 
     def _block(self, g: int, where: int, items: list[int | Block]) -> None:
         if g in self.begun:
-            self.stuck = g  # it needs what needs it
+            self.stuck = g  # it depends on itself: it cannot be a block
             return
         self.begun.add(g)
         for i in self.outside[g]:

@@ -1,4 +1,4 @@
-"""Dependencies of outputs on inputs and parameters, read off the equations' sparsity."""
+"""Dependencies of outputs on inputs and parameters, from the sparsity of the equations."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from uuvsim_cosim.fmus.codegen.layout import Layout
 
 __all__ = ["KINDS", "derivative_knowns", "direct_kinds", "initial_knowns"]
 
-# From the most to the least that an importer may take for granted of a partial derivative.
+# FMI's dependenciesKind, from the strongest to the weakest statement about a partial derivative.
 KINDS = ("constant", "fixed", "tunable", "dependent")
 _STEPS = (
     "floor ceil sign lt le eq ne not and or fmod remainder copysign if_else_zero fmin fmax fabs"
@@ -20,11 +20,11 @@ _STEPS = (
 
 
 def direct_kinds(eq: Equations) -> list[dict[int, str]]:
-    """Give, for each element of the outputs, the places it depends on and FMI's dependenciesKind.
+    """Return for each element of the outputs the variables it depends on, and the kind of each.
 
-    Places are offsets in the block, of inputs, continuous states and time (0). A kind better than
-    ``dependent`` is given only for inputs, and where the outputs hold no operation with a step or
-    a kink: there the partial derivative alone does not say how the output depends on the input.
+    Variables are offsets in the block, of inputs, continuous states and time (0). A kind is
+    FMI's dependenciesKind. One that is stronger than ``dependent`` is given only for inputs of
+    outputs without steps and kinks: with them, the partial derivative is not sufficient.
     """
     layout = eq.layout
     first, count = layout.offset["input"], layout.count["input"]
@@ -33,20 +33,31 @@ def direct_kinds(eq: Equations) -> list[dict[int, str]]:
         dict.fromkeys(sorted(filter(known, row)), "dependent") for row in _rows(eq.outputs, 0)
     ]
     smooth = _smooth_rows(eq) if count else set()
+    fixed: set[int] = set()
+    tunable: set[int] = set()
+    for p in layout.placed:
+        if p.variable.kind in ("parameter", "derived"):
+            which = fixed if p.variable.variability == "fixed" else tunable
+            which.update(range(p.offset, p.offset + p.variable.size))
     for (row, column), factors in (_factors(eq) if smooth else {}).items():
         if row in smooth and first + column in kinds[row]:
-            kinds[row][first + column] = _kind(layout, factors)
+            kinds[row][first + column] = (
+                "constant" if not factors
+                else "fixed" if factors <= fixed
+                else "tunable" if factors <= fixed | tunable
+                else "dependent"
+            )  # fmt: skip
     return kinds
 
 
 def derivative_knowns(eq: Equations) -> list[list[int]]:
-    """Give, for each state's derivative, the inputs, states and time (0) that it depends on."""
+    """Return for each state's derivative the inputs, states and time (0) that it depends on."""
     known = _known(eq.layout)
     return [sorted(filter(known, row)) for row in _rows(eq.rhs, 0)]
 
 
 def _known(layout: Layout) -> Callable[[int], bool]:
-    """Tell apart what an importer sets between events: time, inputs, continuous states."""
+    """Return a test for the offsets of time, inputs and continuous states."""
     o, n = layout.offset, layout.count
     known = {0, *(o[kind] + i for kind in ("input", "state") for i in range(n[kind]))}
     return known.__contains__
@@ -55,9 +66,10 @@ def _known(layout: Layout) -> Callable[[int], bool]:
 def initial_knowns(
     eq: Equations, of: Literal["outputs", "initial", "rhs"] = "outputs"
 ) -> list[list[int]]:
-    """Give, for each element of a function, the inputs and parameters it depends on initially.
+    """Return for each element of a function the inputs and parameters it depends on initially.
 
-    States count through their start values, and derived values through their equations.
+    States are replaced by the dependencies of their start values, derived values by those of their
+    equations.
     """
     layout = eq.layout
     through: dict[int, set[int]] = {}
@@ -68,7 +80,7 @@ def initial_knowns(
 
 
 def _closed(known: set[int], through: Mapping[int, set[int]]) -> set[int]:
-    """Replace what is itself computed by what it is computed from."""
+    """Replace computed variables by the variables that they are computed from."""
     ends: set[int] = set()
     seen: set[int] = set()
     waiting = list(known)
@@ -110,7 +122,7 @@ def _smooth_rows(eq: Equations) -> set[int]:
 
 
 def _factors(eq: Equations) -> dict[tuple[int, int], set[int]]:
-    """Return what each entry of d(outputs)/d(inputs) depends on, by (row, column)."""
+    """Return the variables that each entry of d(outputs)/d(inputs) depends on, by (row, column)."""
     b = eq.layout.block
     jacobian = ca.jacobian(eq.outputs(b), eq.layout.symbols("input"))
     entries = ca.vertcat(*jacobian.nonzeros())
@@ -119,17 +131,3 @@ def _factors(eq: Equations) -> dict[tuple[int, int], set[int]]:
     depends = _rows(ca.Function("factors", [b], [ca.densify(entries)]), 0)
     places: Sequence[tuple[int, int]] = list(zip(*jacobian.sparsity().get_triplet(), strict=True))
     return dict(zip(places, depends, strict=True))
-
-
-def _kind(layout: Layout, factors: set[int]) -> str:
-    fixed: set[int] = set()
-    tunable: set[int] = set()
-    for p in layout.placed:
-        if p.variable.kind in ("parameter", "derived"):
-            which = fixed if p.variable.variability == "fixed" else tunable
-            which.update(range(p.offset, p.offset + p.variable.size))
-    if not factors:
-        return "constant"
-    if factors <= fixed:
-        return "fixed"
-    return "tunable" if factors <= fixed | tunable else "dependent"

@@ -1,4 +1,4 @@
-"""Description of a declaration as a component; needs no compiler."""
+"""Description of a declaration as a component, without compiling it."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def describe(model: Model, eq: Equations | None = None) -> Description:
 
 
 def direct_dependencies(eq: Equations) -> dict[str, tuple[str, ...]]:
-    """Give, for each output, the inputs that its value depends on directly, by sparsity."""
+    """Return for each output the inputs that its value depends on directly, by sparsity."""
     layout = eq.layout
     if layout.count["output"] == 0:
         return {}
@@ -62,11 +62,11 @@ def direct_dependencies(eq: Equations) -> dict[str, tuple[str, ...]]:
         if p.variable.kind != "output":
             continue
         low = p.offset - layout.offset["output"]
-        mine = pairs[(pairs[:, 0] >= low) & (pairs[:, 0] < low + p.variable.size), 1]
+        columns = pairs[(pairs[:, 0] >= low) & (pairs[:, 0] < low + p.variable.size), 1]
         result[p.variable.name] = tuple(
             q.variable.name
             for q in inputs
-            if np.any((mine >= q.offset) & (mine < q.offset + q.variable.size))
+            if np.any((columns >= q.offset) & (columns < q.offset + q.variable.size))
         )
     return result
 

@@ -1,4 +1,4 @@
-"""One CasADi function becomes one C function on W-lane values, instruction by instruction."""
+"""Generation of C functions on W-lane values from CasADi functions, instruction by instruction."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ NAMED = {getattr(ca, f"OP_{name.upper()}"): f"uuv_{name}" for name in NAMES.spli
 
 
 def literal(value: float) -> str:
-    """Write a double so that C reads the same bits."""
+    """Return a double as C text that reads back to the same bits."""
     if math.isnan(value):
         return '__builtin_nan("")'
     if math.isinf(value):
@@ -45,16 +45,17 @@ def literal(value: float) -> str:
 
 @dataclass(frozen=True)
 class _Same:
-    """A function by its contents: equal ones have equal instructions."""
+    """A key for a function: functions with equal contents have equal instructions."""
 
     contents: str
     f: Any = field(compare=False)
 
 
 def _once(write: Callable[..., str], f: Any, *more: Any) -> str:
-    """Write the text of a function once: masters, kernels and FMUs ask again for the same.
+    """Return a function's text from a cache: masters, kernels and FMUs need the same texts.
 
-    A function's contents name what it calls, and a table's or network's name holds its contents.
+    The contents include the names of called functions; the name of a table or network includes a
+    hash of its data.
     """
     return _written(write, _Same(content_hash([f.name(), f.serialize()]), f), *more)
 
@@ -69,10 +70,10 @@ def emit_function(
 ) -> str:
     """Return the C text of `f`: its inputs are the C arrays in `targets` before the last one.
 
-    ``targets`` names the arrays of f's inputs, then the one that its output is written to.
-    Branches that no lane takes are skipped (see `branches`); a right-hand side stays flat,
-    because kernels move what it computes from held values out of it. So does what is emitted
-    without `branches`: to find them takes long in a large function.
+    ``targets`` names the arrays of f's inputs, then the array for its output. Branches that no lane
+    takes are skipped (see `branches`), except in a right-hand side: kernels move its computations
+    from constant values out of it. Without `branches`, which take long to find in a large function,
+    nothing is skipped.
     """
     return _once(_function_text, f, signature, targets, branches)
 
@@ -89,11 +90,11 @@ def _function_text(f: Any, signature: str, targets: tuple[str, ...], branches: b
 
 
 _COPY = re.compile(r"^(\w+)\[(\d+)\] = ([\w.]+)(?:\[(\d+)\])?;$")
-_LONG = 32  # copies in a row that are worth a loop: a compiler takes long over thousands of lines
+_LONG = 32  # consecutive copies that become a loop: thousands of lines take long to compile
 
 
 def _looped(stores: Sequence[str]) -> Iterator[str]:
-    """Write stores of consecutive elements, from consecutive ones or one value, as loops."""
+    """Yield stores; those to consecutive elements, from consecutive ones or one value, as loops."""
     read = [_COPY.match(store) for store in stores]
     k = 0
     while k < len(stores):
@@ -117,9 +118,9 @@ def _follows(m: re.Match[str], o: re.Match[str], n: int) -> bool:
 def emit_update(f: Any, signature: str, first: int) -> str:
     """Return the C text of an update in place:  ``(V *b, const V *draws, uuv_mask due)``.
 
-    The new values of the cells of `b` from `first` on are written where `due` holds, after all
-    have been computed. Cells that keep their value are not touched; nor are, where no lane takes
-    a branch, those that only this branch changes.
+    The new values of the cells of `b` from `first` on are written in the lanes of `due`, after all
+    have been computed. Cells that keep their value are not written. Cells that only one branch
+    changes are not written if no lane takes this branch.
     """
     return _once(_update_text, f, signature, first)
 
@@ -128,7 +129,10 @@ def _update_text(f: Any, signature: str, first: int) -> str:
     nodes = nodes_of(f)
     items = scheduled(nodes)
     text = _Text(f, nodes, ["b", "draws"], "b")
-    last = _last_block(nodes, items)
+    # The largest block whose results are only stored can be computed last.
+    read = {i for n in nodes if not _stores(n) for i, _ in n.inputs}
+    blocks = [b for b in items if isinstance(b, Block) and read.isdisjoint(b.selections)]
+    last = max(blocks, key=lambda b: len(b.selections), default=None)
     before = [*text.lines([i for i in items if i is not last])]
     stored = [(first + f.instruction_output(n.k)[1], n.inputs[0]) for n in nodes if _stores(n)]
     once = Counter(source for _, source in stored)
@@ -164,24 +168,17 @@ def _stores(node: Node) -> bool:
     return node.op == ca.OP_OUTPUT
 
 
-def _last_block(nodes: list[Node], items: Sequence[int | Block]) -> Block | None:
-    """Return the largest block whose results are only stored: it can be the last to be computed."""
-    read = {i for n in nodes if not _stores(n) for i, _ in n.inputs}
-    blocks = [b for b in items if isinstance(b, Block) and read.isdisjoint(b.selections)]
-    return max(blocks, key=lambda b: len(b.selections), default=None)
-
-
 class _Text:
     """The lines of C that compute the instructions of a function."""
 
     def __init__(self, f: Any, nodes: list[Node], sources: list[str], result: str) -> None:
         self.f, self.nodes, self.sources, self.result = f, nodes, sources, result
-        self.value: dict[tuple[int, int], str] = {}  # C expressions of what is computed
+        self.value: dict[tuple[int, int], str] = {}  # C expressions of computed results
         self.stores: list[str] = []
         self.calls: Any = None
 
     def lines(self, items: Sequence[int | Block]) -> Iterator[str]:
-        """Write instructions and blocks, in this order."""
+        """Yield the lines of instructions and blocks, in this order."""
         for item in items:
             if isinstance(item, Block):
                 yield from self._block(item)
@@ -232,7 +229,7 @@ class _Text:
         raise UuvsimError(f"{self.f.name()}: CasADi operation {op} has no lowering to C")
 
     def _block(self, block: Block) -> Iterator[str]:
-        """Write the branch not taken, then the other one where the condition holds in any lane."""
+        """Yield the values of the `else` branch, then a block for lanes in which `c` holds."""
         for k in block.selections:
             otherwise = self._arguments(k)[2:] or ["uuv_const(0.0)"]
             yield f"V t{k} = {otherwise[0]};"
@@ -250,7 +247,7 @@ Lowering = Callable[[list[str]], str]
 
 
 def _call(f: Any, a: list[str]) -> list[str]:
-    """Lower a call of a table, of its partial derivative, or of its forward or adjoint one."""
+    """Lower a call of a table, or of its partial, forward or adjoint derivative."""
     name = f.name()
     if name in TABLES:
         return [table_call(name, "", a)]
@@ -277,13 +274,13 @@ def _call(f: Any, a: list[str]) -> list[str]:
 
 
 def emit_tables(functions: list[Any]) -> str:
-    """Write the data of every table that the functions call, in the order of their names."""
+    """Return the data of every table that the functions call, in the order of their names."""
     names = {g.name() for f in functions for g in f.find_functions()}
     return "".join(table_data(name) for name in sorted(names & set(TABLES)))
 
 
 def emit_networks(functions: list[Any]) -> str:
-    """Write the data of every network that the functions call, in the order of their names."""
+    """Return the data of every network that the functions call, in the order of their names."""
     called = (g.name() for f in functions for g in f.find_functions())
     names = {network_of(name) for name in called} & set(NETWORKS)
     return "".join([HEADER if names else "", *map(network_data, sorted(names))])

@@ -1,4 +1,4 @@
-"""A declaration's equations as CasADi functions of the block: what is lowered and compared."""
+"""The equations of a declaration as CasADi functions of the block, which are lowered to C."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Equations:
 
 
 def equations(model: Model) -> Equations:
-    """Collect a model's equations; raises ParameterInvalid where one is missing."""
+    """Collect a model's equations; raises ParameterInvalid if one is missing."""
     layout = Layout(model)
     b = layout.block
     for state in model.of_kind("state"):
@@ -70,7 +70,7 @@ def _column(parts: list[Any]) -> Any:
 
 
 def _in_order(layout: Layout, function: Any, derived: list[Any]) -> Any:
-    """Derived values may use earlier ones: substitute, so that one pass computes all."""
+    """Return the function of derived values; earlier ones are substituted in later ones."""
     symbols: list[Any] = []
     values: list[Any] = []
     for variable, value in zip(layout.model.of_kind("derived"), derived, strict=True):
@@ -82,7 +82,7 @@ def _in_order(layout: Layout, function: Any, derived: list[Any]) -> Any:
 
 
 def _update(layout: Layout, function: Any, clock: Any) -> Any:
-    """The new values of all discrete states after a tick; those without update stay."""
+    """Return the function of the discrete states after a clock's tick."""
     new = {v.name: expression for v, expression in clock.updates}
     z = _column([new.get(v.name, v.symbol) for v in layout.model.of_kind("discrete")])
     draws = ca.vertcat(*clock.draws) if clock.draws else ca.SX.sym("no_draws", 0)

@@ -45,12 +45,12 @@ class Layout:
         return next(p.offset for p in self.placed if p.variable.name == name)
 
     def derivative_of(self, state: Placed) -> int:
-        """Return the value reference of a state's derivative: they follow the block."""
+        """Return the value reference of a state's derivative; these follow the block."""
         return self.size + state.offset - self.offset["state"]
 
     @cached_property
     def block(self) -> Any:
-        """Return the symbols of everything before the outputs, as one SX column."""
+        """The symbols of all variables before the outputs, as one SX column."""
         parts = [self.model.t]
         for p in self.placed:
             if p.variable.kind != "output":

@@ -1,4 +1,4 @@
-"""A declaration becomes the C text of a component, for every backend the same."""
+"""Lowering of a declaration to the C text of a component, which is the same for every backend."""
 
 from __future__ import annotations
 
@@ -120,6 +120,7 @@ def _writing(f: object, name: str, offset: int) -> str:
 
 
 def _tables_of(eq: Equations, token: str) -> str:
+    """Return the C of a component's tables: start values, variables, clocks and offsets."""
     layout = eq.layout
     model = layout.model
     start = ["0.0"] * layout.size
@@ -128,7 +129,13 @@ def _tables_of(eq: Equations, token: str) -> str:
             for i, value in enumerate(p.variable.start):
                 start[p.offset + i] = literal(float(value))
     rows = [_row(p) for p in layout.placed if p.variable.kind != "derived"]
-    rows += [_derivative_row(layout, p) for p in layout.placed if p.variable.kind == "state"]
+    rows += [  # a state's derivative has its references after the block
+        f'    {{"der({p.variable.name})", {layout.derivative_of(p)}, {p.variable.size}, '
+        f"UUV_FLOAT64, UUV_DERIVATIVE, {1 if p.variable.shape else 0}, -__builtin_inf(), "
+        "__builtin_inf()},"
+        for p in layout.placed
+        if p.variable.kind == "state"
+    ]
     clocks = [
         f"    {{{c.period.numerator}u, {c.period.denominator}u, "
         f"{sum(d.numel() for d in c.draws)}, {c.index}, update_{c.index}}},"
@@ -159,16 +166,8 @@ def _tables_of(eq: Equations, token: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _derivative_row(layout: Layout, p: Placed) -> str:
-    """A state's derivative has its references after the block."""
-    v = p.variable
-    return (
-        f'    {{"der({v.name})", {layout.derivative_of(p)}, {v.size}, UUV_FLOAT64, '
-        f"UUV_DERIVATIVE, {1 if v.shape else 0}, -__builtin_inf(), __builtin_inf()}},"
-    )
-
-
 def _row(p: Placed) -> str:
+    """Return the row of a variable in the table that the FMI shells read."""
     v = p.variable
     kind = {
         "input": "UUV_INPUT",

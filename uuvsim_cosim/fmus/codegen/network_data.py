@@ -22,15 +22,15 @@ FORWARD, ADJOINT = "fwd1_wrap_", "adj1_wrap_"  # CasADi's names of a called func
 
 
 def network_of(called: str) -> str:
-    """Return the name of the network of which a function, or a derivative of it, is called."""
+    """Return the name of the network of a called function, which may be its derivative."""
     return called.removeprefix(FORWARD).removeprefix(ADJOINT)
 
 
 def network_call(k: int, called: str, a: list[str]) -> Iterator[str]:
     """Yield the line that calls a network, and then each value: ``t{k}.y[j]``.
 
-    `a` are the inputs; of the forward derivative (FORWARD) the inputs, the outputs and the seeds of
-    the inputs; of the reverse one (ADJOINT) the inputs, the outputs and the seeds of the outputs.
+    `a` are the inputs. A forward derivative (FORWARD) has inputs, outputs and the seeds of the
+    inputs; a reverse one (ADJOINT) has inputs, outputs and the seeds of the outputs.
     """
     name = network_of(called)
     n = NETWORKS[name]

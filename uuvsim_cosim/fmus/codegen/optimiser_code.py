@@ -1,9 +1,9 @@
-"""An optimiser in C: what CasADi generates of it, made part of a component's one file.
+"""An optimiser in C: CasADi's generated code, adapted to be a part of a component's file.
 
 Three things are changed in CasADi's text: sin, cos, … are those of fmus/runtime, so that platforms
-agree to the last bit; memory that CasADi keeps for one caller is of one thread; everything is local
-to the file. CasADi's own runtime in that text is under MIT No Attribution. One lane only: lanes of
-a kernel would wait for one another.
+agree to the last bit; memory that CasADi keeps for one caller is local to a thread; everything is
+local to the file. CasADi's own runtime in that text is under MIT No Attribution. It has one lane
+only, as the lanes of a kernel would wait for one another.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ __all__ = ["emit_optimisers", "optimiser_call", "optimisers_of"]
 
 _MATH = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "pow", "sqrt", "fabs",
          "floor", "fmin", "fmax")  # fmt: skip
-# What changes in CasADi's text, and is not of one call: it becomes that of one thread.
+# Variables of CasADi's text that change and outlive a call: they become local to a thread.
 _KEPT = re.compile(
     r"^static (?=(?:int|struct \w+) casadi_f\d+_(?:mem|unused|ref)\w*(?: =|\[))", re.M
 )
@@ -45,7 +45,7 @@ def optimiser_call(k: int, name: str, a: list[str]) -> Iterator[str]:
 
 
 def emit_optimisers(functions: list[Any]) -> str:
-    """Write the C of the optimiser that the functions call."""
+    """Return the C of the optimiser that the functions call."""
     names = optimisers_of(functions)
     if len(names) > 1:
         raise UuvsimError(f"{', '.join(names)}: {len(names)} optimisers in a component; expected 1")
@@ -54,7 +54,7 @@ def emit_optimisers(functions: list[Any]) -> str:
 
 @lru_cache
 def _text(name: str) -> str:
-    """Return CasADi's C of an optimiser, and `{name}_solved`, which gives NaN where it fails."""
+    """Return CasADi's C of an optimiser, and `{name}_solved`, which returns NaN if it fails."""
     f = OPTIMISERS[name]
     generator = ca.CodeGenerator(f"{name}_c.c", {"with_header": False})
     generator.add(f)
@@ -93,7 +93,7 @@ def _text(name: str) -> str:
 
 
 def _size(text: str, kind: str) -> int:
-    """Read how much work space CasADi's text asks for."""
+    """Read the size of a work space that CasADi's text requires."""
     found = re.search(_SIZE.format(kind), text, re.M)
     assert found is not None
     return max(int(found[1]), 1)

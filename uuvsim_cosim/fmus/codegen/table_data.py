@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import Any
 
 from uuvsim_cosim.models.intrinsics.even_knots import Even, even
 from uuvsim_cosim.models.intrinsics.knots import Bends, bends
@@ -28,7 +27,7 @@ def table_call(name: str, suffix: str, a: list[str]) -> str:
 
 
 def table_data(name: str) -> str:
-    """Return the numbers of a table: those of its derivatives, and those of its own form."""
+    """Return the data of a table, and of its faster form for uniform grids or breakpoints."""
     table = TABLES[name]
     arrays = {"x": table.x, "values": table.values}
     if table.n_in == 2:
@@ -67,9 +66,9 @@ def _bent(table: Table, b: Bends) -> Iterator[str]:
     yield f"static const uuv_bent {name}_bent = {{{numbers}, {{{ats}}}, {{{rows}}}}};\n"
 
 
-def _structs(rows: Any) -> str:
+def _structs(rows: Iterable[Iterable[float]]) -> str:
     return ", ".join(f"{{{_numbers(row)}}}" for row in rows)
 
 
-def _numbers(values: Iterable[Any]) -> str:
+def _numbers(values: Iterable[float]) -> str:
     return ", ".join(repr(float(v)) for v in values)

@@ -1,4 +1,4 @@
-"""C becomes a shared library: zig from PyPI by default, ``CC`` instead where it is set."""
+"""Compilation of C to a shared library by zig from PyPI, or by ``CC`` if that is set."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ PLATFORMS = (
     Platform("aarch64-darwin", "aarch64-darwin", "aarch64-macos", ".dylib"),
 )
 
-# No FMA contraction: FMU, native component and kernel agree to the last bit.
+# No FMA contraction, so that FMU, native component and kernel agree to the last bit.
 FLAGS = ("-std=c11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fvisibility=hidden")
 
 
@@ -75,10 +75,10 @@ def platform_named(name: str) -> Platform:
 
 
 def component_flags(platform: Platform) -> list[str]:
-    """Return the options of a component's library beyond those of every library."""
-    flags = ["-g0", "-s"]  # no folder of this machine inside
+    """Return the additional options of a component's library."""
+    flags = ["-g0", "-s"]  # the library must not contain paths of this machine
     if platform.suffix == ".so":
-        # Else an importer that loads with RTLD_GLOBAL would mix up two components.
+        # Without it, an importer that loads with RTLD_GLOBAL would mix up two components.
         flags.append("-Wl,-Bsymbolic")
     return flags
 
@@ -140,12 +140,12 @@ def compile_shared(
     include: Sequence[Path] = (),
     flags: Sequence[str] = (),
 ) -> Path:
-    """Compile C files into one shared library in the cache, and give its path.
+    """Compile C files into one shared library in the cache; return its path.
 
-    The cache's key holds the contents of the sources and of every header in the `include`
-    folders, the flags, and the compiler. Sources that many libraries have in common come first:
-    zig keeps their objects, but by the first source's name. Raises ToolchainError with the
-    compiler's own words.
+    The key of the cache includes the contents of the sources and of every header in the `include`
+    folders, the flags, and the compiler. Sources that many libraries share should come first: zig
+    caches their objects by the name of the first source. Raises ToolchainError with the compiler's
+    message.
     """
     target = platform_named(platform)
     command, identity = compiler()
@@ -189,7 +189,7 @@ def compile_shared(
                 f"the C compiler {_named(command)} reports no error, but wrote no library; "
                 f"expected {_EXPECTED}"
             ) from None
-    if contents() != key:  # else the library of other contents would lie under this key for good
+    if contents() != key:  # otherwise the cache would keep a wrong library under this key
         raise ToolchainError(
             f"{name}: its C was changed while it was compiled; expected files that rest"
         )
@@ -198,16 +198,17 @@ def compile_shared(
 
 
 def _run(command: list[str]) -> None:
+    """Run the compiler; raises ToolchainError with its message if it fails."""
     done = _ran(command)
     own = "ziglang" in command and not set(_ZIG_CACHES) & set(os.environ)
     if done.returncode != 0 and own and not _DIAGNOSTIC.search(done.stderr):
-        # Not the source's fault: zig trusts the objects in its cache, which may be damaged.
+        # No error in the source: zig does not check the objects in its cache, which may be damaged.
         shutil.rmtree(cache_dir("zig"), ignore_errors=True)
         done = _ran(command)
     if done.returncode != 0:
-        words = (done.stderr.strip() or done.stdout.strip()).splitlines()
+        lines = (done.stderr.strip() or done.stdout.strip()).splitlines()
         reason = (
-            f": {' | '.join(words[:6])}" if words else f" and said nothing; expected {_EXPECTED}"
+            f": {' | '.join(lines[:6])}" if lines else f" and said nothing; expected {_EXPECTED}"
         )
         raise ToolchainError(
             f"the C compiler {_named(command)} failed with status {done.returncode}{reason}"

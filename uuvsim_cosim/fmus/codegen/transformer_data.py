@@ -11,12 +11,8 @@ from uuvsim_cosim.models.intrinsics.transformer import Transformer
 __all__ = ["transformer_text"]
 
 
-def transformer_text(n: Transformer) -> str:
-    """Return the tensors of a transformer, and its function of its inputs."""
-    return "".join(_text(n))
-
-
-def _text(n: Transformer) -> Iterator[str]:
+def transformer_text(n: Transformer) -> Iterator[str]:
+    """Yield the tensors of a transformer, and its function of its inputs."""
     arrays: list[str] = []
 
     def layer(name: str, kind: str = "UUV_LINEAR") -> str:

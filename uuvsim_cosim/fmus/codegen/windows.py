@@ -19,7 +19,7 @@ Ran = Callable[[list[str]], "subprocess.CompletedProcess[str]"]
 
 
 def windows_files() -> list[Path]:
-    """List what every library for Windows is linked with."""
+    """List the files that every library for Windows is linked with."""
     return sorted(content("fmus", "runtime", "windows").iterdir())
 
 
@@ -27,10 +27,10 @@ def linked_lightly(
     run: Ran, command: Sequence[str], arguments: Sequence[str], includes: Sequence[str],
     sources: Sequence[Path], scratch: Path, library: Path,
 ) -> bool:  # fmt: skip
-    """Compile and link with the few imports; False where the sources need more of C than that.
+    """Compile and link with few imports; return False if the sources need more of C.
 
-    `command` is zig's compiler, `arguments` its target and flags, `-l` among them. Nothing is said
-    of what fails: the whole compilation that then follows says it.
+    `command` is zig's compiler, `arguments` its target and flags, including `-l`. Errors are not
+    reported: the complete compilation, which then follows, reports them.
     """
     folder = windows_files()[0].parent
     asked = [a[2:] for a in arguments if a.startswith("-l")]

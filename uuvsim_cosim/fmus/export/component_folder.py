@@ -37,7 +37,7 @@ def write_all(root: Path | None = None) -> list[Path]:
 
 
 def stale(model: Model, folder: Path) -> list[str]:
-    """Name the files of a component's folder that are not what the declaration gives now."""
+    """Return the files of a component's folder that differ from those of its declaration now."""
     wrong = []
     for name, text in folder_texts(model).items():
         file = folder / name
@@ -49,7 +49,7 @@ def stale(model: Model, folder: Path) -> list[str]:
 
 
 def shipped(root: Path | None = None) -> list[str]:
-    """Name the components that have a folder."""
+    """Return the names of the components that have a folder."""
     top = content("fmus", "components") if root is None else root
     return sorted(p.parent.name for p in top.glob("*/modelDescription.xml"))
 
@@ -58,7 +58,7 @@ def folder_texts(model: Model) -> dict[str, str]:
     """Return the files of a component's folder.
 
     The model description is that of FMI 3.0, with a token and a tool that do not change with
-    every build: what shows in a review is the interface.
+    every build, so that a difference is always one of the interface.
     """
     lowered = lower(model)
     description = describe(model, lowered.equations)
@@ -74,6 +74,7 @@ def folder_texts(model: Model) -> dict[str, str]:
 
 
 def _close(there: str, now: str) -> bool:
+    """Return whether two CSV tables have the same columns, and numbers within the tolerance."""
     tables = [list(csv.reader(text.splitlines())) for text in (there, now)]
     if not tables[0] or tables[0][0] != tables[1][0] or len(tables[0]) != len(tables[1]):
         return False

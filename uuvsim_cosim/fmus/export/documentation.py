@@ -1,22 +1,22 @@
-"""Documentation inside an exported component: its table of variables, and CSV of a run."""
+"""Documentation in an exported component: its table of variables, and CSV of a run."""
 
 from __future__ import annotations
 
 import html
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
 from uuvsim_cosim.fmus.description import Description, Variable
 
-__all__ = ["csv_text", "index_html", "variables_markdown"]
+__all__ = ["Row", "csv_text", "index_html", "variables_markdown"]
 
+Row = Mapping[str, float | np.ndarray]  # values by name; `time` is the time [s]
 _COLUMNS = ("name", "type", "causality", "variability", "unit", "start", "min", "max", "meaning")
 
 
-def csv_text(variables: Sequence[Variable], rows: Iterable[Mapping[str, Any]]) -> str:
-    """Write one column for the time and one for each element, in digits that read back exactly."""
+def csv_text(variables: Sequence[Variable], rows: Iterable[Row]) -> str:
+    """Return CSV with a column for the time and one for each element, with all digits."""
     names = ["time", *(name for v in variables for name in v.element_names)]
     lines = [",".join(f'"{n}"' if "," in n else n for n in names)]
     for row in rows:
@@ -26,7 +26,7 @@ def csv_text(variables: Sequence[Variable], rows: Iterable[Mapping[str, Any]]) -
 
 
 def variables_markdown(description: Description) -> str:
-    """Write the table of variables as Markdown."""
+    """Return the table of variables as Markdown."""
     lines = [f"# {description.name}", ""]
     if description.description:
         lines += [" ".join(description.description.split()), ""]
@@ -38,7 +38,7 @@ def variables_markdown(description: Description) -> str:
 
 
 def index_html(description: Description) -> str:
-    """Write the page that FMI tools show as a component's documentation."""
+    """Return the page that FMI tools show as a component's documentation."""
     head = "".join(f"<th>{c}</th>" for c in _COLUMNS)
     rows = "\n".join(
         "<tr>" + "".join(f"<td>{html.escape(c)}</td>" for c in _cells(v)) + "</tr>"
@@ -77,24 +77,21 @@ Licences: <a href="licenses/license.txt">of the component</a>,
 
 
 def _cells(v: Variable) -> list[str]:
+    """Return a variable's cells of the table; a start with equal elements is one number."""
     shape = f"[{', '.join(map(str, v.shape))}]" if v.shape else ""
+    flat = [] if v.start is None else np.ravel(v.start).tolist()
+    if len(set(flat)) == 1:
+        start = f"{flat[0]:g}" if not isinstance(flat[0], bool) else str(flat[0]).lower()
+    else:
+        start = ", ".join(f"{x:g}" for x in flat)
     return [
         v.name + shape,
         v.type,
         v.causality,
         v.variability,
         ", ".join(unit or "1" for unit in v.element_units) or v.unit or "",
-        _start(v),
+        start,
         "" if v.min is None else f"{v.min:g}",
         "" if v.max is None else f"{v.max:g}",
         " ".join(v.description.split()),
     ]
-
-
-def _start(v: Variable) -> str:
-    if v.start is None:
-        return ""
-    flat = np.ravel(v.start).tolist()
-    if len(set(flat)) == 1:
-        return f"{flat[0]:g}" if not isinstance(flat[0], bool) else str(flat[0]).lower()
-    return ", ".join(f"{x:g}" for x in flat)

@@ -1,4 +1,4 @@
-"""A declaration becomes an .fmu: binaries, sources, documentation and a reference result."""
+"""Export of a declaration as an .fmu: binaries, sources, documentation and a reference result."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def build_fmu(
     platforms: Sequence[str] = ("host",),
     target: Path | None = None,
 ) -> Path:
-    """Build an .fmu and give its path: `target` (a file, or a folder), else in the cache.
+    """Build an .fmu and return its path: `target` (a file, or a folder), else in the cache.
 
     The same declaration, platforms and compiler give the same bytes. Raises ToolchainError if a
     platform cannot be compiled for, and InputInvalid if `target` cannot be written.
@@ -54,22 +54,19 @@ def build_fmu(
     wanted = sorted({platform_named(p).fmi2 for p in platforms})
     lowered = model if isinstance(model, Lowered) else lower(model)
     identifier = model_identifier(declared.name)
-    name = f"{identifier}.fmu"
     members = {k: v.encode() for k, v in _texts(lowered, fmi).items()}
     for place in map(platform_named, wanted):
         folder = place.fmi2 if fmi == 2 else place.fmi3
         binary = f"{identifier}{place.suffix}"
         members[f"binaries/{folder}/{binary}"] = compile_fmu(lowered, place.fmi2).read_bytes()
-    members |= _results(lowered)
-    parts = [part for k in sorted(members) for part in (k, members[k])]
-    cached = cache_dir("fmus", content_hash(parts)) / name
-    if not intact(cached):
-        keep(cached, _archive(members))
-    if target is None:
-        return cached
-    file = target if target.suffix == ".fmu" else target / name
-    _write(file, cached.read_bytes())
-    return file
+    description = describe(declared, lowered.equations)
+    given, results = reference_result(lowered, compile_fmu(lowered))
+    rows = {
+        "documentation/input.csv": csv_text(description.of("input"), given),
+        "documentation/reference.csv": csv_text(description.of("output"), results),
+    }
+    members |= {k: v.encode() for k, v in rows.items()}
+    return _packed(members, f"{identifier}.fmu", target)
 
 
 def build_many(
@@ -78,11 +75,11 @@ def build_many(
     platforms: Sequence[str] = ("host",),
     target_dir: Path | None = None,
 ) -> list[Path]:
-    """Build an .fmu for each named declaration of the library, and give their paths.
+    """Build an .fmu for each named declaration of the library, and return their paths.
 
     A name may have options, as in a system: ``multibeam@p900?scene=tacoma``.
     """
-    models = [declare_source(name) for name in names]  # a wrong one is refused before any is built
+    models = [declare_source(name) for name in names]  # all, before any is built, as it may raise
     if len({model_identifier(m.name) for m in models}) < len(models):
         raise InputInvalid(f"{', '.join(names)}: two would be the same file; expected one a call")
     return [build_fmu(m, fmi=fmi, platforms=platforms, target=target_dir) for m in models]
@@ -91,7 +88,7 @@ def build_many(
 def compile_fmu(lowered: Lowered, platform: str = "host") -> Path:
     """Compile one library with both FMI shells and the native functions; cached.
 
-    One compilation serves FMI 2.0 and FMI 3.0: the shells' objects are the compiler's to keep.
+    One library serves FMI 2.0 and FMI 3.0; the compiler caches the objects of the shells.
     """
     shells = [runtime_file(f"fmi{fmi}_shell.c") for fmi in (2, 3)]
     return compile_shared(
@@ -104,8 +101,21 @@ def compile_fmu(lowered: Lowered, platform: str = "host") -> Path:
 
 
 def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
-    """Write a zip file, whole or not at all; equal members give equal bytes."""
+    """Write a zip file completely or not at all; equal members give equal bytes."""
     _write(path, _archive(members))
+
+
+def _packed(members: Mapping[str, bytes], name: str, target: Path | None) -> Path:
+    """Return the path of an archive: `target` (a file, or a folder), else in the cache."""
+    parts = [part for k in sorted(members) for part in (k, members[k])]
+    cached = cache_dir("fmus", content_hash(parts)) / name
+    if not intact(cached):
+        keep(cached, _archive(members))
+    if target is None:
+        return cached
+    file = target if target.suffix == ".fmu" else target / name
+    _write(file, cached.read_bytes())
+    return file
 
 
 def _archive(members: Mapping[str, bytes]) -> bytes:
@@ -131,7 +141,7 @@ def _write(path: Path, data: bytes) -> None:
 
 
 def _texts(lowered: Lowered, fmi: FmiVersion) -> dict[str, str]:
-    """Return every member that is text, but for the reference result."""
+    """Return the members that are text, except the reference result."""
     identifier = model_identifier(lowered.model.name)
     description = describe(lowered.model, lowered.equations)
     compiled = [f"{identifier}.c", "uuv_runtime.c", f"fmi{fmi}_shell.c"]
@@ -159,7 +169,7 @@ def _texts(lowered: Lowered, fmi: FmiVersion) -> dict[str, str]:
 
 
 def _licence_of_headers(fmi: FmiVersion) -> str:
-    """Return the notice of FMI's headers, which a binary made with them must reproduce."""
+    """Return the notice of FMI's headers, which must accompany a binary made with them."""
     text = (fmi_headers() / f"fmi{fmi}FunctionTypes.h").read_text(encoding="utf-8")
     begin = text.index("Copyright")
     notice = text[begin : text.index("*/", begin)].strip()
@@ -178,12 +188,3 @@ def _build_description(identifier: str, compiled: Sequence[str]) -> str:
     for name in compiled:
         SubElement(files, "SourceFile", name=name)
     return xml_text(root)
-
-
-def _results(lowered: Lowered) -> dict[str, bytes]:
-    description = describe(lowered.model, lowered.equations)
-    given, results = reference_result(lowered, compile_fmu(lowered))
-    return {
-        "documentation/input.csv": csv_text(description.of("input"), given).encode(),
-        "documentation/reference.csv": csv_text(description.of("output"), results).encode(),
-    }

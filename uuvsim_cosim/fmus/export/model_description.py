@@ -1,11 +1,10 @@
-"""A declaration becomes a modelDescription.xml of FMI 2.0 or FMI 3.0."""
+"""Export of a declaration's modelDescription.xml for FMI 2.0 or FMI 3.0."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
@@ -32,7 +31,7 @@ _FMI2_TYPES = {"Float64": "Real", "Int32": "Integer", "Boolean": "Boolean"}
 
 
 def model_identifier(name: str) -> str:
-    """Return the name as FMI needs it: a C identifier, which is also the binary's name."""
+    """Return the name as a C identifier, which FMI requires; it is also the binary's name."""
     identifier = re.sub(r"\W", "_", name, flags=re.ASCII)
     return identifier if re.match(r"[A-Za-z_]", identifier) else f"_{identifier}"
 
@@ -43,7 +42,12 @@ def model_description(
     """Return the XML text; `sources` are listed in FMI 2.0, and the tool's version in a release."""
     model = eq.layout.model
     description = describe(model, eq)
-    _refuse_names(description)
+    for name in description.variables:
+        if name == "time" or _NAME.match(name) is None:
+            raise ParameterInvalid(
+                f"{description.name}: variable {name!r} cannot be exported; expected a name of "
+                "letters, digits, '_' and '.', other than 'time'"
+            )
     tool = f"uuvsim-cosim {__version__}" if release else "uuvsim-cosim"
     root = Element(
         "fmiModelDescription",
@@ -57,7 +61,7 @@ def model_description(
             "variableNamingConvention": "structured",
         },
     )
-    for interface in ("ModelExchange", "CoSimulation"):  # FMI 3.0 wants them in this order
+    for interface in ("ModelExchange", "CoSimulation"):  # FMI 3.0 requires this order
         _interface(root, fmi, interface, model_identifier(model.name), sources)
     derivatives = state_derivatives(eq, description.variables)
     _units(root, replace(description, units={**description.units, **rate_units(derivatives)}))
@@ -78,19 +82,10 @@ def model_description(
 
 
 def xml_text(root: Element) -> str:
-    """Write an element as indented XML, the same for the same content."""
+    """Return an element as indented XML; the same content gives the same text."""
     indent(root)
     text: str = tostring(root, encoding="unicode")
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'
-
-
-def _refuse_names(description: Description) -> None:
-    for v in description.variables.values():
-        if v.name == "time" or _NAME.match(v.name) is None:
-            raise ParameterInvalid(
-                f"{description.name}: variable {v.name!r} cannot be exported; expected a name of "
-                "letters, digits, '_' and '.', other than 'time'"
-            )
 
 
 def _interface(
@@ -115,7 +110,7 @@ def _interface(
 
 def _units(root: Element, description: Description) -> None:
     units = SubElement(root, "UnitDefinitions")
-    known = {**description.units, "s": parse_unit("s")}  # time has a unit, too
+    known = {**description.units, "s": parse_unit("s")}  # of the independent variable
     for name in sorted(known):
         unit = known[name]
         base = {b: str(e) for b, e in zip(BASE, unit.exponents, strict=True) if e}
@@ -136,7 +131,8 @@ def _common(v: Variable, name: str, reference: int) -> dict[str, str]:
     return attributes
 
 
-def _value(v: Variable, unit: str | None, starts: Iterable[Any] | None) -> dict[str, str]:
+def _value(v: Variable, unit: str | None, starts: Iterable[float] | None) -> dict[str, str]:
+    """Return the attributes for unit, bounds and start."""
     attributes = {}
     if unit is not None:
         attributes["unit"] = unit
@@ -145,14 +141,13 @@ def _value(v: Variable, unit: str | None, starts: Iterable[Any] | None) -> dict[
             if bound is not None:
                 attributes[key] = str(int(bound)) if v.type == "Int32" else _number(bound)
     if starts is not None:
-        attributes["start"] = " ".join(_start(v, s) for s in starts)
+        attributes["start"] = " ".join(
+            ("true" if s else "false") if v.type == "Boolean"
+            else str(int(s)) if v.type == "Int32"
+            else _number(float(s))
+            for s in starts
+        )  # fmt: skip
     return attributes
-
-
-def _start(v: Variable, value: Any) -> str:
-    if v.type == "Boolean":
-        return "true" if value else "false"
-    return str(int(value)) if v.type == "Int32" else _number(float(value))
 
 
 def _number(value: float) -> str:

@@ -22,16 +22,16 @@ FmiVersion = Literal[2, 3]
 
 @dataclass(frozen=True)
 class Places:
-    """How XML refers to a place of the block: by index (FMI 2) or value reference (FMI 3)."""
+    """References in XML to offsets of the block: by index (FMI 2) or value reference (FMI 3)."""
 
-    reference: Callable[[int], str | None]  # None: the place is not exposed
+    reference: Callable[[int], str | None]  # None: the variable is not exposed
     outputs: list[tuple[str, range]]  # reference and elements of each output
     states: list[tuple[str, range]]  # and of each continuous state
     derivatives: list[tuple[str, range]]  # the same elements, as references to derivatives
 
 
 def model_structure(root: Element, fmi: FmiVersion, eq: Equations, places: Places) -> None:
-    """Write it below `root`."""
+    """Add the element ModelStructure to `root`."""
     structure = SubElement(root, "ModelStructure")
     direct = direct_kinds(eq)
     first = eq.layout.offset["output"]
@@ -74,7 +74,7 @@ def _initial_unknowns(structure: Element, fmi: FmiVersion, eq: Equations, places
             unknowns.append((name, sorted((k for k in found if k is not None), key=int)))
     parent = structure
     if fmi == 2:
-        unknowns.sort(key=lambda u: int(u[0]))  # in this order, says FMI 2.0
+        unknowns.sort(key=lambda u: int(u[0]))  # FMI 2.0 requires this order
         parent = SubElement(structure, "InitialUnknowns") if unknowns else structure
     for name, knowns in unknowns:
         SubElement(

@@ -1,4 +1,4 @@
-"""The derivatives of the states, as a model description lists them for Model Exchange."""
+"""The derivatives of the states as variables of a model description, for Model Exchange."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _PER_TIME = re.compile(r"/s(\d*)$")
 
 
 def state_derivatives(eq: Equations, states: Mapping[str, Variable]) -> dict[str, Variable]:
-    """Return ``der(x)`` for each continuous state, by the state's name; see `Layout` for where."""
+    """Return ``der(x)`` for each continuous state, by the state's name; `Layout` places them."""
     found: dict[str, Variable] = {}
     for p in eq.layout.placed:
         if p.variable.kind == "state":

@@ -1,4 +1,4 @@
-"""The FMU of a whole system is compiled and packed: binaries, sources, a page of documentation."""
+"""The archive of a whole system's FMU: binaries, sources, a page of documentation."""
 
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ from uuvsim_cosim.fmus.codegen.toolchain import (
     fmi_headers,
     platform_named,
 )
-from uuvsim_cosim.fmus.export.export import _archive, _build_description, _licence_of_headers
-from uuvsim_cosim.fmus.export.export import _write as write_file
+from uuvsim_cosim.fmus.export.export import _build_description, _licence_of_headers, _packed
 from uuvsim_cosim.fmus.export.model_description import FmiVersion
 from uuvsim_cosim.fmus.export.system_description import Whole, index_page, whole_description
 
@@ -30,19 +29,19 @@ _OTHERS = ("uuv_float_", "uuv_client", "uuv_json", "uuv_socket", "uuv_token")
 
 @dataclass(frozen=True)
 class WholeFmu:
-    """What a whole system's FMU is made of; `texts` are its generated C files by name."""
+    """The parts of a whole system's FMU; `texts` are its generated C files by name."""
 
     whole: Whole
     texts: Mapping[str, str]
     include: tuple[Path, ...]  # folders of headers, which go into the archive's sources
     page: str
     libraries: Mapping[str, Sequence[str]] | None = None  # by suffix of the binary
-    portable: bool = True  # the sources alone make a component
+    portable: bool = True  # the FMU can be compiled from its sources only
 
 
 @lru_cache
 def sources_of() -> tuple[bytes, ...]:
-    """Return the contents of the C that is not generated: it decides about a token, too."""
+    """Return the contents of the C that is not generated, which is a part of a token's hash."""
     folders = [content("fmus", "whole"), content("fmus", "kernels")]
     files = [f for folder in folders for f in sorted(folder.glob("*.[ch]"))]
     return tuple(f.read_bytes() for f in [*files, *runtime_files()])
@@ -51,7 +50,7 @@ def sources_of() -> tuple[bytes, ...]:
 def compiled(
     fmu: WholeFmu, *, fmi: FmiVersion, platforms: Sequence[str], target: Path | None
 ) -> Path:
-    """Compile and pack, and give the path; the same system gives the same bytes."""
+    """Compile and pack; return the path. The same system gives the same bytes."""
     whole = fmu.whole
     if fmi not in (2, 3):
         raise InputInvalid(f"{whole.identifier}: FMI version {fmi!r}; expected 2 or 3")
@@ -60,16 +59,7 @@ def compiled(
         folder = place.fmi2 if fmi == 2 else place.fmi3
         binary = library(fmu, place.fmi2).read_bytes()
         members[f"binaries/{folder}/{whole.identifier}{place.suffix}"] = binary
-    parts = [part for k in sorted(members) for part in (k, members[k])]
-    name = f"{whole.identifier}.fmu"
-    cached = cache_dir("fmus", content_hash(parts)) / name
-    if not intact(cached):
-        keep(cached, _archive(members))
-    if target is None:
-        return cached
-    file = target if target.suffix == ".fmu" else target / name
-    write_file(file, cached.read_bytes())
-    return file
+    return _packed(members, f"{whole.identifier}.fmu", target)
 
 
 def library(fmu: WholeFmu, platform: str = "host") -> Path:
@@ -91,6 +81,7 @@ def library(fmu: WholeFmu, platform: str = "host") -> Path:
 
 
 def _texts(fmu: WholeFmu, fmi: FmiVersion) -> dict[str, str]:
+    """Return the members that are text."""
     whole = fmu.whole
     shell = f"whole_fmi{fmi}.c"
     listed = [*fmu.texts, shell] if fmu.portable else []

@@ -28,7 +28,7 @@ _FMI2_TYPES = {"Float64": "Real", "Int32": "Integer", "Boolean": "Boolean", "Str
 
 @dataclass(frozen=True)
 class Whole:
-    """What the FMU of a whole system says of itself; value references are places in its block."""
+    """The description of a whole system's FMU; value references are offsets in its block."""
 
     identifier: str
     description: Description
@@ -36,11 +36,11 @@ class Whole:
     tick: Fraction  # s
     stop_time: float  # s
     states: bool  # its state can be saved
-    needs_tool: bool  # it is nothing without another program
+    needs_tool: bool  # it needs another program
 
     @property
     def size(self) -> int:
-        """Return the number of values of the block; texts follow it."""
+        """The number of values of the block; texts follow it."""
         variables = [v for v in self.description.variables.values() if v.type != "String"]
         last = max(variables, key=lambda v: v.value_references[0])
         return last.value_references[0] + last.size
@@ -49,8 +49,8 @@ class Whole:
 def whole_description(w: Whole, fmi: FmiVersion, sources: Sequence[str] = ()) -> str:
     """Return the XML text of FMI 2.0 or FMI 3.0.
 
-    An output at a communication point follows from the last step alone, so that it depends on no
-    input; initially it may depend on all.
+    An output at a communication point results from the last step, so that it depends on no input;
+    in initialization it may depend on all.
     """
     d = w.description
     root = Element(
@@ -84,7 +84,7 @@ def _co_simulation(root: Element, w: Whole, fmi: FmiVersion, sources: Sequence[s
     attributes = {"modelIdentifier": w.identifier}
     if w.needs_tool:
         attributes["needsExecutionTool"] = "true"
-        # there is one co-simulation, of which two instances would be two hands
+        # Two instances would control the same co-simulation.
         attributes["canBeInstantiatedOnlyOncePerProcess"] = "true"
     if w.states:
         state = "FMUstate" if fmi == 2 else "FMUState"
@@ -108,18 +108,23 @@ def _variables_and_structure(root: Element, d: Description, fmi: FmiVersion) -> 
         SubElement(parent, "Float64", {**time, "variability": "continuous", "unit": "s"})
     index = 0
     for v in d.variables.values():
-        for i, (name, reference) in enumerate(_scalars(v) if fmi == 2 else [(v.name, None)]):
-            index += 1
-            known = v.value_references[0] if reference is None else reference
-            common = _common(v, name, known)
-            values = _values(v, i if fmi == 2 else None)
-            if fmi == 2:
-                scalar = SubElement(parent, "ScalarVariable", common)
-                SubElement(scalar, _FMI2_TYPES[v.type], values)
-            else:
-                _fmi3_variable(parent, v, common, values)
+        first = v.value_references[0]
+        if fmi == 3:
+            _fmi3_variable(parent, v)
             if v.causality == "output":
-                outputs.append(str(index if fmi == 2 else known))
+                outputs.append(str(first))
+            continue
+        starts = None if v.start is None or v.type == "String" else np.ravel(v.start).tolist()
+        for i, name in enumerate(v.element_names):
+            index += 1
+            start = None if starts is None else [starts[i]]
+            scalar = SubElement(parent, "ScalarVariable", _common(v, name, first + i))
+            values = {"start": str(v.start)}
+            if v.type != "String":
+                values = _value(v, v.unit_of_element(i), start)
+            SubElement(scalar, _FMI2_TYPES[v.type], values)
+            if v.causality == "output":
+                outputs.append(str(index))
     structure = SubElement(root, "ModelStructure")
     key = "index" if fmi == 2 else "valueReference"
     for tag, more in (("Output", {"dependencies": ""}), ("InitialUnknown", {})):
@@ -128,27 +133,13 @@ def _variables_and_structure(root: Element, d: Description, fmi: FmiVersion) -> 
             SubElement(inside, "Unknown" if fmi == 2 else tag, {key: known_as, **more})
 
 
-def _scalars(v: Variable) -> list[tuple[str, int | None]]:
-    return [(n, v.value_references[0] + i) for i, n in enumerate(v.element_names)]
-
-
-def _values(v: Variable, element: int | None) -> dict[str, str]:
-    """Return unit, bounds and start of an element, or of the whole variable."""
+def _fmi3_variable(parent: Element, v: Variable) -> None:
+    common = _common(v, v.name, v.value_references[0])
     if v.type == "String":
-        return {"start": str(v.start)}
-    starts = None if v.start is None else np.ravel(v.start).tolist()
-    if element is None:
-        return _value(v, v.unit, starts)
-    return _value(v, v.unit_of_element(element), None if starts is None else [starts[element]])
-
-
-def _fmi3_variable(
-    parent: Element, v: Variable, common: dict[str, str], values: dict[str, str]
-) -> None:
-    if v.type == "String":
-        SubElement(SubElement(parent, "String", common), "Start", value=values["start"])
+        SubElement(SubElement(parent, "String", common), "Start", value=str(v.start))
         return
-    element = SubElement(parent, v.type, {**common, **values})
+    starts = None if v.start is None else np.ravel(v.start).tolist()
+    element = SubElement(parent, v.type, {**common, **_value(v, v.unit, starts)})
     if v.element_units:  # FMI 3.0 has one unit for the whole array
         note = SubElement(SubElement(element, "Annotations"), "Annotation", type=UNITS_ANNOTATION)
         note.text = " ".join(unit or "1" for unit in v.element_units)
@@ -197,7 +188,7 @@ def _bound(value: float | None, sign: str) -> str:
 
 
 def index_page(w: Whole, text: str) -> str:
-    """Write the page that FMI tools show: what this is, then its variables."""
+    """Return the page that FMI tools show: a text, then the variables."""
     rows = []
     for v in w.description.variables.values():
         shape = f"[{', '.join(map(str, v.shape))}]" if v.shape else ""

@@ -1,4 +1,4 @@
-"""An FMU or SSP archive is unpacked once, into a cache folder keyed by its content, or refused."""
+"""Unpacking of an FMU or SSP archive, once, into a cache folder that is keyed by its content."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["shown", "unpack"]
 
 MAX_MEMBERS = 50_000
 MAX_BYTES = 4 * 1024**3
-# Text packs 50 to 1, zeros pack 1000 to 1; small archives are left alone.
+# Text is compressed 50 to 1, zeros 1000 to 1; small archives are not checked.
 MAX_RATIO = 200
 RATIO_MATTERS_FROM_BYTES = 64 * 1024**2
 _CHUNK = 1 << 20
@@ -27,11 +27,11 @@ _DRIVE = re.compile(r"^[A-Za-z]:")
 
 
 def unpack(path: Path, *, must_contain: str | None = None) -> Path:
-    """Return the folder with the archive's members; unpacks on first sight of this content.
+    """Return the folder with the archive's members; unpack it if this content is new.
 
-    `must_contain` is the member that makes the archive what it should be; by default
-    ``SystemStructure.ssd`` for .ssp, else ``modelDescription.xml``. Raises FmuError if the
-    archive is missing, corrupt, would leave its folder, or is out of all proportion.
+    `must_contain` is a required member; by default ``SystemStructure.ssd`` for .ssp, else
+    ``modelDescription.xml``. Raises FmuError if the archive is missing or corrupt, if a member
+    would leave its folder, or if it is much larger unpacked.
     """
     if must_contain is None:
         is_ssp = path.suffix.lower() == ".ssp"
@@ -55,7 +55,7 @@ _came_from: dict[Path, Path] = {}
 
 
 def shown(path: Path) -> str:
-    """Name a file for the user: one of an unpacked archive by the archive that it came from."""
+    """Return a file's name for the user; a file of an unpacked archive is named by the archive."""
     for folder in path.parents:
         if folder in _came_from:
             return f"{shown(_came_from[folder])}/{path.relative_to(folder).as_posix()}"
@@ -79,6 +79,7 @@ def _read(path: Path) -> bytes:
 
 
 def _checked(archive: zipfile.ZipFile, path: Path, must_contain: str) -> Iterator[zipfile.ZipInfo]:
+    """Yield the members; raises FmuError for an archive that is not safe to unpack."""
     members = archive.infolist()
     if len(members) > MAX_MEMBERS:
         raise FmuError(f"{shown(path)}: {len(members)} members; expected at most {MAX_MEMBERS}")
@@ -93,49 +94,44 @@ def _checked(archive: zipfile.ZipFile, path: Path, must_contain: str) -> Iterato
             f"{shown(path)}: an archive bomb, unpacks to {total // packed} times its size; "
             f"expected at most {MAX_RATIO} times"
         )
-    for member in members:  # archives made on Windows, by tools that do not care
+    for member in members:  # some tools on Windows write "\"
         member.filename = member.filename.replace("\\", "/")
     if not any(m.filename == must_contain for m in members):
         raise FmuError(
             f"{shown(path)}: has no {must_contain}; expected it at the top of the archive"
         )
     for member in members:
-        _refuse_outside(member, path)
+        name = member.orig_filename.replace("\\", "/")
+        outside = (
+            not name
+            or name.startswith("/")
+            or "\0" in name
+            or _DRIVE.match(name) is not None
+            or ".." in PurePosixPath(name).parts
+        )
+        if outside:
+            raise FmuError(
+                f"{shown(path)}: member {name!r} would leave its folder; expected a relative name "
+                "that stays in the archive's folder"
+            )
+        if stat.S_IFMT(member.external_attr >> 16) not in (0, stat.S_IFREG, stat.S_IFDIR):
+            raise FmuError(
+                f"{shown(path)}: member {name!r} is a symbolic link or a device; "
+                "expected files and folders"
+            )
+        if member.flag_bits & 0x1:
+            raise FmuError(
+                f"{shown(path)}: member {name!r} is encrypted; expected an archive without password"
+            )
         yield member
-
-
-def _refuse_outside(member: zipfile.ZipInfo, path: Path) -> None:
-    name = member.orig_filename.replace("\\", "/")
-    expected = "a relative name that stays in the archive's folder"
-    outside = (
-        not name
-        or name.startswith("/")
-        or "\0" in name
-        or _DRIVE.match(name) is not None
-        or ".." in PurePosixPath(name).parts
-    )
-    if outside:
-        raise FmuError(
-            f"{shown(path)}: member {name!r} would leave its folder; expected {expected}"
-        )
-    kind = stat.S_IFMT(member.external_attr >> 16)
-    if kind not in (0, stat.S_IFREG, stat.S_IFDIR):
-        raise FmuError(
-            f"{shown(path)}: member {name!r} is a symbolic link or a device; "
-            "expected files and folders"
-        )
-    if member.flag_bits & 0x1:
-        raise FmuError(
-            f"{shown(path)}: member {name!r} is encrypted; expected an archive without password"
-        )
 
 
 def _extract(
     archive: zipfile.ZipFile, members: list[zipfile.ZipInfo], folder: Path, path: Path
 ) -> None:
-    """Extract beside `folder`, then rename: other processes see all of it or nothing.
+    """Extract next to `folder`, then rename, so that other processes see all of it or nothing.
 
-    Where the folder is there already, but damaged, it is moved aside before.
+    A damaged folder is moved away first.
     """
     try:
         with tempfile.TemporaryDirectory(dir=folder.parent, prefix="unpacking-") as scratch:
@@ -148,7 +144,7 @@ def _extract(
             try:
                 os.rename(fresh, folder)
             except OSError:
-                if not folder.is_dir():  # else another process was faster, with the same content
+                if not folder.is_dir():  # else another process has unpacked the same content
                     raise
     except OSError as error:
         raise FmuError(
@@ -157,7 +153,7 @@ def _extract(
 
 
 def _intact(member: zipfile.ZipInfo, folder: Path) -> bool:
-    """Return whether a member lies in the folder as the archive has it."""
+    """Return whether the folder has a member with the content in the archive."""
     target = _target(member, folder)
     if member.is_dir():
         return target.is_dir()

@@ -1,4 +1,4 @@
-"""A table of inputs over time, read from CSV; every fault is named by line and column."""
+"""Inputs over time, read from CSV or from arrays; errors name the line and the column."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import csv
 import io
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,9 +31,10 @@ class Series:
     values: np.ndarray
 
     def at(self, t: float) -> Any:
-        """Return the value at a time: linear between samples if continuous, else held.
+        """Return the value at a time: interpolated linearly if continuous, else that before.
 
-        Held before the first and after the last sample; of two samples at one time, the later.
+        Before the first and after the last sample, the value is constant. Of two samples at one
+        time, the later one is used.
         """
         i = int(np.searchsorted(self.time, t, side="right")) - 1
         if i < 0:
@@ -106,8 +107,9 @@ def _series(
     names: list[str],
     targets: list[tuple[Variable, int]],
 ) -> list[Series]:
+    """Read the rows after the header; each target is an element of an input."""
     time = np.empty(len(rows))
-    columns: list[list[Any]] = [[] for _ in targets]
+    columns: list[list[object]] = [[] for _ in targets]
     for k, (line, row) in enumerate(rows):
         if len(row) != len(names):
             raise InputInvalid(f"{path}, line {line}: {len(row)} cells; expected {len(names)}")
@@ -119,21 +121,17 @@ def _series(
             )
         for c, (variable, _) in enumerate(targets):
             place = f"{path}, line {line}, column {c + 2} ({names[c + 1]})"
-            columns[c].append(_cell(variable, row[c + 1], place))
+            if variable.type in ("Float64", "Float32"):
+                columns[c].append(_number(row[c + 1], place))
+                continue
+            try:
+                columns[c].append(parse_value(replace(variable, shape=()), row[c + 1], place))
+            except ParameterInvalid as error:
+                raise InputInvalid(str(error)) from None
     return [
         Series(variable, element, time, np.array(column, dtype=DTYPES[variable.type]))
         for (variable, element), column in zip(targets, columns, strict=True)
     ]
-
-
-def _cell(variable: Variable, text: str, place: str) -> Any:
-    if variable.type in ("Float64", "Float32"):
-        return _number(text, place)
-    scalar = Variable(**{**variable.__dict__, "shape": ()})
-    try:
-        return parse_value(scalar, text, place)
-    except ParameterInvalid as error:
-        raise InputInvalid(str(error)) from None
 
 
 def _number(text: str, place: str) -> float:
@@ -146,8 +144,8 @@ def _number(text: str, place: str) -> float:
     return value
 
 
-def _samples(variable: Variable, given: Any) -> np.ndarray:
-    """Return samples as an array that holds them exactly: NumPy makes floats of large integers."""
+def _samples(variable: Variable, given: object) -> np.ndarray:
+    """Return samples as an exact array: NumPy would convert large integers to floats."""
     values = np.asarray(given)
     if values.dtype.kind in "fO" and DTYPES[variable.type] is not np.object_:
         whole = np.asarray(given, dtype=object)

@@ -1,4 +1,4 @@
-"""The messages of one FMU instance: written by C from any thread, taken by Python."""
+"""The messages of one FMU instance: C writes them from any thread, Python fetches them."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def logger_library() -> ctypes.CDLL:
 
 
 class MessageLog:
-    """The log of one instance; `environment` is the pointer that its callbacks are given."""
+    """The log of one instance; `environment` is the pointer for its callbacks."""
 
     def __init__(self, path: str, variable_named: Callable[[str, int], str | None]) -> None:
         self.kept: list[tuple[str, str]] = []  # (status, text); "note" is this program's
@@ -49,63 +49,60 @@ class MessageLog:
         return ctypes.cast(getattr(self._c, callback), ctypes.c_void_p).value or 0
 
     def drain(self) -> int:
-        """Take what has been written; gives the number of messages taken."""
+        """Fetch the messages that have been written; return their number."""
         if not self.environment or not self._count.value:
             return 0
-        taken = 0
-        while self._take():
-            taken += 1
+        count = 0
+        status, category, text = ctypes.c_int32(), ctypes.c_void_p(), ctypes.c_void_p()
+        pointers = [ctypes.byref(x) for x in (status, category, text)]
+        while self._c.uuv_log_take(self.environment, *pointers):
+            try:
+                name = STATUS[status.value] if 0 <= status.value < len(STATUS) else "ok"
+                self._keep(name, _string(category), _string(text))
+            finally:
+                self._c.uuv_release(category)
+                self._c.uuv_release(text)
+            count += 1
         lost = self._c.uuv_log_lost(self.environment)
         if lost:
             self._keep("warning", "", f"{lost} earlier messages were lost")
-        return taken
+        return count
 
     def free(self) -> None:
-        """Take the last messages and free the C side; a second call does nothing."""
+        """Fetch the last messages and free the C side; a second call does nothing."""
         if self.environment:
             self.drain()
             self._c.uuv_log_free(self.environment)
             self.environment = 0
 
     def remark(self, text: str) -> None:
-        """Keep a note of this program, of status ``note``."""
+        """Add a note of this program, with the status ``note``."""
         self._keep("note", "", text)
 
     def last(self, count: int) -> str:
-        """Return the last few messages of at least warning status among `count`, else the last."""
+        """Return the last three of `count` messages, preferably warnings and errors.
+
+        If `count` is 0, all warnings and errors count.
+        """
         recent = (
             self.kept[-count:] if count else [m for m in self.kept if m[0] not in ("ok", "note")]
         )
         texts = [text for _, text in recent]
-        grave = [text for status, text in recent if status != "ok"]
-        return "; ".join(" ".join(text.split()) for text in (grave or texts)[-3:])
-
-    def _take(self) -> bool:
-        status = ctypes.c_int32()
-        category, text = ctypes.c_void_p(), ctypes.c_void_p()
-        taken = self._c.uuv_log_take(
-            self.environment, ctypes.byref(status), ctypes.byref(category), ctypes.byref(text)
-        )
-        if not taken:
-            return False
-        try:
-            name = STATUS[status.value] if 0 <= status.value < len(STATUS) else "ok"
-            self._keep(name, _string(category), _string(text))
-        finally:
-            self._c.uuv_release(category)
-            self._c.uuv_release(text)
-        return True
+        severe = [text for status, text in recent if status != "ok"]
+        return "; ".join(" ".join(text.split()) for text in (severe or texts)[-3:])
 
     def _keep(self, status: str, category: str, text: str) -> None:
-        text = _VARIABLE.sub(self._variable, text).replace("##", "#").strip()
+        """Store a message, with variables' names instead of FMI 2.0's references (``#r5#``)."""
+
+        def name(match: re.Match[str]) -> str:
+            return self._variable_named(match[1], int(match[2])) or match[0]
+
+        text = _VARIABLE.sub(name, text).replace("##", "#").strip()
         self.kept.append((status, text))
         if len(self.kept) > _KEPT:
             del self.kept[: _KEPT // 2]
         level = _LEVEL.get(status, logging.ERROR)
         self._logger.log(level, "%s%s", f"[{category}] " if category else "", text)
-
-    def _variable(self, match: re.Match[str]) -> str:
-        return self._variable_named(match[1], int(match[2])) or match[0]
 
 
 def _string(pointer: ctypes.c_void_p) -> str:

@@ -1,4 +1,4 @@
-"""An FMU's modelDescription.xml becomes a `Description`, or one sentence on why it cannot."""
+"""Reader of an FMU's modelDescription.xml, with one clear error message if it is not valid."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ LIBRARY_SUFFIXES = (".so", ".dll", ".dylib")
 
 @dataclass(frozen=True)
 class FmuArchive:
-    """An unpacked FMU: its description, and what is needed to load it."""
+    """An unpacked FMU: its description, and the data to load it."""
 
     path: Path  # of the .fmu
     description: Description
@@ -43,27 +43,27 @@ class FmuArchive:
     log_categories: tuple[str, ...] = ()
     interface: Interface = "CoSimulation"  # the one that is used
     interfaces: tuple[Interface, ...] = ("CoSimulation",)  # those that the FMU has
-    adjoint_derivatives: bool = False  # of FMI 3.0; nobody here asks for them
+    adjoint_derivatives: bool = False  # of FMI 3.0; not used here
     n_states: int = 0  # of an FMI 2.0 Model Exchange FMU; FMI 3.0 has functions for them
     n_event_indicators: int = 0
     tolerance: float = 1e-6  # relative, of the integrator of a Model Exchange FMU
-    sources: Sources | None = None  # to compile where there is no binary
+    sources: Sources | None = None  # compiled if there is no binary
     structure: Mapping[str, Any] = field(default_factory=dict)  # structural parameters, as set
 
 
 def read_description(path: Path) -> Description:
-    """Read what an .fmu says of itself; see `read_fmu`."""
+    """Read the description of an .fmu; see `read_fmu`."""
     return read_fmu(path).description
 
 
 def read_fmu(
-    path: Path, interface: str | None = None, structure: Mapping[str, Any] | None = None
+    path: Path, interface: str | None = None, structure: Mapping[str, object] | None = None
 ) -> FmuArchive:
     """Unpack an .fmu into the cache and read it.
 
-    `interface` is CoSimulation or ModelExchange; by default Co-Simulation where the FMU has both.
+    `interface` is CoSimulation or ModelExchange; by default Co-Simulation if the FMU has both.
     `structure` are values of structural parameters, as text or as numbers; each instance gets
-    them in Configuration Mode, and the shapes of arrays are those that they make. Raises FmuError
+    them in Configuration Mode, and the shapes of arrays result from them. Raises FmuError
     for an archive that cannot be read, for FMI versions other than 2.0 and 3.0, and for an FMU
     without that interface; ParameterInvalid for a structural parameter that does not exist.
     """
@@ -72,7 +72,10 @@ def read_fmu(
     root = read_xml(folder / "modelDescription.xml", place=source.place)
     if root.tag != "fmiModelDescription":
         raise source.fault("the document", f"<{root.tag}>", "<fmiModelDescription>")
-    version = _version(source, root)
+    text = root.get("fmiVersion", "")
+    version = next((v for v in ("2.0", "3.0") if text == v or text.startswith(f"{v}.")), None)
+    if version is None:
+        raise source.fault("fmiVersion", f"{text!r}", "an FMU of FMI 2.0 or 3.0")
     chosen, element = _interface(path, root, interface)
     read = read_variables_fmi2 if version == "2.0" else read_variables_fmi3
     variables, enumerations = read(source, root)
@@ -110,12 +113,14 @@ def read_fmu(
         peers=read_peers(folder),
     )
     identifier = source.required(element, "modelIdentifier", chosen)
+    libraries = {identifier + suffix for suffix in LIBRARY_SUFFIXES}
+    platforms = {p.parent.name for p in folder.glob("binaries/*/*") if p.name in libraries}
     return FmuArchive(
         path=path,
         description=description,
         folder=folder,
         model_identifier=identifier,
-        binaries=_binaries(folder, identifier),
+        binaries=tuple(sorted(platforms)),
         enumerations=enumerations,
         default_start_time=(
             None if experiment is None else source.optional_number(experiment, "startTime", where)
@@ -141,15 +146,8 @@ def read_fmu(
     )
 
 
-def _version(source: Source, root: Element) -> str:
-    text = root.get("fmiVersion", "")
-    for version in ("2.0", "3.0"):
-        if text == version or text.startswith(f"{version}."):
-            return version
-    raise source.fault("fmiVersion", f"{text!r}", "an FMU of FMI 2.0 or 3.0")
-
-
 def _interface(path: Path, root: Element, wanted: str | None) -> tuple[Interface, Element]:
+    """Return the interface that is used, and its element; raises FmuError if there is none."""
     there = [i for i in _INTERFACES if root.find(i) is not None]
     for interface in there:
         found = root.find(interface)
@@ -166,8 +164,10 @@ def _interface(path: Path, root: Element, wanted: str | None) -> tuple[Interface
     )
 
 
-def _structural_value(name: str, value: Any, variables: Mapping[str, Variable], place: str) -> Any:
-    """Return the value of a structural parameter in its type; raises ParameterInvalid."""
+def _structural_value(
+    name: str, value: object, variables: Mapping[str, Variable], place: str
+) -> object:
+    """Convert the value of a structural parameter to its type; raises ParameterInvalid."""
     where = f"{place}: structural parameter {name}"
     variable = variables.get(name)
     if variable is None or variable.causality != "structuralParameter":
@@ -181,11 +181,11 @@ def _structural_value(name: str, value: Any, variables: Mapping[str, Variable], 
 
 
 def _restructure(
-    root: Element, given: Mapping[str, Any], variables: Mapping[str, Variable]
+    root: Element, given: Mapping[str, object], variables: Mapping[str, Variable]
 ) -> None:
-    """Write values of structural parameters into a model description, as if they stood there.
+    """Write values of structural parameters into a model description, to read it again.
 
-    An array whose shape changes has no start value any more: those of the file do not fit it.
+    An array whose shape changes loses its start value, which does not fit any more.
     """
     elements = {e.get("name"): e for e in root.iterfind("ModelVariables/*")}
     changed = set()
@@ -200,9 +200,3 @@ def _restructure(
             element.attrib.pop("start", None)
             for start in element.findall("Start"):
                 element.remove(start)
-
-
-def _binaries(folder: Path, identifier: str) -> tuple[str, ...]:
-    names = {identifier + suffix for suffix in LIBRARY_SUFFIXES}
-    found = (p.parent.name for p in folder.glob("binaries/*/*") if p.name in names)
-    return tuple(sorted(set(found)))

@@ -1,4 +1,4 @@
-"""Parser for XML from untrusted files: no document type, hence no entities."""
+"""Parser for XML from untrusted files: document types, and therefore entities, are refused."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _ENCODINGS = {"utf-8", "utf-16", "ascii", "iso8859-1", "cp1252"}
 def read_xml(
     path: Path, error: type[UuvsimError] = FmuError, place: str | None = None
 ) -> ElementTree.Element:
-    """Read an XML file, called `place` (else its path) in errors; see `parse_xml`."""
+    """Read an XML file, which errors call `place` (default: its path); see `parse_xml`."""
     place = place or str(path)
     try:
         data = path.read_bytes()

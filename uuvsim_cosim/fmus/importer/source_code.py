@@ -1,4 +1,4 @@
-"""An FMU that comes as C sources without a binary for this machine is compiled at its first use."""
+"""Compilation of an FMU's C sources at its first use, if it has no binary for this machine."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from uuvsim_cosim.fmus.importer.safe_xml import read_xml
 
 __all__ = ["Sources", "compiled", "read_sources"]
 
-# Compiled as sources of an FMU are meant to be: GNU's C, every function visible and by its plain
-# name, no optimisation beyond -O2, nothing of this machine's processor, nothing linked but libm.
+# GNU's C, all functions visible under their plain names, at most -O2, no instructions of this
+# machine's processor only, and no library but libm.
 _FLAGS = ("-std=gnu11", "-fvisibility=default", "-w", "-lm",
           "-DFMI2_OVERRIDE_FUNCTION_PREFIX", "-DFMI3_OVERRIDE_FUNCTION_PREFIX")  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Sources:
-    """What is compiled: files and include folders inside ``sources/``, definitions, libraries."""
+    """Input of a compilation: files and include folders in ``sources/``, definitions, libraries."""
 
     files: tuple[str, ...]
     definitions: tuple[str, ...] = ()
     includes: tuple[str, ...] = ()
-    libraries: tuple[str, ...] = ()  # that would have to be linked
+    libraries: tuple[str, ...] = ()  # that the sources need; they are not linked
 
 
 def read_sources(folder: Path, interface: Element, identifier: str, place: str) -> Sources | None:
-    """Read what an unpacked FMU says of its sources; None if there are none.
+    """Read the list of an unpacked FMU's sources; None if there are none.
 
     FMI 2.0 lists files in the description, FMI 3.0 in ``sources/buildDescription.xml``.
     """
@@ -73,7 +73,7 @@ def _configured(xml: Element) -> Sources:
 def compiled(archive: Path, folder: Path, identifier: str, sources: Sources) -> Path:
     """Return the library of an FMU's sources, beside the unpacked files; compiled if missing.
 
-    Raises FmuError with the compiler's own words.
+    Raises FmuError with the compiler's message.
     """
     machine = host()
     library = folder / "compiled" / machine.fmi2 / f"{identifier}{machine.suffix}"
@@ -92,8 +92,12 @@ def compiled(archive: Path, folder: Path, identifier: str, sources: Sources) -> 
             f"{archive}: its source {foreign[0]} is not C; expected .c files, or a binary for "
             f"{machine.fmi2}"
         )
-    includes = [root, *(_inside(root, name, archive) for name in sources.includes), _headers()]
-    # Sources include each other: the key of the cache holds all that lies there.
+    includes = [root, *(_inside(root, name, archive) for name in sources.includes)]
+    spec = find_spec("fmpy")  # its FMI headers serve sources without their own
+    if spec is None or spec.origin is None:
+        raise FmuError("the package 'fmpy' is missing; expected `pip install fmpy`")
+    includes.append(Path(spec.origin).parent / "c-code")
+    # Sources include each other: the key of the cache depends on all files in the folder.
     every = sorted(f for f in root.rglob("*") if f.is_file())
     key = content_hash([str(f.relative_to(root)) for f in every] + [f.read_bytes() for f in every])
     flags = [*_FLAGS, *(f"-D{d}" for d in sources.definitions), f"-DUUVSIM_SOURCES={key}"]
@@ -104,7 +108,7 @@ def compiled(archive: Path, folder: Path, identifier: str, sources: Sources) -> 
             f"{archive}: has no binary for {machine.fmi2}, and its sources do not compile: {error}"
         ) from None
     library.parent.mkdir(parents=True, exist_ok=True)
-    # PermissionError: in use on Windows, so it is there already.
+    # PermissionError: on Windows, another process uses the same library already.
     with contextlib.suppress(PermissionError), whole_file(library) as fresh:
         shutil.copyfile(made, fresh)
     return library
@@ -115,11 +119,3 @@ def _inside(root: Path, name: str, archive: Path) -> Path:
     if not path.is_relative_to(root.resolve()) or not path.exists():
         raise FmuError(f"{archive}: its source {name!r} is not there; expected it in sources/")
     return path
-
-
-def _headers() -> Path:
-    """Return FMI's headers, for sources that come without."""
-    spec = find_spec("fmpy")
-    if spec is None or spec.origin is None:
-        raise FmuError("the package 'fmpy' is missing; expected `pip install fmpy`")
-    return Path(spec.origin).parent / "c-code"

@@ -1,4 +1,4 @@
-"""The variables of an FMI 2.0 model description, scalars folded into arrays."""
+"""Reader of the variables of an FMI 2.0 model description; scalars are folded into arrays."""
 
 from __future__ import annotations
 
@@ -25,10 +25,13 @@ def read_variables_fmi2(
     source: Source, root: Element
 ) -> tuple[dict[str, Variable], dict[str, Mapping[int, str]]]:
     """Return the variables by name, and the items of those that are enumerations."""
-    types = {
-        source.required(e, "name", "a type"): _simple_type(source, e)
-        for e in root.iterfind("TypeDefinitions/SimpleType")
-    }
+    types: dict[str, SimpleType] = {}
+    for e in root.iterfind("TypeDefinitions/SimpleType"):
+        name, inner = source.required(e, "name", "a type"), next(iter(e), None)
+        types[name] = SimpleType({}, {})
+        if inner is not None:
+            items = source.items(inner, f"type {name!r}")
+            types[name] = SimpleType(dict(inner.attrib), items)
     scalars: list[Variable] = []
     enumerations: dict[str, Mapping[int, str]] = {}
     for element in root.iterfind("ModelVariables/ScalarVariable"):
@@ -46,17 +49,10 @@ def read_variables_fmi2(
     return fold(scalars), enumerations
 
 
-def _simple_type(source: Source, element: Element) -> SimpleType:
-    inner = next(iter(element), None)
-    if inner is None:
-        return SimpleType({}, {})
-    where = f"type {element.get('name')!r}"
-    return SimpleType(dict(inner.attrib), source.items(inner, where))
-
-
 def _scalar(
     source: Source, element: Element, types: Mapping[str, SimpleType]
 ) -> tuple[Variable, SimpleType | None]:
+    """Read a scalar variable, and the type that it declares."""
     name = source.required(element, "name", "a variable")
     where = f"variable {name!r}"
     inner = next((e for e in element if e.tag in _TYPES), None)
@@ -89,7 +85,7 @@ def _scalar(
 def _dependencies(
     source: Source, root: Element, scalars: list[Variable]
 ) -> dict[int, tuple[str, ...]]:
-    """Give, by index, the inputs on which an output is declared to depend directly."""
+    """Return by index the inputs on which an output is declared to depend directly."""
     declared: dict[int, tuple[str, ...]] = {}
     for unknown in root.iterfind("ModelStructure/Outputs/Unknown"):
         where = "ModelStructure/Outputs"

@@ -1,4 +1,4 @@
-"""The variables of an FMI 3.0 model description: all types, arrays, aliases."""
+"""Reader of the variables of an FMI 3.0 model description: all types, arrays, aliases."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def read_variables_fmi3(
 def _structural(source: Source, elements: list[Element]) -> dict[int, int]:
     """Return the whole start values of structural parameters, by value reference.
 
-    Others (a Boolean that chooses among equations, say) cannot be a dimension.
+    Those of other types, for example a Boolean that selects equations, cannot be a dimension.
     """
     extents: dict[int, int] = {}
     for e in elements:
@@ -86,6 +86,9 @@ def _variable(
     if size > MAX_SIZE:
         raise source.fault(where, f"{size} elements", f"at most {MAX_SIZE}")
     causality = source.causality(element, where)
+    # FMI 3.0 has one unit for an array; if those of elements differ, our annotation lists them.
+    note = element.find(f"Annotations/Annotation[@type='{UNITS_ANNOTATION}']")
+    units = tuple((note.text or "").split()) if note is not None else ()
     variable = Variable(
         name=name,
         type=kind,
@@ -93,7 +96,7 @@ def _variable(
         variability=source.variability(element, causality, kind, where),
         shape=shape,
         unit=attributes.get("unit"),
-        element_units=_element_units(element, size),
+        element_units=units if len(units) == size else (),
         start=_start(source, element, kind, shape, where),
         min=source.bound(attributes, "min", kind, where),
         max=source.bound(attributes, "max", kind, where),
@@ -102,13 +105,6 @@ def _variable(
         value_references=(source.natural(element.get("valueReference"), "valueReference", where),),
     )
     return variable, declared
-
-
-def _element_units(element: Element, size: int) -> tuple[str | None, ...]:
-    """FMI 3.0 gives an array one unit; where ours differ, an annotation lists them."""
-    note = element.find(f"Annotations/Annotation[@type='{UNITS_ANNOTATION}']")
-    units = tuple((note.text or "").split()) if note is not None else ()
-    return units if len(units) == size else ()
 
 
 def _extent(source: Source, dimension: Element, extents: Mapping[int, int], where: str) -> int:

@@ -1,4 +1,4 @@
-"""An .fmu becomes a live component: of its FMI version, in this process or in one of its own."""
+"""Instantiation of an .fmu as a component, in this process or in its own process."""
 
 from __future__ import annotations
 
@@ -27,11 +27,12 @@ def instantiate_fmu(
 ) -> Component:
     """Instantiate an FMU as the component `path`.
 
-    It gets a process of its own if `isolate` says so, or if this process cannot hold it (see
-    `needs_own_process`). An isolated one that does not answer within `watchdog` seconds fails.
+    It gets its own process if `isolate` is set, or if it cannot be in this process (see
+    `needs_own_process`). An isolated component that does not answer within `watchdog` seconds
+    fails.
     """
     archive = fmu if isinstance(fmu, FmuArchive) else read_fmu(fmu)
-    library_of(archive)  # the watchdog of another process does not wait for a compiler
+    library_of(archive)  # compile sources here, as the watchdog would not wait for the compiler
     if isolate or needs_own_process(archive):
         return Isolated(
             path,
@@ -45,24 +46,21 @@ def instantiate_fmu(
 
 def instantiate_here(archive: FmuArchive, path: str, logging_on: bool = True) -> Component:
     """Instantiate an FMU in this process."""
-    kind = Fmu2 if archive.description.kind == "FMI 2.0" else Fmu3
-    fmu = kind(archive, path, logging_on=logging_on)
+    version = Fmu2 if archive.description.kind == "FMI 2.0" else Fmu3
+    fmu = version(archive, path, logging_on=logging_on)
     return ModelExchange(fmu) if archive.interface == "ModelExchange" else fmu
 
 
 def needs_own_process(archive: FmuArchive) -> bool:
-    """Return whether a (further) instance cannot live in this process.
+    """Return whether a (further) instance cannot be in this process.
 
-    That is so for the second instance of an FMU that may exist once per process, and for one
+    That is so for the second instance of an FMU that may exist once per process, and for an FMU
     made of a Python module whose name another module of this process has already.
     """
-    once = archive.description.can_be_instantiated_only_once
-    return (once and lives_here(archive)) or _module_taken(archive)
-
-
-def _module_taken(archive: FmuArchive) -> bool:
-    # pythonfmu and pythonfmu3 import resources/<module>.py by its bare name: whoever comes
-    # second under the same name would silently run the code of the first.
+    if archive.description.can_be_instantiated_only_once and lives_here(archive):
+        return True
+    # pythonfmu and pythonfmu3 import resources/<module>.py by its bare name: a second module of
+    # the same name would silently run the code of the first.
     resources = archive.folder / "resources"
     try:
         name = (resources / "slavemodule.txt").read_text(errors="replace").split("\n", 1)[0]

@@ -1,4 +1,4 @@
-"""The watchdog: how long a component in a process of its own has to answer."""
+"""The watchdog: the time limit for an answer of a component in a separate process."""
 
 from __future__ import annotations
 
@@ -10,6 +10,6 @@ __all__ = ["check_watchdog"]
 
 
 def check_watchdog(seconds: float, what: str = "watchdog") -> None:
-    """Refuse what is no time to answer in; raises InputInvalid."""
+    """Check a time limit; raises InputInvalid."""
     if not 0.0 < seconds <= TIMEOUT_MAX:
         raise InputInvalid(f"{what} {seconds:g}: expected more than 0 seconds, such as 30")
