@@ -1,4 +1,4 @@
-"""Whether a vehicle left the terrain of a scene, where its sensors hear nothing."""
+"""Warnings about vehicles outside of the terrain of a scene, where sensors get no echo."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ Array = NDArray[np.float64]
 
 
 def left_terrain(ssd: Path, time: Array, signals: Mapping[str, Array]) -> list[str]:
-    """Return a sentence for each hull and scene of a run that were apart; `ssd` names the scenes.
+    """Return a warning for each hull of a run that left a scene; `ssd` names the scenes.
 
-    A hull is what gives a signal `hull.eta` (T, 6), below any path; `time` is (T,) [s].
+    A hull is a signal `hull.eta` (T, 6), below any path; `time` is (T,) [s].
     """
     hulls = [n for n in signals if n == "hull.eta" or n.endswith(".hull.eta")]
     return [

@@ -46,7 +46,7 @@ def stage_of_run(run: str | Path, traces: Traces) -> Stage:
             reason = f"system.ssd: not understood ({error}); hulls are drawn as boxes"
             stage = stage_of_signals(traces, name, (reason,))
         if not any(s in traces.values for s in stage.signals):
-            stage = None  # the recording of another system lies beside this one
+            stage = None  # the folder holds the recording of another system
     return stage or _with_path(stage_of_signals(traces, name), provenance_of(folder))
 
 
@@ -67,7 +67,7 @@ def placed(run: str | Path) -> tuple[Stage, Motion, Traces]:
 
 
 def stage_of_signals(traces: Traces, name: str, notes: tuple[str, ...] = ()) -> Stage:
-    """Return a stage of signals alone: X.eta and X.nu are a hull, X.position of X.velocity a mark.
+    """Return a stage by signal names: X.eta is a hull, X.position with X.velocity a marker.
 
     A hull's thrusters cannot be placed, and its size is not known: it is drawn as a box.
     """
