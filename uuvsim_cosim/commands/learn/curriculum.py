@@ -1,4 +1,4 @@
-"""`uuvsim train … --curriculum stt`: task after task, each begun with what the last has taught."""
+"""`uuvsim train … --curriculum stt`: task after task, each from the policy of the last one."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ def train_through(
     show: bool,
     refused: Sequence[str],
 ) -> None:
-    """Train through a curriculum, as `uuvsim train`'s options say; those it has not are refused.
+    """Train through a curriculum with the options of `uuvsim train`.
 
-    `changes` are fields of TrainingConfig, and come after what the curriculum says; `refused` are
-    options of one training that were given. `task` must be what the curriculum is about.
+    `changes` are fields of TrainingConfig that override the curriculum's. `refused` are given
+    options that a curriculum does not have. `task` must be the last task of the curriculum.
     """
     if refused:
         raise InputInvalid(f"{refused[0]}: of one training; expected --curriculum without it")

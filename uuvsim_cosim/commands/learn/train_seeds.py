@@ -1,4 +1,4 @@
-"""`uuvsim train … --seeds 5`: one training several times, here one after the other, or by Ray."""
+"""`uuvsim train … --seeds 5`: one training under several seeds, in turn or on a Ray cluster."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def train_seeds(
     configs: Sequence[TrainingConfig], folders: Sequence[Path], restart: bool, report: bool,
     ray: str | None,
 ) -> list[Trained]:  # fmt: skip
-    """Train each in its folder; a report each, and a table of them all."""
+    """Train each in its folder; write a report of each, and a table of all."""
     with Termination() as termination, StudyProgress("steps") as progress:
         try:
             progress.say("building, once")
@@ -85,7 +85,7 @@ def _trained(
 
 
 class _Seen:
-    """A TrainingObserver that shows one of several trainings as a part of them all."""
+    """A TrainingObserver that shows one training's part of the total progress."""
 
     def __init__(self, progress: StudyProgress, before: float, total: float) -> None:
         self._progress, self._before, self._total = progress, before, total

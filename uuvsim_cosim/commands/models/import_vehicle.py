@@ -1,4 +1,4 @@
-"""`uuvsim models import`: a surface and a mass, or a robot's description, become a vehicle."""
+"""`uuvsim models import`: make a vehicle from a surface and a mass, or a robot's description."""
 
 from __future__ import annotations
 

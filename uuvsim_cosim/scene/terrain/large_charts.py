@@ -52,7 +52,7 @@ def write_large(
         return None
     rasterio = wanted("rasterio", "writing a GeoTIFF")
     of = prepared(chart, resolution, land)
-    # Around each tile, so many nodes are interpolated too that its nearest data lie among them.
+    # Nodes around a tile that are interpolated with it, so that its nearest data are among them.
     far = of.hold_out.distances
     reach = 2 * float(np.quantile(far, 0.95)) if len(far) else 50 * resolution
     margin = int(np.clip(ceil(reach / resolution), 8, 512))
