@@ -107,6 +107,7 @@ class StudyFolder:
         )
         sink = io.BytesIO()
         pq.write_table(table, sink)
+        # Named by its runs: the same part written twice is one file.
         name = f"{content_hash([json.dumps(list(map(int, runs)))])}.parquet"
         write_whole(self.parts / name, sink.getvalue())
 

@@ -61,7 +61,7 @@ def _runs(
 
         script: Script = pickle.loads(ray.get(kept[0]))
         _, by, n = key
-        for other in list(_made):
+        for other in list(_made):  # one at a time: a kernel's batch may fill the memory
             _made.pop(other).close()
         _made[key] = KernelRuns(script, n, 1) if by == "kernel" else MasterRuns(script)
     return _made[key].runs(seeds, start)

@@ -159,7 +159,7 @@ class KernelRuns:
     def runs(self, seeds: Sequence[int], start: Starts) -> list[Outcome]:
         """Simulate side by side; unused places of the batch repeat the last run."""
         n = len(seeds)
-        if n > self._n:
+        if n > self._n:  # more runs than the batch has places: in pieces
             head, tail = {}, {}
             for k, v in start.items():
                 head[k], tail[k] = v[: self._n], v[self._n :]

@@ -109,7 +109,7 @@ class Study:
         check_samples(int(self.duration / self.every) + 1, self._width)
         self._check_windows()
         self.runs = Runs(self.drawn, self.grid, self.seeds, self._places)
-        _ = self.runs.start
+        _ = self.runs.start  # refuses impossible bodies now, before anything runs
         twice = [c for c in self.metrics if c in self.runs.columns()]
         if twice:
             raise InputInvalid(f"metrics: {twice[0]!r} names a parameter too; expected a new name")

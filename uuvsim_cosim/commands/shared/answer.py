@@ -115,7 +115,7 @@ def _kept_output() -> Iterator[TextIO]:
         finally:
             sys.stdout = out
         return
-    out.flush()
+    out.flush()  # earlier output still belongs to standard output
     kept = os.dup(1)
     os.dup2(2, 1)
     try:

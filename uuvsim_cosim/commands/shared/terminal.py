@@ -164,13 +164,12 @@ def _as_file(path: Path) -> dict[str, object]:
 
 
 def _bytes_of(path: Path) -> int:
-    return _bytes(path) if path.is_file() else _bytes_in(path)
-
-
-def _bytes_in(folder: Path) -> int:
-    """Add up a folder's files; others may be made and deleted meanwhile."""
+    """Return the size of a file, or of all files in a folder."""
+    if path.is_file():
+        return _bytes(path)
     total = 0
-    for place, _, names in os.walk(folder, onerror=lambda error: None):
+    # Other processes may create and delete files in the folder meanwhile.
+    for place, _, names in os.walk(path, onerror=lambda error: None):
         total += sum(_bytes(Path(place) / name) for name in names)
     return total
 

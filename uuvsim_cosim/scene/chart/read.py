@@ -89,6 +89,7 @@ class _Cell:
         self.path, self.name = path, name
         self.gdal = wanted("pyogrio", "reading a chart")
         self.shapely = wanted("shapely", "reading a chart")
+        # None until the extent is known; up to then layers are read in degrees.
         self.projection: Projection | None = None
         self.warnings: dict[str, None] = {}  # of GDAL, each once, in their order
         try:

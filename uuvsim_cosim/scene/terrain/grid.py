@@ -92,7 +92,7 @@ class Grid:
             all_touched=touched,
             dtype="int32",
         )
-        return burnt[::-1]
+        return burnt[::-1]  # GDAL counts rows from the north, a grid from the south
 
     def nearest(
         self, points: Floats

@@ -72,6 +72,7 @@ def laid_out(boxes: Mapping[str, Box], nets: list[Net]) -> Layout:
     layout.widths = [max((places[k].width for k, n in c if n < 0), default=0.0) for c in columns]
     links = _links(nets, layer)
     _order(layout, links)
+    # Heights depend on the order of ports and the other way round, so the two alternate.
     for _ in range(4):
         _heights(layout, boxes, nets)
         _sort_ports(layout, boxes, nets)

@@ -61,7 +61,7 @@ class _Page:
         )
 
     def _key(self, line: Line) -> str:
-        number = len(self.series)
+        number = len(self.series)  # `data-s`, by which report.js finds the series
         self.series.append({"v": self.encoded(line.value[self.picks]), "d": line.digits})
         swatch = (
             ""

@@ -73,6 +73,7 @@ class LiveView:
     ) -> None:
         self.server, self.name, self._clock = server, name, clock
         self.history = History()
+        # Guards `history`: `observe` runs in the simulation's thread, `_draw` in another one.
         self._lock = threading.Lock()
         self._over = threading.Event()
         self._thread: threading.Thread | None = None

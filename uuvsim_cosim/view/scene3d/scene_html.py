@@ -33,6 +33,7 @@ def scene_html(stage: Stage, motion: Motion) -> str:
     if not motion.positions or len(motion.time) < 2:
         return ""
     data = json.dumps(scene_data(stage, motion), separators=(",", ":"), allow_nan=False)
+    data = data.replace("<", "\\u003c")  # a name with "</script>" must not end the element
     script = _own("scene.js").replace("/*MATH*/", _own("scene_math.js"))
     script = script.replace("/*GL*/", _own("scene_gl.js"))
     speeds = "".join(
@@ -49,7 +50,7 @@ def scene_html(stage: Stage, motion: Motion) -> str:
         '<input type="range" aria-label="moment"><span class="clock"></span>'
         f'<select aria-label="speed">{speeds}</select>'
         f'<label><input class="follow" type="checkbox"> follow {escape(first)}</label></p>{notes}'
-        f'<script id="scene-data" type="application/json">{data.replace("<", chr(92) + "u003c")}'
+        f'<script id="scene-data" type="application/json">{data}'
         f"</script>\n<script>{script}</script></div>"
     )
 

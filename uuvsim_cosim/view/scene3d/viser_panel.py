@@ -59,6 +59,7 @@ class Panel:
                 if part in self.drawn.parts or part in self.drawn.coming:
                     self._box(part)
 
+    # A method, so that each callback refers to its own checkbox.
     def _box(self, part: str) -> None:
         box = self.server.gui.add_checkbox(part, True)
         self._boxes[part] = box
