@@ -25,25 +25,23 @@ def left_terrain(ssd: Path, time: Array, signals: Mapping[str, Array]) -> list[s
 
     A hull is a signal `hull.eta` (T, 6), below any path; `time` is (T,) [s].
     """
-    hulls = [n for n in signals if n == "hull.eta" or n.endswith(".hull.eta")]
-    return [
-        warning
-        for scene in _scenes(ssd)
-        for hull in hulls
-        if (warning := _apart(scene, hull.removesuffix(".eta"), time, signals[hull]))
-    ]
-
-
-def _scenes(ssd: Path) -> list[str]:
     try:
         text = unescape(ssd.read_text(encoding="utf-8"))
     except OSError:
         return []
     named = re.findall(r"[?&]scene=([^&\"'\s<]+)", text)
-    return [s for s in dict.fromkeys(unquote(n) for n in named) if s != "flat"]
+    scenes = [s for s in dict.fromkeys(unquote(n) for n in named) if s != "flat"]
+    hulls = [n for n in signals if n == "hull.eta" or n.endswith(".hull.eta")]
+    return [
+        warning
+        for scene in scenes
+        for hull in hulls
+        if (warning := _apart(scene, hull.removesuffix(".eta"), time, signals[hull]))
+    ]
 
 
 def _apart(scene: str, hull: str, time: Array, eta: Array) -> str:
+    """Return the warning on a hull that left a scene; empty if it did not."""
     try:
         terrain = scene_named(scene).terrain
     except UuvsimError:  # gone since it was compiled

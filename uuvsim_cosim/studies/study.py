@@ -17,7 +17,6 @@ import os
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, final
 
@@ -231,14 +230,11 @@ class Study:
         """Number of signals' elements that metrics read of each sample."""
         return sum(self._places.variables[s].size for s in self.script.signals)
 
-    @cached_property
-    def _most(self) -> int:
-        """Number of runs that fit into memory at once."""
-        return max(8, int(MEMORY / (8 * len(self.script.ticks) * max(self._width, 1))) // 8 * 8)
-
     def _batch(self, n: int, batch: int | None, parts: int) -> int:
         """Return the number of runs that a kernel simulates at once."""
-        return batch or min(self._most, max(8, 8 * math.ceil(n / max(PARTS, parts) / 8)), 512)
+        sampled = 8 * len(self.script.ticks) * max(self._width, 1)  # bytes of one run
+        most = max(8, int(MEMORY / sampled) // 8 * 8)
+        return batch or min(most, max(8, 8 * math.ceil(n / max(PARTS, parts) / 8)), 512)
 
     def _simulated(
         self, backend: Backend, jobs: int, n: int, size: int, cluster: Cluster | None

@@ -51,9 +51,13 @@ def train_seeds(
         try:
             progress.say("building, once")
             done = _trained(configs, folders, restart, ray, progress)
+            from uuvsim_cosim.commands.learn.training_judged import write_judged
+            from uuvsim_cosim.view.reports.training_report import write_training_report
+
             for k, each in enumerate(done if report else ()):
                 progress.say(f"judging the best policy of {k + 1} of {len(done)}, and drawing it")
-                _report(each)
+                write_judged(each.folder)
+                write_training_report(each.folder)
         except KeyboardInterrupt as interrupted:
             progress.close()
             message = str(interrupted) or "interrupted; the same command goes on from there"
@@ -92,14 +96,6 @@ class _Seen:
 
     def __call__(self, progress: Progress) -> None:
         self._progress("training", self._before + progress.step, self._total)
-
-
-def _report(done: Trained) -> None:
-    from uuvsim_cosim.commands.learn.training_judged import write_judged
-    from uuvsim_cosim.view.reports.training_report import write_training_report
-
-    write_judged(done.folder)
-    write_training_report(done.folder)
 
 
 def _show(done: Sequence[Trained]) -> None:

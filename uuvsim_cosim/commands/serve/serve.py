@@ -149,7 +149,7 @@ def serve_command(
         with ExitStack() as stack:
             for warning in conductor.warnings:
                 line(f"warning: {warning}")
-            stack.callback(_told, conductor, conductor.warnings)
+            stack.callback(_print_rest, conductor, conductor.warnings)
             stack.callback(conductor.close)
             _open_servers(stack, conductor, opened, port, tcp_port, http_port)
             _wait(conductor, real_time, paused, until)
@@ -308,7 +308,8 @@ def _refuse_changes(system: str, changes: Mapping[str, object], **others: object
         )
 
 
-def _told(conductor: Conductor, warned: Sequence[str]) -> None:
+def _print_rest(conductor: Conductor, warned: Sequence[str]) -> None:
+    """Print the warnings that came up during the run, and the folders of its recordings."""
     for warning in conductor.warnings:
         if warning not in warned:
             line(f"warning: {warning}")

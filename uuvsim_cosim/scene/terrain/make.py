@@ -42,7 +42,8 @@ class Wishes:
 def make_terrain(file: Path, wishes: Wishes) -> Made:
     """Read a file and make its terrain; raises `InputInvalid`."""
     if not file.exists() and str(file) not in scene_ids():
-        hint = did_you_mean(file.name, _beside(file))
+        beside = file.parent.iterdir() if file.parent.is_dir() else ()
+        hint = did_you_mean(file.name, [p.name for p in beside])
         raise InputInvalid(f"{file}: no such file{hint}; expected a chart (.000) or a grid")
     placing: dict[str, object] = {"--crs": wishes.crs, "--local": wishes.local or None}
     if str(file) in scene_ids() or (file / "scene.yaml").is_file() or file.name == "scene.yaml":
@@ -91,10 +92,6 @@ def make_large(file: Path, target: Path, wishes: Wishes) -> Large | None:
         return None  # of a terrain as a whole
     piece = piece_of(wishes.around, wishes.size)
     return write_large(file, target, _of_chart(wishes), piece, _height(wishes.land))
-
-
-def _beside(file: Path) -> list[str]:
-    return [p.name for p in file.parent.iterdir()] if file.parent.is_dir() else []
 
 
 def _is_chart(file: Path) -> bool:
