@@ -36,7 +36,7 @@ def home() -> Path | None:
 def cache_dir(*parts: str) -> Path:
     """Return a folder of the cache, made if missing; ``UUVSIM_CACHE`` overrides its place.
 
-    Without a home folder it is in the folder for temporary files, and this user's alone.
+    Without a home folder it is in the folder for temporary files, writable by this user only.
     """
     import platformdirs
 
@@ -61,8 +61,8 @@ def cache_dir(*parts: str) -> Path:
 
 
 def _private() -> Path:
-    """Return a folder among the temporary files that nobody else can write: code lies in it."""
-    user = getattr(os, "getuid", lambda: 0)()  # Windows has no numbers of users
+    """Return a temporary folder that only this user can write, since code is loaded from it."""
+    user = getattr(os, "getuid", lambda: 0)()  # Windows has no user numbers
     folder = Path(tempfile.gettempdir()) / f"uuvsim-cosim-{user}"
     try:
         folder.mkdir(mode=0o700, exist_ok=True)
@@ -91,10 +91,10 @@ def content_hash(parts: Iterable[bytes | str]) -> str:
 
 @contextlib.contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Return a name beside `path`, of its suffix, to write under; then it becomes `path`.
+    """Yield a temporary path in the folder of `path` to write to; then rename it to `path`.
 
-    Others see the old file or all of the new one. If the body raises, the old file stays. The
-    data is on the disk before the rename: else a power failure may leave an empty file.
+    Readers see the old file or the whole new one. If the body raises, the old file stays. The data
+    is on the disk before the rename: else a power failure could leave an empty file.
     """
     scratch = path.with_name(f".{path.stem}.{uuid4().hex}{path.suffix}")
     try:
@@ -125,7 +125,7 @@ def written(path: Path, text: str, *, make_folder: bool = False) -> Path:
 
 
 def keep(path: Path, data: bytes) -> None:
-    """Write a file of the cache, and beside it a note by which `intact` knows it again."""
+    """Write a file of the cache, and a file with its hash for `intact`."""
     try:
         write_whole(path, data)
         write_whole(_note(path), content_hash([data]).encode())
@@ -137,7 +137,7 @@ def keep(path: Path, data: bytes) -> None:
 
 
 def intact(path: Path) -> bool:
-    """Return whether a file of the cache is there as `keep` wrote it."""
+    """Return whether a file of the cache is unchanged since `keep` wrote it."""
     try:
         return _note(path).read_bytes() == content_hash([path.read_bytes()]).encode()
     except OSError:

@@ -1,4 +1,4 @@
-"""The command `uuvsim`: names the commands, and turns every error into one sentence.
+"""The command `uuvsim`: its commands, and one error message for every error.
 
 With `--json` every command, refused ones included, writes one JSON object (`commands.answer`).
 """
@@ -41,10 +41,10 @@ __all__ = ["app", "main"]
 
 
 class _Commands(TyperGroup):
-    """Commands of which those that have nothing to go on from say that they were interrupted."""
+    """Command group that reports Ctrl-C in commands that do not handle it themselves."""
 
     def invoke(self, ctx: Any) -> Any:
-        """Do what is asked."""
+        """Run the command; exit with 130 after Ctrl-C."""
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt as interrupted:
@@ -113,7 +113,7 @@ app.add_typer(access.app, name="access", rich_help_panel=INSTALL)
 
 
 def command_tree() -> Any:
-    """Return the command with all commands below it, each with what every command has."""
+    """Return the command with all subcommands, each with the shared options."""
     return complete(typer.main.get_command(app))
 
 
@@ -125,8 +125,8 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def status_of(arguments: list[str] | None = None) -> int:
-    """Run the command line and give its exit status; a wrong input is one sentence on stderr."""
-    # What components say is recorded, and what was assumed is in the table: not on stderr as well.
+    """Run the command line and return its exit status; errors are one message on stderr."""
+    # Messages of components are recorded, and assumptions are in the summary: not on stderr too.
     logging.getLogger("uuvsim_cosim").addHandler(logging.NullHandler())
     given = sys.argv[1:] if arguments is None else arguments
     command = command_tree()
@@ -162,7 +162,7 @@ def _status(command: Any, arguments: list[str]) -> int:
 
 
 def _unexpected(error: Exception) -> int:
-    """Return the status of an error that is none of ours: of the parser, or a mistake."""
+    """Return the status of any other error: of the parser, of user code, or a bug."""
     if type(error).__name__ == "Abort":
         return 130
     usage = getattr(error, "format_message", None)

@@ -1,4 +1,4 @@
-"""What is closed at the end of a `with`."""
+"""Base of objects that are closed at the end of a `with`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["Closing"]
 
 
 class Closing(ABC):
-    """Something that has to be closed; a `with` does so at its end, whatever happened inside."""
+    """An object that must be closed; a `with` closes it, also after an error."""
 
     __slots__ = ()
 

@@ -1,4 +1,4 @@
-"""Where the content folders (models, fmus, orchestrator) lie: in the wheel, else beside it."""
+"""Paths of the content folders (models, fmus, orchestrator): in the wheel or the checkout."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every error that a caller may want to catch; the command line turns each into one sentence."""
+"""Errors of this package; the command line prints each as one message."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ class LoopNotConverged(UuvsimError):
 
 
 class Overrun(UuvsimError):
-    """A step took longer than real time leaves it, and the run was told to fail then."""
+    """A step took longer than real time allows, and the run is set to fail then."""
 
     exit_status = 3
 

@@ -1,4 +1,4 @@
-"""Pieces of work shared among threads: each thread takes the next piece when it is free.
+"""Work shared among threads: each thread takes the next piece when it is free.
 
 As in `uuvsim_cosim.kernels.batch.threads`, the calling thread uses nothing that a signal handler,
 which may raise at any instruction, could leave locked: no executor, no `Event`, no `Condition`.

@@ -1,4 +1,4 @@
-"""Values as JSON can hold them: no NaN, no infinity, plain numbers, texts, lists and objects."""
+"""Conversion to strict JSON: no NaN, no infinity; plain numbers, texts, lists and objects."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["Shown", "strict"]
 
 @dataclass(frozen=True)
 class Shown:
-    """A value for programs, and the text that people read instead."""
+    """A value for JSON, and the text that is shown to people instead."""
 
     value: object
     text: str

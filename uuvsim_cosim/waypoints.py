@@ -21,6 +21,7 @@ __all__ = ["Waypoints", "load_waypoints", "local_of", "origin_of", "read_waypoin
 
 Floats = NDArray[np.float64]
 Place = tuple[float, float]  # latitude and longitude, degrees
+Item = Mapping[str, Any]  # of a mission in JSON
 
 COLUMNS = {
     "n": "n", "north": "n", "northing": "n", "e": "e", "east": "e", "easting": "e",
@@ -300,7 +301,7 @@ def _plan(text: str, path: Path, origin: Place | None) -> Waypoints:
     return Waypoints(np.array(points).reshape(-1, 3), tuple(notes))
 
 
-def _simple(items: Iterable[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
+def _simple(items: Iterable[Item]) -> Iterator[Item]:
     """Yield the simple items, those of surveys and corridors too."""
     for item in items:
         inner = item.get("TransectStyleComplexItem")
@@ -312,7 +313,7 @@ def _simple(items: Iterable[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
             raise KeyError(item.get("complexItemType"))
 
 
-def _point(item: Mapping[str, Any], place: str, origin: Place, path: Path) -> list[float]:
+def _point(item: Item, place: str, origin: Place, path: Path) -> list[float]:
     try:
         latitude, longitude, altitude = (float(v) for v in item["params"][4:7])
     except (KeyError, TypeError, ValueError):

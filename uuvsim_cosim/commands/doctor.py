@@ -16,7 +16,7 @@ from uuvsim_cosim.errors import UuvsimError
 
 __all__ = ["doctor_command", "facts", "packages"]
 
-# Each extra of pyproject.toml: what it is for; the packages and their versions are in it.
+# Purpose of each extra of pyproject.toml, which lists the packages.
 EXTRAS = {
     "rl": "`uuvsim train`, `train-offline`, export to ONNX, Minari's data sets",
     "scene": "`uuvsim terrain` of charts and grids, LAZ clouds, meshes, gridded currents",
@@ -59,7 +59,7 @@ def doctor_command() -> None:
 
 
 def facts() -> dict[str, str]:
-    """Return version, platform, compiler and cache; no paths but those below ~."""
+    """Return version, platform, compiler and cache; paths are shown from ~ on."""
     libc = " ".join(platform.libc_ver())
     return {
         "uuvsim-cosim": __version__,
@@ -74,7 +74,7 @@ def facts() -> dict[str, str]:
 def packages() -> dict[str, dict[str, str | None]]:
     """Return the packages of each extra ("": always needed) with their versions, None: missing.
 
-    They are what the installed package asks for, so that this list cannot be out of date.
+    They are read from the metadata of the installed package, so the list is never out of date.
     """
     found: dict[str, dict[str, str | None]] = {"": {}}
     from importlib.metadata import PackageNotFoundError, requires
@@ -102,7 +102,7 @@ def _version(name: str) -> str | None:
 
 
 def _hidden(text: str) -> str:
-    """Return a text with the home and temporary folders' names left out."""
+    """Return a text without the names of the home and temporary folders."""
     import tempfile
 
     from uuvsim_cosim.cache import home
@@ -119,9 +119,9 @@ def _compiler() -> str:
         from uuvsim_cosim.fmus.codegen.toolchain import compiler, host
 
         identity = compiler()[1]
-        begun = time.perf_counter()
+        start = time.perf_counter()
         works = _compiles()
-        took = time.perf_counter() - begun
+        took = time.perf_counter() - start
         target = host().fmi2
     except UuvsimError as error:
         return _hidden(f"DOES NOT WORK: {error}")
@@ -131,7 +131,7 @@ def _compiler() -> str:
 
 
 def _compiles() -> bool:
-    """Compile a function, load it, and look at what it gives."""
+    """Compile a function, load it, and check its result."""
     import ctypes
     import shutil
     import tempfile
@@ -140,7 +140,7 @@ def _compiles() -> bool:
 
     with tempfile.TemporaryDirectory() as folder:
         source = Path(folder) / "probe.c"
-        source.write_text(f"/* {time.time_ns()} */\n{PROBE}")  # never one that is compiled already
+        source.write_text(f"/* {time.time_ns()} */\n{PROBE}")  # never in the cache
         library = compile_shared([source], name="probe", flags=["-fvisibility=default"])
         try:
             probe = ctypes.CDLL(str(library)).probe

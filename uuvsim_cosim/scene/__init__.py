@@ -1,4 +1,4 @@
-"""Scenes: charts and surveyed grids become terrain, and runs become maps of the seabed.
+"""Scenes: terrain from charts and surveyed grids, and maps of the seabed from runs.
 
 It may import `orchestrator`, `fmus`, `models`; GDAL and others come with the extra `scene`. Start
 with `terrain/make.py`, `chart/read.py`, `mapping/survey.py`.

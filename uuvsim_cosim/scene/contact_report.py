@@ -1,4 +1,4 @@
-"""What the summary of a run reports of contact: starts inside, hulls deep inside, long steps."""
+"""Warnings about contact in the summary of a run: starts inside, deep hulls, long steps."""
 
 from __future__ import annotations
 
@@ -42,6 +42,7 @@ def contact_warnings(
 
 
 def _long_steps(sources: list[dict[str, list[str]]], tick: float) -> Iterator[str]:
+    """Yield a warning for each contact that is declared for shorter steps than the system's."""
     for step in sorted({float(source.get("step", ["0.01"])[0]) for source in sources}):
         if tick > step * (1.0 + 1e-9):
             yield (
@@ -52,6 +53,7 @@ def _long_steps(sources: list[dict[str, list[str]]], tick: float) -> Iterator[st
 
 
 def _inside(scenes: set[str], signals: Mapping[str, NDArray[np.float64]]) -> Iterator[str]:
+    """Yield a warning for each hull that starts inside something."""
     for name, touched in signals.items():
         path, _, signal = name.rpartition(".")
         depth = signals.get(f"{path}.depth")
@@ -70,7 +72,7 @@ def _sunk(
     tick: float,
     signals: Mapping[str, NDArray[np.float64]],
 ) -> Iterator[str]:
-    """Report hulls that came in by more than half their smallest dimension."""
+    """Yield a warning for each hull that is in by more than half its smallest dimension."""
     vehicles = {source.get("vehicle", ["bluerov2_heavy"])[0] for source in sources}
     sizes = [size for size in map(_size, vehicles) if size is not None]
     if not sizes:

@@ -1,4 +1,4 @@
-"""Whether a vehicle left the terrain of a scene, where its sensors hear nothing."""
+"""Warnings about vehicles outside of the terrain of a scene, where sensors get no echo."""
 
 from __future__ import annotations
 
@@ -21,29 +21,27 @@ Array = NDArray[np.float64]
 
 
 def left_terrain(ssd: Path, time: Array, signals: Mapping[str, Array]) -> list[str]:
-    """Return a sentence for each hull and scene of a run that were apart; `ssd` names the scenes.
+    """Return a warning for each hull of a run that left a scene; `ssd` names the scenes.
 
-    A hull is what gives a signal `hull.eta` (T, 6), below any path; `time` is (T,) [s].
+    A hull is a signal `hull.eta` (T, 6), below any path; `time` is (T,) [s].
     """
-    hulls = [n for n in signals if n == "hull.eta" or n.endswith(".hull.eta")]
-    return [
-        warning
-        for scene in _scenes(ssd)
-        for hull in hulls
-        if (warning := _apart(scene, hull.removesuffix(".eta"), time, signals[hull]))
-    ]
-
-
-def _scenes(ssd: Path) -> list[str]:
     try:
         text = unescape(ssd.read_text(encoding="utf-8"))
     except OSError:
         return []
     named = re.findall(r"[?&]scene=([^&\"'\s<]+)", text)
-    return [s for s in dict.fromkeys(unquote(n) for n in named) if s != "flat"]
+    scenes = [s for s in dict.fromkeys(unquote(n) for n in named) if s != "flat"]
+    hulls = [n for n in signals if n == "hull.eta" or n.endswith(".hull.eta")]
+    return [
+        warning
+        for scene in scenes
+        for hull in hulls
+        if (warning := _apart(scene, hull.removesuffix(".eta"), time, signals[hull]))
+    ]
 
 
 def _apart(scene: str, hull: str, time: Array, eta: Array) -> str:
+    """Return the warning on a hull that left a scene; empty if it did not."""
     try:
         terrain = scene_named(scene).terrain
     except UuvsimError:  # gone since it was compiled

@@ -1,4 +1,4 @@
-"""The folder of a study: what was asked, finished runs in parts, and in the end one table."""
+"""Folder of a study: its settings, finished runs in parts, and in the end one table."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class StudyFolder:
             )
 
     def write(self, more: Mapping[str, object]) -> None:
-        """Write study.json: what was asked, and what there is to say beside it."""
+        """Write study.json: the settings, and the fields of `more`."""
         content = {"schema": SCHEMA_VERSION, "asked": self.asked, **more}
         text = json.dumps(content, indent=1, ensure_ascii=False)
         write_whole(self.path / "study.json", text.encode())
@@ -92,7 +92,7 @@ class StudyFolder:
         return found
 
     def keep(self, runs: Sequence[int], outcomes: Sequence[Outcome]) -> None:
-        """Keep finished runs."""
+        """Write finished runs as one more part."""
         import io
 
         import pyarrow as pa
@@ -107,11 +107,12 @@ class StudyFolder:
         )
         sink = io.BytesIO()
         pq.write_table(table, sink)
+        # Named by its runs: the same part written twice is one file.
         name = f"{content_hash([json.dumps(list(map(int, runs)))])}.parquet"
         write_whole(self.parts / name, sink.getvalue())
 
     def finish(self, table: Table, more: Mapping[str, object]) -> Path:
-        """Write the one table, say what there is to say, and drop the parts."""
+        """Write the table, and study.json with the fields of `more`."""
         import io
 
         import pyarrow.parquet as pq

@@ -1,4 +1,4 @@
-"""How sure a mean is: percentile intervals by the bootstrap, the same for the same numbers."""
+"""Bootstrap intervals of means, deterministic for the same numbers; rank correlations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Metrics as text: ``rms(wrap(hull.eta[6] - navigation.eta[6]))`` becomes a tree, or a sentence."""
+"""Metrics as text: ``rms(wrap(hull.eta[6] - navigation.eta[6]))`` is parsed into a tree."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ FUNCTIONS = (*POINTWISE, *REDUCTIONS)
 
 @dataclass(frozen=True)
 class Metric:
-    """What a run is judged by: an expression, over the samples from `after` to `until` [s]."""
+    """A figure of a run: an expression over the samples from `after` to `until` [s]."""
 
     expression: str
     after: Fraction = Fraction(0)

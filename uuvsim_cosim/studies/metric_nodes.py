@@ -1,7 +1,7 @@
-"""What a metric is made of: signals, arithmetic over time, and what reduces a course to a number.
+"""Nodes of a metric's tree: signals, arithmetic over time, and reductions to a number.
 
-Every operation is exact or correctly rounded in one fixed order (sums by `math.fsum`), so that a
-metric has the same bits whichever way its run was simulated.
+Every operation is exact, or correctly rounded in one fixed order (sums by `math.fsum`). So a
+metric has the same bits whether a kernel or a master simulated its run.
 """
 
 from __future__ import annotations
@@ -168,7 +168,7 @@ REDUCTIONS: dict[str, Callable[[Array, Array, float], float]] = {
 @final
 @dataclass(frozen=True)
 class Reduction(Node):
-    """What a course amounts to, element by element, over the samples of its window."""
+    """A course reduced to one number for each element, over the samples of its window."""
 
     function: str = "mean"
     of: Node = Number(1, False, None)
@@ -185,5 +185,5 @@ class Reduction(Node):
         columns = (np.ascontiguousarray(x[:, i]) for i in range(self.of.size))
         try:
             return np.array([REDUCTIONS[self.function](time, c, self.q) for c in columns])
-        except (OverflowError, ValueError):  # what fsum says to infinities
+        except (OverflowError, ValueError):  # fsum raises them for infinities
             return np.full(self.of.size, np.nan)

@@ -1,4 +1,4 @@
-"""Runs are simulated by whichever worker of a Ray cluster is free; each answer comes once."""
+"""Runs simulated by the free workers of a Ray cluster."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _made: dict[tuple[str, str, int], Simulated] = {}  # of a worker's process
 def ray_runs(
     cluster: Cluster, script: Script, by: Literal["kernel", "master"], n: int
 ) -> list[Simulated]:
-    """Return as many as keep the cluster busy; a kernel's batch has `n` places."""
+    """Return enough simulators to keep the cluster busy; a kernel's batch has `n` places."""
     content = pickle.dumps(script)
     key = (hashlib.blake2b(content, digest_size=16).hexdigest(), by, n)
     kept = cluster.put(content)
@@ -39,29 +39,29 @@ def ray_runs(
 
 @final
 class RayRuns:
-    """A request at a time to the cluster; a run follows from its seed and start values alone."""
+    """One request at a time to the cluster; a run depends on seed and start values only."""
 
     def __init__(self, cluster: Cluster, key: tuple[str, str, int], kept: ObjectRef) -> None:
         self._cluster, self._key, self._kept = cluster, key, [kept]
 
     def runs(self, seeds: Sequence[int], start: Starts) -> list[Outcome]:
-        """Have runs simulated."""
+        """Simulate runs on the cluster."""
         return self._cluster.call(_runs, self._key, self._kept, list(seeds), dict(start))
 
     def close(self) -> None:
-        """Do nothing: the cluster ends what is being done."""
+        """Do nothing: the cluster ends its own work."""
 
 
 def _runs(
     key: tuple[str, str, int], kept: list[ObjectRef], seeds: list[int], start: Starts
 ) -> list[Outcome]:
-    """Simulate, in a worker, which keeps what it has built for the next time."""
+    """Simulate in a worker, which keeps its kernel or master for the next call."""
     if key not in _made:
         import ray
 
         script: Script = pickle.loads(ray.get(kept[0]))
         _, by, n = key
-        for other in list(_made):
+        for other in list(_made):  # one at a time: a kernel's batch may fill the memory
             _made.pop(other).close()
         _made[key] = KernelRuns(script, n, 1) if by == "kernel" else MasterRuns(script)
     return _made[key].runs(seeds, start)

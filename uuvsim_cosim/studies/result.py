@@ -1,4 +1,4 @@
-"""What came of a study: one table, a row a run, and how sure each mean is."""
+"""Result of a study: a table with one row for each run, and intervals of means."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ __all__ = ["StudyResult", "result_of"]
 
 @dataclass(frozen=True)
 class StudyResult:
-    """The folder, and what study.json says of it; `resumed` runs were there before."""
+    """Folder and summary of a study; `resumed` runs were finished by an earlier call."""
 
     folder: Path
     name: str
@@ -120,7 +120,7 @@ def result_of(
 
 
 def _plain(value: object) -> object:
-    """Return numbers as JSON knows them: null for NaN."""
+    """Return a value with None instead of NaN and infinities, which JSON does not have."""
     if isinstance(value, dict):
         return {k: _plain(v) for k, v in value.items()}
     if isinstance(value, list):

@@ -29,8 +29,8 @@ class Runs:
     """Run r is grid point r // len(seeds) under seed r % len(seeds).
 
     A seed draws the same parameters at every grid point, and is the system's seed of its run, so
-    that grid points are compared under equal chance. Raises SystemInvalid, and InputInvalid for a
-    grid point that is no possible body.
+    that grid points are compared under the same random numbers. Raises SystemInvalid, and
+    InputInvalid for a grid point without a possible body.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class Runs:
         return start
 
     def columns(self, start: Mapping[str, Array] | None = None) -> dict[str, Array]:
-        """Return what tells runs apart, a column a number: the grid first, then what is drawn."""
+        """Return the parameters of the runs by column: the grid first, then those drawn."""
         start = self.start if start is None else start
         found: dict[str, Array] = {}
         for _, name, element, column in self._places():

@@ -1,4 +1,4 @@
-"""Runs are simulated and judged: by a kernel, many at a time, or by a master, one by one."""
+"""Simulators of runs: a kernel, many at a time, or a master, one by one."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ AT_ONCE = 256  # communication steps after which an interruption is noticed, at 
 
 @dataclass(frozen=True)
 class Script:
-    """What is done in every run; `every` communication steps the signals are sampled."""
+    """A run without its seed and start values; `every` communication steps are sampled."""
 
     system: System
     steps: int
@@ -58,13 +58,13 @@ class Script:
 
     @property
     def n_numbers(self) -> int:
-        """Return how many numbers a run is judged by."""
+        """Return the number of all metrics' elements."""
         return sum(m.root.size for m in self.metrics)
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """The numbers of a run, or the sentence of its failure."""
+    """Metrics of a run, or the message of its failure."""
 
     numbers: list[float]
     failure: str | None = None
@@ -74,7 +74,7 @@ Starts = Mapping[str, Array]  # start values of runs by variable, of shape (n, *
 
 
 class Simulated(Protocol):
-    """What simulates runs, and judges them."""
+    """A simulator of runs, which computes their metrics."""
 
     def runs(self, seeds: Sequence[int], start: Starts) -> list[Outcome]:
         """Simulate runs with these system seeds and start values, of shape (n, *shape)."""
@@ -132,7 +132,8 @@ class MasterRuns:
                     values.append(np.array(master.get(path, own), dtype=float).reshape(-1))
         except (ComponentFailed, LoopNotConverged) as error:
             if any(c.description.kind != "native" for c in self._plan.components):
-                self.close()  # an FMU in error may refuse a reset; ours copy their whole state
+                # An FMU in error may refuse a reset; native components copy their whole state.
+                self.close()
             return Outcome([np.nan] * script.n_numbers, str(error))
         courses = {n: np.array(v) for n, v in zip(script.signals, sampled, strict=True)}
         return Outcome(script.judged(courses))
@@ -156,9 +157,9 @@ class KernelRuns:
         self._master: MasterRuns | None = None
 
     def runs(self, seeds: Sequence[int], start: Starts) -> list[Outcome]:
-        """Simulate side by side; places that are left over repeat the last run."""
+        """Simulate side by side; unused places of the batch repeat the last run."""
         n = len(seeds)
-        if n > self._n:
+        if n > self._n:  # more runs than the batch has places: in pieces
             head, tail = {}, {}
             for k, v in start.items():
                 head[k], tail[k] = v[: self._n], v[self._n :]

@@ -1,4 +1,4 @@
-"""How large a study may be: what would fill a machine's memory is refused before it begins."""
+"""Limits of a study: one that would not fit into memory is refused before it begins."""
 
 from __future__ import annotations
 

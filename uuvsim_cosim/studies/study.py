@@ -1,4 +1,4 @@
-"""A study: a system run many times under drawn or gridded parameters, judged by metrics.
+"""Studies: many runs of a system under drawn or gridded parameters, and their metrics.
 
 >>> Study(
 ...     uuv.load("bluerov2_hold"),
@@ -17,7 +17,6 @@ import os
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, final
 
@@ -50,16 +49,16 @@ __all__ = ["Study", "StudyInterrupted"]
 Backend = Literal["auto", "kernel", "master"]
 Progress = Callable[[str, float, float], None]
 MEMORY = 192e6  # bytes of sampled signals in a batch
-PARTS = 12  # about as many as a study is kept in
+PARTS = 12  # of a study's folder, about
 
 
 class StudyInterrupted(KeyboardInterrupt):
-    """Ctrl-C; what is finished is kept, and the same study goes on from there."""
+    """Ctrl-C; finished runs are kept, and the same study continues from there."""
 
 
 @final
 class Study:
-    """What is to be run, checked as a whole; `run` does it.
+    """Definition of a study, checked as a whole; `run` runs it.
 
     `duration` and `every` (the sampling of metrics, by default each communication step) are whole
     numbers of communication steps [s]. `seeds` is a number of them (0, 1, …) or a list.
@@ -109,7 +108,7 @@ class Study:
         check_samples(int(self.duration / self.every) + 1, self._width)
         self._check_windows()
         self.runs = Runs(self.drawn, self.grid, self.seeds, self._places)
-        _ = self.runs.start
+        _ = self.runs.start  # refuses impossible bodies now, before anything runs
         twice = [c for c in self.metrics if c in self.runs.columns()]
         if twice:
             raise InputInvalid(f"metrics: {twice[0]!r} names a parameter too; expected a new name")
@@ -139,10 +138,10 @@ class Study:
     ) -> StudyResult:
         """Run what has not been run yet into a folder, by default `output`.
 
-        A fused kernel runs many at once in `jobs` threads; what cannot be fused, masters run in
-        `jobs` processes; with a `cluster`, its workers do either. Results have the same bits
-        whatever of these it is, for every `jobs` and `batch`.
-        Raises StudyInterrupted on Ctrl-C; then the same call goes on from there.
+        A fused kernel runs many at once in `jobs` threads. A system that cannot be fused is run by
+        masters in `jobs` processes. With a `cluster`, its workers do either. Results have the same
+        bits in all cases, for every `jobs` and `batch`.
+        Raises StudyInterrupted on Ctrl-C; then the same call continues from there.
         """
         jobs = (os.cpu_count() or 1) if jobs is None else jobs
         if jobs < 1 or (batch is not None and batch < 1):
@@ -183,7 +182,7 @@ class Study:
 
     @property
     def asked(self) -> dict[str, object]:
-        """Return what makes it this study and no other."""
+        """Return the settings that identify the study; a folder with others is refused."""
         plan = self._places.plan
         start = [
             f"{c.path} {v.name} {np.asarray(c.start.get(v.name, v.start)).tolist()!r}"
@@ -211,7 +210,7 @@ class Study:
     # ---- inside ---------------------------------------------------------------------------
 
     def _delayed(self) -> list[str]:
-        """Say which delayed loops do not converge, by their gain at the system's start values."""
+        """Return remarks on delayed loops that diverge, by their gain at the start values."""
         plan = self._places.plan
         loops = [x for x in plan.algebraic_loops if not (x.iterated or x.undeclared)]
         remarks = [delay_remark(hops_of(plan, x), estimated_gain(plan, x)) for x in loops]
@@ -228,22 +227,19 @@ class Study:
 
     @property
     def _width(self) -> int:
-        """Return how many numbers metrics read of each sample."""
+        """Number of signals' elements that metrics read of each sample."""
         return sum(self._places.variables[s].size for s in self.script.signals)
 
-    @cached_property
-    def _most(self) -> int:
-        """Return how many runs fit into memory at once."""
-        return max(8, int(MEMORY / (8 * len(self.script.ticks) * max(self._width, 1))) // 8 * 8)
-
     def _batch(self, n: int, batch: int | None, parts: int) -> int:
-        """Return how many runs a kernel simulates at once."""
-        return batch or min(self._most, max(8, 8 * math.ceil(n / max(PARTS, parts) / 8)), 512)
+        """Return the number of runs that a kernel simulates at once."""
+        sampled = 8 * len(self.script.ticks) * max(self._width, 1)  # bytes of one run
+        most = max(8, int(MEMORY / sampled) // 8 * 8)
+        return batch or min(most, max(8, 8 * math.ceil(n / max(PARTS, parts) / 8)), 512)
 
     def _simulated(
         self, backend: Backend, jobs: int, n: int, size: int, cluster: Cluster | None
     ) -> tuple[list[Simulated], str, str]:
-        """Return what simulates, its name, and why it is not a kernel."""
+        """Return the simulators, their name, and why they are no kernel."""
         why = ""
         if backend != "master":
             try:
@@ -270,7 +266,7 @@ class Study:
         from uuvsim_cosim.studies.worker import ProcessRuns
 
         plan = self._places.plan
-        Master(plan, prepare(plan, "native")).free()  # compiled once, and not in every process
+        Master(plan, prepare(plan, "native")).free()  # compile once here, not in every process
         made: list[Simulated] = []
         try:
             while len(made) < min(jobs, n):

@@ -1,6 +1,6 @@
-"""A process that simulates runs with a master: requests come in by stdin, answers go to stdout.
+"""A process that simulates runs with a master: requests on stdin, answers on stdout.
 
-It ends at once when whoever asks has ended, however that came about: its input then ends.
+It exits as soon as the process that started it ends, for whatever reason: its stdin then closes.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ Request = Script | tuple[list[int], Starts]  # the script first; then seeds and 
 
 @final
 class ProcessRuns:
-    """A master in a process of its own, which ends with its input, and with this process."""
+    """A master in another process, which ends when its stdin closes or this process ends."""
 
     def __init__(self, script: Script) -> None:
         self._child = subprocess.Popen(
             [sys.executable, "-m", "uuvsim_cosim.studies.worker", str(os.getpid())],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            start_new_session=True,  # Ctrl-C is ours to deal with, not the child's
+            start_new_session=True,  # Ctrl-C is handled here, not by the child
         )
         try:
             self._ask(script)
@@ -43,7 +43,7 @@ class ProcessRuns:
             raise
 
     def runs(self, seeds: Sequence[int], start: Starts) -> list[Outcome]:
-        """Simulate runs there."""
+        """Simulate runs in the other process."""
         answer = self._ask((list(seeds), dict(start)))
         assert answer is not None
         return answer
@@ -79,13 +79,13 @@ class ProcessRuns:
 
 
 def main() -> None:
-    """Answer until the input ends."""
+    """Answer requests until stdin closes."""
     if len(sys.argv) > 1:
         _end_with(int(sys.argv[1]))
-    # What is assumed of a system, the process that asks has said already.
+    # Assumptions about a system were reported by the parent process already.
     logging.getLogger("uuvsim_cosim").addHandler(logging.NullHandler())
     answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what a component prints must not come between the answers
+    os.dup2(2, 1)  # output of a component must not mix with the answers
     requests: queue.SimpleQueue[Request | Exception] = queue.SimpleQueue()
     threading.Thread(target=_listen, args=(requests,), daemon=True).start()
     runs: MasterRuns | None = None
@@ -109,11 +109,11 @@ def main() -> None:
         try:
             answers.flush()
         except BrokenPipeError:
-            os._exit(0)  # whoever asked has ended
+            os._exit(0)  # the parent process has ended
 
 
 def _listen(requests: queue.SimpleQueue[Request | Exception]) -> None:
-    """Pass on what is asked; end the process where the input ends, even amid a run."""
+    """Queue requests; exit when stdin closes, even during a run."""
     while True:
         try:
             requests.put(pickle.load(sys.stdin.buffer))
@@ -124,16 +124,16 @@ def _listen(requests: queue.SimpleQueue[Request | Exception]) -> None:
 
 
 def _end_with(parent: int) -> None:
-    """Have Linux end this process with its parent, even where a component keeps Python busy."""
+    """Let Linux end this process with its parent, even while a component blocks Python."""
     if not sys.platform.startswith("linux"):
         return
     PR_SET_PDEATHSIG = 1
     try:
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)
     except (AttributeError, OSError):
-        return  # the input's end is noticed all the same
+        return  # the end of stdin is noticed anyway
     if os.getppid() != parent:
-        os._exit(0)  # it ended before this was said
+        os._exit(0)  # it ended before this call
 
 
 if __name__ == "__main__":

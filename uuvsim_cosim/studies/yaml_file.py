@@ -1,4 +1,4 @@
-"""Study files: YAML, read as a whole; every mistake with its line and what would be right."""
+"""Reader of study files (YAML): every mistake is reported with its line and a correction."""
 
 from __future__ import annotations
 
@@ -229,7 +229,7 @@ def _grid(text: YamlText, data: Mapping[str, Any]) -> tuple[list[Vary], list[str
 
 
 def _small(text: YamlText, data: Mapping[str, Any], grid: list[Vary]) -> bool:
-    """Return whether there are few enough runs, before any of them is made; note it if not."""
+    """Return whether the number of runs is allowed; add the mistake if not."""
     seeds = data.get("seeds", 1)
     count = len(seeds) if isinstance(seeds, Sequence) else seeds
     whole = isinstance(count, int) and not isinstance(count, bool) and count > 0
@@ -239,7 +239,7 @@ def _small(text: YamlText, data: Mapping[str, Any], grid: list[Vary]) -> bool:
     try:
         check_runs(points, int(count) if whole else 1)
     except InputInvalid as error:
-        if not (whole and count > MOST_RUNS):  # that is said of the seeds already
+        if not (whole and count > MOST_RUNS):  # else reported with the seeds
             text.wrong(["parameters"], str(error))
         return False
     return True

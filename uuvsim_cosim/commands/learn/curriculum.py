@@ -1,4 +1,4 @@
-"""`uuvsim train … --curriculum stt`: task after task, each begun with what the last has taught."""
+"""`uuvsim train … --curriculum stt`: task after task, each from the policy of the last one."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ def train_through(
     show: bool,
     refused: Sequence[str],
 ) -> None:
-    """Train through a curriculum, as `uuvsim train`'s options say; those it has not are refused.
+    """Train through a curriculum with the options of `uuvsim train`.
 
-    `changes` are fields of TrainingConfig, and come after what the curriculum says; `refused` are
-    options of one training that were given. `task` must be what the curriculum is about.
+    `changes` are fields of TrainingConfig that override the curriculum's. `refused` are given
+    options that a curriculum does not have. `task` must be the last task of the curriculum.
     """
     if refused:
         raise InputInvalid(f"{refused[0]}: of one training; expected --curriculum without it")
@@ -80,7 +80,14 @@ def train_through(
                     interrupted=interruption,
                     stage_begins=lambda k, s: progress.say(f"stage {k + 1}, {s.task}"),
                 )  # fmt: skip
-            written = _report(done, folder, progress) if report else None
+            written = None
+            if report:
+                from uuvsim_cosim.commands.learn.training_judged import write_judged
+                from uuvsim_cosim.view.reports.curriculum_report import write_curriculum_report
+
+                progress.say("judging the best policy of the last stage, and drawing it")
+                write_judged(folder)
+                written = write_curriculum_report(folder, [stage.folder for stage in done])
         except KeyboardInterrupt:
             progress.close()
             notice("interrupted; the same command goes on from there")
@@ -88,15 +95,6 @@ def train_through(
     _show(done, folder, written)
     if show and written is not None:
         typer.launch(str(written))
-
-
-def _report(done: Sequence[StageTrained], folder: Path, progress: TrainingProgress) -> Path:
-    from uuvsim_cosim.commands.learn.training_judged import write_judged
-    from uuvsim_cosim.view.reports.curriculum_report import write_curriculum_report
-
-    progress.say("judging the best policy of the last stage, and drawing it")
-    write_judged(folder)
-    return write_curriculum_report(folder, [stage.folder for stage in done])
 
 
 def _show(done: Sequence[StageTrained], folder: Path, report: Path | None) -> None:

@@ -1,4 +1,4 @@
-"""`uuvsim evaluate`: how good policies are, with intervals, beside the hand-written controller."""
+"""`uuvsim evaluate`: figures of policies with intervals, and of the hand-written controller."""
 
 from __future__ import annotations
 
@@ -92,13 +92,13 @@ def evaluate_command(
 
 
 def shown(i: Interval) -> Shown:
-    """Write a figure with its interval."""
+    """Return a figure with its interval as text."""
     text = f"{i.value:.4g} [{i.low:.4g}, {i.high:.4g}]"
     return Shown({"value": i.value, "low": i.low, "high": i.high}, text)
 
 
 def _refuse_other(path: Path) -> None:
-    """Raise InputInvalid where a table cannot be written, or would replace what is none."""
+    """Raise InputInvalid if a table cannot be written, or would replace another file."""
     if path.suffix.lower() != ".csv":
         raise InputInvalid(f"--out {path}: expected a table's name, FILE.csv")
     if path.is_dir() or not path.parent.is_dir():

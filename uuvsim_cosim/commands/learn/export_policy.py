@@ -1,4 +1,4 @@
-"""`uuvsim export-policy`: a trained policy leaves, as FMU, ONNX, torch tensors or numpy runner."""
+"""`uuvsim export-policy`: export a policy as FMU, ONNX, PyTorch or NumPy."""
 
 from __future__ import annotations
 

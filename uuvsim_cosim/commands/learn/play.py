@@ -84,7 +84,7 @@ def play_command(
             page.record(found.task, acts, seed, found.name)
         if not view or out is not None:
             frames = list(frames_of(found.task, acts, seed, "human" if window else "rgb_array"))
-        if policy == "random":  # which draws anew
+        if policy == "random":  # it draws new random numbers
             (acts,) = acting_of([policy], task, options).policies.values()
         figures = evaluate(found.task, acts, 1, seed=seed)
     rows = {

@@ -25,7 +25,7 @@ GOAL = "goal"
 
 
 class Page:
-    """The page of an episode, where it was `asked` for; its port is taken at once."""
+    """The page of an episode, if it was `asked` for; its port is opened at once."""
 
     def __init__(self, port: int | None, asked: bool) -> None:
         self._server: ViserServer | None = None
@@ -38,13 +38,13 @@ class Page:
             self._server = open_server(port)
 
     def record(self, task: Task | TeamTask, policy: Any, seed: int, name: str) -> None:
-        """Play the episode, and keep what moved."""
+        """Play the episode, and record the motion."""
         from uuvsim_cosim.learn.shared.task_ids import short_name
 
         self._recorded = episode_of(task, policy, seed, short_name(name))
 
     def serve(self, what: str, *, show: bool) -> None:
-        """Replay what was recorded until Ctrl-C; nothing where no page is."""
+        """Replay the recording until Ctrl-C; do nothing without a page."""
         if self._server is None or self._recorded is None:
             return
         from uuvsim_cosim.commands.run.view import serve
@@ -59,7 +59,7 @@ class Page:
 def episode_of(
     task: Task | TeamTask, policy: Any, seed: int, name: str
 ) -> tuple[Stage, Motion, Traces]:
-    """Play episode 0 of a seed and give what moved; raises InputInvalid where nothing has a pose.
+    """Play episode 0 of a seed and return its motion; raises InputInvalid without a pose.
 
     The task is not changed: a copy of it reads the signals that move its stage as well.
     """
@@ -95,7 +95,7 @@ def episode_of(
 
 
 class _Seen:
-    """What a task's moments held when their picture was drawn."""
+    """Recorder of a task's moments while their pictures are drawn."""
 
     def __init__(self, task: Task | TeamTask, stage: Stage) -> None:
         self._task, self._names = task, stage.signals
@@ -105,7 +105,7 @@ class _Seen:
         self.start: dict[str, Array] = {}
 
     def view(self, m: Moment, row: int) -> View | None:
-        """Note a moment, and draw it as the task does."""
+        """Record a moment, and return the task's view of it."""
         import numpy as np
 
         self.time.append(float(m.time[row]))
@@ -119,7 +119,7 @@ class _Seen:
         return view
 
     def traces(self, units: dict[str, str]) -> Traces:
-        """Return what was noted; a moment may have been drawn twice, and counts once."""
+        """Return the recorded signals; a moment that was drawn twice counts once."""
         import numpy as np
 
         from uuvsim_cosim.view.recorded.traces import Traces
@@ -132,7 +132,7 @@ class _Seen:
 
 
 def _solids(plan: Plan, start: dict[str, Array], stage: Stage) -> Iterator[Solid]:
-    """Return what stands still in this episode: pools and obstacles may be drawn by lot."""
+    """Yield the still bodies of this episode: pools and obstacles may be random."""
     from uuvsim_cosim.view.scene3d.scene_of_plan import pool_solids
 
     found: dict[str, Solid] = {}

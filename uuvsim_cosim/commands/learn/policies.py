@@ -1,4 +1,4 @@
-"""Policies and the task they act in, as `uuvsim evaluate` and `uuvsim play` are given them."""
+"""Policies and their task, from the arguments of `uuvsim evaluate` and `uuvsim play`."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ WORDS = ("scripted", "random")
 
 @dataclass(frozen=True)
 class Acting:
-    """A task, and what acts in it by name."""
+    """A task, and the policies that act in it by name."""
 
     name: str  # of the task
     options: Mapping[str, object]
     task: Task | TeamTask
     policies: Mapping[str, Any]  # as `evaluate` takes them
-    notes: tuple[str, ...] = ()  # of policies that learned under other options than these
+    notes: tuple[str, ...] = ()  # on policies that were trained under other options
 
 
 def acting_of(
@@ -35,11 +35,11 @@ def acting_of(
     last: bool = False,
     own_task: bool = False,
 ) -> Acting:
-    """Load what is given; the task is that of the policies, unless one is named.
+    """Load the given policies; the task is theirs, unless one is named.
 
-    `own_task`: raise InputInvalid for a policy that was trained in another. `options` come after
-    those that the first policy of this task was trained with. Each policy that was trained with
-    others is named in `notes`.
+    `own_task`: raise InputInvalid for a policy that was trained in another task. `options` override
+    those that the first policy of this task was trained with. `notes` name each policy that was
+    trained with other options.
     """
     from uuvsim_cosim.envs.tasks.scripted import scripted_policy
     from uuvsim_cosim.learn.shared.task_ids import make_task

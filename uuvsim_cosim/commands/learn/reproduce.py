@@ -1,4 +1,4 @@
-"""`uuvsim reproduce fig7`: runs what a figure of the UUVSim paper lacks, then draws and judges."""
+"""`uuvsim reproduce fig7`: run the missing trainings of a figure, plot it, judge the claims."""
 
 from __future__ import annotations
 

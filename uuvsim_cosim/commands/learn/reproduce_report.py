@@ -1,4 +1,4 @@
-"""The page of the benchmark: what holds, the numbers, the pictures, all from the results kept."""
+"""The page of the benchmark from stored results: verdicts, numbers and figures."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ dimensions or as a page of their own:
 
 
 def write_report(results: Path) -> tuple[dict[str, list[Verdict]], list[Path]]:
-    """Write README.md and pictures into a folder of results; gives verdicts by budget."""
+    """Write README.md and pictures into a folder of results; return the verdicts by budget."""
     from uuvsim_cosim.learn.paper.results import read_results
     from uuvsim_cosim.learn.paper.verdicts import verdicts
     from uuvsim_cosim.learn.paper.ways import BUDGETS
@@ -72,7 +72,7 @@ def write_report(results: Path) -> tuple[dict[str, list[Verdict]], list[Path]]:
     from uuvsim_cosim.commands.learn.reproduce_transfer import transfer_section
 
     transfers, part, pictures = transfer_section(results)
-    for each in rows.values():  # of one budget, whichever is asked for
+    for each in rows.values():  # of one budget, whatever the argument is
         each += transfers
     parts.append(part)
     files += pictures
@@ -163,18 +163,18 @@ def _panel(
 
 
 def _named(way: str) -> str:
-    """Return a way's name in a legend: "IDQN" for "scratch-idqn-all_steps"."""
+    """Return the name of a learning method in a legend: "IDQN" for "scratch-idqn-all_steps"."""
     return NAMES.get(way, way.removeprefix("scratch-").removesuffix("-all_steps").upper())
 
 
 def _alone(runs: Mapping[tuple[str, str], Sequence[Result]]) -> Panel:
-    """Return the panel of the ways that spend all steps in the target scenario."""
+    """Return the panel of the methods that train in the target scenario only."""
     ways = [f"scratch-{a}-all_steps" for a in COMPARED]
     return replace(_panel(runs, STAGES[-1], ways), title="target, without schooling")
 
 
 def _schooled(runs: Mapping[tuple[str, str], Sequence[Result]]) -> Panel:
-    """Return the panel of the target scenario after the other three, whose steps count here."""
+    """Return the panel of the target scenario after the other three, with their steps added."""
     algorithms = [a for a in COMPARED if (STAGES[-1], f"stt-{a}") in runs]
     if len(algorithms) < 2:  # nothing to compare with
         algorithms = []

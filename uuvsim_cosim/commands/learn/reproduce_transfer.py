@@ -1,4 +1,4 @@
-"""The part of the benchmark's page that is figure 11: tables and a picture of what was kept."""
+"""Section of figure 11 on the benchmark's page: tables and a figure from stored results."""
 
 from __future__ import annotations
 

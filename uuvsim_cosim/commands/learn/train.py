@@ -111,7 +111,14 @@ def train_command(
             from uuvsim_cosim.learn.training.train import train
 
             done = train(asked, folder=out, restart=restart, observers=(progress,))
-            report = None if no_report else _report(done, progress)
+            report = None
+            if not no_report:
+                from uuvsim_cosim.commands.learn.training_judged import write_judged
+                from uuvsim_cosim.view.reports.training_report import write_training_report
+
+                progress.say("judging the best policy, and drawing it")
+                write_judged(done.folder)
+                report = write_training_report(done.folder)
         except KeyboardInterrupt as interrupted:
             progress.close()
             message = str(interrupted) or "interrupted; the same command goes on"
@@ -132,15 +139,6 @@ def _config(task: str | None, file: Path | None, changes: dict[str, Any]) -> Tra
     if task is None:
         raise InputInvalid("no task; expected one, as in `uuvsim train transition_1`, or --config")
     return TrainingConfig(**changes)
-
-
-def _report(done: Trained, progress: TrainingProgress) -> Path:
-    from uuvsim_cosim.commands.learn.training_judged import write_judged
-    from uuvsim_cosim.view.reports.training_report import write_training_report
-
-    progress.say("judging the best policy, and drawing it")
-    write_judged(done.folder)
-    return write_training_report(done.folder)
 
 
 def _show(done: Trained, report: Path | None) -> None:

@@ -1,4 +1,4 @@
-"""`uuvsim train-offline`: a policy from a dataset, and how good it is in the task."""
+"""`uuvsim train-offline`: train a policy on a dataset, and evaluate it in the task."""
 
 from __future__ import annotations
 

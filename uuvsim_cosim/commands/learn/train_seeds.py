@@ -1,4 +1,4 @@
-"""`uuvsim train … --seeds 5`: one training several times, here one after the other, or by Ray."""
+"""`uuvsim train … --seeds 5`: one training under several seeds, in turn or on a Ray cluster."""
 
 from __future__ import annotations
 
@@ -46,14 +46,18 @@ def train_seeds(
     configs: Sequence[TrainingConfig], folders: Sequence[Path], restart: bool, report: bool,
     ray: str | None,
 ) -> list[Trained]:  # fmt: skip
-    """Train each in its folder; a report each, and a table of them all."""
+    """Train each in its folder; write a report of each, and a table of all."""
     with Termination() as termination, StudyProgress("steps") as progress:
         try:
             progress.say("building, once")
             done = _trained(configs, folders, restart, ray, progress)
+            from uuvsim_cosim.commands.learn.training_judged import write_judged
+            from uuvsim_cosim.view.reports.training_report import write_training_report
+
             for k, each in enumerate(done if report else ()):
                 progress.say(f"judging the best policy of {k + 1} of {len(done)}, and drawing it")
-                _report(each)
+                write_judged(each.folder)
+                write_training_report(each.folder)
         except KeyboardInterrupt as interrupted:
             progress.close()
             message = str(interrupted) or "interrupted; the same command goes on from there"
@@ -85,21 +89,13 @@ def _trained(
 
 
 class _Seen:
-    """A TrainingObserver that shows one of several trainings as a part of them all."""
+    """A TrainingObserver that shows one training's part of the total progress."""
 
     def __init__(self, progress: StudyProgress, before: float, total: float) -> None:
         self._progress, self._before, self._total = progress, before, total
 
     def __call__(self, progress: Progress) -> None:
         self._progress("training", self._before + progress.step, self._total)
-
-
-def _report(done: Trained) -> None:
-    from uuvsim_cosim.commands.learn.training_judged import write_judged
-    from uuvsim_cosim.view.reports.training_report import write_training_report
-
-    write_judged(done.folder)
-    write_training_report(done.folder)
 
 
 def _show(done: Sequence[Trained]) -> None:

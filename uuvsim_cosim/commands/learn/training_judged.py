@@ -1,4 +1,4 @@
-"""What a finished training's report shows beside its curves: figures, and episodes drawn."""
+"""Evaluation of a finished training for its report: figures, and pictures of episodes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ EPISODES = 100
 
 
 def write_judged(folder: Path, episodes: int = EPISODES) -> None:
-    """Judge the best policy of a training; write judged.json and pictures/ into its folder."""
+    """Evaluate the best policy of a training; write judged.json and pictures/ into its folder."""
     from uuvsim_cosim.commands.learn.policies import acting_of
     from uuvsim_cosim.learn.policies.playing import frames_of
     from uuvsim_cosim.learn.training.judging import judge, judge_scripted

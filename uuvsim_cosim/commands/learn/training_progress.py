@@ -50,7 +50,7 @@ class TrainingProgress(Closing):
         return self
 
     def __call__(self, progress: TrainingStep) -> None:
-        """Take in what happened, and draw it."""
+        """Draw an event of the training."""
         if progress.what == "episodes":
             self._returns.append(progress.row["return"])
         elif progress.what == "evaluation":

@@ -1,4 +1,4 @@
-"""`uuvsim models`, `new`, `fmu`, `terrain`: vehicles, components and what is built of them.
+"""`uuvsim models`, `new`, `fmu`, `terrain`: vehicles, components, FMUs and terrains.
 
 It may import `commands.shared`. Start reading with `models.py`.
 """

@@ -1,4 +1,4 @@
-"""`uuvsim fmu`: build FMUs from declarations, look into any, check any."""
+"""`uuvsim fmu`: build FMUs from declarations; inspect and check any FMU."""
 
 from __future__ import annotations
 

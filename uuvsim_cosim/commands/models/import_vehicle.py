@@ -1,4 +1,4 @@
-"""`uuvsim models import`: a surface and a mass, or a robot's description, become a vehicle."""
+"""`uuvsim models import`: make a vehicle from a surface and a mass, or a robot's description."""
 
 from __future__ import annotations
 
@@ -54,7 +54,11 @@ def import_command(
         raise InputInvalid(
             f"{file}: no such file; expected a surface (.stl), .urdf, .sdf or .xacro"
         )
-    folder = out if out is not None else Path(_id_of(file))
+    if out is None:
+        id = re.sub(r"[^a-z0-9_]+", "_", file.name.split(".")[0].lower()).strip("_")
+        folder = Path(id if id[:1].isalpha() else f"vehicle_{id}")
+    else:
+        folder = out
     check_id(folder.name)
     if file.suffix.lower() in _DESCRIPTIONS:
         options = {"--mass": mass, "--volume": volume, "--z-g": z_g, "--scale": scale,
@@ -87,11 +91,6 @@ def import_command(
     line()
     line(f"check it with  uuvsim models check {tilde(written)}")
     line(f"use it as      model:{tilde(written)}")
-
-
-def _id_of(file: Path) -> str:
-    name = re.sub(r"[^a-z0-9_]+", "_", file.name.split(".")[0].lower()).strip("_")
-    return name if name[:1].isalpha() else f"vehicle_{name}"
 
 
 def _surface(

@@ -1,4 +1,4 @@
-"""`uuvsim new`: write a starting point for one's own component, which fits its slot already."""
+"""`uuvsim new`: write a template of a component that fits its slot."""
 
 from __future__ import annotations
 

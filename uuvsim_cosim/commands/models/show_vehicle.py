@@ -1,4 +1,4 @@
-"""`uuvsim models show VEHICLE`: what its numbers amount to, before the numbers themselves."""
+"""`uuvsim models show VEHICLE`: derived figures of a vehicle, then its parameters."""
 
 from __future__ import annotations
 

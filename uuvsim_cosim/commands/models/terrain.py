@@ -1,4 +1,4 @@
-"""`uuvsim terrain`: a nautical chart or a surveyed grid becomes a terrain, or a scene's folder."""
+"""`uuvsim terrain`: make a terrain or a scene from a nautical chart or a surveyed grid."""
 
 from __future__ import annotations
 

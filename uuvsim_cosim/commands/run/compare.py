@@ -1,4 +1,4 @@
-"""`uuvsim compare`: which signal of two recordings differs first, when, and by how much."""
+"""`uuvsim compare`: the first signal of two recordings that differs, when, and by how much."""
 
 from __future__ import annotations
 

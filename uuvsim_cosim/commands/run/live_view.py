@@ -1,4 +1,4 @@
-"""`--view`: a run, or an episode, on a page while it goes on, and replayed when it is over."""
+"""`--view`: live view of a run in a browser, and its replay afterwards."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["Watched"]
 
 
 class Watched:
-    """The page of a run, where it was `asked` for; what fails there does not stop the run."""
+    """The page of a run, if it was `asked` for; an error there does not stop the run."""
 
     def __init__(self, name: str, port: int | None, asked: bool) -> None:
         self._name = name
@@ -39,7 +39,7 @@ class Watched:
         self.observers = [self._live]
 
     def __enter__(self) -> Self:
-        """Say where the page is."""
+        """Print the address of the page."""
         if self._server is not None:
             announce(self._server, f"{self._name}, live", show=False)
         return self
@@ -48,12 +48,12 @@ class Watched:
         self, kind: type[BaseException] | None, error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:  # fmt: skip
-        """End the page of a run that has failed; of another it becomes the replay."""
+        """Close the page if the run failed; otherwise the replay uses it."""
         if error is not None:
             self.close()
 
     def replay(self, folder: Path) -> None:
-        """Replay the recording on the same page until Ctrl-C; nothing where no page is."""
+        """Replay the recording on the same page until Ctrl-C; do nothing without a page."""
         if self._server is None:
             return
         from uuvsim_cosim.view.scene3d.scene_of_run import placed

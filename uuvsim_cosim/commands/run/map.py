@@ -57,7 +57,7 @@ def map_command(
         raise InputInvalid(f"--pose {pose}: expected {' or '.join(survey.track.poses)}")
     made = None
     if given is None:
-        with suppress(InputInvalid):  # one that was cut short is made again
+        with suppress(InputInvalid):  # a damaged one is made again
             made = read_map(run)
     if made is None:
         made = survey.map()

@@ -1,4 +1,4 @@
-"""`uuvsim run`: simulate a system, or a single FMU, and write what came out."""
+"""`uuvsim run`: simulate a system or a single FMU, and write the results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The table at the end of a run: figures of merit, what was assumed, what was written where."""
+"""Summary at the end of a run: figures of merit, assumptions and written files."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MOST_NOTES = 12
 
 
 def summary(run: Run, surveyed: SeabedMap | None = None) -> tuple[list[Figure], list[str]]:
-    """Return the figures of a run, and of the map that it made, and where it left the terrain."""
+    """Return the figures of a run and its map, and warnings on terrain and contact."""
     import numpy as np
 
     from uuvsim_cosim.scene.contact_report import contact_warnings
@@ -74,7 +74,7 @@ def figure_table(figures: Iterable[Figure]) -> None:
 
 
 def show_run(run: Run, report: Path | None, figures: list[Figure], left: list[str]) -> None:
-    """Print the table of a run, with what was assumed and what was written."""
+    """Print the summary of a run: figures, assumptions and written files."""
     line()
     line(f"{run.system}, seed {run.seed}")
     put("system", run.system)
@@ -96,7 +96,7 @@ def show_run(run: Run, report: Path | None, figures: list[Figure], left: list[st
 
 
 def remarks(kind: Literal["assumed", "warning"], texts: Sequence[str]) -> None:
-    """Write remarks; of very many, people read the first alone."""
+    """Print remarks; only the first ones as text if there are many."""
     most = MOST_NOTES if answer().mode == "text" else len(texts)
     for text in texts[:most]:
         remark(kind, text)

@@ -1,4 +1,4 @@
-"""After `uuvsim run` of a survey: the map of the seabed that it made."""
+"""Map of the seabed after `uuvsim run` of a survey."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ __all__ = ["mapped"]
 
 
 def mapped(system: str, folder: Path, progress: RunProgress) -> SeabedMap | None:
-    """Make and keep the map of a run whose system says what it maps with; None for any other.
+    """Make and save the map of a run whose system has settings of a survey; else return None.
 
-    Where there is nothing to be mapped, a sentence on stderr says why: the run itself went well.
+    If no map can be made, a notice on stderr gives the reason: the run itself succeeded.
     """
     from uuvsim_cosim.scene.mapping.survey_settings import keep_settings, settings_of_system
 

@@ -1,4 +1,4 @@
-"""`uuvsim view`: a recording replayed in a browser, in three dimensions."""
+"""`uuvsim view`: replay of a recording in a browser, in three dimensions."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def view_command(
 def serve(
     server: ViserServer, what: str, recorded: tuple[Stage, Motion, Traces], *, show: bool
 ) -> None:
-    """Serve a replay until Ctrl-C, which is its good end."""
+    """Serve a replay until Ctrl-C, which is its normal end."""
     from uuvsim_cosim.view.scene3d.recording_page import Replay
 
     stage, motion, traces = recorded
@@ -68,12 +68,12 @@ def serve(
 
 
 def announce(server: ViserServer, what: str, *, show: bool) -> None:
-    """Say where the page is, and how to reach it from a machine that has a screen."""
+    """Print the address of the page, and how to reach it from a machine with a screen."""
     from uuvsim_cosim.view.scene3d.viser_server import address, entry, has_screen
 
     where, port = address(server), server.get_port()
     put("address", where)
-    # A log is read by others more easily than a terminal: the token is not written there.
+    # Other users may read a log: the token is printed to a terminal only.
     is_terminal = answer().mode == "text" and sys.stdout.isatty()
     line(f"{what}: {entry(server) if is_terminal else where} in a browser; Ctrl-C ends it")
     if not is_terminal:

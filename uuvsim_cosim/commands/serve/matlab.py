@@ -1,4 +1,4 @@
-"""`uuvsim matlab`: the line that makes MATLAB or Octave find the client."""
+"""`uuvsim matlab`: print the addpath line of the client for MATLAB or Octave."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`uuvsim serve`: a system runs, and clients elsewhere read, set and step it."""
+"""`uuvsim serve`: run a system that clients read, set and step."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = ["serve_command"]
 
-_LOOK = 0.1  # [s] between two looks whether the end has come
+_LOOK = 0.1  # [s] between two checks for the end
 
 
 def serve_command(
@@ -149,7 +149,7 @@ def serve_command(
         with ExitStack() as stack:
             for warning in conductor.warnings:
                 line(f"warning: {warning}")
-            stack.callback(_told, conductor, conductor.warnings)
+            stack.callback(_print_rest, conductor, conductor.warnings)
             stack.callback(conductor.close)
             _open_servers(stack, conductor, opened, port, tcp_port, http_port)
             _wait(conductor, real_time, paused, until)
@@ -165,7 +165,7 @@ def _open_servers(
     tcp: int | None,
     http: int | None,
 ) -> None:
-    """Open the servers, and print where they are once all are open."""
+    """Open the servers, and print their addresses once all are open."""
     from uuvsim_cosim.bridge.access.token import token_file
     from uuvsim_cosim.bridge.http.server import HttpServer
     from uuvsim_cosim.bridge.tcp.framing import HTTP_PORT, TCP_PORT
@@ -207,7 +207,7 @@ def _open_servers(
         stack.callback(page.close)
         endpoints["http"] = list(page.addresses)
         token = None if opened.authenticator is None else opened.authenticator.access.token
-        # A log is read by others more easily than a terminal: the token is not written there.
+        # Other users may read a log: the token is printed to a terminal only.
         entry = f"?token={token}" if token is not None and sys.stdout.isatty() else ""
         lines.append(f"  HTTP   {page.addresses[0]}{entry}  curl, webread, a page for browsers")
         if any(c["kind"] == "keyboard" for c in conductor.describe()["components"]):
@@ -222,7 +222,7 @@ def _open_servers(
 
 
 def _check_ports(hosts: Sequence[str], port: int | None, tcp: int | None, http: int | None) -> None:
-    """Refuse ports that cannot be had before anything is built or recorded."""
+    """Raise InputInvalid for ports in use, before anything is built or recorded."""
     import socket
 
     from uuvsim_cosim.bridge.tcp.framing import HTTP_PORT, TCP_PORT
@@ -257,7 +257,7 @@ def _check_ports(hosts: Sequence[str], port: int | None, tcp: int | None, http: 
 
 
 def _wait(conductor: Conductor, factor: float, paused: bool, until: float | None) -> None:
-    """Run until the end, or until somebody interrupts."""
+    """Wait until the end time or Ctrl-C."""
     from uuvsim_cosim.bridge.calls.service import Client
 
     reported = None
@@ -276,7 +276,7 @@ def _wait(conductor: Conductor, factor: float, paused: bool, until: float | None
                 notice(f"{failed}; paused, clients may reset it")
                 reported = failed
             elif asked is not None and asked.done():
-                asked.result()  # raises what it refused, such as a time after a recording's end
+                asked.result()  # raises if the call was refused
                 asked = None
             time.sleep(_LOOK)
     except KeyboardInterrupt:
@@ -287,7 +287,7 @@ def _wait(conductor: Conductor, factor: float, paused: bool, until: float | None
 
 
 def _raise_limit_of_files() -> None:
-    """Let connections that others hold open leave files for the recording and for clients."""
+    """Raise the limit of open files: idle connections must not use up those of the recording."""
     try:
         import resource
     except ImportError:  # Windows
@@ -299,7 +299,7 @@ def _raise_limit_of_files() -> None:
 
 
 def _refuse_changes(system: str, changes: Mapping[str, object], **others: object) -> None:
-    """A recording is as it was."""
+    """Raise InputInvalid for options that would change a recording."""
     given = [f"--{name}" for name, value in {**changes, **others}.items() if value]
     if given:
         raise InputInvalid(
@@ -308,7 +308,8 @@ def _refuse_changes(system: str, changes: Mapping[str, object], **others: object
         )
 
 
-def _told(conductor: Conductor, warned: Sequence[str]) -> None:
+def _print_rest(conductor: Conductor, warned: Sequence[str]) -> None:
+    """Print the warnings that came up during the run, and the folders of its recordings."""
     for warning in conductor.warnings:
         if warning not in warned:
             line(f"warning: {warning}")

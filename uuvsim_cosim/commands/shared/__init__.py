@@ -1,4 +1,4 @@
-"""What several commands need: tables on the terminal, options, progress, the `--json` answer.
+"""Shared parts of commands: tables on the terminal, options, progress, the `--json` answer.
 
 It may import anything below `commands`. Start reading with `terminal.py`.
 """

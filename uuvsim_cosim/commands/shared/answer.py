@@ -1,8 +1,8 @@
 """The answer of a command: text for people, one JSON object (`--json`), or nothing (`--quiet`).
 
 `answering` opens the answer of one command. In JSON, every line and table of `terminal` becomes a
-field of the object, and standard output holds the object alone: what anybody else prints there,
-compiled FMUs and child processes included, goes to standard error.
+field of the object, and standard output holds the object only. Other output there, also that of
+compiled FMUs and child processes, is redirected to standard error.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Mode = Literal["text", "json", "quiet"]
 
 @dataclass
 class Answer:
-    """What one command has to report so far; `fields` are those of the JSON object."""
+    """Report of one command; `fields` are those of the JSON object."""
 
     mode: Mode = "text"
     fields: dict[str, Any] = field(default_factory=dict)
@@ -33,7 +33,7 @@ class Answer:
     _written: bool = False
 
     def put(self, key: str, value: object) -> None:
-        """Set a field of the JSON object; text and quiet answers do not have it."""
+        """Set a field of the JSON object; it does not appear in text and quiet answers."""
         self.fields[key] = value
 
     def add(self, key: str, *values: object) -> None:
@@ -50,7 +50,7 @@ class Answer:
         self.add(key, *(dict(zip(names, row, strict=True)) for row in cells))
 
     def write_early(self) -> None:
-        """Write the JSON object of a command that goes on until Ctrl-C; its status is null."""
+        """Write the JSON object of a command that runs until Ctrl-C; its status is null."""
         self.put("status", None)
         self.write()
 
@@ -78,7 +78,7 @@ def answer() -> Answer:
 
 
 def mode_of(arguments: Sequence[str]) -> Mode:
-    """Return what the arguments of a command line ask for; `--json` goes before `--quiet`."""
+    """Return the mode of a command line; `--json` overrides `--quiet`."""
     given = list(arguments)
     options = given[: given.index("--")] if "--" in given else given
     return "json" if "--json" in options else "quiet" if "--quiet" in options else "text"
@@ -86,7 +86,7 @@ def mode_of(arguments: Sequence[str]) -> Mode:
 
 @contextmanager
 def answering(mode: Mode) -> Iterator[Answer]:
-    """Open the answer of one command; in JSON, standard output is kept for the object."""
+    """Open the answer of one command; in JSON, standard output is reserved for the object."""
     global _current  # noqa: PLW0603 (one command a process; tests call one after the other)
     before, _current = _current, Answer(mode)
     try:
@@ -102,11 +102,11 @@ def answering(mode: Mode) -> Iterator[Answer]:
 
 @contextmanager
 def _kept_output() -> Iterator[TextIO]:
-    """Return standard output, while everything that prints there reaches standard error."""
+    """Yield standard output, while all other output to it is redirected to standard error."""
     out = sys.stdout
     try:
         is_first = out.fileno() == 1 and sys.stderr.fileno() == 2
-    except (OSError, ValueError):  # replaced by something without a file
+    except (OSError, ValueError):  # replaced by an object without a file
         is_first = False
     sys.stdout = sys.stderr
     if not is_first:
@@ -115,7 +115,7 @@ def _kept_output() -> Iterator[TextIO]:
         finally:
             sys.stdout = out
         return
-    out.flush()
+    out.flush()  # earlier output still belongs to standard output
     kept = os.dup(1)
     os.dup2(2, 1)
     try:

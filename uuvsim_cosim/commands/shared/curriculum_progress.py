@@ -1,4 +1,4 @@
-"""The progress of stages on the terminal: one bar, that vanishes at the end."""
+"""Progress of stages on the terminal: one bar, which is removed at the end."""
 
 from __future__ import annotations
 

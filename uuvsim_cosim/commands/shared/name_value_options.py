@@ -1,4 +1,4 @@
-"""Options of the form NAME=VALUE: read, or refused with what was expected."""
+"""Reader of options of the form NAME=VALUE."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def by_component(found: dict[str, str]) -> dict[str, dict[str, str]]:
 
 
 def value_of(text: str) -> float | str:
-    """Return a number for a text that is one; any other text stays, e.g. ``2 km/h`` or ``true``."""
+    """Return a number if the text is one; else the text, e.g. ``2 km/h`` or ``true``."""
     for kind in (int, float):
         try:
             return kind(text)

@@ -1,4 +1,4 @@
-"""What `--out` names: a folder must not have the ending of a file that the command cannot write."""
+"""Checks of `--out`: a folder must not be named like a file that the command cannot write."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ def edited_system(
                 f"--map {component}: nothing is put there; expected --replace {component}=SOURCE"
             )
     for component, source in swaps.items():
-        # A file given on the command line lies where the user stands, not beside the system.
+        # A file on the command line is relative to the current folder, not to the system's.
         mapping = Path(files[component]) if component in files else maps.get(component)
         system = system.replace(component, _from_here(source), map=mapping,
                                 rate=rates.get(component))  # fmt: skip

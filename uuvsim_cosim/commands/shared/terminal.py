@@ -1,4 +1,4 @@
-"""What commands write: tables, lines and files to stdout, progress to stderr.
+"""Output of commands: tables, lines and files to stdout, progress to stderr.
 
 With `--json` the same becomes fields of one object, with `--quiet` nothing is written (`answer`).
 """
@@ -51,7 +51,7 @@ def console(*, stderr: bool = False) -> Console:
 
 
 def range_of(low: float | None, high: float | None) -> str:
-    """Write what a value may be; nothing if it may be anything."""
+    """Return the range of a value as text; empty without limits."""
     if low is None and high is None:
         return ""
     if high is None:
@@ -69,7 +69,7 @@ def line(text: str = "") -> None:
 
 
 def put(key: str, value: object) -> None:
-    """Set a field of the JSON object that people do not read, or read in other words."""
+    """Set a field of the JSON object that the text does not show, or shows differently."""
     answer().put(key, value)
 
 
@@ -164,13 +164,12 @@ def _as_file(path: Path) -> dict[str, object]:
 
 
 def _bytes_of(path: Path) -> int:
-    return _bytes(path) if path.is_file() else _bytes_in(path)
-
-
-def _bytes_in(folder: Path) -> int:
-    """Add up a folder's files; others may be made and deleted meanwhile."""
+    """Return the size of a file, or of all files in a folder."""
+    if path.is_file():
+        return _bytes(path)
     total = 0
-    for place, _, names in os.walk(folder, onerror=lambda error: None):
+    # Other processes may create and delete files in the folder meanwhile.
+    for place, _, names in os.walk(path, onerror=lambda error: None):
         total += sum(_bytes(Path(place) / name) for name in names)
     return total
 
@@ -178,5 +177,5 @@ def _bytes_in(folder: Path) -> int:
 def _bytes(path: Path) -> int:
     try:
         return path.stat().st_size
-    except OSError:  # gone since it was listed, as files of a cache go
+    except OSError:  # deleted since it was listed, as files of a cache may be
         return 0

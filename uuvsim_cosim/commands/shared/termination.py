@@ -1,4 +1,4 @@
-"""SIGTERM of a study ends it as Ctrl-C does: finished runs are kept, and a sentence is said."""
+"""SIGTERM as an interruption like Ctrl-C: finished runs are kept, and a message is printed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Termination:
     _before: Callable[[int, FrameType | None], object] | int | None = None
 
     def __enter__(self) -> Self:
-        """Begin to listen; only the main thread can."""
+        """Install the handler; only the main thread can."""
         if threading.current_thread() is threading.main_thread():
             self._before = signal.signal(signal.SIGTERM, self._end)
         return self
@@ -33,7 +33,7 @@ class Termination:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Leave SIGTERM to whoever had it before."""
+        """Restore the handler of before."""
         if self._before is not None:
             signal.signal(signal.SIGTERM, self._before)
 

@@ -1,4 +1,4 @@
-"""Whether an error that nobody foresaw comes from a file of the user's: a task, a component."""
+"""Place of an unexpected error in the user's own code: a task, a component."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`uuvsim identify`: parameters of a vehicle from a recording, with how sure they are."""
+"""`uuvsim identify`: fit parameters of a vehicle to a recording, with intervals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`uuvsim study`: many runs of a system by a study file, into one table and a report."""
+"""`uuvsim study`: run a study file; write one table and a report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Numbers that S-57 uses for words: datums, units, seabed's nature, confidence.
+"""Codes of S-57 and their meanings: datums, units, nature of the seabed, confidence.
 
 Source: IHO S-57 edition 3.1, appendix A chapter 2 (attributes) and part 3 (DSPM).
 """

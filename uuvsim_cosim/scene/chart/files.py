@@ -1,7 +1,7 @@
-"""Which files make up a chart: the base cell, and its updates in their sequence.
+"""Files of a chart: the base cell, and its updates in their sequence.
 
 An S-57 file is ISO 8211: a leader, a directory, and fields. Only the first data record is read
-here, which says what the file is: purpose, name, edition, update number, dates (S-57 part 3,
+here. It identifies the file: purpose, name, edition, update number, dates (S-57 part 3,
 7.3.1.1 "Data set identification field").
 """
 
@@ -25,7 +25,7 @@ _REVISION = 2  # EXPP of a file that updates another
 
 @dataclass(frozen=True)
 class Identification:
-    """What an S-57 file says of itself."""
+    """Identification of an S-57 file, from its first data record."""
 
     name: str
     edition: str
@@ -37,7 +37,7 @@ class Identification:
 
 @dataclass(frozen=True)
 class ChartFiles:
-    """A base cell, the updates that follow it without a gap, and what was not right."""
+    """A base cell, the updates that follow it without a gap, and notes on updates not applied."""
 
     base: Path
     identification: Identification
@@ -51,7 +51,7 @@ class ChartFiles:
 
 
 def identification(file: Path) -> Identification:
-    """Read what an S-57 file is; raises `InputInvalid` where it is none."""
+    """Read the identification of a file; raises `InputInvalid` if it is no S-57 file."""
     with file.open("rb") as opened:
         head = opened.read(1 << 16)
     if not head:
@@ -103,8 +103,8 @@ def _read(record: bytes) -> Identification:
 def chart_files(file: Path) -> ChartFiles:
     """Find a base cell's updates beside it (or in numbered folders, as exchange sets have them).
 
-    A gap in the sequence, or an update of another edition, ends it: what follows is not applied,
-    and `notes` says which file is missing.
+    The sequence ends at a gap or at an update of another edition. Later updates are not applied,
+    and `notes` names the file that is missing.
     """
     cell = identification(file)
     if cell.is_update or re.fullmatch(r"\.(?!000)\d\d\d", file.suffix):
@@ -134,7 +134,7 @@ def chart_files(file: Path) -> ChartFiles:
         except InputInvalid as reason:
             notes.append(f"{reason}: not applied; the chart stands at update {number}")
             break
-        if update.edition == "0":  # S-57 appendix B.1, 5.7: so a producer withdraws a cell
+        if update.edition == "0":  # edition 0 withdraws a cell (S-57 appendix B.1, 5.7)
             notes.append(f"{found[n].name} withdraws this chart: it is no longer in force")
             break
         if update.edition != cell.edition:
@@ -173,8 +173,8 @@ def _updates(file: Path) -> dict[int, Path]:
 def in_sequence(files: ChartFiles) -> Iterator[Path]:
     """Return the base cell's path in a folder where its updates stand as .001, .002, ...
 
-    GDAL takes updates by file name from .001 on and stops at the first gap; a reissued base cell
-    goes on where it stands, and another edition's update may lie beside it.
+    GDAL reads updates by file name, from .001 to the first gap. But the updates of a reissued base
+    cell begin at a higher number, and updates of another edition may lie in the same folder.
     """
     from tempfile import TemporaryDirectory
 

@@ -1,4 +1,4 @@
-"""Degrees to metres: the UTM zone (or polar grid) at the middle of what is charted."""
+"""Projection of a chart from degrees to metres: the UTM zone (or polar grid) at its middle."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Projection:
-    """A projected CRS, and how to come to it from longitude and latitude (WGS 84)."""
+    """A projected CRS, and its transformation from longitude and latitude (WGS 84)."""
 
     code: str  # "EPSG:32610"
     to_metres: Transformer
@@ -41,7 +41,7 @@ class Projection:
 def projection_at(degrees: Floats) -> Projection:
     """Choose the projection at the middle of these longitudes and latitudes; (n, 2).
 
-    What spans more than half the Earth is taken to cross the anti-meridian.
+    A chart that spans more than half the Earth is assumed to cross the anti-meridian.
     """
     longitude = degrees[:, 0]
     if np.ptp(longitude) > 180:

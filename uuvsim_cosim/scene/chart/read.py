@@ -1,4 +1,4 @@
-"""An S-57 cell with its updates becomes arrays in metres of one UTM zone."""
+"""Reader of S-57 cells and their updates, as arrays in metres of one UTM zone."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Areas:
 
 @dataclass(frozen=True, eq=False)
 class Features:
-    """Things of one object class."""
+    """Features of one object class."""
 
     kind: str  # six letters of S-57, such as "WRECKS"
     shapes: Shapes
@@ -60,7 +60,7 @@ class Features:
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """What a cell says of the seabed; positions E, N in m of `projection`, depths in m, down."""
+    """Seabed data of a cell: positions E, N in m of `projection`, depths in m, positive down."""
 
     files: ChartFiles
     projection: Projection
@@ -83,12 +83,13 @@ class Chart:
 
 
 class _Cell:
-    """One open cell: gives layers in metres of the projection."""
+    """One open cell: reads layers in metres of the projection."""
 
     def __init__(self, path: Path, name: Path) -> None:
         self.path, self.name = path, name
         self.gdal = wanted("pyogrio", "reading a chart")
         self.shapely = wanted("shapely", "reading a chart")
+        # None until the extent is known; up to then layers are read in degrees.
         self.projection: Projection | None = None
         self.warnings: dict[str, None] = {}  # of GDAL, each once, in their order
         try:
@@ -105,7 +106,7 @@ class _Cell:
         self.warnings.update(dict.fromkeys(" ".join(str(w.message).split()) for w in heard))
 
     def read(self, layer: str, columns: Sequence[str] = ()) -> tuple[Shapes, dict[str, Column]]:
-        """Return (geometries, columns); none where the cell lacks the layer or column."""
+        """Return (geometries, columns): empty without the layer, NaN without the column."""
         if layer not in self.layers:
             return np.empty(0, object), {name: np.empty(0) for name in columns}
         try:
@@ -134,7 +135,7 @@ class _Cell:
 
 
 def read_chart(file: Path) -> Chart:
-    """Read a base cell and the updates beside it; raises `InputInvalid` with what is wrong."""
+    """Read a base cell and the updates beside it; raises `InputInvalid` with the reason."""
     files = chart_files(file)
     with in_sequence(files) as path:
         return _chart(_Cell(path, file), files)
@@ -267,7 +268,7 @@ def _polygons(shapes: Shapes) -> Shapes:
 
 
 def _number(column: Column) -> Floats:
-    """Return a column as numbers, NaN where it says nothing."""
+    """Return a column as numbers, NaN for missing values."""
     if column.dtype != object:
         return np.asarray(column, np.float64)
     given = [_codes(v) for v in column]
@@ -275,7 +276,7 @@ def _number(column: Column) -> Floats:
 
 
 def _codes(value: ArrayLike | None) -> list[int]:
-    """Return the codes of a list attribute, which GDAL gives as an array, a text or nothing."""
+    """Return the codes of a list attribute; GDAL returns an array, a text or None."""
     if value is None or (isinstance(value, float) and np.isnan(value)):
         return []
     parts = value.split(",") if isinstance(value, str) else np.atleast_1d(value)

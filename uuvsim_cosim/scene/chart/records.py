@@ -1,4 +1,4 @@
-"""Checks that an S-57 file is complete: GDAL ends the process over some that are not."""
+"""Checks that an S-57 file is complete: some damaged files make GDAL end the process."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _KINDS = {"FRID": "feature", "VRID": "spatial"}
 
 
 def check_records(file: Path) -> int:
-    """Walk through the ISO 8211 records to the end of the file; gives their number.
+    """Check the ISO 8211 records up to the end of the file and return their number.
 
     The numbers of feature and spatial records are compared with those that the file states in its
     field DSSI (S-57 part 3, 7.3.1.2), so that a file cut between two records is found. Raises
@@ -64,7 +64,7 @@ def check_records(file: Path) -> int:
 def _stated(field: bytes) -> dict[str, int]:
     """Return the stated numbers of feature and spatial records, by the tag of their first field.
 
-    Some producers count a node as isolated that is connected, so only the sums are compared.
+    Some producers count connected nodes as isolated, so only the sums are compared.
     """
     if len(field) < _DSSI.size:
         raise ValueError("its counts are cut")

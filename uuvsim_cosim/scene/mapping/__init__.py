@@ -1,4 +1,4 @@
-"""A run becomes a map of the seabed.
+"""Maps of the seabed from runs.
 
 It may import `scene.shared`. Start reading with `survey.py`.
 """

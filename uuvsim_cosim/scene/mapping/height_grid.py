@@ -1,4 +1,4 @@
-"""Points become a map: for each cell of a grid the mean depth of the points in it."""
+"""Grid of mean depths: for each cell, the mean of the points in it."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class HeightGrid:
         self.total, self.count = np.zeros(size), np.zeros(size, np.int64)
 
     def add(self, north: Array, east: Array, depth: Array) -> None:
-        """Add points (n,) each [m]; those outside of the window count for nothing."""
+        """Add points (n,) each [m]; points outside of the window are ignored."""
         w = self.window
         i = np.floor((north - w.north) * (1.0 / w.cell)).astype(np.int64)
         j = np.floor((east - w.east) * (1.0 / w.cell)).astype(np.int64)

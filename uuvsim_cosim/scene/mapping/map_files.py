@@ -1,6 +1,6 @@
-"""A map or its points as files that other tools read: GeoTIFF, LAZ, LAS, PLY.
+"""Files of a map or its points for other tools: GeoTIFF, LAZ, LAS, PLY.
 
-A file is there whole, or not at all: what stood under its name stays if writing fails.
+Files are written whole or not at all. If writing fails, an earlier file of that name stays.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ NODATA = -9999.0
 def check_target(file: Path, crs: str = "") -> None:
     """Raise InputInvalid if a file cannot be written: its folder, or a library, is missing.
 
-    To be called before what takes long; `crs` is that of the points, if it is known.
+    Call it before long computations. `crs` is that of the points, if it is known.
     """
     if not file.absolute().parent.is_dir():
         raise InputInvalid(f"{file}: its folder does not exist; expected a file in a folder")
@@ -55,7 +55,7 @@ def write_geotiff(made: SeabedMap, file: Path, pose: str = "true") -> Path:
     tags = {"VERTICAL_DATUM": made.vertical_datum or "local", "POSE": pose, "SCENE": made.scene,
             "NOTE": "simulated survey; not for navigation"}  # fmt: skip
     try:
-        with rasterio.MemoryFile() as memory:  # GDAL says nothing of a disk that is full
+        with rasterio.MemoryFile() as memory:  # GDAL reports no error if the disk is full
             with memory.open(
                 driver="GTiff", height=w.rows, width=w.columns, count=2, dtype="float32",
                 crs=made.crs or None, transform=transform, nodata=NODATA, compress="deflate",
@@ -79,7 +79,7 @@ def write_las(batches: Iterable[Array], file: Path, crs: str = "",
               origin: tuple[float, float] = (0.0, 0.0)) -> int:  # fmt: skip
     """Write points N E D [m] as easting, northing, elevation; compressed if it is a .laz.
 
-    `origin` is northing and easting of the local frame in `crs`. Gives how many there are.
+    `origin` is northing and easting of the local frame in `crs`. Returns the number of points.
     """
     laspy = wanted("laspy", f"{file}: writing points")
     failures: tuple[type[Exception], ...] = (OSError,)
@@ -114,7 +114,7 @@ def write_las(batches: Iterable[Array], file: Path, crs: str = "",
 def write_ply(batches: Iterable[Array], file: Path) -> int:
     """Write points N E D [m] as binary PLY: x east, y north, z up, in float32 of the local frame.
 
-    Gives how many there are.
+    Returns the number of points.
     """
     head = "ply\nformat binary_little_endian 1.0\ncomment x east y north z up [m]\n"
     form = (
@@ -129,7 +129,7 @@ def write_ply(batches: Iterable[Array], file: Path) -> int:
                 out.write(turned.astype("<f4").tobytes())
                 total += len(xyz)
             out.seek(0)
-            out.write((head + form.format(total)).encode())  # as long as before
+            out.write((head + form.format(total)).encode())  # of the same length as before
     except OSError as error:
         raise InputInvalid(f"{file}: cannot be written ({error.strerror})") from None
     return total

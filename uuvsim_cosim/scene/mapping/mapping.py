@@ -1,8 +1,8 @@
-"""A run becomes a map of the seabed: once with the true pose, once with the navigation filter's.
+"""Maps of the seabed from a run: by the true pose, and by the pose of the navigation filter.
 
-The ranges are those that were measured, from where the vehicle truly was; the mapper puts them
-where a pose says the vehicle was. So the first map shows what sensors and gridding leave, the
-second what navigation adds.
+Ranges are measured from the true pose of the vehicle. The mapper places them by one of the two
+poses. So the first map shows the errors of sensors and gridding, the second also those of
+navigation.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Track:
 
 @dataclass(frozen=True)
 class Figures:
-    """How good a map is: over `cells` cells, error = mapped minus true depth [m]."""
+    """Accuracy of a map over `cells` cells: error = mapped minus true depth [m]."""
 
     pose: str
     rmse: float
@@ -108,8 +108,8 @@ def map_seabed(
 ) -> SeabedMap:  # fmt: skip
     """Map the seabed along a track by all sensors, in cells of `cell` [m].
 
-    A cell counts where at least `least` points lie in it. Raises InputInvalid where nothing is
-    seen: the track is then outside of the terrain, or too high above it.
+    A cell needs at least `least` points. Raises InputInvalid if no ray meets the seabed: the track
+    is then outside of the terrain, or too high above it.
     """
     begun = clock.process_time()
     window = _window(track, caster, sondes, cell)
@@ -147,7 +147,7 @@ def map_seabed(
 def run_points(
     track: Track, caster: Caster, sondes: Sequence[Sonde], pose: str = "true", every: int = 1
 ) -> Iterator[Array]:
-    """Return the points (n, 3) N E D [m] of a run, batch by batch, of every n-th frame."""
+    """Yield the points (n, 3) N E D [m] of every n-th frame of a run, batch by batch."""
     if pose not in track.poses:
         raise InputInvalid(f"pose {pose!r}; expected one of {', '.join(track.poses)}")
     one = Track(track.time, {"true": track.poses["true"], pose: track.poses[pose]}, track.seed)
@@ -157,7 +157,7 @@ def run_points(
 
 
 def _window(track: Track, caster: Caster, sondes: Sequence[Sonde], cell: float) -> Window:
-    """Return what the sensors may reach: the track, and as far aside as their widest beam goes."""
+    """Return the area that the sensors may reach: the track, and the reach of the widest beam."""
     places = np.concatenate([eta[:, :2] for eta in track.poses.values()])
     true = track.poses["true"]
     with np.errstate(invalid="ignore"):
@@ -182,7 +182,7 @@ def _placed(
     track: Track, caster: Caster, sondes: Sequence[Sonde], progress: Progress | None,
     every: int = 1,
 ) -> Iterator[tuple[Sonde, str, Array, int]]:  # fmt: skip
-    """Return points in batches: sensor, pose, (n, 3), and how many frames they are of."""
+    """Yield points in batches: sensor, pose, (n, 3), and the number of their frames."""
     true = track.poses["true"]
     end = float(track.time[-1]) * len(sondes)
     for number, sonde in enumerate(sondes):
@@ -238,7 +238,7 @@ def write_map(made: SeabedMap, folder: Path) -> Path:
 
 
 def read_map(folder: Path) -> SeabedMap | None:
-    """Read the map of a run, None if it has none; raises InputInvalid for a file that is none."""
+    """Read the map of a run, None if it has none; raises InputInvalid for any other file."""
     file = folder / FILE
     if not file.is_file():
         return None

@@ -1,4 +1,4 @@
-"""Frames that a component of the loop took: its readings, out of the recording of its run."""
+"""Frames of a sensor component of the system, from the recording of its run."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ OUTPUTS = {"multibeam": "range", "depth_camera": "image"}
 
 
 def recorded_sonde(run: Path, component: str, signals: Signals) -> Sonde:
-    """Return a multibeam or depth camera of a run's system, with the frames that it took.
+    """Return a multibeam or depth camera of a run's system, with its recorded frames.
 
-    Where its beams point follows from its source and its mounting in the run's `system.ssd`.
-    Raises InputInvalid where there is no such instrument, or its readings were not recorded.
+    The directions of its beams follow from its source and its mounting in the run's `system.ssd`.
+    Raises InputInvalid if there is no such instrument, or its readings were not recorded.
     """
     planned = _planned(run, component)
     name, _, query = planned.source.removeprefix("model:").partition("?")

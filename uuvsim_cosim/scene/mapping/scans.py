@@ -1,7 +1,7 @@
-"""Frames of a range sensor along a run: cast from the recorded true pose, or taken in the loop.
+"""Frames of a range sensor along a run: cast from the true pose, or recorded by a component.
 
-What no component reads, none has to wait for: a frame is a function of pose, scene and seed, and
-is made, to the same bits, whenever it is wanted. A beam's point is
+If no component needs the frames during the run, they are computed afterwards: a frame is a
+function of pose, scene and seed, and has the same bits whenever it is computed. A beam's point is
 
     p_n = eta[:3] + R(phi, theta, psi) (r_s + R_bs d range)
 
@@ -86,8 +86,8 @@ class Sonde:
 def sonde(kind: str, preset_id: str, period: float, **options: Any) -> Sonde:
     """Return the `multibeam` or `depth_camera` of a preset (models/sensors), by its figures.
 
-    `options` are `beams`, or `columns` and `rows`. What the preset says of incidence is left out:
-    a mapper's slopes are gentle.
+    `options` are `beams`, or `columns` and `rows`. The preset's figures of incidence are ignored,
+    since the slopes of a map are gentle.
     """
     rays = beams_of(kind, preset_id, **options)
     p = preset("sensors", preset_id, kind)
@@ -122,7 +122,7 @@ def rotation(phi: float, theta: float, psi: float) -> Array:
 def frames(
     sonde: Sonde, time: Array, eta: Array, caster: Caster, seed: int = 0, every: int = 1
 ) -> Iterator[Frame]:
-    """Return every n-th frame of a sensor along a track: eta (T, 6) at `time` (T,) [s].
+    """Yield every n-th frame of a sensor along a track: eta (T, 6) at `time` (T,) [s].
 
     Its error is drawn from `seed` and the number of the frame: a frame alone has the same bits.
     """
@@ -151,7 +151,7 @@ def frames(
 
 
 def _taken(sonde: Sonde, taken: Taken, time: Array, every: int) -> Iterator[Frame]:
-    """Return every n-th frame of a component, at the row of the recording that it saw."""
+    """Yield every n-th frame of a component, with its row of the recording."""
     rows = np.clip(np.searchsorted(time, taken.t - 1e-9), 0, len(time) - 1)
     seen = np.abs(time[rows] - taken.t) < 1e-6
     if len(taken.t) and not seen.any():

@@ -1,4 +1,4 @@
-"""What a survey maps with, as `mapping.yaml` beside a system or in a run's folder says."""
+"""Settings of a survey: `mapping.yaml` beside a system or in a run's folder."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FILE = "mapping.yaml"
 
 @dataclass(frozen=True, eq=False)
 class SurveySettings:
-    """The scene (id or path), the map's cell [m], its sensors, and those that the loop holds."""
+    """The scene (id or path), the map's cell [m], its sensors, and sensors of the system itself."""
 
     scene: str
     cell: float

@@ -1,4 +1,4 @@
-"""Rays in a scene from arrays to arrays, by the C that components cast with."""
+"""Ray casting over arrays, by the same C code that components use."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ LEVELS = 24  # UUV_TERRAIN_LEVELS
 class Caster:
     """Casts rays at the terrain, the obstacles and the water's surface of a scene.
 
-    `scene` is a scene, a terrain alone, or what the option `scene` of a component may be. Frame
-    `n` (N, E, D), metres. Arrays are read and written in place; the GIL is free meanwhile.
+    `scene` is a scene, a terrain alone, or the value of the option `scene` of a component.
+    Frame `n` (N, E, D), metres. Arrays are read and written in place, with the GIL released.
     """
 
     def __init__(self, scene: Scene | Terrain | str) -> None:
@@ -62,7 +62,7 @@ class Caster:
         far: float = np.inf,
         out: tuple[Array, NDArray[np.int32]] | None = None,
     ) -> tuple[Array, NDArray[np.int32]]:
-        """Return how far each ray goes, and what it meets first.
+        """Return the range of each ray, and the kind of what it meets first.
 
         `origins` is (n, 3), or (3,) for all; `directions` (n, 3), of any length: the range (n,) is
         in their lengths, at most `far`, and inf where nothing is met. The kind (n,) is NOTHING,

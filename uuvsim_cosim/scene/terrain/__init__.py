@@ -1,4 +1,4 @@
-"""A chart or a surveyed grid becomes a terrain, and a terrain becomes files.
+"""Terrains from charts and surveyed grids, and files of terrains.
 
 It may import `scene.chart`, `scene.shared`. Start reading with `make.py`.
 """

@@ -1,4 +1,4 @@
-"""A chart becomes a terrain: triangulated, clipped into each charted depth area, with its doubt."""
+"""Terrain of a chart: triangulated, clipped into the charted depth areas, with its sigma."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Made:
-    """A terrain with its obstacles, and what was found while it was made."""
+    """A terrain with its obstacles, facts and notes."""
 
     terrain: Terrain
     obstacles: tuple[Obstacle, ...]
-    facts: dict[str, str]  # what a reader wants to know, in order
+    facts: dict[str, str]  # shown to the user, in order
     notes: tuple[str, ...] = ()
     hold_out: HoldOut | None = None
     in_band: float = float("nan")  # share of interpolated nodes within their band before clipping
@@ -49,7 +49,7 @@ def chart_terrain(
 
     `land` is the height of land above the datum (m; NaN leaves it unknown), by default that of the
     highest drying area, at least 2 m. `relief` seeds an invented relief below the soundings'
-    spacing. Raises `InputInvalid` in words for what is no chart, or makes no seabed.
+    spacing. Raises `InputInvalid` if the file is no chart, or has no seabed.
     """
     chart = read_chart(file)
     grid = chart_grid(chart, resolution, piece)
@@ -88,7 +88,7 @@ def chart_grid(
 
 
 def source_of(chart: Chart, relief: int | None) -> str:
-    """Say where a terrain comes from."""
+    """Return the source of a terrain as text."""
     cell = chart.files.identification
     producer = "NOAA ENC " if cell.name.startswith("US") else "ENC "
     text = (

@@ -1,4 +1,4 @@
-"""Where a terrain's nodes stand in a projection, and polygons burnt into them."""
+"""Where a terrain's nodes stand in a projection, and polygons rasterised onto them."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ class Grid:
             all_touched=touched,
             dtype="int32",
         )
-        return burnt[::-1]
+        return burnt[::-1]  # GDAL counts rows from the north, a grid from the south
 
     def nearest(
         self, points: Floats

@@ -1,4 +1,4 @@
-"""A chart with more nodes than memory holds: its GeoTIFF is written tile by tile."""
+"""GeoTIFF of a chart with more nodes than fit into memory, written tile by tile."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _TILE = 3072  # nodes along a side; a multiple of the file's blocks
 
 @dataclass(frozen=True)
 class Large:
-    """What was found while the tiles were written."""
+    """Facts and notes on a chart that was written in tiles."""
 
     facts: dict[str, str]
     notes: tuple[str, ...]
@@ -41,10 +41,10 @@ def write_large(
     tile: int = _TILE,
     above: int = MOST_NODES,
 ) -> Large | None:
-    """Write a chart's GeoTIFF in tiles; None, and nothing is written, if it has not so many nodes.
+    """Write a chart's GeoTIFF in tiles; return None without writing for `above` nodes or fewer.
 
-    The file is the one that the terrain would give, with a margin of no data where the chart has
-    none. Raises `InputInvalid` in words.
+    The file equals that of the terrain as a whole, plus a margin without data where the chart has
+    none. Raises `InputInvalid`.
     """
     chart = read_chart(file)
     grid = chart_grid(chart, resolution, piece, _MOST)
@@ -52,7 +52,7 @@ def write_large(
         return None
     rasterio = wanted("rasterio", "writing a GeoTIFF")
     of = prepared(chart, resolution, land)
-    # Around each tile, so many nodes are interpolated too that its nearest data lie among them.
+    # Nodes around a tile that are interpolated with it, so that its nearest data are among them.
     far = of.hold_out.distances
     reach = 2 * float(np.quantile(far, 0.95)) if len(far) else 50 * resolution
     margin = int(np.clip(ceil(reach / resolution), 8, 512))

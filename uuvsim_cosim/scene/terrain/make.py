@@ -1,4 +1,4 @@
-"""Any file that describes a seabed becomes a terrain: an S-57 cell, a grid, a terrain, a scene."""
+"""Terrain of any file that describes a seabed: an S-57 cell, a grid, a terrain, a scene."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ CHART_RESOLUTION = 10.0  # m
 
 @dataclass(frozen=True)
 class Wishes:
-    """What the user wants of a terrain; None where the file decides."""
+    """Options of a terrain; with None, the file decides."""
 
     resolution: float | None = None  # m; None: 10 m of a chart, a grid's own cells
     around: str | None = None  # "LAT,LON"
@@ -40,9 +40,10 @@ class Wishes:
 
 
 def make_terrain(file: Path, wishes: Wishes) -> Made:
-    """Read a file and make its terrain; raises `InputInvalid` in words."""
+    """Read a file and make its terrain; raises `InputInvalid`."""
     if not file.exists() and str(file) not in scene_ids():
-        hint = did_you_mean(file.name, _beside(file))
+        beside = file.parent.iterdir() if file.parent.is_dir() else ()
+        hint = did_you_mean(file.name, [p.name for p in beside])
         raise InputInvalid(f"{file}: no such file{hint}; expected a chart (.000) or a grid")
     placing: dict[str, object] = {"--crs": wishes.crs, "--local": wishes.local or None}
     if str(file) in scene_ids() or (file / "scene.yaml").is_file() or file.name == "scene.yaml":
@@ -84,17 +85,13 @@ def make_terrain(file: Path, wishes: Wishes) -> Made:
 
 
 def make_large(file: Path, target: Path, wishes: Wishes) -> Large | None:
-    """Write a chart's GeoTIFF in tiles where it has too many nodes; None where nothing was done."""
+    """Write a chart's GeoTIFF in tiles if it has too many nodes; else return None."""
     if target.suffix.lower() not in (".tif", ".tiff") or not file.is_file() or not _is_chart(file):
         return None
     if wishes.relief is not None or wishes.datum is not None:
         return None  # of a terrain as a whole
     piece = piece_of(wishes.around, wishes.size)
     return write_large(file, target, _of_chart(wishes), piece, _height(wishes.land))
-
-
-def _beside(file: Path) -> list[str]:
-    return [p.name for p in file.parent.iterdir()] if file.parent.is_dir() else []
 
 
 def _is_chart(file: Path) -> bool:
@@ -132,7 +129,7 @@ def _refuse_for(file: Path, what: str, options: dict[str, object]) -> None:
 
 
 def _checked(made: Made, wishes: Wishes) -> Made:
-    """Refuse depths from another datum than wished; between datums nothing is shifted here."""
+    """Refuse depths from another datum than the option's: heights are not converted."""
     found, wished = made.terrain.vertical_datum, wishes.datum
     if wished is None or found.lower() == wished.lower():
         return made

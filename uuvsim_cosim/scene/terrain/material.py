@@ -1,4 +1,4 @@
-"""The seabed's nature between the places where a chart states it: as at the nearest of them."""
+"""Nature of the seabed at each node: that of the nearest place where a chart states it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A scene as surfaces: one GLB file, or a Gazebo world with an STL beside it."""
+"""Surfaces of a scene as files: one GLB, or a Gazebo world with an STL beside it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["surface", "write_glb", "write_sdf"]
 
-_MOST_TRIANGLES = 20_000_000  # of a file; viewers give up long before
+_MOST_TRIANGLES = 20_000_000  # of a file; viewers fail with far fewer
 _SHALLOW, _DEEP, _LAND = (225, 205, 150), (20, 50, 110), (110, 130, 90)  # RGB
 
 

@@ -1,4 +1,4 @@
-"""What a chart says stands in the water becomes boxes, spheres, capsules and cylinders.
+"""Obstacles of a chart as boxes, spheres, capsules and cylinders.
 
 A chart gives a place, sometimes an outline and the least depth over it (VALSOU), hardly ever a
 size: the sizes in `_SIZES` are assumptions, and every obstacle's name ends in its S-57 class.
@@ -26,7 +26,7 @@ __all__ = ["obstacles_of"]
 Place = tuple[float, float]
 Body = Callable[[float], tuple[float, float]]  # depth of the seabed -> of the top and the bottom
 
-_LENGTH = 0.05  # m; what is thinner or lower is not worth an obstacle
+_LENGTH = 0.05  # m; thinner or lower features are left out
 _FOUL = (6, 7, 8, 9)  # CATOBS: foul area, foul ground, ice boom, ground tackle: no solid body
 _FLOATS = 7  # WATLEV
 _ABOVE = {1: -2.0, 2: -2.0, 4: 0.0, 5: 0.0}  # WATLEV: depth of the top where VALSOU is not charted
@@ -37,9 +37,9 @@ class _Size:
     """Assumed sizes in m of one object class."""
 
     radius: float  # of the body, or half the width of a line of it
-    over_bottom: float = 1.0  # height of what always is under water at an unknown depth
-    top: float | None = None  # depth of the top, for what stands out of the water
-    draught: float | None = None  # for what floats
+    over_bottom: float = 1.0  # height of features that are always under water, at an unknown depth
+    top: float | None = None  # depth of the top of features that stand out of the water
+    draught: float | None = None  # of features that float
 
 
 _SIZES = {
@@ -56,7 +56,7 @@ _SIZES = {
 _BUOY = 1.0  # m, radius of a buoy's body
 _CHAIN = 0.05  # m, radius of its mooring
 _FREEBOARD = 0.5  # m
-_THIN = 0.5  # m; bends of an outline that do not count
+_THIN = 0.5  # m; an outline is simplified by this much
 
 
 class _Ground:
@@ -86,7 +86,7 @@ class _Ground:
 
 
 def obstacles_of(chart: Chart, terrain: Terrain) -> tuple[tuple[Obstacle, ...], list[str]]:
-    """Return the obstacles that stand in a terrain's water, and what was left out."""
+    """Return the obstacles in a terrain's water, and notes on features that were left out."""
     ground = _Ground(terrain)
     found: list[Obstacle] = []
     foul = 0
@@ -168,7 +168,7 @@ def _buoy(shape: Geometry, ground: _Ground, name: str) -> Iterator[Obstacle]:
 
 
 def _laid(shape: Geometry, ground: _Ground, radius: float, name: str) -> Iterator[Obstacle]:
-    """Lay a line on the seabed, in pieces short enough to follow it."""
+    """Yield a line on the seabed as capsules, short enough to follow it."""
     if shape.geom_type != "LineString":
         return
     step = 2 * ground.terrain.spacing
@@ -197,7 +197,7 @@ def _walls(
 
 
 def _block(shape: Geometry, ground: _Ground, body: Body, name: str) -> Iterator[Obstacle]:
-    """Stand the smallest rectangle around an outline in the water."""
+    """Yield the smallest rectangle around an outline as a box."""
     around = shape.minimum_rotated_rectangle
     if around.geom_type != "Polygon":
         return

@@ -1,4 +1,4 @@
-"""A piece of what is charted, and the terrain in its local frame."""
+"""Rectangular piece of a charted area, and the terrain in its local frame."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Piece:
     east: float  # m
 
     def within(self, projection: Projection, bounds: Bounds) -> Bounds:
-        """Return west, south, east, north (m) of what lies inside `bounds`; refuses if nothing."""
+        """Return the part inside `bounds`: west, south, east, north (m); InputInvalid if empty."""
         ((x, y),) = projection.forward(np.array([[self.longitude, self.latitude]]))
         west, south, east, north = bounds
         cut = (
@@ -80,7 +80,7 @@ def shrunk(
     vertical_datum: str,
     source: str,
 ) -> Terrain:
-    """Make the terrain of a grid without margins that know nothing; its middle is the origin."""
+    """Make the terrain of a grid without its unknown margins; its middle is the origin."""
     known = np.isfinite(z)
     rows, columns = np.nonzero(known.any(axis=1))[0], np.nonzero(known.any(axis=0))[0]
     if not len(rows):

@@ -23,8 +23,8 @@ _SHARED = 0.05  # m; vertices of neighbours in a chart coincide
 class KnownPoints:
     """Points E, N (m) with depth z (m, down).
 
-    The first `soundings` of them were sounded; the last `border` are no data: they stand around
-    the chart and repeat the nearest depth, so that no sliver spans a bay along its edge.
+    The first `soundings` are soundings. The last `border` are no data: they surround the chart and
+    repeat the nearest depth, so that no thin triangle spans a bay along its edge.
     """
 
     xy: Floats  # (n, 2)
@@ -34,7 +34,7 @@ class KnownPoints:
 
 
 def known_points(chart: Chart, spacing: float) -> KnownPoints:
-    """Gather what is triangulated; lines get a point at least every two spacings."""
+    """Return the points to triangulate; lines get a point at least every two spacings."""
     from scipy.spatial import cKDTree
 
     shapely = wanted("shapely", "gridding a chart")
@@ -78,9 +78,9 @@ def _first(xy: Floats) -> NDArray[np.int64]:
 
 
 def _shore(chart: Chart, step: float, shapely: ModuleType) -> tuple[Floats, Floats]:
-    """Return points along the land's edge; there the shallowest of the adjoining area holds.
+    """Return points along the land's edge, with the least depth of the adjoining area.
 
-    A shore that dries stands at its drying height, a quay at the depth charted along it.
+    A shore that dries gets its drying height, a quay the depth charted along it.
     """
     from scipy.spatial import cKDTree
 

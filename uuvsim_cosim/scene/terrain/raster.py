@@ -1,6 +1,6 @@
-"""A surveyed grid (BAG, GeoTIFF, S-102) becomes a terrain; files larger than memory too.
+"""Terrain of a surveyed grid (BAG, GeoTIFF, S-102), also of files larger than memory.
 
-GDAL's warper reads the file piece by piece, so that only the terrain itself is held.
+GDAL's warper reads the file piece by piece, so that only the terrain itself is in memory.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _METRES = {
     "fathom": 1.8288, "fathoms": 1.8288,
 }  # fmt: skip
 _LOCAL = "EPSG:32631"  # any projection in metres: a local grid is not placed on Earth
-_FILL_GROWTH = 0.05  # m of standard deviation per m of distance in what is filled: assumed
+_FILL_GROWTH = 0.05  # m of standard deviation per m of distance in filled holes: assumed
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Relief that no sounding saw: an invention, seeded, where the data leave room for it."""
+"""Invented relief between soundings: seeded noise within the uncertainty of the data."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ def add_relief(
     z: Floats, distance: Floats, spread: Floats, spacing: float, seed: int,
     band: tuple[Floats, Floats],
 ) -> tuple[Floats, str]:  # fmt: skip
-    """Add noise with a power-law spectrum to depths z; gives the depths, and what to say of it.
+    """Add noise with a power-law spectrum to depths z; return the depths and a note on them.
 
     Nothing is added at the data; away from them the standard deviation is a share of that of the
     interpolation. Waves are longer than two spacings and shorter than the soundings' distance.
-    What is added stays within the charted band.
+    The result stays within the charted band.
     """
     near = distance[np.isfinite(z)]
     longest = float(np.clip(2 * np.quantile(near, 0.9), 4 * spacing, max(_LONGEST, 4 * spacing)))

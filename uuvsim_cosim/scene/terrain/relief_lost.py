@@ -1,4 +1,4 @@
-"""Relief of a surveyed grid that a terrain with other nodes does not have."""
+"""Relief of a surveyed grid that is lost in a terrain with other nodes."""
 
 from __future__ import annotations
 

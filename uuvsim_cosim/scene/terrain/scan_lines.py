@@ -1,4 +1,4 @@
-"""Triangles to a grid: each node takes the plane of the one triangle that covers it."""
+"""Interpolation of triangles on a grid: each node gets the plane of the triangle around it."""
 
 from __future__ import annotations
 
@@ -18,11 +18,9 @@ def scan(
 ) -> tuple[Floats, NDArray[np.float32]]:
     """Interpolate z linearly over triangles (n, 3) at the nodes (row y, column x) of a grid.
 
-    Gives z and the magnitude of its slope (per spacing) at each node.
-
-    x, y are in spacings from node (0, 0). Rows and columns are half open, edges are computed from
-    the lower vertex number to the higher: so no node falls between two triangles, or into both.
-    NaN where no triangle is.
+    Returns z and the magnitude of its slope (per spacing) at each node; NaN outside of triangles.
+    x, y are in spacings from node (0, 0). Rows and columns are half open, and edges are computed
+    from the lower vertex number to the higher, so that a node lies in exactly one triangle.
     """
     grid, steepness = np.full(shape, np.nan), np.full(shape, np.nan, np.float32)
     t = np.sort(np.asarray(triangles, np.int64), axis=1)

@@ -1,4 +1,4 @@
-"""Depth and doubt of a chart at the nodes of any grid over it."""
+"""Depth of a chart and its standard deviation at the nodes of a grid."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _SQRT_12 = 12**0.5
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """A chart with its triangles, judged; what every grid over it needs."""
+    """A chart, its triangulation and hold-out errors: the input of every grid over it."""
 
     chart: Chart
     mesh: Triangulation
@@ -40,7 +40,7 @@ class Prepared:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the user should know of the chart."""
+        """Notes on the chart for the user."""
         notes = self.chart.notes
         if not len(self.chart.quality):
             notes += ("no M_QUAL: the soundings count as unassessed (CATZOC U)",)
@@ -54,7 +54,7 @@ class Prepared:
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """What a chart says at the nodes of a grid."""
+    """Values of a chart at the nodes of a grid."""
 
     z: Floats  # m, down; NaN: unknown
     sigma: Floats  # m; NaN on land
@@ -86,7 +86,7 @@ def prepared(chart: Chart, spacing: float, land: float | None) -> Prepared:
 
 
 def surface_on(of: Prepared, grid: Grid, relief: int | None = None) -> Surface:
-    """Interpolate, clip into the charted areas, and judge, at the nodes of a grid."""
+    """Interpolate at the nodes of a grid, clip into the charted areas, and estimate sigma."""
     chart, mesh, hold_out = of.chart, of.mesh, of.hold_out
     area, band = _bands(chart, grid)
     wet = band[0] <= band[1]
@@ -113,7 +113,7 @@ def surface_on(of: Prepared, grid: Grid, relief: int | None = None) -> Surface:
     land = grid.burn(*_numbered(chart.land), touched=False) >= 0
     small = [s for s in chart.land if s.geom_type not in ("Polygon", "MultiPolygon")]
     land |= grid.burn(*_numbered(small), touched=True) >= 0
-    # rounded, because that compresses; a chart says 0.1 m
+    # rounded so that files compress well; a chart resolves 0.1 m
     z, sigma = np.clip(np.rint(256 * z) / 256, *band), np.rint(64 * sigma) / 64
     z[land] = -of.height
     sigma[land | np.isnan(z)] = np.nan

@@ -1,4 +1,4 @@
-"""Depths between known points: linear over a Delaunay triangulation, judged by leaving out."""
+"""Linear interpolation over a Delaunay triangulation, and its errors by leave-one-out."""
 
 from __future__ import annotations
 
@@ -52,8 +52,8 @@ class Triangulation:
         """Leave out each sounding in turn: (row, depth by the others, its slope, distance).
 
         Removing a vertex changes only the triangles around it; over the hole, the Delaunay
-        triangulation of its neighbours is that of all points left. So this is exact, and cheap.
-        NaN where the sounding stands at the edge of what is known.
+        triangulation of its neighbours is that of all other points. So this is exact, and cheap.
+        NaN for soundings at the edge of the known points.
         """
         n = self.points.soundings
         rows = np.unique(np.linspace(0, n - 1, min(n, _MOST_LEFT_OUT)).astype(np.int64))[: n or 0]

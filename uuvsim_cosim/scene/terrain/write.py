@@ -1,4 +1,4 @@
-"""A terrain goes out: GeoTIFF, height map, mesh, Gazebo world, .npz or a scene's folder."""
+"""Files of a terrain: GeoTIFF, height map, mesh, Gazebo world, .npz or a scene's folder."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["check_target", "check_whole", "write_terrain"]
 
 
 def write_terrain(scene: Scene, target: Path) -> list[Path]:
-    """Write what the target's ending says (none: a scene's folder); gives the files written."""
+    """Write the format of the target's ending (none: a scene's folder); return the files."""
     check_target(target)
     assert scene.terrain is not None
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -39,7 +39,7 @@ def write_terrain(scene: Scene, target: Path) -> list[Path]:
 
 
 def check_target(target: Path) -> None:
-    """Refuse an ending that nothing writes, and a folder where a file stands."""
+    """Raise InputInvalid for an unknown ending, or a target that is a folder or file already."""
     if target.suffix and target.suffix.lower() not in _WRITERS:
         raise InputInvalid(
             f"{target}: expected {', '.join(_WRITERS)}, or a folder's name without an ending"
@@ -51,7 +51,7 @@ def check_target(target: Path) -> None:
 
 
 def check_whole(file: Path) -> None:
-    """Read a GeoTIFF back: GDAL says nothing where the disk is full; raises `OSError` then."""
+    """Read a GeoTIFF back and raise `OSError` if that fails: GDAL reports no full disk."""
     rasterio = wanted("rasterio", "writing a GeoTIFF")
     try:
         with rasterio.open(file) as written:

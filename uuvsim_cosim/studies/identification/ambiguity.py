@@ -1,4 +1,4 @@
-"""Which parameters the data cannot tell apart: the weak directions of the Fisher information."""
+"""Parameters that the data do not determine: weak directions of the Fisher information."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 __all__ = ["WEAK", "ambiguities", "scaled_information"]
 
 Array = NDArray[np.float64]
-WEAK = 0.25  # relative standard error above which the data say little: ± 50 % at 95 %
+WEAK = 0.25  # relative standard error of a weak direction: ± 50 % at 95 %
 _SHARE, _CORRELATED = 0.3, 0.95
 
 
@@ -23,7 +23,7 @@ def scaled_information(information: Array, theta: Array, start: Array) -> Array:
 
 
 def ambiguities(names: Sequence[str], scaled: Array) -> list[str]:
-    """Return a sentence for each combination of parameters that the data leave open.
+    """Return a message for each combination of parameters that the data do not determine.
 
     A combination is a direction in which all could change, each by its share of its own size,
     with a standard error above a quarter; two that are correlated by more than 0.95 are named too.

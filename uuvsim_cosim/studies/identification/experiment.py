@@ -1,8 +1,8 @@
-"""The manoeuvre that would tell more: from a small library, by D-optimality.
+"""Proposals of further manoeuvres: from a small library, ranked by D-optimality.
 
-Each is flown in the model as it was fitted, open loop, from rest, with the noise that the residuals
-had; what it would add to the Fisher information is computed as for a recording. The best one has
-the largest determinant of the information of data and manoeuvre together.
+Each manoeuvre is simulated with the fitted model: open loop, from rest, with the noise of the
+residuals. Its Fisher information is computed as for a recording. The best one has the largest
+determinant of the information of data and manoeuvre together.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ class Proposal:
 
 
 def propose(box: GreyBox, found: Fit) -> list[Proposal]:
-    """Return the manoeuvres that can be flown, the best first; none where nothing pushes."""
+    """Return the feasible manoeuvres, the best first; none without a force or command."""
     h = 0.1
     t: Array = h * np.arange(round(_LENGTH / h), dtype=float)
     drive = _Drive(box, found, h)
@@ -127,10 +127,10 @@ def propose(box: GreyBox, found: Fit) -> list[Proposal]:
 
 
 def _added(A: Array, B: Array, C: Array, D: Array, found: Fit, n: int, n_x: int, n_p: int) -> Array:
-    """Return the information of theta, the state at the start unknown as well."""
+    """Return the information of theta, with the initial state unknown as well."""
     S = np.hstack([np.eye(n_x), np.zeros((n_x, n_p))])
     weights = 1.0 / found.sigma * np.sqrt((1 - found.correlation) / (1 + found.correlation))
-    weights[found.sigma == 1.0] = 0.0  # what was not measured will not be either
+    weights[found.sigma == 1.0] = 0.0  # signals that were not measured add nothing
     rows = []
     for k in range(n):
         row = C[:, k * n_x : (k + 1) * n_x] @ S
@@ -145,7 +145,7 @@ def _added(A: Array, B: Array, C: Array, D: Array, found: Fit, n: int, n_x: int,
 
 
 class _Drive:
-    """What feeds make a wanted force on the hull, found by trying each."""
+    """Feeds that make a given force on the hull; their gains are found by simulation."""
 
     def __init__(self, box: GreyBox, found: Fit, h: float) -> None:
         self.box, self.theta = box, found.theta
@@ -166,7 +166,7 @@ class _Drive:
         self.full = self._forces(x)
 
     def rest(self) -> Array:
-        """Return the hull at rest and level, where the recording began but 5 m deep or more."""
+        """Return the state of the hull at rest and level, at a depth of 20 m or more."""
         x = self.x_0.copy()
         box, hull = self.box, self.box.hull
         for (i, _), place in box.x_places.items():

@@ -25,11 +25,11 @@ from uuvsim_cosim.studies.identification.signals import ANGLES, Grid
 __all__ = ["Fit", "fit"]
 
 Array = NDArray[np.float64]
-# Where sigma begins, and the least that it can be: N E D [m], angles, u v w [m/s], p q r [rad/s].
+# First and least values of sigma: N E D [m], angles, u v w [m/s], p q r [rad/s].
 _FIRST = np.array([0.05] * 3 + [0.02] * 3 + [0.02] * 3 + [0.02] * 3)
 _LEAST = np.array([1e-4] * 3 + [1e-5] * 3 + [1e-5] * 3 + [1e-5] * 3)
 _SEGMENT = 3.0  # s
-_PRIOR = 3e-2  # of theta, over its scale: only what the data say nothing of stays where it was
+_PRIOR = 3e-2  # of theta, over its scale: too weak to matter unless the data hold no information
 
 
 @dataclass(frozen=True)
@@ -109,8 +109,8 @@ class _Problem:
             "hess_lag": hessian,
             "print_time": False,
             "show_eval_warnings": False,
-            # Bounds are seldom met, so the barrier begins low; a fit needs an objective that
-            # stands still at states that join, not the last digits of the multipliers.
+            # Bounds are seldom active, so the barrier begins low. A fit needs an objective that no
+            # longer changes and continuous states, not the last digits of the multipliers.
             "ipopt": {"print_level": 0, "sb": "yes", "max_iter": 60, "tol": 1e-6, "mu_init": 1e-8,
                       "acceptable_tol": 1e4, "acceptable_constr_viol_tol": 1e-5,
                       "acceptable_dual_inf_tol": 1e6, "acceptable_compl_inf_tol": 1e-3,
@@ -121,7 +121,7 @@ class _Problem:
         self.sensitivity = ca.Function("sensitivity", [z, weights], [of_data, ca.jacobian(g, z)])
 
     def _of_start(self, x_0: Any) -> list[Any]:
-        """Hold what no signal sees near where it begins: the length of q, a shaft's first speed."""
+        """Return weak priors on initial states: the length of q, a shaft's speed, and the like."""
         rows = []
         for (i, name), place in self.box.x_places.items():
             x = x_0[place]
@@ -180,7 +180,7 @@ def fit(box: GreyBox, grid: Grid) -> Fit:
 
 
 def _information(p: _Problem, z: Array, weights: Array) -> Array:
-    """Return the Fisher information of theta (scaled), every state eliminated."""
+    """Return the Fisher information of theta (scaled), with all states eliminated."""
     J, G = (m.sparse() for m in p.sensitivity(z, weights))
     J, G = J.tocsc(), G.tocsc()
     n_x, n_p = p.n_x, p.n_p
@@ -197,7 +197,7 @@ def _information(p: _Problem, z: Array, weights: Array) -> Array:
             following = A @ S_i
             following[:, n_x:] += B
             S_i = following
-    # Least squares against the first states, the weak hold on what no signal sees below them.
+    # Least squares against the initial states; the rows below are a weak prior on them.
     held = np.vstack([total, np.hstack([0.1 * np.eye(n_x), np.zeros((n_x, n_p))])])
     Q, _ = np.linalg.qr(held[:, :n_x])
     rest = held[:, n_x:]
@@ -211,7 +211,7 @@ def _rms(values: Array, least: float) -> float:
 
 
 def _lag(values: Array) -> float:
-    """Return the correlation of residuals with those a step before, from 0 to 0.98."""
+    """Return the correlation of residuals with those one step before, limited to 0 … 0.98."""
     a, b = values[:-1], values[1:]
     both = np.isfinite(a) & np.isfinite(b)
     if both.sum() < 8:
@@ -221,7 +221,7 @@ def _lag(values: Array) -> float:
 
 
 def _guess(box: GreyBox, grid: Grid, S: int, M: int) -> Array:
-    """Return states (n_x, S) where segments begin: the hull's measured, the others simulated."""
+    """Return initial states (n_x, S) of the segments: measured of the hull, others simulated."""
     from uuvsim_cosim.models.declaration.kinematics import q_of_euler
 
     n_x = box.x.numel()

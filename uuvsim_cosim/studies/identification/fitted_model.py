@@ -1,9 +1,9 @@
-"""The part of a system that is fitted: one ODE, made of the components' own declared expressions.
+"""Grey-box model of a part of a system: one ODE from the components' declared expressions.
 
-It holds the hull, the components whose parameters are wanted, and those on the shortest way from
-them to the hull. Every other value that it reads is a signal: recorded, or computed beforehand by
-declarations from recorded signals. Between its components values pass at once; what the
-communication steps delay is put on the inputs instead, as a shift in time.
+It holds the hull, the components with fitted parameters, and those on the shortest path from them
+to the hull. All its other inputs are signals: recorded, or computed beforehand by declarations
+from recorded signals. Values pass between its components without delay; the delays of the
+communication steps are applied to the inputs instead, as a shift in time.
 """
 
 from __future__ import annotations
@@ -112,10 +112,10 @@ class GreyBox:
         return sorted(inside, key=lambda i: (i != self.hull, i))
 
     def _delay(self, component: int) -> float:
-        """Return what passing on by communication steps delays, from a part's inputs to the hull's.
+        """Return the delay [s] by communication steps, from a part's inputs to the hull's.
 
-        A value that a state makes is held for a step, half of one on average; a part without
-        states passes on what it read a step ago.
+        The output of a part with states is held for a step, which delays it by half a step on
+        average. A part without states passes on the inputs of the step before.
         """
         delay, here = 0.0, component
         while (following := self.hops[here]) is not None and here in self.parts:
@@ -129,7 +129,7 @@ class GreyBox:
     # ---- expressions --------------------------------------------------------------------------
 
     def _closed(self, i: int, expression: Any) -> Any:
-        """Put parameters, derived values and what feeds the inputs into a part's expression."""
+        """Substitute parameters, derived values and inputs in an expression of a part."""
         part = self.parts[i]
         p = ca.SX(ca.DM(part.p))
         for j, fit in enumerate(self.fitted):
@@ -221,7 +221,7 @@ class GreyBox:
         return ca.Function("step", [x_0, w, theta], [x])
 
     def start(self) -> Array:
-        """Return every state's own start."""
+        """Return the declared initial states."""
         parts = []
         for part in self.parts.values():
             d = part.f.derived(part.p)

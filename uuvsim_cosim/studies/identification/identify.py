@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Number:
-    """A parameter that was fitted: value, 95 % interval, where it began, and its places."""
+    """A fitted parameter: value, 95 % interval, start value, and its places in the system."""
 
     name: str
     value: float
@@ -46,28 +46,28 @@ class Number:
 
 @dataclass(frozen=True)
 class Actuator:
-    """A thruster with fitted numbers: where it is in the system, and among the vehicle's."""
+    """A thruster with fitted parameters: its path, and its number on the vehicle."""
 
     path: str
     source: str  # model:…
-    number: int  # from 1, as its thrust goes into the wrench
-    of: int  # how many thrusters the wrench takes
-    held: Mapping[str, float]  # its numbers in the system, where they were not fitted
+    number: int  # from 1, its element of the wrench's thrust
+    of: int  # number of thrusters of the wrench
+    held: Mapping[str, float]  # its parameters in the system that were not fitted
 
 
 @dataclass(frozen=True)
 class Identified:
-    """What a fit found, how well it follows the recording, and what it leaves open."""
+    """Result of a fit: parameters, residuals, and what the data do not determine."""
 
     numbers: tuple[Number, ...]
     correlation: Array  # of the numbers' errors (n, n)
     residuals: Mapping[str, float]  # root mean square of what was measured, by element
-    open: tuple[str, ...]  # sentences: what the data cannot tell
-    proposals: tuple[Proposal, ...]  # manoeuvres, the most telling first
+    open: tuple[str, ...]  # messages: what the data do not determine
+    proposals: tuple[Proposal, ...]  # manoeuvres, the most informative first
     hull: str  # its path
     source: str  # its source, model:…
     held: Mapping[str, float]  # the hull's numbers as the system set them
-    actuators: tuple[Actuator, ...]  # the thrusters that have fitted numbers
+    actuators: tuple[Actuator, ...]  # the thrusters with fitted parameters
     recording: str
     samples: int
     seconds: float
@@ -173,25 +173,25 @@ def identify(
 
 
 def unanswered(numbers: Sequence[Number], flown: Sequence[Proposal]) -> list[str]:
-    """Return a sentence on numbers that are open, and that no manoeuvre would tell either."""
+    """Return a message on parameters that neither the data nor a manoeuvre determines."""
     from uuvsim_cosim.studies.identification.ambiguity import WEAK
 
     limits = [2.0 * WEAK * abs(n.value) for n in numbers]
-    left = [
+    undetermined = [
         n.name
         for k, n in enumerate(numbers)
         if n.half_width > limits[k] and all(p.half_widths[k] > limits[k] for p in flown)
     ]
-    if not left or not flown:
+    if not undetermined or not flown:
         return []
     return [
-        f"none of the {len(flown)} manoeuvres tells {', '.join(left)}: take some of them from "
-        "elsewhere (--set), and fit the others"
+        f"none of the {len(flown)} manoeuvres tells {', '.join(undetermined)}: take some of them "
+        "from elsewhere (--set), and fit the others"
     ]
 
 
 def _actuators(plan: Plan, box: GreyBox) -> Iterator[Actuator]:
-    """Return the components with fitted numbers whose thrust a wrench takes."""
+    """Yield the fitted components whose thrust is an input of a wrench."""
     for i in sorted({i for f in box.fitted for i, _ in f.places} - {box.hull}):
         part = box.parts[i]
         fitted = {n for f in box.fitted for k, n in f.places if k == i}

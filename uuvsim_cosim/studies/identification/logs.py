@@ -1,8 +1,8 @@
 """Recordings and logs of vehicles as signals: Parquet, MCAP and CSV, ArduSub's .BIN and .tlog.
 
-Of a log, `eta`, `nu`, `u` and `voltage` are made: attitude and rates as logged, position and
-velocity of the estimator (velocity turned to body axes), u = (pwm - 1500 us) / 400 us. Each message
-keeps its own time; where it has no sample, there is NaN, but commands and voltage hold.
+A log gives `eta`, `nu`, `u` and `voltage`: attitude and rates as logged, position and velocity of
+the estimator (velocity in body axes), u = (pwm - 1500 us) / 400 us. Each message keeps its own
+time. At other times it is NaN, but commands and voltage are held.
 """
 
 from __future__ import annotations
@@ -193,7 +193,7 @@ def _ardupilot(path: Path) -> Signals:
 
 
 def _begins_well(path: Path) -> None:
-    """Refuse what cannot be a log before a reader is tried on it."""
+    """Raise InputInvalid for a file whose first bytes are not those of a log."""
     with path.open("rb") as file:
         head = file.read(9)
     dataflash = path.suffix.lower() == ".bin"
@@ -234,7 +234,7 @@ def _keep(kept: dict[str, list[tuple[float, list[float]]]], kind: str, m: Any) -
 
 
 def _merged(kept: Mapping[str, list[tuple[float, list[float]]]], path: Path) -> Signals:
-    """Put all messages on the times of any of them, seconds since the first command."""
+    """Merge the times of all messages, in seconds since the first command."""
     series: dict[str, tuple[Array, Array]] = {}
     for name, rows in kept.items():
         t = np.array([r[0] for r in rows])

@@ -1,4 +1,4 @@
-"""What is to be fitted: numbers by name, and the declared components that they belong to."""
+"""Parameters to fit by name, and the declared components that they belong to."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ HULL_STATES = ("p", "q_nb", "nu_b")
 
 @dataclass(frozen=True)
 class Fitted:
-    """One number to fit: the name to show, its places, where it starts, its unit and bounds."""
+    """One number to fit: its name, places, start value, unit and bounds."""
 
     name: str
     places: tuple[tuple[int, str], ...]  # component, parameter or input: all get this number
@@ -79,7 +79,7 @@ class Part:
 
     @property
     def usual(self) -> list[str]:
-        """The names of what is one number and could be saved: parameters, the voltage."""
+        """The names of scalars that can be saved: parameters, and the voltage."""
         every = self.model.of_kind("parameter", "input")
         return [v.name for v in every
                 if v.size == 1 and (v.kind == "parameter" or v.name == "voltage")]  # fmt: skip
@@ -154,7 +154,8 @@ def _held_inputs(plan: Plan, i: int) -> Iterator[Variable]:
 def _bounds(declared: Declared, start: float) -> tuple[float, float]:
     """Return the declared bounds; if a value cannot be negative, 1/50 to 30 times the start.
 
-    Without an end, what the data say nothing of could grow until no step is short enough.
+    Without bounds, parameters that the data do not determine could grow until no step is short
+    enough.
     """
     low = -np.inf if declared.min is None else float(declared.min)
     high = np.inf if declared.max is None else float(declared.max)

@@ -1,9 +1,9 @@
-"""What was identified as a named set of the vehicle, with its interval for domain randomisation.
+"""Saving of fitted parameters as a named set of the vehicle, with intervals for randomisation.
 
-Numbers of thrusters become a set of the same name in thrusters.yaml (save_thrusters.py).
-Of the hull, the set is the one that it was declared with, the fitted numbers in the place of its
-own. Each says where it is from and its 95 % interval; both ends of the interval go into
-`published.yaml`, which `published(...)` draws from.
+Parameters of thrusters become a set of the same name in thrusters.yaml (save_thrusters.py). The
+set of the hull is the declared one with the fitted values instead of its own. Each value states
+its source and its 95 % interval. Both ends of the interval are added to `published.yaml`, which
+`published(...)` draws from.
 """
 
 from __future__ import annotations
@@ -56,8 +56,8 @@ def address_of(source: str) -> tuple[str, str | None]:
 def save_as(found: Identified, name: str) -> list[Saved]:
     """Write the set `name` into the vehicle's folder; ``folder@name`` into a copy of it at folder.
 
-    Gives the files that were written, and what each is used as. Raises InputInvalid if there is
-    such a set, or nothing to save.
+    Returns the files, and the source that each is used as. Raises InputInvalid if the set exists,
+    or there is nothing to save.
     """
     place, set_name = split_address(name) if "@" in name else ("", name)
     set_name = set_name or ""
@@ -204,7 +204,7 @@ def _end_of_parameters(lines: list[str]) -> int:
 
 
 def _copied(id: str, folder: Path) -> Path:
-    """Copy a vehicle's folder to a place of one's own, unless one is there."""
+    """Copy a vehicle's folder to `folder`, unless that is a vehicle's already."""
     if (folder / "parameters.yaml").is_file():
         return folder
     if not re.fullmatch(r"[a-z][a-z0-9_]*", folder.name):

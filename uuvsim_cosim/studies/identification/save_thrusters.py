@@ -61,10 +61,10 @@ class ThrusterSet:
 
 
 def thruster_set(found: Identified, name: str, day: str) -> ThrusterSet | None:
-    """Return the set of what was fitted of thrusters; None if nothing of them is known.
+    """Return the set of the fitted parameters of thrusters; None if none of them is known.
 
-    A number that all thrusters share is one; else there is one for each, those that were not
-    fitted as the system has them.
+    A parameter that all thrusters share is one number. Else there is one for each thruster; those
+    that were not fitted keep the system's values.
     """
     if not found.actuators:
         return None

@@ -1,9 +1,8 @@
-"""A recording laid on the grid of a fit: what is fed in, step by step, and what was measured.
+"""A recording resampled on the time grid of a fit: inputs of each step, and measurements.
 
-A feed is held from its sample to the next; on the grid it is a line over each step, so that
-neither impulse nor first moment is lost. A measurement is the mean of the samples within half a
-step of a grid point; where there is none, it does not count. What is missing is refused by name,
-with names that come near.
+An input is held from one sample to the next. On the grid it is a line over each step, so that
+impulse and first moment are kept. A measurement is the mean of the samples within half a step of
+a grid point, and NaN without one. A missing signal is refused by name, with similar names.
 """
 
 from __future__ import annotations
@@ -90,7 +89,7 @@ class Lookup:
         return values[:, indices[0] - 1 : indices[0]] if indices else values
 
     def near(self, name: str) -> str:
-        """Return names that were recorded and come near; all of them if none does."""
+        """Return recorded names that are similar; all of them if none is."""
         every = list(self.signals)
         close = close_names(name, every)
         last = name.rpartition(".")[2]
@@ -107,7 +106,7 @@ def grid_of(
 ) -> Grid:
     """Lay the signals that `box` needs on a grid from `first` to `last` [s]."""
     t, place = _times(lookup.signals, first, last)
-    # What drives the hull at first was fed before the recording began: that is not known.
+    # Delayed inputs of the first steps lie before the recording: the grid begins after them.
     begin = float(t[min(np.searchsorted(t, t[0] + max((f.delay for f in box.feeds), default=0.0)
                                         - 1e-9), len(t) - 1)])  # fmt: skip
     step = _step(t, h)
@@ -180,14 +179,14 @@ def _step(t: Array, h: float | None) -> float:
     usual = float(np.median(np.diff(t)))
     if usual >= _FINE:
         return usual
-    # As fine as the samples, where that is not too dear: a step's error is no noise, and an
-    # interval does not know of it.
+    # As fine as the samples, unless that takes too long: the error of integration is not noise, so
+    # intervals do not contain it.
     least = max(usual, _FINEST, (t[-1] - t[0]) / _ENOUGH_STEPS)
     return usual * max(1.0, float(np.floor(min(least, _FINE) / usual + 1e-9)))
 
 
 def _moments(t: Array, values: Array, grid: Array, delay: float) -> Array:
-    """Return mean and change (2, K) over each step of values held from sample to sample, late.
+    """Return mean and change (2, K) over each step of held values, delayed by `delay`.
 
     The change is that of the line with the same mean and first moment over the step.
     """
@@ -216,7 +215,7 @@ def _measured(t: Array, values: Array, grid: Array, h: float, angle: bool) -> Ar
     at, v = t[good], values[good]
     if angle:
         v = np.unwrap(v)
-    # A mean about a grid point is taken over an odd number of samples, so that it is not late.
+    # An odd number of samples about a grid point: an even number would shift the mean in time.
     cell = np.rint((at - grid[0]) / h).astype(int)
     near = np.abs(at - grid[0] - cell * h) < 0.499 * h
     cell, v, at = cell[near], v[near], at[near]
@@ -228,8 +227,8 @@ def _measured(t: Array, values: Array, grid: Array, h: float, angle: bool) -> Ar
     late = np.bincount(cell, at, len(grid))
     middle = late[some] / count[some] - grid[some]
     mean = total[some] / count[some]
-    # Where samples are uneven about the grid point, take the slope between neighbours out; and the
-    # bend between them, by which a mean over a curve lies inside it.
+    # If samples are uneven about the grid point, subtract the slope between neighbours; and the
+    # curvature, since the mean over a curve lies on its inner side.
     if some.sum() > 2:
         place = grid[some]
         slope = np.gradient(mean, place + middle)
@@ -243,7 +242,7 @@ def _measured(t: Array, values: Array, grid: Array, h: float, angle: bool) -> Ar
 
 
 class _Supply:
-    """Columns of feeds over the recording's own times: recorded, computed, or a start value."""
+    """Values of inputs over the recording's times: recorded, computed, or a start value."""
 
     def __init__(self, plan: Plan, lookup: Lookup, t: Array, place: NDArray[np.intp]) -> None:
         self.plan, self.lookup, self.t, self.place = plan, lookup, t, place
@@ -347,7 +346,7 @@ def _together(signals: list[Signal]) -> Callable[[float], list[float]]:
 
 
 def _used_inputs(model: Model) -> set[str]:
-    """Return the inputs that a model's equations of force read; a shaft may declare more."""
+    """Return the inputs that the equations of force read; a shaft may declare others."""
     import casadi as ca
 
     outputs = [v.symbol for v in model.of_kind("output") if v.name in _FORCES]

@@ -1,4 +1,4 @@
-"""What a vehicle's files gain when a fit is saved: sets behind sets, words beside numbers."""
+"""Edits of a vehicle's files that keep their comments: new sets, and sources of values."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def words_of(found: Identified, number: Number, day: str) -> str:
 
 
 def inserted(text: str, data: CommentedMap, block: str) -> str:
-    """Put a set (indented by two) behind the last one, or begin `sets` at the file's end."""
+    """Insert a set (indented by two) after the last one, or add `sets` at the file's end."""
     lines = text.splitlines(keepends=True)
     if lines and not lines[-1].endswith("\n"):
         lines[-1] += "\n"
@@ -47,7 +47,7 @@ def inserted(text: str, data: CommentedMap, block: str) -> str:
 
 
 def replaced(file: Path, text: str, read: Callable[[str], object]) -> None:
-    """Write a parameter file if `read` takes it; else leave what was there."""
+    """Write a parameter file if `read` accepts it; otherwise the old file stays."""
     try:
         with whole_file(file) as scratch:
             scratch.write_text(text, encoding="utf-8")

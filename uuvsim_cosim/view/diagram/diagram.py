@@ -1,4 +1,4 @@
-"""A system as a block diagram: one SVG, without anything that it would have to load."""
+"""Block diagram of a system as one self-contained SVG."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a block diagram shows of a system: boxes with ports, and nets from one port to others."""
+"""Graph of a block diagram: boxes with ports, and nets from one port to others."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def text_width(text: str, size: float, *, bold: bool = False) -> float:
 
 
 def boxes_and_nets(system: System) -> tuple[dict[str, Box], list[Net]]:
-    """Return the diagram of the top level of a system; numbered components alike are one box."""
+    """Return the diagram of the top level of a system; equal numbered components share a box."""
     wires = system.checked.wires
     neighbours: dict[str, set[str]] = {e.name: set() for e in system.elements}
     for w in wires:
@@ -88,7 +88,7 @@ def boxes_and_nets(system: System) -> tuple[dict[str, Box], list[Net]]:
 
 
 def _label(element: Element) -> str:
-    """Name a source in a few words: the file, the class, or the declaration."""
+    """Return a short name of a source: the file, the class, or the declaration."""
     if not isinstance(element.source, str):
         return element.source.name
     text = element.source

@@ -1,4 +1,4 @@
-"""Boxes get places: columns from left to right along the flow, few crossings, straight lines.
+"""Layout of boxes: columns from left to right along the flow, few crossings, straight lines.
 
 Sugiyama's scheme: an order with few backward nets, layers by longest path, an order inside each
 layer by barycentres, and heights by least squares (pool-adjacent-violators).
@@ -48,7 +48,7 @@ class Layout:
 
 
 def laid_out(boxes: Mapping[str, Box], nets: list[Net]) -> Layout:
-    """Place the boxes; their ports are put into an order with few crossings."""
+    """Return the places of the boxes, and order their ports so that few nets cross."""
     layer = _layers(list(boxes), nets)
     count = max(layer.values(), default=0) + 1
     columns: list[list[Cell]] = [[] for _ in range(count)]
@@ -72,6 +72,7 @@ def laid_out(boxes: Mapping[str, Box], nets: list[Net]) -> Layout:
     layout.widths = [max((places[k].width for k, n in c if n < 0), default=0.0) for c in columns]
     links = _links(nets, layer)
     _order(layout, links)
+    # Heights depend on the order of ports and the other way round, so the two alternate.
     for _ in range(4):
         _heights(layout, boxes, nets)
         _sort_ports(layout, boxes, nets)
@@ -84,7 +85,7 @@ def laid_out(boxes: Mapping[str, Box], nets: list[Net]) -> Layout:
 
 def _layers(keys: list[str], nets: list[Net]) -> dict[str, int]:
     declared = {k: i for i, k in enumerate(keys)}
-    # The order of declaration says which way the author sees the flow.
+    # The order of declaration shows the direction of flow that the author has in mind.
     edges = {
         (n.source[0], t): 4 if declared[n.source[0]] < declared[t] else 1
         for n in nets
@@ -98,7 +99,7 @@ def _layers(keys: list[str], nets: list[Net]) -> dict[str, int]:
     for key in order:
         before = [layer[a] for a, b in forward if b == key]
         layer[key] = max(before, default=-1) + 1
-    for key in reversed(order):  # what nothing feeds stands just before what it feeds
+    for key in reversed(order):  # a box without inputs stands just before those it feeds
         after = [layer[b] for a, b in forward if a == key]
         if after and not any(b == key for _, b in forward):
             layer[key] = min(after) - 1
@@ -113,7 +114,7 @@ def _few_backward(keys: list[str], edges: Mapping[tuple[str, str], int]) -> list
         for key in keys:
             rest = [k for k in order if k != key]
             cost = sum(w for (a, b), w in edges.items() if b == key)
-            # At place 0, all that leads here leads backward; each step to the right changes it.
+            # At place 0, all edges to the node lead backward; each place to the right changes that.
             here = order.index(key)
             costs = [cost]
             for other in rest:
@@ -208,7 +209,7 @@ def _place(layout: Layout, cell: Cell, column: int) -> Place:
 def _wanted(
     layout: Layout, boxes: Mapping[str, Box], nets: list[Net], column: int
 ) -> dict[Cell, list[float]]:
-    """Give, for each cell of a column, the heights that would make its nets straight."""
+    """Return for each cell of a column the heights that would make its nets straight."""
     wanted: dict[Cell, list[float]] = {}
     for n, net in enumerate(nets):
         source = boxes[net.source[0]]
@@ -224,7 +225,7 @@ def _wanted(
             chain.append(((key, -1), end, _port_offset(boxes[key], port, output=False)))
             for (a, ca, oa), (b, cb, ob) in pairwise(chain):
                 ya, yb = _place(layout, a, ca).y + oa, _place(layout, b, cb).y + ob
-                # What passes by is drawn straight first, so that bends are few.
+                # Passages have more weight: straight long nets have the fewest bends.
                 weight = 1 + 3 * (a[1] >= 0) * (b[1] >= 0)
                 if cb == column:
                     wanted.setdefault(b, []).extend([ya - ob] * weight)

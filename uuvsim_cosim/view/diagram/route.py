@@ -1,4 +1,4 @@
-"""Nets get lines: a trunk in each gap between columns, and a channel below for what leads back."""
+"""Routing of nets: a trunk in each gap between columns, a channel below for backward nets."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Routed:
 
 @dataclass
 class _Trunk:
-    """The vertical piece of a net in a gap: where it comes in, and where it goes out."""
+    """The vertical piece of a net in a gap, with the heights of its entry and exits."""
 
     entry: float
     exits: list[float]
@@ -123,7 +123,7 @@ class _Drawing:
 
 
 def _channels(nets: list[Net], column: Mapping[str, int], bottom: float) -> dict[int, float]:
-    """Return each net that leads back its height below the boxes: short ones above long ones."""
+    """Return the height of each backward net below the boxes: short ones above long ones."""
     spans: dict[int, int] = {}
     for n, net in enumerate(nets):
         start = column[net.source[0]]
@@ -135,18 +135,18 @@ def _channels(nets: list[Net], column: Mapping[str, int], bottom: float) -> dict
 
 
 def _assign(trunks: dict[int, _Trunk]) -> None:
-    """Route trunks on tracks so that no two overlap, nor the lines that lead to them."""
+    """Assign trunks to tracks so that neither they nor the lines to them overlap."""
     placed: list[_Trunk] = []
-    left = sorted(trunks.values(), key=lambda t: (t.high - t.low, t.entry))
+    waiting = sorted(trunks.values(), key=lambda t: (t.high - t.low, t.entry))
     # If the line into one lies at the height of the line out of another, it must end before.
     before = {
-        id(t): [o for o in left if o is not t and any(abs(o.entry - y) < 4 for y in t.exits)]
-        for t in left
+        id(t): [o for o in waiting if o is not t and any(abs(o.entry - y) < 4 for y in t.exits)]
+        for t in waiting
     }
-    while left:
-        free = [t for t in left if not any(o in left for o in before[id(t)])]
-        trunk = (free or left)[0]
-        left.remove(trunk)
+    while waiting:
+        free = [t for t in waiting if not any(o in waiting for o in before[id(t)])]
+        trunk = (free or waiting)[0]
+        waiting.remove(trunk)
         track = max((o.track + 1 for o in before[id(trunk)] if o in placed), default=0)
         while any(
             o.track == track and o.low < trunk.high + 6 and trunk.low < o.high + 6 for o in placed

@@ -1,4 +1,4 @@
-"""The colours of plots and pages, light and dark, told apart by colour-blind readers as well."""
+"""Colours of plots and pages, light and dark, distinct for colour-blind readers as well."""
 
 from __future__ import annotations
 

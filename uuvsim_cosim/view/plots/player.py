@@ -32,7 +32,7 @@ def player_html(
     seconds: float,
     figures: Mapping[str, str],
 ) -> str:
-    """Return the page; `seconds` lie between two pictures, `figures` are what came of it."""
+    """Return the page; `seconds` lie between two pictures, `figures` are its results."""
     images = "".join(
         f'<img hidden alt="" src="data:image/png;base64,{base64.b64encode(png(x)).decode()}">'
         for x in frames

@@ -63,7 +63,7 @@ class Band:
 
 @dataclass(frozen=True)
 class Panel:
-    """What every panel has: a title, a unit, and lines whose values are read out on hovering."""
+    """Base of panels: a title, a unit, and lines whose values are shown on hovering."""
 
     title: str
     unit: str
@@ -104,7 +104,7 @@ class TimePanel(Panel):
         lows = [float(v.min()) for v in finite if v.size] + list(self.include)
         highs = [float(v.max()) for v in finite if v.size] + list(self.include)
         low, high = (min(lows), max(highs)) if lows else (0.0, 1.0)
-        for band in self.bands:  # as it is most of the time; at the start it may be far wider
+        for band in self.bands:  # without their extremes: at the start, a band may be far wider
             low = min(low, 1.25 * float(np.nanpercentile(band.low, 15)))
             high = max(high, 1.25 * float(np.nanpercentile(band.high, 85)))
         span = max(high - low, self.least_span, 1e-9)

@@ -1,4 +1,4 @@
-"""Pictures of a study: how a metric is spread, how it goes along the grid, what it hangs on."""
+"""Plots of a study: distribution of a metric, means along the grid, scatter by parameter."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def card(title: str, unit: str, body: str, keys: Sequence[tuple[str, str]] = ())
 
 
 def histogram(values: Array) -> str:
-    """Return bars over equal classes, about as many as Freedman and Diaconis advise."""
+    """Return bars over equal classes; their number is about that of Freedman and Diaconis."""
     x = values[np.isfinite(values)]
     if not len(x):
         return text(WIDTH / 2, HEIGHT / 2, "no finite values", "tick", "middle")
@@ -72,7 +72,7 @@ def histogram(values: Array) -> str:
 
 
 def scatter(x: Array, y: Array, label: str) -> str:
-    """Return dots, a run each, thinned evenly where there are too many."""
+    """Return one dot for each run, thinned evenly if there are too many."""
     good = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
     if not len(good):
         return text(WIDTH / 2, HEIGHT / 2, "no finite values", "tick", "middle")

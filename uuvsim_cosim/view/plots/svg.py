@@ -1,4 +1,4 @@
-"""The small part of a plotting library that the report needs: scales, ticks and SVG paths."""
+"""Scales, ticks and SVG paths of the reports' plots."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def time_ticks(start: float, end: float, count: int = 6) -> tuple[list[float], s
 def decimate(time: Array, value: Array, bins: int) -> tuple[Array, Array]:
     """Return at most 2·bins samples: the least and the greatest of each bin, in order of time.
 
-    Peaks survive, unlike with every n-th sample; what has few samples comes back whole.
+    Peaks are kept, unlike with every n-th sample. A signal with few samples is returned whole.
     """
     if len(time) <= 2 * bins:
         return time, value

@@ -1,6 +1,6 @@
 """Figures of merit of a run, each by the formula in its docstring, from the recording alone.
 
-All are taken on the *true* state (``hull.eta``), never on what navigation believes.
+All are taken on the *true* state (``hull.eta``), never on the estimate of navigation.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ def cross_track_error(position: Array, path: Array) -> Array:
 
     The path is the polyline through the waypoints. The distance is to its nearest point, over
     all legs, ends included, so it holds for station-keeping at the last waypoint too, and does
-    not depend on what the guidance takes for the active leg; it is positive to starboard.
+    not depend on the active leg of the guidance; it is positive to starboard.
     """
     p = position[:, :2]
     nearest = np.full(len(p), np.inf)
@@ -226,7 +226,7 @@ def _navigation_figures(nav: Navigation) -> list[Figure]:
 
 
 def sigma_of(traces: Traces) -> Array | None:
-    """Return navigation's sigma as (T, 6) in eta's order, NaN where it gives fewer."""
+    """Return navigation's sigma as (T, 6) in eta's order, NaN for the elements that it lacks."""
     sigma = traces.find("navigation.sigma")
     if sigma is None or sigma.ndim != 2:
         return None

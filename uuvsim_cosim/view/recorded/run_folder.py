@@ -1,4 +1,4 @@
-"""The folder of a run as it is read for pages and pictures: its signals, and its run.json."""
+"""Reader of a run's folder for reports and pictures: its signals, and its run.json."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def traces_of(folder: str | Path) -> Traces:
 
 
 def provenance_of(folder: str | Path) -> dict[str, Any]:
-    """Return what run.json says; nothing if there is none (a run that was killed)."""
+    """Return the content of run.json; only the system's name if the run was killed before."""
     path = Path(folder) / "run.json"
     if not path.is_file():
         return {"system": Path(folder).resolve().name}

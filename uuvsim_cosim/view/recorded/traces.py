@@ -1,4 +1,4 @@
-"""Traces: the recorded signals of a run by name, vectors put together again."""
+"""Traces: the recorded signals of a run by name, with elements joined to vectors."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def joined(columns: Mapping[str, Array]) -> dict[str, Array]:
-    """Return vectors for columns named x[1] … x[n]; other columns stay what they are."""
+    """Return vectors for columns named x[1] … x[n]; other columns stay as they are."""
     groups: dict[str, dict[tuple[int, ...], Array]] = {}
     values: dict[str, Array] = {}
     for name, column in columns.items():

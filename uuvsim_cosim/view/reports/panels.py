@@ -1,4 +1,4 @@
-"""Which panels a run gets: a vehicle's mission from the names of its signals, else all outputs."""
+"""Panels of a run's report: of a vehicle's mission by signal names, else of all outputs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MOST_PANELS = 48
 
 @dataclass(frozen=True)
 class Section:
-    """A heading, the panels below it, and how many stand side by side."""
+    """A heading and the panels below it, in `columns` columns."""
 
     title: str
     panels: Sequence[Panel]
@@ -95,7 +95,7 @@ def lead_panels(traces: Traces, path: Array | None) -> list[Panel]:
 
 
 def sections(traces: Traces) -> list[Section]:
-    """Return the sections below the lead, as far as their signals were recorded."""
+    """Return the sections below the lead whose signals were recorded."""
     if traces.vector("hull.eta", 6) is None:
         return _every_output(traces)
     found = [

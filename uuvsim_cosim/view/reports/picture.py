@@ -67,7 +67,7 @@ def picture_svg(traces: Traces, provenance: Mapping[str, Any]) -> str:
 
 
 def write_picture(traces: Traces, provenance: Mapping[str, Any], out: str | Path) -> Path:
-    """Write the picture as SVG and give its path."""
+    """Write the picture as SVG and return its path."""
     out = Path(out)
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_text(picture_svg(traces, provenance), encoding="utf-8")

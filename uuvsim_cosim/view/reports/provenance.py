@@ -1,4 +1,4 @@
-"""Where a run came from, as HTML: version, seed, changes, components, notes and formulas."""
+"""Provenance of a run as HTML: version, seed, changes, components, notes and formulas."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ FORMULAS = (
 
 
 def provenance_html(provenance: Mapping[str, Any]) -> str:
-    """Return the sections below the plots; what is not known is left out."""
+    """Return the sections below the plots; unknown facts are left out."""
     rows = [
         (label, _shown(provenance[key]))
         for key, label in SHOWN

@@ -26,7 +26,7 @@ from uuvsim_cosim.view.scene3d.scene_html import MOMENTS, scene_html
 
 __all__ = ["report_html"]
 
-READOUTS = 900  # samples that the hover read-out chooses from
+READOUTS = 900  # samples that the hover read-out can show
 
 
 class _Page:
@@ -61,7 +61,7 @@ class _Page:
         )
 
     def _key(self, line: Line) -> str:
-        number = len(self.series)
+        number = len(self.series)  # `data-s`, by which report.js finds the series
         self.series.append({"v": self.encoded(line.value[self.picks]), "d": line.digits})
         swatch = (
             ""
@@ -100,9 +100,8 @@ def report_html(
 ) -> str:
     """Return the report as one HTML page; with a `stage` it has a scene in three dimensions.
 
-    With a map that the run made, `surveyed`, it has pictures of it.
-
-    `provenance` is what run.json holds; of it the page needs nothing, and shows what is there.
+    With the map of a survey, `surveyed`, it shows that as well. `provenance` is the content of
+    run.json; all of its fields are optional.
     """
     waypoints = provenance.get("waypoints")
     path = None if waypoints is None else np.asarray(waypoints, dtype=float)

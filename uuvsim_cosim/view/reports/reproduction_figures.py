@@ -32,7 +32,7 @@ STYLE = (
 
 @dataclass(frozen=True)
 class Curve:
-    """Evaluations of one way of learning: each seed's row over common steps."""
+    """Evaluations of one learning method: one row for each seed, over common steps."""
 
     name: str
     x: Array  # (k,)
@@ -51,7 +51,7 @@ class Panel:
 
 
 def curves_svg(panels: Sequence[Panel], y_label: str, size: tuple[float, float] = SIZE) -> str:
-    """Return panels side by side: medians of seeds, and all between their least and greatest.
+    """Return panels side by side: medians of seeds, and the range between least and greatest.
 
     `size` is that of a panel, in pixels.
     """

@@ -22,7 +22,7 @@ __all__ = ["write_metrics", "write_report", "write_run_picture"]
 def write_metrics(folder: str | Path, figures: Iterable[Figure]) -> None:
     """Write figures of merit into run.json, as `metrics`: value, unit and label by key.
 
-    Raises RecordingError if it cannot be written; what it held before stays then.
+    Raises RecordingError if it cannot be written; the old file then stays.
     """
     path = Path(folder) / "run.json"
     try:

@@ -1,4 +1,4 @@
-"""The one-file report of a study, from its folder: intervals, pictures, and what was asked."""
+"""The one-file report of a study, from its folder: intervals, plots and settings."""
 
 from __future__ import annotations
 
@@ -171,7 +171,7 @@ def _widest(
     name: str, about: StudyFile, grid: Sequence[Parameter],
     columns: Mapping[str, Array],
 ) -> tuple[Array, str]:  # fmt: skip
-    """Return the runs of the grid point where a metric varies most, and what is set there."""
+    """Return the runs of the grid point where a metric varies most, and its parameters."""
     spread = [
         (i["std"], i) for i in about["intervals"] if i["metric"] == name and i["std"] is not None
     ]

@@ -1,4 +1,4 @@
-"""A picture of figure 11: what each way of learning returns where water is not as it was taught."""
+"""Plot of figure 11: returns of each learning method in water that it was not trained in."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ STYLE = (
 
 @dataclass(frozen=True)
 class Mark:
-    """A value with its interval; `hollow` where nothing was anticipated."""
+    """A value with its interval; `hollow` without anticipation."""
 
     value: float
     low: float

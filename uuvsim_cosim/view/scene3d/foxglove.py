@@ -1,4 +1,4 @@
-"""A stage and its motion as Foxglove reads them in MCAP: frames, entities, points, poses.
+"""Export of a stage and its motion to MCAP for Foxglove: frames, entities, points, poses.
 
 Schemas are Foxglove's (foxglove.FrameTransforms, .SceneUpdate, .PointCloud, .PosesInFrame) as
 JSON. The root frame `world` is ENU, up is up; below it is `ned`, and below that each vehicle in
@@ -44,7 +44,7 @@ ROOT = 0.5**0.5  # ENU from NED: half a turn about north-east
 
 
 def export_scene_mcap(run: str | Path, out: Path) -> Path:
-    """Write a run's signals and its scene into one MCAP file, at once or not at all."""
+    """Write a run's signals and its scene into one MCAP file, whole or not at all."""
     from uuvsim_cosim.orchestrator.recording.mcap import write_mcap
     from uuvsim_cosim.orchestrator.recording.recording import read_signals
 
@@ -62,7 +62,7 @@ def export_scene_mcap(run: str | Path, out: Path) -> Path:
 
 
 class FoxgloveScene:
-    """Writes a stage into an MCAP writer: what stands still at the start, what moves as it does."""
+    """Writes a stage to an MCAP writer: still parts once at the start, moving parts over time."""
 
     def __init__(self, stage: Stage, motion: Motion) -> None:
         self.stage, self.motion = stage, motion

@@ -1,4 +1,4 @@
-"""A run watched while it runs: an observer keeps rows, a thread of its own draws the newest."""
+"""Live view of a run: an observer keeps rows, another thread draws the newest."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ __all__ = ["History", "LiveView"]
 Array = NDArray[np.float64]
 FRAMES = 20.0  # Hz
 SLOW = 1.0  # Hz, of tracks and plots
-KEPT = 2000  # rows; when there are more, every other one goes
+KEPT = 2000  # rows; if there are more, every other one is dropped
 
 
 class History:
-    """Rows (time and columns) of a whole run, ever thinner, so that they stay few."""
+    """Rows (time and columns) of a whole run, thinned so that their number stays limited."""
 
     def __init__(self, most: int = KEPT) -> None:
         self._most = most
@@ -38,10 +38,10 @@ class History:
         self._gap = 0.0  # s, least between two that are kept
 
     def add(self, t: float, row: Array) -> None:
-        """Keep a row, which is not changed afterwards; the newest is always there."""
+        """Keep a row, which the caller must not change later; the newest is always kept."""
         rows = self._rows
         if rows and t < rows[-1][0]:
-            rows.clear()  # a new beginning
+            rows.clear()  # time went back: the run was reset
             self._gap = 0.0
         if len(rows) > 1 and rows[-1][0] - rows[-2][0] < self._gap:
             rows[-1] = (t, row)
@@ -52,7 +52,7 @@ class History:
             self._gap = 2.0 * (rows[-1][0] - rows[0][0]) / self._most
 
     def traces(self, names: Sequence[str], units: dict[str, str], *, last: bool = False) -> Traces:
-        """Return what is kept, or its last row alone."""
+        """Return the kept rows, or the last one only."""
         rows = self._rows[-1:] if last else list(self._rows)
         time_ = np.array([t for t, _ in rows])
         table = np.array([r for _, r in rows]).reshape(len(rows), len(names))
@@ -65,7 +65,7 @@ class History:
 class LiveView:
     """An observer of one run, and the page that shows it; it cannot change anything.
 
-    In `observe`, a row is copied at most 20 times a second, which is all that a run pays.
+    `observe` copies a row at most 20 times a second: that is the whole cost for the run.
     """
 
     def __init__(
@@ -73,6 +73,7 @@ class LiveView:
     ) -> None:
         self.server, self.name, self._clock = server, name, clock
         self.history = History()
+        # Guards `history`: `observe` runs in the simulation's thread, `_draw` in another one.
         self._lock = threading.Lock()
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
@@ -81,7 +82,7 @@ class LiveView:
         self._names: list[str] = []
         self._read: list[tuple[NDArray[np.intp], NDArray[np.intp], str]] = []
         self._waiting = server.gui.add_markdown("The first step is being prepared.")
-        self.failure: Exception | None = None  # of drawing; the run goes on
+        self.failure: Exception | None = None  # of drawing; the run continues
 
     def begin(self, plan: Plan, columns: Sequence[Column]) -> None:
         """Build the page of a plan, and begin to draw."""
@@ -132,12 +133,12 @@ class LiveView:
                     self._waiting.remove()
                     page = _Page(self.server, self, newest)
                 page.show(newest, whole, self._clock())
-        except Exception as error:  # the run is worth more than its picture
+        except Exception as error:  # an error of drawing must not stop the run
             self.failure = error
 
 
 class _Page:
-    """What is drawn of a live run."""
+    """Page of a live run."""
 
     def __init__(self, server: ViserServer, live: LiveView, newest: Traces) -> None:
         self.server, self.stage = server, live.stage

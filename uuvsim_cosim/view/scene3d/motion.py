@@ -1,4 +1,4 @@
-"""Where everything on a stage is at each moment of a recording."""
+"""Motion of a stage's parts over the moments of a recording."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LEAST = 0.1  # N; that thrust, or the greatest of the recording, has the longest
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """T moments: times [s], and by name what is where; NaN where a signal is not finite."""
+    """T moments: times [s], and poses and readings by name; NaN where a signal is not finite."""
 
     time: Array
     positions: Mapping[str, Array]  # (T, 3) in n, of bodies and markers
@@ -36,7 +36,7 @@ class Motion:
 
 
 def motion_of(stage: Stage, traces: Traces, most: int | None = None) -> Motion:
-    """Return the motion of what was recorded, thinned evenly to at most `most` moments."""
+    """Return the recorded motion, thinned evenly to at most `most` moments."""
     n = len(traces.time)
     picks: slice | NDArray[np.intp] = slice(None)
     if most is not None and n > most:
@@ -140,9 +140,9 @@ def echoes(body: Body, motion: Motion, most: int = 60_000) -> Array:
 
 
 def extent(stage: Stage, motion: Motion) -> tuple[Array, Array]:
-    """Return the least and greatest N, E, D of what moves, of what is planned, and of a basin.
+    """Return the least and greatest N, E, D of moving parts, planned paths and basins.
 
-    Obstacles count where they stand near that: a chart has them kilometres away.
+    Obstacles count only near those: a chart has some kilometres away.
     """
     parts = [p for p in motion.positions.values() if len(p)]
     parts += [line.points for line in stage.lines]

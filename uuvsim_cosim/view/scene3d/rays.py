@@ -1,7 +1,7 @@
-"""Which way a sensor's rays point, from the parameters of its component.
+"""Directions of a sensor's rays, from the parameters of its component.
 
 Known are: the instruments of `models/sensors/beams.py`; ``directions`` (n, 3), unit vectors in
-sensor axes, which say it outright; beams in a ring by ``tilt`` and ``azimuth`` (n), a DVL's; else
+sensor axes; beams in a ring by ``tilt`` and ``azimuth`` (n), a DVL's; else
 one beam along the sensor's z axis. The sensor stands at ``r_s`` in `b`, turned by ``Theta_s``. An
 image of depths has rays whose component along the optical axis is what it says.
 """
@@ -43,7 +43,7 @@ def rays_of(plan: Plan, hull: int, value: Value, notes: list[str]) -> Iterator[R
             if instrument is not None:
                 yield instrument
                 break
-            if value(sensor, "r_s") is None:  # a controller that knows an altitude is no sensor
+            if value(sensor, "r_s") is None:  # no sensor, but a controller that reads an altitude
                 break
             directions = _directions(sensor, value, n)
             if directions is None:

@@ -1,4 +1,4 @@
-"""A recording replayed in a browser: pause, speed, scrub; as many may look as like."""
+"""Replay of a recording in browsers: pause, speed, scrub; several viewers share it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["Replay"]
 
 FRAMES = 30.0  # Hz
 SLOW = 5.0  # Hz, at which the slider and the plots move on their own
-IDLE = 0.2  # s between two looks for a viewer, while there is none
+IDLE = 0.2  # s between two checks for viewers, while there is none
 
 
 class Replay:
@@ -49,7 +49,7 @@ class Replay:
         self.show()
 
     def _moved(self, event: GuiEvent) -> None:
-        if event.client is not None:  # somebody moved it, not the replay
+        if event.client is not None:  # a viewer moved it, not the replay
             self.t = self.start + float(self.slider.value)
 
     def _begun(self, event: GuiEvent) -> None:
@@ -62,7 +62,7 @@ class Replay:
         return float(2.0**self.speed.value)
 
     def advance(self, seconds: float) -> None:
-        """Play so many seconds of wall time on; at the end it stops, or begins again."""
+        """Advance the replay by `seconds` of wall time; at the end it stops, or begins again."""
         if not self.playing.value:
             return
         self.t += seconds * self.factor
@@ -92,7 +92,7 @@ class Replay:
         clock: Callable[[], float] = time.perf_counter,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        """Play while somebody looks, until `until` says so or KeyboardInterrupt ends it."""
+        """Play while there are viewers, until `until` is true or KeyboardInterrupt."""
         last, shown = clock(), -1.0
         while not until():
             if not self.server.get_clients():

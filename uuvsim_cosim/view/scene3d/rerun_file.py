@@ -1,4 +1,4 @@
-"""A stage and its motion as a Rerun recording (.rrd); needs the extra `rerun`."""
+"""Export of a stage and its motion to Rerun (.rrd); needs the extra `rerun`."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ ARROWS_MOST = 2000  # moments of the thrusts, which are drawn one by one
 
 
 def export_rrd(run: str | Path, out: Path) -> Path:
-    """Write a run as .rrd: the scene, and every signal of numbers below /signals."""
+    """Write a run as .rrd: the scene, and every numeric signal below /signals."""
     try:
         import rerun
     except ImportError:
@@ -133,5 +133,5 @@ def _moving(to: RecordingStream, rr: ModuleType, stage: Stage, motion: Motion) -
 
 
 def _name(text: str) -> str:
-    """Keep a name from being read as several parts of a path."""
+    """Return a name without characters that would split it into parts of a path."""
     return re.sub(r"[^\w.-]+", "_", text)

@@ -1,7 +1,7 @@
-"""A stage: what there is to draw in three dimensions, and which signals move it.
+"""A stage: the parts to draw in three dimensions, and the signals that move them.
 
-It knows no drawing library; the live view, the report and the exporters all read it. Everything is
-in metres, in NED (`n`), or in a body's axes FRD (`b`).
+It depends on no drawing library; the live view, the report and the exporters all read it. All
+lengths are in metres, in NED (`n`), or in a body's axes FRD (`b`).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Arrow:
-    """A thrust: from r along e in `b`, as long as its signal says."""
+    """A thrust: an arrow from r along e in `b`, whose length is its signal."""
 
     name: str
     signal: str  # "thruster_1.thrust" [N], or "wrench.thrust[1]"
@@ -38,12 +38,12 @@ class Arrow:
 
 @dataclass(frozen=True, eq=False)
 class Rays:
-    """Beams of a sensor: from r along directions (n, 3) in `b`, as far as a signal of ranges."""
+    """Beams of a sensor: from r along directions (n, 3) in `b`, of the lengths in a signal."""
 
     name: str
     signal: str  # (n,) [m]; 0, less, or not finite: no echo
     r: Array  # (3,)
-    directions: Array  # (n, 3); times what was read it is the ray
+    directions: Array  # (n, 3); multiplied by the reading, it is the ray
     valid: str = ""  # (n,) or one for all; 0: no echo
 
 
@@ -57,7 +57,7 @@ class Body:
     q: str = ""  # (4,) scalar first; "": eta's angles count
     arrows: tuple[Arrow, ...] = ()
     rays: tuple[Rays, ...] = ()
-    estimate: str = ""  # where its navigation believes it is: N E D first
+    estimate: str = ""  # signal of its navigation's estimate: N E D first
 
     @property
     def size(self) -> float:
@@ -76,7 +76,7 @@ class Marker:
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """A line that stands still: planned waypoints."""
+    """A still line: planned waypoints."""
 
     name: str
     points: Array  # (n, 3)
@@ -84,7 +84,7 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """Something that stands still: a pool's basin, an obstacle, a flat bottom."""
+    """A still body: a pool's basin, an obstacle, a flat bottom."""
 
     name: str
     mesh: Mesh
@@ -102,7 +102,7 @@ class Stage:
     solids: tuple[Solid, ...] = ()
     terrain: Terrain | None = None
     bottom: float | None = None  # m, depth of a flat bottom, where there is no terrain
-    notes: tuple[str, ...] = ()  # what could not be drawn, and why
+    notes: tuple[str, ...] = ()  # parts that could not be drawn, and why
 
     @property
     def signals(self) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""The 3-D scene of the one-file report: its data, its canvas and its script; nothing is fetched."""
+"""The 3-D scene of the one-file report: data, canvas and script, without network access."""
 
 from __future__ import annotations
 
@@ -24,15 +24,16 @@ __all__ = ["MOMENTS", "scene_data", "scene_html"]
 MOMENTS = 900  # of the motion; between two the page interpolates
 NODES = 128  # of the terrain, a side
 BODIES_MOST = 16
-ALPHA = {"basin": 0.35, "surface": 0.15}  # of what one sees through
-AROUND = 2.0  # extents of the motion: so much terrain is shown about it
+ALPHA = {"basin": 0.35, "surface": 0.15}  # opacity of transparent parts
+AROUND = 2.0  # terrain is shown this many extents of the motion around it
 
 
 def scene_html(stage: Stage, motion: Motion) -> str:
-    """Return the card with the scene, its data and its script; nothing where nothing moves."""
+    """Return the card with the scene, its data and its script; empty if nothing moves."""
     if not motion.positions or len(motion.time) < 2:
         return ""
     data = json.dumps(scene_data(stage, motion), separators=(",", ":"), allow_nan=False)
+    data = data.replace("<", "\\u003c")  # a name with "</script>" must not end the element
     script = _own("scene.js").replace("/*MATH*/", _own("scene_math.js"))
     script = script.replace("/*GL*/", _own("scene_gl.js"))
     speeds = "".join(
@@ -49,13 +50,13 @@ def scene_html(stage: Stage, motion: Motion) -> str:
         '<input type="range" aria-label="moment"><span class="clock"></span>'
         f'<select aria-label="speed">{speeds}</select>'
         f'<label><input class="follow" type="checkbox"> follow {escape(first)}</label></p>{notes}'
-        f'<script id="scene-data" type="application/json">{data.replace("<", chr(92) + "u003c")}'
+        f'<script id="scene-data" type="application/json">{data}'
         f"</script>\n<script>{script}</script></div>"
     )
 
 
 def scene_data(stage: Stage, motion: Motion) -> dict[str, Any]:
-    """Return what the script draws: meshes, poses, arrows, lines; binary parts as base64."""
+    """Return the data of the script: meshes, poses, arrows, lines; binary parts as base64."""
     low, high = extent(stage, motion)
     data: dict[str, Any] = {
         "time": _floats(motion.time), "extent": [_list(low), _list(high)], "arrow": ARROW,
@@ -139,7 +140,7 @@ def _mesh(mesh: Mesh) -> dict[str, str]:
 
 
 def _held(points: Array) -> Array:
-    """Keep what is not finite from the page's sums: NaN where any of the three is."""
+    """Return points with three NaN where any coordinate is not finite."""
     return np.where(np.isfinite(points).all(axis=1, keepdims=True), points, np.nan)
 
 

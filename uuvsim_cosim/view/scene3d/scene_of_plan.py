@@ -1,4 +1,4 @@
-"""What a system looks like, from its plan alone: interfaces, wires, parameters; no list of names.
+"""Stage of a system from its plan alone: interfaces, wires and parameters, no list of names.
 
 A hull is a component with a pose ``eta`` (6) that ``tau`` (6) moves. Its thrusters stand where the
 component that makes its ``tau`` of ``thrust`` (n) has them in its parameters ``r`` and ``e``. A
@@ -35,12 +35,12 @@ from uuvsim_cosim.view.scene3d.shapes import (
 __all__ = ["ANYTHING", "pool_solids", "scene_solids", "stage_of_plan", "value_of"]
 
 Array = NDArray[np.float64]
-UNKNOWN = 0.5  # m, the length of a hull of which nothing is known
+UNKNOWN = 0.5  # m, the length of a hull of unknown size
 ANYTHING = box(np.array([-0.25, -0.175, -0.125]), np.array([0.25, 0.175, 0.125]))
 
 
 def stage_of_plan(plan: Plan, name: str = "") -> Stage:
-    """Return the stage of a system; what cannot be drawn is left out, and said in its notes."""
+    """Return the stage of a system; its notes name the parts that cannot be drawn."""
     notes: list[str] = []
     hulls = [i for i, c in enumerate(plan.components) if _is_hull(c)]
     bodies = tuple(_body(plan, i, len(hulls) == 1, notes) for i in hulls)
@@ -65,7 +65,7 @@ def stage_of_plan(plan: Plan, name: str = "") -> Stage:
     lines = () if path is None else (Line("waypoints", np.asarray(path, float)),)
     terrain = None if scene is None else scene.terrain
     bottom = None
-    if terrain is None and not solids:  # else a sensor may measure over a flat bottom
+    if terrain is None and not solids:  # a sensor may state the depth of a flat bottom
         depths = (value_of(c, "bottom_depth") for c in plan.components)
         known = (float(d) for d in depths if d is not None and d.shape == () and np.isfinite(d))
         bottom = next(known, None)
@@ -123,12 +123,12 @@ def _body(plan: Plan, index: int, alone: bool, notes: list[str]) -> Body:
 
 
 def _arrows(plan: Plan, hull: int) -> tuple[Arrow, ...]:
-    """Follow tau back to what makes it of thrusts, and each thrust to where it comes from."""
+    """Return the thrusts of a hull: tau is followed back to its allocation and thrusters."""
     found: list[Arrow] = []
     makers = {
         t.source for t in plan.transfers if t.target == hull and t.target_variable.name == "tau"
     }
-    # Sums may stand in between: whatever feeds a maker's inputs with a `tau` makes it too.
+    # There may be sums in between: a component that feeds one of these with a `tau` counts too.
     makers |= {
         t.source for t in plan.transfers if t.target in makers and t.source_variable.name == "tau"
     }
@@ -148,7 +148,7 @@ def _arrows(plan: Plan, hull: int) -> tuple[Arrow, ...]:
 
 
 def _hull_mesh(hull: PlannedComponent, arrows: tuple[Arrow, ...], notes: list[str]) -> Mesh:
-    """Return a vehicle's hull by its file, else a box about its thrusters, else one of 0.5 m."""
+    """Return a hull by the vehicle's file, else a box around its thrusters, else one of 0.5 m."""
     name, _, query = hull.source.removeprefix("model:").partition("?")
     given = dict(parse_qsl(query)).get("id", "") if name == "vehicle" else name
     id = given.partition("@")[0]

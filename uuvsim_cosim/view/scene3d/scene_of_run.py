@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -46,8 +45,15 @@ def stage_of_run(run: str | Path, traces: Traces) -> Stage:
             reason = f"system.ssd: not understood ({error}); hulls are drawn as boxes"
             stage = stage_of_signals(traces, name, (reason,))
         if not any(s in traces.values for s in stage.signals):
-            stage = None  # the recording of another system lies beside this one
-    return stage or _with_path(stage_of_signals(traces, name), provenance_of(folder))
+            stage = None  # the folder holds the recording of another system
+    if stage is not None:
+        return stage
+    stage = stage_of_signals(traces, name)
+    given = provenance_of(folder).get("waypoints")
+    points = np.zeros(0) if given is None else np.asarray(given, float)
+    if points.ndim != 2 or points.shape[1] != 3 or not len(points):
+        return stage
+    return stage.with_lines(Line("waypoints", points))
 
 
 def placed(run: str | Path) -> tuple[Stage, Motion, Traces]:
@@ -67,7 +73,7 @@ def placed(run: str | Path) -> tuple[Stage, Motion, Traces]:
 
 
 def stage_of_signals(traces: Traces, name: str, notes: tuple[str, ...] = ()) -> Stage:
-    """Return a stage of signals alone: X.eta and X.nu are a hull, X.position of X.velocity a mark.
+    """Return a stage by signal names: X.eta is a hull, X.position with X.velocity a marker.
 
     A hull's thrusters cannot be placed, and its size is not known: it is drawn as a box.
     """
@@ -100,11 +106,3 @@ def stage_of_signals(traces: Traces, name: str, notes: tuple[str, ...] = ()) -> 
         and f"{key.removesuffix('.position')}.velocity" in traces.values
     )  # fmt: skip
     return Stage(name, tuple(bodies), markers, notes=notes)
-
-
-def _with_path(stage: Stage, provenance: Mapping[str, object]) -> Stage:
-    given = provenance.get("waypoints")
-    points = np.zeros(0) if given is None else np.asarray(given, float)
-    if points.ndim != 2 or points.shape[1] != 3 or not len(points):
-        return stage
-    return stage.with_lines(Line("waypoints", points))

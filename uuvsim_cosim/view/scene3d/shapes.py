@@ -1,4 +1,4 @@
-"""Triangles of the shapes that a stage is made of: hulls, obstacles, basins, terrain."""
+"""Triangle meshes of hulls, obstacles, basins and terrain."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-AROUND = 20  # corners of what is round
+AROUND = 20  # corners of round shapes
 MOST_DRAWN = 50_000  # triangles of a mesh
 
 

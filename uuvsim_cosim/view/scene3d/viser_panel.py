@@ -1,4 +1,4 @@
-"""The panel that replay and live view share: what is shown, whom the camera follows, plots."""
+"""Panel of replay and live view: shown parts, followed body, plots."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ Array = NDArray[np.float64]
 PARTS = ("terrain", "surface", "obstacles", "path", "tracks", "thrust", "rays", "echoes")
 NOBODY, NOTHING = "nobody", "nothing"
 MOST_PLOTS = 3
-BESIDE = 0.17 * np.array([-0.51, 0.86, 0.0])  # to the right of what is looked at: the panel's place
+BESIDE = 0.17 * np.array([-0.51, 0.86, 0.0])  # of the camera's target: the panel covers the right
 
 
 class Panel:
-    """Controls of a server's page; a stage that is drawn obeys them."""
+    """Controls of a server's page, which act on the drawn stage."""
 
     def __init__(self, server: ViserServer, drawn: ViserStage, low: Array, high: Array) -> None:
         self.server, self.drawn = server, drawn
         self._low, self._high = low, high
         self._followed: Array | None = None
-        server.on_client_connect(self.look)  # who comes sees the whole scene first
+        server.on_client_connect(self.look)  # a new viewer sees the whole scene first
         stage = drawn.stage
         with server.gui.add_folder("Camera"):
             names = [NOBODY, *(b.name for b in stage.bodies), *(m.name for m in stage.markers)]
@@ -53,12 +53,13 @@ class Panel:
         self._plots: list[tuple[GuiDropdownHandle, GuiMarkdownHandle]] = []
 
     def add_parts(self) -> None:
-        """Add a box for each part that there is."""
+        """Add a checkbox for each part that the stage has."""
         with self.server.gui.add_folder("Shown", expand_by_default=False):
             for part in PARTS:
                 if part in self.drawn.parts or part in self.drawn.coming:
                     self._box(part)
 
+    # A method, so that each callback refers to its own checkbox.
     def _box(self, part: str) -> None:
         box = self.server.gui.add_checkbox(part, True)
         self._boxes[part] = box
@@ -75,7 +76,7 @@ class Panel:
                 self._plots.append((choice, self.server.gui.add_markdown("", image_root=Path())))
 
     def say_notes(self, stage: Stage) -> None:
-        """Say what could not be drawn."""
+        """Show notes on parts that could not be drawn."""
         if stage.notes:
             with self.server.gui.add_folder("Not drawn", expand_by_default=False):
                 # In backquotes, MDX does not read a note as markup.
@@ -83,7 +84,7 @@ class Panel:
                 self.server.gui.add_markdown("\n".join(f"- `{note}`" for note in notes))
 
     def plot(self, traces: Traces, t: float | None = None) -> None:
-        """Draw the chosen plots anew."""
+        """Update the chosen plots."""
         for choice, place in self._plots:
             name = choice.value
             shown = name in traces.values and len(traces.time) > 1
@@ -92,7 +93,7 @@ class Panel:
                 place.content = text
 
     def move_camera(self, motion: Motion, k: int) -> None:
-        """Move every camera as far as what it follows has moved."""
+        """Move every camera as far as the followed body has moved."""
         at = motion.positions.get(self.follow.value)
         if at is None or not np.isfinite(at[k]).all():
             self._followed = None
@@ -100,7 +101,8 @@ class Panel:
         here, before = at[k], self._followed
         self._followed = here.copy()
         for client in self.server.get_clients().values():
-            with suppress(AssertionError, AttributeError, KeyError, RuntimeError):  # it is leaving
+            # A client may disconnect at any moment.
+            with suppress(AssertionError, AttributeError, KeyError, RuntimeError):
                 camera = client.camera
                 with client.atomic():
                     if before is None:

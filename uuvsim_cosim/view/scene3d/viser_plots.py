@@ -53,5 +53,5 @@ def plot_markdown(traces: Traces, name: str, t: float | None = None, *, dark: bo
 
 
 def _plain(text: str) -> str:
-    """Keep a name from being read as Markdown."""
+    """Return a name that Markdown does not interpret."""
     return f"`{text}`" if "`" not in text else text.replace("`", "")

@@ -1,4 +1,4 @@
-"""A stage drawn by viser: what stands still once, what moves as often as it is shown."""
+"""A stage drawn by viser: still parts once, moving parts at each moment that is shown."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class ViserStage:
         return handle
 
     def _anew(self, part: str, name: str) -> None:
-        """Forget what was drawn by that name; the next one of that name takes its place."""
+        """Remove the part that was drawn under a name, before it is drawn again."""
         handle = self._drawn_anew.pop(name, None)
         if handle is not None:
             self.parts[part].remove(handle)
@@ -95,7 +95,7 @@ class ViserStage:
             mesh = terrain_mesh(stage.terrain, 320)
             ground = trimesh.Trimesh(
                 mesh.vertices, mesh.faces, process=False,
-                # viser's lights bleach what is pale.
+                # viser's lights make pale colours white.
                 vertex_colors=(0.75 * depth_colours(mesh.vertices[:, 2])).astype(np.uint8),
             )  # fmt: skip
             self._keep("terrain", scene.add_mesh_trimesh("/terrain", ground))
@@ -117,7 +117,7 @@ class ViserStage:
             self._keep("obstacles", scene.add_mesh_simple(
                 f"/solids/{solid.name}", solid.mesh.vertices, solid.mesh.faces,
                 color=rgb(SOLIDS.get(solid.kind, PATH)), opacity=opacity, flat_shading=True,
-                side="front" if solid.kind == "basin" else "double",  # into a basin one looks
+                side="front" if solid.kind == "basin" else "double",  # a basin is seen from within
             ))  # fmt: skip
         for line in stage.lines:
             if len(line.points) > 1:
@@ -155,7 +155,7 @@ class ViserStage:
             self._rays[rays.name] = self._keep("rays", handle)
 
     def tracks(self, motion: Motion) -> None:
-        """Draw where everything went, and the echoes that were heard."""
+        """Draw the tracks of all bodies, and the echoes."""
         for i, body in enumerate(self.stage.bodies):
             if body.name in motion.positions:
                 self._track(body.name, motion.positions[body.name], rgb(BODIES[i % len(BODIES)]))
@@ -184,7 +184,7 @@ class ViserStage:
             self._drawn_anew[place] = self._keep("tracks", line)
 
     def show(self, motion: Motion, k: int) -> None:
-        """Put everything where it is at moment k; what is nowhere finite vanishes."""
+        """Place all parts as at moment k; a part without a finite position is hidden."""
         for body in self.stage.bodies:
             frame = self._bodies[body.name]
             at = motion.positions.get(body.name)
