@@ -74,7 +74,7 @@ class Conductor(Closing):
             current = CurrentMaster(system, seed, backend, folder)
             self._lockstep = Lockstep(current, fail_safe)
             self._handlers = CallHandlers(current, self._lockstep)
-            self._current = current  # last: from here on the thread steps
+            self._current = current  # last, as other threads use it once it is set
             current.moment()
             answer.set_result(None)
 

@@ -79,7 +79,7 @@ class Reader:
         end = time.monotonic() + self.limits.frame_s
         self._fill(_PREFIX.size, end)
         head, payload = _PREFIX.unpack_from(self._buffer)
-        self._check(head, payload)  # before any byte of it is read
+        self._check(head, payload)  # before waiting for its bytes
         total = _PREFIX.size + head + payload
         self._fill(total, end)
         data = bytes(self._buffer[:total])

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from uuvsim_cosim._version import __version__
@@ -73,7 +71,7 @@ def direct_dependencies(eq: Equations) -> dict[str, tuple[str, ...]]:
 
 def _variable(p: Placed, dependencies: tuple[str, ...] | None) -> Variable:
     v = p.variable
-    start: Any = None
+    start: float | np.ndarray | None = None
     if v.kind in ("input", "parameter"):
         cast = {"Float64": float, "Int32": int, "Boolean": bool}[v.type]
         flat = np.array([cast(x) for x in v.start])

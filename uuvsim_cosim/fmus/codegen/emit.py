@@ -51,7 +51,7 @@ class _Same:
     f: Any = field(compare=False)
 
 
-def _once(write: Callable[..., str], f: Any, *more: Any) -> str:
+def _once(write: Callable[..., str], f: Any, *more: object) -> str:
     """Return a function's text from a cache: masters, kernels and FMUs need the same texts.
 
     The contents include the names of called functions; the name of a table or network includes a
@@ -61,7 +61,7 @@ def _once(write: Callable[..., str], f: Any, *more: Any) -> str:
 
 
 @lru_cache(maxsize=1024)
-def _written(write: Callable[..., str], same: _Same, *more: Any) -> str:
+def _written(write: Callable[..., str], same: _Same, *more: object) -> str:
     return write(same.f, *more)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -48,7 +48,7 @@ class FmuArchive:
     n_event_indicators: int = 0
     tolerance: float = 1e-6  # relative, of the integrator of a Model Exchange FMU
     sources: Sources | None = None  # compiled if there is no binary
-    structure: Mapping[str, Any] = field(default_factory=dict)  # structural parameters, as set
+    structure: Mapping[str, object] = field(default_factory=dict)  # structural parameters, as set
 
 
 def read_description(path: Path) -> Description:

@@ -97,7 +97,7 @@ class Served:
         except Exception:  # such a state can still be restored in this process
             return None
 
-    def _resolved(self, method: str, arguments: tuple[Any, ...]) -> tuple[Any, ...]:
+    def _resolved(self, method: str, arguments: tuple[Any, ...]) -> tuple[object, ...]:
         """Replace names by variables; the parent sends names, as they are shorter."""
         if self.component is None or method not in ("get", "set", "directional_derivative"):
             return arguments

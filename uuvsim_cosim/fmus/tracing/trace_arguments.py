@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, final
 
 from uuvsim_cosim.fmus.description import Description
@@ -26,7 +26,7 @@ class Arguments:
     """The arguments of calls of one FMU as text."""
 
     def __init__(self, description: Description) -> None:
-        self._types: dict[str, Any] = _TYPES_2 if description.kind == "FMI 2.0" else _TYPES_3
+        self._types: Mapping[str, type] = _TYPES_2 if description.kind == "FMI 2.0" else _TYPES_3
         self._names: dict[tuple[str, int], str] = {}
         for v in description.variables.values():
             family = _FAMILY.get(v.type, v.type) if description.kind == "FMI 2.0" else ""
