@@ -150,20 +150,21 @@ class Study:
         began = time.perf_counter()
         done = folder.done()
         resumed = len(done)
-        left = [r for r in range(self.runs.n) if r not in done]
+        remaining = [r for r in range(self.runs.n) if r not in done]
         remarks = list(self.drawn.remarks)
         used = ""
-        if left:
+        if remaining:
             if progress is not None:
                 progress("building", 0, 1)
-            size = self._batch(len(left), batch, PARTS if cluster is None else 4 * cluster.cpus)
-            simulated, used, why = self._simulated(backend, jobs, len(left), size, cluster)
+            parts = PARTS if cluster is None else 4 * cluster.cpus
+            size = self._batch(len(remaining), batch, parts)
+            simulated, used, why = self._simulated(backend, jobs, len(remaining), size, cluster)
             remarks += [why] if why else []
             try:
                 most = size
                 if used == "master":
-                    most = batch or max(1, min(16, len(left) // (4 * len(simulated))))
-                self._run(simulated, left, folder, most, progress)
+                    most = batch or max(1, min(16, len(remaining) // (4 * len(simulated))))
+                self._run(simulated, remaining, folder, most, progress)
             except KeyboardInterrupt:
                 count = len(folder.done())
                 raise StudyInterrupted(
@@ -278,13 +279,13 @@ class Study:
         return made, "master", why
 
     def _run(
-        self, simulated: list[Simulated], left: list[int], folder: StudyFolder, most: int,
+        self, simulated: list[Simulated], remaining: list[int], folder: StudyFolder, most: int,
         progress: Progress | None,
     ) -> None:  # fmt: skip
         from uuvsim_cosim.share import share
 
-        chunks = [left[i : i + most] for i in range(0, len(left), most)]
-        count = self.runs.n - len(left)
+        chunks = [remaining[i : i + most] for i in range(0, len(remaining), most)]
+        count = self.runs.n - len(remaining)
         start = self.runs.start
 
         def work(each: Simulated, chunk: list[int]) -> list[int]:

@@ -241,12 +241,12 @@ def _run_system(
                 notice(f"the recording up to then is in {tilde(error.recording)}")
             raise
         surveyed = None if done.interrupted else mapped(name, done.folder, progress)
-        figures, left = summary(done, surveyed)
+        figures, warnings = summary(done, surveyed)
         write_metrics(done.folder, figures)
         if report:
             progress.say("writing the report")
             report_file = write_report(done.folder)
-    show_run(done, report_file, figures, left)
+    show_run(done, report_file, figures, warnings)
     if show and report_file is not None:
         typer.launch(str(report_file))
     if done.interrupted:

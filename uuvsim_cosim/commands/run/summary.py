@@ -32,8 +32,8 @@ def summary(run: Run, surveyed: SeabedMap | None = None) -> tuple[list[Figure], 
     traces = traces_of(run.folder)
     found = figures(traces, path)
     ssd = run.folder / "system.ssd"
-    left = left_terrain(ssd, traces.time, traces.values)
-    left += contact_warnings(ssd, run.tick, traces.values)
+    warnings = left_terrain(ssd, traces.time, traces.values)
+    warnings += contact_warnings(ssd, run.tick, traces.values)
     if surveyed is not None:
         from uuvsim_cosim.view.reports.survey_map import map_figures
 
@@ -58,7 +58,7 @@ def summary(run: Run, surveyed: SeabedMap | None = None) -> tuple[list[Figure], 
         where = f"{r.source} -> {r.target}, t = {r.time:.6g} s"
         label = "largest coupling residual"
         found.append(Figure("coupling_residual", label, r.residual, unit, ".3g", where))
-    return found, list(left)
+    return found, list(warnings)
 
 
 def figure_table(figures: Iterable[Figure]) -> None:
@@ -73,7 +73,7 @@ def figure_table(figures: Iterable[Figure]) -> None:
     table(("", "", "", ""), rows)
 
 
-def show_run(run: Run, report: Path | None, figures: list[Figure], left: list[str]) -> None:
+def show_run(run: Run, report: Path | None, figures: list[Figure], warnings: list[str]) -> None:
     """Print the summary of a run: figures, assumptions and written files."""
     line()
     line(f"{run.system}, seed {run.seed}")
@@ -83,7 +83,7 @@ def show_run(run: Run, report: Path | None, figures: list[Figure], left: list[st
     put("interrupted", run.interrupted)
     figure_table(figures)
     remarks("assumed", run.notes)
-    remarks("warning", (*run.warnings, *left))
+    remarks("warning", (*run.warnings, *warnings))
     for hops in run.iterated:
         remark("note", f"iterated loop: {hops}")
     line()

@@ -233,16 +233,16 @@ def _check_ports(hosts: Sequence[str], port: int | None, tcp: int | None, http: 
         "--tcp-port": (tcp, TCP_PORT),
         "--http-port": (http, HTTP_PORT),
     }
-    taken: dict[int, str] = {}
+    options: dict[int, str] = {}  # by port
     for option, (given, usual) in wanted.items():
         number = usual if given is None else given
         if number == 0 or (number == -1 and option != "--port"):
             continue
         if not 0 < number < 1 << 16:
             raise InputInvalid(f"{option} {number}: expected a port, 1 to 65535, or 0 for any")
-        if number in taken:
-            raise InputInvalid(f"{option} {number}: is {taken[number]} as well; expected another")
-        taken[number] = option
+        if number in options:
+            raise InputInvalid(f"{option} {number}: is {options[number]} as well; expected another")
+        options[number] = option
         for host in hosts:
             with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as trial:
                 trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -130,19 +130,19 @@ def _refuse_for(file: Path, what: str, options: dict[str, object]) -> None:
 
 def _checked(made: Made, wishes: Wishes) -> Made:
     """Refuse depths from another datum than the option's: heights are not converted."""
-    found, wished = made.terrain.vertical_datum, wishes.datum
-    if wished is None or found.lower() == wished.lower():
+    found, expected = made.terrain.vertical_datum, wishes.datum
+    if expected is None or found.lower() == expected.lower():
         return made
     if not found:
         from dataclasses import replace
 
         return replace(
             made,
-            terrain=replace(made.terrain, vertical_datum=wished),
-            facts={**made.facts, "datum": f"{wished}, as --datum says"},
+            terrain=replace(made.terrain, vertical_datum=expected),
+            facts={**made.facts, "datum": f"{expected}, as --datum says"},
         )
     raise InputInvalid(
-        f"depths are from {found}, not from {wished}; the height between the two differs from "
+        f"depths are from {found}, not from {expected}; the height between the two differs from "
         "place to place, and nothing is shifted here"
     )
 

@@ -51,14 +51,14 @@ def relief_lost(
     """
     windows = _windows(source, crs, code, grid)
     cells = sum(w.width * w.height for w in windows)
-    taken = windows[:: max(1, -(-cells // _MOST))]
+    compared_in = windows[:: max(1, -(-cells // _MOST))]
     to = None
     if crs.to_string() != code:
         pyproj = wanted("pyproj", "placing a grid on Earth")
         to = pyproj.Transformer.from_crs(crs, code, always_xy=True)
     squares, counts = np.zeros(grid.rows * grid.columns), np.zeros(grid.rows * grid.columns)
     total = squared = 0.0
-    for window in taken:
+    for window in compared_in:
         known = source.read(1, window=window, masked=True)
         row, column = np.nonzero(~np.ma.getmaskarray(known) & np.isfinite(known.data))
         if not len(row):
@@ -86,7 +86,7 @@ def relief_lost(
         rms=mean**0.5,
         share=mean / variance if variance > 0 else 0.0,
         sigma=np.sqrt(local).reshape(grid.shape),
-        compared=sum(w.width * w.height for w in taken) / cells,
+        compared=sum(w.width * w.height for w in compared_in) / cells,
     )
 
 

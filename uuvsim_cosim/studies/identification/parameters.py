@@ -112,7 +112,7 @@ def wanted_parameters(plan: Plan, hull: int, texts: Sequence[str]) -> list[Fitte
             names[f"{c.path}.{v.name}"] = (i, v.name)
             sizes[f"{c.path}.{v.name}"] = int(np.prod(v.shape, dtype=int))
     wrong, found = [], []
-    taken: set[str] = set()
+    named: set[str] = set()
     for text in dict.fromkeys(t.strip() for t in texts if t.strip()):
         full = text if "." in text else f"{plan.components[hull].path}.{text}"
         hits = [n for n in names if n == full or ("*" in full and fnmatchcase(n, full))]
@@ -120,14 +120,14 @@ def wanted_parameters(plan: Plan, hull: int, texts: Sequence[str]) -> list[Fitte
             wrong.append(f"there is no parameter {text!r}; expected {expected_names(full, names)}")
             continue
         wide = [n for n in hits if sizes[n] != 1]
-        if wide or taken & set(hits):
+        if wide or named & set(hits):
             wrong.append(
                 f"{wide[0]} has {sizes[wide[0]]} elements; expected a parameter that is one number"
                 if wide
-                else f"{text}: {', '.join(sorted(taken & set(hits)))} is named twice; expected once"
+                else f"{text}: {', '.join(sorted(named & set(hits)))} is named twice; expected once"
             )
             continue
-        taken |= set(hits)
+        named |= set(hits)
         for n in hits:
             parts.setdefault(names[n][0], Part(plan, names[n][0]))
         places = tuple(names[n] for n in hits)

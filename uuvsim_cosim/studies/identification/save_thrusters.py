@@ -140,10 +140,10 @@ def _row(found: Identified, key: str, unit: str, day: str) -> str:
                 for k in range(1, count + 1)]  # fmt: skip
         value = f"[{', '.join(f'{v:.9g}' for v in values)}]"
         interval = ", ".join(f"[{low:.6g}, {high:.6g}]" for low, high in ends)
-        left = [str(k) for k in range(1, count + 1) if k not in of]
+        missing = [str(k) for k in range(1, count + 1) if k not in of]
         words = f"identified from {found.recording} on {day}, 95 % intervals beside it"
-        if left:
-            words += f"; not identified of thruster {', '.join(left)}: as before"
+        if missing:
+            words += f"; not identified of thruster {', '.join(missing)}: as before"
     return (
         f"      {key}: {{value: {value}, unit: {quoted(unit)}, interval: [{interval}], "
         f"source: {quoted(words)}}}\n"
