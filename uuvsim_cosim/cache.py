@@ -46,7 +46,7 @@ def cache_dir(*parts: str) -> Path:
     except RuntimeError:  # no home folder
         if asked:
             raise InputInvalid(
-                f"UUVSIM_CACHE={asked}: there is no home folder; expected a path without ~"
+                f"UUVSIM_CACHE={asked}", "there is no home folder", "a path without ~"
             ) from None
         root = _private()
     folder = root.joinpath(*parts)

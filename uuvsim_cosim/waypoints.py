@@ -64,16 +64,14 @@ def load_waypoints(path: str | Path, origin: Place | None = None) -> Waypoints:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
-        raise InputInvalid(f"{path}: no such file; expected a CSV of waypoints") from None
+        raise InputInvalid(path, "no such file", "a CSV of waypoints") from None
     except (OSError, UnicodeDecodeError) as error:
-        raise InputInvalid(f"{path}: cannot be read as text ({error}); expected a CSV") from None
+        raise InputInvalid(path, f"cannot be read as text ({error})", "a CSV") from None
     found = _plan(text, path, origin) if path.suffix.lower() == ".plan" else _csv(
         text, path, origin
     )  # fmt: skip
     if len(found.points) < 2:
-        raise InputInvalid(
-            f"{path}: {len(found.points)} waypoint(s) were read; expected at least 2"
-        )
+        raise InputInvalid(path, f"{len(found.points)} waypoint(s) were read", "at least 2")
     return found
 
 
@@ -132,8 +130,9 @@ def _csv(text: str, path: Path, origin: Place | None) -> Waypoints:
         _refuse_degrees([cells for _, _, cells in lines], path, origin)
     elif "lat" in order and origin is None:
         raise InputInvalid(
-            f"{path}:{lines[0][0]}: latitudes and longitudes; expected --origin LAT,LON as well, "
-            "the place of the local frame's origin"
+            f"{path}:{lines[0][0]}",
+            "latitudes and longitudes",
+            "--origin LAT,LON as well, the place of the local frame's origin",
         )
     rows = [
         _row(cells, order, factors, line, path, number)
@@ -145,7 +144,7 @@ def _csv(text: str, path: Path, origin: Place | None) -> Waypoints:
         notes.append(_placed(path, origin))
     elif origin is not None:
         raise InputInvalid(
-            f"--origin: {path.name} is in metres; expected latitudes and longitudes (lat,lon,d)"
+            f"--origin: {path.name} is in metres", "latitudes and longitudes (lat,lon,d)"
         )
     elif named is None:
         notes.append(
@@ -169,8 +168,12 @@ def _refuse_degrees(rows: list[list[str]], path: Path, origin: Place | None) -> 
     if (on_the_globe and in_one_place and (horizontal % 1 != 0).any()) or origin is not None:
         first = ",".join(rows[0][:2])
         raise InputInvalid(
-            f"{path}: has no header, and {first} may be in degrees or in m; expected a first line "
-            "lat,lon,d (or lon,lat,d) and --origin LAT,LON for degrees, or n,e,d for m"
+            path,
+            f"has no header, and {first} may be in degrees or in m",
+            (
+                "a first line lat,lon,d (or lon,lat,d) and --origin LAT,LON for "
+                "degrees, or n,e,d for m"
+            ),
         )
 
 
@@ -185,8 +188,13 @@ def _near(place: Place, origin: Place, path: Path) -> tuple[float, float]:
     north, east = local_of(place, origin)
     if not (max(abs(north), abs(east)) <= 1e5 and abs(place[0]) <= 90):
         raise InputInvalid(
-            f"{path}: {place[0]:.7g}, {place[1]:.7g} deg is {math.hypot(north, east) / 1e3:.0f} km "
-            f"from the origin {origin[0]:.7g}, {origin[1]:.7g}; expected at most 100 km"
+            path,
+            (
+                f"{place[0]:.7g}, {place[1]:.7g} deg is "
+                f"{math.hypot(north, east) / 1e3:.0f} km from the origin "
+                f"{origin[0]:.7g}, {origin[1]:.7g}"
+            ),
+            "at most 100 km",
         )
     return north, east
 
@@ -203,8 +211,7 @@ def _header(cells: list[str], path: Path, number: int) -> tuple[list[str], list[
     order = [COLUMNS.get(name, name) for name in names]
     if sorted(order) not in (["d", "e", "n"], ["d", "lat", "lon"]):
         raise InputInvalid(
-            f"{path}:{number}: column names {_short(', '.join(cells))!r} were read; "
-            f"expected {EXPECTED}"
+            f"{path}:{number}", f"column names {_short(', '.join(cells))!r} were read", EXPECTED
         )
     return order, [
         _factor(cell, name, f"{path}:{number}") for cell, name in zip(cells, order, strict=True)
@@ -223,7 +230,7 @@ def _factor(cell: str, name: str, place: str) -> float:
     except ValueError:
         found = None
     if found is None or not found.commensurable(wanted):
-        raise InputInvalid(f"{place}: {_short(cell)!r}; expected a unit such as {wanted.name}")
+        raise InputInvalid(place, f"{_short(cell)!r}", f"a unit such as {wanted.name}")
     return found.factor / wanted.factor
 
 
@@ -262,15 +269,13 @@ def _plan(text: str, path: Path, origin: Place | None) -> Waypoints:
         home = mission.get("plannedHomePosition")
     except (ValueError, KeyError, TypeError, AttributeError):
         raise InputInvalid(
-            f"{path}: is no plan of QGroundControl; expected JSON with mission.items"
+            path, "is no plan of QGroundControl", "JSON with mission.items"
         ) from None
     if origin is None:
         try:
             origin = (float(home[0]), float(home[1]))
         except (TypeError, ValueError, IndexError):
-            raise InputInvalid(
-                f"{path}: has no plannedHomePosition; expected --origin LAT,LON"
-            ) from None
+            raise InputInvalid(path, "has no plannedHomePosition", "--origin LAT,LON") from None
     notes = [_placed(path, origin)]
     skipped: dict[object, int] = {}  # number of items by command
     zeros: set[str] = set()
@@ -284,8 +289,9 @@ def _plan(text: str, path: Path, origin: Place | None) -> Waypoints:
         zero = RELATIVE.get(item.get("frame", 3))
         if zero is None:
             raise InputInvalid(
-                f"{place}: altitude in frame {item['frame']}; expected one above home (3) or mean "
-                "sea level (0)"
+                place,
+                f"altitude in frame {item['frame']}",
+                "one above home (3) or mean sea level (0)",
             )
         zeros.add(zero)
         points.append(_point(item, place, origin, path))
@@ -317,9 +323,9 @@ def _point(item: Item, place: str, origin: Place, path: Path) -> list[float]:
     try:
         latitude, longitude, altitude = (float(v) for v in item["params"][4:7])
     except (KeyError, TypeError, ValueError):
-        raise InputInvalid(f"{place}: has no place; expected params of 7 numbers") from None
+        raise InputInvalid(place, "has no place", "params of 7 numbers") from None
     if not (math.isfinite(latitude + longitude + altitude) and altitude <= 0):
         raise InputInvalid(
-            f"{place}: altitude {altitude:g} m; expected 0 m or less, which is below the surface"
+            place, f"altitude {altitude:g} m", "0 m or less, which is below the surface"
         )
     return [*_near((latitude, longitude), origin, path), -altitude]

@@ -60,8 +60,7 @@ def connect(address: str, workers: int | None = None) -> tuple[ModuleType, Calla
         there = ray.get_runtime_context().gcs_address
         if address not in ("auto", there):
             raise InputInvalid(
-                f"--ray {address}: this process is connected to {there} already; expected that or "
-                "auto"
+                f"--ray {address}: this process is connected to {there} already", "that or auto"
             )
         return ray, lambda: None
     guard = _Guard() if address == "local" else None
@@ -99,13 +98,11 @@ def connect(address: str, workers: int | None = None) -> tuple[ModuleType, Calla
 def _refused(ray: ModuleType, address: str, error: BaseException) -> BaseException:
     """Return the error to raise if Ray does not connect."""
     if isinstance(error, ImportError):  # Ray Client needs grpc
-        return InputInvalid(
-            f"{address}: {_line(error)}; expected pip install 'uuvsim-cosim[distributed]'"
-        )
+        return InputInvalid(address, _line(error), "pip install 'uuvsim-cosim[distributed]'")
     if isinstance(error, ConnectionError | ValueError):
         if address == "auto":
             return InputInvalid(
-                "--ray auto: no Ray cluster on this machine; expected `ray start` before, or local"
+                "--ray auto: no Ray cluster on this machine", "`ray start` before, or local"
             )
         return InputInvalid(f"--ray {address}: {_line(error)}; {EXPECTED}")
     if not isinstance(error, Exception):
@@ -119,8 +116,8 @@ def _refused(ray: ModuleType, address: str, error: BaseException) -> BaseExcepti
         )
         if there and here:
             return InputInvalid(
-                f"--ray {address}: Ray {there[1]} on Python {there[2]} there; expected Ray "
-                f"{here[1]} on Python {here[2]}, as here"
+                f"--ray {address}: Ray {there[1]} on Python {there[2]} there",
+                f"Ray {here[1]} on Python {here[2]}, as here",
             )
     hint = ""
     if address.startswith("ray://"):
@@ -206,7 +203,7 @@ def _answered(address: str) -> None:
     except OSError as error:
         reason = error.strerror or str(error)
         raise InputInvalid(
-            f"--ray {address}: {reason}; expected a Ray head there (ray start --head)"
+            f"--ray {address}: {reason}", "a Ray head there (ray start --head)"
         ) from None
     if len(head) < 4 or head[3] != SETTINGS:
         raise InputInvalid(

@@ -169,7 +169,7 @@ class Cluster(Closing):
 
         nodes = [n for n in self._ray.nodes() if n["Alive"] and n["Resources"].get("CPU")]
         if not nodes:
-            raise InputInvalid(f"{self.address}: a cluster without a CPU; expected at least one")
+            raise InputInvalid(self.address, "a cluster without a CPU", "at least one")
         query = self._ray.remote(num_cpus=0, max_retries=0)(versions_of_a_node())
         refs = [
             query.options(scheduling_strategy=On(n["NodeID"], soft=False)).remote(self._alike)

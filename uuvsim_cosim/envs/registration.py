@@ -46,7 +46,7 @@ def register(id: str, make_task: str | Callable[..., Task], **options: object) -
     if isinstance(make_task, str):
         module, colon, name = make_task.partition(":")
         if not colon or not all(part.isidentifier() for part in (*module.split("."), name)):
-            raise InputInvalid(f"task {make_task!r} of {id}; expected 'package.module:name'")
+            raise InputInvalid(f"task {make_task!r} of {id}", "'package.module:name'")
     here = "uuvsim_cosim.envs.registration"
     gymnasium.register(
         id,
@@ -112,12 +112,12 @@ def _task(make_task: str | Callable[..., Task], options: dict[str, object]) -> T
     make = _found(make_task) if isinstance(make_task, str) else make_task
     for option in _OF_MANY:
         if option in options:
-            raise InputInvalid(f"{option}: is of many environments; expected it in make_vec")
+            raise InputInvalid(option, "is of many environments", "it in make_vec")
     name = make_task if isinstance(make_task, str) else getattr(make_task, "__name__", "")
     refuse_options(f"task {name}", make, options)
     task = make(**options)
     if steps is not None and steps != task.horizon / task.action_step:
-        raise InputInvalid("max_episode_steps: is the task's to say; expected horizon= in seconds")
+        raise InputInvalid("max_episode_steps", "is the task's to say", "horizon= in seconds")
     if isinstance(task, TeamTask):
         from uuvsim_cosim.envs.solo import Solo
 
@@ -130,5 +130,5 @@ def _found(name: str) -> Callable[..., Task]:
     try:
         found: Callable[..., Task] = getattr(import_module(module), own)
     except (ImportError, AttributeError) as error:
-        raise InputInvalid(f"task {name!r}: {error}; expected 'package.module:name'") from error
+        raise InputInvalid(f"task {name!r}", error, "'package.module:name'") from error
     return found

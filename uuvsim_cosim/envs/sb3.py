@@ -20,9 +20,7 @@ try:
     from stable_baselines3.common.vec_env import VecEnv
     from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
 except ModuleNotFoundError as error:
-    raise InputInvalid(
-        f"{error}; expected stable-baselines3: pip install stable-baselines3"
-    ) from error
+    raise InputInvalid(error, "stable-baselines3: pip install stable-baselines3") from error
 
 __all__ = ["Sb3VecEnv"]
 
@@ -44,7 +42,7 @@ class Sb3VecEnv(VecEnv):
 
             task = Solo(task)
         if "autoreset_mode" in options:
-            raise InputInvalid("autoreset_mode: is SAME_STEP here; expected other options")
+            raise InputInvalid("autoreset_mode", "is SAME_STEP here", "other options")
         self.vector = CosimVectorEnv(
             task, num_envs, autoreset_mode=AutoresetMode.SAME_STEP, **options
         )
@@ -95,7 +93,7 @@ class Sb3VecEnv(VecEnv):
 
     def set_attr(self, attr_name: str, value: object, indices: Indices = None) -> None:
         """Refuse: the environments share their attributes."""
-        raise InputInvalid(f"{attr_name}: environments of one kernel share it; expected a new task")
+        raise InputInvalid(attr_name, "environments of one kernel share it", "a new task")
 
     def env_method(
         self,
@@ -106,7 +104,7 @@ class Sb3VecEnv(VecEnv):
     ) -> list[object]:
         """Refuse: there is one object for all environments."""
         raise InputInvalid(
-            f"{method_name}: cannot be called of single environments; expected a call on `vector`"
+            method_name, "cannot be called of single environments", "a call on `vector`"
         )
 
     def env_is_wrapped(self, wrapper_class: type[object], indices: Indices = None) -> list[bool]:

@@ -93,7 +93,7 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[np.generic]]):
         stage = self._live()
         if self._ended or not stage.episodes.begun:
             had = "the episode has ended" if self._ended else "no episode has begun"
-            raise InputInvalid(f"{stage.place}: {had}; expected reset() before step()")
+            raise InputInvalid(stage.place, had, "reset() before step()")
         m = stage.act(action, alone=True)
         reward = stage.reward(m)[0].item()
         terminated = bool(stage.terminated(m)[0])
@@ -161,7 +161,7 @@ class CosimEnv(gymnasium.Env[Observation, NDArray[np.generic]]):
 
     def _live(self) -> Stage:
         if self._stage is None:
-            raise InputInvalid("the environment is closed; expected a new one")
+            raise InputInvalid("the environment is closed", "a new one")
         return self._stage
 
 

@@ -163,7 +163,7 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[np.generic]]):  # t
 
     def _live(self) -> TeamStage:
         if self._stage is None:
-            raise InputInvalid("the environment is closed; expected a new one")
+            raise InputInvalid("the environment is closed", "a new one")
         return self._stage
 
     def _numbered(self, mask: NDArray[np.bool_]) -> list[tuple[int, str]]:
@@ -187,27 +187,29 @@ class CosimParallelEnv(ParallelEnv[str, Observation, NDArray[np.generic]]):  # t
     def _known(self, agent: str) -> str:
         if agent not in self.possible_agents:
             known = expected_names(agent, self.possible_agents)
-            raise InputInvalid(f"{self._place()}: no agent {agent!r}; expected {known}")
+            raise InputInvalid(self._place(), f"no agent {agent!r}", known)
         return agent
 
     def _check(self, actions: Mapping[str, object]) -> None:
         place = self._place()
         if not isinstance(actions, Mapping):
-            raise InputInvalid(f"{place}: actions {actions!r}; expected an action by agent")
+            raise InputInvalid(place, f"actions {actions!r}", "an action by agent")
         if not self.agents:
-            raise InputInvalid(f"{place}: nobody is there to act; expected reset() before step()")
+            raise InputInvalid(place, "nobody is there to act", "reset() before step()")
         for agent in actions:
             self._known(agent)
             if agent not in self.agents:
                 raise InputInvalid(
-                    f"{place}: an action for {agent!r}, who has ended or has not come yet; "
-                    f"expected actions for {', '.join(self.agents)}"
+                    place,
+                    f"an action for {agent!r}, who has ended or has not come yet",
+                    f"actions for {', '.join(self.agents)}",
                 )
         missing = [a for a in self.agents if a not in actions]
         if missing:
             raise InputInvalid(
-                f"{place}: no action for {', '.join(map(repr, missing))}; expected one for each "
-                f"of {', '.join(self.agents)}"
+                place,
+                f"no action for {', '.join(map(repr, missing))}",
+                f"one for each of {', '.join(self.agents)}",
             )
 
     def _place(self) -> str:

@@ -94,7 +94,7 @@ class CosimTeamVectorEnv:
         wants = None if self._mode is AutoresetMode.DISABLED else "autoreset mode 'Disabled'"
         start, mask = start_of(options, mask=wants), mask_of(options, self.num_envs)
         if mask is not None and not stage.episodes.begun:
-            raise InputInvalid(f"{stage.place}: reset_mask before any reset; expected a whole one")
+            raise InputInvalid(stage.place, "reset_mask before any reset", "a whole one")
         team = stage.reset(mask, seeds=self._seeds(seed), start=start)
         self._ended = np.zeros(self.num_envs, bool) if mask is None else self._ended & ~mask
         return _observations(stage, team), self._infos(stage, team)
@@ -139,15 +139,16 @@ class CosimTeamVectorEnv:
 
     def _live(self) -> TeamStage:
         if self._stage is None:
-            raise InputInvalid("the environments are closed; expected new ones")
+            raise InputInvalid("the environments are closed", "new ones")
         return self._stage
 
     def _by_agent(self, stage: TeamStage, actions: object) -> Array:
         given = np.asarray(actions)
         if given.shape != self.action_space.shape or given.dtype.kind not in "fiu":
             raise InputInvalid(
-                f"{stage.place}: actions of type {given.dtype} and shape {given.shape}; expected "
-                f"numbers of shape {self.action_space.shape}: environments, agents, widths"
+                stage.place,
+                f"actions of type {given.dtype} and shape {given.shape}",
+                (f"numbers of shape {self.action_space.shape}: environments, agents, widths"),
             )
         acting = stage.now.present & ~self._ended[:, None]
         return np.where(acting[:, :, None], given, 0.0)
@@ -163,7 +164,7 @@ class CosimTeamVectorEnv:
             seed = int(seeding.np_random()[1]) % 2**63
         if isinstance(seed, Sequence) and not isinstance(seed, str):
             if len(seed) != self.num_envs:
-                raise InputInvalid(f"seed: {len(seed)} numbers; expected one, or {self.num_envs}")
+                raise InputInvalid("seed", f"{len(seed)} numbers", f"one, or {self.num_envs}")
             return [base_seed(s) for s in seed]
         first = base_seed(seed, self.num_envs)
         return [first + i for i in range(self.num_envs)]
@@ -186,12 +187,14 @@ def _refuse_mixed(stage: TeamStage) -> None:
             if own != other:
                 stage.episodes.close()
                 raise InputInvalid(
-                    f"{stage.place}: {what} of {agent!r} have shape {own}, those of {first!r} "
-                    f"{other}; expected equal shapes (CosimParallelEnv takes unequal ones)"
+                    stage.place,
+                    f"{what} of {agent!r} have shape {own}, those of {first!r} {other}",
+                    "equal shapes (CosimParallelEnv takes unequal ones)",
                 )
         if stage.spaces[agent] != stage.spaces[first]:
             stage.episodes.close()
             raise InputInvalid(
-                f"{stage.place}: observation limits of {agent!r} differ from those of "
-                f"{first!r}; expected equal limits (CosimParallelEnv takes unequal ones)"
+                stage.place,
+                f"observation limits of {agent!r} differ from those of {first!r}",
+                "equal limits (CosimParallelEnv takes unequal ones)",
             )

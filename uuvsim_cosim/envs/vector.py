@@ -63,7 +63,7 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
         num_envs = whole(num_envs, "num_envs")
         self._mode = vector_info.autoreset_of(autoreset_mode)
         if render_mode == "human":
-            raise InputInvalid("render_mode 'human' of many environments; expected 'rgb_array'")
+            raise InputInvalid("render_mode 'human' of many environments", "'rgb_array'")
         self._screen = Screen(render_mode)
         self._made = {
             "task": task, "num_envs": num_envs, "render_mode": render_mode,
@@ -104,7 +104,7 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
         wants = None if self._mode is AutoresetMode.DISABLED else "autoreset mode 'Disabled'"
         start, mask = start_of(options, mask=wants), mask_of(options, self.num_envs)
         if mask is not None and not stage.episodes.begun:
-            raise InputInvalid(f"{stage.place}: reset_mask before any reset; expected a whole one")
+            raise InputInvalid(stage.place, "reset_mask before any reset", "a whole one")
         seeds = self._seeds(seed)
         m = stage.episodes.reset(mask, seeds=seeds, start=start)
         self._ended = np.zeros(self.num_envs, bool) if mask is None else self._ended & ~mask
@@ -115,7 +115,7 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
         """Act in all environments for one action step."""
         stage = self._live()
         if not stage.episodes.begun:
-            raise InputInvalid(f"{stage.place}: no episode has begun; expected reset() first")
+            raise InputInvalid(stage.place, "no episode has begun", "reset() first")
         ended = self._ended
         again = bool(ended.any())
         if again and self._mode is AutoresetMode.DISABLED:
@@ -211,12 +211,12 @@ class CosimVectorEnv(VectorEnv[Observations, Array, Array]):
             numbers = [(own + i) % 2**64 for i in range(n)]
         else:
             if len(seed) != n:
-                raise InputInvalid(f"seed: {len(seed)} numbers; expected one, or {n}")
+                raise InputInvalid("seed", f"{len(seed)} numbers", f"one, or {n}")
             rng = np.random.default_rng()
             numbers = [int(rng.integers(2**63)) if s is None else base_seed(s) for s in seed]
         return np.array(numbers, np.uint64)
 
     def _live(self) -> Stage:
         if self._stage is None:
-            raise InputInvalid("the environments are closed; expected new ones")
+            raise InputInvalid("the environments are closed", "new ones")
         return self._stage

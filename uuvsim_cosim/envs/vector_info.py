@@ -23,7 +23,7 @@ def autoreset_of(given: AutoresetMode | str) -> AutoresetMode:
         return AutoresetMode(given)
     except ValueError:
         words = ", ".join(repr(m.value) for m in AutoresetMode)
-        raise InputInvalid(f"autoreset_mode {given!r}; expected one of {words}") from None
+        raise InputInvalid(f"autoreset_mode {given!r}", f"one of {words}") from None
 
 
 def refuse_ended(place: str, ended: Mask) -> None:

@@ -43,7 +43,7 @@ class Source:
 
     def fault(self, where: str, read: str, expected: str) -> FmuError:
         """Return the error for a fault in the file."""
-        return FmuError(f"{self.place}: {where}: {read}; expected {expected}")
+        return FmuError(self.place, f"{where}: {read}", expected)
 
     def required(self, element: Element, attribute: str, where: str) -> str:
         """Read a required attribute."""

@@ -25,7 +25,7 @@ def flat_array(variable: Variable, value: object, place: str) -> np.ndarray:
         return _objects(variable, value, place)
     given = _numbers(value)
     if given is None:
-        raise FmuError(f"{place}: {value!r}; expected {_expected(variable)}")
+        raise FmuError(place, f"{value!r}", _expected(variable))
     if given.shape != variable.shape:
         raise FmuError(
             f"{place}: shape {given.shape}; expected {variable.shape}, {_expected(variable)}"
@@ -41,7 +41,7 @@ def flat_array(variable: Variable, value: object, place: str) -> np.ndarray:
         limits = np.iinfo(np.dtype(dtype).name)
         fits = all(x % 1 == 0 and limits.min <= x <= limits.max for x in given.ravel().tolist())
     if not fits:
-        raise FmuError(f"{place}: {value!r}; expected {_expected(variable)}")
+        raise FmuError(place, f"{value!r}", _expected(variable))
     return given.astype(dtype).ravel()
 
 
@@ -74,9 +74,9 @@ def _objects(variable: Variable, value: object, place: str) -> np.ndarray:
     else:
         given = np.asarray(value, dtype=object)
     if given.shape != variable.shape:
-        raise FmuError(f"{place}: shape {given.shape}; expected {variable.shape}")
+        raise FmuError(place, f"shape {given.shape}", variable.shape)
     if not all(isinstance(x, cls) for x in given.ravel()):
-        raise FmuError(f"{place}: {value!r}; expected {_expected(variable)}")
+        raise FmuError(place, f"{value!r}", _expected(variable))
     return given.ravel()
 
 
@@ -111,7 +111,7 @@ def parse_value(
     except (ValueError, OverflowError):
         names = f" or one of {', '.join(items.values())}" if items else ""
         raise ParameterInvalid(
-            f"{place}: {text!r}; expected {_expected(variable)}{names}{_form(variable)}"
+            place, f"{text!r}", f"{_expected(variable)}{names}{_form(variable)}"
         ) from None
 
 
@@ -194,11 +194,11 @@ def checked_start(variable: Variable, value: object, place: str) -> Any:
         raise ParameterInvalid(str(error)) from None
     if flat.dtype != object:
         if not np.all(np.isfinite(flat)):
-            raise ParameterInvalid(f"{place}: {value!r}; expected a finite number")
+            raise ParameterInvalid(place, f"{value!r}", "a finite number")
         if not all(is_within(variable, x) for x in flat.tolist()):
             unit = f" {variable.unit_text}" if variable.unit_text else ""
             raise ParameterInvalid(
-                f"{place}: {value!r} is out of range; expected {range_text(variable)}{unit}"
+                place, f"{value!r} is out of range", f"{range_text(variable)}{unit}"
             )
     return flat.reshape(variable.shape) if variable.shape else flat[0]
 

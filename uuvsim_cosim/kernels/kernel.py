@@ -44,11 +44,11 @@ def fuse(
     """
     if dtype not in LANES:
         near = ", ".join(LANES)
-        raise InputInvalid(f"dtype: {dtype!r}; expected one of {near}")
+        raise InputInvalid("dtype", f"{dtype!r}", f"one of {near}")
     width = _USUAL[dtype] if lanes is None else lanes
     if width not in LANES[dtype]:
         allowed = ", ".join(map(str, LANES[dtype]))
-        raise InputInvalid(f"lanes: {width}; expected one of {allowed} in {dtype}")
+        raise InputInvalid("lanes", width, f"one of {allowed} in {dtype}")
     number = np.dtype(dtype)
     return Kernel(fused_of(flatten(system), 8 // number.itemsize), width, number, baseline)
 

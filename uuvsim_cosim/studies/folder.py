@@ -33,7 +33,7 @@ class StudyFolder:
         self.parts = self.path / "parts"
         self.asked = json.loads(json.dumps(asked))
         if self.path.exists() and not self.path.is_dir():
-            raise InputInvalid(f"{self.path}: is a file; expected a folder")
+            raise InputInvalid(self.path, "is a file", "a folder")
         if restart and (self.path / "study.json").is_file():
             shutil.rmtree(self.parts, ignore_errors=True)
             for name in OWN:
@@ -51,9 +51,7 @@ class StudyFolder:
             return
         file = self.path / "study.json"
         if not file.is_file():
-            raise InputInvalid(
-                f"{self.path}: has something else in it; expected a new folder, or a study's"
-            )
+            raise InputInvalid(self.path, "has something else in it", "a new folder, or a study's")
         try:
             before = json.loads(file.read_text(encoding="utf-8"))["asked"]
         except (OSError, ValueError, KeyError, TypeError):
@@ -66,8 +64,9 @@ class StudyFolder:
                 f"{k} was {_short(before.get(k))}, now {_short(self.asked[k])}" for k in changed
             )
             raise InputInvalid(
-                f"{self.path}: was begun as another study: {changes}; expected the same one, "
-                "another folder, or --restart, which begins anew"
+                self.path,
+                f"was begun as another study: {changes}",
+                "the same one, another folder, or --restart, which begins anew",
             )
 
     def write(self, more: Mapping[str, object]) -> None:

@@ -78,8 +78,8 @@ def read_metric(name: str, metric: Metric, descriptions: Mapping[str, Descriptio
     root = parser.whole()
     if root.course:
         raise InputInvalid(
-            f"{metric.expression!r} is a course over time; expected a number of it, such as "
-            f"rms({metric.expression})"
+            f"{metric.expression!r} is a course over time",
+            f"a number of it, such as rms({metric.expression})",
         )
     return ReadMetric(name, metric, root)
 
@@ -214,4 +214,4 @@ class _Parser:
         tokens = getattr(self, "tokens", [])
         i = getattr(self, "at", 0)
         place = at if at is not None else tokens[i][2] if i < len(tokens) else len(self.text)
-        return InputInvalid(f"{self.text!r}, character {place + 1}: {read}; expected {expected}")
+        return InputInvalid(f"{self.text!r}, character {place + 1}", read, expected)

@@ -90,9 +90,13 @@ class Runs:
                 columns = self.columns(start)
                 example = ", ".join(f"{k} = {float(c[at]):g}" for k, c in columns.items())
                 raise InputInvalid(
-                    f"{hull.path}: {len(wrong)} of {self.n} runs have no possible body (M not "
-                    f"positive definite, or inertia against its triangle rule), the first with "
-                    f"{example}; expected masses and inertia that agree with each other"
+                    hull.path,
+                    (
+                        f"{len(wrong)} of {self.n} runs have no possible body (M not "
+                        "positive definite, or inertia against its triangle rule), the "
+                        f"first with {example}"
+                    ),
+                    "masses and inertia that agree with each other",
                 )
         return start
 

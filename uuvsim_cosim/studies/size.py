@@ -18,10 +18,12 @@ def check_runs(points: int, seeds: int) -> None:
     runs = points * seeds
     if runs > MOST_RUNS:
         raise InputInvalid(
-            f"{_count(points, 'grid point')} under {_count(seeds, 'seed')} are {runs:,} runs, "
-            f"about {runs * RUN_BYTES / 1e9:,.0f} GB of memory, and {runs / 3.6e6:,.0f} hours at "
-            f"1000 runs a second; expected at most {MOST_RUNS:,} runs: fewer seeds, or a coarser "
-            "grid"
+            (
+                f"{_count(points, 'grid point')} under {_count(seeds, 'seed')} are "
+                f"{runs:,} runs, about {runs * RUN_BYTES / 1e9:,.0f} GB of memory, "
+                f"and {runs / 3.6e6:,.0f} hours at 1000 runs a second"
+            ),
+            f"at most {MOST_RUNS:,} runs: fewer seeds, or a coarser grid",
         )
 
 
@@ -30,9 +32,12 @@ def check_samples(samples: int, width: int) -> None:
     numbers = samples * max(width, 1)
     if numbers > MOST_NUMBERS:
         raise InputInvalid(
-            f"duration, every: {samples:,} samples of {_count(width, 'number')} in each run, about "
-            f"{8 * numbers / 1e9:,.0f} GB of memory; expected at most {MOST_NUMBERS:,} numbers: a "
-            "shorter duration, or a larger `every`"
+            "duration, every",
+            (
+                f"{samples:,} samples of {_count(width, 'number')} in each run, "
+                f"about {8 * numbers / 1e9:,.0f} GB of memory"
+            ),
+            (f"at most {MOST_NUMBERS:,} numbers: a shorter duration, or a larger `every`"),
         )
 
 
@@ -40,7 +45,7 @@ def check_seeds(given: int | Sequence[int]) -> tuple[int, ...]:
     """Return the seeds of a number of them or a list; raises InputInvalid for anything else."""
     if isinstance(given, int) and not isinstance(given, bool):
         if given < 1:
-            raise InputInvalid(f"seeds: {given}; expected at least 1, or a list of seeds")
+            raise InputInvalid("seeds", given, "at least 1, or a list of seeds")
         check_runs(1, given)
         return tuple(range(given))
     listed: tuple[int, ...] = ()
@@ -49,9 +54,7 @@ def check_seeds(given: int | Sequence[int]) -> tuple[int, ...]:
         listed = tuple(given)
     whole = [s for s in listed if isinstance(s, int) and not isinstance(s, bool)]
     if not listed or len(whole) != len(listed) or len(set(listed)) != len(listed):
-        raise InputInvalid(
-            f"seeds: {given!r}; expected a number of them, or distinct whole numbers"
-        )
+        raise InputInvalid("seeds", f"{given!r}", "a number of them, or distinct whole numbers")
     return listed
 
 

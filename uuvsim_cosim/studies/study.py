@@ -87,8 +87,9 @@ class Study:
         for what, value in (("duration", self.duration), ("every", self.every)):
             if value <= 0 or (value / tick).denominator != 1:
                 raise InputInvalid(
-                    f"{what}: {float(value):g} s; expected a whole number of communication steps "
-                    f"of {float(tick):g} s"
+                    what,
+                    f"{float(value):g} s",
+                    f"a whole number of communication steps of {float(tick):g} s",
                 )
         self.seeds = check_seeds(seeds)
         drawn = parameters if isinstance(parameters, Randomisation) else Randomisation(parameters)
@@ -96,12 +97,12 @@ class Study:
         self.grid = varies(grid, "grid")
         for axis in self.grid:
             if not isinstance(axis.distribution, Choice):
-                raise InputInvalid(f"grid: {axis.name} has {axis.distribution!r}; expected Choice")
+                raise InputInvalid("grid", f"{axis.name} has {axis.distribution!r}", "Choice")
         self._places = Places(system)
         descriptions = {c.path: c.description for c in self._places.plan.components}
         self.metrics = {k: v if isinstance(v, Metric) else Metric(v) for k, v in metrics.items()}
         if not self.metrics:
-            raise InputInvalid("metrics: none; expected at least one, such as final(hull.eta)")
+            raise InputInvalid("metrics", "none", "at least one, such as final(hull.eta)")
         read = tuple(read_metric(k, v, descriptions) for k, v in self.metrics.items())
         steps = int(self.duration / tick)
         self.script = Script(system, steps, int(self.every / tick), read)
@@ -111,7 +112,7 @@ class Study:
         _ = self.runs.start  # refuses impossible bodies now, before anything runs
         twice = [c for c in self.metrics if c in self.runs.columns()]
         if twice:
-            raise InputInvalid(f"metrics: {twice[0]!r} names a parameter too; expected a new name")
+            raise InputInvalid("metrics", f"{twice[0]!r} names a parameter too", "a new name")
 
     @classmethod
     def read(cls, path: str | Path, loops: Loops | None = None) -> Study:
@@ -145,7 +146,7 @@ class Study:
         """
         jobs = (os.cpu_count() or 1) if jobs is None else jobs
         if jobs < 1 or (batch is not None and batch < 1):
-            raise InputInvalid(f"jobs {jobs}, batch {batch}; expected at least 1")
+            raise InputInvalid(f"jobs {jobs}, batch {batch}", "at least 1")
         folder = StudyFolder(Path(out) if out is not None else self.output, self.asked, restart)
         began = time.perf_counter()
         done = folder.done()
@@ -222,8 +223,9 @@ class Study:
             end = self.duration if m.until is None else m.until
             if not 0 <= m.after < end <= self.duration:
                 raise InputInvalid(
-                    f"metrics.{name}: from {float(m.after):g} to {float(end):g} s; expected a "
-                    f"window within 0 to {float(self.duration):g} s"
+                    f"metrics.{name}",
+                    f"from {float(m.after):g} to {float(end):g} s",
+                    f"a window within 0 to {float(self.duration):g} s",
                 )
 
     @property

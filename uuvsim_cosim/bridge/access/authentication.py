@@ -82,7 +82,7 @@ class Authenticator:
         mutual = access.tls is not None and access.tls.ca is not None
         if mutual and certificate is None:
             raise InputInvalid(
-                "this co-simulation asks for a certificate; expected one that its CA has signed"
+                "this co-simulation asks for a certificate", "one that its CA has signed"
             )
         if user is not None:
             return self._by_password(user, password or "")
@@ -93,10 +93,10 @@ class Authenticator:
             return access.anonymous
         if mutual and not access.users:
             raise InputInvalid(
-                f"the certificate {certificate or 'of this client'!s} has no "
-                "role here; expected one whose common name the access file has under tls, roles"
+                (f"the certificate {certificate or 'of this client'!s} has no role here"),
+                "one whose common name the access file has under tls, roles",
             )
-        raise InputInvalid("this co-simulation asks who you are; expected user and password")
+        raise InputInvalid("this co-simulation asks who you are", "user and password")
 
     def _by_password(self, name: str, password: str) -> frozenset[str]:
         user = self.access.users.get(name)
@@ -107,7 +107,7 @@ class Authenticator:
             is_right = matches(password, self._nobody if user is None else user.password)
             if user is None or not is_right:
                 raise InputInvalid(
-                    f"user {name[:64]!r} or the password is wrong; expected those of who serves"
+                    f"user {name[:64]!r} or the password is wrong", "those of who serves"
                 )
             if len(self._right) >= _REMEMBERED:
                 self._right.clear()

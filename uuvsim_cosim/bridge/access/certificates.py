@@ -37,22 +37,22 @@ def make_certificates(
         import cryptography as _  # noqa: F401
     except ImportError:
         raise InputInvalid(
-            "certificates need the package cryptography; expected "
-            "pip install 'uuvsim-cosim[security]', or certificates made elsewhere"
+            "certificates need the package cryptography",
+            ("pip install 'uuvsim-cosim[security]', or certificates made elsewhere"),
         ) from None
     for name in (*hosts, *clients):
         if not name or len(name) > 64 or "/" in name or name in (".", ".."):
-            raise InputInvalid(f"certificate {name!r}; expected a name of 1 to 64 letters")
+            raise InputInvalid(f"certificate {name!r}", "a name of 1 to 64 letters")
     if not hosts:
-        raise InputInvalid("no host; expected names or addresses that clients connect to")
+        raise InputInvalid("no host", "names or addresses that clients connect to")
     if reserved := {"ca", "server"} & set(clients):
-        raise InputInvalid(f"client {reserved.pop()!r}; expected another name than ca and server")
+        raise InputInvalid(f"client {reserved.pop()!r}", "another name than ca and server")
     place = Path(folder)
     place.mkdir(parents=True, exist_ok=True)
     has_server = (place / "server.pem").exists()
     for name in clients or (["server"] if has_server else []):
         if (place / f"{name}.pem").exists():
-            raise InputInvalid(f"{place / f'{name}.pem'} exists; expected another folder or name")
+            raise InputInvalid(f"{place / f'{name}.pem'} exists", "another folder or name")
     written = []
     if (place / "ca.pem").exists() or (place / "ca-key.pem").exists():
         ca = _read(place)

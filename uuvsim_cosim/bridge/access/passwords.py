@@ -21,7 +21,7 @@ _LENGTH = 32
 def hashed(password: str) -> str:
     """Return `scrypt$n$r$p$salt$hash` of a password; raises InputInvalid for an empty one."""
     if not password:
-        raise InputInvalid("password: empty; expected at least one character")
+        raise InputInvalid("password", "empty", "at least one character")
     salt = secrets.token_bytes(16)
     parts = (_text(salt), _text(_derived(password, salt, _N, _R, _P)))
     return "$".join(("scrypt", str(_N), str(_R), str(_P), *parts))

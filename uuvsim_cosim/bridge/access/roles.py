@@ -22,7 +22,7 @@ ROLES: dict[str, frozenset[str]] = {
 def permissions(role: str) -> frozenset[str]:
     """Return the permissions of a role; raises InputInvalid for an unknown one."""
     if role not in ROLES:
-        raise InputInvalid(f"role {role!r}; expected {expected_names(role, ROLES)}")
+        raise InputInvalid(f"role {role!r}", expected_names(role, ROLES))
     return ROLES[role]
 
 
@@ -34,6 +34,7 @@ def check(client: Client, call: str) -> None:
     may = ", ".join(sorted(client.allowed)) or "nothing"
     allows = [role for role, allowed in ROLES.items() if needed in allowed]
     raise InputInvalid(
-        f"{call}: client {client.name!r} may {may}, and this needs {needed!r}; expected a role "
-        f"such as {allows[0]}"
+        call,
+        f"client {client.name!r} may {may}, and this needs {needed!r}",
+        f"a role such as {allows[0]}",
     )

@@ -48,10 +48,10 @@ def client_context(
 ) -> ssl.SSLContext:
     """Return the context of a client; raises InputInvalid for files that do not fit."""
     if (certificate is None) != (key is None):
-        raise InputInvalid("connect: certificate and key belong together; expected both")
+        raise InputInvalid("connect", "certificate and key belong together", "both")
     for what, file in (("ca", ca), ("certificate", certificate), ("key", key)):
         if file is not None and not Path(file).is_file():
-            raise InputInvalid(f"connect: {what} {str(file)!r}: no such file; expected PEM")
+            raise InputInvalid("connect", f"{what} {str(file)!r}: no such file", "PEM")
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     try:
         if ca is None:
@@ -123,8 +123,8 @@ def secured(plain: socket.socket, context: ssl.SSLContext, patience: float) -> s
     """
     if not speaks_tls(plain, min(patience, 1.0)):
         raise InputInvalid(
-            "this server speaks TLS; expected a client that does as well "
-            "(see docs/connections/security.md)"
+            "this server speaks TLS",
+            "a client that does as well (see docs/connections/security.md)",
         )
     plain.settimeout(patience)
     return context.wrap_socket(plain, server_side=True)

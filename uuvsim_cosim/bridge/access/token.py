@@ -43,8 +43,12 @@ def token_folder() -> Path:
     folder = Path(named).expanduser() if named else state / "tokens"
     if not folder.is_absolute():
         raise InputInvalid(
-            f"token folder {folder}: there is no home directory to keep it in; expected the "
-            "environment variable UUVSIM_TOKENS with the absolute path of a folder of your own"
+            f"token folder {folder}",
+            "there is no home directory to keep it in",
+            (
+                "the environment variable UUVSIM_TOKENS with the absolute path of "
+                "a folder of your own"
+            ),
         )
     return folder
 
@@ -63,7 +67,7 @@ def guarded_by_token() -> Authenticator:
     token = os.environ.get("UUVSIM_TOKEN") or secrets.token_urlsafe(32)
     if not _TOKEN.fullmatch(token):
         raise InputInvalid(
-            f"UUVSIM_TOKEN has {len(token)} characters; expected 16 to 200 letters, digits, _ and -"
+            f"UUVSIM_TOKEN has {len(token)} characters", "16 to 200 letters, digits, _ and -"
         )
     return Authenticator(Access(token=token), place=str(token_folder()))
 
@@ -100,9 +104,12 @@ class TokenFile(Closing):
             _write(self._file, self._token)
         except OSError as error:
             raise InputInvalid(
-                f"token file {self._file}: cannot be written ({error.strerror}); expected the "
-                "environment variable UUVSIM_TOKENS with a folder of your own, or `uuvsim serve "
-                "--anyone`, which asks for no token"
+                f"token file {self._file}",
+                f"cannot be written ({error.strerror})",
+                (
+                    "the environment variable UUVSIM_TOKENS with a folder of your own, "
+                    "or `uuvsim serve --anyone`, which asks for no token"
+                ),
             ) from None
         close_at_exit(self)
 
@@ -138,10 +145,10 @@ def _read(file: Path) -> str:
         raise
     except OSError as error:
         raise InputInvalid(
-            f"token file {file}: cannot be read ({error.strerror}); expected a file of your own"
+            f"token file {file}", f"cannot be read ({error.strerror})", "a file of your own"
         ) from None
     if not _TOKEN.fullmatch(text):
-        raise InputInvalid(f"token file {file}: holds no token; expected what a server writes")
+        raise InputInvalid(f"token file {file}", "holds no token", "what a server writes")
     return text
 
 
@@ -159,6 +166,7 @@ def _refuse_others(path: Path, found: os.stat_result) -> None:
     else:
         return
     raise InputInvalid(
-        f"{path}: {why}, so that a token there may be known to others; expected {expected} of your "
-        f"own with mode {mode:o}"
+        path,
+        f"{why}, so that a token there may be known to others",
+        f"{expected} of your own with mode {mode:o}",
     )

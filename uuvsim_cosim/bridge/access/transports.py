@@ -63,20 +63,28 @@ def opening(
     the file. `anyone` allows everything without file and token, also from other machines.
     """
     if access is not None and anyone:
-        raise InputInvalid("--anyone lets everybody in, and --access does not; expected one")
+        raise InputInvalid("--anyone lets everybody in, and --access does not", "one")
     read: Access | None = None if access is None else read_access(access)
     chosen = tuple(dict.fromkeys(hosts)) or (read.listen if read is not None else LOOPBACK)
     far = ", ".join(host for host in chosen if not is_loopback(host))
     if far and read is None and not anyone:
         raise InputInvalid(
-            f"{far} is beyond this machine, where anybody could step and change the "
-            "co-simulation; expected --access FILE that says who may "
-            "(see docs/connections/security.md), or --anyone to let everybody in"
+            (
+                f"{far} is beyond this machine, where anybody could step and change "
+                "the co-simulation"
+            ),
+            (
+                "--access FILE that says who may (see "
+                "docs/connections/security.md), or --anyone to let everybody in"
+            ),
         )
     if far and read is not None and read.tls is None and not read.plain:
         raise InputInvalid(
-            f"{far} is beyond this machine, and {access} has no tls, so that passwords and values "
-            "can be read on the way; expected tls there, or `tls: none` to do it nevertheless"
+            (
+                f"{far} is beyond this machine, and {access} has no tls, so that "
+                "passwords and values can be read on the way"
+            ),
+            "tls there, or `tls: none` to do it nevertheless",
         )
     if anyone:
         return Opening(chosen, None)

@@ -173,15 +173,16 @@ def checked(name: object, request: Mapping[str, object]) -> dict[str, Any]:
     """
     if not isinstance(name, str) or name not in CALLS:
         raise InputInvalid(
-            f"call {shown(name)} does not exist{did_you_mean(str(name), CALLS)}; "
-            f"expected one of {', '.join(CALLS)}"
+            f"call {shown(name)} does not exist{did_you_mean(str(name), CALLS)}",
+            f"one of {', '.join(CALLS)}",
         )
     fields = CALLS[name].fields
     for given in request:
         if given not in fields:
             raise InputInvalid(
-                f"{name}: field {shown(given)} does not exist{did_you_mean(given, fields)}; "
-                f"expected some of {', '.join(fields) or 'none'}"
+                name,
+                f"field {shown(given)} does not exist{did_you_mean(given, fields)}",
+                f"some of {', '.join(fields) or 'none'}",
             )
     found: dict[str, Any] = {}
     for key, expectation in fields.items():
@@ -190,13 +191,13 @@ def checked(name: object, request: Mapping[str, object]) -> dict[str, Any]:
         empty = isinstance(value, list) and not value and expectation.read is not _names
         if value is None or empty:
             if expectation.required:
-                raise InputInvalid(f"{name}: {key} is missing; expected {expectation.expected}")
+                raise InputInvalid(name, f"{key} is missing", expectation.expected)
             continue
         try:
             found[key] = expectation.read(value)
         except (ValueError, OverflowError):
             raise InputInvalid(
-                f"{name}: {key} {shown(value)} was read; expected {expectation.expected}"
+                name, f"{key} {shown(value)} was read", expectation.expected
             ) from None
     return found
 
@@ -224,7 +225,7 @@ def arguments(
             if "dt" in found:
                 n = steps_of(found["dt"], tick())
                 if n == 0:
-                    raise InputInvalid(f"step: dt 0 was read; expected {float(tick()):g} s or more")
+                    raise InputInvalid("step", "dt 0 was read", f"{float(tick()):g} s or more")
             return n, found.get("inputs", {}), found.get("outputs", [])
         case "run":
             _one_of("run", found, "until", "duration")
@@ -241,7 +242,7 @@ def arguments(
 
 def _one_of(name: str, found: Mapping[str, object], one: str, other: str) -> None:
     if one in found and other in found:
-        raise InputInvalid(f"{name}: both {one} and {other} were given; expected one of them")
+        raise InputInvalid(name, f"both {one} and {other} were given", "one of them")
 
 
 def steps_of(dt: float, tick: Fraction) -> int:
@@ -249,8 +250,8 @@ def steps_of(dt: float, tick: Fraction) -> int:
     count = round(dt / tick) if abs(dt) < STEPS_MAX else 0
     if count < 0 or (count == 0 and dt != 0) or abs(count * float(tick) - dt) > 1e-9 + 1e-6 * tick:
         raise InputInvalid(
-            f"dt = {dt:g} s was read; expected a whole multiple of the communication step, "
-            f"{float(tick):g} s"
+            f"dt = {dt:g} s was read",
+            f"a whole multiple of the communication step, {float(tick):g} s",
         )
     return count
 
@@ -276,7 +277,7 @@ def read_object(data: bytes, what: str) -> dict[str, Any]:
     try:
         read = json.loads(data, parse_constant=no_constant, object_pairs_hook=once) if data else {}
     except (ValueError, RecursionError) as error:
-        raise InputInvalid(f"{what}: not JSON ({error}); expected a JSON object") from None
+        raise InputInvalid(what, f"not JSON ({error})", "a JSON object") from None
     if not isinstance(read, dict):
-        raise InputInvalid(f"{what}: a JSON {type(read).__name__} was read; expected an object")
+        raise InputInvalid(what, f"a JSON {type(read).__name__} was read", "an object")
     return read

@@ -90,7 +90,7 @@ def array_of(name: str, value: object) -> np.ndarray:
     if isinstance(value, list | tuple) and array.dtype.kind in "fiu":
         flat = np.array(value, dtype=object).ravel()
         if any(isinstance(x, bool | np.bool_) for x in flat):
-            raise InputInvalid(f"{name}: {value!r}; expected numbers, without true and false")
+            raise InputInvalid(name, f"{value!r}", "numbers, without true and false")
     return array
 
 
@@ -125,19 +125,17 @@ def unpacked(
     for entry in columns:
         name = entry.get("name") if isinstance(entry, dict) else None
         if not isinstance(name, str):
-            raise InputInvalid(f"columns: {shown(entry)} was read; expected an object with a name")
+            raise InputInvalid("columns", f"{shown(entry)} was read", "an object with a name")
         if name in values:
-            raise InputInvalid(f"columns: {name} is given twice; expected each name once")
+            raise InputInvalid("columns", f"{name} is given twice", "each name once")
         info = find(schema, name)
         size = _size(entry, info)
         if at + size > count:
-            raise InputInvalid(
-                f"{name}: {count - at} numbers are left in the payload; expected {size}"
-            )
+            raise InputInvalid(name, f"{count - at} numbers are left in the payload", size)
         format_ = entry.get("format", "float64")
         if format_ not in ("float64", "int64", "uint64"):
             raise InputInvalid(
-                f"{name}: format {shown(format_)} was read; expected float64, int64 or uint64"
+                name, f"format {shown(format_)} was read", "float64, int64 or uint64"
             )
         numbers = np.frombuffer(payload, np.dtype(format_).newbyteorder("<"), size, 8 * at)
         values[name] = shaped(info, numbers)
@@ -154,7 +152,7 @@ def _size(entry: Mapping[str, object], info: SignalInfo) -> int:
     if not isinstance(shape, list) or not all(
         isinstance(n, int) and not isinstance(n, bool) and 0 <= n < 1 << 32 for n in shape
     ):
-        raise InputInvalid(f"{info.name}: shape {shape!r} was read; expected {list(info.shape)}")
+        raise InputInvalid(info.name, f"shape {shape!r} was read", list(info.shape))
     return math.prod(shape)
 
 
@@ -168,8 +166,7 @@ def shaped(info: SignalInfo, numbers: np.ndarray) -> np.ndarray:
         count = "1 number" if size == 1 else f"{size} numbers"
         unit = f" in {info.unit}" if info.unit else ""
         raise InputInvalid(
-            f"{info.name}: {numbers.size} numbers were read; expected {count} of type "
-            f"{info.type}{unit}"
+            info.name, f"{numbers.size} numbers were read", f"{count} of type {info.type}{unit}"
         )
     return numbers.reshape(info.shape)
 

@@ -54,7 +54,7 @@ class Credentials:
         `user` and `password` are those of Zenoh's user `reader`, which a client gets on joining.
         """
         if (self.password is not None) and self.user is None:
-            raise InputInvalid("connect: a password without user; expected both")
+            raise InputInvalid("connect", "a password without user", "both")
         context = client_context(self.ca, self.certificate, self.key) if self.tls else None
         if context is not None:
             self._refuse(host, port, why_refused(host, port, context, listen=0.0))

@@ -51,7 +51,7 @@ def connect(
     InputInvalid with the reason if the client is refused.
     """
     if isinstance(port, bool) or not isinstance(port, int) or not 0 < port < 1 << 16:
-        raise InputInvalid(f"connect: port {port!r}; expected a whole number, 1 to 65535")
+        raise InputInvalid("connect", f"port {port!r}", "a whole number, 1 to 65535")
     checked("join", {"name": name, "lockstep": lockstep, "lag": lag})
     credentials = Credentials(user, password, ca, certificate, key, token)
     session = credentials.opened(host, port)
@@ -59,13 +59,12 @@ def connect(
         served = sorted(key.split("/")[1] for key in session.alive("uuvsim/*/live/master"))
         if system is not None and system not in served:
             raise InputInvalid(
-                f"no co-simulation {system!r} at {host}, port {port}; expected "
-                f"{expected_names(system, served)}"
+                f"no co-simulation {system!r} at {host}, port {port}",
+                expected_names(system, served),
             )
         if len(served) != 1 and system is None:
             raise InputInvalid(
-                f"{len(served)} co-simulations at {host}, port {port}; expected "
-                f"{expected_names('', served)}"
+                f"{len(served)} co-simulations at {host}, port {port}", expected_names("", served)
             )
         chosen = system or served[0]
         return Connection(session, chosen, name, lockstep, lag, credentials, (host, port))
@@ -107,9 +106,11 @@ class Connection(Closing):
         joined, _ = self._credentials.join(self._ask_at, joining, address)
         if joined.get("protocol") != PROTOCOL:
             raise InputInvalid(
-                f"the co-simulation (uuvsim-cosim {joined.get('version', 'unknown')}) speaks "
-                f"protocol {joined.get('protocol')}; expected protocol {PROTOCOL}, as uuvsim-cosim "
-                f"{__version__} has, which connects"
+                (
+                    f"the co-simulation (uuvsim-cosim {joined.get('version', 'unknown')}) "
+                    f"speaks protocol {joined.get('protocol')}"
+                ),
+                (f"protocol {PROTOCOL}, as uuvsim-cosim {__version__} has, which connects"),
             )
         self.name = str(joined["name"])
         self.allowed = frozenset(joined.get("allowed", ("read", "set", "step", "manage")))
@@ -294,7 +295,7 @@ class Connection(Closing):
             text = json.dumps(message, allow_nan=False)
         except (TypeError, ValueError) as error:
             raise InputInvalid(
-                f"{call}: cannot be sent ({error}); expected numbers, texts and lists of them"
+                call, f"cannot be sent ({error})", "numbers, texts and lists of them"
             ) from None
         reply = self._asking.ask(f"{self._base}/{key}", text, block)
         if reply is None:
@@ -320,13 +321,13 @@ class Connection(Closing):
 def _names(call: str, names: object) -> list[str]:
     given = [names] if isinstance(names, str) else names
     if not isinstance(given, Iterable) or isinstance(given, Mapping):
-        raise InputInvalid(f"{call}: {names!r} was read; expected names, such as 'hull.eta'")
+        raise InputInvalid(call, f"{names!r} was read", "names, such as 'hull.eta'")
     return list(given)
 
 
 def _values(call: str, values: object) -> Mapping[str, object]:
     if not isinstance(values, Mapping):
         raise InputInvalid(
-            f"{call}: {values!r} was read; expected values by name, such as {{'hull.tau': [0.0]}}"
+            call, f"{values!r} was read", "values by name, such as {'hull.tau': [0.0]}"
         )
     return values

@@ -54,9 +54,9 @@ def build_client_fmu(
     SystemInvalid for names that clash, and ToolchainError.
     """
     if not 0 < port < 65536:
-        raise InputInvalid(f"port {port}; expected 1 to 65535")
+        raise InputInvalid(f"port {port}", "1 to 65535")
     if not host or len(host) > 200:
-        raise InputInvalid(f"host {host!r}; expected a name or an address")
+        raise InputInvalid(f"host {host!r}", "a name or an address")
     plan = flatten(system)
     found = exposed(plan, naming=naming, signals=signals, inputs=inputs, fixed=False)
     # The order in the block: inputs and tunable parameters, settings, outputs.

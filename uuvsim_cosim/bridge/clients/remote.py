@@ -55,14 +55,14 @@ def source(text: str, base: Path) -> RemoteSource:
     match = _TEXT.fullmatch(text)
     if match is None:
         raise InputInvalid(
-            f"source {text!r}; expected remote:NAME, or remote:NAME@HOST:PORT?timeout=SECONDS"
+            f"source {text!r}", "remote:NAME, or remote:NAME@HOST:PORT?timeout=SECONDS"
         )
     host = (match["host"] or "127.0.0.1").strip("[]")
     port, timeout = match["port"], match["timeout"]
     try:
         seconds = float(timeout or _TIMEOUT)
     except ValueError:
-        raise InputInvalid(f"source {text!r}: timeout {timeout}; expected seconds") from None
+        raise InputInvalid(f"source {text!r}", f"timeout {timeout}", "seconds") from None
     return RemoteSource(match["name"], host, int(port) if port else COMPONENT_PORT, seconds)
 
 
@@ -93,8 +93,12 @@ class RemoteSource:
         answer, _ = _Server(self).ask("describe", self.shown)
         if answer.get("protocol") != PROTOCOL:
             raise InputInvalid(
-                f"{self.text}: is served by uuvsim-cosim {answer.get('version')} with protocol "
-                f"{answer.get('protocol')}; expected protocol {PROTOCOL}, as {__version__} has"
+                self.text,
+                (
+                    f"is served by uuvsim-cosim {answer.get('version')} with protocol "
+                    f"{answer.get('protocol')}"
+                ),
+                f"protocol {PROTOCOL}, as {__version__} has",
             )
         return Description(
             name=answer["name"], kind="python", description=answer["description"],
@@ -134,8 +138,9 @@ class RemoteComponent:
         """Set an input or a parameter; the next query sends it."""
         if variable.causality not in ("input", "parameter"):
             raise FmuError(
-                f"{self.path}.{variable.name}: is {variable.causality}; expected an input or a "
-                "parameter"
+                f"{self.path}.{variable.name}",
+                f"is {variable.causality}",
+                "an input or a parameter",
             )
         if variable.causality == "parameter":
             self._values[variable.name] = self._pending[variable.name] = value
@@ -184,8 +189,9 @@ class RemoteComponent:
         """Copy the state of the server's object, and the values that are known here."""
         if not self.description.can_get_and_set_state:
             raise FmuError(
-                f"{self.path}: {self.description.name}, which is remote, cannot copy its state; "
-                "expected a class whose attributes are numbers, text, arrays and containers of them"
+                self.path,
+                f"{self.description.name}, which is remote, cannot copy its state",
+                ("a class whose attributes are numbers, text, arrays and containers of them"),
             )
         state = self._query("get_state", {"instance": self._instance}, b"")
         return state, copy.deepcopy(self._values), dict(self._pending), self._time

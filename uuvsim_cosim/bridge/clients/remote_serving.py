@@ -54,7 +54,7 @@ class ComponentServer(Closing):
         self, cls: type[Any], name: str, port: int, host: str, *, anyone: bool = False
     ) -> None:
         if not name.replace("_", "").replace("-", "").isalnum():
-            raise InputInvalid(f"component name {name!r}; expected letters, digits, _ and -")
+            raise InputInvalid(f"component name {name!r}", "letters, digits, _ and -")
         from uuvsim_cosim.bridge.zenoh.bridge import free_port
 
         self.name, self.host, self.port = name, host, port or free_port(host)

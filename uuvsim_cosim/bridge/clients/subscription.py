@@ -54,9 +54,7 @@ class Subscription(Closing):
         known = [n for held in self._names.values() for n in held]
         for name in names:
             if name not in known and name not in components:
-                raise InputInvalid(
-                    f"subscribe: no output {name!r}; expected {expected_names(name, known)}"
-                )
+                raise InputInvalid("subscribe", f"no output {name!r}", expected_names(name, known))
         self._wanted = frozenset(names)
         paths = {
             path

@@ -284,8 +284,9 @@ class Handler(BaseHTTPRequestHandler):
         for field in query:
             if field not in known:
                 raise InputInvalid(
-                    f"/{path}: query {field!r} does not exist{did_you_mean(field, known)}; "
-                    f"expected {' and '.join(known) or 'none'}"
+                    f"/{path}",
+                    f"query {field!r} does not exist{did_you_mean(field, known)}",
+                    " and ".join(known) or "none",
                 )
         names = [n for value in query.get("names", []) for n in value.split(",") if n]
         calls = self._client("get" if path in ("signals", "live") else path)
@@ -295,7 +296,7 @@ class Handler(BaseHTTPRequestHandler):
             return None
         if path == "signals":
             if not names:
-                raise InputInvalid("/signals: no names; expected such as /signals?names=hull.eta")
+                raise InputInvalid("/signals", "no names", "such as /signals?names=hull.eta")
             return _json(calls, "get", {"names": names})
         if path == "pilots":
             return b"application/json", json.dumps({"ok": True, **pilots(calls.service)}).encode()
@@ -323,7 +324,7 @@ class Handler(BaseHTTPRequestHandler):
             checked("leave", read)
             token = self.headers.get(HEADER)
             if token is None:
-                raise InputInvalid(f"leave: no session; expected the header {HEADER} of POST /join")
+                raise InputInvalid("leave", "no session", f"the header {HEADER} of POST /join")
             self.endpoint.sessions.leave(token)
         else:
             return _json(calls, path, {"values": read} if path == "set" else read)

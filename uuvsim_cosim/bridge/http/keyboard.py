@@ -149,13 +149,18 @@ def piloted(system: System, name: str) -> tuple[str, str]:
         fit = [p for p, c in components.items() if _source_for(c) is not None]
         count = f"{len(found)} of them ({', '.join(found)})" if found else "no such component"
         expected = f"one such as {', '.join(fit)}" if fit else "a system with a pilot or guidance"
-        raise InputInvalid(f"--replace {name}=keyboard: {count}; expected {expected}")
+        raise InputInvalid(f"--replace {name}=keyboard: {count}", expected)
     wanted = _source_for(components[found[0]])
     if wanted is None:
         raise InputInvalid(
-            f"--replace {name}=keyboard: {found[0]} has outputs "
-            f"{', '.join(sorted(_outputs(components[found[0]]))) or 'none'}; expected a component "
-            "with outputs eta_d and nu_d, or a and omega, or inputs a and omega and output nu_d"
+            (
+                f"--replace {name}=keyboard: {found[0]} has outputs "
+                f"{', '.join(sorted(_outputs(components[found[0]]))) or 'none'}"
+            ),
+            (
+                "a component with outputs eta_d and nu_d, or a and omega, or "
+                "inputs a and omega and output nu_d"
+            ),
         )
     return found[0], wanted
 

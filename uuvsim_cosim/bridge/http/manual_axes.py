@@ -81,11 +81,11 @@ def _fitted(axes: Mapping[str, object]) -> tuple[float, float, float, float]:
     """Return the axes, limited to [-1, 1]; raises InputInvalid for other names or values."""
     for name in axes:
         if name not in AXES:
-            raise InputInvalid(f"axis {name!r}; expected some of {', '.join(AXES)}")
+            raise InputInvalid(f"axis {name!r}", f"some of {', '.join(AXES)}")
     read = []
     for name in AXES:
         value = axes.get(name, 0.0)
         if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
-            raise InputInvalid(f"{name}: {value!r}; expected a number from -1 to 1")
+            raise InputInvalid(name, f"{value!r}", "a number from -1 to 1")
         read.append(max(-1.0, min(1.0, float(value))))
     return (read[0], read[1], read[2], read[3])

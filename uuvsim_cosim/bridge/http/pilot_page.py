@@ -36,12 +36,12 @@ def steered(service: Service, client: Client, request: Mapping[str, object]) -> 
     check(client, "set")
     for field in request:
         if field not in _FIELDS:
-            raise InputInvalid(f"pilot: field {field!r}; expected some of {', '.join(_FIELDS)}")
+            raise InputInvalid("pilot", f"field {field!r}", f"some of {', '.join(_FIELDS)}")
     page, axes = request.get("page"), request.get("axes", {})
     if not isinstance(page, str) or not 4 <= len(page) <= 64:
-        raise InputInvalid("pilot: page; expected a text of 4 to 64 letters that no other page has")
+        raise InputInvalid("pilot", "page", "a text of 4 to 64 letters that no other page has")
     if not isinstance(axes, dict):
-        raise InputInvalid(f"pilot: axes {axes!r}; expected an object of {', '.join(AXES)}")
+        raise InputInvalid("pilot", f"axes {axes!r}", f"an object of {', '.join(AXES)}")
     found = _axes_here(service)
     component = request.get("component") or next(iter(found), None)
     if not isinstance(component, str) or component not in found:

@@ -69,8 +69,8 @@ class Sessions:
                 session.heard = self._clock()
         if session is None or session.calls.client.allowed != allowed:
             raise InputInvalid(
-                f"session {token[:40]!r} is not known here, or has ended; expected what POST /join "
-                "gave, from the same user"
+                f"session {token[:40]!r} is not known here, or has ended",
+                "what POST /join gave, from the same user",
             )
         return session.calls
 

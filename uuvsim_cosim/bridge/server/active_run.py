@@ -58,8 +58,12 @@ class Record:
         size = 8 * rows * row
         if most is not None and places and size > most:
             raise InputInvalid(
-                f"run: {rows} rows of {row} numbers are {size} bytes; expected at most {most}: "
-                "record fewer signals, run in pieces, or read the recording of the server"
+                "run",
+                f"{rows} rows of {row} numbers are {size} bytes",
+                (
+                    f"at most {most}: record fewer signals, run in pieces, or read the "
+                    "recording of the server"
+                ),
             )
         formats: dict[str, tuple[np.dtype, tuple[int, ...]]] = {}
         if places or size <= (_MEMORY if most is not None else _IN_PROCESS):
@@ -139,7 +143,7 @@ class Running:
         finish: Callable[[], object],
     ) -> None:
         if factor is not None and not 0.0 < factor < float("inf"):
-            raise InputInvalid(f"run: factor {factor:g}; expected more than 0")
+            raise InputInvalid("run", f"factor {factor:g}", "more than 0")
         self.answer, self.record, self.finish = answer, record, finish
         self.factor = factor
         self.overruns = 0

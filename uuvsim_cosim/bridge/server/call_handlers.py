@@ -87,7 +87,7 @@ class CallHandlers:
         outputs: Sequence[str],
     ) -> None:
         if isinstance(n, bool) or not isinstance(n, int) or n < 1:
-            raise InputInvalid(f"step: {n!r} steps; expected a whole number from 1")
+            raise InputInvalid("step", f"{n!r} steps", "a whole number from 1")
         current = self._current
         current.check_idle("step")
         if self._lockstep.holds(client):
@@ -109,6 +109,6 @@ class CallHandlers:
 
     def _reset(self, client: Client, seed: int | None, start: Mapping[str, object] | None) -> None:
         if seed is not None and (isinstance(seed, bool) or not isinstance(seed, int)):
-            raise InputInvalid(f"reset: seed {seed!r}; expected a whole number")
+            raise InputInvalid("reset", f"seed {seed!r}", "a whole number")
         self._current.reset(seed, start or {})
         self._lockstep.end(f"the co-simulation was reset by {client.name!r} meanwhile")

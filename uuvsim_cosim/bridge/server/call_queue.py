@@ -38,7 +38,7 @@ class Calls:
         call = _Call(work)
         with self._lock:
             if self._closed:
-                raise InputInvalid("the co-simulation has ended; expected one that is served")
+                raise InputInvalid("the co-simulation has ended", "one that is served")
             self._queue.put(call)
         return call.answer
 

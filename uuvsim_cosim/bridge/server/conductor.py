@@ -58,7 +58,7 @@ class Conductor(Closing):
         if not isinstance(system, System | Plan | Master | Replay | str | Path):
             kind = type(system).__name__
             raise InputInvalid(
-                f"a {kind} was given; expected a system, its plan, a master, a recording or a path"
+                f"a {kind} was given", "a system, its plan, a master, a recording or a path"
             )
         self._calls = Calls()
         self._loads_code = loads_code
@@ -200,8 +200,12 @@ class Conductor(Closing):
             check(client, call)  # first, so that no code is loaded for a client that may not
             if call == "replace" and not self._loads_code:
                 raise InputInvalid(
-                    "replace: this server loads no code for its clients (--no-code); expected the "
-                    "component to be replaced where it is served, by `uuvsim serve --replace`"
+                    "replace",
+                    "this server loads no code for its clients (--no-code)",
+                    (
+                        "the component to be replaced where it is served, by `uuvsim serve "
+                        "--replace`"
+                    ),
                 )
             if call == "step":
                 self.share.steps(client)

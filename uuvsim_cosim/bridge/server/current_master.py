@@ -117,11 +117,12 @@ class CurrentMaster:
         """Refuse a call that needs a master which neither runs nor has failed."""
         if self.failed is not None:
             raise InputInvalid(
-                f"{call}: the co-simulation is paused, for {self.failed}; expected reset, restore "
-                "or replace first"
+                call,
+                f"the co-simulation is paused, for {self.failed}",
+                "reset, restore or replace first",
             )
         if self.running is not None:
-            raise InputInvalid(f"{call}: the co-simulation runs; expected pause first")
+            raise InputInvalid(call, "the co-simulation runs", "pause first")
 
     def step(self, n: int) -> None:
         """Make n communication steps; after a failure the run is paused."""
@@ -148,15 +149,16 @@ class CurrentMaster:
         end = None
         if until is not None:
             if not isfinite(until):
-                raise InputInvalid(f"run: until {until:g} s; expected a time")
+                raise InputInvalid("run", f"until {until:g} s", "a time")
             end = ceil(Fraction(str(until)) / self.master.plan.tick)
             if end < self.master.tick:
                 raise InputInvalid(
-                    f"run: until {until:g} s; expected a time after {self.master.time:g} s, where "
-                    "the co-simulation is"
+                    "run",
+                    f"until {until:g} s",
+                    f"a time after {self.master.time:g} s, where the co-simulation is",
                 )
         elif record:
-            raise InputInvalid("run: record without until; expected a time, or subscribe")
+            raise InputInvalid("run", "record without until", "a time, or subscribe")
         if until is None and factor is None:
             factor = 1.0
         if end is not None:
@@ -242,7 +244,7 @@ class CurrentMaster:
     def reset(self, seed: int | None, start: Mapping[str, object]) -> None:
         """Go back to the start."""
         if self._replay is not None and seed is not None:
-            raise InputInvalid(f"reset: seed {seed}; expected none, for this replays a recording")
+            raise InputInvalid("reset", f"seed {seed}", "none, for this replays a recording")
         starts = self.names.starts(start)  # before anything changes, as it may raise
         self.pause()
         self.tap.fresh()
@@ -271,12 +273,11 @@ class CurrentMaster:
     def replace(self, component: str, source: str, mapping: Mapping[str, str] | None) -> None:
         """Replace the source of a component and begin again; if that fails, the old one stays."""
         if self._replay is not None:
-            raise InputInvalid(f"replace {component}: this replays a recording; expected a running "
-                               "system")  # fmt: skip
-        if self._system is None:
             raise InputInvalid(
-                "replace: this was begun without a system; expected one from a system"
+                f"replace {component}", "this replays a recording", "a running system"
             )
+        if self._system is None:
+            raise InputInvalid("replace", "this was begun without a system", "one from a system")
         system = self._system.replace(component, _absolute(source), map=mapping)
         plan = flatten(system, self._seed)
         instantiate = prepare(plan, self._backend)

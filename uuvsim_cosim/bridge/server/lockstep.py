@@ -30,7 +30,7 @@ class Lockstep:
     def __init__(self, current: CurrentMaster, fail_safe: FailSafe) -> None:
         if fail_safe not in get_args(FailSafe):
             known = ", ".join(get_args(FailSafe))
-            raise InputInvalid(f"fail-safe {fail_safe!r}; expected one of {known}")
+            raise InputInvalid(f"fail-safe {fail_safe!r}", f"one of {known}")
         self._current, self._fail_safe = current, fail_safe
         self.barrier = Barrier()
         self._clients: dict[str, Client] = {}
@@ -52,13 +52,13 @@ class Lockstep:
     def join(self, client: Client, lockstep: bool, lag: float) -> Client:
         """Add a client, under a name that is free."""
         if lockstep and not (isfinite(lag) and lag > 0.0):
-            raise InputInvalid(f"join: lag {lag:g} s; expected more than 0")
+            raise InputInvalid("join", f"lag {lag:g} s", "more than 0")
         if lockstep and "step" not in client.allowed:
             raise InputInvalid(
-                f"join: client {client.name!r} may not step; expected a role that may, for lockstep"
+                "join", f"client {client.name!r} may not step", "a role that may, for lockstep"
             )
         if lockstep and self._current.running is not None:
-            raise InputInvalid("join: the co-simulation runs; expected pause before lockstep")
+            raise InputInvalid("join", "the co-simulation runs", "pause before lockstep")
         name, number = client.name, 1
         while name in self._clients:
             number += 1
@@ -87,8 +87,7 @@ class Lockstep:
         if name not in self.barrier.holders:
             known = [n for n in self.barrier.holders if n != by.name]
             raise InputInvalid(
-                f"dismiss: no client {name!r} holds time in lockstep; expected "
-                f"{expected_names(name, known)}"
+                "dismiss", f"no client {name!r} holds time in lockstep", expected_names(name, known)
             )
         self._drop(name, f"was dismissed from lockstep by {by.name!r}")
         self.make()
@@ -102,12 +101,13 @@ class Lockstep:
     def check_free(self, client: Client, call: str) -> None:
         """Refuse a call that moves time from a client outside the barrier that others hold."""
         if client.name in self._dropped:
-            raise InputInvalid(f"{call}: {self._dropped[client.name]}; expected to join again")
+            raise InputInvalid(call, self._dropped[client.name], "to join again")
         others = [name for name in self.barrier.holders if name != client.name]
         if others:
             raise InputInvalid(
-                f"{call}: time is held in lockstep by {', '.join(others)}; expected to join with "
-                "lockstep, or that they leave"
+                call,
+                f"time is held in lockstep by {', '.join(others)}",
+                "to join with lockstep, or that they leave",
             )
 
     def ask(
@@ -123,13 +123,14 @@ class Lockstep:
             self._current.names.find(name)
         if self.barrier.holders[client.name].request is not None:
             raise InputInvalid(
-                f"step: client {client.name!r} waits for a step already; expected one at a time"
+                "step", f"client {client.name!r} waits for a step already", "one at a time"
             )
         for other, request in self.barrier.asked():
             if both := request.names & set(inputs):
                 raise InputInvalid(
-                    f"step: {', '.join(sorted(both))}: is set in this step by {other!r} already; "
-                    "expected one client for each input"
+                    "step",
+                    (f"{', '.join(sorted(both))}: is set in this step by {other!r} already"),
+                    "one client for each input",
                 )
         fitted = self._current.names.fit(inputs)
         request = Request(n, fitted, frozenset(inputs), tuple(outputs), answer)

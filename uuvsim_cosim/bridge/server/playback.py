@@ -50,9 +50,9 @@ class Replay:
             path = Path(recording).expanduser()
             signals, where = read_signals(path), str(path)
         if not len(signals) or not len(signals.ticks):
-            raise RecordingError(f"{where}: holds no values; expected a recording of a run")
+            raise RecordingError(where, "holds no values", "a recording of a run")
         if np.any(np.diff(signals.ticks) <= 0):
-            raise RecordingError(f"{where}: its ticks do not grow; expected those of one run")
+            raise RecordingError(where, "its ticks do not grow", "those of one run")
         self.signals = signals
         named = str(signals.metadata.get("system") or Path(where).stem)
         self.name = re.sub(r"[^\w.-]+", "_", named) or "recording"
@@ -110,8 +110,9 @@ class Replay:
         if tick > self.last_tick:
             end = float(self.signals.time[-1])
             raise InputInvalid(
-                f"{call}: to t = {float(tick * self.plan.tick):g} s; expected at most "
-                f"{end:g} s, where the recording ends"
+                call,
+                f"to t = {float(tick * self.plan.tick):g} s",
+                f"at most {end:g} s, where the recording ends",
             )
 
     def step(self, n: int = 1) -> None:
@@ -147,7 +148,7 @@ class Replay:
         except ValueError:
             time = float("nan")
         if not isfinite(time) or not begin <= time <= end:
-            raise InputInvalid(f"restore {name!r}; expected t={begin:g} to t={end:g}, in s")
+            raise InputInvalid(f"restore {name!r}", f"t={begin:g} to t={end:g}, in s")
         return int(Fraction(str(time)) // self.plan.tick)
 
     def terminate(self) -> None:
@@ -169,8 +170,9 @@ class Replay:
     def fitted(self, path: str, name: str, value: object) -> NoReturn:
         """Raise InputInvalid: a recorded value cannot be set."""
         raise InputInvalid(
-            f"{path}.{name}: cannot be set, for this replays a recording; expected a running "
-            "system, such as by `uuvsim serve SYSTEM`"
+            f"{path}.{name}",
+            "cannot be set, for this replays a recording",
+            "a running system, such as by `uuvsim serve SYSTEM`",
         )
 
     def set(self, path: str, name: str, value: object) -> None:
@@ -201,8 +203,9 @@ def _plan(signals: Signals, where: str) -> Plan:
             raise ValueError
     except (KeyError, ValueError, ZeroDivisionError):
         raise RecordingError(
-            f"{where}: its tick is {signals.metadata.get('tick')!r}; expected that of a run, as "
-            "`uuvsim run` and `uuvsim export` write"
+            where,
+            f"its tick is {signals.metadata.get('tick')!r}",
+            "that of a run, as `uuvsim run` and `uuvsim export` write",
         ) from None
     groups: dict[str, dict[str, Variable]] = {}
     for name, values in signals.items():

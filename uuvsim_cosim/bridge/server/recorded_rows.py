@@ -45,9 +45,12 @@ class Store:
             free = shutil.disk_usage(tempfile.gettempdir()).free
             if size > free // 2:
                 raise InputInvalid(
-                    f"run: its recording takes {size} bytes of a temporary file, and {free} are "
-                    f"free in {tempfile.gettempdir()}; expected twice as many: record fewer "
-                    "signals, or run in pieces"
+                    "run",
+                    (
+                        f"its recording takes {size} bytes of a temporary file, and {free} "
+                        f"are free in {tempfile.gettempdir()}"
+                    ),
+                    "twice as many: record fewer signals, or run in pieces",
                 )
             self._file = tempfile.TemporaryFile(buffering=0)  # noqa: SIM115
             weakref.finalize(self, self._file.close)  # mapped arrays stay valid
@@ -69,8 +72,9 @@ class Store:
                     data = data[self._file.write(data) :]
             except OSError as error:
                 raise RecordingError(
-                    f"run: its temporary file cannot be written: {error.strerror}; expected room "
-                    f"in {tempfile.gettempdir()}"
+                    "run",
+                    f"its temporary file cannot be written: {error.strerror}",
+                    f"room in {tempfile.gettempdir()}",
                 ) from None
 
     def first_rows(self, rows: int) -> dict[str, np.ndarray]:
@@ -93,5 +97,5 @@ def _allocated(rows: int, dtype: np.dtype, shape: tuple[int, ...]) -> np.ndarray
         return np.empty((rows, *shape), dtype)
     except (MemoryError, ValueError):  # ValueError: more than an array may have
         raise InputInvalid(
-            f"run: there is no memory for {rows} rows; expected a shorter run, in pieces"
+            "run", f"there is no memory for {rows} rows", "a shorter run, in pieces"
         ) from None

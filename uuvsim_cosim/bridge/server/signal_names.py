@@ -67,8 +67,8 @@ class Names:
             if whole.variable.shape and 1 <= indices[0] <= size:
                 return Place(whole.path, whole.variable, indices[0] - 1)
             there = f"{stem}[1] … [{size}]" if whole.variable.shape else f"{stem}, a scalar"
-            raise InputInvalid(f"no signal {name!r}; expected {there}")
-        raise InputInvalid(f"no signal {name!r}; expected {expected_names(name, self.places)}")
+            raise InputInvalid(f"no signal {name!r}", there)
+        raise InputInvalid(f"no signal {name!r}", expected_names(name, self.places))
 
     def get(self, names: Iterable[str]) -> dict[str, Any]:
         """Read values at the current communication point."""
@@ -90,7 +90,7 @@ class Names:
             if place.element is not None:
                 whole = f"{place.path}.{place.variable.name}"
                 raise InputInvalid(
-                    f"{name}: one element; expected all {place.variable.size} of {whole} at once"
+                    name, "one element", f"all {place.variable.size} of {whole} at once"
                 )
             fitted.append((place, self._master.fitted(place.path, place.variable.name, value)))
         return fitted
@@ -110,7 +110,7 @@ class Names:
             v = place.variable
             if place.element is not None or v.causality not in ("input", "parameter"):
                 read = "one element" if place.element is not None else f"an {v.causality}"
-                raise InputInvalid(f"{name}: {read}; expected a whole input or parameter")
+                raise InputInvalid(name, read, "a whole input or parameter")
             try:
                 starts.setdefault(place.path, {})[v.name] = as_array(v, fit(v, value))
             except Misfit as misfit:

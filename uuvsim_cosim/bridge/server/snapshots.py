@@ -39,8 +39,9 @@ class Snapshots:
         own = sum(kept.owner == owner for kept in self._kept.values())
         if own >= EACH:
             raise InputInvalid(
-                f"snapshot: client {owner!r} keeps {own} snapshots; expected at most {EACH}: "
-                "discard one first"
+                "snapshot",
+                f"client {owner!r} keeps {own} snapshots",
+                f"at most {EACH}: discard one first",
             )
         if len(self._kept) >= ALL:
             oldest = next((name for name, kept in self._kept.items() if kept.owner is None), None)
@@ -64,7 +65,7 @@ class Snapshots:
         if name in self._kept:
             return self._kept[name].state
         raise InputInvalid(
-            f"no snapshot {name!r}{self._cause(name)}; expected {expected_names(name, self._kept)}"
+            f"no snapshot {name!r}{self._cause(name)}", expected_names(name, self._kept)
         )
 
     def discard(self, name: str) -> None:

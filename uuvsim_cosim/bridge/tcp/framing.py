@@ -95,21 +95,25 @@ class Reader:
         ):
             if read > most:
                 raise InputInvalid(
-                    f"frame: a {what} of {read} bytes was announced; expected at most {most} "
-                    "(a frame begins with two little-endian uint32, see "
-                    "docs/connections/connect_matlab.md)"
+                    "frame",
+                    f"a {what} of {read} bytes was announced",
+                    (
+                        f"at most {most} (a frame begins with two little-endian uint32, see "
+                        "docs/connections/connect_matlab.md)"
+                    ),
                 )
         if payload % 8:
             raise InputInvalid(
-                f"frame: a payload of {payload} bytes was announced; expected a multiple of 8"
+                "frame", f"a payload of {payload} bytes was announced", "a multiple of 8"
             )
 
     def _fill(self, size: int, end: float) -> None:
         while len(self._buffer) < size:
             if time.monotonic() > end:
                 raise InputInvalid(
-                    f"frame: {len(self._buffer)} of {size} bytes came in "
-                    f"{self.limits.frame_s:g} s; expected all of them by then"
+                    "frame",
+                    (f"{len(self._buffer)} of {size} bytes came in {self.limits.frame_s:g} s"),
+                    "all of them by then",
                 )
             self._more(begun=True)
 
@@ -118,7 +122,7 @@ class Reader:
             data = self._receive(_CHUNK, begun)
         except TimeoutError:
             raise InputInvalid(
-                "connection: nothing came within the time that a frame has; expected a whole frame"
+                "connection", "nothing came within the time that a frame has", "a whole frame"
             ) from None
         except OSError as error:
             raise Disconnected(str(error)) from None

@@ -127,7 +127,7 @@ class Calls:
                 kept = self.service.snapshot(self.client)
                 return Answer({"snapshot": kept, **_at(self.service.moment())}, {})
             case "join" | "leave":
-                raise InputInvalid(f"{name}: this connection has joined; expected another call")
+                raise InputInvalid(name, "this connection has joined", "another call")
         moment = getattr(self.service, name)(self.client, *given)
         if name == "replace":
             self.refresh()

@@ -47,15 +47,14 @@ class _Layout:
         for field in request:
             if field not in ("call", "inputs", "outputs", "integers"):
                 raise InputInvalid(
-                    f"layout: field {field!r} does not exist; expected some of inputs, outputs, "
-                    "integers"
+                    "layout", f"field {field!r} does not exist", "some of inputs, outputs, integers"
                 )
         self._exact = _integers(request)
         self.inputs = [find(calls.schema, n) for n in _list(request, "inputs")]
         self.outputs = [find(calls.schema, n) for n in _list(request, "outputs")]
         for info in (*self.inputs, *self.outputs):
             if info.type in ("String", "Binary"):
-                raise InputInvalid(f"layout: {info.name} is a {info.type}; expected numbers")
+                raise InputInvalid("layout", f"{info.name} is a {info.type}", "numbers")
         sizes = [int(np.prod(info.shape, dtype=int)) for info in self.inputs]
         self.ends = np.cumsum([1, *sizes]).tolist()
         self.names = [info.name for info in self.outputs]
@@ -203,10 +202,10 @@ def _request(calls: Calls, header: Mapping[str, object], payload: bytes) -> dict
             raise InputInvalid(f"{name}: values were given; only set, step and reset take them")
         return request
     if "values" in request and call.values in request and call.values != "values":
-        raise InputInvalid(f"{name}: both values and {call.values} were given; expected one")
+        raise InputInvalid(name, f"both values and {call.values} were given", "one")
     given = request.pop("values", None) if "values" in request else request.pop(call.values, None)
     if isinstance(given, dict) and (both := columns.keys() & given.keys()):
-        raise InputInvalid(f"{name}: {', '.join(sorted(both))} is given twice; expected it once")
+        raise InputInvalid(name, f"{', '.join(sorted(both))} is given twice", "it once")
     if columns and (given is None or isinstance(given, dict)):
         given = {**columns, **(given or {})}
     elif given is None and "columns" in header:
@@ -231,7 +230,7 @@ def _called(calls: Calls, header: Mapping[str, object], payload: bytes) -> Itera
 def _integers(header: Mapping[str, object]) -> bool:
     read = header.get("integers", False)
     if not isinstance(read, bool):
-        raise InputInvalid(f"integers: {shown(read)} was read; expected true or false")
+        raise InputInvalid("integers", f"{shown(read)} was read", "true or false")
     return read
 
 
@@ -250,7 +249,7 @@ def _compact(calls: Calls, layout: _Layout | None, payload: bytes) -> bytes:
         steps = whole(n)
     except (ValueError, OverflowError):
         raise InputInvalid(
-            f"step: n = {n:g} was read; expected a whole number of steps from 1"
+            "step", f"n = {n:g} was read", "a whole number of steps from 1"
         ) from None
     inputs = {
         info.name: shaped(info, np.frombuffer(payload, format_, end - begin, 8 * begin))
@@ -267,5 +266,5 @@ def _list(request: Mapping[str, object], field: str) -> list[str]:
     read = request.get(field, [])
     read = [read] if isinstance(read, str) else read
     if not isinstance(read, list) or not all(isinstance(n, str) for n in read):
-        raise InputInvalid(f"{field}: {read!r} was read; expected a list of names")
+        raise InputInvalid(field, f"{read!r} was read", "a list of names")
     return read

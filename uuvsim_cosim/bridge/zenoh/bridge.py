@@ -171,7 +171,7 @@ class Bridge(Closing):
             payload, attached = query.payload, query.attachment
             for what, read in (("message", payload), ("block of numbers", attached)):
                 if read is not None and len(read) > (most := MOST_BYTES[what]):
-                    raise InputInvalid(f"a {what} of {len(read)} bytes; expected at most {most}")
+                    raise InputInvalid(f"a {what} of {len(read)} bytes", f"at most {most}")
             message = read_object(b"" if payload is None else payload.to_bytes(), "message")
             block = b"" if attached is None else attached.to_bytes()
         except Exception as error:
@@ -185,7 +185,7 @@ class Bridge(Closing):
             if wrong is not None:
                 raise wrong
             if not accepted:
-                raise InputInvalid(f"{call}: too many calls wait for their answer; expected fewer")
+                raise InputInvalid(call, "too many calls wait for their answer", "fewer")
             if call == "join":
                 lane.put(lambda: self._join(query, message, certificate))
                 return
@@ -259,8 +259,8 @@ class Bridge(Closing):
             theirs, version = message.get("protocol", PROTOCOL), message.get("version", "unknown")
             if theirs != PROTOCOL:
                 raise InputInvalid(
-                    f"the client (uuvsim-cosim {version}) speaks protocol {theirs}; expected "
-                    f"protocol {PROTOCOL}, as uuvsim-cosim {__version__} has, which serves here"
+                    f"the client (uuvsim-cosim {version}) speaks protocol {theirs}",
+                    (f"protocol {PROTOCOL}, as uuvsim-cosim {__version__} has, which serves here"),
                 )
             fields = {k: v for k, v in message.items() if k not in (*_EACH, *_JOIN)}
             wishes = checked("join", fields)
@@ -358,6 +358,6 @@ def free_port(host: str) -> int:
             s.bind((host, 0))
         except OSError as error:
             raise InputInvalid(
-                f"cannot listen at {host}: {error.strerror}; expected an address of this machine"
+                f"cannot listen at {host}", error.strerror, "an address of this machine"
             ) from None
         return int(s.getsockname()[1])

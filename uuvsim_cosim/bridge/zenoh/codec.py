@@ -56,7 +56,7 @@ def _plain(value: object) -> object:
 def unpacked(encoded: object, block: bytes) -> dict[str, Any]:
     """Return the values of `packed`; raises InputInvalid for other data."""
     if not isinstance(encoded, Mapping):
-        raise InputInvalid(f"values: {type(encoded).__name__}; expected an object of names")
+        raise InputInvalid("values", type(encoded).__name__, "an object of names")
     return {str(name): _value(str(name), value, block) for name, value in encoded.items()}
 
 
@@ -70,8 +70,9 @@ def _value(name: str, value: object, block: bytes) -> object:
         array = np.frombuffer(block, "?" if type_ == "?" else f"<{type_}", prod(shape), at)
     except (KeyError, TypeError, ValueError, OverflowError):
         raise InputInvalid(
-            f"{name}: {json.dumps(value)[:100]} with a block of {len(block)} bytes; expected "
-            "at, type (f8, i8, u8 or ?) and shape of numbers that lie in the block"
+            name,
+            f"{json.dumps(value)[:100]} with a block of {len(block)} bytes",
+            ("at, type (f8, i8, u8 or ?) and shape of numbers that lie in the block"),
         ) from None
     return array.reshape(shape).copy() if shape else array[0].item()
 
@@ -84,7 +85,7 @@ def read_message(data: bytes) -> dict[str, Any]:
         message = None
     if not isinstance(message, dict):
         read = data[:40].decode(errors="replace")
-        raise InputInvalid(f"message {read!r}; expected a JSON object")
+        raise InputInvalid(f"message {read!r}", "a JSON object")
     return message
 
 

@@ -117,9 +117,7 @@ class JoinedClients:
         with self._lock:
             joined = self._joined.get(token)
         if joined is None and token:
-            raise InputInvalid(
-                f"{call}: this client has not joined, or was let go; expected to join first"
-            )
+            raise InputInvalid(call, "this client has not joined, or was let go", "to join first")
         if joined is None:
             shown = _text(call, message, "token")
             return Client("zenoh", "zenoh", self._admit(None, None, self._shown, shown))
@@ -133,7 +131,7 @@ class JoinedClients:
         """Return the permissions of a client that joins; raises InputInvalid to refuse it."""
         token = str(message.get("client", ""))
         if not token or "/" in token or token in self._joined or len(token) > 64:
-            raise InputInvalid(f"join: client {token[:64]!r}; expected an id of its own")
+            raise InputInvalid("join", f"client {token[:64]!r}", "an id of its own")
         if len(self._joined) >= _CLIENTS:
             raise InputInvalid(f"join: {_CLIENTS} clients have joined, which is all that may")
         user, password, shown = (_text("join", message, k) for k in ("user", "password", "token"))
@@ -194,5 +192,5 @@ class JoinedClients:
 def _text(call: str, message: Mapping[str, object], field: str) -> str | None:
     read = message.get(field)
     if read is not None and not isinstance(read, str):
-        raise InputInvalid(f"{call}: {field} is no text; expected one")
+        raise InputInvalid(call, f"{field} is no text", "one")
     return read

@@ -259,8 +259,8 @@ def listening(
     except zenoh.ZError as error:
         if "in use" in str(error):
             raise InputInvalid(
-                f"port {port} on {', '.join(hosts)} is in use; expected a free one, such as port "
-                f"{port + 100}, or 0 for any"
+                f"port {port} on {', '.join(hosts)} is in use",
+                f"a free one, such as port {port + 100}, or 0 for any",
             ) from None
         reason = str(error).split(" at /", 1)[0]  # without the place in Zenoh's own source code
         raise InputInvalid(f"cannot listen on {', '.join(endpoints)}: {reason}") from None

@@ -61,13 +61,13 @@ def collect_command(
     if recorded and policy is not None:
         raise InputInvalid(f"--policy {policy} and --recorded: expected one of them")
     if signal and not recorded:
-        raise InputInvalid("--signal: names signals of --recorded runs; expected them")
+        raise InputInvalid("--signal: names signals of --recorded runs", "them")
     if ray is not None and recorded:
-        raise InputInvalid(f"--ray {ray}: spreads what a policy does; expected no --recorded")
+        raise InputInvalid(f"--ray {ray}: spreads what a policy does", "no --recorded")
     drawn = {"--episodes": episodes, "--seed": seed}
     given = " and ".join(f"{k} {v}" for k, v in drawn.items() if v is not None)
     if recorded and given:
-        raise InputInvalid(f"{given}: of what a policy does; expected no --recorded")
+        raise InputInvalid(given, "of what a policy does", "no --recorded")
     if seed is not None and seed < 0:
         raise InputInvalid(f"--seed {seed}: expected 0 or more")
     options = nested("--task-set", task_set or [], "NAME=VALUE, as n_trackers=3")

@@ -46,7 +46,7 @@ def train_through(
     options that a curriculum does not have. `task` must be the last task of the curriculum.
     """
     if refused:
-        raise InputInvalid(f"{refused[0]}: of one training; expected --curriculum without it")
+        raise InputInvalid(refused[0], "of one training", "--curriculum without it")
     from uuvsim_cosim.learn.training.curricula import curriculum_of
     from uuvsim_cosim.learn.training.interruption import Interruption
     from uuvsim_cosim.learn.training.train_curriculum import train_curriculum
@@ -55,7 +55,7 @@ def train_through(
     last = curriculum.stages[-1].task
     if task not in (None, "target-tracking", last):
         raise InputInvalid(
-            f"task {task!r}: curriculum {curriculum.name} ends with {last}; expected that, or none"
+            f"task {task!r}", f"curriculum {curriculum.name} ends with {last}", "that, or none"
         )
     given = {k: v for k, v in changes.items() if v not in (None, {})}
     seed = given.pop("seed", 0)
@@ -66,8 +66,7 @@ def train_through(
         options["profile"] = given.pop("profile")
     if "steps" in given:
         raise InputInvalid(
-            "--steps: of one training; expected the steps of each stage, in a YAML file of a "
-            "curriculum"
+            "--steps: of one training", "the steps of each stage, in a YAML file of a curriculum"
         )
     curriculum = curriculum.changed(options=options, **given)
     folder = out or Path("runs") / "train" / f"{curriculum.name}-{curriculum.algorithm}-{seed}"

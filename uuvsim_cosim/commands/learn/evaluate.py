@@ -112,7 +112,7 @@ def _refuse_other(path: Path) -> None:
         raise InputInvalid(f"--out {path}: cannot be read ({error.strerror})") from None
     if first not in ("", ",".join(HEAD)):
         raise InputInvalid(
-            f"--out {path}: is there, and no table of `uuvsim evaluate`; expected another name"
+            f"--out {path}: is there, and no table of `uuvsim evaluate`", "another name"
         )
 
 

@@ -31,7 +31,7 @@ class Page:
         self._server: ViserServer | None = None
         self._recorded: tuple[Stage, Motion, Traces] | None = None
         if port is not None and not asked:
-            raise InputInvalid(f"--port {port}: is where --view shows it; expected --view")
+            raise InputInvalid(f"--port {port}: is where --view shows it", "--view")
         if asked:
             from uuvsim_cosim.view.scene3d.viser_server import open_server
 
@@ -73,8 +73,8 @@ def episode_of(
     stage = stage_of_plan(plan, name)
     if not stage.bodies:
         raise InputInvalid(
-            f"--view: no component of {name} has a pose (eta) that tau moves; expected a task with "
-            "a vehicle, or no --view"
+            f"--view: no component of {name} has a pose (eta) that tau moves",
+            "a task with a vehicle, or no --view",
         )
     watched: Any = copy.copy(task)  # its method `view` is replaced
     watched.signals = tuple(dict.fromkeys((*task.signals, *stage.signals)))

@@ -54,13 +54,13 @@ def acting_of(
         tasks = {p.task for p in firsts.values()}
         if len(tasks) != 1:
             read = f"policies of {' and '.join(sorted(tasks))}" if tasks else "no task"
-            raise InputInvalid(f"{read}; expected one task, or a policy that was trained in one")
+            raise InputInvalid(read, "one task, or a policy that was trained in one")
         (task,) = tasks
     for g, p in firsts.items():
         if own_task and p.task != task:
             raise InputInvalid(
-                f"--policy {g}: was trained in {p.task}, and not in {task}; expected a policy of "
-                f"{task}, or --other-task, which plays it all the same"
+                f"--policy {g}: was trained in {p.task}, and not in {task}",
+                f"a policy of {task}, or --other-task, which plays it all the same",
             )
     first = next((p for p in firsts.values() if p.task == task), None)
     trained = {} if first is None else first.options

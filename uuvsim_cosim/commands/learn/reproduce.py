@@ -68,7 +68,7 @@ def reproduce_command(
     chains_of(figure)
     for option, folder in (("--out", out), ("--work", work)):
         if folder.exists() and not folder.is_dir():
-            raise InputInvalid(f"{option} {folder}: is a file; expected a folder")
+            raise InputInvalid(f"{option} {folder}", "is a file", "a folder")
     if not no_run:
         check_torch()
         if ray is None:

@@ -137,7 +137,7 @@ def _config(task: str | None, file: Path | None, changes: dict[str, Any]) -> Tra
     if file is not None:
         return read_config(file, **changes)
     if task is None:
-        raise InputInvalid("no task; expected one, as in `uuvsim train transition_1`, or --config")
+        raise InputInvalid("no task", "one, as in `uuvsim train transition_1`, or --config")
     return TrainingConfig(**changes)
 
 

@@ -130,4 +130,4 @@ def check(files: Annotated[list[Path], typer.Argument(help="One .fmu, or several
         else:
             line(f"{tilde(file)}: nothing wrong was found")
     if wrong:
-        raise InputInvalid(f"{'; '.join(wrong)}; expected none")
+        raise InputInvalid("; ".join(wrong), "none")

@@ -51,9 +51,7 @@ def import_command(
     from uuvsim_cosim.models.importing.vehicle_draft import check_id, write_draft
 
     if not file.is_file():
-        raise InputInvalid(
-            f"{file}: no such file; expected a surface (.stl), .urdf, .sdf or .xacro"
-        )
+        raise InputInvalid(file, "no such file", "a surface (.stl), .urdf, .sdf or .xacro")
     if out is None:
         id = re.sub(r"[^a-z0-9_]+", "_", file.name.split(".")[0].lower()).strip("_")
         folder = Path(id if id[:1].isalpha() else f"vehicle_{id}")
@@ -72,7 +70,7 @@ def import_command(
         draft, notes = found.draft, found.notes
     else:
         if mass is None:
-            raise InputInvalid(f"{file}: a surface has no mass; expected --mass and kg")
+            raise InputInvalid(file, "a surface has no mass", "--mass and kg")
         draft, notes = _surface(
             file, mass, 1.0 if scale is None else scale, axes or "FLU", volume, z_g,
             1025.0 if rho is None else rho,

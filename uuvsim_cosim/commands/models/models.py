@@ -134,9 +134,9 @@ def check(
     if name is None:
         raise InputInvalid("--against needs a vehicle before it, such as bluerov2_heavy@wu_2018")
     if not tolerance >= 0:
-        raise InputInvalid(f"--tolerance {tolerance:g}; expected a number from 0")
+        raise InputInvalid(f"--tolerance {tolerance:g}", "a number from 0")
     if not against.is_file():
-        raise InputInvalid(f"{against}: no such file; expected a CSV of a trajectory")
+        raise InputInvalid(against, "no such file", "a CSV of a trajectory")
     _check_against(name, against, tolerance, relative)
 
 
@@ -168,8 +168,9 @@ def _check_against(name: str, path: Path, tolerance: float, relative: bool) -> N
     kind = "relative to its greatest value" if relative else "off"
     if not off(worst) <= tolerance:
         raise InputInvalid(
-            f"{name} against {path}: {worst.column} is {off(worst):.3g} {kind} at "
-            f"t = {worst.t:g} s; expected at most {tolerance:g}"
+            f"{name} against {path}",
+            f"{worst.column} is {off(worst):.3g} {kind} at t = {worst.t:g} s",
+            f"at most {tolerance:g}",
         )
     line(f"{name} agrees with {path.name} within {tolerance:g}{' relative' if relative else ''}")
 
@@ -182,7 +183,7 @@ def _check_all(name: str | None, groups: set[str]) -> None:
     if not done:
         there = ", ".join(groups_of(name or ""))
         raise InputInvalid(
-            f"{name}: nothing of {', '.join(sorted(groups))} is compared with it; expected {there}"
+            name, f"nothing of {', '.join(sorted(groups))} is compared with it", there
         )
     table(
         ("source", "vehicle", "quantity", "difference", "tolerance", "verdict"),

@@ -80,9 +80,9 @@ def terrain_command(
     from uuvsim_cosim.scene.terrain.write import check_target, write_terrain
 
     if not fill >= 0:
-        raise InputInvalid(f"--fill {fill:g}; expected 0 m or more")
+        raise InputInvalid(f"--fill {fill:g}", "0 m or more")
     if relief is not None and relief < 0:
-        raise InputInvalid(f"--relief {relief}; expected a seed of 0 or more")
+        raise InputInvalid(f"--relief {relief}", "a seed of 0 or more")
     if out is not None:
         check_target(out)
     wishes = Wishes(

@@ -27,7 +27,7 @@ def export_command(
     """Convert a recording for other tools; the ending of the file's name says to what."""
     kind = out.suffix.lower()
     if kind not in KINDS:
-        raise InputInvalid(f"{out}: ending {out.suffix!r} was read; expected {', '.join(KINDS)}")
+        raise InputInvalid(out, f"ending {out.suffix!r} was read", ", ".join(KINDS))
     if scene and kind != ".mcap":
         raise InputInvalid(f"--scene and {out}: expected a file .mcap; .rrd has the scene anyway")
     if kind == ".rrd":

@@ -29,7 +29,7 @@ class Watched:
         self.observers: list[Observer] = []
         if not asked:
             if port is not None:
-                raise InputInvalid(f"--port {port}: is where --view shows it; expected --view")
+                raise InputInvalid(f"--port {port}: is where --view shows it", "--view")
             return
         from uuvsim_cosim.view.scene3d.live import LiveView
         from uuvsim_cosim.view.scene3d.viser_server import open_server

@@ -46,7 +46,7 @@ def map_command(
     if out is not None:
         check_target(out)
     if not run.is_dir():
-        raise InputInvalid(f"{run}: no such folder; expected one that `uuvsim run` wrote")
+        raise InputInvalid(run, "no such folder", "one that `uuvsim run` wrote")
     given = None if settings is None else read_settings(settings)
     if given is None and (scene or cell is not None) and (run / FILE).is_file():
         given = read_settings(run / FILE)

@@ -31,7 +31,7 @@ def pack_command(
     version = fmi_version(fmi)
     platforms = platform_names(platform)
     if out.suffix.lower() != ".ssp":
-        raise InputInvalid(f"{out}: ending {out.suffix!r} was read; expected .ssp")
+        raise InputInvalid(out, f"ending {out.suffix!r} was read", ".ssp")
     from uuvsim_cosim.orchestrator.running.library import load
     from uuvsim_cosim.orchestrator.ssp.pack import pack
 

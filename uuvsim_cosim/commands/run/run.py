@@ -157,7 +157,7 @@ def run_command(
         }  # fmt: skip
         for option, given in refused.items():
             if given:
-                raise InputInvalid(f"{option}: is for systems; expected a system, not one FMU")
+                raise InputInvalid(option, "is for systems", "a system, not one FMU")
         if len(input_ or []) > 1:
             raise InputInvalid(f"--input {' '.join(input_ or [])}: expected one CSV for an .fmu")
         table = Path(input_[0]) if input_ else None
@@ -165,11 +165,9 @@ def run_command(
         _run_fmu(system, table, until, asked, out, values, trace_fmi, start, interface)
         return
     if step is not None:
-        raise InputInvalid("--step is for a single .fmu; expected --rate component=step")
+        raise InputInvalid("--step is for a single .fmu", "--rate component=step")
     if interface is not None:
-        raise InputInvalid(
-            f"--interface {interface} is for a single .fmu; expected SYSTEM to be one"
-        )
+        raise InputInvalid(f"--interface {interface} is for a single .fmu", "SYSTEM to be one")
     changes = {
         "replace": assignments("--replace", replace or [], "component=source", dotted=False),
         "map": assignments("--map", map_ or [], MAP, dotted=False),
@@ -180,7 +178,7 @@ def run_command(
     if waypoints is not None:
         changes["waypoints"] = {"file": waypoints.name} | ({"origin": origin} if origin else {})
     elif origin is not None:
-        raise InputInvalid(f"--origin {origin}: places --waypoints; expected them as well")
+        raise InputInvalid(f"--origin {origin}: places --waypoints", "them as well")
     if scenario is not None:
         changes["scenario"] = {"file": scenario.name}
     if out is not None:
@@ -270,9 +268,9 @@ def _run_fmu(
 
     target = out if out is not None else Path(f"{Path(fmu).stem}.csv")
     if target.suffix.lower() not in ("", ".csv"):
-        raise InputInvalid(f"--out {target}: ending {target.suffix!r} was read; expected .csv")
+        raise InputInvalid(f"--out {target}: ending {target.suffix!r} was read", ".csv")
     if not target.absolute().parent.is_dir():
-        raise InputInvalid(f"{target}: its folder does not exist; expected a file in a folder")
+        raise InputInvalid(target, "its folder does not exist", "a file in a folder")
     chosen = None if interface is None else _interface(interface)
     traced: AbstractContextManager[Trace | None] = nullcontext()
     if trace_fmi is not None:

@@ -43,7 +43,7 @@ def show(
 ) -> None:
     """Draw a system's block diagram with rates and units, and list components and loops."""
     if out is not None and out.suffix.lower() != ".svg":
-        raise InputInvalid(f"{out}: ending {out.suffix!r} was read; expected .svg")
+        raise InputInvalid(out, f"ending {out.suffix!r} was read", ".svg")
     from uuvsim_cosim.orchestrator.plan.flatten import inspected
     from uuvsim_cosim.orchestrator.plan.loop_delays import loop_delays, loop_lines
     from uuvsim_cosim.orchestrator.plan.loop_policy import loop_lines_of

@@ -28,7 +28,7 @@ def password_command() -> None:
 
         password = getpass.getpass("Password: ")
         if getpass.getpass("Again: ") != password:
-            raise InputInvalid("the two passwords differ; expected the same twice")
+            raise InputInvalid("the two passwords differ", "the same twice")
     else:
         password = sys.stdin.readline().rstrip("\r\n")
     put("hash", kept := hashed(password))
@@ -48,9 +48,9 @@ def token_command(
     token = known_token("127.0.0.1", port)
     if token is None:
         raise InputInvalid(
-            f"port {port}: no server of yours asks for a token there (no file "
-            f"{tilde(token_file(port))}); expected the --port of "
-            "`uuvsim serve` or of a page (`uuvsim view`)"
+            f"port {port}",
+            (f"no server of yours asks for a token there (no file {tilde(token_file(port))})"),
+            "the --port of `uuvsim serve` or of a page (`uuvsim view`)",
         )
     text = f"Authorization: Bearer {token}" if header else token
     put("token", token)

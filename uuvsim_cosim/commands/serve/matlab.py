@@ -17,8 +17,9 @@ def matlab_command() -> None:
     folder = content("matlab")
     if not (folder / "+uuvsim" / "connect.m").is_file():
         raise InputInvalid(
-            f"{folder}: the MATLAB client is not there; expected the folder +uuvsim, which the "
-            "wheel brings: install uuvsim-cosim again"
+            folder,
+            "the MATLAB client is not there",
+            ("the folder +uuvsim, which the wheel brings: install uuvsim-cosim again"),
         )
     folders = [
         str(part).replace("'", "''") for part in (folder, folder / "examples", folder / "mex")

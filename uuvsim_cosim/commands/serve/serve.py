@@ -241,7 +241,7 @@ def _check_ports(hosts: Sequence[str], port: int | None, tcp: int | None, http: 
         if not 0 < number < 1 << 16:
             raise InputInvalid(f"{option} {number}: expected a port, 1 to 65535, or 0 for any")
         if number in options:
-            raise InputInvalid(f"{option} {number}: is {options[number]} as well; expected another")
+            raise InputInvalid(f"{option} {number}", f"is {options[number]} as well", "another")
         options[number] = option
         for host in hosts:
             with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as trial:
@@ -251,8 +251,11 @@ def _check_ports(hosts: Sequence[str], port: int | None, tcp: int | None, http: 
                 except OSError as error:
                     if error.errno == errno.EADDRINUSE:
                         raise InputInvalid(
-                            f"port {number} on {host} is in use; expected a free one, such as "
-                            f"by {option} {number % 65435 + 100}, or 0 for any"
+                            f"port {number} on {host} is in use",
+                            (
+                                f"a free one, such as by {option} {number % 65435 + 100}, or 0 for "
+                                "any"
+                            ),
                         ) from None
 
 
@@ -303,8 +306,7 @@ def _refuse_changes(system: str, changes: Mapping[str, object], **others: object
     given = [f"--{name}" for name, value in {**changes, **others}.items() if value]
     if given:
         raise InputInvalid(
-            f"{system}: is a recording, which nothing can change; expected it without "
-            f"{', '.join(given)}"
+            system, "is a recording, which nothing can change", f"it without {', '.join(given)}"
         )
 
 

@@ -15,7 +15,7 @@ __all__ = ["fmi_version", "platform_names"]
 def fmi_version(number: int) -> FmiVersion:
     """Return 2 or 3; raises InputInvalid for another number."""
     if number not in (2, 3):
-        raise InputInvalid(f"--fmi: {number} was read; expected 2 or 3")
+        raise InputInvalid(f"--fmi: {number} was read", "2 or 3")
     return 2 if number == 2 else 3
 
 

@@ -40,7 +40,7 @@ def assignments(
         if not equals or not left or not right or (dotted and not (component and dot and rest)):
             raise InputInvalid(f"{option} {text}: expected {expected}")
         if left in found:
-            raise InputInvalid(f"{option} {text}: {left} is given twice; expected once")
+            raise InputInvalid(f"{option} {text}", f"{left} is given twice", "once")
         found[left] = right
     return found
 

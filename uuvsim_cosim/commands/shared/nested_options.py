@@ -20,7 +20,7 @@ def nested(option: str, texts: Iterable[str], expected: str) -> dict[str, Any]:
         for parent in parents:
             place = place.setdefault(parent, {})
             if not isinstance(place, dict):
-                raise InputInvalid(f"{option} {name}: {parent} has a value already; expected one")
+                raise InputInvalid(f"{option} {name}", f"{parent} has a value already", "one")
         place[last] = value_of(text)
         if isinstance(place[last], str):  # no number; YAML may read a truth value, list or mapping
             from ruamel.yaml import YAML
@@ -30,6 +30,6 @@ def nested(option: str, texts: Iterable[str], expected: str) -> dict[str, Any]:
                 place[last] = YAML(typ="safe", pure=True).load(text)
             except YAMLError:
                 raise InputInvalid(
-                    f"{option} {name}={text}: cannot be read; expected a value as in YAML"
+                    f"{option} {name}={text}", "cannot be read", "a value as in YAML"
                 ) from None
     return found

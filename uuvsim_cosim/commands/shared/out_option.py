@@ -36,6 +36,6 @@ def expect_folder(out: Path, *files: str) -> None:
         return
     wanted = ", ".join((*files, "or the name of a folder" if files else "the name of a folder"))
     if out.exists():
-        raise InputInvalid(f"--out {out}: is a file; expected {wanted}")
+        raise InputInvalid(f"--out {out}: is a file", wanted)
     if ending[1:] in _OF_FILES:
-        raise InputInvalid(f"--out {out}: ending {out.suffix!r} was read; expected {wanted}")
+        raise InputInvalid(f"--out {out}: ending {out.suffix!r} was read", wanted)

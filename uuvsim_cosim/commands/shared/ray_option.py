@@ -26,7 +26,7 @@ def clustered(
         return
     if jobs is not None and address != "local":
         raise InputInvalid(
-            f"--jobs {jobs} with --ray {address}: the cluster says how many; expected one of them"
+            f"--jobs {jobs} with --ray {address}: the cluster says how many", "one of them"
         )
     from uuvsim_cosim.cluster.ray_cluster import Cluster
 

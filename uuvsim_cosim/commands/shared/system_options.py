@@ -38,7 +38,7 @@ def edited_system(
     for component in {**files, **maps}:
         if component not in swaps:
             raise InputInvalid(
-                f"--map {component}: nothing is put there; expected --replace {component}=SOURCE"
+                f"--map {component}: nothing is put there", f"--replace {component}=SOURCE"
             )
     for component, source in swaps.items():
         # A file on the command line is relative to the current folder, not to the system's.
@@ -50,9 +50,7 @@ def edited_system(
             element = system.components.get(component)
             if element is None:
                 known = ", ".join(system.components)
-                raise InputInvalid(
-                    f"--rate {component}: no such component; expected one of {known}"
-                )
+                raise InputInvalid(f"--rate {component}: no such component", f"one of {known}")
             kept: Any = element.source  # its own source again: text, or a nested system
             system = system.replace(component, kept, rate=step)
     for path, text in changes["set"].items():
@@ -70,8 +68,8 @@ def _check_effect(system: System, path: str) -> None:
         fed = f"{wire.target.element}.{wire.target.variable.name}"
         if path.partition("[")[0] == fed:
             raise InputInvalid(
-                f"--set {path}: is fed by {wire.connection.source}; expected a parameter, or an "
-                "input that nothing is connected to"
+                f"--set {path}: is fed by {wire.connection.source}",
+                "a parameter, or an input that nothing is connected to",
             )
 
 

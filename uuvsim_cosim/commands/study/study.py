@@ -64,7 +64,7 @@ def study_command(
     A study that was interrupted goes on where it was.
     """
     if not file.is_file():
-        raise InputInvalid(f"{file}: no such file; expected a study file (.yaml)")
+        raise InputInvalid(file, "no such file", "a study file (.yaml)")
     if jobs is not None and jobs < 1:
         raise InputInvalid(f"--jobs {jobs}: expected 1 or more")
     with Termination() as termination, StudyProgress() as progress:

@@ -37,7 +37,7 @@ def subjects_of(
 ) -> tuple[str, list[Subject]]:
     """Return a name, and the subjects: the environment, and its vector if there is one."""
     if steps < 8 or num_envs < 1:
-        raise InputInvalid(f"{steps} steps of {num_envs} environments; expected at least 8 and 1")
+        raise InputInvalid(f"{steps} steps of {num_envs} environments", "at least 8 and 1")
     title, make, bare, batch = _makes(env)
     promised = vector is not None
     vector = vector or batch
@@ -83,8 +83,8 @@ def _makes(env: Any) -> tuple[str, Make, Make | None, Callable[[int], Any] | Non
         return _registered(env)
     if not callable(env):
         raise InputInvalid(
-            f"an environment of type {type(env).__name__} without a spec; expected a registered "
-            f"id, or a function that makes a new one (several are compared)"
+            f"an environment of type {type(env).__name__} without a spec",
+            ("a registered id, or a function that makes a new one (several are compared)"),
         )
     title = getattr(env, "__name__", type(env).__name__)
     return title, env, lambda: env().unwrapped, None
@@ -98,14 +98,14 @@ def _registered(name: str) -> tuple[str, Make, Make | None, Callable[[int], Any]
         try:
             make = getattr(importlib.import_module(module), function)
         except (ImportError, AttributeError) as error:
-            raise InputInvalid(f"{name!r}: {error}; expected module:function") from None
+            raise InputInvalid(f"{name!r}", error, "module:function") from None
         return name, make, lambda: make().unwrapped, None
     if colon:
         importlib.import_module(module)
     own = function if colon else name
     if own not in gymnasium.registry:
         ours_first = sorted(gymnasium.registry, key=lambda i: (not i.startswith("uuvsim/"), i))
-        raise InputInvalid(f"no environment {name!r}; expected {expected_names(own, ours_first)}")
+        raise InputInvalid(f"no environment {name!r}", expected_names(own, ours_first))
     return (
         name,
         lambda: gymnasium.make(own),
@@ -124,8 +124,8 @@ def _kind(env: object) -> Kind:
     if isinstance(env, ParallelEnv):
         return "parallel"
     raise InputInvalid(
-        f"an object of type {type(env).__name__}; expected a gymnasium.Env, a "
-        f"gymnasium.vector.VectorEnv or a pettingzoo.ParallelEnv"
+        f"an object of type {type(env).__name__}",
+        ("a gymnasium.Env, a gymnasium.vector.VectorEnv or a pettingzoo.ParallelEnv"),
     )
 
 

@@ -98,7 +98,7 @@ def examine(env: object, *, claims: Sequence[str] | None = None, **options: Any)
     names = [c.name for c in CLAIMS]
     for name in claims or ():
         if name not in names:
-            raise InputInvalid(f"no claim {name!r}; expected one of {', '.join(names)}")
+            raise InputInvalid(f"no claim {name!r}", f"one of {', '.join(names)}")
     title, subjects = subjects_of(env, **options)
     outcomes: list[Outcome] = []
     for subject in subjects:

@@ -86,9 +86,7 @@ class Episodes:
     def moment(self) -> Instant:
         """The present moment."""
         if self._moment is None:
-            raise InputInvalid(
-                "no episode has begun, or a call was interrupted; expected reset() first"
-            )
+            raise InputInvalid("no episode has begun, or a call was interrupted", "reset() first")
         return self._moment
 
     @property
@@ -216,8 +214,9 @@ class Episodes:
         given_by_task = self.task.start(draws)
         if not isinstance(given_by_task, Mapping):
             raise InputInvalid(
-                f"task {type(self.task).__name__}: start(): {given_by_task!r}; expected start "
-                "values by name"
+                f"task {type(self.task).__name__}",
+                f"start(): {given_by_task!r}",
+                "start values by name",
             )
         variables = self.plant.variables
         drawn = {k: rows_of(variables, k, v, draws.n) for k, v in given_by_task.items()}

@@ -68,7 +68,7 @@ class TeamStage:
     ) -> None:
         if not isinstance(task, TeamTask):
             raise InputInvalid(
-                f"task {task!r}; expected a TeamTask (for a Task: CosimEnv or CosimVectorEnv)"
+                f"task {task!r}", "a TeamTask (for a Task: CosimEnv or CosimVectorEnv)"
             )
         self.task, self.agents, self.n = task, task.agents, n
         self.place = f"task {type(task).__name__}"
@@ -106,7 +106,7 @@ class TeamStage:
     def now(self) -> TeamMoment:
         """The results of the last step or reset."""
         if self._now is None:
-            raise InputInvalid(f"{self.place}: no episode has begun; expected reset() first")
+            raise InputInvalid(self.place, "no episode has begun", "reset() first")
         return self._now
 
     def reset(
@@ -127,8 +127,9 @@ class TeamStage:
         empty = fresh & ~here.any(axis=1)
         if empty.any():
             raise InputInvalid(
-                f"{self.place}: present() says that no agent is there at the start of an episode; "
-                f"expected at least one of {', '.join(self.agents)}"
+                self.place,
+                "present() says that no agent is there at the start of an episode",
+                f"at least one of {', '.join(self.agents)}",
             )
         which = fresh[:, None]
         self._gone &= ~which
@@ -203,8 +204,7 @@ class TeamStage:
         expected = (self.n, *space.shape)
         if numbers.shape != expected:
             raise InputInvalid(
-                f"{self.place}: {place} of shape {numbers.shape}; expected {expected}, as its "
-                f"limits say"
+                self.place, f"{place} of shape {numbers.shape}", f"{expected}, as its limits say"
             )
         if self.episodes.stillborn is not None:
             numbers = np.where(self.episodes.stillborn[:, None], np.float32(0), numbers)
@@ -220,8 +220,9 @@ class TeamStage:
             if column.shape != (self.n,) or (dtype is np.bool_ and column.dtype != bool):
                 wanted = "Booleans" if dtype is np.bool_ else "numbers"
                 raise InputInvalid(
-                    f"{self.place}: {place}, {agent!r}, of type {column.dtype} and shape "
-                    f"{column.shape}; expected {wanted} of shape {(self.n,)}"
+                    self.place,
+                    (f"{place}, {agent!r}, of type {column.dtype} and shape {column.shape}"),
+                    f"{wanted} of shape {(self.n,)}",
                 )
             result[:, j] = column
         return result
@@ -230,16 +231,18 @@ class TeamStage:
         missing = [a for a in self.agents if a not in given]
         if missing:
             raise InputInvalid(
-                f"{self.place}: {place} has nothing for {', '.join(map(repr, missing))}; expected "
-                f"an entry for each of {', '.join(self.agents)}, also for those that are absent"
+                self.place,
+                f"{place} has nothing for {', '.join(map(repr, missing))}",
+                (f"an entry for each of {', '.join(self.agents)}, also for those that are absent"),
             )
 
     def _space(self, limits: tuple[object, object], place: str) -> gymnasium.spaces.Box:
         low, high = (np.asarray(side, np.float32) for side in limits)
         if low.ndim != 1 or low.shape != high.shape or not np.all(low <= high):
             raise InputInvalid(
-                f"{self.place}: {place} of shapes {low.shape} and {high.shape}; expected the "
-                f"least and the greatest value of each number"
+                self.place,
+                f"{place} of shapes {low.shape} and {high.shape}",
+                "the least and the greatest value of each number",
             )
         return gymnasium.spaces.Box(low, high, dtype=np.float32)
 

@@ -49,7 +49,7 @@ class Stage:
     ) -> None:
         if not isinstance(task, Task):
             raise InputInvalid(
-                f"task {task!r}; expected a Task (for a TeamTask: CosimParallelEnv, or Solo)"
+                f"task {task!r}", "a Task (for a TeamTask: CosimParallelEnv, or Solo)"
             )
         self.task = task
         self.place = f"task {type(task).__name__}"
@@ -117,8 +117,9 @@ class Stage:
         ended = np.asarray(self.task.terminated(m))
         if ended.shape != (m.n,) or ended.dtype != bool:
             raise InputInvalid(
-                f"{self.place}: terminated() of type {ended.dtype} and shape {ended.shape}; "
-                f"expected Booleans of shape {(m.n,)}"
+                self.place,
+                f"terminated() of type {ended.dtype} and shape {ended.shape}",
+                f"Booleans of shape {(m.n,)}",
             )
         return ended | self.episodes.failed if self.episodes.any_failed else ended
 

@@ -75,8 +75,9 @@ class ActionBox:
         if given.dtype.kind not in "fiu" or given.shape != expected:
             wanted = f"{self.width} numbers" if n is None else f"numbers of shape {expected}"
             raise InputInvalid(
-                f"{place}: an action of type {given.dtype} and shape {given.shape}; "
-                f"expected {wanted} in [-1, 1]"
+                place,
+                f"an action of type {given.dtype} and shape {given.shape}",
+                f"{wanted} in [-1, 1]",
             )
         clipped = np.array(given.reshape(-1, self.width).T, np.float64, order="C")  # (width, n)
         np.maximum(clipped, -1.0, out=clipped)
@@ -195,8 +196,9 @@ class ObservationBox:
             if given is None or given.shape != (n, self.n_extra) or given.dtype.kind not in "fiub":
                 shape = None if given is None else f"{given.dtype}, {given.shape}"
                 raise InputInvalid(
-                    f"extra(): observations of type and shape {shape}; expected numbers of shape "
-                    f"{(n, self.n_extra)}, as extra_limits says"
+                    "extra()",
+                    f"observations of type and shape {shape}",
+                    f"numbers of shape {(n, self.n_extra)}, as extra_limits says",
                 )
             columns[self._n_own :] = given.T
         if blank is not None:
@@ -217,7 +219,7 @@ class ObservationBox:
             own = column - self._n_own
             which = f"observation {column}" + (f", extra()[:, {own}]," if own >= 0 else "")
             raise InputInvalid(
-                f"{which} in environment {row} is {columns[column, row]}; expected a finite number"
+                f"{which} in environment {row} is {columns[column, row]}", "a finite number"
             )
 
 

@@ -40,7 +40,7 @@ class Canvas:
 
     def __init__(self, width: int, height: int, background: str = "#ffffff") -> None:
         if width < 1 or height < 1:
-            raise InputInvalid(f"canvas: {width} x {height} pixels; expected at least 1 x 1")
+            raise InputInvalid("canvas", f"{width} x {height} pixels", "at least 1 x 1")
         self.width, self.height = width, height
         self._values = np.empty((height, width, 3), np.float32)
         self._values[:] = _row(background)

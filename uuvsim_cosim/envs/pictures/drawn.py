@@ -22,13 +22,13 @@ def _numbers(place: str, value: ArrayLike, *lengths: int) -> tuple[float, ...]:
     numbers = np.asarray(value, float)
     if numbers.ndim != 1 or len(numbers) not in lengths:
         wanted = " or ".join(str(n) for n in lengths)
-        raise InputInvalid(f"{place}: shape {numbers.shape}; expected {wanted} numbers")
+        raise InputInvalid(place, f"shape {numbers.shape}", f"{wanted} numbers")
     return tuple(numbers.tolist())
 
 
 def _positive(place: str, value: float) -> None:
     if not 0.0 < value < np.inf:
-        raise InputInvalid(f"{place}: {value}; expected a length above 0 m")
+        raise InputInvalid(place, value, "a length above 0 m")
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class Arena:
     def __post_init__(self) -> None:
         for name, (low, high) in (("north", self.north), ("east", self.east)):
             if not -np.inf < low < high < np.inf:
-                raise InputInvalid(f"arena, {name}: {low} to {high}; expected lower, then greater")
+                raise InputInvalid(f"arena, {name}", f"{low} to {high}", "lower, then greater")
         if self.floor is not None:
             _positive("arena, floor", self.floor)
 
@@ -134,5 +134,5 @@ def _track(place: str, value: ArrayLike) -> Floats:
     """Return N and E of a track (n, 2)."""
     track = np.array(value, float)
     if track.ndim != 2 or track.shape[1] not in (2, 3):
-        raise InputInvalid(f"{place}: shape {track.shape}; expected (n, 2) or (n, 3)")
+        raise InputInvalid(place, f"shape {track.shape}", "(n, 2) or (n, 3)")
     return track[:, :2]

@@ -31,11 +31,10 @@ class Picture:
     def __init__(self, width: int = 640, height: int = 480, *, trail: int = 400) -> None:
         if width < LEAST_WIDTH or height < LEAST_HEIGHT:
             raise InputInvalid(
-                f"picture: {width} x {height} pixels; "
-                f"expected at least {LEAST_WIDTH} x {LEAST_HEIGHT}"
+                "picture", f"{width} x {height} pixels", f"at least {LEAST_WIDTH} x {LEAST_HEIGHT}"
             )
         if trail < 0:
-            raise InputInvalid(f"picture, trail: {trail}; expected 0 or more positions")
+            raise InputInvalid("picture, trail", trail, "0 or more positions")
         self.width, self.height, self.trail = width, height, trail
         self.size = float(np.clip(round(height / 44), 10, 20))  # of the text [px]
         self._side = int(np.clip(0.25 * width, 84, 260))

@@ -32,7 +32,7 @@ class Screen:
 
     def __init__(self, mode: str | None) -> None:
         if mode is not None and mode not in MODES:
-            raise InputInvalid(f"render_mode {mode!r}; expected one of {', '.join(MODES)}, or None")
+            raise InputInvalid(f"render_mode {mode!r}", f"one of {', '.join(MODES)}, or None")
         self.mode = mode
         self._pictures: dict[int, Picture] = {}
         self._window: Window | None = None

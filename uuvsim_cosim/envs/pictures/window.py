@@ -38,7 +38,7 @@ class Window:
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         if not 0.0 < render_fps < np.inf:
-            raise InputInvalid(f"window, render_fps: {render_fps}; expected a number above 0 Hz")
+            raise InputInvalid("window, render_fps", render_fps, "a number above 0 Hz")
         self.period = 1.0 / render_fps
         self._clock, self._sleep = clock, sleep
         self._next = -np.inf
@@ -65,8 +65,9 @@ class Window:
         """Show a frame when its time has come; False if the window is closed."""
         if frame.dtype != np.uint8 or frame.ndim != 3 or frame.shape[2] != 3:
             raise InputInvalid(
-                f"window: frame of {frame.dtype} {frame.shape}; "
-                "expected uint8 (height, width, 3), as render() gives with rgb_array"
+                "window",
+                f"frame of {frame.dtype} {frame.shape}",
+                "uint8 (height, width, 3), as render() gives with rgb_array",
             )
         while not self.closed and (wait := self._next - self._clock()) > 0.0:
             self._look()

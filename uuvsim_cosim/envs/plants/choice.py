@@ -33,11 +33,11 @@ _logged: set[str] = set()  # warnings of plans, which are logged once
 def check_backend(backend: str, dtype: str) -> None:
     """Raise InputInvalid for an unknown backend or number type."""
     if backend not in ("auto", "kernel", "master"):
-        raise InputInvalid(f"backend {backend!r}; expected 'auto', 'kernel' or 'master'")
+        raise InputInvalid(f"backend {backend!r}", "'auto', 'kernel' or 'master'")
     if dtype not in ("float64", "float32"):
-        raise InputInvalid(f"dtype {dtype!r}; expected 'float64' or 'float32'")
+        raise InputInvalid(f"dtype {dtype!r}", "'float64' or 'float32'")
     if backend == "master" and dtype == "float32":
-        raise InputInvalid("dtype 'float32' with backend 'master'; expected backend 'kernel'")
+        raise InputInvalid("dtype 'float32' with backend 'master'", "backend 'kernel'")
 
 
 def plant_of(

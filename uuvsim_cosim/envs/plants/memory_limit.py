@@ -19,9 +19,11 @@ def refuse_beyond(n: int, each: int, *, least: bool = False) -> None:
     available = available_memory()
     if available is not None and n * each > available:
         raise InputInvalid(
-            f"{n} environments of {'at least ' if least else ''}{each} bytes need "
-            f"{_size(n * each)}, where {_size(available)} are available; "
-            f"expected at most {available // each}"
+            (
+                f"{n} environments of {'at least ' if least else ''}{each} bytes "
+                f"need {_size(n * each)}, where {_size(available)} are available"
+            ),
+            f"at most {available // each}",
         )
 
 

@@ -44,7 +44,7 @@ class ProcessPlant:
     ) -> None:
         count = (os.cpu_count() or 1) if processes is None else processes
         if count < 1:
-            raise InputInvalid(f"processes {processes}; expected at least 1, or None")
+            raise InputInvalid(f"processes {processes}", "at least 1, or None")
         self.n = n
         self.tick = plan.tick
         self.variables: Mapping[str, Variable] = variables_of(plan)
@@ -182,13 +182,16 @@ class ProcessPlant:
     def _live(self) -> list[WorkerProcess]:
         if os.getpid() != self._owner:
             raise UuvsimError(
-                "the worker processes are those of another process, which this one was forked "
-                "from; expected new environments"
+                (
+                    "the worker processes are those of another process, which this one "
+                    "was forked from"
+                ),
+                "new environments",
             )
         if not self._workers:
-            raise UuvsimError("the worker processes have ended; expected new environments")
+            raise UuvsimError("the worker processes have ended", "new environments")
         if self._broken:
-            raise UuvsimError("a call was interrupted; expected reset() of all environments")
+            raise UuvsimError("a call was interrupted", "reset() of all environments")
         return self._workers
 
     def _end(self, *, now: bool = False) -> None:

@@ -166,8 +166,11 @@ class WorkerProcess:
         code = self._process.returncode
         how = f"by signal {-code}" if code is not None and code < 0 else f"with status {code}"
         return UuvsimError(
-            f"the worker process of environments {self.rows.start} to {self.rows.stop - 1} ended "
-            f"{how} ({doing}); expected new environments, or a component that does not crash"
+            (
+                f"the worker process of environments {self.rows.start} to "
+                f"{self.rows.stop - 1} ended {how} ({doing})"
+            ),
+            "new environments, or a component that does not crash",
         )
 
     @staticmethod

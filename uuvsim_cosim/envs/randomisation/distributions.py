@@ -45,7 +45,7 @@ class Distribution(ABC):
         sizes = {len(v) for v in self._numbers().values() if isinstance(v, tuple)}
         if len(sizes) > 1:
             found = ", ".join(f"{k}: {np.size(v)}" for k, v in self._numbers().items())
-            raise InputInvalid(f"{self!r}: fields of different lengths ({found}); expected one")
+            raise InputInvalid(f"{self!r}", f"fields of different lengths ({found})", "one")
         return sizes.pop() if sizes else None
 
     @property
@@ -77,8 +77,9 @@ class Distribution(ABC):
                 right = False
             if not right:
                 raise InputInvalid(
-                    f"{type(self).__name__}: {name} is {given!r}; expected a finite number, or one "
-                    "for each element of a vector"
+                    type(self).__name__,
+                    f"{name} is {given!r}",
+                    "a finite number, or one for each element of a vector",
                 )
             object.__setattr__(
                 self, name, float(value) if value.ndim == 0 else tuple(map(float, value))
@@ -248,8 +249,7 @@ class Choice(Distribution):
             right = False
         if not right:
             raise InputInvalid(
-                f"Choice: values are {self.values!r}; expected finite numbers, or vectors of one "
-                "length"
+                "Choice", f"values are {self.values!r}", "finite numbers, or vectors of one length"
             )
         kept = tuple(map(float, values)) if values.ndim == 1 else tuple(map(tuple, values.tolist()))
         object.__setattr__(self, "values", kept)
@@ -263,8 +263,9 @@ class Choice(Distribution):
             right = False
         if not right:
             raise InputInvalid(
-                f"Choice: weights are {self.weights!r}; expected {len(kept)} numbers of at least "
-                "0, one for each value"
+                "Choice",
+                f"weights are {self.weights!r}",
+                f"{len(kept)} numbers of at least 0, one for each value",
             )
         if self.weights is not None:
             object.__setattr__(self, "weights", tuple(map(float, weights)))
@@ -321,5 +322,5 @@ class Constant(Distribution):
 
 def _one(value: Numbers) -> float:
     if isinstance(value, tuple):
-        raise InputInvalid(f"{value}: is of a vector; expected one of its elements")
+        raise InputInvalid(value, "is of a vector", "one of its elements")
     return float(value)  # type: ignore[arg-type]

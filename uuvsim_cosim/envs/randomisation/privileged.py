@@ -41,7 +41,7 @@ def _drawn(task: Task | TeamTask) -> Randomisation:
     drawn = task.randomisation
     if not isinstance(drawn, Randomisation):
         raise InputInvalid(
-            f"{type(task).__name__}: draws nothing by a Randomisation; expected a task with one"
+            type(task).__name__, "draws nothing by a Randomisation", "a task with one"
         )
     return drawn.bound(task.system)
 

@@ -111,9 +111,12 @@ class Randomisation:
             if attempt > TRIES:
                 hulls = ", ".join(h.path for h in self._hulls)
                 raise InputInvalid(
-                    f"{hulls}: {TRIES} draws one after the other gave no possible body "
-                    "(M not positive definite, or inertia against its triangle rule); "
-                    "expected distributions of mass and inertia that agree with each other"
+                    hulls,
+                    (
+                        f"{TRIES} draws one after the other gave no possible body (M not "
+                        "positive definite, or inertia against its triangle rule)"
+                    ),
+                    "distributions of mass and inertia that agree with each other",
                 )
             for name, values in self._once(draws.rows(wrong), f"/{attempt}").items():
                 start[name][wrong] = values
@@ -162,8 +165,9 @@ class Randomisation:
             t, (low, high) = q.targets[0], q.limits
             if t.name not in start:
                 raise InputInvalid(
-                    f"{t.name}: not among the start values {', '.join(start) or '(none)'}; "
-                    "expected the moment's `start`, of a task with this randomisation"
+                    t.name,
+                    f"not among the start values {', '.join(start) or '(none)'}",
+                    "the moment's `start`, of a task with this randomisation",
                 )
             given = np.asarray(start[t.name], dtype=float)
             value = given.reshape(len(given), -1)[:, t.element]
@@ -184,8 +188,8 @@ class Randomisation:
     def _bound(self) -> None:
         if self.system is None:
             raise InputInvalid(
-                "the randomisation belongs to no system yet; expected .bound(system), or a task "
-                "that it is given to"
+                "the randomisation belongs to no system yet",
+                ".bound(system), or a task that it is given to",
             )
 
 
@@ -195,19 +199,20 @@ def _pairs(given: Correlation | None, parameters: tuple[Vary, ...]) -> dict[tupl
     if isinstance(given, Mapping):
         wrong = [key for key in given if not (isinstance(key, tuple) and len(key) == 2)]
         if wrong:
-            raise InputInvalid(f"correlation: {wrong[0]!r}; expected pairs of names")
+            raise InputInvalid("correlation", f"{wrong[0]!r}", "pairs of names")
         return {(str(a), str(b)): rho for (a, b), rho in given.items()}
     k = len(parameters)
     try:
         matrix = np.asarray(given, dtype=float)
     except (TypeError, ValueError):
         raise InputInvalid(
-            f"correlation: {given!r}; expected numbers by pairs of names, or a matrix {k} x {k}"
+            "correlation", f"{given!r}", f"numbers by pairs of names, or a matrix {k} x {k}"
         ) from None
     if matrix.shape != (k, k) or not np.isfinite(matrix).all():
         raise InputInvalid(
-            f"correlation: numbers of shape {matrix.shape}; expected a finite matrix {k} x {k}, "
-            "over the parameters"
+            "correlation",
+            f"numbers of shape {matrix.shape}",
+            f"a finite matrix {k} x {k}, over the parameters",
         )
     if not np.array_equal(matrix, matrix.T) or not np.all(np.diag(matrix) == 1.0):
         raise InputInvalid("correlation: expected a symmetric matrix with ones on its diagonal")

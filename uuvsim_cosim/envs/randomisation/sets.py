@@ -47,9 +47,8 @@ def published_intervals(
     there = sorted(p.parent.name for p in content("models", "vehicles").glob("*/published.yaml"))
     if not is_vehicle(vehicle) or not (vehicle_folder(vehicle) / "published.yaml").is_file():
         raise InputInvalid(
-            f"no published intervals of {vehicle!r}; expected {', '.join(there)}, "
-            "or a folder with a "
-            "published.yaml"
+            f"no published intervals of {vehicle!r}",
+            f"{', '.join(there)}, or a folder with a published.yaml",
         )
     data = read_yaml(vehicle_folder(vehicle) / "published.yaml", "published.schema.json")
     known = parameter_set(vehicle, set or own or None).quantities
@@ -152,7 +151,7 @@ def _free(places: Places, own: str) -> list[str]:
 
 def _must(found: Iterable[object], system: System, what: str, expected: str) -> None:
     if not list(found):
-        raise InputInvalid(f"{system.name}: has no {what} that can be drawn; expected {expected}")
+        raise InputInvalid(system.name, f"has no {what} that can be drawn", expected)
 
 
 SETS: dict[str, Callable[..., Declared]] = {

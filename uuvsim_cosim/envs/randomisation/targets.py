@@ -45,19 +45,19 @@ class Vary:
     def __post_init__(self) -> None:
         """Check the types of the fields."""
         if not isinstance(self.name, str):
-            raise InputInvalid(f"Vary: name {self.name!r}; expected a text, such as 'hull.m'")
+            raise InputInvalid("Vary", f"name {self.name!r}", "a text, such as 'hull.m'")
         if not isinstance(self.distribution, Distribution):
             number = isinstance(self.distribution, int | float)
             expected = f"Constant({self.distribution})" if number else "Uniform(low, high)"
             raise InputInvalid(
-                f"{self.name}: {self.distribution!r}; expected a distribution, such as {expected}"
+                self.name, f"{self.distribution!r}", f"a distribution, such as {expected}"
             )
         if self.unit is not None and not isinstance(self.unit, str):
-            raise InputInvalid(f"{self.name}: unit {self.unit!r}; expected a text, or None")
+            raise InputInvalid(self.name, f"unit {self.unit!r}", "a text, or None")
         for option in ("relative", "together"):
             value = getattr(self, option)
             if not isinstance(value, bool):
-                raise InputInvalid(f"{self.name}: {option} {value!r}; expected True or False")
+                raise InputInvalid(self.name, f"{option} {value!r}", "True or False")
 
 
 class Declared(NamedTuple):
@@ -70,13 +70,11 @@ class Declared(NamedTuple):
 def varies(given: object, name: str = "parameters") -> tuple[Vary, ...]:
     """Return the elements of a list of Vary; raises InputInvalid for anything else."""
     if isinstance(given, str | Vary) or not isinstance(given, Iterable):
-        raise InputInvalid(f"{name}: {given!r}; expected a list of Vary")
+        raise InputInvalid(name, f"{given!r}", "a list of Vary")
     listed = tuple(given)
     for each in listed:
         if not isinstance(each, Vary):
-            raise InputInvalid(
-                f"{name}: {each!r}; expected a Vary, such as Vary('hull.m', Uniform(13, 14))"
-            )
+            raise InputInvalid(name, f"{each!r}", "a Vary, such as Vary('hull.m', Uniform(13, 14))")
     return listed
 
 

@@ -28,7 +28,7 @@ def base_seed(seed: SupportsIndex, n: int = 1) -> int:
         number = -1
     if not 0 <= number <= _SEEDS - n or isinstance(seed, bool | np.bool_):
         most = "2^64 - 1" if n == 1 else f"2^64 - {n}, for {n} environments"
-        raise InputInvalid(f"seed {seed!r}; expected a whole number from 0 to {most}, or None")
+        raise InputInvalid(f"seed {seed!r}", f"a whole number from 0 to {most}, or None")
     return number
 
 
@@ -43,19 +43,17 @@ def start_of(
     if options is None:
         return {}
     if not isinstance(options, Mapping):
-        raise InputInvalid(f"options {options!r}; expected a dictionary")
+        raise InputInvalid(f"options {options!r}", "a dictionary")
     for key in options:
         if key not in _KNOWN and not (others and not did_you_mean(key, _KNOWN)):
-            raise InputInvalid(
-                f"options, {key!r}: no such option; expected {expected_names(key, _KNOWN)}"
-            )
+            raise InputInvalid(f"options, {key!r}", "no such option", expected_names(key, _KNOWN))
     if mask is not None and options.get("reset_mask") is not None:
-        raise InputInvalid(f"options, reset_mask; expected it with {mask} only")
+        raise InputInvalid("options, reset_mask", f"it with {mask} only")
     start = options.get("start")
     if start is None:
         return {}
     if not isinstance(start, Mapping):
-        raise InputInvalid(f"options, start: {start!r}; expected start values by name")
+        raise InputInvalid("options, start", f"{start!r}", "start values by name")
     return start
 
 
@@ -67,8 +65,9 @@ def mask_of(options: Mapping[str, object] | None, n: int) -> NDArray[np.bool_] |
     chosen = np.asarray(mask)
     if chosen.dtype != bool or chosen.shape != (n,) or not chosen.any():
         raise InputInvalid(
-            f"options, reset_mask: {chosen.dtype} of shape {chosen.shape}; expected {n} "
-            "Booleans, at least one of them true"
+            "options, reset_mask",
+            f"{chosen.dtype} of shape {chosen.shape}",
+            f"{n} Booleans, at least one of them true",
         )
     return chosen.copy()
 
@@ -80,7 +79,7 @@ def whole(value: SupportsIndex, name: str, least: int = 1) -> int:
     except TypeError:
         number = least - 1
     if number < least or isinstance(value, bool | np.bool_):
-        raise InputInvalid(f"{name} {value!r}; expected a whole number from {least}")
+        raise InputInvalid(f"{name} {value!r}", f"a whole number from {least}")
     return number
 
 
@@ -89,9 +88,7 @@ def seconds(value: object, name: str) -> Fraction:
     try:
         return Fraction(str(value))
     except (ValueError, ZeroDivisionError):
-        raise InputInvalid(
-            f"{name} {value!r}; expected seconds, such as '0.1', 20 or '1/3'"
-        ) from None
+        raise InputInvalid(f"{name} {value!r}", "seconds, such as '0.1', 20 or '1/3'") from None
 
 
 def refuse_options(place: str, make: Callable[..., object], given: Mapping[str, object]) -> None:
@@ -106,7 +103,7 @@ def refuse_options(place: str, make: Callable[..., object], given: Mapping[str, 
         for name in given:
             if name not in known:
                 expected = expected_names(name, known, "an option of its own")
-                raise InputInvalid(f"{place}: option {name!r}; expected {expected}")
+                raise InputInvalid(place, f"option {name!r}", expected)
     missing = [p.name for p in named if p.default is p.empty and p.name not in given]
     if missing:
-        raise InputInvalid(f"{place}: no {', '.join(missing)}; expected a value for each")
+        raise InputInvalid(place, f"no {', '.join(missing)}", "a value for each")

@@ -46,7 +46,7 @@ class FunctionTask(Task):
         functions = {"reward": reward, "terminated": terminated, "start": start, "info": info}
         for name, function in functions.items():
             if not callable(function) and (function is not None or name == "reward"):
-                raise InputInvalid(f"{name} {function!r}; expected a function")
+                raise InputInvalid(f"{name} {function!r}", "a function")
         if not isinstance(system, System):
             from uuvsim_cosim.orchestrator.running.library import load
 
@@ -71,7 +71,7 @@ class FunctionTask(Task):
             return drawn
         own = self._start(draws)
         if not isinstance(own, Mapping):
-            raise InputInvalid(f"start(): {own!r}; expected start values by name")
+            raise InputInvalid("start()", f"{own!r}", "start values by name")
         return {**drawn, **own}
 
     def reward(self, m: Moment) -> Array:

@@ -106,8 +106,9 @@ class Signals:
             raise InputInvalid(str(misfit.at(f"signal {name!r}"))) from None
         if named.key not in self._first:
             raise InputInvalid(
-                f"signal {name!r}: is not read by this task, which reads "
-                f"{', '.join(self._first) or 'none'}; expected it among the task's signals="
+                f"signal {name!r}",
+                (f"is not read by this task, which reads {', '.join(self._first) or 'none'}"),
+                "it among the task's signals=",
             )
         rows = self.rows(named)
         # A slice of consecutive rows is a view of the values, where an index would be a copy.

@@ -34,7 +34,7 @@ class Symmetry:
                 wrong = True
             if wrong:
                 raise InputInvalid(
-                    f"symmetry {name!r}, {what}: {given!r}; expected a row of signs, each 1 or -1"
+                    f"symmetry {name!r}, {what}", f"{given!r}", "a row of signs, each 1 or -1"
                 )
             object.__setattr__(self, what, signs)
         object.__setattr__(self, "name", name)
@@ -44,6 +44,4 @@ class Symmetry:
         of = {"observation": (self.observation, observed), "action": (self.action, acted)}
         for what, (signs, width) in of.items():
             if len(signs) != width:
-                raise InputInvalid(
-                    f"symmetry {self.name!r}, {what}: {len(signs)} signs; expected {width}"
-                )
+                raise InputInvalid(f"symmetry {self.name!r}, {what}", f"{len(signs)} signs", width)

@@ -193,10 +193,10 @@ class TeamTask(_Common, ABC):
         )
         self.agents = _several(agents, "agents", "names")
         if not self.agents or len(set(self.agents)) < len(self.agents):
-            raise InputInvalid(f"agents {self.agents}; expected at least one, each named once")
+            raise InputInvalid(f"agents {self.agents}", "at least one, each named once")
         if set(actions) != set(self.agents):
             expected = f"actions for each of the agents {', '.join(self.agents)}, and no others"
-            raise InputInvalid(f"actions for {', '.join(actions) or 'nobody'}; expected {expected}")
+            raise InputInvalid(f"actions for {', '.join(actions) or 'nobody'}", expected)
         self.actions = {a: _channels(actions[a], f"actions of {a!r}") for a in self.agents}
 
     @abstractmethod
@@ -236,7 +236,7 @@ def _several(given: Iterable[T], name: str, of: str) -> tuple[T, ...]:
     """Return the elements of a list; raises InputInvalid for a text, which is not one."""
     if isinstance(given, str | Channel) or not isinstance(given, Iterable):
         wanted = f"a list of {of}" + (f", [{given!r}]" if isinstance(given, str | Channel) else "")
-        raise InputInvalid(f"{name} {given!r}; expected {wanted}")
+        raise InputInvalid(f"{name} {given!r}", wanted)
     return tuple(given)
 
 
@@ -245,5 +245,5 @@ def _channels(given: Iterable[Channel], name: str) -> tuple[Channel, ...]:
     for channel in channels:
         if not isinstance(channel, Channel):
             near = f", such as Channel({channel!r})" if isinstance(channel, str) else ""
-            raise InputInvalid(f"{name}: {channel!r}; expected a Channel{near}")
+            raise InputInvalid(name, f"{channel!r}", f"a Channel{near}")
     return channels

@@ -30,9 +30,9 @@ def rewards_of(given: object, n: int, place: str) -> Array:
     try:
         reward = np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError):
-        raise InputInvalid(f"{place}: {given!r}; expected numbers of shape {(n,)}") from None
+        raise InputInvalid(place, f"{given!r}", f"numbers of shape {(n,)}") from None
     if reward.shape != (n,):
-        raise InputInvalid(f"{place}: rewards of shape {reward.shape}; expected {(n,)}")
+        raise InputInvalid(place, f"rewards of shape {reward.shape}", (n,))
     return reward
 
 
@@ -45,17 +45,15 @@ def refuse_infinite(numbers: NDArray[np.generic], place: str) -> None:
         value = numbers[tuple(bad[0])]
         which = f"number {bad[0][1]} " if numbers.ndim > 1 else ""
         raise InputInvalid(
-            f"{place}: {which}in environment {bad[0][0]} is {value}; expected a finite number"
+            place, f"{which}in environment {bad[0][0]} is {value}", "a finite number"
         )
 
 
 def infos_of(given: object, n: int, place: str) -> Mapping[str, NDArray[np.generic]]:
     """Return infos, of shape (n, …); raises InputInvalid."""
     if not isinstance(given, Mapping):
-        raise InputInvalid(f"{place}: info(): {given!r}; expected arrays by name")
+        raise InputInvalid(place, f"info(): {given!r}", "arrays by name")
     for name, values in given.items():
         if np.shape(values)[:1] != (n,):
-            raise InputInvalid(
-                f"{place}: info(), {name!r}: of shape {np.shape(values)}; expected {n} rows"
-            )
+            raise InputInvalid(place, f"info(), {name!r}: of shape {np.shape(values)}", f"{n} rows")
     return given

@@ -53,7 +53,7 @@ class AltitudeFollowing(PoseTask):
         **options: Any,
     ) -> None:
         if not isinstance(scene, str) or not scene:
-            raise InputInvalid(f"scene: {scene!r}; expected the name of a scene, or its path")
+            raise InputInvalid("scene", f"{scene!r}", "the name of a scene, or its path")
         self.scene = scene
         self.altitude = within("altitude [m]", altitude, 1.0, 20.0)
         self.speed = pair("speed [m/s]", speed)
@@ -155,7 +155,7 @@ def _begins(scene: str, least: float) -> Array:
     """Return the nodes (n, 2) where a course may begin: deep enough, and far from the edges."""
     g = _caster(scene).ground
     if min(g.z.shape) < 2:
-        raise InputInvalid(f"scene {scene!r}: has no terrain; expected one to follow")
+        raise InputInvalid(f"scene {scene!r}", "has no terrain", "one to follow")
     deep = np.nan_to_num(g.z, nan=-1.0) >= least
     rim = min(int(np.ceil(MARGIN / g.spacing)), (min(g.z.shape) - 1) // 2)
     inside = np.zeros_like(deep)
@@ -163,7 +163,8 @@ def _begins(scene: str, least: float) -> Array:
     nodes = np.argwhere(deep & inside)
     if len(nodes) == 0:
         raise InputInvalid(
-            f"scene {scene!r}: nowhere {least:g} m deep, {MARGIN:g} m from its edges; expected a "
-            "deeper one, or a smaller altitude"
+            f"scene {scene!r}",
+            f"nowhere {least:g} m deep, {MARGIN:g} m from its edges",
+            "a deeper one, or a smaller altitude",
         )
     return np.asarray(np.array(g.origin) + g.spacing * nodes)

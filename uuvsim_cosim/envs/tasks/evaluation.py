@@ -56,7 +56,7 @@ def evaluate(
     metrics are the numbers of the task's `info`.
     """
     if episodes < 1:
-        raise InputInvalid(f"{episodes} episodes; expected at least 1")
+        raise InputInvalid(f"{episodes} episodes", "at least 1")
     stage: _Single | _Team
     if isinstance(task, TeamTask):
         if not isinstance(policy, Mapping) or set(policy) != set(task.agents):
@@ -64,7 +64,7 @@ def evaluate(
         stage = _Team(TeamStage(task, episodes, backend=backend, threads=threads), policy)
     else:
         if isinstance(policy, Mapping):
-            raise InputInvalid("policies by agent for a task of one; expected one policy")
+            raise InputInvalid("policies by agent for a task of one", "one policy")
         stage = _Single(Stage(task, episodes, backend=backend, threads=threads), policy)
     for one in policy.values() if isinstance(policy, Mapping) else (policy,):
         if (begin := getattr(one, "begin", None)) is not None:

@@ -52,9 +52,7 @@ class PoolTracking(TargetTracking):
     ) -> None:
         fixed = [name for name in FIXED if name in options]
         if fixed:
-            raise InputInvalid(
-                f"PoolTracking: {fixed[0]}: the system's own; expected no such option"
-            )
+            raise InputInvalid("PoolTracking", f"{fixed[0]}: the system's own", "no such option")
         super().__init__(1, **options)
         self.noise, self.loss = within("noise [m]", noise, 0, np.inf), within("loss", loss, 0, 1)
         self.thrust = within("thrust", thrust, 1e-3, 2)

@@ -26,7 +26,7 @@ def within(name: str, value: object, low: float, high: float) -> float:
     if _is_number(value) and low <= value <= high:
         return float(value)
     expected = f"a number of at least {low:g}" if high == inf else f"a number, {low:g} to {high:g}"
-    raise InputInvalid(f"{name}: {value!r}; expected {expected}")
+    raise InputInvalid(name, f"{value!r}", expected)
 
 
 def whole(name: str, value: SupportsIndex, low: int, high: int | None = None) -> int:
@@ -37,7 +37,7 @@ def whole(name: str, value: SupportsIndex, low: int, high: int | None = None) ->
         number = low - 1
     if not low <= number or (high is not None and number > high) or isinstance(value, bool):
         to = "" if high is None else f" to {high}"
-        raise InputInvalid(f"{name}: {value!r}; expected a whole number from {low}{to}")
+        raise InputInvalid(name, f"{value!r}", f"a whole number from {low}{to}")
     return number
 
 
@@ -49,36 +49,34 @@ def numbers(
         given = tuple(float(v) for v in value if _is_number(v))
         if len(value) == len(given) == len(expected) and all(low <= v < inf for v in given):
             return given
-    raise InputInvalid(
-        f"{name}: {value!r}; expected ({', '.join(expected)}), numbers of at least {low:g}"
-    )
+    raise InputInvalid(name, f"{value!r}", f"({', '.join(expected)}), numbers of at least {low:g}")
 
 
 def pair(name: str, value: object) -> tuple[float, float]:
     """Return the least and the greatest value of a range that begins at 0 or above."""
     least, greatest = numbers(name, value, ("least", "greatest"))
     if least > greatest:
-        raise InputInvalid(f"{name}: {value!r}; expected the least first")
+        raise InputInvalid(name, f"{value!r}", "the least first")
     return least, greatest
 
 
 def flag(name: str, value: object) -> bool:
     """Return a Boolean; raises InputInvalid."""
     if not isinstance(value, bool | np.bool_):
-        raise InputInvalid(f"{name}: {value!r}; expected True or False")
+        raise InputInvalid(name, f"{value!r}", "True or False")
     return bool(value)
 
 
 def one_of(name: str, value: object, known: Sequence[str]) -> None:
     """Raise InputInvalid unless a text is among those known."""
     if not isinstance(value, str) or value not in known:
-        raise InputInvalid(f"{name} {value!r}; expected one of {', '.join(known)}")
+        raise InputInvalid(f"{name} {value!r}", f"one of {', '.join(known)}")
 
 
 def randomised(value: object) -> None:
     """Raise InputInvalid unless the value has a method `draw`, or is None."""
     if value is not None and not hasattr(value, "draw"):
-        raise InputInvalid(f"randomisation: {value!r}; expected a Randomisation")
+        raise InputInvalid("randomisation", f"{value!r}", "a Randomisation")
 
 
 def known_options(make: type, unknown: Mapping[str, object]) -> None:
@@ -93,7 +91,7 @@ def known_options(make: type, unknown: Mapping[str, object]) -> None:
         if p.kind is not p.VAR_KEYWORD and p.name not in _OF_SHIPPED
     ]
     name = next(iter(unknown))
-    raise InputInvalid(f"{make.__name__}: option {name!r}; expected {expected_names(name, known)}")
+    raise InputInvalid(make.__name__, f"option {name!r}", expected_names(name, known))
 
 
 def _is_number(value: object) -> TypeGuard[float]:

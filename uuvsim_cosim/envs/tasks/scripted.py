@@ -64,8 +64,9 @@ def scripted_policy(task: Task | TeamTask) -> Policies:
         if name.startswith("controller."):
             return lambda o: hold_velocity(o, moves)
     raise InputInvalid(
-        f"{type(task).__name__}: no scripted controller; expected a shipped task whose action is "
-        "a force or a velocity"
+        type(task).__name__,
+        "no scripted controller",
+        "a shipped task whose action is a force or a velocity",
     )
 
 

@@ -83,7 +83,7 @@ class TargetTracking(TeamTask):
         randomised(randomisation)
         changes = {} if rules is None else rules
         if not isinstance(changes, Mapping) or not all(isinstance(k, str) for k in changes):
-            raise InputInvalid(f"rules: {rules!r}; expected values by name, as {{'w_p': 0.02}}")
+            raise InputInvalid("rules", f"{rules!r}", "values by name, as {'w_p': 0.02}")
         self.rules = rules_of(profile, vehicle, **changes)
         self.team_reward = self.rules.credit == "team"
         self.profile, self.vehicle, self.motion, self.frame = profile, vehicle, motion, frame
@@ -300,8 +300,9 @@ class TargetTracking(TeamTask):
             return max(1, least[0]), max(2, least[1])
         if not isinstance(given, Sequence) or isinstance(given, str) or len(given) != 2:
             raise InputInvalid(
-                f"slots: {given!r}; expected two numbers, of other trackers and of obstacles, at "
-                f"least {least}"
+                "slots",
+                f"{given!r}",
+                f"two numbers, of other trackers and of obstacles, at least {least}",
             )
         names = ("slots, other trackers", "slots, obstacles")
         others, obstacles = (whole(*x) for x in zip(names, given, least, strict=True))

@@ -61,7 +61,7 @@ def rules_of(profile: str, vehicle: str, **changes: Any) -> TrackingRules:
     unknown = [name for name in changes if name not in TrackingRules.__dataclass_fields__]
     if unknown:
         known = list(TrackingRules.__dataclass_fields__)
-        raise InputInvalid(f"no rule {unknown[0]!r}; expected {expected_names(unknown[0], known)}")
+        raise InputInvalid(f"no rule {unknown[0]!r}", expected_names(unknown[0], known))
     types = get_type_hints(TrackingRules)
     for name, value in changes.items():
         place = f"rules, {name}"

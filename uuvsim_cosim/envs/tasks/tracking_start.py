@@ -87,7 +87,7 @@ def legal_start(
     wall = np.where(np.array(kinds) == 1, arena.target_from_wall, arena.from_wall) + own
     half = np.array(arena.size[:2]) / 2 - wall[:, :, None]
     if np.any(half <= 0):
-        raise InputInvalid(f"arena {arena.size[:2]} m: no room at all; expected a larger one")
+        raise InputInvalid(f"arena {arena.size[:2]} m", "no room at all", "a larger one")
     points = np.full((n, total, 2), np.inf)
     placed = np.zeros((n, total), bool)
     for k in range(TRIES):
@@ -105,8 +105,11 @@ def legal_start(
             placed[good, i] = True
     if not placed.all():
         raise InputInvalid(
-            f"no legal start in {TRIES} tries for {n_trackers} trackers and {M} obstacles in "
-            f"{arena.size[0]} x {arena.size[1]} m; expected fewer, or a larger arena"
+            (
+                f"no legal start in {TRIES} tries for {n_trackers} trackers and {M} "
+                f"obstacles in {arena.size[0]} x {arena.size[1]} m"
+            ),
+            "fewer, or a larger arena",
         )
     return points[:, M + 1 :], points[:, M], points[:, :M]
 

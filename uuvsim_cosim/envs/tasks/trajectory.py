@@ -42,7 +42,7 @@ class TrajectoryFollowing(PoseTask):
         several = isinstance(curves, Sequence) and not isinstance(curves, str)
         unknown = [c for c in curves if c not in CURVES] if several else curves
         if unknown or not curves:
-            raise InputInvalid(f"curves: {unknown!r}; expected some of {', '.join(CURVES)}")
+            raise InputInvalid("curves", f"{unknown!r}", f"some of {', '.join(CURVES)}")
         self.speed = pair("speed [m/s]", speed)
         self.away = within("away [m]", away, 0, np.inf)
         signals = ("reference.eta_d", "reference.nu_d", "reference.ahead")

@@ -117,7 +117,7 @@ def _grid(
     gaps = [b - a for a, b in pairwise(times) if b > a]
     if step is None or (gaps and max(gaps) < Fraction(str(step))):
         if not gaps:
-            raise FmuError(f"{reference.name}: fewer than two times; expected a result over time")
+            raise FmuError(reference.name, "fewer than two times", "a result over time")
         step = float(min(gaps))
     h = Fraction(str(round(step, 12)))
     rows: dict[int, list[int]] = {}
@@ -127,8 +127,9 @@ def _grid(
             rows[k] = [row]
     if not rows or max(rows) > _MOST:
         raise FmuError(
-            f"{reference.name}: {max(rows, default=0)} steps of {step:g} s meet its times; "
-            f"expected 1 to {_MOST}"
+            reference.name,
+            f"{max(rows, default=0)} steps of {step:g} s meet its times",
+            f"1 to {_MOST}",
         )
     return h, rows
 

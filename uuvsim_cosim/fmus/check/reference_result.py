@@ -79,7 +79,7 @@ def result_table(path: Path) -> tuple[list[str], dict[str, list[str]]]:
     names = [name.strip() for name in rows[0]]
     for n, row in enumerate(rows[1:], start=2):
         if len(row) != len(names):
-            raise FmuError(f"{path.name}, row {n}: {len(row)} cells; expected {len(names)}")
+            raise FmuError(f"{path.name}, row {n}", f"{len(row)} cells", len(names))
     columns = {name: [row[i].strip() for row in rows[1:]] for i, name in enumerate(names)}
     return columns.pop(names[0]), columns
 
@@ -150,7 +150,7 @@ def _number(element: Element, name: str) -> float | None:
     try:
         value = math.nan if text is None else float(text)
     except ValueError:
-        raise FmuError(f"<{element.tag}>: {name} = {text!r}; expected a number") from None
+        raise FmuError(f"<{element.tag}>", f"{name} = {text!r}", "a number") from None
     return value if math.isfinite(value) else None
 
 

@@ -64,8 +64,8 @@ class ColumnRows:
                 self._columns = [_doubled(column) for column in self._columns]
             except MemoryError:
                 raise RecordingError(
-                    f"no memory for more than {self.count} rows, at t = {t:g} s; expected an "
-                    "earlier end, a longer step, or simulate_fmu_to_csv, which keeps no rows"
+                    f"no memory for more than {self.count} rows, at t = {t:g} s",
+                    ("an earlier end, a longer step, or simulate_fmu_to_csv, which keeps no rows"),
                 ) from None
         self._time[self.count] = t
         for column, value in zip(self._columns, values, strict=True):
@@ -113,8 +113,9 @@ class CsvRows(Closing):
                 self._flush(self._file)
         except OSError as error:
             raise RecordingError(
-                f"{self._shown}: {error.strerror or error} at t = {t:g} s; expected room on the "
-                "disk; it holds the rows up to then, and the last may be incomplete"
+                self._shown,
+                f"{error.strerror or error} at t = {t:g} s",
+                ("room on the disk; it holds the rows up to then, and the last may be incomplete"),
             ) from None
         self.count += 1
         self.last_time = t
@@ -139,9 +140,12 @@ def check_room(target: Path, rows: int, variables: Sequence[Variable]) -> None:
         return  # creating the file raises the error
     if wanted > _SMALL and wanted > 0.9 * free:
         raise InputInvalid(
-            f"{target}: its {Decimal(rows):.3g} rows would take about "
-            f"{Decimal(wanted) / 10**9:.3g} GB, and {free / 1e9:.3g} GB are free; expected an "
-            "earlier end (--until) or a longer step (--step)"
+            target,
+            (
+                f"its {Decimal(rows):.3g} rows would take about "
+                f"{Decimal(wanted) / 10**9:.3g} GB, and {free / 1e9:.3g} GB are free"
+            ),
+            "an earlier end (--until) or a longer step (--step)",
         )
 
 

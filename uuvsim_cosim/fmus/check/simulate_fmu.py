@@ -224,7 +224,7 @@ def _plan(
     try:
         begin = Fraction(str(start_time))
     except (ValueError, ZeroDivisionError):
-        raise InputInvalid(f"start time = {start_time}; expected seconds") from None
+        raise InputInvalid(f"start time = {start_time}", "seconds") from None
     notes: list[str] = []
     size = description.default_step_size
     if until is None:
@@ -356,14 +356,14 @@ def _steps(
         end = Fraction(str(until))
         tick = Fraction(str(step)) if step is not None else None
     except (ValueError, ZeroDivisionError):
-        raise InputInvalid(f"until = {until}, step = {step}; expected seconds") from None
+        raise InputInvalid(f"until = {until}, step = {step}", "seconds") from None
     if end <= begin and begin:
         raise InputInvalid(
-            f"until = {until} s, but the start is {float(begin):g} s; expected a later end, or "
-            "another start time"
+            f"until = {until} s, but the start is {float(begin):g} s",
+            "a later end, or another start time",
         )
     if end <= begin or (tick is not None and tick <= 0):
-        raise InputInvalid(f"until = {until} s, step = {step} s; expected more than 0")
+        raise InputInvalid(f"until = {until} s, step = {step} s", "more than 0")
     span = end - begin
     if tick is None:
         wanted = Fraction(str(default if _is_step(default) else _DEFAULT_STEP))
@@ -374,8 +374,8 @@ def _steps(
         low, high = float(begin + count * tick), float(begin + (count + 1) * tick)
         after = f" after {float(begin):g} s" if begin else ""
         raise InputInvalid(
-            f"until = {until} s is not a whole multiple of step = {step} s{after}; "
-            f"expected {low:g} s or {high:g} s"
+            f"until = {until} s is not a whole multiple of step = {step} s{after}",
+            f"{low:g} s or {high:g} s",
         )
     return tick, int(count)
 
@@ -420,7 +420,7 @@ def _feed(inputs: Inputs, description: Description) -> _Feed:
         for name, value in (inputs or {}).items():
             if name not in known:
                 expected = expected_names(name, known)
-                raise InputInvalid(f"inputs: unknown name {name!r}; expected {expected}")
+                raise InputInvalid("inputs", f"unknown name {name!r}", expected)
             if not callable(value):
                 value = checked_start(known[name], value, f"inputs: {name}")
             feed.given[name] = (known[name], value)
@@ -445,7 +445,7 @@ def _start_values(
         if name in variables:
             variable = variables[name]
             if variable.variability == "constant":
-                raise InputInvalid(f"{place}: is a constant; expected a parameter or an input")
+                raise InputInvalid(place, "is a constant", "a parameter or an input")
             if isinstance(value, str):
                 items = archive.enumerations.get(name)
                 value = parse_value(variable, value, place, items)
@@ -468,7 +468,5 @@ def _recorded(outputs: Sequence[str] | None, description: Description) -> list[V
     for name in outputs:
         if name not in description.variables:
             names = [v.name for v in description.of("output")]
-            raise InputInvalid(
-                f"outputs: unknown name {name!r}; expected {expected_names(name, names)}"
-            )
+            raise InputInvalid("outputs", f"unknown name {name!r}", expected_names(name, names))
     return [description.variables[name] for name in dict.fromkeys(outputs)]

@@ -97,7 +97,7 @@ class Native:
         """Return a read-only view of a Float64 variable's values, which later steps change."""
         self._c.uuv_update_outputs(self._live())
         if variable.type != "Float64":
-            raise FmuError(f"{self.path}.{variable.name}: is {variable.type}; expected Float64")
+            raise FmuError(f"{self.path}.{variable.name}", f"is {variable.type}", "Float64")
         first = variable.value_references[0]
         view = self._block[first : first + variable.size].reshape(variable.shape)
         view.flags.writeable = False
@@ -109,15 +109,15 @@ class Native:
         place = f"{self.path}.{variable.name}"
         array = np.asarray(value, dtype=float)
         if array.shape != variable.shape:
-            raise FmuError(f"{place}: value of shape {array.shape}; expected {variable.shape}")
+            raise FmuError(place, f"value of shape {array.shape}", variable.shape)
         if variable.causality not in ("input", "parameter"):
-            raise FmuError(f"{place}: is {variable.causality}; expected an input or a parameter")
+            raise FmuError(place, f"is {variable.causality}", "an input or a parameter")
         if variable.variability == "fixed" and self._head.initialized:
             raise FmuError(f"{place}: is fixed; it can be set until initialization has ended")
         low = -np.inf if variable.min is None else variable.min
         high = np.inf if variable.max is None else variable.max
         if not np.all(np.isfinite(array) & (array >= low) & (array <= high)):
-            raise FmuError(f"{place}: value {value}; expected finite numbers in [{low}, {high}]")
+            raise FmuError(place, f"value {value}", f"finite numbers in [{low}, {high}]")
         first = variable.value_references[0]
         self._block[first : first + variable.size] = array.ravel()
         self._head.outputs_stale = 1
@@ -185,7 +185,7 @@ class Native:
         for v in knowns:
             first = v.value_references[0] - layout.offset["input"]
             if v.causality != "input":
-                raise FmuError(f"{self.path}.{v.name}: is {v.causality}; expected an input")
+                raise FmuError(f"{self.path}.{v.name}", f"is {v.causality}", "an input")
             full[first : first + v.size] = flat[used : used + v.size]
             used += v.size
         result = np.zeros(layout.count["output"] + n_x)
@@ -195,7 +195,7 @@ class Native:
         for v in unknowns:
             first = v.value_references[0] - layout.offset["output"]
             if v.causality != "output":
-                raise FmuError(f"{self.path}.{v.name}: is {v.causality}; expected an output")
+                raise FmuError(f"{self.path}.{v.name}", f"is {v.causality}", "an output")
             parts.append(result[first : first + v.size])
         return np.concatenate(parts) if parts else np.zeros(0)
 

@@ -48,7 +48,7 @@ def emit_optimisers(functions: list[Any]) -> str:
     """Return the C of the optimiser that the functions call."""
     names = optimisers_of(functions)
     if len(names) > 1:
-        raise UuvsimError(f"{', '.join(names)}: {len(names)} optimisers in a component; expected 1")
+        raise UuvsimError(", ".join(names), f"{len(names)} optimisers in a component", "1")
     return "".join(map(_text, names))
 
 

@@ -70,7 +70,7 @@ def platform_named(name: str) -> Platform:
         if name in (p.fmi2, p.fmi3):
             return p
     raise ToolchainError(
-        f"unknown platform {name!r}; expected one of {', '.join(p.fmi2 for p in PLATFORMS)}"
+        f"unknown platform {name!r}", f"one of {', '.join(p.fmi2 for p in PLATFORMS)}"
     )
 
 
@@ -91,7 +91,7 @@ def fmi_headers() -> Path:
         folder = Path(place) / "c-code"
         if (folder / "fmi3Functions.h").is_file():
             return folder
-    raise ToolchainError("FMI's C headers are missing; expected them with `pip install fmpy`")
+    raise ToolchainError("FMI's C headers are missing", "them with `pip install fmpy`")
 
 
 @lru_cache
@@ -110,8 +110,12 @@ def compiler() -> tuple[list[str], str]:
         command = shlex.split(override)
         if shutil.which(command[0]) is None:
             raise ToolchainError(
-                f"CC={override!r}: no such program; expected a C compiler, or CC unset "
-                "(then zig, which is installed with this package, is used)"
+                f"CC={override!r}",
+                "no such program",
+                (
+                    "a C compiler, or CC unset (then zig, which is installed with this "
+                    "package, is used)"
+                ),
             )
         return command, f"{override} {_version(tuple(command))}"
     try:
@@ -120,8 +124,9 @@ def compiler() -> tuple[list[str], str]:
         identity = f"zig {version('ziglang')}"
     except ModuleNotFoundError:
         raise ToolchainError(
-            "no C compiler: the package 'ziglang' is missing; expected `pip install ziglang`, "
-            "or CC set to a C compiler"
+            "no C compiler",
+            "the package 'ziglang' is missing",
+            "`pip install ziglang`, or CC set to a C compiler",
         ) from None
     return [sys.executable, "-m", "ziglang", "cc"], identity
 
@@ -152,8 +157,8 @@ def compile_shared(
     zig = "ziglang" in command
     if not zig and target is not host():
         raise ToolchainError(
-            f"CC={os.environ['CC']!r} compiles for this machine only; expected CC unset to "
-            f"compile for {target.fmi2}"
+            f"CC={os.environ['CC']!r} compiles for this machine only",
+            f"CC unset to compile for {target.fmi2}",
         )
     arguments = [*(["-target", target.target] if zig else []), *FLAGS, *flags]
     if target.suffix != ".dll":
@@ -186,13 +191,11 @@ def compile_shared(
             data = fresh.read_bytes()
         except FileNotFoundError:
             raise ToolchainError(
-                f"the C compiler {_named(command)} reports no error, but wrote no library; "
-                f"expected {_EXPECTED}"
+                (f"the C compiler {_named(command)} reports no error, but wrote no library"),
+                _EXPECTED,
             ) from None
     if contents() != key:  # otherwise the cache would keep a wrong library under this key
-        raise ToolchainError(
-            f"{name}: its C was changed while it was compiled; expected files that rest"
-        )
+        raise ToolchainError(name, "its C was changed while it was compiled", "files that rest")
     keep(library, data)
     return library
 

@@ -50,7 +50,7 @@ def build_fmu(
     """
     declared = model.model if isinstance(model, Lowered) else model
     if fmi not in (2, 3):
-        raise InputInvalid(f"{declared.name}: FMI version {fmi!r}; expected 2 or 3")
+        raise InputInvalid(declared.name, f"FMI version {fmi!r}", "2 or 3")
     wanted = sorted({platform_named(p).fmi2 for p in platforms})
     lowered = model if isinstance(model, Lowered) else lower(model)
     identifier = model_identifier(declared.name)
@@ -81,7 +81,7 @@ def build_many(
     """
     models = [declare_source(name) for name in names]  # all, before any is built, as it may raise
     if len({model_identifier(m.name) for m in models}) < len(models):
-        raise InputInvalid(f"{', '.join(names)}: two would be the same file; expected one a call")
+        raise InputInvalid(", ".join(names), "two would be the same file", "one a call")
     return [build_fmu(m, fmi=fmi, platforms=platforms, target=target_dir) for m in models]
 
 
@@ -136,7 +136,7 @@ def _write(path: Path, data: bytes) -> None:
         write_whole(path, data)
     except OSError as error:
         raise InputInvalid(
-            f"{path}: cannot be written ({error.strerror}); expected a folder that can be written"
+            path, f"cannot be written ({error.strerror})", "a folder that can be written"
         ) from error
 
 

@@ -45,8 +45,9 @@ def model_description(
     for name in description.variables:
         if name == "time" or _NAME.match(name) is None:
             raise ParameterInvalid(
-                f"{description.name}: variable {name!r} cannot be exported; expected a name of "
-                "letters, digits, '_' and '.', other than 'time'"
+                description.name,
+                f"variable {name!r} cannot be exported",
+                "a name of letters, digits, '_' and '.', other than 'time'",
             )
     tool = f"uuvsim-cosim {__version__}" if release else "uuvsim-cosim"
     root = Element(

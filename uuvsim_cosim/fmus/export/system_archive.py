@@ -53,7 +53,7 @@ def compiled(
     """Compile and pack; return the path. The same system gives the same bytes."""
     whole = fmu.whole
     if fmi not in (2, 3):
-        raise InputInvalid(f"{whole.identifier}: FMI version {fmi!r}; expected 2 or 3")
+        raise InputInvalid(whole.identifier, f"FMI version {fmi!r}", "2 or 3")
     members = {k: v.encode() for k, v in _texts(fmu, fmi).items()}
     for place in map(platform_named, sorted({platform_named(p).fmi2 for p in platforms})):
         folder = place.fmi2 if fmi == 2 else place.fmi3

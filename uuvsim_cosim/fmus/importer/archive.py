@@ -45,9 +45,7 @@ def unpack(path: Path, *, must_contain: str | None = None) -> Path:
             if not all(_intact(m, folder) for m in members):
                 _extract(archive, members, folder, path)
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, ValueError) as error:
-        raise FmuError(
-            f"{shown(path)}: a corrupt archive ({error}); expected a zip file"
-        ) from error
+        raise FmuError(shown(path), f"a corrupt archive ({error})", "a zip file") from error
     return folder
 
 
@@ -66,15 +64,13 @@ def _read(path: Path) -> bytes:
     try:
         data = path.read_bytes()
     except FileNotFoundError:
-        raise FmuError(f"{shown(path)}: no such file; expected an .fmu or .ssp archive") from None
+        raise FmuError(shown(path), "no such file", "an .fmu or .ssp archive") from None
     except OSError as error:
         raise FmuError(
-            f"{shown(path)}: cannot be read ({error.strerror}); expected an .fmu or .ssp archive"
+            shown(path), f"cannot be read ({error.strerror})", "an .fmu or .ssp archive"
         ) from None
     if not data.startswith((b"PK\x03\x04", b"PK\x05\x06")):
-        raise FmuError(
-            f"{shown(path)}: not a zip archive; expected an .fmu or .ssp, which are zip files"
-        )
+        raise FmuError(shown(path), "not a zip archive", "an .fmu or .ssp, which are zip files")
     return data
 
 
@@ -82,24 +78,23 @@ def _checked(archive: zipfile.ZipFile, path: Path, must_contain: str) -> Iterato
     """Yield the members; raises FmuError for an archive that is not safe to unpack."""
     members = archive.infolist()
     if len(members) > MAX_MEMBERS:
-        raise FmuError(f"{shown(path)}: {len(members)} members; expected at most {MAX_MEMBERS}")
+        raise FmuError(shown(path), f"{len(members)} members", f"at most {MAX_MEMBERS}")
     total = sum(m.file_size for m in members)
     packed = max(path.stat().st_size, 1)
     if total > MAX_BYTES:
         raise FmuError(
-            f"{shown(path)}: an archive bomb, {total} bytes unpacked; expected at most {MAX_BYTES}"
+            shown(path), f"an archive bomb, {total} bytes unpacked", f"at most {MAX_BYTES}"
         )
     if total > RATIO_MATTERS_FROM_BYTES and total > MAX_RATIO * packed:
         raise FmuError(
-            f"{shown(path)}: an archive bomb, unpacks to {total // packed} times its size; "
-            f"expected at most {MAX_RATIO} times"
+            shown(path),
+            f"an archive bomb, unpacks to {total // packed} times its size",
+            f"at most {MAX_RATIO} times",
         )
     for member in members:  # some tools on Windows write "\"
         member.filename = member.filename.replace("\\", "/")
     if not any(m.filename == must_contain for m in members):
-        raise FmuError(
-            f"{shown(path)}: has no {must_contain}; expected it at the top of the archive"
-        )
+        raise FmuError(shown(path), f"has no {must_contain}", "it at the top of the archive")
     for member in members:
         name = member.orig_filename.replace("\\", "/")
         outside = (
@@ -111,17 +106,17 @@ def _checked(archive: zipfile.ZipFile, path: Path, must_contain: str) -> Iterato
         )
         if outside:
             raise FmuError(
-                f"{shown(path)}: member {name!r} would leave its folder; expected a relative name "
-                "that stays in the archive's folder"
+                shown(path),
+                f"member {name!r} would leave its folder",
+                "a relative name that stays in the archive's folder",
             )
         if stat.S_IFMT(member.external_attr >> 16) not in (0, stat.S_IFREG, stat.S_IFDIR):
             raise FmuError(
-                f"{shown(path)}: member {name!r} is a symbolic link or a device; "
-                "expected files and folders"
+                shown(path), f"member {name!r} is a symbolic link or a device", "files and folders"
             )
         if member.flag_bits & 0x1:
             raise FmuError(
-                f"{shown(path)}: member {name!r} is encrypted; expected an archive without password"
+                shown(path), f"member {name!r} is encrypted", "an archive without password"
             )
         yield member
 

@@ -67,8 +67,9 @@ class FmuBinary(ABC):
         once = self.description.can_be_instantiated_only_once
         if once and _living[self._library.file]:
             raise FmuError(
-                f"{path}: {archive.path.name} may exist only once per process; expected each "
-                "further instance to be isolated in a process of its own (isolate=True)"
+                path,
+                f"{archive.path.name} may exist only once per process",
+                ("each further instance to be isolated in a process of its own (isolate=True)"),
             )
         self._log = MessageLog(path, self._variable_named)
         self.messages = self._log.kept
@@ -123,8 +124,9 @@ class FmuBinary(ABC):
             if np.array_equal(np.asarray(value), np.asarray(variable.start)):
                 return
             raise FmuError(
-                f"{self.path}.{variable.name}: a structural parameter keeps its start value "
-                f"{variable.start}; expected another value only before the component is made"
+                f"{self.path}.{variable.name}",
+                f"a structural parameter keeps its start value {variable.start}",
+                "another value only before the component is made",
             )
         self._fill(variable, value)
 
@@ -277,7 +279,7 @@ class FmuBinary(ABC):
         flat = np.ascontiguousarray(seed, dtype=float).ravel()
         expected = sum(v.size for v in knowns)
         if flat.size != expected:
-            raise FmuError(f"{self.path}: a seed of {flat.size} numbers; expected {expected}")
+            raise FmuError(self.path, f"a seed of {flat.size} numbers", expected)
         result = np.zeros(sum(v.size for v in unknowns))
         self._differentiate(_references(unknowns), _references(knowns), flat, result)
         return result
@@ -328,7 +330,7 @@ class FmuBinary(ABC):
         if self._instance is None:
             raise FmuError(f"{self.path}: used after it was freed")
         if self._phase is Phase.FATAL:
-            raise FmuError(f"{self.path}: used after a fatal error; expected a new instance")
+            raise FmuError(self.path, "used after a fatal error", "a new instance")
         return self._instance
 
     def _require(self, capable: bool, what: str) -> None:

@@ -39,8 +39,9 @@ class FmuLibrary:
             self._c = _loaded(self.file, self.file.stat().st_ino)
         except OSError as error:
             raise FmuError(
-                f"{archive.path}: its library {self.file.name} cannot be loaded ({error}); "
-                "expected one that this machine can load"
+                archive.path,
+                f"its library {self.file.name} cannot be loaded ({error})",
+                "one that this machine can load",
             ) from None
         _leave_in_order(self._c, self.file)
 

@@ -56,7 +56,7 @@ def find_element(variables: Sequence[Variable], name: str, place: str) -> tuple[
         if wanted in elements:
             return variable, elements.index(wanted)
         names += elements
-    raise InputInvalid(f"{place}: unknown name {name!r}; expected {expected_names(name, names)}")
+    raise InputInvalid(place, f"unknown name {name!r}", expected_names(name, names))
 
 
 def read_input_csv(path: Path, description: Description) -> list[Series]:
@@ -66,11 +66,11 @@ def read_input_csv(path: Path, description: Description) -> list[Series]:
     """
     rows = _rows(path)
     if not rows:
-        raise InputInvalid(f"{path}: is empty; expected a header line: time and names of inputs")
+        raise InputInvalid(path, "is empty", "a header line: time and names of inputs")
     line, header = rows[0]
     if header[0].strip().lower() not in ("time", "t"):
         hint = " (columns are separated by commas)" if len(header) == 1 else ""
-        raise InputInvalid(f"{path}, line {line}, column 1: {header[0]!r}; expected 'time'{hint}")
+        raise InputInvalid(f"{path}, line {line}, column 1", f"{header[0]!r}", f"'time'{hint}")
     names = [name.strip() for name in header]
     inputs = description.of("input")
     targets = [
@@ -81,7 +81,7 @@ def read_input_csv(path: Path, description: Description) -> list[Series]:
     if repeated is not None:
         raise InputInvalid(f"{path}, line {line}: column {repeated!r} is there twice")
     if len(rows) == 1:
-        raise InputInvalid(f"{path}: has no line after the header; expected at least one")
+        raise InputInvalid(path, "has no line after the header", "at least one")
     return _series(path, rows[1:], names, targets)
 
 
@@ -90,15 +90,15 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise InputInvalid(
-            f"{path}: cannot be read ({error.strerror}); expected a CSV of inputs over time"
+            path, f"cannot be read ({error.strerror})", "a CSV of inputs over time"
         ) from None
     except UnicodeDecodeError:
-        raise InputInvalid(f"{path}: is not UTF-8 text; expected CSV") from None
+        raise InputInvalid(path, "is not UTF-8 text", "CSV") from None
     reader = csv.reader(io.StringIO(text, newline=""))
     try:
         return [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
     except csv.Error as error:
-        raise InputInvalid(f"{path}, line {reader.line_num}: {error}; expected CSV") from None
+        raise InputInvalid(f"{path}, line {reader.line_num}", error, "CSV") from None
 
 
 def _series(
@@ -112,12 +112,13 @@ def _series(
     columns: list[list[object]] = [[] for _ in targets]
     for k, (line, row) in enumerate(rows):
         if len(row) != len(names):
-            raise InputInvalid(f"{path}, line {line}: {len(row)} cells; expected {len(names)}")
+            raise InputInvalid(f"{path}, line {line}", f"{len(row)} cells", len(names))
         time[k] = _number(row[0], f"{path}, line {line}, column 1 (time)")
         if k and time[k] < time[k - 1]:
             raise InputInvalid(
-                f"{path}, line {line}, column 1 (time): {time[k]:g} s after {time[k - 1]:g} s; "
-                "expected times that do not decrease"
+                f"{path}, line {line}, column 1 (time)",
+                f"{time[k]:g} s after {time[k - 1]:g} s",
+                "times that do not decrease",
             )
         for c, (variable, _) in enumerate(targets):
             place = f"{path}, line {line}, column {c + 2} ({names[c + 1]})"
@@ -140,7 +141,7 @@ def _number(text: str, place: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise InputInvalid(f"{place}: {text!r}; expected a finite number")
+        raise InputInvalid(place, f"{text!r}", "a finite number")
     return value
 
 
@@ -171,8 +172,9 @@ def series_of(columns: Mapping[str, Any], description: Description) -> list[Seri
         values = _samples(chosen[0][0], given)
         if values.size != time.size * len(chosen):
             raise InputInvalid(
-                f"inputs: {name!r} has shape {values.shape}; "
-                f"expected {len(chosen)} values at each of {time.size} times"
+                "inputs",
+                f"{name!r} has shape {values.shape}",
+                f"{len(chosen)} values at each of {time.size} times",
             )
         table = values.reshape(time.size, len(chosen))
         result += [Series(v, e, time, table[:, i]) for i, (v, e) in enumerate(chosen)]

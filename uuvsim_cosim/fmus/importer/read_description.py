@@ -154,13 +154,12 @@ def _interface(path: Path, root: Element, wanted: str | None) -> tuple[Interface
         if found is not None and wanted in (None, interface):
             return interface, found
     if wanted is not None:
-        raise FmuError(
-            f"{shown(path)}: has no {wanted}; expected one of {', '.join(there) or 'none'}"
-        )
+        raise FmuError(shown(path), f"has no {wanted}", f"one of {', '.join(there) or 'none'}")
     only = "ScheduledExecution" if root.find("ScheduledExecution") is not None else ""
     raise FmuError(
-        f"{shown(path)}: is for {only or 'nothing that FMI knows'} only; "
-        "expected Co-Simulation or Model Exchange"
+        shown(path),
+        f"is for {only or 'nothing that FMI knows'} only",
+        "Co-Simulation or Model Exchange",
     )
 
 
@@ -173,7 +172,7 @@ def _structural_value(
     if variable is None or variable.causality != "structuralParameter":
         known = [v.name for v in variables.values() if v.causality == "structuralParameter"]
         raise ParameterInvalid(
-            f"{where}: there is none of this name; expected one of {', '.join(known) or 'none'}"
+            where, "there is none of this name", f"one of {', '.join(known) or 'none'}"
         )
     if isinstance(value, str):
         value = parse_value(variable, value, where)

@@ -82,20 +82,22 @@ def compiled(archive: Path, folder: Path, identifier: str, sources: Sources) -> 
     root = folder / "sources"
     if sources.libraries:
         raise FmuError(
-            f"{archive}: its sources need the library {', '.join(sources.libraries)}; expected "
-            f"none but C's own, or a binary for {machine.fmi2}"
+            archive,
+            f"its sources need the library {', '.join(sources.libraries)}",
+            f"none but C's own, or a binary for {machine.fmi2}",
         )
     files = [_inside(root, name, archive) for name in sources.files]
     foreign = [f.name for f in files if f.suffix.lower() != ".c"]
     if foreign:
         raise FmuError(
-            f"{archive}: its source {foreign[0]} is not C; expected .c files, or a binary for "
-            f"{machine.fmi2}"
+            archive,
+            f"its source {foreign[0]} is not C",
+            f".c files, or a binary for {machine.fmi2}",
         )
     includes = [root, *(_inside(root, name, archive) for name in sources.includes)]
     spec = find_spec("fmpy")  # its FMI headers serve sources without their own
     if spec is None or spec.origin is None:
-        raise FmuError("the package 'fmpy' is missing; expected `pip install fmpy`")
+        raise FmuError("the package 'fmpy' is missing", "`pip install fmpy`")
     includes.append(Path(spec.origin).parent / "c-code")
     # Sources include each other: the key of the cache depends on all files in the folder.
     every = sorted(f for f in root.rglob("*") if f.is_file())
@@ -117,5 +119,5 @@ def compiled(archive: Path, folder: Path, identifier: str, sources: Sources) -> 
 def _inside(root: Path, name: str, archive: Path) -> Path:
     path = (root / name).resolve()
     if not path.is_relative_to(root.resolve()) or not path.exists():
-        raise FmuError(f"{archive}: its source {name!r} is not there; expected it in sources/")
+        raise FmuError(archive, f"its source {name!r} is not there", "it in sources/")
     return path

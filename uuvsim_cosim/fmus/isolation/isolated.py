@@ -271,8 +271,12 @@ class Isolated:
         child = self._child
         if child is None:
             raise FmuError(
-                f"{self.path}: used after it was freed, or after its process died or a call of it "
-                "was interrupted; expected a new instance"
+                self.path,
+                (
+                    "used after it was freed, or after its process died or a call of "
+                    "it was interrupted"
+                ),
+                "a new instance",
             )
         if self._starting:
             self._started(child)

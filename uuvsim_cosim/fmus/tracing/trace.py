@@ -40,7 +40,7 @@ class Trace(Closing):
             self._sink = path.open("w", newline="", encoding="utf-8", buffering=1)
         except OSError as error:
             raise InputInvalid(
-                f"{path}: cannot be written ({error.strerror}); expected a file in a folder"
+                path, f"cannot be written ({error.strerror})", "a file in a folder"
             ) from None
         self._begun = time.perf_counter()
         self._sink.write(",".join(COLUMNS) + "\n")
@@ -69,8 +69,9 @@ def instantiate_traced(archive: FmuArchive, path: str, trace: Trace) -> Componen
     """
     if needs_own_process(archive):
         raise InputInvalid(
-            f"{path}: {archive.path.name} needs a process of its own here, whose calls cannot be "
-            "traced; expected it to be there once"
+            path,
+            (f"{archive.path.name} needs a process of its own here, whose calls cannot be traced"),
+            "it to be there once",
         )
     version = Fmu2 if archive.description.kind == "FMI 2.0" else Fmu3
     fmu = version(archive, path, library=partial(_TracedLibrary, trace, path))

@@ -44,7 +44,7 @@ class Batch(Closing):
         threads: int = 1,
     ) -> None:
         if n_envs < 1 or threads < 1:
-            raise InputInvalid(f"{n_envs} environments in {threads} threads; expected at least 1")
+            raise InputInvalid(f"{n_envs} environments in {threads} threads", "at least 1")
         self.kernel = kernel
         self.n_envs = n_envs
         fused, dtype = kernel.fused, kernel.dtype
@@ -120,7 +120,7 @@ class Batch(Closing):
         is raised.
         """
         if n < 0:
-            raise InputInvalid(f"{n} steps; expected 0 or more")
+            raise InputInvalid(f"{n} steps", "0 or more")
         if self._threads is None:
             failed = self._step(self._address, 0, self._n_blocks, n)
         else:
@@ -148,7 +148,7 @@ class Batch(Closing):
     def failure(self, e: int) -> ComponentFailed | None:
         """Return the first failure of environment e since its reset, if it has failed."""
         if not -self.n_envs <= e < self.n_envs:
-            raise InputInvalid(f"environment {e}; expected one of 0 to {self.n_envs - 1}")
+            raise InputInvalid(f"environment {e}", f"one of 0 to {self.n_envs - 1}")
         return self._failure(index(e) % self.n_envs, "")
 
     # ---- values ---------------------------------------------------------------------------
@@ -221,18 +221,16 @@ class Batch(Closing):
                 first = index(seeds)  # type: ignore[arg-type]
                 given = [*range(first, first + n)]
         except TypeError:
-            raise InputInvalid(
-                f"seeds: {seeds!r}; expected a whole number, or {n} of them"
-            ) from None
+            raise InputInvalid("seeds", f"{seeds!r}", f"a whole number, or {n} of them") from None
         if len(given) != n:
-            raise InputInvalid(f"seeds: {len(given)}; expected one, or {n}")
+            raise InputInvalid("seeds", len(given), f"one, or {n}")
         return self._memory.padded(seed_words(given))
 
     def _mask(self, mask: ArrayLike) -> np.ndarray:
         chosen = np.asarray(mask)
         if chosen.shape != (self.n_envs,) or chosen.dtype != bool:
             raise InputInvalid(
-                f"mask: {chosen.dtype} of shape {chosen.shape}; expected {self.n_envs} Booleans"
+                "mask", f"{chosen.dtype} of shape {chosen.shape}", f"{self.n_envs} Booleans"
             )
         return chosen
 

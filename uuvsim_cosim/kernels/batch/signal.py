@@ -39,7 +39,7 @@ class Signal:
         if v.causality != "input" and not (self.is_parameter and v.variability == "tunable"):
             raise self._wrong("an input or a tunable parameter (others: start= of reset)")
         if self.connected:
-            raise InputInvalid(f"{self.name}: is connected; expected an unconnected input")
+            raise InputInvalid(self.name, "is connected", "an unconnected input")
         return self._checked(values)
 
     def checked_start(self, values: object) -> np.ndarray:
@@ -54,25 +54,23 @@ class Signal:
         try:
             array: np.ndarray = np.asarray(values, dtype=float)
         except (TypeError, ValueError):
-            raise InputInvalid(f"{self.name}: value {values!r}; expected numbers") from None
+            raise InputInvalid(self.name, f"value {values!r}", "numbers") from None
         if array.shape not in (v.shape, (self.n_envs, *v.shape)):
             raise InputInvalid(
-                f"{self.name}: values of shape {array.shape}; "
-                f"expected {v.shape} or {(self.n_envs, *v.shape)}, a row for each environment "
-                "(n_envs)"
+                self.name,
+                f"values of shape {array.shape}",
+                (f"{v.shape} or {(self.n_envs, *v.shape)}, a row for each environment (n_envs)"),
             )
         low = -self.largest if v.min is None else v.min
         high = self.largest if v.max is None else v.max
         if not (array.min() >= low and array.max() <= high):  # comparisons with NaN are false
             wrong = array[~((array >= low) & (array <= high))].flat[0]
-            raise InputInvalid(
-                f"{self.name}: value {wrong}; expected finite numbers in [{low}, {high}]"
-            )
+            raise InputInvalid(self.name, f"value {wrong}", f"finite numbers in [{low}, {high}]")
         return array
 
     def _wrong(self, expected: str) -> InputInvalid:
         v = self.variable
-        return InputInvalid(f"{self.name}: is a {v.variability} {v.causality}; expected {expected}")
+        return InputInvalid(self.name, f"is a {v.variability} {v.causality}", expected)
 
 
 def signal_of(kernel: Program, name: str, memory: Lanes, start: Lanes) -> Signal:
@@ -84,7 +82,7 @@ def signal_of(kernel: Program, name: str, memory: Lanes, start: Lanes) -> Signal
     if i is None or own not in variables:
         known = [f"{c.path}.{n}" for c in fused.plan.components for n in c.description.variables]
         known = [n for n in known if n.startswith(f"{path}.")] or known
-        raise InputInvalid(f"no variable {name!r}; expected {expected_names(name, known)}")
+        raise InputInvalid(f"no variable {name!r}", expected_names(name, known))
     v, m = variables[own], fused.members[i]
     first = v.value_references[0]
     dtype = {"Float64": kernel.dtype, "Boolean": np.dtype(bool)}.get(v.type, np.dtype(np.int32))

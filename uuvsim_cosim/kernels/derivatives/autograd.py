@@ -50,7 +50,7 @@ def _through() -> tuple[Any, Any]:
         from torch.autograd.function import once_differentiable
     except ImportError as error:
         raise InputInvalid(
-            "derivatives in torch need it; expected `pip install 'uuvsim-cosim[rl]'`"
+            "derivatives in torch need it", "`pip install 'uuvsim-cosim[rl]'`"
         ) from error
 
     class Through(torch.autograd.Function):  # type: ignore[misc, unused-ignore]

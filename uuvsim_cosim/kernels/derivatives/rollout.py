@@ -51,14 +51,14 @@ class Rollout:
         kept_bytes: int = KEPT_BYTES,
     ) -> None:
         if steps < 1:
-            raise InputInvalid(f"{steps} steps; expected at least 1")
+            raise InputInvalid(f"{steps} steps", "at least 1")
         self.kernel, self.steps, self.n_envs, self.kept_bytes = kernel, steps, n_envs, kept_bytes
         self.batch = Batch(kernel, n_envs, seeds=seeds, start=start, threads=threads)
         self.start: Values = {name: np.asarray(v, dtype=float) for name, v in start.items()}
         self.inputs: Values = {name: self._sequence(name, v) for name, v in (inputs or {}).items()}
         twice = self.start.keys() & self.inputs.keys()
         if twice:
-            raise InputInvalid(f"{min(twice)}: is given as start and as inputs; expected one")
+            raise InputInvalid(min(twice), "is given as start and as inputs", "one")
         self.outputs = {name: self._real(name) for name in outputs}
         self._tapes: np.ndarray | None = None
 
@@ -66,22 +66,20 @@ class Rollout:
         signal = self.batch._signal(name)
         type_ = signal.variable.type
         if type_ != "Float64":
-            raise InputInvalid(f"{name}: is {type_}, without derivatives; expected a Float64")
+            raise InputInvalid(name, f"is {type_}, without derivatives", "a Float64")
         return signal
 
     def _sequence(self, name: str, values: object) -> np.ndarray:
         """Return an input's values over the steps; raises InputInvalid."""
         variable = self._real(name).variable
         if variable.causality != "input":
-            raise InputInvalid(
-                f"{name}: is {variable.causality}, in inputs; expected an input that changes"
-            )
+            raise InputInvalid(name, f"is {variable.causality}, in inputs", "an input that changes")
         shape = variable.shape
         array: np.ndarray = np.asarray(values, dtype=float)
         expected = ((self.steps, *shape), (self.steps, self.n_envs, *shape))
         if array.shape not in expected:
             raise InputInvalid(
-                f"{name}: values of shape {array.shape}; expected {expected[0]} or {expected[1]}"
+                name, f"values of shape {array.shape}", f"{expected[0]} or {expected[1]}"
             )
         return array
 
@@ -148,9 +146,7 @@ def jvp(rollout: Rollout, tangents: Mapping[str, object]) -> tuple[Values, Value
         array: np.ndarray = np.asarray(value, dtype=float)
         shape = _given(rollout, name).shape
         if array.shape != shape:
-            raise InputInvalid(
-                f"{name}: tangent of shape {array.shape}; expected {shape}, as given"
-            )
+            raise InputInvalid(name, f"tangent of shape {array.shape}", f"{shape}, as given")
         rollout._real(name)
         signal = signal_of(rollout.kernel, name, d, d_start)
         if name in rollout.inputs:
@@ -200,11 +196,11 @@ def vjp(rollout: Rollout) -> tuple[Values, Callable[[Mapping[str, object]], Valu
         for name, gradient in gradients.items():
             if name not in rollout.outputs:
                 names = ", ".join(rollout.outputs)
-                raise InputInvalid(f"{name}: is no output of the rollout; expected one of {names}")
+                raise InputInvalid(name, "is no output of the rollout", f"one of {names}")
             array: np.ndarray = np.asarray(gradient, dtype=float)
             shape = (rollout.steps, *_rows(rollout, name))
             if array.shape != shape:
-                raise InputInvalid(f"{name}: gradient of shape {array.shape}; expected {shape}")
+                raise InputInvalid(name, f"gradient of shape {array.shape}", shape)
             given[name] = array
         return _pulled_back(rollout, derivative, kept, every, given)
 
@@ -297,4 +293,4 @@ def _given(rollout: Rollout, name: str) -> np.ndarray:
         if name in known:
             return known[name]
     names = ", ".join([*rollout.start, *rollout.inputs]) or "nothing"
-    raise InputInvalid(f"{name}: was not given to the rollout; expected one of {names}")
+    raise InputInvalid(name, "was not given to the rollout", f"one of {names}")

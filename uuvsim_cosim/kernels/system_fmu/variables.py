@@ -64,7 +64,7 @@ def exposed(
     SystemInvalid for names that clash.
     """
     if naming not in get_args(Naming):
-        raise InputInvalid(f"names {naming!r}; expected one of {', '.join(get_args(Naming))}")
+        raise InputInvalid(f"names {naming!r}", f"one of {', '.join(get_args(Naming))}")
     connected: dict[tuple[int, str], set[int]] = {}
     for t in plan.transfers:
         connected.setdefault((t.target, t.target_variable.name), set()).update(t.target_elements)
@@ -155,7 +155,7 @@ def _chosen(
     for pattern in patterns:
         if pattern and not any(fnmatchcase(name, pattern) for name in names):
             raise InputInvalid(
-                f"{option} {pattern!r}: no {what}; expected {expected_names(pattern, names)}"
+                f"{option} {pattern!r}", f"no {what}", expected_names(pattern, names)
             )
     if not patterns:
         return every

@@ -30,15 +30,16 @@ def save_checkpoint(path: Path, content: State) -> None:
         write_whole(path, buffer.getvalue())
     except OSError as error:
         raise RecordingError(
-            f"{path}: {error.strerror}; the checkpoint of before is kept; expected "
-            f"{len(buffer.getvalue())} free bytes in a folder that can be written"
+            path,
+            f"{error.strerror}; the checkpoint of before is kept",
+            (f"{len(buffer.getvalue())} free bytes in a folder that can be written"),
         ) from error
 
 
 def load_checkpoint(path: Path) -> dict[str, Any]:
     """Read a file of `save_checkpoint`; no code of the file is run. Raises InputInvalid."""
     if not path.is_file():
-        raise InputInvalid(f"{path}: no such file; expected a checkpoint (.pt)")
+        raise InputInvalid(path, "no such file", "a checkpoint (.pt)")
     wanted = "expected a whole checkpoint as `uuvsim train` writes it"
     try:
         with zipfile.ZipFile(path) as parts:  # torch does not look at checksums
@@ -55,8 +56,9 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
         raise InputInvalid(f"{path}: {type(read).__name__} of another program; {wanted}")
     if read["uuvsim_checkpoint"] != FORMAT:
         raise InputInvalid(
-            f"{path}: format {read['uuvsim_checkpoint']}, written by another version of this "
-            f"package; expected {FORMAT}, or to begin anew (--restart)"
+            path,
+            (f"format {read['uuvsim_checkpoint']}, written by another version of this package"),
+            f"{FORMAT}, or to begin anew (--restart)",
         )
     return dict(_arrays(read["content"]))
 
@@ -67,7 +69,7 @@ def unfit(error: Exception) -> InputInvalid:
         reason = f"{error} is not in it"
     else:  # torch lists on further lines every number that differs
         reason = str(error).splitlines()[0].rstrip(": ") if str(error) else type(error).__name__
-    return InputInvalid(f"{reason}; expected one of this algorithm, with networks of these widths")
+    return InputInvalid(reason, "one of this algorithm, with networks of these widths")
 
 
 def _tensors(value: object) -> object:

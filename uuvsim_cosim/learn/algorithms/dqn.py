@@ -106,7 +106,7 @@ class DqnLearner:
     def learn(self, transitions: Transitions, over: NDArray[np.bool_]) -> Mapping[str, float]:
         """Store the transitions, and make the updates that are due."""
         if self._chosen is None:
-            raise InputInvalid("idqn: nothing was chosen; expected act() before learn()")
+            raise InputInvalid("idqn", "nothing was chosen", "act() before learn()")
         number = self._chosen[:, :, None].astype(np.float32)
         self._replay.add(replace(transitions, action=number))
         self._steps += len(over)

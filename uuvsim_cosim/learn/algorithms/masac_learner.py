@@ -53,7 +53,7 @@ class MasacLearner:
     ) -> None:
         self.schedule, self.symmetries = schedule or OffPolicySettings(), tuple(symmetries)
         if self.schedule.mirror and not self.symmetries:
-            raise InputInvalid("mirror: the task has no symmetry; expected mirror=false")
+            raise InputInvalid("mirror", "the task has no symmetry", "mirror=false")
         for symmetry in self.symmetries:
             symmetry.check(observed, acted)
         self.masac = m = Masac(agents, observed, acted, network or MasacSettings(), seed)

@@ -109,7 +109,7 @@ class PpoLearner:
     def learn(self, transitions: Transitions, over: NDArray[np.bool_]) -> Mapping[str, float]:
         """Store the transitions; after `samples` steps learn from them, and discard them."""
         if self._drawn is None:
-            raise InputInvalid(f"{self.name}: nothing was drawn; expected act() before learn()")
+            raise InputInvalid(self.name, "nothing was drawn", "act() before learn()")
         drawn, log_pi = self._drawn
         for seen in (transitions.observation, transitions.after):
             self._awake |= (seen != 0).any(axis=(0, 1))

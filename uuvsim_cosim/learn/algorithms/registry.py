@@ -58,13 +58,13 @@ def algorithm_for(name: str | None, agents: int) -> Algorithm:
         return ALGORITHMS["sac" if agents == 1 else "masac"]
     if name not in ALGORITHMS:
         raise InputInvalid(
-            f"algorithm {name!r}: no such algorithm; expected {expected_names(name, ALGORITHMS)}"
+            f"algorithm {name!r}", "no such algorithm", expected_names(name, ALGORITHMS)
         )
     chosen = ALGORITHMS[name]
     if chosen.alone and agents > 1:
         several = {"sac": "masac or isac", "ppo": "ippo or mappo", "dqn": "idqn"}[name]
         raise InputInvalid(
-            f"algorithm {name}: learns for one agent, the task has {agents}; expected {several}"
+            f"algorithm {name}", f"learns for one agent, the task has {agents}", several
         )
     return chosen
 
@@ -91,7 +91,7 @@ def learner_of(
         given.setdefault("updates", max(1.0, n / 16))
         if given.get("buffer", 100_000) < n:
             raise InputInvalid(
-                f"{algorithm.name}, buffer {given['buffer']}; expected at least {n}, one a step"
+                f"{algorithm.name}, buffer {given['buffer']}", f"at least {n}, one a step"
             )
     made = [
         kind(**{f.name: given[f.name] for f in fields(kind) if f.name in given}, **{
@@ -111,9 +111,7 @@ def check_settings(algorithm: Algorithm, settings: Mapping[str, object]) -> dict
     given = {}
     for name, value in settings.items():
         if name not in hints:
-            raise InputInvalid(
-                f"{algorithm.name}, setting {name!r}; expected {expected_names(name, hints)}"
-            )
+            raise InputInvalid(f"{algorithm.name}, setting {name!r}", expected_names(name, hints))
         given[name] = _checked(algorithm.name, name, value, hints[name])
     return given
 
@@ -176,16 +174,16 @@ def _checked(algorithm: str, name: str, value: Any, kind: type) -> float:
     place = f"{algorithm}, {name} {value!r}"
     if kind is bool:
         if not isinstance(value, bool):
-            raise InputInvalid(f"{place}; expected true or false")
+            raise InputInvalid(place, "true or false")
         return value
     number = isinstance(value, int | float) and not isinstance(value, bool)
     if kind is int:
         least = 0 if name in _MAY_BE_0 else 2 if name in ("batch", "samples") else 1
         if not number or value != int(value) or not least <= value <= 10**9:
-            raise InputInvalid(f"{place}; expected a whole number from {least}")
+            raise InputInvalid(place, f"a whole number from {least}")
         return int(value)
     low, high = _LIMITS.get(name, (1e-12, 1e6))
     if not number or not low <= value <= high:
         expected = "more than 0, at most 1e6" if low == 1e-12 else f"{low:g} … {high:g}"
-        raise InputInvalid(f"{place}; expected a number, {expected}")
+        raise InputInvalid(place, f"a number, {expected}")
     return float(value)

@@ -63,7 +63,7 @@ class Replay:
         """Add transitions, in place of the oldest ones."""
         n = len(given.reward)
         if n > self.size:
-            raise InputInvalid(f"buffer of {self.size}: {n} at once; expected at least {n}")
+            raise InputInvalid(f"buffer of {self.size}", f"{n} at once", f"at least {n}")
         at = (self._next + np.arange(n)) % self.size
         for name, rows in self._rows.items():
             rows[at] = getattr(given, name)
@@ -95,6 +95,6 @@ class Replay:
         for name, rows in self._rows.items():
             if len(state[name]) > self.size or state[name].shape[1:] != rows.shape[1:]:
                 raise InputInvalid(
-                    f"buffer {name!r} of shape {state[name].shape}; expected at most {rows.shape}"
+                    f"buffer {name!r} of shape {state[name].shape}", f"at most {rows.shape}"
                 )
             rows[: self.count] = state[name]

@@ -43,18 +43,16 @@ def transfer(
     places = list(range(last.observed)) if columns is None else list(columns)
     width = last.observed if observed is None else observed
     if len(places) != last.observed or len(set(places)) < len(places):
-        raise InputInvalid(
-            f"columns: {len(places)} places; expected {last.observed}, all different"
-        )
+        raise InputInvalid("columns", f"{len(places)} places", f"{last.observed}, all different")
     if places and not 0 <= min(places) <= max(places) < width:
-        raise InputInvalid(f"columns: {max(places)}; expected places in 0 … {width - 1}")
+        raise InputInvalid("columns", max(places), f"places in 0 … {width - 1}")
     if awake.shape != (last.observed,):
-        raise InputInvalid(f"awake of shape {awake.shape}; expected ({last.observed},)")
+        raise InputInvalid(f"awake of shape {awake.shape}", f"({last.observed},)")
     settings = settings or last.settings
     for name in SHAPES:
         now, was = getattr(settings, name), getattr(last.settings, name)
         if now != was:
-            raise InputInvalid(f"{name} {now} after a switch; expected {was}, as before it")
+            raise InputInvalid(f"{name} {now} after a switch", f"{was}, as before it")
     given = Masac(agents, width, last.acted, settings, seed)
     given.log_alpha.copy_(torch.stack([last.log_alpha[i % last.agents] for i in range(agents)]))
     given.centre.copy_(torch.stack([last.centre[i % last.agents] for i in range(agents)]))
@@ -111,7 +109,7 @@ def pass_on(
     """
     if _widths(of) != _widths(to):
         raise InputInvalid(
-            f"networks of widths {_widths(to)} after a switch; expected {_widths(of)}, as before it"
+            f"networks of widths {_widths(to)} after a switch", f"{_widths(of)}, as before it"
         )
     _copy_later_layers(of, to, list(nets))
     kept, width = torch.from_numpy(awake.astype(np.float32))[:, None], len(awake)

@@ -52,7 +52,7 @@ def collect(
     collect the same bits. Raises InputInvalid.
     """
     if not 1 <= episodes <= 100_000:
-        raise InputInvalid(f"{episodes} episodes; expected 1 … 100000")
+        raise InputInvalid(f"{episodes} episodes", "1 … 100000")
     word = policy if policy in WORDS else None
     acts = str(word) if word else tuple(load_policies(policy))
     parts = [

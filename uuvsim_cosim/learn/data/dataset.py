@@ -61,7 +61,7 @@ class Dataset:
     def __post_init__(self) -> None:
         """Check shapes and numbers."""
         if not self.episodes:
-            raise InputInvalid("dataset: no episode; expected at least one")
+            raise InputInvalid("dataset", "no episode", "at least one")
         seen, acts = len(self.observation), len(self.action)
         for i, e in enumerate(self.episodes):
             steps = len(e.action)
@@ -69,18 +69,20 @@ class Dataset:
             wanted = ((steps + 1, seen), (steps, acts), (steps,))
             if shapes != wanted or not steps:
                 raise InputInvalid(
-                    f"dataset, episode {i}: observations, actions and rewards of shapes "
-                    f"{', '.join(map(str, shapes))}; expected (T + 1, {seen}), (T, {acts}) and "
-                    "(T,), T at least 1"
+                    f"dataset, episode {i}",
+                    (f"observations, actions and rewards of shapes {', '.join(map(str, shapes))}"),
+                    f"(T + 1, {seen}), (T, {acts}) and (T,), T at least 1",
                 )
             for name in ("observation", "action", "reward"):
                 if not np.all(np.isfinite(getattr(e, name))):
-                    raise InputInvalid(f"dataset, episode {i}: NaN or infinity in its {name}s; "
-                                       "expected numbers")  # fmt: skip
+                    raise InputInvalid(
+                        f"dataset, episode {i}", f"NaN or infinity in its {name}s", "numbers"
+                    )
             if np.abs(e.action).max() > 1.0 + 1e-3:
                 raise InputInvalid(
-                    f"dataset, episode {i}: an action of {np.abs(e.action).max():g}; expected "
-                    "actions in [-1, 1]"
+                    f"dataset, episode {i}",
+                    f"an action of {np.abs(e.action).max():g}",
+                    "actions in [-1, 1]",
                 )
 
     @property

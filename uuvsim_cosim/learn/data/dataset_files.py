@@ -31,19 +31,17 @@ def refuse_taken(path: Path, overwrite: bool = False) -> None:
     path = path.expanduser()
     if path.suffix.lower() == ".npz":
         if path.is_dir():
-            raise InputInvalid(f"{path}: is a folder; expected a file")
+            raise InputInvalid(path, "is a folder", "a file")
         if path.exists() and not overwrite:
-            raise InputInvalid(f"{path}: exists; expected a new file, or --overwrite")
+            raise InputInvalid(path, "exists", "a new file, or --overwrite")
         return
     if path.exists() and (not path.is_dir() or any(path.iterdir())):
-        raise InputInvalid(f"{path}: exists; expected a new folder, as NAME-v0, or a .npz")
+        raise InputInvalid(path, "exists", "a new folder, as NAME-v0, or a .npz")
     # Minari takes a folder's name for its id; one without a version breaks its tools for all.
     if not VERSIONED.fullmatch(path.name):
         right = re.sub(r"[^\w-]+", "-", path.stem).strip("-") or "data"
         what = f"no dataset is written as {path.suffix}" if path.suffix else "has no version"
-        raise InputInvalid(
-            f"{path}: {what}; expected a .npz, or a folder of Minari's, as {right}-v0"
-        )
+        raise InputInvalid(path, what, f"a .npz, or a folder of Minari's, as {right}-v0")
 
 
 def write_dataset(given: Dataset, path: str | Path, *, overwrite: bool = False) -> Path:
@@ -79,14 +77,14 @@ def read_dataset(path: str | Path) -> Dataset:
     if path.is_dir():
         return read_minari(path)
     if not path.is_file():
-        raise InputInvalid(f"{path}: no such dataset; expected a folder of Minari's, or a .npz")
+        raise InputInvalid(path, "no such dataset", "a folder of Minari's, or a .npz")
     try:
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as read:
             found = {name: read[name] for name in read.files}
         head = json.loads(bytes(found.pop("head")))
         version = head["uuvsim_dataset"]
         if version != FORMAT:
-            raise InputInvalid(f"{path}: format {version}; expected {FORMAT}")
+            raise InputInvalid(path, f"format {version}", FORMAT)
         o, a, r = (found[k].astype(np.float32) for k in ("observation", "action", "reward"))
         episodes = [
             Episode(o[i, : n + 1], a[i, :n], r[i, :n], bool(found["terminated"][i]))
@@ -99,6 +97,7 @@ def read_dataset(path: str | Path) -> Dataset:
     except (ValueError, KeyError, TypeError, IndexError, OSError, EOFError,
             zipfile.BadZipFile) as error:  # fmt: skip
         raise InputInvalid(
-            f"{path}: {type(error).__name__}: {error}; expected a whole dataset as "
-            "`uuvsim collect` writes it"
+            path,
+            f"{type(error).__name__}: {error}",
+            "a whole dataset as `uuvsim collect` writes it",
         ) from None

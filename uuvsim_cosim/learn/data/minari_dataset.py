@@ -76,7 +76,7 @@ def read_minari(path: Path) -> Dataset:
     minari = _minari()
     data = path if (path / "metadata.json").is_file() else path / "data"
     if not (data / "metadata.json").is_file():
-        raise InputInvalid(f"{path}: no dataset of Minari's (data/metadata.json); expected one")
+        raise InputInvalid(path, "no dataset of Minari's (data/metadata.json)", "one")
     try:
         found = minari.MinariDataset(str(data))
         about = json.loads(found.storage.metadata.get("uuvsim", "{}"))
@@ -97,7 +97,7 @@ def read_minari(path: Path) -> Dataset:
         raise InputInvalid(f"{path}: {str(error).removeprefix(f'{path}: ')}") from None
     except Exception as error:  # whatever a broken file makes readers raise
         raise InputInvalid(
-            f"{path}: {type(error).__name__}: {error}; expected a whole dataset of Minari's"
+            path, f"{type(error).__name__}: {error}", "a whole dataset of Minari's"
         ) from None
     return made
 
@@ -106,9 +106,7 @@ def _named(space: object, what: str, about: dict[str, Any], path: Path) -> tuple
     from gymnasium.spaces import Box
 
     if not isinstance(space, Box) or len(space.shape) != 1 or space.dtype.kind != "f":
-        raise InputInvalid(
-            f"{path}: an {what} space {space}; expected a Box of one axis, of floats"
-        )
+        raise InputInvalid(path, f"an {what} space {space}", "a Box of one axis, of floats")
     units = about.get(what) or [(f"{what[0]}[{i + 1}]", "1") for i in range(space.shape[0])]
     named = names_of([n for n, _ in units], space.low, space.high)
     return tuple(Named(c.name, c.low, c.high, u) for c, (_, u) in zip(named, units, strict=True))

@@ -55,8 +55,11 @@ class _Start(Mapping[str, Array]):
     """Start values, which a recording does not hold."""
 
     def __getitem__(self, name: str) -> Array:
-        raise InputInvalid(f"{name}: the task reads what its episodes drew, which no recording "
-                           "holds; expected a task without it")  # fmt: skip
+        raise InputInvalid(
+            name,
+            "the task reads what its episodes drew, which no recording holds",
+            "a task without it",
+        )
 
     def __iter__(self) -> Iterator[str]:
         return iter(())
@@ -166,8 +169,9 @@ class _Reader:
         at = np.clip(np.searchsorted(time, wanted - 1e-6), 0, max(len(time) - 1, 0))
         if not count or np.abs(time[at] - wanted).max() > 1e-6 or np.any(np.diff(at) < 2):
             raise InputInvalid(
-                f"{run}: {len(time)} instants; expected one at each action step of {step:g} s, "
-                "and others between"
+                run,
+                f"{len(time)} instants",
+                f"one at each action step of {step:g} s, and others between",
             )
         return np.asarray(at)
 
@@ -186,9 +190,12 @@ class _Reader:
                 columns.append(own[:, i])
             else:
                 raise InputInvalid(
-                    f"{run}: neither {key} nor {output} recorded; expected the action of "
-                    f"{self.reading.task} (a signal of another name is given by --signal "
-                    "NAME=RECORDED)"
+                    run,
+                    f"neither {key} nor {output} recorded",
+                    (
+                        f"the action of {self.reading.task} (a signal of another name is "
+                        "given by --signal NAME=RECORDED)"
+                    ),
                 )
         return np.stack(columns, axis=1)
 

@@ -25,13 +25,12 @@ def refuse_times(run: Path, time: Array) -> None:
     """
     bad = np.flatnonzero(~np.isfinite(time))
     if len(bad):
-        raise InputInvalid(f"{run}: time {time[bad[0]]:g} in row {bad[0] + 1}; expected a number")
+        raise InputInvalid(run, f"time {time[bad[0]]:g} in row {bad[0] + 1}", "a number")
     falls = np.flatnonzero(np.diff(time) < 0)
     if len(falls):
         k = falls[0]
         raise InputInvalid(
-            f"{run}: time {time[k + 1]:g} s in row {k + 2}, after {time[k]:g} s; expected times "
-            "that rise"
+            run, f"time {time[k + 1]:g} s in row {k + 2}, after {time[k]:g} s", "times that rise"
         )
 
 
@@ -47,8 +46,9 @@ class Reading:
         for name in renamed:
             if name not in names:
                 raise InputInvalid(
-                    f"signal {name!r}: {task} reads none of this name; expected "
-                    f"{expected_names(name, names)}"
+                    f"signal {name!r}",
+                    f"{task} reads none of this name",
+                    expected_names(name, names),
                 )
 
     def finds(self, read: Signals, name: str) -> bool:
@@ -71,8 +71,12 @@ class Reading:
         if missing:
             why = ", or without the Arrow metadata that says what a column holds" if bare else ""
             raise InputInvalid(
-                f"{run}: {', '.join(missing)} not recorded{why}; expected what {self.task} reads "
-                "(a signal of another name is given by --signal NAME=RECORDED)"
+                run,
+                f"{', '.join(missing)} not recorded{why}",
+                (
+                    f"what {self.task} reads (a signal of another name is given by "
+                    "--signal NAME=RECORDED)"
+                ),
             )
         return [
             self._numbers(run, read, self._renamed.get(name, name), size)
@@ -84,12 +88,10 @@ class Reading:
         columns = found.reshape(len(found), -1) if len(found) else np.zeros((0, size))
         if columns.shape[1] != size:
             raise InputInvalid(
-                f"{run}: {place} has {columns.shape[1]} elements; expected {size}, as {self.task} "
-                "reads"
+                run, f"{place} has {columns.shape[1]} elements", f"{size}, as {self.task} reads"
             )
         if columns.dtype.kind not in "fiub":
-            raise InputInvalid(f"{run}: {place} holds {type(columns.flat[0]).__name__}; expected "
-                               "numbers")  # fmt: skip
+            raise InputInvalid(run, f"{place} holds {type(columns.flat[0]).__name__}", "numbers")
         return np.asarray(columns, float)
 
 

@@ -48,7 +48,7 @@ def export_policy(
     out = Path(out).expanduser()
     ending = out.suffix.lower()
     if ending not in ENDINGS:
-        raise InputInvalid(f"{out}: ending {ending!r} was read; expected {', '.join(ENDINGS)}")
+        raise InputInvalid(out, f"ending {ending!r} was read", ", ".join(ENDINGS))
     policy = _one(source)
     if policy.kind == "sequence":
         SequenceRunner(policy)  # refuses one that is not whole
@@ -145,8 +145,9 @@ def in_units(policy: Policy) -> Policy:
         task: Any = make_task(policy.task, policy.options)
     except InputInvalid as error:
         raise InputInvalid(
-            f"policy of {policy.task}: its task, which gives the units of the actions, is not "
-            f"available ({error}); expected the task, {instead}"
+            f"policy of {policy.task}",
+            f"its task, which gives the units of the actions, is not available ({error})",
+            f"the task, {instead}",
         ) from None
     if hasattr(task, "slots"):  # of target tracking, by another name
         return policy
@@ -157,8 +158,9 @@ def in_units(policy: Policy) -> Policy:
     box = ActionBox(plan, channels)
     if box.width != len(policy.action):
         raise InputInvalid(
-            f"policy of {policy.task}: it has {len(policy.action)} actions, and the task acts on "
-            f"{box.width} inputs; expected the task as it was in the training, {instead}"
+            f"policy of {policy.task}",
+            (f"it has {len(policy.action)} actions, and the task acts on {box.width} inputs"),
+            f"the task as it was in the training, {instead}",
         )
     low, high = (box.scaled(np.full((1, box.width), s))[:, 0] for s in (-1.0, 1.0))
     variables = {
@@ -183,7 +185,7 @@ def _one(source: str | Path) -> Policy:
     if len(found) != 1 or found[0].agent:  # of one agent, the folder has lost the others'
         agents = ", ".join(p.agent for p in found)
         file = next(p.name for p in sorted(path.glob("*.npz")))
-        raise InputInvalid(f"{path}: policies of {agents}; expected the file of one, as {file}")
+        raise InputInvalid(path, f"policies of {agents}", f"the file of one, as {file}")
     return found[0]
 
 
@@ -192,8 +194,9 @@ def _write_torch(policy: Policy, out: Path) -> list[Path]:
     try:
         import torch
     except ModuleNotFoundError:
-        raise InputInvalid(f"{out}: torch is missing; expected the extra rl, `pip install "
-                           "'uuvsim-cosim[rl]'`") from None  # fmt: skip
+        raise InputInvalid(
+            out, "torch is missing", "the extra rl, `pip install 'uuvsim-cosim[rl]'`"
+        ) from None
     import io
 
     buffer = io.BytesIO()
@@ -216,8 +219,9 @@ def _write_runner(policy: Policy, out: Path, source: Path) -> list[Path]:
         for path in (out, out.with_suffix(".npz")):
             if path.exists() and path.resolve() != source.resolve():
                 raise InputInvalid(
-                    f"{path}: is there, and no runner's; expected another name for {out.name} and "
-                    f"{out.stem}.npz, its weights"
+                    path,
+                    "is there, and no runner's",
+                    f"another name for {out.name} and {out.stem}.npz, its weights",
                 )
     made = [_written(out, inspect.getsource(runner).encode())]
     if policy.kind == "sequence":
@@ -235,6 +239,6 @@ def _written(out: Path, data: bytes) -> Path:
         write_whole(out, data)
     except OSError as error:
         raise InputInvalid(
-            f"{out}: cannot be written ({error.strerror}); expected a folder that can be written"
+            out, f"cannot be written ({error.strerror})", "a folder that can be written"
         ) from error
     return out

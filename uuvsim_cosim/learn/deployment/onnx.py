@@ -30,7 +30,7 @@ def write_onnx(policy: Policy, out: Path) -> list[Path]:
         import onnx
     except ModuleNotFoundError:
         raise InputInvalid(
-            f"{out}: onnx is missing; expected the extra rl, `pip install 'uuvsim-cosim[rl]'`"
+            out, "onnx is missing", "the extra rl, `pip install 'uuvsim-cosim[rl]'`"
         ) from None
     model = _model(onnx, policy)
     onnx.checker.check_model(model, full_check=True)
@@ -39,7 +39,7 @@ def write_onnx(policy: Policy, out: Path) -> list[Path]:
         write_whole(out, model.SerializeToString(deterministic=True))
     except OSError as error:
         raise InputInvalid(
-            f"{out}: cannot be written ({error.strerror}); expected a folder that can be written"
+            out, f"cannot be written ({error.strerror})", "a folder that can be written"
         ) from error
     return [out]
 

@@ -28,7 +28,7 @@ def source(text: str, base: Path) -> ModelSource:
     try:
         file = policy_path(name)
         if not file.is_file():
-            raise InputInvalid(f"{name!r}: is a folder; expected policy:FILE.npz")
+            raise InputInvalid(f"{name!r}", "is a folder", "policy:FILE.npz")
     except InputInvalid as error:
         raise InputInvalid(f"source {text!r}: {error}") from None
     return _model(file, query)

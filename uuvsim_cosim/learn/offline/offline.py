@@ -86,7 +86,7 @@ def train_offline(
     name = f"{short_name(given.task)}-{algorithm}-{seed}"
     place = Path("runs") / "train" / name if folder is None else Path(folder).expanduser()
     if place.exists() and (not place.is_dir() or any(place.iterdir())):
-        raise InputInvalid(f"{place}: holds other things; expected an empty or a new folder")
+        raise InputInvalid(place, "holds other things", "an empty or a new folder")
     import torch
 
     threads = torch.get_num_threads()
@@ -125,8 +125,9 @@ def offline_learner(
     """Make a learner, with its settings; raises InputInvalid."""
     if algorithm not in OFFLINE:
         raise InputInvalid(
-            f"algorithm {algorithm!r}: does not learn from a dataset; expected "
-            f"{expected_names(algorithm, OFFLINE)}"
+            f"algorithm {algorithm!r}",
+            "does not learn from a dataset",
+            expected_names(algorithm, OFFLINE),
         )
     check_torch()
     from uuvsim_cosim.learn.offline.behaviour_cloning import BcSettings, BehaviourCloning
@@ -152,7 +153,7 @@ def of_task(
     """Return a dataset with a task; raises InputInvalid if the spaces are not those of the task."""
     name = task or data.task
     if not name:
-        raise InputInvalid("dataset: tells no task; expected one, by --task")
+        raise InputInvalid("dataset", "tells no task", "one, by --task")
     every = {**(data.options if name == data.task else {}), **(options or {})}
     rollout = Rollout(make_task(name, every), 1, 0)
     try:
@@ -169,9 +170,9 @@ def of_task(
         )
         if not same:
             raise InputInvalid(
-                f"dataset{f' of {data.task}' if data.task else ''}: an {what} space of "
-                f"{_space(found)}; expected {_space(wanted)}, as {name} has (target tracking has "
-                "an option slots)"
+                f"dataset{f' of {data.task}' if data.task else ''}",
+                f"an {what} space of {_space(found)}",
+                (f"{_space(wanted)}, as {name} has (target tracking has an option slots)"),
             )
     return replace(data, task=name, options=every, observation=seen, action=acts)
 
@@ -217,14 +218,12 @@ def _checked(algorithm: str, settings: Mapping[str, Any], form: type[Any]) -> di
     given: dict[str, float] = {}
     for name, value in settings.items():
         if name not in hints or name not in {f.name for f in fields(form)}:
-            raise InputInvalid(
-                f"{algorithm}, setting {name!r}; expected {expected_names(name, hints)}"
-            )
+            raise InputInvalid(f"{algorithm}, setting {name!r}", expected_names(name, hints))
         number = isinstance(value, int | float) and not isinstance(value, bool)
         whole = hints[name] is int
         least, most = (1, 10**9) if whole else (0.0, 1.0 if name in _SHARES else 1e6)
         if not number or (whole and value != int(value)) or not least <= value <= most:
             what = "a whole number from 1" if whole else f"a number, {least:g} … {most:g}"
-            raise InputInvalid(f"{algorithm}, {name} {value!r}; expected {what}")
+            raise InputInvalid(f"{algorithm}, {name} {value!r}", what)
         given[name] = hints[name](value)
     return given

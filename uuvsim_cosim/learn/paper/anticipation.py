@@ -50,7 +50,7 @@ class Anticipating:
         self.seen, self.acted = seen_late, acted_late
         for name, late in (("seen_late", seen_late), ("acted_late", acted_late)):
             if not 0.0 <= late <= 2.0:
-                raise InputInvalid(f"{name} [s]: {late!r}; expected 0 to 2")
+                raise InputInvalid(f"{name} [s]", f"{late!r}", "0 to 2")
         p = preset("controllers", "tracking_pilot", "pilot")
         self.v, self.a = p.number("u_max", "m/s"), p.number("a_max", "m/s2")
         self.omega, self.k_r = p.number("omega_max", "rad/s"), p.number("k_r", "1/s")
@@ -73,7 +73,7 @@ class Anticipating:
         o = np.array(observation, float)
         if o.ndim != 2 or o.shape[1] != len(self.limits):
             raise InputInvalid(
-                f"anticipation: observations of shape {o.shape}; expected (n, {len(self.limits)})"
+                "anticipation", f"observations of shape {o.shape}", f"(n, {len(self.limits)})"
             )
         nu = o[:, [4, 5, 6]] * [self.v, self.v, 1.0]
         self._speeds.append(nu)

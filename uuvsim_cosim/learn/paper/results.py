@@ -91,7 +91,7 @@ def read_result(results: Path, key: Key) -> Result:
     found = kept(results, key)
     if found is None:
         raise InputInvalid(
-            f"{results / key.stem}.json: no such file; expected a result of `uuvsim reproduce`"
+            f"{results / key.stem}.json", "no such file", "a result of `uuvsim reproduce`"
         )
     try:
         read = json.loads(found.numbers)
@@ -102,8 +102,7 @@ def read_result(results: Path, key: Key) -> Result:
         returns, yardstick = judged.pop("return"), scripted.pop("return")
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputInvalid(
-            f"{found.place}: {type(error).__name__}: {error}; expected a result of "
-            "`uuvsim reproduce`"
+            found.place, f"{type(error).__name__}: {error}", "a result of `uuvsim reproduce`"
         ) from None
     curve = _columns(found.curve, f"{found.place}: curve")
     return Result(key, read, returns, yardstick, judged, scripted, curve)
@@ -164,8 +163,9 @@ def _columns(text: str | None, place: str) -> dict[str, NDArray[np.float64]]:
         return {k: np.array([float(r[k]) for r in rows]) for k in rows[0]}
     except (ValueError, TypeError, IndexError) as error:
         raise InputInvalid(
-            f"{place}: {type(error).__name__}: {error}; expected a whole table, as `uuvsim "
-            "reproduce` writes it"
+            place,
+            f"{type(error).__name__}: {error}",
+            "a whole table, as `uuvsim reproduce` writes it",
         ) from None
 
 

@@ -59,7 +59,7 @@ def kept(results: Path, key: Key) -> Kept | None:
             return _archived(results).get(key)
     except (OSError, ValueError) as error:
         raise InputInvalid(
-            f"{paths[0]}: cannot be read ({error}); expected a result of `uuvsim reproduce`"
+            paths[0], f"cannot be read ({error})", "a result of `uuvsim reproduce`"
         ) from None
     return Kept(str(paths[0]), texts[0] or "", *texts[1:])
 
@@ -101,7 +101,7 @@ def _loose(results: Path, budget: str) -> Iterator[Key]:
     for path in sorted((results / budget).glob("*/*.json")):
         way, _, seed = path.stem.rpartition("-")
         if not way or not seed.isdigit():
-            raise InputInvalid(f"{path}: no run's name; expected WAY-SEED.json")
+            raise InputInvalid(path, "no run's name", "WAY-SEED.json")
         yield Key(budget, path.parent.name, way, int(seed))
 
 
@@ -125,6 +125,6 @@ def _read(path: Path, *_: int) -> dict[Key, Kept]:
         texts = [Kept("", *(r[n] for n in _TEXTS)) for r in rows]
     except (OSError, KeyError, pa.ArrowException) as error:
         raise InputInvalid(
-            f"{path}: {type(error).__name__}: {error}; expected an archive of `uuvsim reproduce`"
+            path, f"{type(error).__name__}: {error}", "an archive of `uuvsim reproduce`"
         ) from None
     return {k: replace(t, place=f"{path}: {k.stem}") for k, t in zip(keys, texts, strict=True)}

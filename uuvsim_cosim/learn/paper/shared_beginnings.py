@@ -98,8 +98,9 @@ def _copy(source: Path, place: Path, names: list[str], content: Mapping[str, obj
         os.rename(new, place)
     except OSError as error:
         raise InputInvalid(
-            f"{place}: what {source.name} begins with, too, cannot be copied there ({error}); "
-            "expected it to be readable, and room for it"
+            place,
+            f"what {source.name} begins with, too, cannot be copied there ({error})",
+            "it to be readable, and room for it",
         ) from None
     finally:
         shutil.rmtree(new, ignore_errors=True)

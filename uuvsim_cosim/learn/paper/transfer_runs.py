@@ -220,8 +220,7 @@ def read_transfers(results: Path) -> list[Judged]:
             )
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             raise InputInvalid(
-                f"{path}: {type(error).__name__}: {error}; expected a result of `uuvsim reproduce "
-                "fig11`"
+                path, f"{type(error).__name__}: {error}", "a result of `uuvsim reproduce fig11`"
             ) from None
     order = list(WAYS)
     return sorted(found, key=lambda j: (order.index(j.way) if j.way in order else 99, j.seed))

@@ -129,7 +129,7 @@ def chains_of(figure: str) -> tuple[Chain, ...]:
     """Return what a figure needs, or all of them do; raises InputInvalid with those there are."""
     names = [*FIGURES, "all"]
     if figure not in names:
-        raise InputInvalid(f"figure {figure!r}: no such figure; expected one of {', '.join(names)}")
+        raise InputInvalid(f"figure {figure!r}", "no such figure", f"one of {', '.join(names)}")
     chosen = FIGURES if figure == "all" else (figure,)
     return tuple({c.way + c.scenarios[-1]: c for f in chosen for c in NEEDS[f]}.values())  # type: ignore[index]
 

@@ -67,10 +67,10 @@ class Policy:
             ("activation", self.activation, ("relu", "tanh")),
         ):
             if given not in known:
-                raise InputInvalid(f"policy: {what} {given!r}; expected one of {', '.join(known)}")
+                raise InputInvalid("policy", f"{what} {given!r}", f"one of {', '.join(known)}")
         for name, tensor in self.tensors.items():
             if not np.all(np.isfinite(tensor)):
-                raise InputInvalid(f"policy: tensor {name!r} has NaN or infinity; expected numbers")
+                raise InputInvalid("policy", f"tensor {name!r} has NaN or infinity", "numbers")
         if self.kind == "sequence":
             return
         width = len(self.observation)
@@ -78,19 +78,19 @@ class Policy:
             weight, bias = self.tensors[f"{i}.weight"], self.tensors.get(f"{i}.bias")
             if weight.ndim != 2 or weight.shape[1] != width:
                 raise InputInvalid(
-                    f"policy: tensor '{i}.weight' of shape {weight.shape}; expected (…, {width})"
+                    "policy", f"tensor '{i}.weight' of shape {weight.shape}", f"(…, {width})"
                 )
             width = len(weight)
             if bias is None or bias.shape != (width,):
-                raise InputInvalid(f"policy: tensor '{i}.bias'; expected one of shape ({width},)")
+                raise InputInvalid("policy", f"tensor '{i}.bias'", f"one of shape ({width},)")
         wanted = len(self.action)
         if self.kind == "grid":
             grid = self.tensors.get("grid")
             if grid is None or grid.shape != (width, wanted):
-                raise InputInvalid(f"policy: tensor 'grid'; expected shape ({width}, {wanted})")
+                raise InputInvalid("policy", "tensor 'grid'", f"shape ({width}, {wanted})")
         elif width != wanted or not self.depth:
             raise InputInvalid(
-                f"policy: its last layer has {width} outputs; expected {wanted}, one an action"
+                "policy", f"its last layer has {width} outputs", f"{wanted}, one an action"
             )
 
     @property
@@ -101,12 +101,13 @@ class Policy:
     def __call__(self, observation: NDArray[np.generic]) -> NDArray[np.float64]:
         """Act without noise; raises InputInvalid for "sequence", which needs a history."""
         if self.kind == "sequence":
-            raise InputInvalid("policy: a transformer acts on a history; expected its runner")
+            raise InputInvalid("policy", "a transformer acts on a history", "its runner")
         x = np.asarray(observation, np.float32)
         if x.ndim != 2 or x.shape[1] != len(self.observation):
             raise InputInvalid(
-                f"policy of {self.task}: observations of shape {x.shape}; expected "
-                f"(n, {len(self.observation)})"
+                f"policy of {self.task}",
+                f"observations of shape {x.shape}",
+                f"(n, {len(self.observation)})",
             )
         x = network(self.tensors, x, self.depth, self.activation)
         if self.kind == "grid":
@@ -140,7 +141,7 @@ class Policy:
         """Read a .npz; raises InputInvalid for one that is truncated, foreign, or of later."""
         path = Path(path)
         if not path.is_file():
-            raise InputInvalid(f"{path}: no such file; expected a policy (.npz)")
+            raise InputInvalid(path, "no such file", "a policy (.npz)")
         try:
             with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as read:
                 tensors = {name: read[name] for name in read.files}
@@ -149,11 +150,12 @@ class Policy:
         except (ValueError, KeyError, TypeError, OSError, EOFError, zipfile.BadZipFile) as error:
             beside = " (best.npz, beside its checkpoint)" if path.suffix == ".pt" else ""
             raise InputInvalid(
-                f"{path}: no policy, or not all of one ({type(error).__name__}); expected a whole "
-                f"policy as `uuvsim train` writes it{beside}"
+                path,
+                f"no policy, or not all of one ({type(error).__name__})",
+                f"a whole policy as `uuvsim train` writes it{beside}",
             ) from None
         if version != FORMAT:
-            raise InputInvalid(f"{path}: format {version}; expected {FORMAT}")
+            raise InputInvalid(path, f"format {version}", FORMAT)
         for name in ("observation", "action"):
             head[name] = tuple(Named(**one) for one in head[name])
         try:

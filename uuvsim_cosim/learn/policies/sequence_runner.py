@@ -43,8 +43,9 @@ class SequenceRunner:
                 raise ValueError("an action that is no number")
         except (KeyError, ValueError, TypeError, IndexError, ZeroDivisionError) as error:
             raise InputInvalid(
-                f"policy of {policy.task}: {error}; expected a decision transformer, with its "
-                "settings and tensors"
+                f"policy of {policy.task}",
+                error,
+                "a decision transformer, with its settings and tensors",
             ) from None
         self.policy = policy
         self.begin()
@@ -59,12 +60,12 @@ class SequenceRunner:
         seen, before = len(self.policy.observation), self._acts.history
         if o.ndim != 2 or o.shape[1] != seen:
             raise InputInvalid(
-                f"policy of {self.policy.task}: observations of shape {o.shape}; expected "
-                f"(n, {seen})"
+                f"policy of {self.policy.task}", f"observations of shape {o.shape}", f"(n, {seen})"
             )
         if before and len(before[0]) != len(o):
             raise InputInvalid(
-                f"policy of {self.policy.task}: {len(o)} episodes after {len(before[0])}; "
-                "expected as many, or begin()"
+                f"policy of {self.policy.task}",
+                f"{len(o)} episodes after {len(before[0])}",
+                "as many, or begin()",
             )
         return np.asarray(self._acts(o), np.float64)

@@ -44,23 +44,20 @@ def make_task(
 
         if make is not TargetTracking and make not in SCENARIOS.values():
             raise InputInvalid(
-                f"profile {profile!r}: {name} has none; expected default, or a task of target "
-                "tracking"
+                f"profile {profile!r}", f"{name} has none", "default, or a task of target tracking"
             )
         if given.setdefault("profile", profile) != profile:
             raise InputInvalid(
-                f"profile {profile!r}, and {given['profile']!r} among the task's options; "
-                "expected one of them"
+                (f"profile {profile!r}, and {given['profile']!r} among the task's options"),
+                "one of them",
             )
     refuse_options(f"task {name}", make, given)
     try:
         task: object = make(**given)
     except TypeError as error:
-        raise InputInvalid(
-            f"task {name}: {error}; expected options of {signature(make)}"
-        ) from error
+        raise InputInvalid(f"task {name}", error, f"options of {signature(make)}") from error
     if not isinstance(task, Task | TeamTask):
-        raise InputInvalid(f"task {name}: gives {type(task).__name__}; expected a Task or TeamTask")
+        raise InputInvalid(f"task {name}", f"gives {type(task).__name__}", "a Task or TeamTask")
     return task
 
 
@@ -75,12 +72,10 @@ def _found(name: str) -> Callable[..., object]:
     place = TASKS.get(name, name)
     module, colon, own = place.rpartition(":")
     if not colon:
-        raise InputInvalid(
-            f"task {name!r}: no such task; expected {expected_names(name, TASKS)}, {OR}"
-        )
+        raise InputInvalid(f"task {name!r}", "no such task", f"{expected_names(name, TASKS)}, {OR}")
     if not module or not own.isidentifier():
-        raise InputInvalid(f"task {name!r}; expected package.module:Name, or FILE.py:Name")
+        raise InputInvalid(f"task {name!r}", "package.module:Name, or FILE.py:Name")
     found: Callable[..., Any] | None = getattr(imported(module, f"task {name!r}"), own, None)
     if not callable(found):
-        raise InputInvalid(f"task {name!r}: no class {own!r} in {module}; expected a task's")
+        raise InputInvalid(f"task {name!r}", f"no class {own!r} in {module}", "a task's")
     return found

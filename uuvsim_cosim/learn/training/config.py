@@ -106,7 +106,7 @@ def read_config(path: str | Path, **changes: Any) -> TrainingConfig:
     """
     path = Path(path)
     if not path.is_file():
-        raise InputInvalid(f"{path}: no such file; expected a training's configuration (.yaml)")
+        raise InputInvalid(path, "no such file", "a training's configuration (.yaml)")
     text = YamlText(path, "a training's configuration")
     known = [f.name for f in fields(TrainingConfig)]
     if not text.keys([], text.data, known):

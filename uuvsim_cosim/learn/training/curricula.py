@@ -48,15 +48,16 @@ def curriculum_of(name: str | Path) -> Curriculum:
     if str(name).endswith((".yaml", ".yml")):
         return read_curriculum(Path(name))
     raise InputInvalid(
-        f"curriculum {str(name)!r}: no such curriculum; expected "
-        f"{expected_names(name, CURRICULA)}, or a file (.yaml)"
+        f"curriculum {str(name)!r}",
+        "no such curriculum",
+        f"{expected_names(name, CURRICULA)}, or a file (.yaml)",
     )
 
 
 def read_curriculum(path: Path) -> Curriculum:
     """Read a YAML file with Curriculum's fields, `stages` a list; every mistake with its line."""
     if not path.is_file():
-        raise InputInvalid(f"{path}: no such file; expected a curriculum (.yaml)")
+        raise InputInvalid(path, "no such file", "a curriculum (.yaml)")
     text = YamlText(path, "a curriculum")
     known = [f.name for f in fields(Curriculum)]
     if not text.keys([], text.data, known):

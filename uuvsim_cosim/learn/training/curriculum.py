@@ -59,12 +59,10 @@ class Curriculum:
     def __post_init__(self) -> None:
         """Check the fields of the curriculum and of its stages."""
         if not self.stages:
-            raise InputInvalid(f"curriculum {self.name}: no stages; expected at least one")
+            raise InputInvalid(f"curriculum {self.name}", "no stages", "at least one")
         if self.algorithm not in TRANSFERS:
             kind = "transfers nothing" if self.algorithm in ALGORITHMS else "no such algorithm"
-            raise InputInvalid(
-                f"algorithm {self.algorithm!r}: {kind}; expected {', '.join(TRANSFERS)}"
-            )
+            raise InputInvalid(f"algorithm {self.algorithm!r}", kind, ", ".join(TRANSFERS))
         for name in ("envs", "evaluate_every", "evaluation_episodes"):
             _whole(f"curriculum {self.name}, {name}", getattr(self, name))
         for k, stage in enumerate(self.stages):
@@ -78,12 +76,10 @@ class Curriculum:
             _whole(f"{place}, promotion, evaluations", rule.evaluations)
             given = [name for name in ("share", "least") if getattr(rule, name) is not None]
             if len(given) != 1:
-                raise InputInvalid(
-                    f"{place}, promotion: {given or 'nothing'}; expected share or least"
-                )
+                raise InputInvalid(f"{place}, promotion", given or "nothing", "share or least")
             value = getattr(rule, given[0])
             if isinstance(value, bool) or not isinstance(value, int | float):
-                raise InputInvalid(f"{place}, promotion, {given[0]} {value!r}; expected a number")
+                raise InputInvalid(f"{place}, promotion, {given[0]} {value!r}", "a number")
 
     def changed(self, **changes: Any) -> Curriculum:
         """Return a copy with changes, which take precedence over those of the stages.
@@ -108,4 +104,4 @@ class Curriculum:
 
 def _whole(name: str, value: object) -> None:
     if not isinstance(value, int) or isinstance(value, bool) or value < 1:
-        raise InputInvalid(f"{name} {value!r}; expected a whole number from 1")
+        raise InputInvalid(f"{name} {value!r}", "a whole number from 1")

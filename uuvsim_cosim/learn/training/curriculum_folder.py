@@ -51,14 +51,15 @@ def done_in(
         before, done = _named({**read["curriculum"], "seed": read["seed"]}), list(read["done"])
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputInvalid(
-            f"{about}: cannot be read ({error}); expected a curriculum's, or --restart"
+            about, f"cannot be read ({error})", "a curriculum's, or --restart"
         ) from None
     now = _named({**curriculum.plain(), "seed": seed})
     for name in {**now, **before}:
         if now.get(name) != before.get(name):
             raise InputInvalid(
-                f"{folder}: holds a curriculum with {name} {before.get(name)!r}; expected "
-                f"{now.get(name)!r}, another folder (-o), or to begin anew (--restart)"
+                folder,
+                f"holds a curriculum with {name} {before.get(name)!r}",
+                (f"{now.get(name)!r}, another folder (-o), or to begin anew (--restart)"),
             )
     return done
 
@@ -94,10 +95,10 @@ def last_done(folder: Path) -> Path:
         ]
         done = places[: len(read["done"])]
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputInvalid(f"{about}: cannot be read ({error}); expected a curriculum's") from None
+        raise InputInvalid(about, f"cannot be read ({error})", "a curriculum's") from None
     if not done:
         raise InputInvalid(
-            f"{folder}: no stage of this curriculum is done; expected one, or the folder of a stage"
+            folder, "no stage of this curriculum is done", "one, or the folder of a stage"
         )
     return done[-1]
 

@@ -42,13 +42,14 @@ def refuse_other(folder: Path, config: TrainingConfig, restart: bool) -> None:
         other = [k for k in now if k != "steps" and now[k] != before.get(k)]
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputInvalid(
-            f"{about}: cannot be read ({error}); expected a training's, or --restart"
+            about, f"cannot be read ({error})", "a training's, or --restart"
         ) from None
     if other:
         k = other[0]
         raise InputInvalid(
-            f"{folder}: holds a training with {k} {before.get(k)!r}; expected {now[k]!r}, another "
-            "folder (-o), or to begin anew (--restart)"
+            folder,
+            f"holds a training with {k} {before.get(k)!r}",
+            f"{now[k]!r}, another folder (-o), or to begin anew (--restart)",
         )
 
 
@@ -70,7 +71,7 @@ def has_owner(about: Path) -> bool:
         return True
     folder = about.parent
     if folder.exists() and (not folder.is_dir() or any(p.name != LOCK for p in folder.iterdir())):
-        raise InputInvalid(f"{folder}: holds other things; expected an empty or a new folder")
+        raise InputInvalid(folder, "holds other things", "an empty or a new folder")
     return False
 
 
@@ -100,7 +101,7 @@ def locked(folder: Path) -> ExitStack:
     except OSError:
         stack.close()
         raise InputInvalid(
-            f"{folder}: another process trains there now; expected its end, or another folder"
+            folder, "another process trains there now", "its end, or another folder"
         ) from None
     return stack
 

@@ -44,8 +44,12 @@ def policy_path(given: str | Path) -> Path:
     if str(given) in ships:
         return ships[str(given)]
     raise InputInvalid(
-        f"{given}: no such file or folder; expected a policy (.npz), a training's folder, or "
-        f"{expected_names(given, ships, 'one that ships')}"
+        given,
+        "no such file or folder",
+        (
+            "a policy (.npz), a training's folder, or "
+            f"{expected_names(given, ships, 'one that ships')}"
+        ),
     )
 
 
@@ -71,7 +75,7 @@ def load_policies(path: str | Path, which: str = "best") -> list[Policy]:
         found += _team(path, f"{kind}-")
         if found:
             return found
-    raise InputInvalid(f"{path}: holds no policy; expected best.npz, or a policy (.npz)")
+    raise InputInvalid(path, "holds no policy", "best.npz, or a policy (.npz)")
 
 
 def acting_in(task: Task | TeamTask, policies: Sequence[Policy], name: str) -> Policies:
@@ -85,17 +89,17 @@ def acting_in(task: Task | TeamTask, policies: Sequence[Policy], name: str) -> P
     for p in policies:
         if (len(p.observation), len(p.action)) != (observed, acted):
             raise InputInvalid(
-                f"policy of {p.task}: observes {len(p.observation)} numbers and acts on "
-                f"{len(p.action)}; expected {observed} and {acted}, for {name} (target tracking "
-                "has an option slots)"
+                f"policy of {p.task}",
+                f"observes {len(p.observation)} numbers and acts on {len(p.action)}",
+                (f"{observed} and {acted}, for {name} (target tracking has an option slots)"),
             )
     named = {p.agent: p for p in policies}
     if len(named) < len(policies) or ("" in named and len(named) > 1):
         read = ", ".join(p.agent or "every agent" for p in policies)
-        raise InputInvalid(f"policies of {read}; expected one of each agent, or one for all")
+        raise InputInvalid(f"policies of {read}", "one of each agent, or one for all")
     if not isinstance(task, TeamTask):
         if len(policies) > 1:
-            raise InputInvalid(f"policies of {', '.join(named)}; expected one, for {name}")
+            raise InputInvalid(f"policies of {', '.join(named)}", f"one, for {name}")
         return _act(policies[0])
     agents = agents_of(task)
     lacking = [agent for agent in agents if agent not in named]
@@ -135,7 +139,9 @@ def _refuse_part_of_a_team(policies: Sequence[Policy], lacking: Sequence[str], n
     missing = [agent for agent in team if agent not in {p.agent for p in policies}]
     if missing:
         raise InputInvalid(
-            f"policies of {', '.join(p.agent for p in policies)} alone, none of "
-            f"{', '.join(missing)}; expected a file of each agent beside the others, as "
-            f"best-{missing[0]}.npz"
+            (
+                f"policies of {', '.join(p.agent for p in policies)} alone, none of "
+                f"{', '.join(missing)}"
+            ),
+            f"a file of each agent beside the others, as best-{missing[0]}.npz",
         )

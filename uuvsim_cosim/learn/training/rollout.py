@@ -115,8 +115,8 @@ class Rollout:
         steps = np.asarray(state["steps"])
         if steps.shape != (self.n,) or state["actions"].shape[1:] != self._actions.shape[1:]:
             raise InputInvalid(
-                f"{len(steps)} environments, actions of shape "
-                f"{state['actions'].shape[2:]}; expected {self.n} and {self._actions.shape[2:]}"
+                (f"{len(steps)} environments, actions of shape {state['actions'].shape[2:]}"),
+                f"{self.n} and {self._actions.shape[2:]}",
             )
         most = int(steps.max(initial=0))
         self._actions[:most] = state["actions"]
@@ -168,9 +168,7 @@ class _Team:
         self.episodes: Episodes = self._stage.episodes
         boxes = {self._stage.boxes[a].width for a in self.agents}
         if len(boxes) > 1 or len({self._stage.spaces[a].shape for a in self.agents}) > 1:
-            raise InputInvalid(
-                f"{self._stage.place}: agents with different widths; expected equal ones"
-            )
+            raise InputInvalid(self._stage.place, "agents with different widths", "equal ones")
         (self.acted,) = boxes
 
     def reset(self, seeds: list[int]) -> Array:

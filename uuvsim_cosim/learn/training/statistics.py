@@ -69,7 +69,7 @@ def interquartile_mean(values: Array) -> float:
     ordered = np.sort(np.ravel(values))
     n = len(ordered)
     if not n:
-        raise InputInvalid("interquartile mean of no values; expected at least one")
+        raise InputInvalid("interquartile mean of no values", "at least one")
     # Value k stands for the share [k/n, (k+1)/n]; what lies in [1/4, 3/4] counts.
     edges = np.clip(np.arange(n + 1) / n, 0.25, 0.75)
     return float(np.diff(edges) @ ordered * 2.0)
@@ -102,7 +102,7 @@ def probability_of_improvement(x: Array, y: Array, *, draws: int = 2000, seed: i
     """Return how often a value of x is greater than one of y; ties count half."""
     x, y = np.ravel(np.asarray(x, float)), np.ravel(np.asarray(y, float))
     if not len(x) or not len(y):
-        raise InputInvalid("probability of improvement of no values; expected at least one each")
+        raise InputInvalid("probability of improvement of no values", "at least one each")
     random = np.random.default_rng(seed)
 
     def share(a: Array, b: Array) -> float:
@@ -124,7 +124,7 @@ def ratio(x: Array, y: Array, *, same: bool = False, draws: int = 2000, seed: in
     least = min(x.shape[1], y.shape[1])
     x, y = x[:, :least], y[:, :least]
     if same and len(x) != len(y):
-        raise InputInvalid(f"ratio: {len(x)} and {len(y)} seeds; expected the same ones")
+        raise InputInvalid("ratio", f"{len(x)} and {len(y)} seeds", "the same ones")
     random = np.random.default_rng(seed)
     figures = np.empty(draws)
     for k in range(draws):

@@ -115,7 +115,7 @@ def _result(place: Path, stage: Stage, row: Mapping[str, Any]) -> StageTrained:
             rows = [{k: float(v) for k, v in r.items() if v} for r in csv.DictReader(file)]
     except (OSError, ValueError, TypeError, AttributeError) as error:
         raise InputInvalid(
-            f"{path}: cannot be read ({error}); expected what a stage that is done has left"
+            path, f"cannot be read ({error})", "what a stage that is done has left"
         ) from None
     return StageTrained(
         place,
@@ -141,9 +141,12 @@ def _check_widths(curriculum: Curriculum, tasks: Sequence[Task | TeamTask]) -> N
     for k, (width, acted) in enumerate(seen):
         if (width, acted) != seen[0]:
             raise InputInvalid(
-                f"curriculum {curriculum.name}, stage {k + 1}: observes {width} numbers and acts "
-                f"on {acted}; expected {seen[0][0]} and {seen[0][1]}, as the first stage (target "
-                "tracking has an option slots)"
+                f"curriculum {curriculum.name}, stage {k + 1}",
+                f"observes {width} numbers and acts on {acted}",
+                (
+                    f"{seen[0][0]} and {seen[0][1]}, as the first stage (target "
+                    "tracking has an option slots)"
+                ),
             )
 
 
@@ -157,8 +160,9 @@ def _check_settings(curriculum: Curriculum, tasks: Sequence[Task | TeamTask]) ->
             raise InputInvalid(f"curriculum {curriculum.name}, stage {k + 1}: {error}") from None
         if given.get("mirror") and not tasks[k].symmetries():
             raise InputInvalid(
-                f"curriculum {curriculum.name}, stage {k + 1}: mirror: {curriculum.stages[k].task} "
-                "has no symmetry; expected mirror=false"
+                f"curriculum {curriculum.name}, stage {k + 1}",
+                f"mirror: {curriculum.stages[k].task} has no symmetry",
+                "mirror=false",
             )
         settings.append(given)
     from uuvsim_cosim.learn.algorithms.transfer import SHAPES
@@ -169,6 +173,7 @@ def _check_settings(curriculum: Curriculum, tasks: Sequence[Task | TeamTask]) ->
         for k, value in enumerate(values):
             if value != values[0]:
                 raise InputInvalid(
-                    f"curriculum {curriculum.name}, stage {k + 1}: {name} {value!r}; expected "
-                    f"{values[0]!r}, as in the first stage"
+                    f"curriculum {curriculum.name}, stage {k + 1}",
+                    f"{name} {value!r}",
+                    f"{values[0]!r}, as in the first stage",
                 )

@@ -151,8 +151,9 @@ class Training:
             self._resumed = True
         elif _has_learned(self.folder / "evaluations.csv"):
             raise InputInvalid(
-                f"{self.checkpoint}: no such file, beside curves of what was learned; expected it, "
-                "another folder, or to begin anew (--restart)"
+                self.checkpoint,
+                "no such file, beside curves of what was learned",
+                "it, another folder, or to begin anew (--restart)",
             )
 
     def _one_step(self) -> None:
@@ -268,8 +269,9 @@ class Training:
         for what, expected in own.items():
             if read.get(what) != expected:
                 raise InputInvalid(
-                    f"{self.checkpoint}: {what} {read.get(what)!r}; expected {expected!r}, or "
-                    "another folder"
+                    self.checkpoint,
+                    f"{what} {read.get(what)!r}",
+                    f"{expected!r}, or another folder",
                 )
         try:
             self.rollout.set_state(read["rollout"])
@@ -284,8 +286,9 @@ class Training:
         self._rows, self.evaluations = read["rows"], read["evaluations"]
         if self.step - self.n >= self.steps:
             raise InputInvalid(
-                f"{self.checkpoint}: of step {self.step}, {self.steps} asked for; expected at "
-                "least as many steps, another folder, or to begin anew (--restart)"
+                self.checkpoint,
+                f"of step {self.step}, {self.steps} asked for",
+                ("at least as many steps, another folder, or to begin anew (--restart)"),
             )
 
     def _write_curves(self) -> None:

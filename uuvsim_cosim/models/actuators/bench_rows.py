@@ -70,9 +70,9 @@ def read_bench(id: str) -> Bench:
     voltage = tuple(float(b["voltage"]["value"]) for b in data["bench"])
     for name, sequence in (("voltage", np.array(voltage)), *(("pwm", a[:, 0]) for a in rows)):
         if not np.all(np.diff(sequence) > 0):
-            raise ParameterInvalid(f"{path}: {name} = {list(sequence)}; expected rising")
+            raise ParameterInvalid(path, f"{name} = {list(sequence)}", "rising")
     if not all(np.all(np.diff(s) >= 0) for s in n):
-        raise ParameterInvalid(f"{path}: n of some voltage falls; expected it to rise with pwm")
+        raise ParameterInvalid(path, "n of some voltage falls", "it to rise with pwm")
     return Bench(
         voltage,
         tuple((a[:, 0] - neutral) / span for a in rows),

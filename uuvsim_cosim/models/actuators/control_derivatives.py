@@ -36,7 +36,7 @@ def control_force(
     """
     path = vehicle_folder(vehicle) / "control.yaml"
     if not path.is_file():
-        raise ParameterInvalid(f"form=derivatives: {vehicle!r} has none; expected a file {path}")
+        raise ParameterInvalid("form=derivatives", f"{vehicle!r} has none", f"a file {path}")
     data = read_yaml(path, "control.schema.json")
     factors: dict[str, ca.SX] = {x: nu_r[i] for i, x in enumerate(VELOCITIES)}
     factors |= {name: delta[i] for i, name in enumerate(names)}

@@ -77,7 +77,7 @@ def fins(
     the sums that are printed, of folder/control.yaml, in place of lift and drag.
     """
     if form not in ("lift", "derivatives"):
-        raise ParameterInvalid(f"form={form!r}; expected lift or derivatives")
+        raise ParameterInvalid(f"form={form!r}", "lift or derivatives")
     g = fin_geometry(vehicle)
     n = len(g.names)
     m = Model("fins", f"Fins of {vehicle}: servos, lift and drag at any angle", h_max=0.01)
@@ -154,7 +154,7 @@ def fin_geometry(vehicle: str) -> FinGeometry:
     """Read the fins of a vehicle, by its id or its folder."""
     path = vehicle_folder(vehicle) / "fins.yaml"
     if not path.is_file():
-        raise ParameterInvalid(f"there are no fins of {vehicle!r}; expected a file {path}")
+        raise ParameterInvalid(f"there are no fins of {vehicle!r}", f"a file {path}")
     return read_fins(path)
 
 

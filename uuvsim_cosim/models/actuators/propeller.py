@@ -62,7 +62,7 @@ def propeller(
     geometry = thruster_geometry(vehicle)
     i, n_all = int(number), len(geometry.names)
     if not 1 <= i <= n_all:
-        raise InputInvalid(f"propeller {i} of {vehicle}; expected 1 to {n_all}")
+        raise InputInvalid(f"propeller {i} of {vehicle}", f"1 to {n_all}")
     figures = read_propeller(vehicle_folder(vehicle) / "propeller.yaml")
     m = Model("propeller", f"Propeller {geometry.names[i - 1]!r} of {vehicle}", h_max=0.01)
     u = m.input("u", unit="1", min=-1, max=1, description="command: shaft speed over n_max")

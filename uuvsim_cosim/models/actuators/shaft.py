@@ -37,7 +37,7 @@ def shaft(
     """Declare a shaft of a kind; give its speed n [rad/s]. `u` and `voltage` are for bessa."""
     if kind not in SHAFTS or (kind == "bessa" and u is None):
         known = [s for s in SHAFTS if s != "bessa" or u is not None]
-        raise InputInvalid(f"shaft={kind!r}; expected {', '.join(known)}")
+        raise InputInvalid(f"shaft={kind!r}", ", ".join(known))
     if kind == "third":
         return _third(m, n_d)
     n = m.state("shaft", unit="rad/s", description="shaft speed; its sign is the thrust's")

@@ -55,7 +55,7 @@ def thruster(
     c_r (|n| n - d_r) above d_r,  c_l (|n| n - d_l) below d_l,  0 between (Bessa et al. 2006).
     """
     if curve not in ("quadratic", "bessa"):
-        raise InputInvalid(f"curve={curve!r}; expected quadratic or bessa")
+        raise InputInvalid(f"curve={curve!r}", "quadratic or bessa")
     m = Model("thruster", "Thruster: first-order shaft, quadratic thrust", h_max=0.01)
     u, voltage = _inputs(m)
     n_max = m.parameter("n_max", p.n_max, unit="rad/s", min=0, description="shaft speed at u = 1")

@@ -66,8 +66,8 @@ def thruster_geometry(vehicle: str) -> Geometry:
             p.parent.name for p in content("models", "vehicles").glob("*/thrusters.yaml")
         )
         raise ParameterInvalid(
-            f"there is no thruster geometry of {vehicle!r}; expected {', '.join(known)}, "
-            "or the path of a folder or a file (.yaml)"
+            f"there is no thruster geometry of {vehicle!r}",
+            f"{', '.join(known)}, or the path of a folder or a file (.yaml)",
         )
     return read_thrusters(path)
 

@@ -53,8 +53,9 @@ def of_vehicle(declaration: Declaration) -> Declaration:
         for key, value in _values(chosen, vehicle, int(number)).items():
             if key not in model.variables:
                 raise InputInvalid(
-                    f"{name} of {vehicle}: {key} is no parameter with these options; expected "
-                    f"{', '.join(sorted(chosen['parameters'].keys() & model.variables))}"
+                    f"{name} of {vehicle}",
+                    f"{key} is no parameter with these options",
+                    ", ".join(sorted(chosen["parameters"].keys() & model.variables)),
                 )
             unit = model.variables[key].unit
             start = in_unit(value, str(chosen["parameters"][key]["unit"]), unit)
@@ -82,7 +83,7 @@ def _chosen(name: str, vehicle: str) -> Mapping[str, Any]:
     id, wanted = split_address(vehicle)
     file = vehicle_folder(id) / "thrusters.yaml"
     if not file.is_file():
-        raise ParameterInvalid(f"{file}: no such file; expected one with the vehicle's thrusters")
+        raise ParameterInvalid(file, "no such file", "one with the vehicle's thrusters")
     sets = thrusters_file(file).get("sets", {})
     wanted = wanted or parameter_set(id).name
     if wanted not in sets:
@@ -93,8 +94,9 @@ def _chosen(name: str, vehicle: str) -> Mapping[str, Any]:
     chosen: Mapping[str, Any] = sets[wanted]
     if chosen["model"] != name:
         raise ParameterInvalid(
-            f"{file}: the set {wanted!r} is of model:{chosen['model']}; expected "
-            f"model:{chosen['model']}?vehicle={vehicle}, not model:{name}"
+            file,
+            f"the set {wanted!r} is of model:{chosen['model']}",
+            f"model:{chosen['model']}?vehicle={vehicle}, not model:{name}",
         )
     return chosen
 
@@ -105,7 +107,7 @@ def _values(chosen: Mapping[str, Any], vehicle: str, number: int) -> dict[str, f
         value = entry["value"]
         if isinstance(value, list):
             if not 1 <= number <= len(value):
-                raise InputInvalid(f"thruster {number} of {vehicle}; expected 1 to {len(value)}")
+                raise InputInvalid(f"thruster {number} of {vehicle}", f"1 to {len(value)}")
             value = value[number - 1]
         found[str(key)] = float(value)
     return found

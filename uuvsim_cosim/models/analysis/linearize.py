@@ -53,8 +53,9 @@ def linear_model(
     continuous, sampled = model.of_kind("state"), model.clocks
     if continuous and sampled:
         raise InputInvalid(
-            f"linearize: {model.name} is continuous and sampled at once; expected one of either, "
-            "or a system that holds it"
+            "linearize",
+            f"{model.name} is continuous and sampled at once",
+            "one of either, or a system that holds it",
         )
     if sampled:
         return _sampled(model, at, inputs, outputs, parameters or {})
@@ -82,7 +83,7 @@ def _sampled(
     parameters: Mapping[str, ArrayLike],
 ) -> control.StateSpace:
     if len(model.clocks) > 1:
-        raise InputInvalid(f"linearize: {model.name} has {len(model.clocks)} clocks; expected one")
+        raise InputInvalid("linearize", f"{model.name} has {len(model.clocks)} clocks", "one")
     f = Evaluation(model)
     p = f.values_of("parameter", parameters)
     d = np.array(f.derived(p)).ravel()

@@ -140,9 +140,7 @@ class Coordinates:
             places = place_of("state or input", name, known, self.model.name)
             values = np.asarray(value, dtype=float).ravel()
             if values.size not in (1, len(places)) or not np.all(np.isfinite(values)):
-                raise InputInvalid(
-                    f"{self.model.name}.{name}: {value!r}; expected {_counted(len(places))}"
-                )
+                raise InputInvalid(f"{self.model.name}.{name}", f"{value!r}", _counted(len(places)))
             for place, number in zip(places, np.broadcast_to(values, len(places)), strict=True):
                 if place < len(x):
                     x[place] = number

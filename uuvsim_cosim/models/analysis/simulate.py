@@ -59,7 +59,7 @@ def simulate(
     """
     if (until is None) == (at is None) or not h > 0:
         raise ParameterInvalid(
-            f"simulate: until = {until}, at = {at}, h = {h}; expected until or at, and h > 0"
+            "simulate", f"until = {until}, at = {at}, h = {h}", "until or at, and h > 0"
         )
     step = Fraction(repr(float(h)))
     if until is not None:
@@ -68,7 +68,7 @@ def simulate(
     else:
         times = [Fraction(repr(float(t))) for t in at or ()]
         if not times or any(b <= a for a, b in pairwise(times)):
-            raise ParameterInvalid(f"simulate: at = {at}; expected rising times")
+            raise ParameterInvalid("simulate", f"at = {at}", "rising times")
     given = dict(inputs or {}) | ({"tau": tau} if tau is not None else {})
     run = _Run(model, times[0], given, parameters or {}, draws)
     rows = [run.row()]

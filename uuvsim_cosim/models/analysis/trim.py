@@ -42,9 +42,9 @@ def trim_model(
     """
     c = Coordinates(model, parameters)
     if model.clocks:
-        raise InputInvalid(f"trim: {model.name} is sampled; expected continuous states alone")
+        raise InputInvalid("trim", f"{model.name} is sampled", "continuous states alone")
     if not c.states:
-        raise InputInvalid(f"trim: {model.name} has no states; expected some")
+        raise InputInvalid("trim", f"{model.name} has no states", "some")
     fixed = dict(fixed or {})
     x_0, u_0 = c.point({**(guess or {}), **fixed})
     known = [*c.states, *c.inputs]
@@ -73,9 +73,12 @@ def trim_model(
         left = sorted(zip(np.abs(worst), (c.states[i] for i in resting), strict=True))[::-1][:3]
         rest = ", ".join(f"d{n}/dt = {r:.3g}" for r, n in left if r > TOLERANCE)
         raise InputInvalid(
-            f"trim: {model.name} has no equilibrium near the guess: {rest} remain; "
-            f"unknown were {', '.join(known[i] for i in unknown) or 'none'}; expected more in "
-            "`free`, other values in `fixed`, or another guess"
+            "trim",
+            (
+                f"{model.name} has no equilibrium near the guess: {rest} remain; "
+                f"unknown were {', '.join(known[i] for i in unknown) or 'none'}"
+            ),
+            "more in `free`, other values in `fixed`, or another guess",
         )
     n = len(x_0)
     return c.named(found[:n], found[n:], parameters=dict(parameters or {}), residual=residual)

@@ -77,9 +77,7 @@ def checks_of(address: str, groups: Collection[str] = ()) -> Iterator[Checked]:
     read_folder(id)
     sets = vehicle_sets(id)
     if chosen is not None and chosen not in sets:
-        raise InputInvalid(
-            f"{id}: there is no parameter set {chosen!r}; expected {', '.join(sets)}"
-        )
+        raise InputInvalid(id, f"there is no parameter set {chosen!r}", ", ".join(sets))
     data = _read(vehicle_folder(id), sets)
     wanted = sets if chosen is None else [chosen]
     for file, owner in _trajectories(id, sets):
@@ -189,15 +187,13 @@ def _read(folder: Path, sets: list[str]) -> Any:
         for i, entry in enumerate(data.get(kind, ())):
             if entry["set"] not in sets and (kind == "checks" or entry["set"] != "*"):
                 line = line_of(data, [kind, i, "set"])
-                raise InputInvalid(
-                    f"{path}:{line}: set: {entry['set']!r}; expected {', '.join(sets)}"
-                )
+                raise InputInvalid(f"{path}:{line}", f"set: {entry['set']!r}", ", ".join(sets))
             for output, values in entry.get("expect", {}).items():
                 if output not in EXPECTED:
                     line = line_of(data, [kind, i, "expect"])
                     known = f"{', '.join(EXPECTED[:-1])} or {EXPECTED[-1]}"
-                    raise InputInvalid(f"{path}:{line}: expect: {output!r}; expected {known}")
+                    raise InputInvalid(f"{path}:{line}", f"expect: {output!r}", known)
                 if all(v is None for v in values):
                     line = line_of(data, [kind, i, "expect"])
-                    raise InputInvalid(f"{path}:{line}: expect: nothing; expected a number")
+                    raise InputInvalid(f"{path}:{line}", "expect: nothing", "a number")
     return data

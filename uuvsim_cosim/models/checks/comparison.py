@@ -116,6 +116,6 @@ def known_groups(words: Iterable[str]) -> set[str]:
         group = _OTHER_WORDS.get(plain, plain)
         if group not in GROUPS:
             hint = did_you_mean(plain, [*GROUPS, *_OTHER_WORDS])
-            raise InputInvalid(f"source {word!r}{hint}; expected one of {', '.join(GROUPS)}")
+            raise InputInvalid(f"source {word!r}{hint}", f"one of {', '.join(GROUPS)}")
         groups.add(group)
     return groups

@@ -117,7 +117,7 @@ def read_reference(path: Path) -> Reference:
     notes = " ".join(line for line in lines if line.startswith("#")).lower()
     body = [(n, x) for n, x in enumerate(lines, 1) if x.strip() and not x.startswith("#")]
     if not body:
-        raise InputInvalid(f"{path}: no header; expected t_s,{','.join(ETA + NU)}")
+        raise InputInvalid(path, "no header", f"t_s,{','.join(ETA + NU)}")
     at, header = body[0]
     names = [name.strip() for name in header.split(",")]
     wanted = ("t_s", *ETA, *NU)
@@ -125,12 +125,13 @@ def read_reference(path: Path) -> Reference:
     unknown = [name for name in names if name not in (*wanted, *TAU, *CURRENT)]
     if lacking or unknown or len(set(names)) != len(names):
         raise InputInvalid(
-            f"{path}:{at}: columns {', '.join(names)}; expected {', '.join(wanted)}"
-            f" and optionally {', '.join((*TAU, *CURRENT))}, each once"
+            f"{path}:{at}",
+            f"columns {', '.join(names)}",
+            (f"{', '.join(wanted)} and optionally {', '.join((*TAU, *CURRENT))}, each once"),
         )
     table = np.array([_numbers(path, n, text, names) for n, text in body[1:]])
     if len(table) < 2 or not np.all(np.diff(table[:, names.index("t_s")]) > 0):
-        raise InputInvalid(f"{path}: t_s; expected two or more rows at rising times")
+        raise InputInvalid(path, "t_s", "two or more rows at rising times")
 
     def columns(of: Sequence[str]) -> Array:
         zero = np.zeros(len(table))
@@ -151,7 +152,7 @@ def read_reference(path: Path) -> Reference:
 def _numbers(path: Path, line: int, text: str, names: list[str]) -> list[float]:
     parts = text.split(",")
     if len(parts) != len(names):
-        raise InputInvalid(f"{path}:{line}: {len(parts)} values; expected {len(names)}")
+        raise InputInvalid(f"{path}:{line}", f"{len(parts)} values", len(names))
     numbers = []
     for name, part in zip(names, parts, strict=True):
         try:
@@ -159,6 +160,6 @@ def _numbers(path: Path, line: int, text: str, names: list[str]) -> list[float]:
         except ValueError:
             number = float("nan")
         if not np.isfinite(number):
-            raise InputInvalid(f"{path}:{line}: {name} = {part.strip()!r}; expected a number")
+            raise InputInvalid(f"{path}:{line}", f"{name} = {part.strip()!r}", "a number")
         numbers.append(number)
     return numbers

@@ -33,7 +33,7 @@ def command_of_thrust(thruster: str, voltage: float) -> tuple[list[float], list[
     bench = read_bench(thruster)
     low, high = bench.voltage[0], bench.voltage[-1]
     if not low <= voltage <= high:
-        raise ParameterInvalid(f"{thruster}: {voltage} V; expected {low} to {high} V, the bench's")
+        raise ParameterInvalid(thruster, f"{voltage} V", f"{low} to {high} V, the bench's")
     u, table = bench.over_u(bench.thrust)
     thrust = np.array([np.interp(voltage, bench.voltage, column) for column in table.T])
     pushes = np.abs(thrust) > 1e-9

@@ -46,7 +46,7 @@ def design_lqr(vehicle: str | Model, Q: ArrayLike, R: ArrayLike) -> Design:
 
     model = declare(vehicle, surface=False) if isinstance(vehicle, str) else vehicle
     if not is_hull(model):
-        raise InputInvalid(f"design_lqr: {model.name} is no hull; expected a vehicle")
+        raise InputInvalid("design_lqr", f"{model.name} is no hull", "a vehicle")
     largest = {"Q": _positive("Q", Q, 18), "R": _positive("R", R, 6)}
     plant = linear_model(model, inputs=["tau"], outputs=["eta", "nu"])
     A, B = np.zeros((18, 18)), np.zeros((18, 6))
@@ -62,5 +62,5 @@ def _positive(name: str, values: ArrayLike, size: int) -> Array:
     given = np.asarray(values, dtype=float).ravel()
     if given.size != size or not np.all(np.isfinite(given)) or not np.all(given > 0):
         shown: Sequence[float] = given.tolist()
-        raise InputInvalid(f"design_lqr: {name} = {shown}; expected {size} positive numbers")
+        raise InputInvalid("design_lqr", f"{name} = {shown}", f"{size} positive numbers")
     return given

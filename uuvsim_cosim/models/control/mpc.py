@@ -50,7 +50,7 @@ def mpc(
     steps, tries = int(N), int(iterations)
     if not (1 <= steps <= 30 and 1 <= tries <= 10):
         raise InputInvalid(
-            f"mpc: N = {N}, iterations = {iterations}; expected 1 to 30 steps, 1 to 10 iterations"
+            "mpc", f"N = {N}, iterations = {iterations}", "1 to 30 steps, 1 to 10 iterations"
         )
     m = Model("mpc", f"Model predictive control, {steps} steps of {float(h):g} s")
     eta_d = m.input("eta_d", 6, unit=ETA, description="wanted N E D phi theta psi")

@@ -93,8 +93,12 @@ class MPC:
         found = np.array(solve(x0=guess, p=data, lbx=-limit, ubx=limit)["x"]).ravel()
         if not np.all(np.isfinite(found)):
             raise InputInvalid(
-                f"mpc: the programme has no solution at eta = {eta.round(3).tolist()}, "
-                f"nu = {nu.round(3).tolist()}; expected finite values near those of the vehicle"
+                "mpc",
+                (
+                    f"the programme has no solution at eta = {eta.round(3).tolist()}, "
+                    f"nu = {nu.round(3).tolist()}"
+                ),
+                "finite values near those of the vehicle",
             )
         self._plan = found
         self._predicted = np.array(of.step(x, found[:6], self._b)).ravel()[6:]

@@ -57,7 +57,7 @@ class Programme:
 def programme(vehicle: str = "bluerov2_heavy", N: int = 10, h: float = 0.1) -> Programme:
     """Write the programme for a vehicle: N steps of h [s]."""
     if not (1 <= N <= 100 and 0 < h < np.inf):
-        raise InputInvalid(f"mpc: N = {N}, h = {h} s; expected 1 to 100 steps of more than 0 s")
+        raise InputInvalid("mpc", f"N = {N}, h = {h} s", "1 to 100 steps of more than 0 s")
     stage = _Stage(nominal_matrices(vehicle), h)
     p, tau = ca.MX.sym("p", 54), ca.MX.sym("tau", 6 * N)
     x, eta_d, nu_d, b, before, Q, S = ca.vertsplit(p, [0, 12, 18, 24, 30, 36, 48, 54])
@@ -170,7 +170,7 @@ def solver(of: Programme, kind: Solver = "sqpmethod", iterations: int = ITERATIO
     `iterations` steps from where it starts (a real-time iteration), and its C can be generated.
     """
     if kind not in get_args(Solver):
-        raise InputInvalid(f"mpc: solver {kind!r}; expected {' or '.join(get_args(Solver))}")
+        raise InputInvalid("mpc", f"solver {kind!r}", " or ".join(get_args(Solver)))
     nlp = {"x": of.tau, "p": of.p, "f": of.cost, "g": ca.MX(0, 1)}
     options: dict[str, object] = {"print_time": False, "error_on_fail": False, "calc_lam_p": False}
     if kind == "ipopt":

@@ -28,16 +28,16 @@ def frequency_of(text: str, place: str) -> float:
 def _value(text: str, place: str, wanted: Unit, expected: str) -> float:
     match = _TEXT.match(text)
     if match is None:
-        raise InputInvalid(f"{place}: {text!r}; expected {expected}")
+        raise InputInvalid(place, f"{text!r}", expected)
     value = float(match[1])
     if not match[2]:
         return value
     try:
         unit = parse_unit(match[2])
     except ValueError:
-        raise InputInvalid(f"{place}: unit {match[2]!r} of {text!r}; expected {expected}") from None
+        raise InputInvalid(place, f"unit {match[2]!r} of {text!r}", expected) from None
     if not unit.commensurable(wanted):
-        raise InputInvalid(f"{place}: {text!r} is in {match[2]}; expected {expected}")
+        raise InputInvalid(place, f"{text!r} is in {match[2]}", expected)
     found = value * unit.factor
     # 100 ms is 0.1 s, the number that is written so, and not the nearest product.
     rounded = float(f"{found:.15g}")

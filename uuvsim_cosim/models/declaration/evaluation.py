@@ -61,15 +61,13 @@ class Evaluation:
         for name in given:
             if name not in known:
                 raise ParameterInvalid(
-                    f"{self.model.name}: there is no {kind} {name!r}; expected {', '.join(known)}"
+                    self.model.name, f"there is no {kind} {name!r}", ", ".join(known)
                 )
         parts = [np.zeros(0)]
         for name, v in known.items():
             value = np.asarray(given.get(name, v.start), dtype=float).ravel()
             if value.size != v.size:
-                raise ParameterInvalid(
-                    f"{self.model.name}.{name}: {value.size} values; expected {v.size}"
-                )
+                raise ParameterInvalid(f"{self.model.name}.{name}", f"{value.size} values", v.size)
             parts.append(value)
         return np.concatenate(parts)
 

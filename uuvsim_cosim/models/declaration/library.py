@@ -121,14 +121,13 @@ def _declared(name: str, options: Mapping[str, Any]) -> Model:
     name = ALIASES.get(name, name)
     if name in IN_PROCESS:
         raise InputInvalid(
-            f"{name} is no declaration but a Python component ({IN_PROCESS[name]}): it runs in a "
-            "system, in process, and is not exported or fused; expected a model such as lqr"
+            f"{name} is no declaration but a Python component ({IN_PROCESS[name]})",
+            "it runs in a system, in process, and is not exported or fused",
+            "a model such as lqr",
         )
     if name not in LIBRARY:
         hint = did_you_mean(name, [*available(), *ALIASES, *IN_PROCESS])
-        raise InputInvalid(
-            f"there is no model {name!r}{hint}; expected one that `uuvsim models` lists"
-        )
+        raise InputInvalid(f"there is no model {name!r}{hint}", "one that `uuvsim models` lists")
     module, function = LIBRARY[name].split(":")
     declaration = getattr(import_module(module), function)
     try:
@@ -139,7 +138,7 @@ def _declared(name: str, options: Mapping[str, Any]) -> Model:
         if isinstance(error, UuvsimError) or not any(isinstance(v, str) for v in options.values()):
             raise
         given = ", ".join(f"{option}={value}" for option, value in options.items())
-        raise InputInvalid(f"model {name!r} with {given}: {error}; expected a number") from None
+        raise InputInvalid(f"model {name!r} with {given}", error, "a number") from None
     assert isinstance(model, Model)
     return model
 
@@ -162,6 +161,7 @@ def _wrong_option(
     in_python = ("Parameters", "Mapping", "Preset")  # of a type that no text gives
     known = [k for k in as_text if not any(t in str(taken[k].annotation) for t in in_python)]
     return InputInvalid(
-        f"model {name!r}: there is no option {key!r}{did_you_mean(key, known)}; expected "
-        f"{', '.join(known) or 'none'} (a parameter is set: --set component.parameter=value)"
+        f"model {name!r}",
+        f"there is no option {key!r}{did_you_mean(key, known)}",
+        (f"{', '.join(known) or 'none'} (a parameter is set: --set component.parameter=value)"),
     )

@@ -71,7 +71,7 @@ class Model:
 
     def __init__(self, name: str, description: str = "", h_max: float = 0.01) -> None:
         if not 0.0 < h_max < float("inf"):
-            raise ParameterInvalid(f"{name}: h_max {h_max:g} s; expected more than 0")
+            raise ParameterInvalid(name, f"h_max {h_max:g} s", "more than 0")
         self.name = name
         self.description = description
         self.h_max = h_max
@@ -170,7 +170,7 @@ class Model:
         """Declare a sample clock; a float period is read as its shortest decimal form."""
         exact = Fraction(str(period))
         if exact <= 0:
-            raise ParameterInvalid(f"{self.name}.{name}: period {period} s; expected more than 0")
+            raise ParameterInvalid(f"{self.name}.{name}", f"period {period} s", "more than 0")
         clock = Clock(name, exact, len(self.clocks))
         self.clocks.append(clock)
         return clock
@@ -269,7 +269,7 @@ class Model:
             start = np.broadcast_to(np.asarray(start, dtype=float), shape).ravel()
         elif start.numel() != size:
             raise ParameterInvalid(
-                f"{self.name}.{name}: start has {start.numel()} elements; expected {size}"
+                f"{self.name}.{name}", f"start has {start.numel()} elements", size
             )
         self._add(
             Declared(
@@ -294,9 +294,7 @@ class Model:
         for text in dict.fromkeys(each):
             unit_of(text, f"{self.name}.{name}")
         if len(each) != size:
-            raise ParameterInvalid(
-                f"{self.name}.{name}: {len(each)} units; expected one, or {size}"
-            )
+            raise ParameterInvalid(f"{self.name}.{name}", f"{len(each)} units", f"one, or {size}")
         return (each[0] if each else "1", ()) if len(set(each)) <= 1 else ("", each)
 
     def _add(self, declared: Declared) -> None:
@@ -314,8 +312,9 @@ class Model:
         flat = ca.densify(ca.SX(expression))
         if flat.numel() != declared.size:
             raise ParameterInvalid(
-                f"{self.name}.{declared.name}: equation has {flat.numel()} elements; "
-                f"expected {declared.size}"
+                f"{self.name}.{declared.name}",
+                f"equation has {flat.numel()} elements",
+                declared.size,
             )
         return ca.vec(flat)
 

@@ -99,8 +99,11 @@ def vehicle_folder(id: str) -> Path:
         return path
     known = vehicle_ids()
     raise ParameterInvalid(
-        f"there is no vehicle {id!r}; expected {expected_names(id, known)}, "
-        "the path of a folder with a parameters.yaml, or of such a file"
+        f"there is no vehicle {id!r}",
+        (
+            f"{expected_names(id, known)}, the path of a folder with a "
+            "parameters.yaml, or of such a file"
+        ),
     )
 
 
@@ -144,9 +147,7 @@ def parameter_set(id: str, set: str | None = None) -> ParameterSet:
     data = vehicle_file(id)[1]
     name = set or str(data["default"])
     if name not in data["sets"]:
-        raise ParameterInvalid(
-            f"{id}: there is no parameter set {name!r}; expected {', '.join(data['sets'])}"
-        )
+        raise ParameterInvalid(id, f"there is no parameter set {name!r}", ", ".join(data["sets"]))
     chosen = data["sets"][name]
     quantities = {}
     for key, entry in chosen["parameters"].items():
@@ -208,7 +209,7 @@ def _load(path: Path) -> Any:
         problem = str(error.problem or error.context).splitlines()[0]
         problem, twice, _ = problem.partition(" with value ")
         wanted = "each name once" if twice else "YAML"
-        raise ParameterInvalid(f"{path}:{line}: {problem}; expected {wanted}") from None
+        raise ParameterInvalid(f"{path}:{line}", problem, wanted) from None
     except (OSError, UnicodeDecodeError, YAMLError) as error:
         raise ParameterInvalid(f"{path}: cannot be read as YAML: {error}") from None
 

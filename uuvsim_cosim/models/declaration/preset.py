@@ -55,7 +55,7 @@ class Preset:
             converted *= size
         if size is not None and len(converted) != size:
             raise ParameterInvalid(
-                f"{self.path}:{line}: {name} has {len(converted)} elements; expected {size}"
+                f"{self.path}:{line}", f"{name} has {len(converted)} elements", size
             )
         return converted
 
@@ -152,12 +152,12 @@ def preset(folder: str, id: str, kind: str) -> Preset:
     if not path.is_file():
         known = sorted(p.parent.name for p in content("models", folder).glob(f"*/{kind}.yaml"))
         raise ParameterInvalid(
-            f"there is no {kind} {id!r}; expected {', '.join(known)}, or the path of a file (.yaml)"
+            f"there is no {kind} {id!r}", f"{', '.join(known)}, or the path of a file (.yaml)"
         )
     data = read_yaml(path, "preset.schema.json")
     if data["kind"] != kind:
         line = line_of(data, ["kind"])
-        raise ParameterInvalid(f"{path}:{line}: kind: {data['kind']}; expected {kind}")
+        raise ParameterInvalid(f"{path}:{line}", f"kind: {data['kind']}", kind)
     values = {}
     for name, entry in data["parameters"].items():
         value = entry["value"]

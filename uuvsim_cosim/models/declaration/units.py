@@ -157,6 +157,5 @@ def unit_of(name: str, place: str) -> Unit:
         return parse_unit(name)
     except ValueError as error:
         raise ParameterInvalid(
-            f"{place}: {error}; expected a product such as 'kg.m2' or 'N.s/m' of "
-            f"{', '.join(_NAMED)}"
+            place, error, f"a product such as 'kg.m2' or 'N.s/m' of {', '.join(_NAMED)}"
         ) from None

@@ -30,11 +30,9 @@ class YamlText:
         except MarkedYAMLError as error:
             line = error.problem_mark.line + 1 if error.problem_mark else 1
             problem = str(error.problem or error.context).splitlines()[0]
-            raise InputInvalid(f"{path}:{line}: {problem}; expected YAML") from None
+            raise InputInvalid(f"{path}:{line}", problem, "YAML") from None
         except OSError as error:
-            raise InputInvalid(
-                f"{path}: cannot be read ({error.strerror}); expected {what}"
-            ) from None
+            raise InputInvalid(path, f"cannot be read ({error.strerror})", what) from None
         except (UnicodeDecodeError, YAMLError) as error:
             raise InputInvalid(f"{path}: cannot be read as YAML: {error}") from None
 

@@ -156,7 +156,7 @@ def waypoint_parameters(
     points = [list(map(float, w)) for w in waypoints or lawn_mower(20.0, 5.0, 4, 5.0)]
     if not 1 <= len(points) <= MAX_WAYPOINTS or any(len(w) != 3 for w in points):
         raise ParameterInvalid(
-            f"{m.name}: {len(points)} waypoints; expected 1 to {MAX_WAYPOINTS} of N, E, D"
+            m.name, f"{len(points)} waypoints", f"1 to {MAX_WAYPOINTS} of N, E, D"
         )
     rows = points + [points[-1]] * (MAX_WAYPOINTS - len(points))
     table = m.parameter(

@@ -58,7 +58,7 @@ def path_following(
 ) -> Model:
     """Declare the guidance by a preset; `method` is los, ilos or alos."""
     if method not in METHODS:
-        raise ParameterInvalid(f"path_following: method {method!r}; expected {', '.join(METHODS)}")
+        raise ParameterInvalid("path_following", f"method {method!r}", ", ".join(METHODS))
     p = preset("controllers", id, "path_following")
     m = Model("path_following", f"Path following along waypoints by {method.upper()}")
     eta = m.input("eta", 6, unit=ETA, description="estimate: N E D [m], phi theta psi [rad]")

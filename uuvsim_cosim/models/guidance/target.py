@@ -38,7 +38,7 @@ def target(
 ) -> Model:
     """Declare a target; `trackers` is the number of those that it flees from."""
     if motion not in MOTIONS:
-        raise ParameterInvalid(f"target: motion {motion!r}; expected one of {', '.join(MOTIONS)}")
+        raise ParameterInvalid("target", f"motion {motion!r}", f"one of {', '.join(MOTIONS)}")
     m = Model("target", f"Target of constant speed and depth ({motion.replace('_', ' ')})")
     V = m.parameter("speed", 0.15, unit="m/s", min=0, description="of the target")
     p_0 = m.parameter("position_0", (0, 0, 0.55), unit="m", description="at the start, in NED")
@@ -116,7 +116,7 @@ def _flee(
 ) -> ca.SX:
     """Return the yaw rate that turns away from the nearest tracker, and from walls."""
     if not 1 <= n <= 8:
-        raise ParameterInvalid(f"target: {n} trackers; expected 1 to 8")
+        raise ParameterInvalid("target", f"{n} trackers", "1 to 8")
     fright = m.parameter("fright", 1.2, unit="m", min=0, description="flees within this distance")
     shy = m.parameter("shy", 0.5, unit="m", min=1e-3, description="turns from walls within this")
     r_max = _r_max(m)

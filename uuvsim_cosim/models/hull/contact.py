@@ -66,14 +66,18 @@ def contact(
     h = float(step)
     if not 0 < h <= LONGEST:
         raise ParameterInvalid(
-            f"contact: step = {step}; expected more than 0 and at most {LONGEST:g} s: at longer "
-            f"steps a hull is pressed through what it touches. Use step={LONGEST:g} or less, here "
-            "and as the system's step"
+            "contact",
+            f"step = {step}",
+            (
+                f"more than 0 and at most {LONGEST:g} s: at longer steps a hull is "
+                f"pressed through what it touches. Use step={LONGEST:g} or less, "
+                "here and as the system's step"
+            ),
         )
     size = vehicle_size(split_address(vehicle)[0])
     if size is None:
         raise ParameterInvalid(
-            f"contact: {vehicle} states no size; expected `size` in its parameters.yaml"
+            "contact", f"{vehicle} states no size", "`size` in its parameters.yaml"
         )
     ground = touched_ground(scene)
     m = Model("contact", "Contact of a hull with seabed, obstacles and other vehicles")

@@ -124,7 +124,7 @@ def hull_of(size: Size) -> Hull:
 def hull_contact(scene: str, hull: Hull, n_moving: int) -> Callable[[ca.SX], ca.SX]:
     """Return `HullContact` as a function of an SX (n_in,) with values (8,)."""
     if not 0 <= n_moving <= MOVERS:
-        raise ParameterInvalid(f"others: {n_moving}; expected 0 to {MOVERS}")
+        raise ParameterInvalid("others", n_moving, f"0 to {MOVERS}")
     ground = touched_ground(scene)
     material, friction = _friction(scene, ground.name)
     rub = tuple(1.0 if mu is None else mu / MU for mu in ground.friction)

@@ -40,7 +40,7 @@ def declare_parameters(
             continue
         if meaning.min is not None and not value >= meaning.min:
             raise ParameterInvalid(
-                f"{m.name}.{name}: {value} {meaning.unit}; expected at least {meaning.min:g}"
+                f"{m.name}.{name}", f"{value} {meaning.unit}", f"at least {meaning.min:g}"
             )
         words = meaning.words + (f" ({sources[name]})" if name in sources else "")
         symbols[name] = m.parameter(

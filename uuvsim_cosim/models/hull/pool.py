@@ -41,7 +41,7 @@ def pool(
     """
     h = float(step)
     if not h > 0:
-        raise ParameterInvalid(f"pool: step = {step}; expected more than 0 s")
+        raise ParameterInvalid("pool", f"step = {step}", "more than 0 s")
     mass = nominal(vehicle)[0][0]
     m = Model("pool", "Contact of a hull with walls, floor and obstacles of a pool")
     position = m.input("position", 3, unit="m", description="of the hull's CO in NED")
@@ -89,7 +89,7 @@ def pool(
 def declare_arena(m: Model, obstacles: int) -> tuple[ca.SX, ca.SX, list[tuple[ca.SX, ...]]]:
     """Declare where a pool lies, and its obstacles; gives (origin, size, [(x, y, r, h)])."""
     if not 0 <= obstacles <= 64:
-        raise ParameterInvalid(f"{m.name}: {obstacles} obstacles; expected 0 to 64")
+        raise ParameterInvalid(m.name, f"{obstacles} obstacles", "0 to 64")
     origin = m.parameter(
         "origin", (0, 0, 0), unit="m", description="middle of the pool's surface, in NED"
     )

@@ -94,8 +94,9 @@ def numbers(path: Path, element: _Element, text: str | None, count: int | tuple[
             more = "; expand it first: xacro FILE > out.urdf, and import that"
         wanted = " or ".join(str(c) for c in counts)
         raise InputInvalid(
-            f"{place_of(path, element)}: <{local(element)}>: {' '.join(words)[:60]!r}; expected "
-            f"{wanted} number{'s' if counts != (1,) else ''}{more}"
+            place_of(path, element),
+            f"<{local(element)}>: {' '.join(words)[:60]!r}",
+            f"{wanted} number{'s' if counts != (1,) else ''}{more}",
         )
     return found
 
@@ -148,8 +149,12 @@ def bodies_of(path: Path, model: _Element, problems: list[str]) -> Bodies:
                     _add_collision(path, found, collision, R, r)
     if not found.m > 0 and not problems:
         raise InputInvalid(
-            f"{path}: no link has an <inertial> with a mass above 0; expected one (of a xacro "
-            "whose includes lie elsewhere, expand it first: xacro FILE > out.urdf)"
+            path,
+            "no link has an <inertial> with a mass above 0",
+            (
+                "one (of a xacro whose includes lie elsewhere, expand it first: "
+                "xacro FILE > out.urdf)"
+            ),
         )
     return found
 
@@ -187,7 +192,7 @@ def _placed_links(
             R, r = R_j @ R, R_j @ r + r_j
             steps += 1
         if steps == 100:
-            raise InputInvalid(f"{path}: the joints above link {name!r} go round; expected a tree")
+            raise InputInvalid(path, f"the joints above link {name!r} go round", "a tree")
         yield link, (R, r)
 
 
@@ -205,12 +210,10 @@ def _add_inertial(
     mass, tensor = child(inertial, "mass"), child(inertial, "inertia")
     with gathered(problems):
         if mass is None:
-            raise InputInvalid(
-                f"{place_of(path, inertial)}: <inertial> without <mass>; expected one"
-            )
+            raise InputInvalid(place_of(path, inertial), "<inertial> without <mass>", "one")
         m = float(numbers(path, mass, mass.get("value") or mass.text, 1)[0])
         if m < 0:
-            raise InputInvalid(f"{place_of(path, mass)}: <mass>: {m:g} kg; expected more than 0")
+            raise InputInvalid(place_of(path, mass), f"<mass>: {m:g} kg", "more than 0")
     with gathered(problems):
         pose = child(inertial, "origin")
         R_i, r_i = _pose(path, pose if pose is not None else child(inertial, "pose"))
@@ -222,7 +225,7 @@ def _add_inertial(
             I[i, j] = I[j, i] = _value(path, tensor, name, 0.0 if i != j else None)
             if i == j and I[i, i] < 0:
                 raise InputInvalid(
-                    f"{place_of(path, tensor)}: {name} = {I[i, i]:g} kg.m2; expected 0 or more"
+                    place_of(path, tensor), f"{name} = {I[i, i]:g} kg.m2", "0 or more"
                 )
     found.links.append(link.get("name", ""))
     turned = R @ R_i

@@ -43,9 +43,7 @@ def _parsed(path: Path) -> _Element:
         raise InputInvalid(f"{path}: cannot be read: {error.strerror}") from None
     except etree.XMLSyntaxError as error:
         line = error.lineno or 1
-        raise InputInvalid(
-            f"{path}:{line}: {error.msg}; expected XML (.urdf, .sdf, .xacro)"
-        ) from None
+        raise InputInvalid(f"{path}:{line}", error.msg, "XML (.urdf, .sdf, .xacro)") from None
 
 
 def _include(root: _Element, path: Path, seen: list[Path]) -> None:

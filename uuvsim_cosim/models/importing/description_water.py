@@ -70,9 +70,9 @@ def _uuv_simulator(path: Path, model: _Element, root: _Element, problems: list[s
     kind = child(model, "type")
     if kind is not None and (kind.text or "").strip() != "fossen":
         raise InputInvalid(
-            f"{place_of(path, kind)}: <type>: {(kind.text or '').strip()!r}; "
-            "expected fossen, whose "
-            "matrices are in the file"
+            place_of(path, kind),
+            f"<type>: {(kind.text or '').strip()!r}",
+            "fossen, whose matrices are in the file",
         )
     for tag, name, sign in (
         ("added_mass", "M_A", 1.0),
@@ -104,8 +104,7 @@ def _uuv_simulator(path: Path, model: _Element, root: _Element, problems: list[s
             water.volume = float(numbers(path, place["volume"], place["volume"].text, 1)[0])
             if not water.volume > 0:
                 raise InputInvalid(
-                    f"{place_of(path, place['volume'])}: <volume>: {water.volume:g} m3; "
-                    "expected more than 0"
+                    place_of(path, place["volume"]), f"<volume>: {water.volume:g} m3", "more than 0"
                 )
     if place["center_of_buoyancy"] is not None:
         at = place["center_of_buoyancy"]

@@ -105,16 +105,16 @@ def _model(path: Path, root: _Element) -> _Element:
     models = [e for e in root.iter() if local(e) == "model"]
     if not models:
         raise InputInvalid(
-            f"{place_of(path, root)}: <{local(root)}>; expected <robot> (URDF, "
-            "xacro) or <sdf> with "
-            "a <model>"
+            place_of(path, root),
+            f"<{local(root)}>",
+            "<robot> (URDF, xacro) or <sdf> with a <model>",
         )
     with_water = [m for m in models if water_of(path, m, []) is not None]
     chosen = (with_water or models)[0]
     if len(models) > 1 and len(with_water) != 1:
         names = ", ".join(str(m.get("name")) for m in models)
         raise InputInvalid(
-            f"{path}: {len(models)} models ({names}); expected one, or one with hydrodynamics"
+            path, f"{len(models)} models ({names})", "one, or one with hydrodynamics"
         )
     return chosen
 
@@ -278,13 +278,13 @@ def _placed(file: Path, tam: _Element) -> tuple[PlacedThruster, ...]:
         T = np.zeros(0)
     if T.ndim != 2 or T.shape[0] != 6 or not np.isfinite(T).all():
         raise InputInvalid(
-            f"{file}: tam of shape {T.shape}; expected 6 rows of numbers, a column each thruster"
+            file, f"tam of shape {T.shape}", "6 rows of numbers, a column each thruster"
         )
     found = []
     for k in range(T.shape[1]):
         strength = float(np.linalg.norm(T[:3, k]))
         if not strength > 1e-9:
-            raise InputInvalid(f"{file}: tam: column {k + 1} pushes nowhere; expected a direction")
+            raise InputInvalid(file, f"tam: column {k + 1} pushes nowhere", "a direction")
         e, moment = T[:3, k] / strength, T[3:, k] / strength
         r = np.cross(e, moment)  # the point of its line that is nearest to CO
         found.append(

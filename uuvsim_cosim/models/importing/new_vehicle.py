@@ -22,12 +22,12 @@ RHO, G = 1025.0, 9.81
 def write_vehicle(id: str, into: Path, shape: str = "box") -> Path:
     """Write parameters.yaml, thrusters.yaml, README.md (and fins, propeller) into `into`/`id`."""
     if not re.fullmatch(r"[a-z][a-z0-9_]*", id):
-        raise InputInvalid(f"vehicle {id!r}; expected lower case letters, digits and _, as my_rov")
+        raise InputInvalid(f"vehicle {id!r}", "lower case letters, digits and _, as my_rov")
     if shape not in _SIZES:
-        raise InputInvalid(f"shape {shape!r}; expected {' or '.join(_SIZES)}")
+        raise InputInvalid(f"shape {shape!r}", " or ".join(_SIZES))
     folder = into / id
     if folder.exists() and any(folder.iterdir()):
-        raise InputInvalid(f"{folder} is there already; expected a name that is free")
+        raise InputInvalid(f"{folder} is there already", "a name that is free")
     folder.mkdir(parents=True, exist_ok=True)
     texts = {"parameters.yaml": _parameters(id, shape), "README.md": _readme(id)}
     if shape == "box":

@@ -46,7 +46,7 @@ class Draft:
 def check_id(id: str) -> str:
     """Return the id; raises InputInvalid if no vehicle can have it."""
     if not re.fullmatch(r"[a-z][a-z0-9_]*", id):
-        raise InputInvalid(f"vehicle {id!r}; expected lower case letters, digits and _, as my_rov")
+        raise InputInvalid(f"vehicle {id!r}", "lower case letters, digits and _, as my_rov")
     return id
 
 
@@ -54,7 +54,7 @@ def write_draft(draft: Draft, folder: Path) -> Path:
     """Write the folder, whole and checked, or nothing; raises InputInvalid if one is there."""
     id = check_id(folder.name)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise InputInvalid(f"{folder} is there already; expected a name that is free")
+        raise InputInvalid(f"{folder} is there already", "a name that is free")
     texts = {"parameters.yaml": _parameters(id, draft), "README.md": f"# {id}\n\n{draft.readme}"}
     if draft.thrusters:
         texts["thrusters.yaml"] = _thrusters(id, draft)

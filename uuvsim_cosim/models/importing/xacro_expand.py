@@ -110,8 +110,9 @@ def _call(parent: _Element, element: _Element, name: str, scope: _Scope, place: 
     """Put a macro's body in the place of its call."""
     if scope.depth >= _DEEPEST:
         raise InputInvalid(
-            f"{place}:{element.sourceline}: <xacro:{name}>: macros call each other {_DEEPEST} "
-            "deep; expected an end"
+            f"{place}:{element.sourceline}",
+            f"<xacro:{name}>: macros call each other {_DEEPEST} deep",
+            "an end",
         )
     scope.called.add(name)
     given = {k: evaluated(v, scope.properties) for k, v in element.attrib.items()}
@@ -138,7 +139,7 @@ def _call(parent: _Element, element: _Element, name: str, scope: _Scope, place: 
     _children(body, inside, place)
     _replace(parent, element, list(body))
     if sum(1 for _ in parent.getroottree().iter()) > _MOST:
-        raise InputInvalid(f"{place}: macros make more than {_MOST} elements; expected a vehicle")
+        raise InputInvalid(place, f"macros make more than {_MOST} elements", "a vehicle")
 
 
 def _parameters(macro: _Element) -> Sequence[str]:

@@ -96,11 +96,11 @@ def field(
     grids = tuple(tuple(map(float, grid)) for grid in axes)
     for i, grid in enumerate(grids):
         if not grid or not np.all(np.isfinite(grid)) or not np.all(np.diff(grid) > 0):
-            raise ParameterInvalid(f"field: grid {i} = {grid[:4]} …; expected rising numbers")
+            raise ParameterInvalid("field", f"grid {i} = {grid[:4]} …", "rising numbers")
     kept = np.ascontiguousarray(nodes, np.float32)
     expected = tuple(map(len, grids))
     if len(grids) != AXES or kept.shape[:-1] != expected or not np.all(np.isfinite(kept)):
-        raise ParameterInvalid(f"field: nodes {kept.shape}; expected {expected} and values, finite")
+        raise ParameterInvalid("field", f"nodes {kept.shape}", f"{expected} and values, finite")
     digest = hashlib.sha256(f"field {expected} {tuple(held)}".encode())
     for grid in grids:
         digest.update(np.array(grid).astype("<f8").tobytes())

@@ -119,7 +119,7 @@ def called(name: str) -> Callable[[ca.SX], ca.SX]:
 
 def _register(layers: Sequence[Layer]) -> Network:
     if not layers:
-        raise ParameterInvalid("network: no layers; expected one or more")
+        raise ParameterInvalid("network", "no layers", "one or more")
     kept: list[Layer] = []
     digest = hashlib.sha256()
     width = layers[0].weight.shape[-1]
@@ -128,14 +128,15 @@ def _register(layers: Sequence[Layer]) -> Network:
         bias = np.ascontiguousarray(layer.bias, np.float32)
         if weight.ndim != 2 or weight.shape[1] != width or bias.shape != weight.shape[:1]:
             raise ParameterInvalid(
-                f"network: layer {i} has weights {weight.shape} and bias {bias.shape}; "
-                f"expected (n, {width}) and (n,)"
+                "network",
+                f"layer {i} has weights {weight.shape} and bias {bias.shape}",
+                f"(n, {width}) and (n,)",
             )
         if not (weight.size and np.all(np.isfinite(weight)) and np.all(np.isfinite(bias))):
             raise ParameterInvalid(f"network: layer {i} has no weights, or NaN or infinity in them")
         if layer.activation not in get_args(Activation):
             known = ", ".join(get_args(Activation))
-            raise ParameterInvalid(f"network: activation {layer.activation!r}; expected {known}")
+            raise ParameterInvalid("network", f"activation {layer.activation!r}", known)
         width = len(bias)
         digest.update(f"{weight.shape} {layer.activation} ".encode())
         digest.update(weight.astype("<f4").tobytes() + bias.astype("<f4").tobytes())

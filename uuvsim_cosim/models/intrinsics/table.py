@@ -126,11 +126,11 @@ def _register(kind: str, x: Sequence[float], y: Sequence[float], values: Sequenc
     grids = {"x": tuple(map(float, x)), "y": tuple(map(float, y))}
     for axis, grid in grids.items():
         if (axis == "x" or grid) and (len(grid) < 2 or not np.all(np.diff(grid) > 0)):
-            raise ParameterInvalid(f"table: grid {axis} = {grid}; expected two or more, rising")
+            raise ParameterInvalid("table", f"grid {axis} = {grid}", "two or more, rising")
     numbers = tuple(map(float, values))
     expected = len(grids["x"]) * max(1, len(grids["y"]))
     if len(numbers) != expected or not np.all(np.isfinite(numbers)):
-        raise ParameterInvalid(f"table: {len(numbers)} values; expected {expected}, all finite")
+        raise ParameterInvalid("table", f"{len(numbers)} values", f"{expected}, all finite")
     content = np.array([*grids["x"], *grids["y"], *numbers]).astype("<f8").tobytes()
     digest = hashlib.sha256(f"{kind} {len(grids['x'])} ".encode() + content).hexdigest()[:12]
     table = Table(f"{kind}_{digest}", grids["x"], grids["y"], numbers)

@@ -150,8 +150,9 @@ def _check(tensors: Mapping[str, Array], places: int, heads: int, activation: st
     h = len(tensors.get("norm.weight", ()))
     if not h or heads < 1 or h % heads or places < 1 or activation not in ("relu", "gelu"):
         raise ParameterInvalid(
-            f"transformer: {places} places, {heads} heads of {h} numbers together, activation "
-            f"{activation!r}; expected 1 or more, a divisor of the width, relu or gelu"
+            "transformer",
+            (f"{places} places, {heads} heads of {h} numbers together, activation {activation!r}"),
+            "1 or more, a divisor of the width, relu or gelu",
         )
     seen = tensors.get("embed_observation.weight", np.zeros((h, 1))).shape[-1]
     acted = len(tensors.get("head.bias", (0,)))
@@ -172,8 +173,8 @@ def _check(tensors: Mapping[str, Array], places: int, heads: int, activation: st
         if found is None or found.shape != shape or not np.all(np.isfinite(found)):
             read = "none" if found is None else f"one of shape {found.shape}"
             raise ParameterInvalid(
-                f"transformer: tensor {name!r}: {read}; expected finite numbers of shape {shape}"
+                "transformer", f"tensor {name!r}: {read}", f"finite numbers of shape {shape}"
             )
     table = tensors.get("embed_time.weight")
     if table is None or table.ndim != 2 or table.shape[1] != h:
-        raise ParameterInvalid(f"transformer: tensor 'embed_time.weight'; expected (times, {h})")
+        raise ParameterInvalid("transformer", "tensor 'embed_time.weight'", f"(times, {h})")

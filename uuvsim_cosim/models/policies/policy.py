@@ -48,7 +48,7 @@ def policy(
     where = Path(file).expanduser() if file else content("models", "policies") / f"{id}.npz"
     if not file and not where.is_file():
         known = sorted(p.stem for p in where.parent.glob("*.npz"))
-        raise InputInvalid(f"policy {id!r}; expected one of {', '.join(known)}, or file=FILE.npz")
+        raise InputInvalid(f"policy {id!r}", f"one of {', '.join(known)}, or file=FILE.npz")
     read = read_policy(where)
     if is_tracking(read) and not int(plain):
         return tracking_policy(read, action_step, period, str(obstacles))
@@ -65,8 +65,12 @@ def _channels(text: str, file: PolicyFile) -> tuple[Channel, ...]:
         found = ()
     if len(found) != len(file.action) or not all(isfinite(c.low + c.high) for c in found):
         raise InputInvalid(
-            f"policy: action {text}; expected [name, low, high, unit] for each of the "
-            f"{len(file.action)} actions of {file.path.name}, as JSON"
+            "policy",
+            f"action {text}",
+            (
+                f"[name, low, high, unit] for each of the {len(file.action)} "
+                f"actions of {file.path.name}, as JSON"
+            ),
         )
     return found
 

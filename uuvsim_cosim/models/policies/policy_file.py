@@ -52,13 +52,13 @@ class PolicyFile:
 def read_policy(path: Path) -> PolicyFile:
     """Read a policy; raises InputInvalid for a file that is none, or of a later format."""
     if not path.is_file():
-        raise InputInvalid(f"{path}: no such file; expected a policy (.npz)")
+        raise InputInvalid(path, "no such file", "a policy (.npz)")
     try:
         with np.load(BytesIO(noted(path).read_bytes()), allow_pickle=False) as read:
             tensors = {name: np.asarray(read[name]) for name in read.files}
         head = json.loads(bytes(tensors.pop("head")))
         if head["uuvsim_policy"] != FORMAT:
-            raise InputInvalid(f"{path}: format {head['uuvsim_policy']}; expected {FORMAT}")
+            raise InputInvalid(path, f"format {head['uuvsim_policy']}", FORMAT)
         for name, tensor in tensors.items():
             if tensor.dtype != np.float32 or not np.all(np.isfinite(tensor)):
                 raise ValueError(f"tensor {name!r} is not of finite float32")
@@ -75,6 +75,5 @@ def read_policy(path: Path) -> PolicyFile:
         )
     except (ValueError, KeyError, TypeError, OSError, EOFError, zipfile.BadZipFile) as error:
         raise InputInvalid(
-            f"{path}: {type(error).__name__}: {error}; expected a whole policy as `uuvsim train` "
-            "writes it"
+            path, f"{type(error).__name__}: {error}", "a whole policy as `uuvsim train` writes it"
         ) from None

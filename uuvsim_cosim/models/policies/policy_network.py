@@ -41,9 +41,7 @@ def normed(file: PolicyFile, observation: ca.SX) -> ca.SX:
 
 def _layers(file: PolicyFile) -> list[Layer]:
     if file.kind not in ("tanh", "clip", "grid"):
-        raise InputInvalid(
-            f"{file.path}: a policy of kind {file.kind!r}; expected tanh, clip or grid"
-        )
+        raise InputInvalid(file.path, f"a policy of kind {file.kind!r}", "tanh, clip or grid")
     tensors = file.tensors
     depth = sum(name.endswith(".weight") and name[:-7].isdigit() for name in tensors)
     missing = [name for i in range(depth) for name in (f"{i}.bias",) if name not in tensors]
@@ -61,7 +59,8 @@ def _layers(file: PolicyFile) -> list[Layer]:
     shape = (layers[0].weight.shape[-1], len(layers[-1].bias), len(file.action))
     if shape != (len(file.observation), *width):
         raise InputInvalid(
-            f"{file.path}: a network of {shape[0]} inputs and {shape[1]} outputs; expected one for "
-            f"{len(file.observation)} observed and {len(file.action)} acted"
+            file.path,
+            f"a network of {shape[0]} inputs and {shape[1]} outputs",
+            (f"one for {len(file.observation)} observed and {len(file.action)} acted"),
         )
     return layers

@@ -34,11 +34,12 @@ def decided(m: Model, sample: Clock, file: PolicyFile, observation: ca.SX, due: 
         own = {k: v for k, v in file.tensors.items() if k not in ("shift", "scale")}
         network = transformer(own, K, heads, s.get("activation", "gelu"))
     except (KeyError, ValueError) as error:
-        raise InputInvalid(f"{file.path}: {error} in its settings; expected numbers") from None
+        raise InputInvalid(file.path, f"{error} in its settings", "numbers") from None
     if (own["embed_observation.weight"].shape[1], len(own["head.bias"])) != widths[1:]:
         raise InputInvalid(
-            f"{file.path}: a transformer of other widths; expected {widths[1]} observed and "
-            f"{widths[2]} acted"
+            file.path,
+            "a transformer of other widths",
+            f"{widths[1]} observed and {widths[2]} acted",
         )
     begin = m.parameter("return_to_go", wanted, unit="1", description="wanted of the whole run")
     reward = m.input("reward", unit="1", start=float(s.get("reward", 0.0)),

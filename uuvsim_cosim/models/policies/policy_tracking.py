@@ -59,14 +59,15 @@ def tracking_policy(file: PolicyFile, action_step: str, period: str, obstacles: 
     size = largest(slots, arena)
     if len(size) != len(file.observation) or len(file.action) != 2:
         raise InputInvalid(
-            f"{file.path}: observes {len(file.observation)} numbers and acts on "
-            f"{len(file.action)}; expected {len(size)} and 2, of {file.task} with slots {slots}"
+            file.path,
+            (f"observes {len(file.observation)} numbers and acts on {len(file.action)}"),
+            f"{len(size)} and 2, of {file.task} with slots {slots}",
         )
     step = Fraction(str(action_step or options.get("action_step", "0.4")))
     every = step / Fraction(str(period))
     if every.denominator != 1 or every < 1:
         raise InputInvalid(
-            f"policy: action_step {float(step):g} s; expected a multiple of its period {period} s"
+            "policy", f"action_step {float(step):g} s", f"a multiple of its period {period} s"
         )
     m = Model("policy", f"A policy trained on {file.task}, in the place of a pilot")
     more = "added to what the policy wants"

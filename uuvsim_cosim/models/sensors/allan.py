@@ -31,8 +31,11 @@ def allan_deviation(record: ArrayLike, T: float, t: ArrayLike) -> Array:
     sizes = np.maximum(np.rint(np.asarray(t, dtype=float) / T).astype(int), 1)
     if 2 * int(np.max(sizes)) >= len(rows):
         raise ParameterInvalid(
-            f"a record of {len(rows)} samples every {T:g} s for an averaging time of "
-            f"{np.max(sizes) * T:g} s; expected more than twice that time"
+            (
+                f"a record of {len(rows)} samples every {T:g} s for an averaging "
+                f"time of {np.max(sizes) * T:g} s"
+            ),
+            "more than twice that time",
         )
     sums = np.vstack([np.zeros(rows.shape[1]), np.cumsum(rows - rows.mean(axis=0), axis=0)])
     found = []
@@ -68,14 +71,18 @@ def sigma_of_instability(N: float, B: float, tau: float) -> float:
     """
     if not (N >= 0.0 and B > 0.0 and tau > 0.0):
         raise ParameterInvalid(
-            f"noise density {N:g}, bias instability {B:g}, tau {tau:g} s; expected N at least 0, "
-            "the others more than 0"
+            f"noise density {N:g}, bias instability {B:g}, tau {tau:g} s",
+            "N at least 0, the others more than 0",
         )
     least = 4.0 * N * N / (B * B)
     if tau < least:
         raise ParameterInvalid(
-            f"bias_tau {tau:g} s: white noise of {N:g} falls to a bias instability of {B:g} only "
-            f"after {0.5 * least:.4g} s; expected at least {least:.4g} s"
+            f"bias_tau {tau:g} s",
+            (
+                f"white noise of {N:g} falls to a bias instability of {B:g} only "
+                f"after {0.5 * least:.4g} s"
+            ),
+            f"at least {least:.4g} s",
         )
     low, high = 0.0, 100.0 * B + N
     for _ in range(60):

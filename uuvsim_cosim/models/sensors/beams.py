@@ -41,7 +41,7 @@ def beams_of(kind: str, id: str = "", **options: int | str) -> Beams:
     `options` are those of the component: `beams`, or `columns` and `rows`.
     """
     if kind not in PRESETS:
-        raise ParameterInvalid(f"beams of {kind!r}; expected multibeam or depth_camera")
+        raise ParameterInvalid(f"beams of {kind!r}", "multibeam or depth_camera")
     p = preset("sensors", id or PRESETS[kind], kind)
     if kind == "multibeam":
         directions = fan(p, options.get("beams", 0))
@@ -57,9 +57,7 @@ def fan(p: Preset, beams: int | str = 0) -> Array:
     p.has("beams")
     swath = p.number("swath", "rad")
     if not (1 < n <= MOST and 0 < swath < 2 * np.pi):
-        raise ParameterInvalid(
-            f"{p.path}: {n} beams over {swath} rad; expected 2 to {MOST} over 0 to 2 pi"
-        )
+        raise ParameterInvalid(p.path, f"{n} beams over {swath} rad", f"2 to {MOST} over 0 to 2 pi")
     angles = [swath * (i / (n - 1) - 0.5) for i in range(n)]
     return np.array([[0.0, sin(a), cos(a)] for a in angles])
 
@@ -69,8 +67,12 @@ def camera_rays(p: Preset, columns: int | str, rows: int | str) -> Array:
     n, m = int(columns), int(rows)
     if not (n > 0 and m > 0 and n * m <= MOST):
         raise ParameterInvalid(
-            f"depth_camera: {n} x {m} pixels; expected 1 to {MOST} together; larger images are "
-            "cast by uuvsim_cosim.scene.shared.ray_casting.Caster"
+            "depth_camera",
+            f"{n} x {m} pixels",
+            (
+                f"1 to {MOST} together; larger images are cast by "
+                "uuvsim_cosim.scene.shared.ray_casting.Caster"
+            ),
         )
     wide, tall = (tan(p.number(f"fov_{k}", "rad") / 2) for k in ("horizontal", "vertical"))
     x, y = (np.arange(n) + 0.5) / n * 2 - 1, (np.arange(m) + 0.5) / m * 2 - 1

@@ -65,7 +65,7 @@ def dvl(
     `scene` it ranges over that instead of a plane, and sees `others` further vehicles.
     """
     if track not in ("bottom", "both"):
-        raise ParameterInvalid(f"dvl: track = {track!r}; expected bottom or both")
+        raise ParameterInvalid("dvl", f"track = {track!r}", "bottom or both")
     p = preset("sensors", id, "dvl")
     over = "scene" if scene else "flat bottom"
     m = Model("dvl", f"Doppler velocity log: four beams, bottom track over a {over}")

@@ -36,7 +36,7 @@ def lbl(
     """Declare the LBL of a preset with this many beacons: one call every `period` seconds."""
     n = int(beacons)
     if not 1 <= n <= 16:
-        raise ParameterInvalid(f"lbl: {n} beacons; expected 1 to 16")
+        raise ParameterInvalid("lbl", f"{n} beacons", "1 to 16")
     p = preset("sensors", id, "lbl")
     m = Model("lbl", "Long baseline acoustic ranges with latency")
     eta = m.input("eta", 6, unit=ETA, description="of the hull: N E D [m], phi theta psi [rad]")

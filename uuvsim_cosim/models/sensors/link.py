@@ -56,8 +56,9 @@ def link(
     slots = math.ceil(Fraction(delay_max) / Fraction(period)) + 1
     if n < 1 or not 1 <= slots <= LARGEST:
         raise ParameterInvalid(
-            f"link: {n} numbers, delay_max {delay_max} s at a period of {period} s; expected at "
-            f"least 1, and at most {LARGEST - 1} samples under way"
+            "link",
+            f"{n} numbers, delay_max {delay_max} s at a period of {period} s",
+            f"at least 1, and at most {LARGEST - 1} samples under way",
         )
     given = _figures(id, n, units)
     m = Model("link", "Link: delay, noise and loss")

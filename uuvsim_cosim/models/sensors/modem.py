@@ -42,8 +42,9 @@ def modem(
     n, k, width = int(nodes), int(in_flight), int(size)
     if not (2 <= n <= 8 and 1 <= k <= 16 and 1 <= width <= 64):
         raise ParameterInvalid(
-            f"modem: {n} nodes, {k} packets in flight, {width} numbers; expected 2 to 8 nodes, "
-            "1 to 16 packets and 1 to 64 numbers"
+            "modem",
+            f"{n} nodes, {k} packets in flight, {width} numbers",
+            "2 to 8 nodes, 1 to 16 packets and 1 to 64 numbers",
         )
     units = tuple(unit.split(",")) if "," in unit else (unit,) * width
     p = preset("sensors", id, "modem")

@@ -61,7 +61,7 @@ def depth_camera(
     Its `reading` is "depth", along the optical axis, or "range", along each pixel's ray.
     """
     if reading not in ("depth", "range"):
-        raise ParameterInvalid(f"depth_camera: reading = {reading!r}; expected depth or range")
+        raise ParameterInvalid("depth_camera", f"reading = {reading!r}", "depth or range")
     p = preset("sensors", id, "depth_camera")
     m = Model("depth_camera", "Depth camera over a scene")
     words = f"{reading} of {rows} rows of {columns} pixels, from the top left"

@@ -74,7 +74,7 @@ def _stl(path: Path, data: bytes) -> Array:
         return _ascii_stl(path, data)
     if len(data) < 84:
         raise InputInvalid(
-            f"{path}: {len(data)} bytes; expected an STL: 84 bytes of header and 50 a triangle"
+            path, f"{len(data)} bytes", "an STL: 84 bytes of header and 50 a triangle"
         )
     count = struct.unpack_from("<I", data, 80)[0]
     whole = 84 + 50 * count
@@ -82,8 +82,12 @@ def _stl(path: Path, data: bytes) -> Array:
         found = (len(data) - 84) // 50
         what = "is truncated" if len(data) < whole else "is no STL, or has more after its end"
         raise InputInvalid(
-            f"{path}: {what}: its header announces {count} triangles ({whole} bytes), and "
-            f"{found} are there ({len(data)} bytes); expected an STL that was exported whole"
+            path,
+            (
+                f"{what}: its header announces {count} triangles ({whole} bytes), "
+                f"and {found} are there ({len(data)} bytes)"
+            ),
+            "an STL that was exported whole",
         )
     record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
     triangles: Array = np.frombuffer(data, record, count, 84)["corners"].astype(float)
@@ -101,15 +105,14 @@ def _ascii_stl(path: Path, data: bytes) -> Array:
             except ValueError:
                 point = []
             if len(point) != 3:
-                raise InputInvalid(
-                    f"{path}:{at}: {line.strip()!r}; expected vertex and three numbers"
-                )
+                raise InputInvalid(f"{path}:{at}", f"{line.strip()!r}", "vertex and three numbers")
             numbers.append(point)
         ended = words[:1] == ["endsolid"] or (ended and not words)
     if not ended or len(numbers) % 3:
         raise InputInvalid(
-            f"{path}: is truncated: {len(numbers)} vertices and "
-            f"{'an' if ended else 'no'} endsolid; expected three vertices a facet, and endsolid"
+            path,
+            (f"is truncated: {len(numbers)} vertices and {'an' if ended else 'no'} endsolid"),
+            "three vertices a facet, and endsolid",
         )
     return np.array(numbers, dtype=float).reshape(-1, 3, 3)
 
@@ -119,8 +122,9 @@ def _by_trimesh(path: Path) -> Array:
         import trimesh
     except ImportError:
         raise InputInvalid(
-            f"{path}: only .stl is read without trimesh; expected an STL, or "
-            "`pip install 'uuvsim-cosim[scene]'` for .obj, .ply, .glb and others"
+            path,
+            "only .stl is read without trimesh",
+            ("an STL, or `pip install 'uuvsim-cosim[scene]'` for .obj, .ply, .glb and others"),
         ) from None
     try:
         loaded = trimesh.load(str(path), force="mesh", process=False)  # else it drops NaN
@@ -128,7 +132,7 @@ def _by_trimesh(path: Path) -> Array:
     except Exception as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputInvalid(
-            f"{path}: is no mesh that trimesh reads ({reason}); expected .stl, .obj, .ply or .glb"
+            path, f"is no mesh that trimesh reads ({reason})", ".stl, .obj, .ply or .glb"
         ) from None
     return triangles
 
@@ -140,11 +144,12 @@ def finite_triangles(triangles: Array, place: str) -> Array:
         corner = triangles[bad[0]][~np.isfinite(triangles[bad[0]]).all(axis=1)][0]
         text = " ".join(f"{x:g}" for x in corner)
         raise InputInvalid(
-            f"{place}: triangle {bad[0] + 1} of {len(triangles)} has the vertex ({text}); "
-            f"expected finite numbers ({len(bad)} triangles have none)"
+            place,
+            f"triangle {bad[0] + 1} of {len(triangles)} has the vertex ({text})",
+            f"finite numbers ({len(bad)} triangles have none)",
         )
     if not len(triangles):
-        raise InputInvalid(f"{place}: no triangles; expected a surface of triangles")
+        raise InputInvalid(place, "no triangles", "a surface of triangles")
     return triangles
 
 
@@ -154,9 +159,13 @@ def _plausible(longest: float, place: str) -> None:
     guess = 0.001 if longest > MOST else 1000.0
     what = "mm" if longest > MOST else "km"
     raise InputInvalid(
-        f"{place}: the hull is {longest:.3g} m long; expected {LEAST:g} to {MOST:g} m: is the file "
-        f"in {what if longest > MOST else 'another unit'}? --scale {guess:g} would make it "
-        f"{longest * guess:.3g} m"
+        place,
+        f"the hull is {longest:.3g} m long",
+        (
+            f"{LEAST:g} to {MOST:g} m: is the file in "
+            f"{what if longest > MOST else 'another unit'}? --scale {guess:g} "
+            f"would make it {longest * guess:.3g} m"
+        ),
     )
 
 
@@ -181,9 +190,12 @@ def _closed(corners: Array, faces: NDArray[np.int64], place: str) -> None:
         middle = corners[lone[0]].mean(axis=0)
         at = ", ".join(f"{x:.4g}" for x in middle)
         raise InputInvalid(
-            f"{place}: the surface is open: {len(lone)} edges have a triangle on "
-            "one side only, the "
-            f"first at ({at}) m; expected a closed hull (fill the hole where the mesh was made)"
+            place,
+            (
+                f"the surface is open: {len(lone)} edges have a triangle on one "
+                f"side only, the first at ({at}) m"
+            ),
+            "a closed hull (fill the hole where the mesh was made)",
         )
 
 
@@ -216,8 +228,12 @@ def _outwards(
                 elif flip[b] != flip[a] ^ wrong:
                     at = ", ".join(f"{x:.4g}" for x in corners[faces[b]].mean(axis=0))
                     raise InputInvalid(
-                        f"{place}: the surface at ({at}) m has no inside (triangles meet there "
-                        "more than two to an edge, or it is one-sided); expected a closed hull"
+                        place,
+                        (
+                            f"the surface at ({at}) m has no inside (triangles meet there more "
+                            "than two to an edge, or it is one-sided)"
+                        ),
+                        "a closed hull",
                     )
         shells += 1
     turned = np.where(flip[:, None], faces[:, ::-1], faces)

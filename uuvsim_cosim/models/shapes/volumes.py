@@ -49,7 +49,7 @@ def vehicle_volumes(id: str) -> list[Volume]:
         size = vehicle_size(id)
         if size is None:
             raise ParameterInvalid(
-                f"{path}: neither volumes nor a size; expected one of them for surface=volumes"
+                path, "neither volumes nor a size", "one of them for surface=volumes"
             )
         extents = (size.length, size.breadth, size.height)
         return [Volume(_OF_OUTLINE[size.shape], size.at, extents)]

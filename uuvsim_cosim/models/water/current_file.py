@@ -94,8 +94,12 @@ def read_current_file(
     along_east, along_north = read.velocity("u", u, EAST), read.velocity("v", v, NORTH)
     if along_east.dimensions != along_north.dimensions:
         raise InputInvalid(
-            f"{file}: {along_east.name} has axes {along_east.dimensions}, {along_north.name} "
-            f"{along_north.dimensions}; expected the same (a staggered grid: interpolate it first)"
+            file,
+            (
+                f"{along_east.name} has axes {along_east.dimensions}, "
+                f"{along_north.name} {along_north.dimensions}"
+            ),
+            "the same (a staggered grid: interpolate it first)",
         )
     roles = read.roles(along_east)
     axes, words = read.axes(roles, origin)
@@ -107,8 +111,9 @@ def read_current_file(
     size = 2 * int(np.prod([len(a) for a in axes.values()]))
     if size > MOST:
         raise InputInvalid(
-            f"{file}: {size:,} numbers; expected at most {MOST:,}: give extent=METRES around the "
-            "origin, or cut the file in time"
+            file,
+            f"{size:,} numbers",
+            (f"at most {MOST:,}: give extent=METRES around the origin, or cut the file in time"),
         )
     for variable in (along_east, along_north):
         taken = tuple(index.get(roles[d], slice(None)) for d in variable.dimensions)
@@ -119,7 +124,7 @@ def read_current_file(
     nodes = np.stack([part[np.ix_(*order)] for part in reversed(parts)], axis=-1)
     for name, axis in zip(axes, rising, strict=True):
         if np.any(np.diff(axis) <= 0):
-            raise InputInvalid(f"{file}: axis {name} has a value twice; expected each once")
+            raise InputInvalid(file, f"axis {name} has a value twice", "each once")
     nodes = _whole(file, along_east.name, nodes, rising, holes)
     seconds = rising[0] - rising[0][0]
     first = _start(file, start, read.epoch, float(rising[0][0]), float(seconds[-1]))
@@ -148,8 +153,12 @@ class _Reader:
         if len(found) != 1:
             what = "several variables" if found else "no variable"
             raise InputInvalid(
-                f"{self.file}: {what} for the current to the {'east' if which == 'u' else 'north'} "
-                f"({', '.join(found) or listed}); expected {which}=NAME"
+                self.file,
+                (
+                    f"{what} for the current to the "
+                    f"{'east' if which == 'u' else 'north'} ({', '.join(found) or listed})"
+                ),
+                f"{which}=NAME",
             )
         return self.variables[found[0]]
 
@@ -172,16 +181,20 @@ class _Reader:
             role = self._role(dimension)
             if role is None or role in roles.values():
                 raise InputInvalid(
-                    f"{self.file}: axis {dimension!r} of {variable.name}{variable.dimensions} is "
-                    f"{'none that is known' if role is None else f'{role} once more'}; expected "
-                    "time, depth, lat or y, lon or x, each with a variable of its name"
+                    self.file,
+                    (
+                        f"axis {dimension!r} of {variable.name}{variable.dimensions} is "
+                        f"{'none that is known' if role is None else f'{role} once more'}"
+                    ),
+                    "time, depth, lat or y, lon or x, each with a variable of its name",
                 )
             roles[dimension] = role
         missing = [r for r in ("north", "east") if r not in roles.values()]
         if missing:
             raise InputInvalid(
-                f"{self.file}: {variable.name}{variable.dimensions} has no axis {missing[0]}; "
-                "expected lat and lon, or y and x"
+                self.file,
+                f"{variable.name}{variable.dimensions} has no axis {missing[0]}",
+                "lat and lon, or y and x",
             )
         return roles
 
@@ -216,8 +229,11 @@ class _Reader:
             axes["east"] = np.radians(east) * R * cos(radians(lat))
             words = f"origin {lat:.6g} N {lon:.6g} E"
         elif any(t.startswith("degree") for t in texts):
-            raise InputInvalid(f"{self.file}: axes in {texts[0]!r} and {texts[1]!r}; expected both "
-                               "in degrees or both in metres")  # fmt: skip
+            raise InputInvalid(
+                self.file,
+                f"axes in {texts[0]!r} and {texts[1]!r}",
+                "both in degrees or both in metres",
+            )
         else:
             north, east = (a * self._length(by_role[r]) for a, r in ((north, "north"),
                                                                       (east, "east")))  # fmt: skip
@@ -226,7 +242,7 @@ class _Reader:
             words = f"origin at northing {y:.6g} m, easting {x:.6g} m"
         for role, axis in axes.items():
             if not np.all(np.isfinite(axis)):
-                raise InputInvalid(f"{self.file}: axis {role} has missing values; expected all")
+                raise InputInvalid(self.file, f"axis {role} has missing values", "all")
         return axes, words
 
     def _coordinate(self, name: str) -> Variable:
@@ -236,13 +252,15 @@ class _Reader:
                     and k.lower() in (*ROLES["north"], *ROLES["east"])]  # fmt: skip
             hint = f" ({wide[0]} has two axes: a curvilinear grid)" if wide else ""
             raise InputInvalid(
-                f"{self.file}: axis {name!r} has no variable of its name{hint}; expected one "
-                "with its values: a regular grid"
+                self.file,
+                f"axis {name!r} has no variable of its name{hint}",
+                "one with its values: a regular grid",
             )
         if len(found.shape) != 1:
             raise InputInvalid(
-                f"{self.file}: {name} has axes {found.dimensions}; expected one: a regular grid "
-                "(a curvilinear one is to be regridded first)"
+                self.file,
+                f"{name} has axes {found.dimensions}",
+                "one: a regular grid (a curvilinear one is to be regridded first)",
             )
         return found
 
@@ -250,8 +268,9 @@ class _Reader:
         text = v.text("units").lower()
         if text not in LENGTHS:
             read = f"unit {text!r}" if text else "no unit"
-            raise InputInvalid(f"{self.file}: {v.name} has {read}; expected m, km, ft or fathoms"
-                               " (degrees for lat and lon)")  # fmt: skip
+            raise InputInvalid(
+                self.file, f"{v.name} has {read}", "m, km, ft or fathoms (degrees for lat and lon)"
+            )
         return LENGTHS[text]
 
     def _seconds(self, v: Variable) -> Array:
@@ -264,12 +283,13 @@ class _Reader:
             if known is not None:  # of no date
                 return v.read() * known
             raise InputInvalid(
-                f"{self.file}: {v.name} has unit {v.text('units')!r}; expected s, or as "
-                "'hours since 2020-05-01 00:00:00'"
+                self.file,
+                f"{v.name} has unit {v.text('units')!r}",
+                "s, or as 'hours since 2020-05-01 00:00:00'",
             )
         if calendar not in ("standard", "gregorian", "proleptic_gregorian", "utc"):
             raise InputInvalid(
-                f"{self.file}: {v.name} has calendar {calendar!r}; expected standard (gregorian)"
+                self.file, f"{v.name} has calendar {calendar!r}", "standard (gregorian)"
             )
         self.epoch = _instant(self.file, m[2])
         return v.read() * length
@@ -286,8 +306,12 @@ def _within(file: Path, role: str, axis: Array, extent: float) -> tuple[Array, s
     inside = np.flatnonzero(np.abs(axis) <= extent)
     if len(inside) == 0:
         raise InputInvalid(
-            f"{file}: nothing lies within {extent:g} m of the origin along {role}, which goes from "
-            f"{axis.min():.0f} to {axis.max():.0f} m; expected a larger extent, or another origin"
+            file,
+            (
+                f"nothing lies within {extent:g} m of the origin along {role}, "
+                f"which goes from {axis.min():.0f} to {axis.max():.0f} m"
+            ),
+            "a larger extent, or another origin",
         )
     first, last = max(int(inside[0]) - 1, 0), min(int(inside[-1]) + 2, len(axis))
     return axis[first:last], slice(first, last)
@@ -302,16 +326,20 @@ def _ordered(values: Array, roles: list[str], axes: Mapping[str, Array]) -> Arra
 def _whole(file: Path, name: str, nodes: Array, axes: list[Array], holes: str) -> Array:
     """Refuse nodes without a value, or give them that of the nearest with one."""
     if holes not in ("refuse", "nearest"):
-        raise InputInvalid(f"holes={holes!r}; expected refuse or nearest")
+        raise InputInvalid(f"holes={holes!r}", "refuse or nearest")
     gone = ~np.all(np.isfinite(nodes), axis=-1)
     if not gone.any():
         return nodes
     if holes == "refuse":
         t, d, n, e = (int(i[0]) for i in np.nonzero(gone))
         raise InputInvalid(
-            f"{file}: {name} has no value at {int(gone.sum()):,} of {gone.size:,} nodes (land or "
-            f"gaps), the first at {axes[1][d]:g} m depth, N {axes[2][n]:.0f} m, E {axes[3][e]:.0f} "
-            "m; expected none, a smaller extent, or holes=nearest"
+            file,
+            (
+                f"{name} has no value at {int(gone.sum()):,} of {gone.size:,} nodes "
+                f"(land or gaps), the first at {axes[1][d]:g} m depth, N "
+                f"{axes[2][n]:.0f} m, E {axes[3][e]:.0f} m"
+            ),
+            "none, a smaller extent, or holes=nearest",
         )
     from scipy.ndimage import distance_transform_edt
 
@@ -338,7 +366,7 @@ def _instant(file: Path, text: str) -> datetime:
     try:
         return datetime(*fields, tzinfo=UTC)  # type: ignore[misc,arg-type]
     except (ValueError, TypeError):
-        raise InputInvalid(f"{file}: {text!r} is no date; expected 2020-05-01 12:00:00") from None
+        raise InputInvalid(file, f"{text!r} is no date", "2020-05-01 12:00:00") from None
 
 
 def _start(file: Path, text: str, epoch: datetime | None, first: float, length: float) -> float:
@@ -349,19 +377,19 @@ def _start(file: Path, text: str, epoch: datetime | None, first: float, length: 
     except ValueError:
         if epoch is None:
             raise InputInvalid(
-                f"{file}: start={text!r}, but its time has no date; expected s after its first"
+                file, f"start={text!r}, but its time has no date", "s after its first"
             ) from None
         try:
             given = datetime.fromisoformat(text)
         except ValueError:
             raise InputInvalid(
-                f"start={text!r}; expected s after the first time of {file}, or a date such as "
-                "2020-05-01T12:00"
+                f"start={text!r}",
+                (f"s after the first time of {file}, or a date such as 2020-05-01T12:00"),
             ) from None
         given = given if given.tzinfo else given.replace(tzinfo=UTC)
         start = (given - epoch).total_seconds() - first
     if not 0.0 <= start <= length:
         raise InputInvalid(
-            f"{file}: start={text} is {start:g} s after its first time; expected 0 to {length:g} s"
+            file, f"start={text} is {start:g} s after its first time", f"0 to {length:g} s"
         )
     return start

@@ -83,5 +83,5 @@ def _range(axis: NDArray[np.float64]) -> str:
 def _pair(name: str, first: float | str, second: float | str) -> tuple[float, float] | None:
     other = {"latitude": "longitude", "northing": "easting"}[name]
     if (str(first) == "") != (str(second) == ""):
-        raise InputInvalid(f"current_grid: {name}={first!r}, {other}={second!r}; expected both")
+        raise InputInvalid("current_grid", f"{name}={first!r}, {other}={second!r}", "both")
     return (float(first), float(second)) if str(first) else None

@@ -37,7 +37,7 @@ def current_profile(law: str = "power", file: str = "") -> Model:
     """
     if law not in LAWS or (file and law != "table"):
         read = f"law={law!r}" if law not in LAWS else f"file={file!r} with law={law!r}"
-        raise InputInvalid(f"current_profile: {read}; expected {', '.join(LAWS)}; file with table")
+        raise InputInvalid("current_profile", read, f"{', '.join(LAWS)}; file with table")
     m = Model("current_profile", f"Current that changes with depth ({law}), in NED", h_max=1.0)
     m.peers["eta"] = "hull.eta"
     eta = m.input("eta", 6, unit=ETA, description="of the hull")
@@ -87,8 +87,9 @@ def _read(file: Path) -> NDArray[np.float64]:
         raise InputInvalid(f"{file}: cannot be read ({error})") from None
     head = [x.strip() for x in lines[0].split(",")] if lines else []
     if head != ["depth", "north", "east"]:
-        raise InputInvalid(f"{file}: first line {','.join(head)!r}; expected 'depth,north,east', "
-                           "in m and m/s")  # fmt: skip
+        raise InputInvalid(
+            file, f"first line {','.join(head)!r}", "'depth,north,east', in m and m/s"
+        )
     rows = []
     for k, line in enumerate(lines[1:], 2):
         try:
@@ -96,9 +97,9 @@ def _read(file: Path) -> NDArray[np.float64]:
         except ValueError:
             row = []
         if len(row) != 3 or not np.all(np.isfinite(row)):
-            raise InputInvalid(f"{file}: line {k}: {line!r}; expected three numbers")
+            raise InputInvalid(file, f"line {k}: {line!r}", "three numbers")
         rows.append(row)
     found = np.array(rows)
     if len(found) < 2 or len(found) > 64 or np.any(np.diff(found[:, 0]) <= 0):
-        raise InputInvalid(f"{file}: {len(found)} levels; expected 2 to 64, their depths rising")
+        raise InputInvalid(file, f"{len(found)} levels", "2 to 64, their depths rising")
     return found

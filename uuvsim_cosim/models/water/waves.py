@@ -52,7 +52,7 @@ def waves(
     """
     n = int(components) if str(components).isdigit() else 0
     if n < 1:
-        raise InputInvalid(f"waves: components={components!r}; expected a whole number from 1")
+        raise InputInvalid("waves", f"components={components!r}", "a whole number from 1")
     shoal = is_on("bottom", bottom)
     water = "water with a bottom" if shoal else "deep water"
     m = Model("waves", f"Waves on {water}, linear theory: at the hull, in NED", h_max=1.0)
@@ -150,7 +150,7 @@ def _directions(n: int, spreading: float | str) -> list[float] | None:
         return None
     s = float(spreading)
     if not 0.0 < s < 1e4:
-        raise InputInvalid(f"waves: spreading={spreading!r}; expected more than 0, below 1e4")
+        raise InputInvalid("waves", f"spreading={spreading!r}", "more than 0, below 1e4")
     grid = np.linspace(-pi, pi, 20001)
     density = np.cos(0.5 * grid) ** (2.0 * s)
     share = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])

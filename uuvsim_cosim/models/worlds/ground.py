@@ -104,9 +104,12 @@ def touched_ground(scene: str) -> Ground:
     ground = ground_named(scene)
     if ground.surfaces.touched:
         raise ParameterInvalid(
-            f"scene {scene}: a hull does not feel meshes ({', '.join(ground.surfaces.touched)}); "
-            "expected obstacles where a hull may touch, and contact: false at each mesh that it "
-            "may pass through"
+            f"scene {scene}",
+            f"a hull does not feel meshes ({', '.join(ground.surfaces.touched)})",
+            (
+                "obstacles where a hull may touch, and contact: false at each mesh "
+                "that it may pass through"
+            ),
         )
     return ground
 
@@ -133,7 +136,7 @@ def ground_of(scene: Scene | Terrain) -> Ground:
         z = np.ascontiguousarray(terrain.z, np.float32)
         if np.isinf(z).any() or np.isnan(z).all():
             what = "nothing but holes" if np.isnan(z).all() else "infinite depths"
-            raise InputInvalid(f"terrain: {what}; expected finite depths, NaN where unknown")
+            raise InputInvalid("terrain", what, "finite depths, NaN where unknown")
         spacing, origin = float(terrain.spacing), terrain.origin
         low, high = float(np.nanmin(z)), float(np.nanmax(z))
         ranges, at, wide = _pyramid(z)

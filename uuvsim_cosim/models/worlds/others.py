@@ -21,7 +21,7 @@ def declare_others(m: Model, others: int | str, *, moving: bool = False) -> ca.S
     """
     n = int(others)
     if not 0 <= n <= MOVERS:
-        raise ParameterInvalid(f"{m.name}: others = {others}; expected 0 to {MOVERS}")
+        raise ParameterInvalid(m.name, f"others = {others}", f"0 to {MOVERS}")
     if not n:
         return ca.SX(0, 1)
     poses = [

@@ -88,31 +88,34 @@ def placed_mesh(
     if not file.is_file():
         beside = sorted(p.name for p in file.parent.glob("*") if p.suffix.lower() in _SUFFIXES)
         raise InputInvalid(
-            f"{file.name}: there is no such file in {file.parent}; "
-            f"expected {', '.join(beside) or 'a mesh beside scene.yaml'}"
+            file.name,
+            f"there is no such file in {file.parent}",
+            ", ".join(beside) or "a mesh beside scene.yaml",
         )
     if ending in (".glb", ".gltf"):
         unit, axes = unit or "m", axes or "EUS"
     if not unit:
         raise InputInvalid(
-            f"{file.name}: {ending} states no unit; expected unit: m, cm, mm or another length"
+            file.name, f"{ending} states no unit", "unit: m, cm, mm or another length"
         )
     if axes.upper() not in AXES:
         found = f"axes: {axes}" if axes else f"{ending} states no axes"
-        raise InputInvalid(f"{file.name}: {found}; expected axes: {', '.join(AXES)} ({_MEANS})")
+        raise InputInvalid(file.name, found, f"axes: {', '.join(AXES)} ({_MEANS})")
     factor = scale * _metres(unit, file.name)
     if not (np.isfinite(factor) and factor > 0):
-        raise InputInvalid(f"{file.name}: scale: {scale:g}; expected a number above 0")
+        raise InputInvalid(file.name, f"scale: {scale:g}", "a number above 0")
     if max(abs(a) for a in orientation) > 2.0 * pi:
         raise InputInvalid(
-            f"{file.name}: orientation: {list(orientation)}; expected rad, from -2 pi to 2 pi: "
-            "are these degrees?"
+            file.name,
+            f"orientation: {list(orientation)}",
+            "rad, from -2 pi to 2 pi: are these degrees?",
         )
     triangles = finite_triangles(raw_triangles(file), file.name)
     if len(triangles) > MOST_TRIANGLES:
         raise InputInvalid(
-            f"{file.name}: {len(triangles):,} triangles; expected at most {MOST_TRIANGLES:,}: "
-            "simplify the mesh, or take a part of it"
+            file.name,
+            f"{len(triangles):,} triangles",
+            (f"at most {MOST_TRIANGLES:,}: simplify the mesh, or take a part of it"),
         )
     points, same = unique_rows(triangles.reshape(-1, 3))
     corners = same.reshape(-1, 3)
@@ -123,8 +126,9 @@ def placed_mesh(
     longest = factor * float(np.ptp(points, axis=0).max())
     if not LEAST <= longest <= MOST:
         raise InputInvalid(
-            f"{file.name}: is {longest:.3g} m long with unit: {unit} and scale: {scale:g}; "
-            f"expected {LEAST:g} to {MOST:g} m"
+            file.name,
+            f"is {longest:.3g} m long with unit: {unit} and scale: {scale:g}",
+            f"{LEAST:g} to {MOST:g} m",
         )
     edges = np.sort(np.concatenate([corners[:, k] for k in ([0, 1], [1, 2], [2, 0])]), axis=1)
     _, times = np.unique(edges[:, 0] * len(points) + edges[:, 1], return_counts=True)
@@ -142,9 +146,7 @@ def _metres(unit: str, place: str) -> float:
         if not found.commensurable(metre):
             raise ValueError(f"{unit} is no length")
     except ValueError as error:
-        raise InputInvalid(
-            f"{place}: unit: {error}; expected m, cm, mm or another length"
-        ) from None
+        raise InputInvalid(place, f"unit: {error}", "m, cm, mm or another length") from None
     return found.conversion_to(metre)[0]
 
 

@@ -140,7 +140,7 @@ def _differentiable(made: Rays) -> Callable[[ca.SX], ca.SX]:
 
 def _name(kind: str, ground: Ground, *shape: object) -> str:
     if not all(0 <= k <= MOVERS for k in shape[-1:] if isinstance(k, int)):
-        raise ParameterInvalid(f"others: {shape[-1]}; expected 0 to {MOVERS}")
+        raise ParameterInvalid("others", shape[-1], f"0 to {MOVERS}")
     digest = hashlib.sha256(f"{ground.name} {shape}".encode()).hexdigest()[:12]
     return f"{kind}_{digest}"
 

@@ -63,8 +63,11 @@ def find_scene(scene: str | Path) -> Path:
         return path
     known = scene_ids()
     raise InputInvalid(
-        f"there is no scene {str(scene)!r}; expected {expected_names(scene, known)}, or "
-        "the path of a folder with a scene.yaml (`uuvsim terrain CHART -o FOLDER` writes one)"
+        f"there is no scene {str(scene)!r}",
+        (
+            f"{expected_names(scene, known)}, or the path of a folder with a "
+            "scene.yaml (`uuvsim terrain CHART -o FOLDER` writes one)"
+        ),
     )
 
 

@@ -409,7 +409,7 @@ def library() -> ctypes.CDLL:
 
     spec = find_spec("fmpy")
     if spec is None or spec.origin is None:
-        raise UuvsimError("the package 'fmpy' is missing; expected `pip install fmpy`")
+        raise UuvsimError("the package 'fmpy' is missing", "`pip install fmpy`")
     folder = content("orchestrator", "core")
     folders = [folder, folder / "components", folder / "iteration"]
     fmi = Path(spec.origin).parent / "c-code"

@@ -202,7 +202,7 @@ def fmi_name(kind: BindingKind, action: Action, type_: Type) -> str:
 def _function(b: Binding, name: str, path: str) -> int:
     if name not in b.functions:
         prefix = {BindingKind.FMI2: "fmi2", BindingKind.FMI3: "fmi3"}.get(b.kind, "")
-        raise FmuError(f"{path}: its binary has no function {prefix}{name}; expected one")
+        raise FmuError(path, f"its binary has no function {prefix}{name}", "one")
     return b.functions[name]
 
 

@@ -74,7 +74,7 @@ class Faults:
         for n in numbers:
             if n not in self._active:
                 known = ", ".join(map(str, self._active)) or "there is none"
-                raise InputInvalid(f"no fault {n}; expected one of {known}")
+                raise InputInvalid(f"no fault {n}", f"one of {known}")
             for i in self._active.pop(n)[1]:
                 self._tables.core.clear_fault(i)
 
@@ -120,8 +120,9 @@ class Faults:
         if placed is None:
             names = [f"{plan.components[i].path}.{n}" for i, n in self._tables.outputs]
             raise InputInvalid(
-                f"{fault.signal}: is no output that is connected or recorded; expected "
-                f"{expected_names(fault.signal, names)}"
+                fault.signal,
+                "is no output that is connected or recorded",
+                expected_names(fault.signal, names),
             )
         return placed, tuple(point.elements)
 
@@ -129,10 +130,10 @@ class Faults:
         """Return the number of past samples that a fault keeps; raises InputInvalid."""
         if fault.kind not in get_args(FaultKind):
             known = expected_names(fault.kind, get_args(FaultKind))
-            raise InputInvalid(f"{fault.signal}: fault {fault.kind!r}; expected {known}")
+            raise InputInvalid(fault.signal, f"fault {fault.kind!r}", known)
         if placed.variable.type in ("String", "Binary"):
             raise InputInvalid(
-                f"{fault.signal}: is a {placed.variable.type}; expected a number or a Boolean"
+                fault.signal, f"is a {placed.variable.type}", "a number or a Boolean"
             )
         bad = not math.isfinite(fault.value)
         bad |= fault.kind == "drop" and not 0.0 <= fault.value <= 1.0
@@ -148,14 +149,13 @@ class Faults:
             samples = Fraction(str(fault.value)) / step
             if samples < 1 or samples.denominator != 1:
                 raise InputInvalid(
-                    f"{fault.signal}: delay {fault.value:g} s; expected a whole number of the "
-                    f"component's steps of {float(step):g} s"
+                    fault.signal,
+                    f"delay {fault.value:g} s",
+                    f"a whole number of the component's steps of {float(step):g} s",
                 )
             n = int(samples)
         if bad:
-            raise InputInvalid(
-                f"{fault.signal}: {fault.kind} {fault.value:g}; expected {_NEEDS[fault.kind]}"
-            )
+            raise InputInvalid(fault.signal, f"{fault.kind} {fault.value:g}", _NEEDS[fault.kind])
         return n
 
 

@@ -86,8 +86,9 @@ def converted(t: Transfer, values: np.ndarray) -> np.ndarray:
         for v in values:
             if int(v) not in found:
                 raise InputInvalid(
-                    f"the connection from {t.source_variable.name} to {t.target_variable.name}: "
-                    f"{v} has no entry in its table; expected {listed(t.table)}"
+                    (f"the connection from {t.source_variable.name} to {t.target_variable.name}"),
+                    f"{v} has no entry in its table",
+                    listed(t.table),
                 )
         return np.array([found[int(v)] for v in values], DTYPES[t.target_variable.type])
     if (t.factor, t.offset) == (1.0, 0.0):
@@ -123,9 +124,12 @@ def _in_target_type(values: np.ndarray, t: Transfer, components: Sequence[Compon
         source, target = components[t.source].path, components[t.target].path
         given = ", ".join(str(x) for x in values.tolist())
         raise FmuError(
-            f"{target}.{t.target_variable.name}: the value {given} of {source}."
-            f"{t.source_variable.name} does not fit {type_}{' exactly' * (dtype.kind == 'f')}; "
-            "expected a value that does, or a connection of equal types"
+            f"{target}.{t.target_variable.name}",
+            (
+                f"the value {given} of {source}.{t.source_variable.name} does not "
+                f"fit {type_}{' exactly' * (dtype.kind == 'f')}"
+            ),
+            "a value that does, or a connection of equal types",
         )
     return np.array(whole, dtype)
 

@@ -60,13 +60,12 @@ class LoopState:
         """Go back to a snapshot; a component that is to be replaced is left out."""
         image = snapshot.image
         if snapshot.plan != self._plan or image is None:
-            raise InputInvalid(
-                "restore: the snapshot is of another system; expected one of this master"
-            )
+            raise InputInvalid("restore", "the snapshot is of another system", "one of this master")
         if snapshot.layout != self._layout or len(image) != self._core.image_size:
             raise InputInvalid(
-                "restore: the snapshot was taken while other variables were recorded or live; "
-                "expected the same `record`, `live` and `held`"
+                "restore",
+                "the snapshot was taken while other variables were recorded or live",
+                "the same `record`, `live` and `held`",
             )
         for i in self._others:
             if i == without:

@@ -122,7 +122,7 @@ class Master:
     def attach(self, observer: Observer) -> None:
         """Add an observer; before `initialize`."""
         if self._tables is not None:
-            raise InputInvalid("attach: the run has begun; expected before initialize()")
+            raise InputInvalid("attach", "the run has begun", "before initialize()")
         self._watch.observers.append(observer)
 
     def initialize(self, start_time: float | None = None, stop_time: float | None = None) -> None:
@@ -131,7 +131,7 @@ class Master:
         The run begins at `start_time` [s], by default at the system's own start time.
         """
         if self._tables is not None:
-            raise InputInvalid("initialize: the run has begun; expected reset()")
+            raise InputInvalid("initialize", "the run has begun", "reset()")
         for warning in self.plan.warnings:
             log.warning("%s", warning)
         begin = self.plan.start if start_time is None else start_time
@@ -140,8 +140,9 @@ class Master:
             tick = float(self.plan.tick)
             near = max(0.0, float(round(ticks) * self.plan.tick))
             raise InputInvalid(
-                f"start_time: {float(begin):.12g} s is no multiple of the tick of {tick:g} s; "
-                f"expected one, such as {near:g} s"
+                "start_time",
+                f"{float(begin):.12g} s is no multiple of the tick of {tick:g} s",
+                f"one, such as {near:g} s",
             )
         self._start_tick = int(ticks)
         self._times = (self._seconds(self._start_tick), stop_time)
@@ -270,7 +271,7 @@ class Master:
         except TypeError:
             steps = -1
         if steps < 0:
-            raise InputInvalid(f"step: {n!r} steps; expected a whole number, 0 or more")
+            raise InputInvalid("step", f"{n!r} steps", "a whole number, 0 or more")
         core = self._ready().core
         tick = core.tick
         end = tick + steps
@@ -286,7 +287,7 @@ class Master:
         try:
             ticks = Fraction(str(time)) / self.plan.tick
         except ValueError:
-            raise InputInvalid(f"run_until: {time!r}; expected seconds") from None
+            raise InputInvalid("run_until", f"{time!r}", "seconds") from None
         self.step(max(0, -int(-ticks // 1) - self.tick))
 
     # ---- values ---------------------------------------------------------------------------
@@ -329,8 +330,9 @@ class Master:
         tunable = variable.causality == "parameter" and variable.variability == "tunable"
         if variable.causality != "input" and not tunable:
             raise InputInvalid(
-                f"{path}.{name}: is a {variable.variability} {variable.causality}; expected an "
-                "input or a tunable parameter (others: at initialize() or reset())"
+                f"{path}.{name}",
+                f"is a {variable.variability} {variable.causality}",
+                ("an input or a tunable parameter (others: at initialize() or reset())"),
             )
         sources = [
             f"{self.plan.components[t.source].path}.{t.source_variable.name}"
@@ -339,7 +341,7 @@ class Master:
         ]
         if sources and len(self._connected[i, name]) == variable.size:
             raise InputInvalid(
-                f"{path}.{name}: is connected to {sources[0]}; expected an unconnected input"
+                f"{path}.{name}", f"is connected to {sources[0]}", "an unconnected input"
             )
         return i, variable
 
@@ -385,7 +387,7 @@ class Master:
         """Go back to a snapshot of this master; the steps after it are repeated bit for bit."""
         if not isinstance(snapshot, Snapshot):
             raise InputInvalid(
-                f"restore: a {type(snapshot).__name__}; expected what snapshot() has given"
+                "restore", f"a {type(snapshot).__name__}", "what snapshot() has given"
             )
         self._state.restore(snapshot)
 
@@ -619,9 +621,7 @@ class Master:
 
     def _component(self, path: str) -> int:
         if path not in self._index:
-            raise InputInvalid(
-                f"no component {path!r}; expected one of {', '.join(sorted(self._index))}"
-            )
+            raise InputInvalid(f"no component {path!r}", f"one of {', '.join(sorted(self._index))}")
         return self._index[path]
 
     def _variable(self, path: str, name: str) -> tuple[int, Variable]:

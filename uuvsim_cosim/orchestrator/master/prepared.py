@@ -43,8 +43,7 @@ def prepare(
     for path in isolate:
         if path not in paths and path != "*":
             raise InputInvalid(
-                f"isolate: no component {path!r}; expected {expected_names(path, paths)}, "
-                "or * for all"
+                "isolate", f"no component {path!r}", f"{expected_names(path, paths)}, or * for all"
             )
     declared = {c.source for c in plan.components if c.source.startswith("model:")}
     built: dict[str, Path] = {}

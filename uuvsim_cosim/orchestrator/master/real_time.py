@@ -69,10 +69,10 @@ class Pace:
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         if not 0.0 < factor < float("inf"):
-            raise InputInvalid(f"real time: factor {factor:g}; expected more than 0")
+            raise InputInvalid("real time", f"factor {factor:g}", "more than 0")
         if overruns not in get_args(Overruns):
             known = ", ".join(get_args(Overruns))
-            raise InputInvalid(f"overruns: {overruns!r}; expected one of {known}")
+            raise InputInvalid("overruns", f"{overruns!r}", f"one of {known}")
         self.factor = factor
         self._policy = overruns
         self._clock, self._sleep = clock, sleep

@@ -62,9 +62,7 @@ def save_snapshot(
 ) -> None:
     """Write a snapshot to a file, never an incomplete one; raises FmuError, InputInvalid."""
     if snapshot.image is None:
-        raise InputInvalid(
-            "a snapshot of Initialization Mode cannot be written; expected one taken later"
-        )
+        raise InputInvalid("a snapshot of Initialization Mode cannot be written", "one taken later")
     header = {
         "schema_version": SCHEMA_VERSION,
         "plan": snapshot.plan,
@@ -95,7 +93,7 @@ def save_snapshot(
                 archive.writestr(f"states/{i}", state)
     except OSError as error:
         raise InputInvalid(
-            f"snapshot {path}: cannot be written ({error.strerror}); expected a folder that can"
+            f"snapshot {path}", f"cannot be written ({error.strerror})", "a folder that can"
         ) from error
 
 
@@ -117,8 +115,9 @@ def load_snapshot(path: Path, plan: Plan, components: Sequence[Component]) -> Sn
     except (zipfile.BadZipFile, zlib.error, KeyError, ValueError, TypeError,
             NotImplementedError, EOFError) as error:  # fmt: skip
         raise InputInvalid(
-            f"snapshot {path}: is no snapshot, or damaged ({error}); expected a file written by "
-            "save_snapshot"
+            f"snapshot {path}",
+            f"is no snapshot, or damaged ({error})",
+            "a file written by save_snapshot",
         ) from error
     states = tuple(
         None if d is None else c.deserialize_fmu_state(d)
@@ -134,14 +133,16 @@ def load_snapshot(path: Path, plan: Plan, components: Sequence[Component]) -> Sn
 def _check(header: Mapping[str, Any], path: Path, plan: Plan) -> None:
     if header["schema_version"] != SCHEMA_VERSION:
         raise InputInvalid(
-            f"snapshot {path}: has schema version {header['schema_version']}; expected "
-            f"{SCHEMA_VERSION}, so one written by this version of the package"
+            f"snapshot {path}",
+            f"has schema version {header['schema_version']}",
+            f"{SCHEMA_VERSION}, so one written by this version of the package",
         )
     if header["plan"] == plan_hash(plan):
         return
     theirs, ours = set(header["components"]), {c.path for c in plan.components}
     differing = ", ".join(sorted(theirs ^ ours)) or "their variables, steps or connections"
     raise InputInvalid(
-        f"snapshot {path}: is of another system (plan {header['plan']}; they differ in "
-        f"{differing}); expected one of plan {plan_hash(plan)}"
+        f"snapshot {path}",
+        (f"is of another system (plan {header['plan']}; they differ in {differing})"),
+        f"one of plan {plan_hash(plan)}",
     )

@@ -251,7 +251,7 @@ def _described(
         try:
             source = resolve(element.source, folder)
             if not isinstance(source, FmuSource):
-                raise InputInvalid(f"source {element.source!r}; expected an FMU")
+                raise InputInvalid(f"source {element.source!r}", "an FMU")
             found[element.name] = source.describe()
         except UuvsimError as error:
             problem = problem_of(f"<Simulator name={element.name!r}>", error)

@@ -74,7 +74,7 @@ def opened(path: Path, root: str) -> Xml:
     """Parse a file, which must have this root; raises InputInvalid."""
     found = read_xml(path, InputInvalid, shown(path))
     if local(found) != root:
-        raise InputInvalid(f"{shown(path)}: <{local(found)}>; expected <{root}>")
+        raise InputInvalid(shown(path), f"<{local(found)}>", f"<{root}>")
     return found
 
 

@@ -42,13 +42,12 @@ def read_names(path: Path) -> dict[str, str]:
     entries = read_ssm(path)
     for entry in entries:
         if entry.table:
-            raise InputInvalid(
-                f"{path}: {entry.source} is mapped by a table of values; expected names only"
-            )
+            raise InputInvalid(path, f"{entry.source} is mapped by a table of values", "names only")
         if (entry.factor, entry.offset) != (1.0, 0.0):
             raise InputInvalid(
-                f"{path}: {entry.source} is transformed by {entry.factor:g} x + {entry.offset:g}; "
-                "expected names only (units are converted at the connections)"
+                path,
+                (f"{entry.source} is transformed by {entry.factor:g} x + {entry.offset:g}"),
+                "names only (units are converted at the connections)",
             )
     return {e.source: e.target for e in entries}
 
@@ -61,7 +60,7 @@ def read_mapping(root: Element, place: str) -> list[MappingEntry]:
         if source == "":
             continue  # no parameter has this name
         if source is None or not target:
-            raise InputInvalid(f"{place}: an entry without source or target; expected both")
+            raise InputInvalid(place, "an entry without source or target", "both")
         change = read_transformation(item, f"{place}: <ssm:MappingEntry source={source!r}>")
         found.append(
             MappingEntry(source, target, change.factor, change.offset, change.convert, change.table)
@@ -69,7 +68,7 @@ def read_mapping(root: Element, place: str) -> list[MappingEntry]:
     targets = [e.target for e in found]
     twice = next((t for t in targets if targets.count(t) > 1), None)
     if twice is not None:
-        raise InputInvalid(f"{place}: two entries give {twice!r}; expected one")
+        raise InputInvalid(place, f"two entries give {twice!r}", "one")
     return found
 
 

@@ -124,7 +124,7 @@ def read_units(parent: Element, tag: str, place: str = "units") -> dict[str, Uni
         exponents = tuple(int_of(base, b, here, 0) for b in BASE)
         factor, offset = float_of(base, "factor", here, 1.0), float_of(base, "offset", here, 0.0)
         if factor == 0.0:
-            raise InputInvalid(f"{here}: factor 0; expected another number")
+            raise InputInvalid(here, "factor 0", "another number")
         found[name] = Unit(name, exponents, factor, offset)
     return found
 
@@ -156,7 +156,7 @@ def read_document(path: Path, root: str, remarks: list[str] | None = None) -> El
         data = path.read_bytes()
     except OSError as error:
         what = f"an .{root.partition(':')[0]} file"
-        raise InputInvalid(f"{place}: {error.strerror}; expected {what}") from None
+        raise InputInvalid(place, error.strerror, what) from None
     try:
         found = parse_xml(data, place, InputInvalid)
     except InputInvalid as error:
@@ -174,5 +174,5 @@ def read_document(path: Path, root: str, remarks: list[str] | None = None) -> El
             remarks.append(f"prefix {listed} without a namespace, taken as SSP's")
     if found.tag != q(root):
         tag = found.tag.rpartition("}")[2]
-        raise InputInvalid(f"{place}: <{tag}>; expected <{root}>")
+        raise InputInvalid(place, f"<{tag}>", f"<{root}>")
     return found

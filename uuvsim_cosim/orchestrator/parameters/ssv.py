@@ -125,7 +125,7 @@ def read_parameter_set(
                  if _local(d) == "Dimension"]  # fmt: skip
         typed = next((e for e in parameter if _local(e) not in ("Dimension", "Annotations")), None)
         if typed is None:
-            raise InputInvalid(f"{place}: parameter {name!r} has no value; expected <ssv:Real …>")
+            raise InputInvalid(place, f"parameter {name!r} has no value", "<ssv:Real …>")
         texts = [e.get("value", "") for e in typed if _local(e) == "Value"]
         if not texts:
             text = typed.get("value", "")
@@ -135,8 +135,9 @@ def read_parameter_set(
             values = [_value(typed, t, enumerations, here) for t in texts]
         except (ValueError, KeyError):
             raise InputInvalid(
-                f"{place}: parameter {name!r} is {typed.get('value')!r}; "
-                f"expected a value of type {_local(typed)}"
+                place,
+                f"parameter {name!r} is {typed.get('value')!r}",
+                f"a value of type {_local(typed)}",
             ) from None
         value = values if shape else values[0]
         found.append(ParameterValue(name, value, typed.get("unit")))
@@ -172,16 +173,18 @@ def _item(typed: Element, text: str, enumerations: Enumerations, place: str) -> 
     name = typed.get("name")
     if name is not None and name not in enumerations:
         raise InputInvalid(
-            f"{place}: enumeration {name!r}; "
-            f"expected {expected_names(name, list(enumerations), 'one that the file defines')}"
+            place,
+            f"enumeration {name!r}",
+            expected_names(name, list(enumerations), "one that the file defines"),
         )
     known = [enumerations[name]] if name is not None else list(enumerations.values())
     numbers = {items[text] for items in known if text in items}
     if len(numbers) != 1:
         names = [i for items in known for i in items]
         raise InputInvalid(
-            f"{place}: {text!r} is the item of {len(numbers)} enumerations of the file; "
-            f"expected {expected_names(text, names, 'an item')}, or a whole number"
+            place,
+            f"{text!r} is the item of {len(numbers)} enumerations of the file",
+            f"{expected_names(text, names, 'an item')}, or a whole number",
         )
     found = EnumerationItem(numbers.pop())
     found.item = text

@@ -45,7 +45,7 @@ def linear_system(
 ) -> control.StateSpace:
     """Linearise a system around its own trajectory, at `at` seconds; see `running/linearize.py`."""
     if not at >= 0:
-        raise InputInvalid(f"linearize: at = {at} s; expected 0 or more")
+        raise InputInvalid("linearize", f"at = {at} s", "0 or more")
     m = _Map(flatten(system))
     x, u = m.start()
     first = round(Fraction(repr(at)) / m.plan.tick)
@@ -72,8 +72,12 @@ class _Part:
         source = resolve(planned.source)
         if not isinstance(source, ModelSource):
             raise InputInvalid(
-                f"linearize: {planned.path} is {source.kind} ({planned.source}), whose equations "
-                "are not known; expected declarations alone"
+                "linearize",
+                (
+                    f"{planned.path} is {source.kind} ({planned.source}), whose "
+                    "equations are not known"
+                ),
+                "declarations alone",
             )
         self.path, self.step_ticks = planned.path, planned.step_ticks
         self.model = source.declaration()
@@ -162,8 +166,9 @@ class _Map:
                 self.period = lcm(self.period, (clock.period / plan.tick).numerator)
         if self.period > MOST_TICKS:
             raise InputInvalid(
-                f"linearize: clocks tick together only every {self.period} steps; expected at "
-                f"most {MOST_TICKS}: choose periods with a common multiple"
+                "linearize",
+                f"clocks tick together only every {self.period} steps",
+                f"at most {MOST_TICKS}: choose periods with a common multiple",
             )
         self._steps: dict[int, Any] = {}
         self._jacobians: dict[int, Any] = {}
@@ -194,7 +199,7 @@ class _Map:
         for group in self.plan.groups:
             if group.algorithm == "iterated":
                 named = ", ".join(self.parts[i].path for i in group.members)
-                raise InputInvalid(f"linearize: {named} are iterated; expected Jacobi or in order")
+                raise InputInvalid("linearize", f"{named} are iterated", "Jacobi or in order")
             seen = x
             for i in group.members:
                 part = self.parts[i]

@@ -22,8 +22,7 @@ def variable_of(component: Component, name: str) -> Variable:
     variables = component.description.variables
     if name not in variables:
         raise InputInvalid(
-            f"{component.path}: no variable {name!r}; expected one of "
-            f"{', '.join(sorted(variables))}"
+            component.path, f"no variable {name!r}", f"one of {', '.join(sorted(variables))}"
         )
     return variables[name]
 

@@ -26,13 +26,13 @@ def load(source: str) -> type:
     """Return the class of ``FILE.py:Class`` or ``package.module:Class``; raises InputInvalid."""
     where, colon, name = source.rpartition(":")
     if not colon or not name.isidentifier():
-        raise InputInvalid(f"{source!r}; expected FILE.py:Class or package.module:Class")
+        raise InputInvalid(f"{source!r}", "FILE.py:Class or package.module:Class")
     module = imported(where, source)
     cls = getattr(module, name, None)
     if not isinstance(cls, type):
         classes = [k for k, v in vars(module).items() if isinstance(v, type) and hasattr(v, "step")]
         there = f"one of {', '.join(classes)}" if classes else "a class with step(t, dt, u) in it"
-        raise InputInvalid(f"{source}: no class {name!r}; expected {there}")
+        raise InputInvalid(source, f"no class {name!r}", there)
     return cls
 
 
@@ -43,7 +43,7 @@ def imported(where: str, source: str) -> ModuleType:
             return importlib.import_module(where)
         path = Path(where).expanduser().absolute()
         if not path.is_file():
-            raise InputInvalid(f"{path}: no such file; expected a Python file")
+            raise InputInvalid(path, "no such file", "a Python file")
         return import_file(path)
     except InputInvalid:
         raise
@@ -53,7 +53,7 @@ def imported(where: str, source: str) -> ModuleType:
         if error.name is None or not f"{where}.".startswith(f"{error.name}."):
             raise _not_imported(source, error) from error
         raise InputInvalid(
-            f"{source}: {error}; expected FILE.py:Name, or one that Python finds (PYTHONPATH)"
+            source, error, "FILE.py:Name, or one that Python finds (PYTHONPATH)"
         ) from error
     except KeyboardInterrupt:
         raise
@@ -106,9 +106,13 @@ def described(cls: type, make: Callable[[], object]) -> Description:
     wrong += [] if callable(getattr(cls, "step", None)) else ["no method step(t, dt, u)"]
     if wrong:
         raise InputInvalid(
-            f"{place}: {', '.join(wrong)}; expected `inputs` and `outputs` as dicts name -> unit, "
-            "size or (size, unit), `parameters`, if any, as a dict name -> (value, unit), and "
-            "step(self, t, dt, u)"
+            place,
+            ", ".join(wrong),
+            (
+                "`inputs` and `outputs` as dicts name -> unit, size or (size, "
+                "unit), `parameters`, if any, as a dict name -> (value, unit), and "
+                "step(self, t, dt, u)"
+            ),
         )
     variables = [
         signal(place, name, declared, causality)
@@ -120,13 +124,11 @@ def described(cls: type, make: Callable[[], object]) -> Description:
     by_name = {v.name: v for v in variables}
     if len(by_name) != len(variables):
         twice = sorted({v.name for v in variables if [w.name for w in variables].count(v.name) > 1})
-        raise InputInvalid(f"{place}: {', '.join(twice)} declared twice; expected different names")
+        raise InputInvalid(place, f"{', '.join(twice)} declared twice", "different names")
     try:
         made = make()
     except ComponentFailed as error:
-        raise InputInvalid(
-            f"{error.reason}; expected a class that can be made without arguments"
-        ) from error
+        raise InputInvalid(error.reason, "a class that can be made without arguments") from error
     _check_call(made, cls, "step", "t, dt, u")
     if hasattr(made, "initialize"):
         _check_call(made, cls, "initialize", "t")
@@ -166,6 +168,10 @@ def _check_call(made: object, cls: type, method: str, arguments: str) -> None:
         signature.bind(*arguments.split(", "))
     except TypeError as error:
         raise InputInvalid(
-            f"{definition(cls, method)}: {cls.__name__}.{method}{signature} cannot be called as "
-            f"{method}({arguments}): {error}; expected def {method}(self, {arguments})"
+            definition(cls, method),
+            (
+                f"{cls.__name__}.{method}{signature} cannot be called as {method}({arguments}): "
+                f"{error}"
+            ),
+            f"def {method}(self, {arguments})",
         ) from None

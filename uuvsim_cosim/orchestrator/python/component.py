@@ -55,7 +55,7 @@ class PythonComponent:
         """Set an input or a parameter."""
         place = f"{self.path}.{variable.name}"
         if variable.causality not in ("input", "parameter"):
-            raise FmuError(f"{place}: is {variable.causality}; expected an input or a parameter")
+            raise FmuError(place, f"is {variable.causality}", "an input or a parameter")
         try:
             self._values[variable.name] = kept = _fitted(variable, value)
         except Misfit as misfit:

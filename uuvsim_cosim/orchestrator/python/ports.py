@@ -33,8 +33,12 @@ def signal(place: str, name: str, declared: object, causality: Causality) -> Var
         or not all(u is None or isinstance(u, str) for u in units)
     ):
         raise InputInvalid(
-            f"{place}.{name}: {declared!r}; expected a unit such as 'm/s' (None if unknown), a "
-            "size, (size, unit), or (size, (unit, unit, ...)) with one unit for each element"
+            f"{place}.{name}",
+            f"{declared!r}",
+            (
+                "a unit such as 'm/s' (None if unknown), a size, (size, unit), or "
+                "(size, (unit, unit, ...)) with one unit for each element"
+            ),
         )
     for each in units:
         if each is not None:
@@ -55,11 +59,11 @@ def signal(place: str, name: str, declared: object, causality: Causality) -> Var
 def parameter(place: str, name: str, declared: object) -> Variable:
     """Read (value, unit); the unit may be None."""
     if not (isinstance(declared, (tuple, list)) and len(declared) == 2):
-        raise InputInvalid(f"{place}.{name}: {declared!r}; expected (value, unit)")
+        raise InputInvalid(f"{place}.{name}", f"{declared!r}", "(value, unit)")
     value, unit = declared
     if unit is not None:
         if not isinstance(unit, str):
-            raise InputInvalid(f"{place}.{name}: unit {unit!r}; expected text such as 'm/s'")
+            raise InputInvalid(f"{place}.{name}", f"unit {unit!r}", "text such as 'm/s'")
         unit_of(unit, f"{place}.{name}")
     if isinstance(value, str):
         return Variable(name, "String", "parameter", "tunable", start=value)
@@ -68,7 +72,7 @@ def parameter(place: str, name: str, declared: object) -> Variable:
     try:
         array = np.array(value, np.int32 if name == "seed" else float)
     except (TypeError, ValueError, OverflowError):
-        raise InputInvalid(f"{place}.{name}: {value!r}; expected numbers, text or a bool") from None
+        raise InputInvalid(f"{place}.{name}", f"{value!r}", "numbers, text or a bool") from None
     return Variable(
         name=name,
         type="Int32" if name == "seed" else "Float64",

@@ -50,6 +50,7 @@ def unpickled(data: bytes, path: str) -> Any:
         return _Reader(io.BytesIO(data)).load()
     except Exception as error:
         raise FmuError(
-            f"{path}: its state holds {error}; expected numbers, text, arrays and containers of "
-            "them, which alone can be kept in a file"
+            path,
+            f"its state holds {error}",
+            ("numbers, text, arrays and containers of them, which alone can be kept in a file"),
         ) from error

@@ -63,7 +63,7 @@ def compare_signals(
     for a tolerance that is negative or not finite, RecordingError if `a` or `b` is no recording.
     """
     if not (math.isfinite(tolerance) and tolerance >= 0):
-        raise InputInvalid(f"tolerance {tolerance:g}; expected a finite number, 0 or more")
+        raise InputInvalid(f"tolerance {tolerance:g}", "a finite number, 0 or more")
     left = a if isinstance(a, Signals) else read_signals(a)
     right = b if isinstance(b, Signals) else read_signals(b)
     rows, mismatches = _common_rows(left.time, right.time)

@@ -25,8 +25,9 @@ def export(run: Path | str, target: Path | str) -> Path:
     write = writers.get(target.suffix.lower())
     if write is None:
         raise InputInvalid(
-            f"{target}: cannot export to {target.suffix or 'a file without suffix'!r}; expected "
-            f"{', '.join(writers)}"
+            target,
+            f"cannot export to {target.suffix or 'a file without suffix'!r}",
+            ", ".join(writers),
         )
     signals = read_signals(run)
     try:
@@ -34,7 +35,7 @@ def export(run: Path | str, target: Path | str) -> Path:
             write(signals, fresh)
     except OSError as error:
         raise RecordingError(
-            f"{target}: cannot be written ({error.strerror or error}); expected a folder that can"
+            target, f"cannot be written ({error.strerror or error})", "a folder that can"
         ) from error
     return target
 

@@ -42,7 +42,7 @@ def file_of(run: Path) -> Path:
         if (run / name).is_file():
             return run / name
     raise RecordingError(
-        f"{run}: no recording here; expected a folder with {PARQUET} or {STREAM}, or such a file"
+        run, "no recording here", f"a folder with {PARQUET} or {STREAM}, or such a file"
     )
 
 
@@ -92,8 +92,9 @@ def to_parquet(stream: Path, parquet: Path) -> None:
         stream.unlink()
     except OSError as error:
         raise RecordingError(
-            f"recording {parquet}: {error.strerror or error}; expected room on the disk; "
-            f"everything is in {stream.name}, which can be read as well"
+            f"recording {parquet}",
+            error.strerror or error,
+            (f"room on the disk; everything is in {stream.name}, which can be read as well"),
         ) from error
 
 

@@ -115,8 +115,9 @@ def read_mcap(file: Path) -> Signals:
             kept = {m.name: m.metadata for m in reader.iter_metadata()}.get("uuvsim")
             if header.library != _LIBRARY or kept is None:
                 raise RecordingError(
-                    f"{file}: is an MCAP file of {header.library or 'another program'!r}; expected "
-                    "one that `uuvsim export RUN -o FILE.mcap` wrote"
+                    file,
+                    f"is an MCAP file of {header.library or 'another program'!r}",
+                    "one that `uuvsim export RUN -o FILE.mcap` wrote",
                 )
             metadata = json.loads(kept["recording"])
             schemas: dict[str, dict[str, Any]] = {}
@@ -145,8 +146,9 @@ def read_mcap(file: Path) -> Signals:
 def _damaged(file: Path, error: Exception) -> RecordingError:
     reason = str(error) or type(error).__name__
     return RecordingError(
-        f"{file}: is no MCAP file, or cut off or damaged ({reason}); expected a whole one, as "
-        "`uuvsim export RUN -o FILE.mcap` writes"
+        file,
+        f"is no MCAP file, or cut off or damaged ({reason})",
+        "a whole one, as `uuvsim export RUN -o FILE.mcap` writes",
     )
 
 

@@ -172,7 +172,7 @@ class Recorder:
 
     def _failed(self, error: OSError, expected: str) -> RecordingError:
         return RecordingError(
-            f"recording {self.folder / STREAM}: {error.strerror or error}; expected {expected}"
+            f"recording {self.folder / STREAM}", error.strerror or error, expected
         )
 
 

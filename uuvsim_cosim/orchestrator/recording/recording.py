@@ -29,7 +29,7 @@ def read_signals(run: Path | str) -> Signals:
     schema = read[0][0]
     messages = [m for _, _, texts in read for m in texts]
     if schema.names[:2] != ["time", "tick"]:
-        raise RecordingError(f"{run}: is no recording of signals; expected columns time and tick")
+        raise RecordingError(run, "is no recording of signals", "columns time and tick")
     batches = [batch.replace_schema_metadata(None) for _, batch, _ in read]
     table = pa.Table.from_batches(batches)
     values: dict[str, np.ndarray] = {}

@@ -37,7 +37,7 @@ class Signals(Mapping[str, np.ndarray]):
         """Return a signal; raises InputInvalid with similar names."""
         if name not in self.values_by_name:
             known = expected_names(name, sorted(self.values_by_name))
-            raise InputInvalid(f"no signal {name!r} in the recording; expected {known}")
+            raise InputInvalid(f"no signal {name!r} in the recording", known)
         return self.values_by_name[name]
 
     def __contains__(self, name: object) -> bool:

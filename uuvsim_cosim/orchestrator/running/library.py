@@ -29,8 +29,8 @@ def system_file(name: str) -> Path:
     if found is None:
         names = available()
         raise InputInvalid(
-            f"there is no system {name!r}{did_you_mean(name, names)}; expected one of "
-            f"{', '.join(names) or 'none'}, or a path to an .ssd, .ssp or .fmu"
+            f"there is no system {name!r}{did_you_mean(name, names)}",
+            (f"one of {', '.join(names) or 'none'}, or a path to an .ssd, .ssp or .fmu"),
         )
     return found
 
@@ -47,7 +47,7 @@ def load(name_or_path: str | Path, tick: str | None = None) -> System:
     if suffix not in (".fmu", *READERS):
         path, suffix = system_file(text), ".ssd"
     if not path.is_file():
-        raise InputInvalid(f"{path}: no such file; expected an .ssd, .ssp, .fmu or .xml")
+        raise InputInvalid(path, "no such file", "an .ssd, .ssp, .fmu or .xml")
     path = path.absolute()
     if suffix == ".fmu":
         # A system of one FMU, with the step of its default experiment.

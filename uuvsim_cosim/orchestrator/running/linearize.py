@@ -41,7 +41,7 @@ def linearize(
     if isinstance(found, Model):
         if isinstance(at, (int, float)):
             raise InputInvalid(
-                f"linearize: at = {at}: a time is for systems; expected states and inputs by name"
+                "linearize", f"at = {at}: a time is for systems", "states and inputs by name"
             )
         from uuvsim_cosim.models.analysis.linearize import linear_model
 
@@ -73,7 +73,7 @@ def trim(
     """
     found = _found(target)
     if not isinstance(found, Model):
-        raise InputInvalid("trim: is for one component; expected the name of a model, or a Model")
+        raise InputInvalid("trim", "is for one component", "the name of a model, or a Model")
     from uuvsim_cosim.models.analysis.trim import trim_model
 
     return trim_model(found, fixed, free=free, moving=moving, guess=guess, parameters=parameters)

@@ -34,15 +34,16 @@ def with_waypoints(system: System, waypoints: NDArray[np.float64]) -> System:
     ]
     if len(found) != 1:
         raise InputInvalid(
-            f"{system.name}: {len(found)} components have a parameter 'waypoints'; "
-            "expected one, to give --waypoints to"
+            system.name,
+            f"{len(found)} components have a parameter 'waypoints'",
+            "one, to give --waypoints to",
         )
     name, description, variable = found[0]
     rows = variable.shape[0]
     if len(waypoints) > rows:
         raise InputInvalid(
-            f"{len(waypoints)} waypoints were read; expected at most {rows}, which is what "
-            f"{name}.waypoints holds"
+            f"{len(waypoints)} waypoints were read",
+            f"at most {rows}, which is what {name}.waypoints holds",
         )
     spare = np.repeat(waypoints[-1:], rows - len(waypoints), axis=0)
     system = system.set(f"{name}.waypoints", np.vstack([waypoints, spare]).tolist())

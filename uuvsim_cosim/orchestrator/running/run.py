@@ -147,17 +147,17 @@ def run(
     warning.
     """
     if until is not None and not (math.isfinite(until) and until > 0):
-        raise InputInvalid(f"until: {until:g} s was read; expected more than 0")
+        raise InputInvalid("until", f"{until:g} s was read", "more than 0")
     if start_time is not None and not (math.isfinite(start_time) and start_time >= 0):
-        raise InputInvalid(f"start_time: {start_time:g} s was read; expected 0 or more")
+        raise InputInvalid("start_time", f"{start_time:g} s was read", "0 or more")
     if record_every < 1:
-        raise InputInvalid(f"record_every: {record_every} was read; expected 1 or more")
+        raise InputInvalid("record_every", f"{record_every} was read", "1 or more")
     check_watchdog(watchdog)
     if not isinstance(system, System):
         system = load(system)
     if trace_fmi is not None and (isolate or backend == "native"):
         other = "isolated components" if isolate else "native components"
-        raise InputInvalid(f"trace_fmi: together with {other}; expected FMUs in this process")
+        raise InputInvalid("trace_fmi", f"together with {other}", "FMUs in this process")
     if loops is not None:
         system = system.with_loops(loops)
     played = scenario if isinstance(scenario, Scenario | None) else read_scenario(scenario)
@@ -171,9 +171,7 @@ def run(
         for d in drives:
             name = f"{d.component}.{d.variable.name}"
             if name in changed and not d.added:
-                raise InputInvalid(
-                    f"--input {d.name}: the scenario sets {name}; expected one of them"
-                )
+                raise InputInvalid(f"--input {d.name}: the scenario sets {name}", "one of them")
         for name, value in start_values(drives, float(plan.start)).items():
             system = system.set(name, value)
         plan = flatten(system, seed)
@@ -222,15 +220,17 @@ def _end(asked: float | None, system: System, plan: Plan) -> float:
         end = float(math.ceil(Fraction(str(system.stop_time)) / plan.tick) * plan.tick)
     if end <= plan.start:
         raise InputInvalid(
-            f"until: {end:g} s was read, but the run begins at {float(plan.start):g} s; expected a "
-            "later end, or another start time"
+            "until",
+            f"{end:g} s was read, but the run begins at {float(plan.start):g} s",
+            "a later end, or another start time",
         )
     steps = Fraction(str(end)) / plan.tick
     if steps.denominator != 1:
         near = float(math.ceil(steps) * plan.tick)
         raise InputInvalid(
-            f"until: {end:g} s was read; expected a whole number of steps of "
-            f"{float(plan.tick):g} s, such as {near:g}"
+            "until",
+            f"{end:g} s was read",
+            (f"a whole number of steps of {float(plan.tick):g} s, such as {near:g}"),
         )
     return end
 

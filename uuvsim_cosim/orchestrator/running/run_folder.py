@@ -53,15 +53,16 @@ def claim(asked: str | Path) -> RunFolder:
     for number in itertools.count(1):
         path = asked if number == 1 else asked.with_name(f"{asked.name}-{number}")
         if path.exists() and not path.is_dir():
-            raise InputInvalid(f"--out {path}: is a file; expected a folder")
+            raise InputInvalid(f"--out {path}: is a file", "a folder")
         try:
             if path.is_dir() and any(path.iterdir()):
                 continue
             made = _make(path)
         except OSError as error:
             raise InputInvalid(
-                f"output folder {path}: cannot be made ({error.strerror}); expected a folder "
-                "that can be written"
+                f"output folder {path}",
+                f"cannot be made ({error.strerror})",
+                "a folder that can be written",
             ) from None
         try:
             if _is_locked(path):
@@ -69,8 +70,9 @@ def claim(asked: str | Path) -> RunFolder:
         except OSError as error:
             _remove(made)
             raise InputInvalid(
-                f"output folder {path}: cannot be written ({error.strerror}); expected a folder "
-                "that can be written"
+                f"output folder {path}",
+                f"cannot be written ({error.strerror})",
+                "a folder that can be written",
             ) from None
     raise AssertionError("the count does not end")
 
@@ -97,9 +99,12 @@ def check_room(folder: Path, wanted: float) -> None:
     if wanted > _SMALL and wanted > 0.9 * free:
         times = math.ceil(wanted / (0.5 * free + 1.0))
         raise InputInvalid(
-            f"output folder {folder}: the recording would take about {wanted / 1e9:.3g} GB, and "
-            f"{free / 1e9:.3g} GB are free; expected a shorter run, or fewer rows "
-            f"(--record-every {times} records every {times}th step)"
+            f"output folder {folder}",
+            (
+                f"the recording would take about {wanted / 1e9:.3g} GB, and "
+                f"{free / 1e9:.3g} GB are free"
+            ),
+            (f"a shorter run, or fewer rows (--record-every {times} records every {times}th step)"),
         )
 
 

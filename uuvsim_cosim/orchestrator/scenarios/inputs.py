@@ -73,18 +73,18 @@ def read_inputs(texts: Sequence[str], plan: Plan) -> tuple[Drive, ...]:
     for d in found:
         key = (d.component, d.variable.name, d.element, d.added)
         if key in seen:
-            raise InputInvalid(f"--input {d.name}: is given twice; expected once")
+            raise InputInvalid(f"--input {d.name}: is given twice", "once")
         seen.add(key)
         place = (d.component, d.variable.name, d.element)
         if d.variable.causality == "input" and place in connected and not d.added:
             raise InputInvalid(
-                f"--input {d.name}: is connected to {connected[place]}; expected +{d.name}, which "
-                "adds to that signal, or an input that nothing is connected to"
+                f"--input {d.name}: is connected to {connected[place]}",
+                (f"+{d.name}, which adds to that signal, or an input that nothing is connected to"),
             )
         if d.variable.causality != "input" and not d.added:
             raise InputInvalid(
-                f"--input {d.name}: is an {d.variable.causality}; expected +{d.name}, which adds "
-                "to it, or an input that nothing is connected to"
+                f"--input {d.name}: is an {d.variable.causality}",
+                (f"+{d.name}, which adds to it, or an input that nothing is connected to"),
             )
         if d.variable.causality != "input" or place in connected:
             # A fault of a signal acts from the first step's transfer on, not at the start.
@@ -140,7 +140,7 @@ def _of_waveform(text: str, plan: Plan) -> list[Drive]:
     except Misfit as misfit:
         raise InputInvalid(str(misfit.at(place))) from None
     if point.variable.type not in ("Float64", "Float32"):
-        raise InputInvalid(f"{place}: is a {point.variable.type}; expected a Float64 or Float32")
+        raise InputInvalid(place, f"is a {point.variable.type}", "a Float64 or Float32")
     wave = waveform(rest, place)
     drives: list[Drive] = []
     for element in point.elements:
@@ -171,7 +171,7 @@ def _size(
     pair = conversion(own.strip(), unit, description.units, of_value=True)
     if pair is None:
         raise InputInvalid(
-            f"{place}: {wave.size!r} is in {own.strip()!r}; expected {unit!r} or a unit of its kind"
+            place, f"{wave.size!r} is in {own.strip()!r}", f"{unit!r} or a unit of its kind"
         )
     absolute = wave.kind == "step" and not added
     return pair[0] * value + (pair[1] if absolute else 0.0)
@@ -265,7 +265,7 @@ class Driven:
         try:
             self._log.write(",".join(cells) + "\n")
         except OSError as error:
-            raise RecordingError(f"{self._log.name}: {error.strerror}; expected room") from None
+            raise RecordingError(self._log.name, error.strerror, "room") from None
 
 
 def held_by(drives: Sequence[Drive], plan: Plan) -> list[tuple[str, str]]:

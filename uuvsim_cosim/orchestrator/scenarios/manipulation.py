@@ -37,9 +37,7 @@ def events_of(event: Event, master: Master) -> Sequence[Change | SignalFault]:
     if all(source is not None for source in fed) and fed:
         return [_fault(event, *source) for source in fed if source is not None]
     if any(fed):
-        raise InputInvalid(
-            f"{event.variable}: some of its elements are connected; expected one element"
-        )
+        raise InputInvalid(event.variable, "some of its elements are connected", "one element")
     return _changes(event, master, point)
 
 
@@ -71,13 +69,15 @@ def _feeding(
         signal = f"{components[transfer.source].path}.{transfer.source_variable.element_name(s)}"
         if transfer.table:
             raise InputInvalid(
-                f"{event.variable}: is connected through a table of values; expected the output "
-                f"that feeds it, {signal}"
+                event.variable,
+                "is connected through a table of values",
+                f"the output that feeds it, {signal}",
             )
         if others:
             raise InputInvalid(
-                f"{event.variable}: is connected to {signal}, which feeds {', '.join(others)} too; "
-                f"expected an unconnected input, or {signal} itself, for all that it feeds"
+                event.variable,
+                f"is connected to {signal}, which feeds {', '.join(others)} too",
+                f"an unconnected input, or {signal} itself, for all that it feeds",
             )
         offset = transfer.offset if event.kind == "override" else 0.0
         return signal, (event.value - offset) / transfer.factor
@@ -90,7 +90,7 @@ def _changes(event: Manipulation, master: Master, point: Endpoint) -> Sequence[C
     begin = np.array(master.get(point.element, point.variable.name))
     if event.kind == "bias" and begin.dtype.kind not in "fiu":
         raise InputInvalid(
-            f"{event.variable}: a bias of a {point.variable.type}; expected an override, or numbers"
+            event.variable, f"a bias of a {point.variable.type}", "an override, or numbers"
         )
     value = begin.astype(object)
     for element in point.elements:

@@ -72,11 +72,11 @@ class Played:
             )
             return
         if math.isinf(event.at):
-            raise InputInvalid("at inf s; expected a time that comes")
+            raise InputInvalid("at inf s", "a time that comes")
         first, last = self._tick(event.at), self._tick(event.until)
         if last is not None and first is not None and last <= first:
             raise InputInvalid(
-                f"until {event.until:g} s is not after at {event.at:g} s; expected a later time"
+                f"until {event.until:g} s is not after at {event.at:g} s", "a later time"
             )
         numbers: list[int] = []
         faults = self._master.faults
@@ -91,7 +91,7 @@ class Played:
     def _tick(self, time: float) -> int | None:
         """Return the first communication point at or after a time; None for never."""
         if math.isnan(time) or time < 0.0:
-            raise InputInvalid(f"at {time:g} s; expected seconds, 0 or more")
+            raise InputInvalid(f"at {time:g} s", "seconds, 0 or more")
         if math.isinf(time):
             return None
         return math.ceil(Fraction(str(time)) / self._master.plan.tick)

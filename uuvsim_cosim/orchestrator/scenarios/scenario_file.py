@@ -24,7 +24,7 @@ def read_scenario(path: str | Path) -> Scenario:
     """Read a scenario; raises InputInvalid with every mistake and its line."""
     path = Path(path)
     if not path.is_file():
-        raise InputInvalid(f"{path}: no such file; expected a scenario, .yaml or .json")
+        raise InputInvalid(path, "no such file", "a scenario, .yaml or .json")
     if path.suffix.lower() == ".json":
         return _libcosim(path)
     data = read_yaml(path, content("orchestrator", "scenarios", "scenario.schema.json"))
@@ -49,15 +49,15 @@ def _event(item: Mapping[str, Any]) -> Change | SignalFault:
         extra = [k for k in ("fault", "until") if k in item]
         if extra or "value" not in item:
             read = f"set with {extra[0]}" if extra else "set without value"
-            raise InputInvalid(f"{read}; expected at, set and value")
+            raise InputInvalid(read, "at, set and value")
         return Change(at, str(item["set"]), _plain(item["value"]))
     if "signal" not in item or "fault" not in item or "set" in item:
         raise InputInvalid(
-            f"{', '.join(item)}; expected set with value, or signal with fault (and value, until)"
+            ", ".join(item), "set with value, or signal with fault (and value, until)"
         )
     value = item.get("value", 0.0 if item["fault"] == "freeze" else None)
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputInvalid(f"value {value!r}; expected a number for the fault {item['fault']}")
+        raise InputInvalid(f"value {value!r}", f"a number for the fault {item['fault']}")
     fault = Fault(str(item["signal"]), item["fault"], float(value))
     return SignalFault(at, fault, float(item.get("until", math.inf)))
 
@@ -78,7 +78,7 @@ def _libcosim(path: Path) -> Scenario:
         raise InputInvalid(f"{path}: cannot be read as JSON: {error}") from None
     items = data.get("events") if isinstance(data, dict) else None
     if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
-        raise InputInvalid(f"{path}: no list of events; expected a scenario of libcosim")
+        raise InputInvalid(path, "no list of events", "a scenario of libcosim")
     given = [
         _libcosim_event({**data.get("defaults", {}), **item}, f"{path}: event {i}")
         for i, item in enumerate(items, start=1)
@@ -107,12 +107,12 @@ def _libcosim_event(event: Mapping[str, Any], place: str) -> tuple[str, Manipula
     if missing or action not in (*_LIBCOSIM, "reset"):
         read = f"without {missing[0]}" if missing else f"action {action!r}"
         raise InputInvalid(
-            f"{place} {read}; expected time, model, variable and action (override, bias or reset)"
+            f"{place} {read}", "time, model, variable and action (override, bias or reset)"
         )
     at = _seconds(event["time"], f"{place}: time")
     value = event.get("value", 0.0 if action == "reset" else None)
     if not isinstance(value, int | float):
-        raise InputInvalid(f"{place}: value {value!r}; expected a number or a Boolean")
+        raise InputInvalid(place, f"value {value!r}", "a number or a Boolean")
     variable = f"{event['model']}.{event['variable']}"
     return action, Manipulation(at, variable, _LIBCOSIM.get(action, "override"), float(value))
 
@@ -120,4 +120,4 @@ def _libcosim_event(event: Mapping[str, Any], place: str) -> tuple[str, Manipula
 def _seconds(value: object, place: str) -> float:
     if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
         return float(value)
-    raise InputInvalid(f"{place} {value!r}; expected seconds")
+    raise InputInvalid(f"{place} {value!r}", "seconds")

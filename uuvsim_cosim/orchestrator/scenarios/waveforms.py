@@ -52,13 +52,11 @@ def waveform(text: str, place: str) -> Waveform:
     """
     kind, *items = (part.strip() for part in text.split(","))
     if kind not in KINDS:
-        raise InputInvalid(f"{place}: {kind!r}; expected one of {', '.join(KINDS)}")
+        raise InputInvalid(place, f"{kind!r}", f"one of {', '.join(KINDS)}")
     given = _parameters(kind, items, place)
     at, until = (seconds_of(given[key], f"{place}: {key}") for key in ("at", "until"))
     if not (0 <= at < math.inf and until > at):
-        raise InputInvalid(
-            f"{place}: at={given['at']}, until={given['until']}; expected 0 <= at < until"
-        )
+        raise InputInvalid(place, f"at={given['at']}, until={given['until']}", "0 <= at < until")
     if kind == "step":
         return Waveform(kind, given["value"], at, until, lambda t: 1.0)
     if kind == "chirp":
@@ -74,12 +72,13 @@ def waveform(text: str, place: str) -> Waveform:
     hold = seconds_of(given["hold"], f"{place}: hold")
     for key in ("order", "seed"):
         if not given[key].isdecimal():
-            raise InputInvalid(f"{place}: {key}: {given[key]!r}; expected a whole number")
+            raise InputInvalid(place, f"{key}: {given[key]!r}", "a whole number")
     order, seed = int(given["order"]), int(given["seed"])
     if not (0 < hold < math.inf and 2 <= order <= 20 and 0 < seed < 2**order):
         raise InputInvalid(
-            f"{place}: hold={given['hold']}, order={order}, seed={seed}; expected hold > 0 s, "
-            "order from 2 to 20, and seed from 1 to 2^order - 1"
+            place,
+            f"hold={given['hold']}, order={order}, seed={seed}",
+            "hold > 0 s, order from 2 to 20, and seed from 1 to 2^order - 1",
         )
     from scipy.signal import max_len_seq
 
@@ -99,11 +98,11 @@ def _parameters(kind: str, items: list[str], place: str) -> dict[str, str]:
     for item in items:
         key, equals, value = (part.strip() for part in item.partition("="))
         if key not in known or not equals or not value or key in found:
-            raise InputInvalid(f"{place}: {item!r}; expected {_expected(kind)}")
+            raise InputInvalid(place, f"{item!r}", _expected(kind))
         found[key] = value
     missing = [key for key, default in known.items() if default is None and key not in found]
     if missing:
-        raise InputInvalid(f"{place}: without {', '.join(missing)}; expected {_expected(kind)}")
+        raise InputInvalid(place, f"without {', '.join(missing)}", _expected(kind))
     defaults: Mapping[str, str] = {k: v for k, v in known.items() if v is not None}
     return {**defaults, **found}
 

@@ -21,7 +21,7 @@ def files_for(slot: Slot, kind: str) -> dict[str, str]:
     odd = [c.name for c in slot.connectors if not c.type.startswith("Float") or len(c.shape) > 1]
     if odd:
         raise InputInvalid(
-            f"slot {slot.path}: {', '.join(odd)} are no floats or vectors; expected only those"
+            f"slot {slot.path}", f"{', '.join(odd)} are no floats or vectors", "only those"
         )
     return KINDS[kind](slot)
 
@@ -32,7 +32,7 @@ def write_scaffold(slot: Slot, kind: str, folder: Path) -> list[Path]:
     existing = [path.name for path in files if path.exists()]
     if existing:
         listed = ", ".join(existing)
-        raise InputInvalid(f"{folder}: {listed} exist already; expected another folder")
+        raise InputInvalid(folder, f"{listed} exist already", "another folder")
     try:
         for path, text in files.items():
             path.parent.mkdir(parents=True, exist_ok=True)

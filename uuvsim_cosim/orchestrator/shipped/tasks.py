@@ -43,7 +43,7 @@ def task_system(
         ("observation", observation, get_args(Observed)),
     ):
         if given not in known:
-            raise InputInvalid(f"{name} {given!r}; expected one of {', '.join(known)}")
+            raise InputInvalid(f"{name} {given!r}", f"one of {', '.join(known)}")
     system = System("bluerov2_task", "0.01", "A BlueROV2 Heavy that a policy acts on")
     system = system.add("hull", "model:bluerov2_heavy", start={"eta_0": START})
     system = system.add("wrench", "model:wrench").connect("wrench.tau", "hull.tau")

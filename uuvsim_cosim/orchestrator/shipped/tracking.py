@@ -98,7 +98,7 @@ def tracker(
 ) -> System:
     """Return one vehicle with its pilot, in a pool; it exposes a, omega, eta and nu."""
     if vehicle not in TRACKED:
-        raise InputInvalid(f"vehicle {vehicle!r}; expected one of {', '.join(TRACKED)}")
+        raise InputInvalid(f"vehicle {vehicle!r}", f"one of {', '.join(TRACKED)}")
     tracked = TRACKED[vehicle]
     step = Fraction(str(tick))
     contact = (
@@ -146,9 +146,9 @@ def target_tracking(
     then ``quarry.hull.eta`` is what is tracked.
     """
     if not 1 <= n_trackers <= TRACKERS_MAX:
-        raise InputInvalid(f"{n_trackers} trackers; expected 1 to {TRACKERS_MAX}")
+        raise InputInvalid(f"{n_trackers} trackers", f"1 to {TRACKERS_MAX}")
     if motion not in MOTIONS:
-        raise InputInvalid(f"motion {motion!r}; expected one of {', '.join(MOTIONS)}")
+        raise InputInvalid(f"motion {motion!r}", f"one of {', '.join(MOTIONS)}")
     step = Fraction(str(tick))
     steer = step * max(1, round(Fraction("0.1") / step))
     source = f"model:target?motion={motion}&obstacles={obstacles}&period={step}"

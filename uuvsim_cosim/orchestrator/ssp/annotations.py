@@ -126,7 +126,7 @@ def _agreed(found: list[tuple[str, str]], place: str, remarks: list[str]) -> str
 def _step(text: str, place: str) -> Fraction:
     step = as_step(text, place)
     if step > 10**6 or step < Fraction(1, 10**12):
-        raise InputInvalid(f"{place}: step {text!r}; expected between 1e-12 s and 1e6 s")
+        raise InputInvalid(place, f"step {text!r}", "between 1e-12 s and 1e6 s")
     return step
 
 

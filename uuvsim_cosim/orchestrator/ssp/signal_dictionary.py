@@ -37,22 +37,22 @@ def read_dictionaries(
         name = item.get("name", "")
         here = f"{place}<ssd:SignalDictionary name={name!r}>"
         if item.get("type", _MIME) != _MIME:
-            raise InputInvalid(f"{here}: type {item.get('type')!r}; expected {_MIME!r}")
+            raise InputInvalid(here, f"type {item.get('type')!r}", f"{_MIME!r}")
         source = item.get("source")
         if source is None:
             inner = item.find(q("ssb:SignalDictionary"))
             if inner is None:
-                raise InputInvalid(f"{here}: neither source nor entries; expected one of the two")
+                raise InputInvalid(here, "neither source nor entries", "one of the two")
         else:
             path = find(unquote(source), here)
             inner, here = read_document(path, "ssb:SignalDictionary"), shown(path)
         if name in found:
-            raise InputInvalid(f"{here}: a second dictionary of this name; expected one")
+            raise InputInvalid(here, "a second dictionary of this name", "one")
         entries: dict[str, str | None] = {}
         for entry in inner.iterfind(q("ssb:DictionaryEntry")):
             key = entry.get("name", "")
             if not key or key in entries:
-                raise InputInvalid(f"{here}: an entry {key!r}; expected each name once")
+                raise InputInvalid(here, f"an entry {key!r}", "each name once")
             entries[key] = next((e.get("unit") for e in entry if e.get("unit")), None)
         found[name] = entries
     return found
@@ -92,8 +92,9 @@ def resolve_signals(
     for a, b, change in links.connections:
         if a.element in references and b.element in references:
             raise InputInvalid(
-                f"{place}<ssd:Connection> {a.text} to {b.text}: between two dictionaries; "
-                "expected a component at one of its ends"
+                f"{place}<ssd:Connection> {a.text} to {b.text}",
+                "between two dictionaries",
+                "a component at one of its ends",
             )
         if a.element in references:
             key = (references[a.element], a.connector, False)
@@ -106,8 +107,9 @@ def resolve_signals(
     for item in links.exposed:
         if any(item.path.startswith(f"{r}.") for r in references):
             raise InputInvalid(
-                f"{place}<ssd:Connection> {item.name} to {item.path}: from the system's own "
-                "connector to a dictionary; expected a component"
+                f"{place}<ssd:Connection> {item.name} to {item.path}",
+                "from the system's own connector to a dictionary",
+                "a component",
             )
     for element, border in borders.items():
         for w in border.signals:
@@ -122,7 +124,7 @@ def resolve_signals(
         here = f"{place}dictionary {name!r}"
         if entry not in own[name]:
             expected = expected_names(entry, list(own[name]), "one of its entries")
-            raise InputInvalid(f"{here}: no entry {entry!r}; expected {expected}")
+            raise InputInvalid(here, f"no entry {entry!r}", expected)
         if writes:
             continue
         writers = uses.get((name, entry, True), [])
@@ -147,7 +149,7 @@ def _joined(
     indices = [w.index for w in writers]
     if len(set(indices)) < len(indices) or ("" in indices and len(indices) > 1):
         names = " and ".join(w.end.text for w in writers)
-        raise InputInvalid(f"{place}: written by {names}; expected one output")
+        raise InputInvalid(place, f"written by {names}", "one output")
     found: list[Link] = []
     for reader in readers:
         for writer in writers:
@@ -180,7 +182,8 @@ def _outward(
         found.append(Wanted(dictionary, f"{entry}", writes, name, use.change))
         if use.index:
             raise InputInvalid(
-                f"{use.end.text}: one element, {use.index}, of an entry of a dictionary around "
-                "its system; expected the whole entry"
+                use.end.text,
+                (f"one element, {use.index}, of an entry of a dictionary around its system"),
+                "the whole entry",
             )
     return found

@@ -53,7 +53,7 @@ def write_ssd(system: System, path: Path, version: SspVersion = "2.0") -> None:
         write_whole(path, data)
     except OSError as error:
         raise InputInvalid(
-            f"{path}: cannot be written ({error.strerror}); expected a folder that can be written"
+            path, f"cannot be written ({error.strerror})", "a folder that can be written"
         ) from None
 
 

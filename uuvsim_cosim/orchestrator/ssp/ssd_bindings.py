@@ -53,7 +53,7 @@ class Bindings:
         here = f"{place}: <ssd:ParameterBinding>"
         mime = binding.get("type", MIME["ssv"])
         if mime != MIME["ssv"]:
-            raise InputInvalid(f"{here}: type {mime!r}; expected {MIME['ssv']!r}")
+            raise InputInvalid(here, f"type {mime!r}", f"{MIME['ssv']!r}")
         source = binding.get("source")
         definitions: Mapping[str, Unit] = self.units
         if source is not None:
@@ -62,7 +62,7 @@ class Bindings:
         else:
             inline = binding.find(f"{q('ssd:ParameterValues')}/{q('ssv:ParameterSet')}")
             if inline is None:
-                raise InputInvalid(f"{here}: neither source nor values; expected one of the two")
+                raise InputInvalid(here, "neither source nor values", "one of the two")
             values = read_parameter_set(inline, place, self.enumerations)
             definitions = {**self.units, **read_units(inline, "ssv:Units", here)}
         prefix = binding.get("prefix", "")  # applied first: a mapping's sources contain it
@@ -85,7 +85,7 @@ class Bindings:
         here = f"{place}: <ssd:ParameterMapping>"
         mime = mapping.get("type", _MAPPING)
         if mime != _MAPPING:
-            raise InputInvalid(f"{here}: type {mime!r}; expected {_MAPPING!r}")
+            raise InputInvalid(here, f"type {mime!r}", f"{_MAPPING!r}")
         source = mapping.get("source")
         if source is not None:
             entries = read_ssm(self._file(mapping, source, owner, here))
@@ -104,14 +104,12 @@ class Bindings:
             return self.folder / name
         fmu = unquote(owner.get("source", ""))
         if base != "component" or not fmu.lower().endswith(".fmu"):
-            raise InputInvalid(
-                f"{place}: sourceBase {base!r}; expected 'SSD', or 'component' inside an FMU"
-            )
+            raise InputInvalid(place, f"sourceBase {base!r}", "'SSD', or 'component' inside an FMU")
         self.confine(fmu, place)
         inside = unpack(self.folder / fmu)
         path = (inside / name).resolve()
         if not path.is_relative_to(inside.resolve()):
-            raise InputInvalid(f"{place}: source {source!r}; expected a file inside {fmu}")
+            raise InputInvalid(place, f"source {source!r}", f"a file inside {fmu}")
         return path
 
 
@@ -127,9 +125,7 @@ def _changed(value: ParameterValue, entry: MappingEntry, place: str) -> Paramete
         if (entry.factor, entry.offset) != (1.0, 0.0) and not all(
             isinstance(v, float | int) and not isinstance(v, bool) for v in bare
         ):
-            raise InputInvalid(
-                f"{place}: {entry.source} is {bare[0]!r}; expected a number to transform"
-            )
+            raise InputInvalid(place, f"{entry.source} is {bare[0]!r}", "a number to transform")
         unit = quantity.unit if entry.convert else None
         given = replace(quantity, unit=unit, factor=entry.factor, offset=entry.offset)
     return replace(value, name=entry.target, value=given)

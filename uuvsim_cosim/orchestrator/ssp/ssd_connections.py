@@ -117,9 +117,7 @@ def _read(item: Xml, causalities: Mapping[tuple[str, str], str], links: Links, p
     here = f"{place}<ssd:Connection> {start.text} to {end.text}"
     change = read_transformation(item, here)
     if not start.element and not end.element:
-        raise InputInvalid(
-            f"{here}: both are connectors of the system; expected an element between them"
-        )
+        raise InputInvalid(here, "both are connectors of the system", "an element between them")
     if start.element and end.element:
         # In SSP, start and end do not define the direction of flow; the connectors' `kind` does.
         first = causalities.get((start.element, start.connector), "")
@@ -132,8 +130,9 @@ def _read(item: Xml, causalities: Mapping[tuple[str, str], str], links: Links, p
     links.exposed.append(Exposed(outer.text, inner.text))
     if links.changes.setdefault(outer.connector, change) != change:
         raise InputInvalid(
-            f"{here}: another transformation than at the other connections of "
-            f"{outer.connector!r}; expected the same at each"
+            here,
+            (f"another transformation than at the other connections of {outer.connector!r}"),
+            "the same at each",
         )
 
 
@@ -142,12 +141,13 @@ def _end(item: Xml, side: str, place: str) -> End:
     element, connector = item.get(f"{side}Element", ""), item.get(f"{side}Connector", "")
     if not connector:
         raise InputInvalid(
-            f"{place}<ssd:Connection>: no {side}Connector; expected the name of a connector"
+            f"{place}<ssd:Connection>", f"no {side}Connector", "the name of a connector"
         )
     indices = item.get(f"{side}Indices", "").split()
     if not all(i.isdecimal() for i in indices):
         raise InputInvalid(
-            f"{place}<ssd:Connection>: {side}Indices {' '.join(indices)!r}; "
-            "expected whole numbers from 1, such as '2' or '1 3'"
+            f"{place}<ssd:Connection>",
+            f"{side}Indices {' '.join(indices)!r}",
+            "whole numbers from 1, such as '2' or '1 3'",
         )
     return End(element, connector, f"[{','.join(indices)}]" if indices else "")

@@ -51,10 +51,10 @@ def read_ssd(path: Path, tick: str | None = None, confined: bool = False) -> Sys
     root = read_document(path, "ssd:SystemStructureDescription", remarks)
     version = root.get("version", "")
     if not version.startswith(("1.", "2.")):
-        raise InputInvalid(f"{place}: SSP version {version!r}; expected 1.0 or 2.0")
+        raise InputInvalid(place, f"SSP version {version!r}", "1.0 or 2.0")
     top = root.find(q("ssd:System"))
     if top is None:
-        raise InputInvalid(f"{place}: no <ssd:System>; expected one")
+        raise InputInvalid(place, "no <ssd:System>", "one")
     experiment = root.find(q("ssd:DefaultExperiment"))
     reader = _Reader(path, confined, root)
     system = reader.system(top, tick, remarks=remarks)

@@ -27,7 +27,7 @@ def read_ssp(path: Path, variant: str = "SystemStructure.ssd", tick: str | None 
     if name not in names:
         stems = [Path(n).stem for n in names]
         expected = expected_names(Path(name).stem, stems, "a variant")
-        raise InputInvalid(f"{shown(path)}: no variant {variant!r}; expected {expected}")
+        raise InputInvalid(shown(path), f"no variant {variant!r}", expected)
     return read_ssd(folder / name, tick, confined=True)
 
 
@@ -45,5 +45,5 @@ def write_archive(members: Mapping[str, bytes], path: Path) -> None:
         write_whole(path, buffer.getvalue())
     except OSError as error:
         raise InputInvalid(
-            f"{path}: cannot be written ({error.strerror}); expected a folder that can be written"
+            path, f"cannot be written ({error.strerror})", "a folder that can be written"
         ) from None

@@ -36,7 +36,7 @@ class FunctionSource(ModelSource):
         given = [options.pop("inputs", ""), options.pop("dimension", "1")]
         inputs, dimension = (int(t) if t.isdecimal() and len(t) < 6 else 0 for t in given)
         if name != "sum" or options or not 0 < inputs * dimension <= _LIMIT:
-            raise InputInvalid(f"function {self.text!r}; expected 'function:sum?inputs=3'")
+            raise InputInvalid(f"function {self.text!r}", "'function:sum?inputs=3'")
         from uuvsim_cosim.models.declaration.model import Model
 
         m = Model(f"sum_{inputs}_{dimension}")

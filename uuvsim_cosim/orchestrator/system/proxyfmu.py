@@ -22,7 +22,7 @@ def proxy_file(source: str) -> str | None:
     file = parse_qs(parts.query).get("file", [""])[0]
     if (parts.hostname or "localhost") not in ("localhost", "127.0.0.1") or not file:
         raise InputInvalid(
-            f"source {source!r}; expected an FMU, or proxyfmu://localhost?file=…: nothing is run "
-            "on other machines"
+            f"source {source!r}",
+            ("an FMU, or proxyfmu://localhost?file=…: nothing is run on other machines"),
         )
     return unquote(file.replace("file:///", "/"))

@@ -140,15 +140,21 @@ def _named(source: str, name: str) -> Source:
         return PythonSource(IN_PROCESS[source])
     if name in IN_PROCESS:
         raise InputInvalid(
-            f"{name} is a Python component and takes no options; expected {name!r} alone, its "
-            f"parameters set by name, or a class of your own derived from {IN_PROCESS[name]}"
+            f"{name} is a Python component and takes no options",
+            (
+                f"{name!r} alone, its parameters set by name, or a class of your "
+                f"own derived from {IN_PROCESS[name]}"
+            ),
         )
     if _is_known(name, source):
         return ModelSource(f"model:{source}")
     known = [*available(), *ALIASES, *IN_PROCESS]
     raise InputInvalid(
-        f"there is no model {name!r}{did_you_mean(name, known)}; expected one that "
-        "`uuvsim models` lists, a .fmu, .ssd or .ssp file, FILE.py:Class or package.module:Class"
+        f"there is no model {name!r}{did_you_mean(name, known)}",
+        (
+            "one that `uuvsim models` lists, a .fmu, .ssd or .ssp file, "
+            "FILE.py:Class or package.module:Class"
+        ),
     )
 
 
@@ -157,7 +163,7 @@ def _file(name: str, base: Path, what: str) -> Path:
     if path.is_file():
         return path
     files = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
-    raise InputInvalid(f"{path}: no such file{did_you_mean(path.name, files)}; expected {what}")
+    raise InputInvalid(path, f"no such file{did_you_mean(path.name, files)}", what)
 
 
 def _options(source: str, text: str) -> tuple[tuple[str, str], ...]:

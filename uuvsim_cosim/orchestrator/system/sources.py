@@ -199,7 +199,7 @@ class SystemSource:
 
     def instantiate(self, path: str, *, backend: Backend = "fmu") -> Component:
         """Raise InputInvalid: a system is flattened, not instantiated."""
-        raise InputInvalid(f"{self.text}: a system is not one component; expected flatten() first")
+        raise InputInvalid(self.text, "a system is not one component", "flatten() first")
 
 
 # ---- inside -----------------------------------------------------------------------------------

@@ -67,10 +67,10 @@ def _series(path: Path) -> list[Series]:
         header = []  # `read_input_csv` reports it
     names = [name.strip() for name in header[1:]]
     if header and not names:
-        raise InputInvalid(f"{path}: only the column {header[0]!r}; expected time and others")
+        raise InputInvalid(path, f"only the column {header[0]!r}", "time and others")
     unnamed = next((c for c, name in enumerate(names, 2) if not name), None)
     if unnamed is not None:
-        raise InputInvalid(f"{path}, line 1, column {unnamed}: no name; expected one")
+        raise InputInvalid(f"{path}, line 1, column {unnamed}", "no name", "one")
     variables = {
         name: Variable(name, "Float64", "input", "continuous") for name in dict.fromkeys(names)
     }

@@ -60,11 +60,9 @@ def as_step(value: Fraction | str | float, place: str) -> Fraction:
     try:
         step = Fraction(str(value).removesuffix("s").strip())
     except (ValueError, ZeroDivisionError):
-        raise InputInvalid(
-            f"{place}: step {value!r}; expected seconds such as '0.01' or '1/60'"
-        ) from None
+        raise InputInvalid(place, f"step {value!r}", "seconds such as '0.01' or '1/60'") from None
     if step <= 0:
-        raise InputInvalid(f"{place}: step of {value} s; expected more than 0")
+        raise InputInvalid(place, f"step of {value} s", "more than 0")
     return step
 
 

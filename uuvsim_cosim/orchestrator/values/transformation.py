@@ -46,8 +46,9 @@ def read_transformation(xml: Xml, place: str) -> Transformation:
             return Transformation(convert=convert, table=read_table(child, tag, place))
         if tag.endswith("Transformation"):
             raise InputInvalid(
-                f"{place}: a {tag}; expected none, or one of "
-                f"{', '.join(['LinearTransformation', *_TABLES])}"
+                place,
+                f"a {tag}",
+                f"none, or one of {', '.join(['LinearTransformation', *_TABLES])}",
             )
     return Transformation(convert=convert)
 

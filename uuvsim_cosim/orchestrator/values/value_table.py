@@ -32,8 +32,9 @@ def table_of(values: Mapping[Any, bool | int | str], place: str) -> Table:
     types = {type(v) for pair in table for v in pair}
     if len(types) != 1 or not types <= set(_EXPECTED):
         raise InputInvalid(
-            f"{place}: a table of {', '.join(sorted(t.__name__ for t in types)) or 'no values'}; "
-            "expected Booleans, integers, or names of items, on both sides"
+            place,
+            (f"a table of {', '.join(sorted(t.__name__ for t in types)) or 'no values'}"),
+            "Booleans, integers, or names of items, on both sides",
         )
     return table
 
@@ -51,11 +52,15 @@ def read_table(xml: Xml, tag: str, place: str) -> Table:
         source, target = (_value(entry, a, type_, f"{place}: {tag}") for a in ("source", "target"))
         if found.setdefault(source, target) != target:
             raise InputInvalid(
-                f"{place}: {tag}: {text_of(source)!r} becomes {text_of(found[source])!r} and "
-                f"{text_of(target)!r}; expected one entry a source"
+                place,
+                (
+                    f"{tag}: {text_of(source)!r} becomes {text_of(found[source])!r} and "
+                    f"{text_of(target)!r}"
+                ),
+                "one entry a source",
             )
     if not found:
-        raise InputInvalid(f"{place}: a {tag} without entries; expected <ssc:MapEntry …>")
+        raise InputInvalid(place, f"a {tag} without entries", "<ssc:MapEntry …>")
     return tuple(found.items())
 
 
@@ -71,7 +76,7 @@ def _value(
         return type_(text)
     except (ValueError, KeyError):
         raise InputInvalid(
-            f"{place}: <ssc:MapEntry> with {attribute} {text!r}; expected {_EXPECTED[type_]}"
+            place, f"<ssc:MapEntry> with {attribute} {text!r}", _EXPECTED[type_]
         ) from None
 
 
@@ -90,13 +95,13 @@ def map_value(table: Table, value: object, place: str) -> Any:
     wanted = type(table[0][0])
     key = getattr(value, "item", value) if wanted is str else value  # an EnumerationItem's name
     if not isinstance(key, wanted) or (wanted is not bool and isinstance(key, bool)):
-        raise InputInvalid(f"{place} is {value!r}; expected {_EXPECTED[wanted]}, which is mapped")
+        raise InputInvalid(f"{place} is {value!r}", f"{_EXPECTED[wanted]}, which is mapped")
     found = dict(table)
     if key not in found:
         expected = listed(table)
         if isinstance(key, str):
             expected = expected_names(key, [str(k) for k in found], expected)
-        raise InputInvalid(f"{place} is {text_of(key)!r}, which has no entry; expected {expected}")
+        raise InputInvalid(f"{place} is {text_of(key)!r}, which has no entry", expected)
     return found[key]
 
 

@@ -37,7 +37,7 @@ def float_of(xml: Element, attribute: str, place: str, default: float) -> float:
     except ValueError:
         value = float("nan")
     if not isfinite(value):
-        raise InputInvalid(f"{place}: {attribute} {text!r}; expected a number such as 0.5")
+        raise InputInvalid(place, f"{attribute} {text!r}", "a number such as 0.5")
     return value
 
 
@@ -49,6 +49,4 @@ def int_of(xml: Element, attribute: str, place: str, default: int) -> int:
     try:
         return int(text)
     except ValueError:
-        raise InputInvalid(
-            f"{place}: {attribute} {text!r}; expected a whole number such as 2"
-        ) from None
+        raise InputInvalid(place, f"{attribute} {text!r}", "a whole number such as 2") from None

@@ -55,7 +55,7 @@ def identification(file: Path) -> Identification:
     with file.open("rb") as opened:
         head = opened.read(1 << 16)
     if not head:
-        raise InputInvalid(f"{file}: the file is empty; expected an S-57 base cell (.000)")
+        raise InputInvalid(file, "the file is empty", "an S-57 base cell (.000)")
     try:
         start = int(head[:5])  # the length of the data descriptive record
         if head[6:7] != b"L":
@@ -68,9 +68,12 @@ def identification(file: Path) -> Identification:
         return _read(head[start:])
     except (ValueError, IndexError, struct.error):
         raise InputInvalid(
-            f"{file}: not an S-57 chart: it does not begin with the leader and DSID record of one; "
-            "expected a base cell (.000; S-101 is not read, and cells encrypted by S-63 have to be "
-            "decrypted first)"
+            file,
+            ("not an S-57 chart: it does not begin with the leader and DSID record of one"),
+            (
+                "a base cell (.000; S-101 is not read, and cells encrypted by S-63 "
+                "have to be decrypted first)"
+            ),
         ) from None
 
 

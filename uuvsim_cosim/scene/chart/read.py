@@ -204,9 +204,7 @@ def _parameters(cell: _Cell, notes: list[str]) -> tuple[float, str, int]:
         int(v[0]) if len(v) and np.isfinite(float(v[0])) else 0 for v in parameters.values()
     )
     if duni not in (0, *UNITS):
-        raise InputInvalid(
-            f"{cell.name}: depths in fathoms (DUNI {duni}); expected metres (1) or feet (3)"
-        )
+        raise InputInvalid(cell.name, f"depths in fathoms (DUNI {duni})", "metres (1) or feet (3)")
     unit, metre = UNITS.get(duni, ("m", 1.0))
     if duni == 0:
         notes.append("the cell does not say its unit of depth: taken as metres")

@@ -30,13 +30,13 @@ class Window:
     def around(lowest: Array, highest: Array, margin: float, cell: float) -> Window:
         """Return the window, on whole cells, of places (N, E) and a margin [m]."""
         if not (np.isfinite(cell) and cell > 0):
-            raise InputInvalid(f"cell {cell} m; expected more than 0")
+            raise InputInvalid(f"cell {cell} m", "more than 0")
         first = np.floor((lowest - margin) / cell) * cell
         n = np.ceil((highest + margin - first) / cell).astype(int)
         if int(n[0]) * int(n[1]) > MOST_CELLS:
             raise InputInvalid(
-                f"a map of {n[0]:,} x {n[1]:,} cells of {cell:g} m; expected at most "
-                f"{MOST_CELLS:,} cells: give a larger one"
+                f"a map of {n[0]:,} x {n[1]:,} cells of {cell:g} m",
+                f"at most {MOST_CELLS:,} cells: give a larger one",
             )
         return Window(float(first[0]), float(first[1]), cell, int(n[0]), int(n[1]))
 

@@ -28,7 +28,7 @@ def check_target(file: Path, crs: str = "") -> None:
     Call it before long computations. `crs` is that of the points, if it is known.
     """
     if not file.absolute().parent.is_dir():
-        raise InputInvalid(f"{file}: its folder does not exist; expected a file in a folder")
+        raise InputInvalid(file, "its folder does not exist", "a file in a folder")
     kind = file.suffix.lower()
     if kind in (".tif", ".tiff"):
         wanted("rasterio", f"{file}: writing a GeoTIFF")
@@ -47,7 +47,7 @@ def write_geotiff(made: SeabedMap, file: Path, pose: str = "true") -> Path:
     """
     rasterio = wanted("rasterio", f"{file}: writing a GeoTIFF")
     if pose not in made.depth:
-        raise InputInvalid(f"pose {pose!r}; expected one of {', '.join(made.depth)}")
+        raise InputInvalid(f"pose {pose!r}", f"one of {', '.join(made.depth)}")
     w = made.window
     north = made.northing + w.north + w.rows * w.cell
     transform = rasterio.Affine(w.cell, 0.0, made.easting + w.east, 0.0, -w.cell, north)

@@ -43,8 +43,11 @@ class Track:
     def __post_init__(self) -> None:
         if len(self.time) < 2 or "true" not in self.poses:
             raise InputInvalid(
-                f"a track of {len(self.time)} samples with poses {', '.join(self.poses) or 'none'};"
-                " expected 2 or more, and the true pose (hull.eta)"
+                (
+                    f"a track of {len(self.time)} samples with poses "
+                    f"{', '.join(self.poses) or 'none'}"
+                ),
+                "2 or more, and the true pose (hull.eta)",
             )
 
 
@@ -94,11 +97,11 @@ def track_of_run(folder: Path) -> Track:
         if name in signals:
             eta = np.ascontiguousarray(signals[name], float)
             if eta.ndim != 2 or eta.shape[1] != 6 or not np.all(np.isfinite(eta)):
-                raise RecordingError(f"{folder}: {name} is {eta.shape}; expected (n, 6), finite")
+                raise RecordingError(folder, f"{name} is {eta.shape}", "(n, 6), finite")
             found[pose] = eta
     if "true" not in found:
         near = ", ".join([n for n in signals if n.endswith(".eta")] or list(signals)[:8])
-        raise InputInvalid(f"{folder}: no hull.eta in the recording ({near}); expected a vehicle's")
+        raise InputInvalid(folder, f"no hull.eta in the recording ({near})", "a vehicle's")
     return Track(np.asarray(signals.time, float), found, int(signals.metadata.get("seed", 0)))
 
 
@@ -123,8 +126,8 @@ def map_seabed(
     if n_points == 0:
         ranges = ", ".join(f"{s.name} {s.near:g} to {s.far:g} m" for s in sondes)
         raise InputInvalid(
-            f"nothing of the seabed was seen ({ranges}); expected a track above the terrain"
-            f"{f' of scene {scene}' if scene else ''}, within reach"
+            f"nothing of the seabed was seen ({ranges})",
+            (f"a track above the terrain{f' of scene {scene}' if scene else ''}, within reach"),
         )
     # The truth is what a plumb line meets in each cell's middle: the seabed or what stands on it.
     north, east = (c.ravel() for c in np.meshgrid(*window.centres, indexing="ij"))
@@ -149,7 +152,7 @@ def run_points(
 ) -> Iterator[Array]:
     """Yield the points (n, 3) N E D [m] of every n-th frame of a run, batch by batch."""
     if pose not in track.poses:
-        raise InputInvalid(f"pose {pose!r}; expected one of {', '.join(track.poses)}")
+        raise InputInvalid(f"pose {pose!r}", f"one of {', '.join(track.poses)}")
     one = Track(track.time, {"true": track.poses["true"], pose: track.poses[pose]}, track.seed)
     for _, which, xyz, _ in _placed(one, caster, sondes, None, every):
         if which == pose:
@@ -164,9 +167,12 @@ def _window(track: Track, caster: Caster, sondes: Sequence[Sonde], cell: float) 
         altitude = caster.height(true[:, 0], true[:, 1]) - true[:, 2]
     if not np.any(altitude > 0):
         raise InputInvalid(
-            f"the track, N {true[:, 0].min():.0f} to {true[:, 0].max():.0f} m and E "
-            f"{true[:, 1].min():.0f} to {true[:, 1].max():.0f} m, is nowhere above the terrain; "
-            "expected a vehicle within its scene"
+            (
+                f"the track, N {true[:, 0].min():.0f} to {true[:, 0].max():.0f} m "
+                f"and E {true[:, 1].min():.0f} to {true[:, 1].max():.0f} m, is "
+                "nowhere above the terrain"
+            ),
+            "a vehicle within its scene",
         )
     high = float(np.nanmax(altitude[altitude > 0]))
     aside = 0.0

@@ -30,8 +30,9 @@ def recorded_sonde(run: Path, component: str, signals: Signals) -> Sonde:
     kind, _, preset = name.partition("@")
     options = dict(parse_qsl(query))
     if kind not in OUTPUTS:
-        raise InputInvalid(f"{run}: {component} is {planned.source}; expected model:"
-                           f"{' or model:'.join(OUTPUTS)}")  # fmt: skip
+        raise InputInvalid(
+            run, f"{component} is {planned.source}", f"model:{' or model:'.join(OUTPUTS)}"
+        )
     size = {k: options[k] for k in ("beams", "columns", "rows") if k in options}
     found = sonde(kind, preset or options.get("id", PRESETS[kind]), 1.0, **size)
     if "r_s" in planned.start:
@@ -40,7 +41,7 @@ def recorded_sonde(run: Path, component: str, signals: Signals) -> Sonde:
         found = replace(found, R_bs=rotation(*np.array(planned.start["Theta_s"], float)))
     reading, sample = f"{component}.{OUTPUTS[kind]}", f"{component}.t_sample"
     if reading not in signals or sample not in signals:
-        raise InputInvalid(f"{run}: {reading} was not recorded; expected a run of this system")
+        raise InputInvalid(run, f"{reading} was not recorded", "a run of this system")
     t, first = np.unique(signals[sample], return_index=True)
     first, t = first[t >= 0], t[t >= 0]  # before the first sample it is -1
     ranges = np.asarray(signals[reading], float)[first]
@@ -60,4 +61,4 @@ def _planned(run: Path, component: str) -> PlannedComponent:
         if planned.path == component:
             return planned
     known = ", ".join(c.path for c in plan.components)
-    raise InputInvalid(f"{run}: its system has no component {component!r}; expected one of {known}")
+    raise InputInvalid(run, f"its system has no component {component!r}", f"one of {known}")

@@ -63,7 +63,7 @@ class Sonde:
 
     def __post_init__(self) -> None:
         if not self.period > 0:
-            raise InputInvalid(f"{self.name}: period {self.period} s; expected more than 0")
+            raise InputInvalid(self.name, f"period {self.period} s", "more than 0")
 
     @property
     def in_body(self) -> Array:
@@ -156,8 +156,9 @@ def _taken(sonde: Sonde, taken: Taken, time: Array, every: int) -> Iterator[Fram
     seen = np.abs(time[rows] - taken.t) < 1e-6
     if len(taken.t) and not seen.any():
         raise InputInvalid(
-            f"{sonde.name}: no pose was recorded when it took a sample (every {sonde.period:g} s); "
-            "expected a run without --record-every"
+            sonde.name,
+            (f"no pose was recorded when it took a sample (every {sonde.period:g} s)"),
+            "a run without --record-every",
         )
     for k in np.flatnonzero(seen)[::every].tolist():
         yield Frame(int(rows[k]), taken.range[k])

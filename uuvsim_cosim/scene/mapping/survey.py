@@ -64,9 +64,7 @@ def survey_of(run: Path, settings: SurveySettings | None = None) -> Survey:
     if settings is None:
         file = run / FILE
         if not file.is_file():
-            raise InputInvalid(
-                f"{run}: has no {FILE}; expected a run of seabed_mapping, or --settings FILE"
-            )
+            raise InputInvalid(run, f"has no {FILE}", "a run of seabed_mapping, or --settings FILE")
         settings = read_settings(file)
     track = track_of_run(run)
     if settings.components:
@@ -78,6 +76,6 @@ def survey_of(run: Path, settings: SurveySettings | None = None) -> Survey:
     scene = scene_named(settings.scene)
     terrain = scene.terrain
     if terrain is None:
-        raise InputInvalid(f"scene {settings.scene}: has no terrain; expected one to map")
+        raise InputInvalid(f"scene {settings.scene}", "has no terrain", "one to map")
     return Survey(track, Caster(scene), settings, terrain.crs, terrain.northing, terrain.easting,
                   terrain.vertical_datum)  # fmt: skip

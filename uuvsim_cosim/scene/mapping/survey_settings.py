@@ -71,8 +71,7 @@ def _sonde(file: Path, i: int, given: Mapping[str, Any]) -> Sonde:
     known = ("columns", "rows") if kind == "depth_camera" else ("beams",)
     foreign = [k for k in options if k not in known]
     if foreign:
-        raise InputInvalid(f"{file}: sensors.{i}: a {kind} has no {foreign[0]}; expected "
-                           f"{' and '.join(known)}")  # fmt: skip
+        raise InputInvalid(file, f"sensors.{i}: a {kind} has no {foreign[0]}", " and ".join(known))
     try:
         return sonde(kind, str(given["preset"]), float(given["period"]), **options)
     except UuvsimError as error:

@@ -72,11 +72,11 @@ class Caster:
         o, d = _vectors(origins, "origins"), _vectors(directions, "directions")
         n = len(d)
         if len(o) not in (1, n):
-            raise InputInvalid(f"origins: {len(o)} of them; expected 1, or {n} as directions")
+            raise InputInvalid("origins", f"{len(o)} of them", f"1, or {n} as directions")
         t, kind = out if out is not None else (np.empty(n), np.empty(n, np.int32))
         for name, a, of in (("range", t, np.float64), ("kind", kind, np.int32)):
             if a.shape != (n,) or a.dtype != of or not a.flags.c_contiguous:
-                raise InputInvalid(f"out: {name} is {a.dtype} {a.shape}; expected {of} ({n},)")
+                raise InputInvalid("out", f"{name} is {a.dtype} {a.shape}", f"{of} ({n},)")
         common = int(len(o) == 1)
         self._c.uuv_cast_batch(
             ctypes.byref(self._scene), o.ctypes.data, common, d.ctypes.data, far, n,
@@ -100,7 +100,7 @@ def _vectors(values: ArrayLike, name: str) -> Array:
     if array.ndim == 1 and array.size == 3:
         array = array[None]
     if array.ndim != 2 or array.shape[1] != 3:
-        raise InputInvalid(f"{name}: shape {array.shape}; expected (n, 3)")
+        raise InputInvalid(name, f"shape {array.shape}", "(n, 3)")
     return array
 
 

@@ -115,7 +115,7 @@ def grid_over(
     If `first` (E, N) is given, the nodes lie at whole multiples of the spacing from there.
     """
     if not (np.isfinite(spacing) and spacing > 0):
-        raise InputInvalid(f"resolution {spacing:g} m; expected more than 0")
+        raise InputInvalid(f"resolution {spacing:g} m", "more than 0")
     x, y = first or (0.0, 0.0)
     west, south, east, north = bounds[0] - x, bounds[1] - y, bounds[2] - x, bounds[3] - y
     near = 1e-6 if first else 1e-9  # of a spacing, by which bounds may miss a node

@@ -44,7 +44,7 @@ def make_terrain(file: Path, wishes: Wishes) -> Made:
     if not file.exists() and str(file) not in scene_ids():
         beside = file.parent.iterdir() if file.parent.is_dir() else ()
         hint = did_you_mean(file.name, [p.name for p in beside])
-        raise InputInvalid(f"{file}: no such file{hint}; expected a chart (.000) or a grid")
+        raise InputInvalid(file, f"no such file{hint}", "a chart (.000) or a grid")
     placing: dict[str, object] = {"--crs": wishes.crs, "--local": wishes.local or None}
     if str(file) in scene_ids() or (file / "scene.yaml").is_file() or file.name == "scene.yaml":
         _refuse_for(file, "a scene", placing)
@@ -117,7 +117,7 @@ def _height(land: str | None) -> float | None:
             raise ValueError
     except ValueError:
         raise InputInvalid(
-            f"--land {land}; expected metres above the datum, more than 0, or unknown"
+            f"--land {land}", "metres above the datum, more than 0, or unknown"
         ) from None
     return height
 

@@ -58,7 +58,7 @@ def piece_of(around: str | None, size: str | None) -> Piece | None:
             raise ValueError
     except ValueError:
         raise InputInvalid(
-            f"--around {around}; expected LAT,LON in degrees, such as 47.27,-122.52"
+            f"--around {around}", "LAT,LON in degrees, such as 47.27,-122.52"
         ) from None
     try:
         parts = [1e3 * float(v) for v in size.lower().split("x")]
@@ -66,7 +66,7 @@ def piece_of(around: str | None, size: str | None) -> Piece | None:
         if not (north > 0 and east > 0 and np.isfinite([north, east]).all()):
             raise ValueError
     except ValueError:
-        raise InputInvalid(f"--size {size}; expected km as 3 or, N x E, 3x5") from None
+        raise InputInvalid(f"--size {size}", "km as 3 or, N x E, 3x5") from None
     return Piece(latitude, longitude, north, east)
 
 

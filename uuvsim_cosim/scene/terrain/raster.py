@@ -168,19 +168,23 @@ def _reference(
     """Return the coordinate reference system that the file or the user states."""
     rasterio = wanted("rasterio", "reading a grid")
     if crs is not None and local:
-        raise InputInvalid(f"--crs {crs} with --local; expected one of the two")
+        raise InputInvalid(f"--crs {crs} with --local", "one of the two")
     given = _LOCAL if local else crs
     if given is None:
         if source.crs is not None:
             return source.crs
         raise InputInvalid(
-            f"{file}: the grid has no coordinate reference system; expected --crs EPSG:… (such as "
-            "EPSG:32632), or --local if x is east and y is north in metres of the local frame"
+            file,
+            "the grid has no coordinate reference system",
+            (
+                "--crs EPSG:… (such as EPSG:32632), or --local if x is east and y "
+                "is north in metres of the local frame"
+            ),
         )
     try:
         chosen = rasterio.crs.CRS.from_user_input(given)
     except rasterio.errors.CRSError:
-        raise InputInvalid(f"--crs {crs}; expected a code such as EPSG:32632") from None
+        raise InputInvalid(f"--crs {crs}", "a code such as EPSG:32632") from None
     if source.crs is not None and source.crs != chosen:
         option = "--local" if local else f"--crs {crs}"
         raise InputInvalid(f"{option}: the file states {source.crs.to_string()}")
@@ -224,12 +228,13 @@ def _check(file: Path, source: DatasetReader) -> None:
         subs = ", ".join(source.subdatasets[:3])
         raise InputInvalid(f"{file}: no band in it" + (f"; it holds {subs}" if subs else ""))
     if np.dtype(source.dtypes[0]).kind not in "iuf":
-        raise InputInvalid(f"{file}: band 1 is {source.dtypes[0]}; expected numbers")
+        raise InputInvalid(file, f"band 1 is {source.dtypes[0]}", "numbers")
     for band, scale, offset in zip(source.indexes, source.scales, source.offsets, strict=True):
         if not (np.isfinite([scale, offset]).all() and scale):
             raise InputInvalid(
-                f"{file}: band {band} has the scale {scale:g} and the offset {offset:g}; expected "
-                "a scale that is finite and not 0, and a finite offset"
+                file,
+                f"band {band} has the scale {scale:g} and the offset {offset:g}",
+                "a scale that is finite and not 0, and a finite offset",
             )
 
 
@@ -278,9 +283,7 @@ def _convention(
         raise InputInvalid(f"{file}: --unit {unit}; the file says {stated}")
     chosen = (unit or stated).lower()
     if chosen not in metres:
-        raise InputInvalid(
-            f"{file}: values in {chosen!r}; expected metres, feet, US survey feet or fathoms"
-        )
+        raise InputInvalid(file, f"values in {chosen!r}", "metres, feet, US survey feet or fathoms")
     metre = metres[chosen]
     for band, scale, offset in zip(source.indexes, source.scales, source.offsets, strict=True):
         if (scale, offset) != (1.0, 0.0):
@@ -303,7 +306,7 @@ def _convention(
         notes.append("the vertical axis of the file points down: its values are taken as depths")
     if positive is not None:
         if positive not in ("up", "down"):
-            raise InputInvalid(f"--positive {positive}; expected up or down")
+            raise InputInvalid(f"--positive {positive}", "up or down")
         down = positive == "down"
     datum = tags.get("vertical_datum_abbrev") or tags.get("vertical_datum_name") or tags.get(
         "vertical_datum", ""

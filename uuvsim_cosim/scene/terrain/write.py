@@ -45,9 +45,9 @@ def check_target(target: Path) -> None:
             f"{target}: expected {', '.join(_WRITERS)}, or a folder's name without an ending"
         )
     if not target.suffix and target.is_file():
-        raise InputInvalid(f"{target}: there is a file of this name; expected a folder to write")
+        raise InputInvalid(target, "there is a file of this name", "a folder to write")
     if target.suffix and target.is_dir():
-        raise InputInvalid(f"{target}: there is a folder of this name; expected a file to write")
+        raise InputInvalid(target, "there is a folder of this name", "a file to write")
 
 
 def check_whole(file: Path) -> None:

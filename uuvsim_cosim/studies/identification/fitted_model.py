@@ -50,13 +50,16 @@ class GreyBox:
         for part in self.parts.values():
             if part.model.of_kind("discrete") or part.model.clocks:
                 raise InputInvalid(
-                    f"{part.path} is sampled (it has clocks); expected parameters of components in "
-                    "continuous time, as a hull or a thruster"
+                    f"{part.path} is sampled (it has clocks)",
+                    ("parameters of components in continuous time, as a hull or a thruster"),
                 )
             if part.calls:
                 raise InputInvalid(
-                    f"{part.path} ({part.source}) calls {', '.join(part.calls)}, which is not "
-                    "fitted; expected equations and tables alone"
+                    (
+                        f"{part.path} ({part.source}) calls {', '.join(part.calls)}, which "
+                        "is not fitted"
+                    ),
+                    "equations and tables alone",
                 )
         self.theta = ca.SX.sym("theta", len(self.fitted))
         self.feeds: list[Feed] = []
@@ -102,8 +105,11 @@ class GreyBox:
         for i in wanted:
             if i not in self.hops:
                 raise InputInvalid(
-                    f"{self.plan.components[i].path} does not act on "
-                    f"{self.plan.components[self.hull].path}; expected parameters of what does"
+                    (
+                        f"{self.plan.components[i].path} does not act on "
+                        f"{self.plan.components[self.hull].path}"
+                    ),
+                    "parameters of what does",
                 )
             here: int | None = i
             while here is not None:
@@ -166,9 +172,8 @@ class GreyBox:
             label = f"{self.parts[i].path}.{name}"
             if label in self._open:
                 raise InputInvalid(
-                    f"{' -> '.join([*self._open, label])} is an algebraic loop; expected "
-                    "parameters "
-                    "of components that do not read each other at once"
+                    f"{' -> '.join([*self._open, label])} is an algebraic loop",
+                    "parameters of components that do not read each other at once",
                 )
             self._open.append(label)
             self._outputs[key] = self._closed(i, self.parts[i].model.variables[name].symbol)

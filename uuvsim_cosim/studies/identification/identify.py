@@ -82,9 +82,7 @@ class Identified:
         for n in self.numbers:
             if name in (n.name, n.name.rpartition(".")[2]):
                 return n
-        raise InputInvalid(
-            f"no number {name!r}; expected {', '.join(n.name for n in self.numbers)}"
-        )
+        raise InputInvalid(f"no number {name!r}", ", ".join(n.name for n in self.numbers))
 
 
 def identify(
@@ -228,5 +226,5 @@ def _hull(plan: Plan, wanted: str | None) -> int:
         return found[wanted]
     if len(found) != 1:
         which = f"{len(found)} hulls ({', '.join(found)})" if found else "no hull"
-        raise InputInvalid(f"the system has {which}; expected one, or --hull with its path")
+        raise InputInvalid(f"the system has {which}", "one, or --hull with its path")
     return next(iter(found.values()))

@@ -46,8 +46,7 @@ def read_log(path: str | Path) -> Signals:
     path = Path(path)
     if not path.exists():
         raise InputInvalid(
-            f"{path}: no such recording; expected a folder of a run, .parquet, "
-            ".mcap, .csv, .BIN or .tlog"
+            path, "no such recording", "a folder of a run, .parquet, .mcap, .csv, .BIN or .tlog"
         )
     suffix = path.suffix.lower()
     if suffix == ".csv":
@@ -56,9 +55,9 @@ def read_log(path: str | Path) -> Signals:
         return _ardupilot(path)
     if path.is_file() and suffix not in (".parquet", ".arrows", ".mcap"):
         raise InputInvalid(
-            f"{path}: {suffix or 'a file without suffix'!r} is not read; expected a "
-            "folder of a run, "
-            ".parquet, .mcap, .csv, .BIN or .tlog"
+            path,
+            f"{suffix or 'a file without suffix'!r} is not read",
+            "a folder of a run, .parquet, .mcap, .csv, .BIN or .tlog",
         )
     found = read_signals(path)
     return Signals(
@@ -81,16 +80,16 @@ def _csv(path: Path) -> Signals:
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputInvalid(f"{path}: cannot be read as CSV: {error}") from None
     if not rows:
-        raise InputInvalid(f"{path}: is empty; expected a line of names, first of them time")
+        raise InputInvalid(path, "is empty", "a line of names, first of them time")
     names = [name.strip() for name in rows[0][1]]
     time = next((n for n in _TIME if n in names), None)
     if time is None:
         raise InputInvalid(
-            f"{path}:{rows[0][0]}: columns {', '.join(names[:8])}; expected one named time"
+            f"{path}:{rows[0][0]}", f"columns {', '.join(names[:8])}", "one named time"
         )
     if len(set(names)) != len(names):
         twice = next(n for n in names if names.count(n) > 1)
-        raise InputInvalid(f"{path}:{rows[0][0]}: two columns {twice!r}; expected each name once")
+        raise InputInvalid(f"{path}:{rows[0][0]}", f"two columns {twice!r}", "each name once")
     body = rows[1:]
     units = [""] * len(names)
     if body and not _is_number(body[0][1][0]):
@@ -99,13 +98,11 @@ def _csv(path: Path) -> Signals:
     table = np.full((len(body), len(names)), np.nan)
     for k, (n, row) in enumerate(body):
         if len(row) != len(names):
-            raise InputInvalid(f"{path}:{n}: {len(row)} values; expected {len(names)}")
+            raise InputInvalid(f"{path}:{n}", f"{len(row)} values", len(names))
         for j, cell in enumerate(row):
             if cell.strip():
                 if not _is_number(cell):
-                    raise InputInvalid(
-                        f"{path}:{n}: {names[j]} = {cell.strip()!r}; expected a number"
-                    )
+                    raise InputInvalid(f"{path}:{n}", f"{names[j]} = {cell.strip()!r}", "a number")
                 table[k, j] = float(cell)
     for j in range(len(names)):
         table[:, j] *= _FACTORS.get(units[j], 1.0)
@@ -155,8 +152,7 @@ def _ardupilot(path: Path) -> Signals:
         from pymavlink import mavutil
     except ImportError:
         raise InputInvalid(
-            f"{path}: logs of ArduSub are read by pymavlink; expected `pip install "
-            "'uuvsim-cosim[mavlink]'`"
+            path, "logs of ArduSub are read by pymavlink", "`pip install 'uuvsim-cosim[mavlink]'`"
         ) from None
     wanted = ["ATTITUDE", "LOCAL_POSITION_NED", "SERVO_OUTPUT_RAW", "SYS_STATUS",
               "ATT", "XKF1", "NKF1", "IMU", "RCOU", "BAT"]  # fmt: skip
@@ -174,7 +170,7 @@ def _ardupilot(path: Path) -> Signals:
     except Exception as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputInvalid(
-            f"{path}: is no log that pymavlink reads ({reason}); expected .BIN or .tlog"
+            path, f"is no log that pymavlink reads ({reason})", ".BIN or .tlog"
         ) from None
     finally:
         if log is not None:
@@ -202,7 +198,7 @@ def _begins_well(path: Path) -> None:
     )
     if not good:
         kind = "a dataflash log of ArduPilot" if dataflash else "a telemetry log of MAVLink"
-        raise InputInvalid(f"{path}: begins with {head.hex(' ') or 'nothing'}; expected {kind}")
+        raise InputInvalid(path, f"begins with {head.hex(' ') or 'nothing'}", kind)
 
 
 def _keep(kept: dict[str, list[tuple[float, list[float]]]], kind: str, m: Any) -> None:

@@ -45,9 +45,11 @@ class Part:
         source = resolve(planned.source)
         if not isinstance(source, ModelSource):
             raise InputInvalid(
-                f"{planned.path} is {planned.description.kind} ({planned.source}), "
-                "whose equations are "
-                "not known; expected a declaration (model:…) in what is identified"
+                (
+                    f"{planned.path} is {planned.description.kind} ({planned.source}), "
+                    "whose equations are not known"
+                ),
+                "a declaration (model:…) in what is identified",
             )
         self.index, self.path = index, planned.path
         self.source = source.text

@@ -88,8 +88,8 @@ def save_as(found: Identified, name: str) -> list[Saved]:
         there |= turned.names_in(folder)
     if set_name in there:
         raise InputInvalid(
-            f"--save-as {name}: {folder} has a set of this name; expected a name other than "
-            f"{', '.join(sorted(there))}"
+            f"--save-as {name}: {folder} has a set of this name",
+            f"a name other than {', '.join(sorted(there))}",
         )
     address = f"{place or folder.name}@{set_name}"
     saved = []
@@ -208,9 +208,9 @@ def _copied(id: str, folder: Path) -> Path:
     if (folder / "parameters.yaml").is_file():
         return folder
     if not re.fullmatch(r"[a-z][a-z0-9_]*", folder.name):
-        raise InputInvalid(f"--save-as: folder {folder.name!r}; expected lower case, digits and _")
+        raise InputInvalid(f"--save-as: folder {folder.name!r}", "lower case, digits and _")
     if folder.exists():
-        raise InputInvalid(f"{folder} is there, and is no vehicle; expected a name that is free")
+        raise InputInvalid(f"{folder} is there, and is no vehicle", "a name that is free")
     source = vehicle_folder(id)
     try:
         folder.mkdir(parents=True)

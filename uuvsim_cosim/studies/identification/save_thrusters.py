@@ -48,14 +48,15 @@ class ThrusterSet:
         file = folder / "thrusters.yaml"
         if not file.is_file():
             raise InputInvalid(
-                f"--save-as: {folder} has no thrusters.yaml; expected a vehicle with thrusters, "
-                "as numbers of thrusters were fitted"
+                f"--save-as: {folder} has no thrusters.yaml",
+                "a vehicle with thrusters, as numbers of thrusters were fitted",
             )
         data: CommentedMap = thrusters_file(file)
         if len(data["thrusters"]) != self.count:
             raise InputInvalid(
-                f"{file}: {len(data['thrusters'])} thrusters, and the system's wrench has "
-                f"{self.count}; expected the wrench of that vehicle"
+                file,
+                (f"{len(data['thrusters'])} thrusters, and the system's wrench has {self.count}"),
+                "the wrench of that vehicle",
             )
         return data
 
@@ -72,8 +73,8 @@ def thruster_set(found: Identified, name: str, day: str) -> ThrusterSet | None:
     model = next(iter(sources))
     if len(sources) > 1 or model not in OF_VEHICLE:
         raise InputInvalid(
-            f"--save-as: numbers of {', '.join(sorted(sources))} were fitted; expected those of "
-            f"one component among {', '.join(OF_VEHICLE)}"
+            f"--save-as: numbers of {', '.join(sorted(sources))} were fitted",
+            f"those of one component among {', '.join(OF_VEHICLE)}",
         )
     query = found.actuators[0].source.partition("?")[2]
     options = options_of(model, dict(parse_qsl(query)))

@@ -65,8 +65,8 @@ class Lookup:
                 continue
             if base not in signals:
                 raise InputInvalid(
-                    f"--map: there is no signal {name!r} in the recording; expected "
-                    f"{expected_names(name, sorted(signals))}"
+                    f"--map: there is no signal {name!r} in the recording",
+                    expected_names(name, sorted(signals)),
                 )
             size = self.values(base).shape[1]
             if len(indices) != 1 or not 1 <= indices[0] <= size:
@@ -113,8 +113,8 @@ def grid_of(
     K = int(np.floor((t[-1] - begin) / step + 1e-6))
     if not 20 <= K <= _MOST_STEPS:
         raise InputInvalid(
-            f"the recording from {begin:g} to {t[-1]:g} s has {K} steps of {step:g} s; expected 20 "
-            f"to {_MOST_STEPS}: choose --from, --to or --step"
+            (f"the recording from {begin:g} to {t[-1]:g} s has {K} steps of {step:g} s"),
+            f"20 to {_MOST_STEPS}: choose --from, --to or --step",
         )
     grid: Array = begin + step * np.arange(K + 1, dtype=float)
     hull = box.plan.components[box.hull].path
@@ -133,20 +133,23 @@ def grid_of(
             columns.append(column)
     if wrong:
         raise InputInvalid(
-            f"the recording lacks {', '.join(dict.fromkeys(wrong))}; expected what drives "
-            f"{', '.join(p.path for p in box.parts.values())}, and what was measured of {hull} "
-            "(--map component.variable=signal says what stands for it)"
+            f"the recording lacks {', '.join(dict.fromkeys(wrong))}",
+            (
+                f"what drives {', '.join(p.path for p in box.parts.values())}, and "
+                f"what was measured of {hull} (--map component.variable=signal says "
+                "what stands for it)"
+            ),
         )
     y = np.full((12, K + 1), np.nan)
     for k, name in ((0, eta), (6, nu)):
         if name is not None:
             values = lookup.values(name)[place]
             if values.shape[1] != 6:
-                raise InputInvalid(f"signal {name} has {values.shape[1]} elements; expected 6")
+                raise InputInvalid(f"signal {name} has {values.shape[1]} elements", "6")
             for j in range(6):
                 y[k + j] = _measured(t, values[:, j], grid, step, k + j in ANGLES)
     if not np.isfinite(y).any():
-        raise InputInvalid(f"{eta or nu}: no number from {t[0]:g} to {t[-1]:g} s; expected some")
+        raise InputInvalid(eta or nu, f"no number from {t[0]:g} to {t[-1]:g} s", "some")
     moments = np.array(
         [_moments(t, c, grid, f.delay) for f, c in zip(box.feeds, columns, strict=True)]
     ).reshape(len(box.feeds), 2, K)
@@ -192,7 +195,7 @@ def _moments(t: Array, values: Array, grid: Array, delay: float) -> Array:
     """
     good = np.flatnonzero(np.isfinite(values))
     if not len(good):
-        raise InputInvalid("a signal that drives the vehicle holds no number; expected some")
+        raise InputInvalid("a signal that drives the vehicle holds no number", "some")
     at, v = t[good], values[good]
     impulse = np.concatenate([[0.0], np.cumsum(v[:-1] * np.diff(at))])
     moment = np.concatenate([[0.0], np.cumsum(v[:-1] * np.diff((at - at[0]) ** 2) / 2.0)])
@@ -288,8 +291,8 @@ class _Supply:
                 if t.source == feed.component and to.name == "thrust" and to.shape == (width,):
                     return t.target_elements[0]
         raise InputInvalid(
-            f"signal {name} has {width} elements, and {label} has {size}; expected as many, or "
-            f"--map {label}={name}[1] for one of them"
+            f"signal {name} has {width} elements, and {label} has {size}",
+            f"as many, or --map {label}={name}[1] for one of them",
         )
 
     def _run(self, i: int) -> Mapping[str, Array] | None:

@@ -54,6 +54,7 @@ def replaced(file: Path, text: str, read: Callable[[str], object]) -> None:
             read(str(scratch))
     except OSError as error:
         raise InputInvalid(
-            f"{file}: cannot be written ({error.strerror}); expected a folder of your own, as "
-            "--save-as my_rov@my_fit"
+            file,
+            f"cannot be written ({error.strerror})",
+            "a folder of your own, as --save-as my_rov@my_fit",
         ) from None

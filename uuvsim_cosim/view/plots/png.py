@@ -29,13 +29,13 @@ def png(pixels: Pixels) -> bytes:
 def animated_png(frames: Sequence[Pixels], seconds: float) -> bytes:
     """Return pictures of one shape as an animation that repeats; `seconds` each is shown."""
     if not frames:
-        raise InputInvalid("animation of no pictures; expected at least one")
+        raise InputInvalid("animation of no pictures", "at least one")
     height, width, _ = frames[0].shape
     parts = [SIGNATURE, _head(frames[0]), _chunk(b"acTL", struct.pack(">II", len(frames), 0))]
     number = 0
     for i, frame in enumerate(frames):
         if frame.shape != frames[0].shape:
-            raise InputInvalid(f"animation: {frame.shape} after {frames[0].shape}; expected equal")
+            raise InputInvalid("animation", f"{frame.shape} after {frames[0].shape}", "equal")
         control = struct.pack(
             ">IIIIIHHBB", number, width, height, 0, 0, max(round(1000 * seconds), 1), 1000, 0, 0
         )
@@ -51,9 +51,7 @@ def animated_png(frames: Sequence[Pixels], seconds: float) -> bytes:
 
 def _head(pixels: Pixels) -> bytes:
     if pixels.dtype != np.uint8 or pixels.ndim != 3 or pixels.shape[2] != 3:
-        raise InputInvalid(
-            f"picture of {pixels.dtype} {pixels.shape}; expected uint8 (height, width, 3)"
-        )
+        raise InputInvalid(f"picture of {pixels.dtype} {pixels.shape}", "uint8 (height, width, 3)")
     height, width, _ = pixels.shape
     return _chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0))
 

@@ -34,7 +34,7 @@ def provenance_of(folder: str | Path) -> dict[str, Any]:
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise InputInvalid(f"{path}: cannot be read ({error}); expected a run's JSON") from None
+        raise InputInvalid(path, f"cannot be read ({error})", "a run's JSON") from None
     if not isinstance(found, dict):
-        raise InputInvalid(f"{path}: holds a {type(found).__name__}; expected a run's JSON object")
+        raise InputInvalid(path, f"holds a {type(found).__name__}", "a run's JSON object")
     return found

@@ -28,7 +28,7 @@ def picture_svg(traces: Traces, provenance: Mapping[str, Any]) -> str:
     path = None if waypoints is None else np.asarray(waypoints, dtype=float)
     track = track_of(traces, path)
     if track is None:
-        raise InputInvalid("the run has no signal hull.eta; expected a vehicle's mission")
+        raise InputInvalid("the run has no signal hull.eta", "a vehicle's mission")
     left = 640.0
     track = replace(track, width=left - 24, tallest=560)
     _, _, track_height = track.scales()

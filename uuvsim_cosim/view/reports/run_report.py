@@ -28,7 +28,7 @@ def write_metrics(folder: str | Path, figures: Iterable[Figure]) -> None:
     try:
         write_run_json(path, {**provenance_of(folder), "metrics": metrics_of(figures)})
     except OSError as error:
-        raise RecordingError(f"{path}: {error.strerror}; expected room on the disk") from None
+        raise RecordingError(path, error.strerror, "room on the disk") from None
 
 
 def write_report(folder: str | Path, out: str | Path | None = None) -> Path:
@@ -49,5 +49,5 @@ def write_run_picture(folder: str | Path, out: str | Path) -> Path:
 
 def _some(traces: Traces, folder: str | Path) -> Traces:
     if len(traces.time) < 2:
-        raise InputInvalid(f"{folder}: {len(traces.time)} sample(s) recorded; expected 2 or more")
+        raise InputInvalid(folder, f"{len(traces.time)} sample(s) recorded", "2 or more")
     return traces

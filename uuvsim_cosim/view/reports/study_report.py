@@ -88,7 +88,7 @@ def write_study_report(folder: str | Path) -> Path:
         columns = {n: table[n].to_numpy() for n in table.column_names if n != "failure"}
         page = study_html(about, columns, table["failure"].to_pylist())
     except (OSError, ValueError, KeyError) as error:
-        raise InputInvalid(f"{folder}: is no finished study ({error}); expected one") from None
+        raise InputInvalid(folder, f"is no finished study ({error})", "one") from None
     path = folder / "report.html"
     path.write_text(page, encoding="utf-8")
     return path

@@ -64,7 +64,7 @@ def write_report(
         pictures = [(p.stem, p.read_bytes()) for p in sorted(folder.glob("pictures/*.png"))]
         made = page(folder, about, figures, pictures)
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputInvalid(f"{folder}: is no {what} ({error}); expected one") from None
+        raise InputInvalid(folder, f"is no {what} ({error})", "one") from None
     path = folder / "report.html"
     write_whole(path, made.encode())
     return path

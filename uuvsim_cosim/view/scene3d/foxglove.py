@@ -56,7 +56,7 @@ def export_scene_mcap(run: str | Path, out: Path) -> Path:
             write_mcap(read_signals(run), fresh, scene.write)
     except OSError as error:
         raise RecordingError(
-            f"{out}: cannot be written ({error.strerror or error}); expected a folder that can"
+            out, f"cannot be written ({error.strerror or error})", "a folder that can"
         ) from error
     return out
 

@@ -40,12 +40,13 @@ def export_rrd(run: str | Path, out: Path) -> Path:
         import rerun
     except ImportError:
         raise InputInvalid(
-            f"{out}: writing .rrd needs rerun-sdk, which is not installed; expected the extra "
-            "`rerun`: pip install 'uuvsim-cosim[rerun]'"
+            out,
+            "writing .rrd needs rerun-sdk, which is not installed",
+            "the extra `rerun`: pip install 'uuvsim-cosim[rerun]'",
         ) from None
     stage, motion, traces = placed(run)
     if not out.absolute().parent.is_dir():
-        raise InputInvalid(f"{out}: its folder does not exist; expected a file in a folder")
+        raise InputInvalid(out, "its folder does not exist", "a file in a folder")
     recording = rerun.RecordingStream("uuvsim", recording_id=stage.name or "run")
     with whole_file(out) as fresh:
         recording.save(str(fresh))

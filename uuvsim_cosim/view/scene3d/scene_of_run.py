@@ -22,8 +22,9 @@ def newest_run(runs: str | Path = "runs") -> Path:
     found = [p for name in RECORDINGS for p in Path(runs).glob(f"*/{name}") if p.stat().st_size]
     if not found:
         raise InputInvalid(
-            f"{runs}: no run lies below it; expected the path of a run's folder, or to stand where "
-            "`uuvsim run` has written one"
+            runs,
+            "no run lies below it",
+            ("the path of a run's folder, or to stand where `uuvsim run` has written one"),
         )
     return max(found, key=lambda p: p.stat().st_mtime).parent
 
@@ -60,14 +61,18 @@ def placed(run: str | Path) -> tuple[Stage, Motion, Traces]:
     """Read a run: its stage, its motion, its signals; raises InputInvalid without a position."""
     traces = traces_of(run)
     if not len(traces.time):
-        raise InputInvalid(f"{run}: nothing was recorded; expected one sample or more")
+        raise InputInvalid(run, "nothing was recorded", "one sample or more")
     stage = stage_of_run(run, traces)
     motion = motion_of(stage, traces)
     if not motion.positions:
         some = ", ".join(list(traces.values)[:4]) or "none"
         raise InputInvalid(
-            f"{run}: no position was recorded; expected a signal eta of 6 elements, such as "
-            f"hull.eta, and found {some}; `uuvsim report` plots any signal"
+            run,
+            "no position was recorded",
+            (
+                f"a signal eta of 6 elements, such as hull.eta, and found {some}; "
+                "`uuvsim report` plots any signal"
+            ),
         )
     return stage, motion, traces
 

@@ -75,8 +75,9 @@ class PageGuard(Closing):
         finally:
             module.serve = serve
         if not self._attached:
-            raise InputInvalid("viewing: this viser starts its server in an unknown way; "
-                               "expected viser 0.2.23")  # fmt: skip
+            raise InputInvalid(
+                "viewing", "this viser starts its server in an unknown way", "viser 0.2.23"
+            )
 
     def write(self, port: int) -> None:
         """Write the token's file, for `uuvsim access token --port`."""

@@ -37,8 +37,8 @@ def open_server(port: int | None, host: str = "127.0.0.1", label: str = "uuvsim"
         import viser
     except ImportError:
         raise InputInvalid(
-            "viewing needs viser, which is not installed; expected the extra `view`: "
-            "pip install 'uuvsim-cosim[view]'"
+            "viewing needs viser, which is not installed",
+            "the extra `view`: pip install 'uuvsim-cosim[view]'",
         ) from None
     free = _free(port, host)
     # viser prints a table when it starts; the command line prints the address instead.
@@ -89,8 +89,7 @@ def _free(port: int | None, host: str) -> int:
                 trial.bind((host, candidate))
             except socket.gaierror:
                 raise InputInvalid(
-                    f"--host {host}: no address of this machine; expected 127.0.0.1, 0.0.0.0, or "
-                    "one"
+                    f"--host {host}: no address of this machine", "127.0.0.1, 0.0.0.0, or one"
                 ) from None
             except OSError as error:
                 reason = str(error.strerror or error)
@@ -98,11 +97,11 @@ def _free(port: int | None, host: str) -> int:
                 return candidate
     if port is not None:
         raise InputInvalid(
-            f"--port {port} at {host}: {reason}; expected a free port, or none, to take the first "
-            f"free one from {PORT} on"
+            f"--port {port} at {host}: {reason}",
+            f"a free port, or none, to take the first free one from {PORT} on",
         )
     raise InputInvalid(
-        f"ports {PORT} to {PORT + TRIED - 1} at {host}: {reason}; expected --port with a free one"
+        f"ports {PORT} to {PORT + TRIED - 1} at {host}", reason, "--port with a free one"
     )
 
 
