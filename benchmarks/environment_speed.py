@@ -23,7 +23,7 @@ from gymnasium.vector import AutoresetMode
 
 import uuvsim_cosim as uuv
 from uuvsim_cosim.envs import Channel, CosimEnv, CosimVectorEnv, Draws, FunctionTask
-from uuvsim_cosim.fmus.export.export import build_fmu
+from uuvsim_cosim.fmus.export.fmu_file import build_fmu
 from uuvsim_cosim.kernels import fuse
 from uuvsim_cosim.models.declaration.library import declare
 from uuvsim_cosim.orchestrator.shipped.shipped import bluerov2_hold

@@ -19,7 +19,7 @@ from fractions import Fraction
 from pathlib import Path
 
 from uuvsim_cosim.fmus.component import Component
-from uuvsim_cosim.fmus.export.export import build_fmu
+from uuvsim_cosim.fmus.export.fmu_file import build_fmu
 from uuvsim_cosim.fmus.importer.read_description import FmuArchive, read_fmu
 from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_here
 from uuvsim_cosim.fmus.isolation.isolated import Isolated

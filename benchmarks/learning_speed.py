@@ -26,7 +26,7 @@ from uuvsim_cosim.envs.sb3 import Sb3VecEnv
 from uuvsim_cosim.envs.tasks.evaluation import evaluate
 from uuvsim_cosim.envs.tasks.scripted import scripted_policy
 from uuvsim_cosim.learn.algorithms.masac import MasacSettings
-from uuvsim_cosim.learn.algorithms.masac_learner import MasacLearner, OffPolicySettings
+from uuvsim_cosim.learn.algorithms.off_policy_learner import MasacLearner, OffPolicySettings
 from uuvsim_cosim.learn.shared.task_ids import make_task
 from uuvsim_cosim.learn.training.rollout import Rollout
 from uuvsim_cosim.learn.training.train import train

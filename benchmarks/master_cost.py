@@ -15,7 +15,7 @@ from fractions import Fraction
 from pathlib import Path
 
 from uuvsim_cosim.fmus.codegen.toolchain import compile_shared
-from uuvsim_cosim.fmus.export.export import build_fmu
+from uuvsim_cosim.fmus.export.fmu_file import build_fmu
 from uuvsim_cosim.fmus.importer.read_description import read_description
 from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_fmu
 from uuvsim_cosim.models.declaration.model import Model

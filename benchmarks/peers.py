@@ -21,7 +21,7 @@ from master_cost import lag
 from parts.lag_fmu import lag_fmu
 from parts.peers_engines import ENGINES
 
-from uuvsim_cosim.fmus.export.export import build_fmu
+from uuvsim_cosim.fmus.export.fmu_file import build_fmu
 
 PACKAGES = {
     "uuvsim-cosim": "uuvsim-cosim",

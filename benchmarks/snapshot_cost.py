@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import uuvsim_cosim as uuv
-from uuvsim_cosim.fmus.export.export import build_fmu
+from uuvsim_cosim.fmus.export.fmu_file import build_fmu
 from uuvsim_cosim.models.declaration.library import declare
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.master.prepared import prepare

@@ -100,7 +100,7 @@ def test_a_run_ends_with_a_table_of_what_was_written(uuvsim: Uuvsim, tank: str) 
 
 
 def test_set_rate_and_record_every_reach_the_run(uuvsim: Uuvsim, tank: str) -> None:
-    from uuvsim_cosim.orchestrator.recording.recording import read_signals
+    from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 
     options = ("--set", "tap.opening=3", "--rate", "tank=0.2", "--record-every", "2")
     status, _, err = uuvsim("run", tank, "--until", "2", "--out", "r", "--no-report", *options)
@@ -303,7 +303,7 @@ def test_a_starting_point_flies_the_survey_as_it_is_written(uuvsim: Uuvsim, kind
     swap = ("--replace", f"controller={source}", "--until", "25", "--no-report", "--out", "r")
     status, out, err = uuvsim("run", "bluerov2_survey", *swap)
     assert (status, err) == (0, ""), out
-    from uuvsim_cosim.orchestrator.recording.recording import read_signals
+    from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 
     eta = read_signals("r")["hull.eta"][-1]
     assert abs(eta[1]) < 0.5  # on the first leg, which leads north at 5 m

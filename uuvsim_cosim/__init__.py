@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from uuvsim_cosim.models.declaration.library import declare
     from uuvsim_cosim.models.declaration.model import Model
     from uuvsim_cosim.orchestrator.master.master import Master
-    from uuvsim_cosim.orchestrator.recording.recording import read_signals
+    from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
     from uuvsim_cosim.orchestrator.recording.signals import Signals
     from uuvsim_cosim.orchestrator.running.library import available, load
     from uuvsim_cosim.orchestrator.running.linearize import linearize, trim
@@ -70,7 +70,7 @@ __getattr__, __dir__ = lazy(
         "fuse": "kernels",
         "linearize": "orchestrator.running.linearize",
         "load": "orchestrator.running.library",
-        "read_signals": "orchestrator.recording.recording",
+        "read_signals": "orchestrator.recording.recording_reader",
         "run": "orchestrator.running.run",
         "simulate": "models.analysis.simulate",
         "study": "studies",

@@ -19,7 +19,7 @@ DEFERRED = {
     "models.analysis.trim": {"scipy": "start-up"},
     "models.checks.comparison": {"ruamel": "start-up"},
     "models.control.lqr_design": {"control": "start-up"},
-    "models.declaration.parameters": {"jsonschema": "start-up", "ruamel": "start-up"},
+    "models.declaration.parameter_files": {"jsonschema": "start-up", "ruamel": "start-up"},
     "models.declaration.yaml_text": {"ruamel": "start-up"},
     "models.guidance.sampled_signal": {"scipy": "start-up"},
     "models.importing.description_file": {"lxml": "start-up"},

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from uuvsim_cosim.cache import cache_dir
-from uuvsim_cosim.fmus.export.export import fmi_headers
+from uuvsim_cosim.fmus.export.fmu_file import fmi_headers
 
 WINE = shutil.which("wine64") or shutil.which("/usr/lib/wine/wine64")
 NEEDS_WINE = pytest.mark.skipif(WINE is None, reason="wine64 is not installed; the DLL was not run")

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from uuvsim_cosim.fmus.description import Variable
-from uuvsim_cosim.fmus.export.export import build_fmu
+from uuvsim_cosim.fmus.export.fmu_file import build_fmu
 from uuvsim_cosim.fmus.importer.read_description import read_description
 from uuvsim_cosim.models.declaration.model import Model
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from uuvsim_cosim.content import content
-from uuvsim_cosim.fmus.codegen.emit import NAMED
+from uuvsim_cosim.fmus.codegen.emit_c import NAMED
 from uuvsim_cosim.fmus.codegen.runtime import runtime
 from uuvsim_cosim.fmus.codegen.toolchain import compile_shared
 

@@ -9,7 +9,7 @@ import pytest
 
 from uuvsim_cosim.cache import cache_dir, content_hash, keep
 from uuvsim_cosim.content import content
-from uuvsim_cosim.fmus.codegen.emit import emit_function
+from uuvsim_cosim.fmus.codegen.emit_c import emit_function
 from uuvsim_cosim.fmus.codegen.equations import equations
 from uuvsim_cosim.fmus.codegen.runtime import runtime
 from uuvsim_cosim.fmus.codegen.table_data import table_call, table_data
@@ -19,9 +19,9 @@ from uuvsim_cosim.kernels.codegen.declaration import declaration_text
 from uuvsim_cosim.kernels.codegen.held_values import split
 from uuvsim_cosim.kernels.codegen.tables import tables_in_lanes
 from uuvsim_cosim.models.declaration.library import declare
-from uuvsim_cosim.models.intrinsics.even_knots import even
-from uuvsim_cosim.models.intrinsics.knots import bends
+from uuvsim_cosim.models.intrinsics.breakpoints import buckets
 from uuvsim_cosim.models.intrinsics.table import TABLES, Table, table1, table2
+from uuvsim_cosim.models.intrinsics.uniform_grids import uniform_grid
 
 INCLUDE = [content("fmus", "kernels"), *runtime()]
 
@@ -124,7 +124,7 @@ def as_called(table: Table, dtype: str, width: int, *, runtime: bool) -> ctypes.
 def shipped_tables() -> list[Table]:
     for name in ("thruster_t200", "battery", "allocation"):
         declare(name)
-    forms = {id(t): t for t in TABLES.values() if even(t) or bends(t)}
+    forms = {id(t): t for t in TABLES.values() if uniform_grid(t) or buckets(t)}
     return [t for t in forms.values() if len(t.x) > 9]
 
 
@@ -189,8 +189,8 @@ def test_the_table_of_a_thruster_is_read_once_a_step() -> None:
     first = eq.layout.offset["state"]
     both, n_held = split(text, lambda cell: cell in (0, first))
     held, rhs = both.split("static void rhs")
-    assert "uuv_even2" in held
-    assert "uuv_even2" not in rhs
+    assert "uuv_uniform2" in held
+    assert "uuv_uniform2" not in rhs
     assert n_held == 1
 
 
@@ -198,8 +198,8 @@ def test_what_a_thruster_reads_at_its_command_is_read_together() -> None:
     text = declaration_text(equations(declare("thruster_t200")), np.dtype("float64"))
     held = text.split("static void held(")[1].split("\n}\n")[0]
     step = text.split("static void outputs_of_step(")[1].split("\n}\n")[0]
-    assert held.count("_at_even(") == held.count("uuv_lane_pair") == 1
-    assert step.count("_at_") == step.count("_at_bent(") == 1
+    assert held.count("_at_uniform(") == held.count("uuv_lane_pair") == 1
+    assert step.count("_at_") == step.count("_at_buckets(") == 1
 
 
 def test_nothing_that_depends_on_states_or_time_is_held() -> None:

@@ -16,8 +16,8 @@ from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_fmu
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.units import parse_unit
 from uuvsim_cosim.orchestrator.master.observer import Chunk, Column
+from uuvsim_cosim.orchestrator.plan.algebraic_loops import apply_loop_policy
 from uuvsim_cosim.orchestrator.plan.initialization import initialization_order
-from uuvsim_cosim.orchestrator.plan.loop_policy import apply_loop_policy
 from uuvsim_cosim.orchestrator.plan.plan import Group, Plan, PlannedComponent, Transfer
 from uuvsim_cosim.orchestrator.plan.seeds import component_seed
 from uuvsim_cosim.orchestrator.python.component import PythonComponent

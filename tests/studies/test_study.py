@@ -10,7 +10,7 @@ import uuvsim_cosim as uuv
 from uuvsim_cosim.envs.randomisation.distributions import Choice, Normal, Uniform
 from uuvsim_cosim.envs.randomisation.randomisation import Vary
 from uuvsim_cosim.errors import InputInvalid, SystemInvalid
-from uuvsim_cosim.fmus.export.export import build_fmu
+from uuvsim_cosim.fmus.export.fmu_file import build_fmu
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.master.prepared import prepare
 from uuvsim_cosim.orchestrator.plan.flatten import flatten

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.episodes.spaces import ActionBox
-from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.envs.task.episode_draws import Draws
 from uuvsim_cosim.envs.task.task import Array, Mask, Moment, Task, TeamTask
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 

@@ -2,7 +2,7 @@
 
 Export is in `codegen/` and `export/`, import in `importer/`, `model_exchange/` and `isolation/`.
 The C around the equations is in the folder ``fmus/`` at the top. It may import `models` only.
-Start with `component.py` and `description.py`, then `export/export.py`.
+Start with `component.py` and `description.py`, then `export/fmu_file.py`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from uuvsim_cosim.fmus.check.simulate_fmu import simulate_fmu
     from uuvsim_cosim.fmus.codegen.native import Native
     from uuvsim_cosim.fmus.export.component_folder import write_all
-    from uuvsim_cosim.fmus.export.export import build_fmu
+    from uuvsim_cosim.fmus.export.fmu_file import build_fmu
     from uuvsim_cosim.fmus.importer.read_description import read_description
     from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_fmu
 
@@ -32,7 +32,7 @@ __getattr__, __dir__ = lazy(
     __name__,
     {
         "Native": "codegen.native",
-        "build_fmu": "export.export",
+        "build_fmu": "export.fmu_file",
         "instantiate_fmu": "instantiation.instantiate",
         "read_description": "importer.read_description",
         "simulate_fmu": "check.simulate_fmu",

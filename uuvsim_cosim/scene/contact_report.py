@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import UuvsimError
-from uuvsim_cosim.models.declaration.parameters import Size, split_address, vehicle_size
+from uuvsim_cosim.models.declaration.parameter_files import Size, split_address, vehicle_size
 from uuvsim_cosim.models.worlds.ground import ground_named
 
 __all__ = ["contact_warnings"]

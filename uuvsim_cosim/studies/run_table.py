@@ -15,7 +15,7 @@ from uuvsim_cosim.envs.randomisation.distributions import Choice
 from uuvsim_cosim.envs.randomisation.mass import hulls_of
 from uuvsim_cosim.envs.randomisation.randomisation import Randomisation, Vary
 from uuvsim_cosim.envs.randomisation.targets import Places, Quantity, resolved
-from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.envs.task.episode_draws import Draws
 from uuvsim_cosim.errors import InputInvalid, Problem, SystemInvalid
 from uuvsim_cosim.studies.size import check_runs
 

@@ -3,8 +3,8 @@
  *
  * Knots increase strictly; there are two or more. Outside of its knots an argument counts as the
  * nearest knot, so the slope is 0 there. At a knot the slope is that to its right. NaN gives NaN.
- * Tables of one row or two are read without a search: uuv_even (models/intrinsics/even_knots.py), uuv_bent
- * (models/intrinsics/knots.py).
+ * Tables of one row or two are read without a search: uuv_uniform (models/intrinsics/uniform_grids.py), uuv_buckets
+ * (models/intrinsics/breakpoints.py).
  */
 #ifndef UUV_TABLE_H
 #define UUV_TABLE_H
@@ -127,47 +127,47 @@ static inline V uuv_rows_between_(V x, V y, V p, V q, uuv_real from, uuv_real to
 /* A knot of a row: the value there, and the slopes on both sides. */
 typedef struct {
     uuv_real knot, value, below, above;
-} uuv_bend;
+} uuv_breakpoint;
 
-/* Equal buckets, `scale` a unit of x; each row's bend for each of them. Two rows lie at y = low,
+/* Equal buckets, `scale` a unit of x; each row's breakpoint for each of them. Two rows lie at y = low,
  * high. */
 typedef struct {
     uuv_real first, last, scale, low, high;
     const unsigned short *at[2];
-    const uuv_bend *bends[2];
-} uuv_bent;
+    const uuv_breakpoint *breakpoints[2];
+} uuv_buckets;
 
-static inline V uuv_bent_row_(V x, V bucket, const unsigned short *at, const uuv_bend *bends) {
+static inline V uuv_buckets_row_(V x, V bucket, const unsigned short *at, const uuv_breakpoint *breakpoints) {
     V knot = x, value = x, below = x, above = x;
     for (int i = 0; i < UUV_W; i++) {
-        const uuv_bend *bend = bends + at[(int)uuv_lane(bucket, i)];
-        knot = uuv_with_lane(knot, i, bend->knot);
-        value = uuv_with_lane(value, i, bend->value);
-        below = uuv_with_lane(below, i, bend->below);
-        above = uuv_with_lane(above, i, bend->above);
+        const uuv_breakpoint *point = breakpoints + at[(int)uuv_lane(bucket, i)];
+        knot = uuv_with_lane(knot, i, point->knot);
+        value = uuv_with_lane(value, i, point->value);
+        below = uuv_with_lane(below, i, point->below);
+        above = uuv_with_lane(above, i, point->above);
     }
     const V beyond = x - knot;
     return value + beyond * uuv_select(uuv_mask_lt(beyond, uuv_const(0.0)), below, above);
 }
 
 /* x within the grid; the first knot for NaN. */
-static inline V uuv_bent_within_(V x, const uuv_bent *t) {
+static inline V uuv_buckets_within_(V x, const uuv_buckets *t) {
     const V first = uuv_const(t->first), last = uuv_const(t->last);
     const V above = uuv_select(uuv_mask_lt(first, x), x, first);
     return uuv_select(uuv_mask_lt(above, last), above, last);
 }
 
-static inline V uuv_bent1(V x, const uuv_bent *t) {
-    const V in = uuv_bent_within_(x, t);
+static inline V uuv_buckets1(V x, const uuv_buckets *t) {
+    const V in = uuv_buckets_within_(x, t);
     const V bucket = (in - uuv_const(t->first)) * uuv_const(t->scale);
-    return uuv_select(uuv_mask_nan(x), x, uuv_bent_row_(in, bucket, t->at[0], t->bends[0]));
+    return uuv_select(uuv_mask_nan(x), x, uuv_buckets_row_(in, bucket, t->at[0], t->breakpoints[0]));
 }
 
-static inline V uuv_bent2(V x, V y, const uuv_bent *t) {
-    const V in = uuv_bent_within_(x, t);
+static inline V uuv_buckets2(V x, V y, const uuv_buckets *t) {
+    const V in = uuv_buckets_within_(x, t);
     const V bucket = (in - uuv_const(t->first)) * uuv_const(t->scale);
-    const V p = uuv_bent_row_(in, bucket, t->at[0], t->bends[0]);
-    const V q = uuv_bent_row_(in, bucket, t->at[1], t->bends[1]);
+    const V p = uuv_buckets_row_(in, bucket, t->at[0], t->breakpoints[0]);
+    const V q = uuv_buckets_row_(in, bucket, t->at[1], t->breakpoints[1]);
     return uuv_rows_between_(x, y, p, q, t->low, t->high);
 }
 
@@ -179,9 +179,9 @@ typedef struct {
 typedef struct {
     uuv_real first, last, scale, start, per_unit, low, high;
     const uuv_line *lines[2];
-} uuv_even;
+} uuv_uniform;
 
-static inline V uuv_even_row_(V x, V k, V beyond, const uuv_line *lines) {
+static inline V uuv_uniform_row_(V x, V k, V beyond, const uuv_line *lines) {
     V value = x, slope = x;
     for (int i = 0; i < UUV_W; i++) {
         const uuv_line *line = lines + (int)uuv_lane(k, i);
@@ -192,7 +192,7 @@ static inline V uuv_even_row_(V x, V k, V beyond, const uuv_line *lines) {
 }
 
 /* k and x - x_k, of x within the grid; the first knot for NaN. */
-static inline void uuv_even_line_(V x, const uuv_even *t, V *k, V *beyond) {
+static inline void uuv_uniform_line_(V x, const uuv_uniform *t, V *k, V *beyond) {
     const V first = uuv_const(t->first), last = uuv_const(t->last);
     const V above = uuv_select(uuv_mask_lt(first, x), x, first);
     const V in = uuv_select(uuv_mask_lt(above, last), above, last);
@@ -202,17 +202,17 @@ static inline void uuv_even_line_(V x, const uuv_even *t, V *k, V *beyond) {
     *beyond = in - (*k + uuv_const(t->start)) / uuv_const(t->per_unit);
 }
 
-static inline V uuv_even1(V x, const uuv_even *t) {
+static inline V uuv_uniform1(V x, const uuv_uniform *t) {
     V k, beyond;
-    uuv_even_line_(x, t, &k, &beyond);
-    return uuv_select(uuv_mask_nan(x), x, uuv_even_row_(x, k, beyond, t->lines[0]));
+    uuv_uniform_line_(x, t, &k, &beyond);
+    return uuv_select(uuv_mask_nan(x), x, uuv_uniform_row_(x, k, beyond, t->lines[0]));
 }
 
-static inline V uuv_even2(V x, V y, const uuv_even *t) {
+static inline V uuv_uniform2(V x, V y, const uuv_uniform *t) {
     V k, beyond;
-    uuv_even_line_(x, t, &k, &beyond);
-    return uuv_rows_between_(x, y, uuv_even_row_(x, k, beyond, t->lines[0]),
-                             uuv_even_row_(x, k, beyond, t->lines[1]), t->low, t->high);
+    uuv_uniform_line_(x, t, &k, &beyond);
+    return uuv_rows_between_(x, y, uuv_uniform_row_(x, k, beyond, t->lines[0]),
+                             uuv_uniform_row_(x, k, beyond, t->lines[1]), t->low, t->high);
 }
 
 #endif

@@ -19,7 +19,7 @@ from tests.bridge.peer import Peer
 from uuvsim_cosim.bridge.access.access_text import read_access
 from uuvsim_cosim.bridge.access.authentication import Authenticator
 from uuvsim_cosim.bridge.access.roles import NEEDS, ROLES
-from uuvsim_cosim.bridge.access.zenoh import GUEST, READER, client_settings
+from uuvsim_cosim.bridge.access.zenoh_permissions import GUEST, READER, client_settings
 from uuvsim_cosim.bridge.calls.service import Client
 from uuvsim_cosim.bridge.clients.client import connect
 from uuvsim_cosim.bridge.http.server import HttpServer

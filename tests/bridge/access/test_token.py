@@ -26,7 +26,7 @@ from uuvsim_cosim.bridge.access.token import (
     token_file,
     token_folder,
 )
-from uuvsim_cosim.bridge.access.zenoh import GUEST, client_settings
+from uuvsim_cosim.bridge.access.zenoh_permissions import GUEST, client_settings
 from uuvsim_cosim.bridge.clients.remote import serve_component, source
 from uuvsim_cosim.bridge.http.server import HttpServer
 from uuvsim_cosim.bridge.server.conductor import Conductor

@@ -13,7 +13,7 @@ from tests.bridge.in_octave import NEEDS_OCTAVE, said
 from uuvsim_cosim.bridge.calls.service import Client
 from uuvsim_cosim.bridge.server.conductor import Conductor
 from uuvsim_cosim.bridge.tcp.server import TcpServer
-from uuvsim_cosim.fmus.export.export import FmiVersion, build_many
+from uuvsim_cosim.fmus.export.fmu_file import FmiVersion, build_many
 from uuvsim_cosim.orchestrator.shipped.shipped import bluerov2_hold
 from uuvsim_cosim.orchestrator.system.system import System
 

@@ -16,7 +16,7 @@ from uuvsim_cosim.bridge.calls.values import pieces
 from uuvsim_cosim.bridge.server.conductor import Conductor
 from uuvsim_cosim.bridge.server.snapshots import EACH
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid, UuvsimError
-from uuvsim_cosim.orchestrator.recording.recording import read_signals
+from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 from uuvsim_cosim.orchestrator.system.system import System
 
 PARTS = Path(__file__).parents[1] / "parts.py"

@@ -17,7 +17,7 @@ import pytest
 
 from tests.bridge.peer import Peer, bearer
 from uuvsim_cosim.bridge.access.token import known_token
-from uuvsim_cosim.bridge.access.zenoh import GUEST, client_settings
+from uuvsim_cosim.bridge.access.zenoh_permissions import GUEST, client_settings
 from uuvsim_cosim.bridge.calls.connection_limits import Limits
 from uuvsim_cosim.bridge.calls.service import Client
 from uuvsim_cosim.bridge.clients.client import connect

@@ -15,7 +15,7 @@ from uuvsim_cosim.bridge.server.playback import Replay, is_recording
 from uuvsim_cosim.bridge.zenoh.bridge import Bridge
 from uuvsim_cosim.errors import InputInvalid, RecordingError
 from uuvsim_cosim.orchestrator.recording.export import export
-from uuvsim_cosim.orchestrator.recording.recording import read_signals
+from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 from uuvsim_cosim.orchestrator.system.system import System
 

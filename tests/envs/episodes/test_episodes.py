@@ -8,7 +8,7 @@ import pytest
 from tests.envs.drift import LIMIT, Drift
 from uuvsim_cosim.envs.episodes.episodes import AGENT, Episodes
 from uuvsim_cosim.envs.episodes.single_agent import Stage
-from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.envs.task.episode_draws import Draws
 from uuvsim_cosim.errors import InputInvalid
 
 

@@ -12,7 +12,7 @@ import pytest
 from tests.envs.drift import Drift
 from tests.envs.two import Advance
 from uuvsim_cosim.envs import Channel, CosimEnv, CosimTeamVectorEnv, CosimVectorEnv, FunctionTask
-from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.envs.task.episode_draws import Draws
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid
 from uuvsim_cosim.orchestrator.system.system import System
 

@@ -24,12 +24,12 @@ from uuvsim_cosim.envs.randomisation.published import (
 )
 from uuvsim_cosim.envs.randomisation.randomisation import Randomisation, Vary
 from uuvsim_cosim.envs.task.channel import Channel
-from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.envs.task.episode_draws import Draws
 from uuvsim_cosim.envs.task.task import Moment, Task
 from uuvsim_cosim.envs.tasks import TargetTracking
 from uuvsim_cosim.envs.team import CosimParallelEnv
 from uuvsim_cosim.errors import InputInvalid, SystemInvalid
-from uuvsim_cosim.models.declaration.parameters import parameter_set, read_yaml, vehicle_sets
+from uuvsim_cosim.models.declaration.parameter_files import parameter_set, read_yaml, vehicle_sets
 from uuvsim_cosim.orchestrator.running.library import load
 from uuvsim_cosim.orchestrator.shipped.tracking import target_tracking
 from uuvsim_cosim.orchestrator.system.system import System

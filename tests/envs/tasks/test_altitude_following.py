@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.envs.tasks.moments import ArrayMoment
-from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.envs.task.episode_draws import Draws
 from uuvsim_cosim.envs.tasks import AltitudeFollowing, evaluate, scripted_policy
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.scene.shared.ray_casting import Caster

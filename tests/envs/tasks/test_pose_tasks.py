@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 import uuvsim_cosim.envs  # noqa: F401  (registers the ids)
 from tests.envs.tasks.moments import ArrayMoment
 from uuvsim_cosim.envs.episodes.single_agent import Stage
-from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.envs.task.episode_draws import Draws
 from uuvsim_cosim.envs.tasks import (
     DisturbanceRejection,
     StationKeeping,

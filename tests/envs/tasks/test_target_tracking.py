@@ -14,7 +14,7 @@ import uuvsim_cosim.envs  # noqa: F401  (registers the ids)
 from tests.envs.tasks.moments import ArrayMoment
 from uuvsim_cosim.envs.episodes.multi_agent import TeamStage
 from uuvsim_cosim.envs.solo import Solo
-from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.envs.task.episode_draws import Draws
 from uuvsim_cosim.envs.tasks import TargetTracking, evaluate, scripted_policy
 from uuvsim_cosim.envs.tasks.tracking_scenarios import SCENARIOS
 from uuvsim_cosim.envs.team import CosimParallelEnv

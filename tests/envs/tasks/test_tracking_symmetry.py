@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.episodes.multi_agent import TeamStage
-from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.envs.task.episode_draws import Draws
 from uuvsim_cosim.envs.tasks.pool_tracking import PoolTracking
 from uuvsim_cosim.envs.tasks.target_tracking import TargetTracking
 

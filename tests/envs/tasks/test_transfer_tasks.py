@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.envs.task.episode_draws import Draws
 from uuvsim_cosim.envs.tasks.disturbed import LATE, NOISE, THRUST, Disturbed
 from uuvsim_cosim.envs.tasks.evaluation import Evaluation, evaluate
 from uuvsim_cosim.envs.tasks.pool_tracking import PoolTracking

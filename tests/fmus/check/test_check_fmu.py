@@ -18,7 +18,7 @@ from uuvsim_cosim.fmus.check.reference_result import LS_REF
 from uuvsim_cosim.fmus.check.trial_run import LOOKS, trial
 from uuvsim_cosim.fmus.codegen.lowering import Lowered, lower
 from uuvsim_cosim.fmus.codegen.toolchain import compile_shared, host
-from uuvsim_cosim.fmus.export.export import build_fmu, write_archive
+from uuvsim_cosim.fmus.export.fmu_file import build_fmu, write_archive
 from uuvsim_cosim.models.declaration.library import available, declare
 from uuvsim_cosim.models.declaration.model import Model
 

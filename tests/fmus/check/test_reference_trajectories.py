@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from uuvsim_cosim.content import content
-from uuvsim_cosim.fmus.export.export import build_fmu
+from uuvsim_cosim.fmus.export.fmu_file import build_fmu
 from uuvsim_cosim.models.declaration.library import declare
 
 FOLDER = content("models", "vehicles", "bluerov2_heavy", "reference")

@@ -14,7 +14,7 @@ import pytest
 from fmpy.fmi1 import FMICallException
 from fmpy.simulation import instantiate_fmu
 
-from uuvsim_cosim.fmus.export.export import build_fmu
+from uuvsim_cosim.fmus.export.fmu_file import build_fmu
 from uuvsim_cosim.fmus.importer.fmu2 import Fmu2
 from uuvsim_cosim.fmus.importer.fmu3 import Fmu3
 from uuvsim_cosim.fmus.importer.read_description import read_fmu

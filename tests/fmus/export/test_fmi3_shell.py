@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
 
-from uuvsim_cosim.fmus.export.export import fmi_headers
+from uuvsim_cosim.fmus.export.fmu_file import fmi_headers
 
 Make = Callable[[str, int], Any]
 NEVER = {"fmi3GetVersion", "fmi3FreeInstance"}

@@ -14,7 +14,7 @@ from fmpy.fmi1 import FMICallException
 
 from uuvsim_cosim.fmus.codegen.lowering import lower
 from uuvsim_cosim.fmus.codegen.native import Native
-from uuvsim_cosim.fmus.export.export import compile_fmu
+from uuvsim_cosim.fmus.export.fmu_file import compile_fmu
 from uuvsim_cosim.models.declaration.model import Model
 
 Make = Callable[[str, int], Any]

@@ -11,7 +11,7 @@ import pytest
 
 from tests.fmus.by_wine import NEEDS_WINE, stepped
 from uuvsim_cosim.fmus.codegen.lowering import lower
-from uuvsim_cosim.fmus.export.export import build_fmu, compile_fmu
+from uuvsim_cosim.fmus.export.fmu_file import build_fmu, compile_fmu
 from uuvsim_cosim.fmus.importer.read_description import read_fmu
 from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_fmu
 from uuvsim_cosim.models.declaration.library import declare

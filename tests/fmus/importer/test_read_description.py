@@ -8,7 +8,7 @@ import pytest
 
 from uuvsim_cosim.errors import FmuError
 from uuvsim_cosim.fmus.codegen.toolchain import host
-from uuvsim_cosim.fmus.export.export import write_archive
+from uuvsim_cosim.fmus.export.fmu_file import write_archive
 from uuvsim_cosim.fmus.importer.read_description import read_description, read_fmu
 from uuvsim_cosim.models.declaration.units import parse_unit
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from uuvsim_cosim.errors import ComponentFailed
-from uuvsim_cosim.orchestrator.recording.recording import read_signals
+from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 from uuvsim_cosim.orchestrator.running.run import run
 from uuvsim_cosim.orchestrator.system.system import System
 

@@ -205,7 +205,7 @@ def test_a_broken_power_of_a_negative_base_is_nan(call: Call) -> None:
 
 
 def test_every_operation_of_casadi_that_the_emitter_names_exists() -> None:
-    from uuvsim_cosim.fmus.codegen.emit import NAMED
+    from uuvsim_cosim.fmus.codegen.emit_c import NAMED
 
     text = "".join(f.read_text() for f in runtime_files() if f.suffix == ".h")
     defined = set(re.findall(r"^static inline V (uuv_\w+)\(", text, re.MULTILINE))

@@ -11,7 +11,7 @@ from torch.nn.functional import layer_norm
 from uuvsim_cosim.envs.task.task import Symmetry
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.algorithms.masac import Masac, MasacSettings
-from uuvsim_cosim.learn.algorithms.masac_learner import MasacLearner, OffPolicySettings
+from uuvsim_cosim.learn.algorithms.off_policy_learner import MasacLearner, OffPolicySettings
 from uuvsim_cosim.learn.algorithms.replay_buffer import Replay, Transitions
 from uuvsim_cosim.learn.algorithms.stacked import StackedMLP
 from uuvsim_cosim.learn.algorithms.transfer import transfer

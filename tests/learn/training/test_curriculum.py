@@ -12,7 +12,7 @@ import pytest
 from uuvsim_cosim.commands.learn.policies import acting_of
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.algorithms.checkpoint import load_checkpoint
-from uuvsim_cosim.learn.algorithms.masac_learner import MasacLearner
+from uuvsim_cosim.learn.algorithms.off_policy_learner import MasacLearner
 from uuvsim_cosim.learn.deployment.export import export_policy
 from uuvsim_cosim.learn.shared.task_ids import make_task
 from uuvsim_cosim.learn.training.curricula import CURRICULA, curriculum_of, read_curriculum

@@ -13,7 +13,7 @@ from uuvsim_cosim.envs.tasks.tracking_scenarios import SCENARIOS
 from uuvsim_cosim.envs.vector import CosimVectorEnv
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.algorithms.masac import Masac, MasacSettings
-from uuvsim_cosim.learn.algorithms.masac_learner import MasacLearner, OffPolicySettings
+from uuvsim_cosim.learn.algorithms.off_policy_learner import MasacLearner, OffPolicySettings
 from uuvsim_cosim.learn.policies.policy import Policy
 from uuvsim_cosim.learn.training.rollout import Rollout
 from uuvsim_cosim.learn.training.train import train

@@ -10,7 +10,7 @@ import pytest
 from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import InputInvalid, ParameterInvalid
 from uuvsim_cosim.models.declaration.library import declare
-from uuvsim_cosim.models.vehicles.vehicle_folder import read_folder
+from uuvsim_cosim.models.vehicles.check_vehicle_folder import read_folder
 
 SETS = """
 sets:

@@ -12,8 +12,8 @@ from uuvsim_cosim.errors import ComponentFailed, InputInvalid, ParameterInvalid
 from uuvsim_cosim.models.analysis.simulate import simulate
 from uuvsim_cosim.models.checks.reference_trajectory import read_reference
 from uuvsim_cosim.models.declaration import safe_math
-from uuvsim_cosim.models.declaration.draws import normals, philox
 from uuvsim_cosim.models.declaration.model import Model
+from uuvsim_cosim.models.declaration.philox import normals, philox
 from uuvsim_cosim.models.guidance.sampled_signal import Signal
 
 CSV = content("models", "vehicles", "bluerov2_heavy", "reference") / "wu_2018_const_surge.csv"

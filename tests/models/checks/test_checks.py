@@ -18,7 +18,7 @@ from uuvsim_cosim.models.checks.compiled_run import end_of, rows_of
 from uuvsim_cosim.models.checks.reference_trajectory import deviations, read_reference
 from uuvsim_cosim.models.checks.table import BEGIN, END, tables
 from uuvsim_cosim.models.declaration.library import declare
-from uuvsim_cosim.models.declaration.parameters import vehicle_ids, vehicle_sets
+from uuvsim_cosim.models.declaration.parameter_files import vehicle_ids, vehicle_sets
 from uuvsim_cosim.models.importing.new_vehicle import write_vehicle
 
 TRUST = Path(__file__).parents[3] / "docs" / "trust.md"

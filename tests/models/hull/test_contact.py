@@ -12,7 +12,7 @@ import pytest
 from uuvsim_cosim.errors import InputInvalid, ParameterInvalid
 from uuvsim_cosim.fmus.codegen.lowering import lower
 from uuvsim_cosim.fmus.codegen.native import Native
-from uuvsim_cosim.fmus.export.export import build_fmu
+from uuvsim_cosim.fmus.export.fmu_file import build_fmu
 from uuvsim_cosim.fmus.importer.fmu3 import Fmu3
 from uuvsim_cosim.fmus.importer.read_description import read_fmu
 from uuvsim_cosim.models.declaration.kinematics import R, q_of_euler

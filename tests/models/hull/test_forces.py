@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uuvsim_cosim.models.declaration import inertia
-from uuvsim_cosim.models.hull import restoring, rigid_body
+from uuvsim_cosim.models.hull import coriolis, restoring
 from uuvsim_cosim.models.hull.damping import D, damping
 
 finite = st.floats(-10, 10)
@@ -23,8 +23,8 @@ def number(expression: Any) -> np.ndarray:
 def test_the_two_forms_of_rigid_body_coriolis_give_the_same_force() -> None:
     r_g, nu = ca.SX([0.02, -0.01, 0.05]), np.array([1.2, -0.3, 0.4, 0.1, -0.2, 0.3])
     I_b = ca.SX(np.array([[0.3, 0.02, 0], [0.02, 4.2, -0.1], [0, -0.1, 4.3]]))
-    one = number(rigid_body.m2c(inertia.M_RB(32.0, I_b, r_g), ca.SX(nu))) @ nu
-    other = number(rigid_body.C_RB(32.0, I_b, r_g, ca.SX(nu[3:]))) @ nu
+    one = number(coriolis.m2c(inertia.M_RB(32.0, I_b, r_g), ca.SX(nu))) @ nu
+    other = number(coriolis.C_RB(32.0, I_b, r_g, ca.SX(nu[3:]))) @ nu
     np.testing.assert_allclose(other, one, atol=1e-12)
 
 
@@ -32,7 +32,7 @@ def test_the_two_forms_of_rigid_body_coriolis_give_the_same_force() -> None:
 @settings(max_examples=100, deadline=None)
 def test_coriolis_forces_do_no_work(elements: list[float], nu: np.ndarray) -> None:
     M = ca.SX(np.array(elements).reshape(6, 6))
-    power = float(nu @ number(rigid_body.coriolis(M, ca.SX(nu))).ravel())
+    power = float(nu @ number(coriolis.coriolis(M, ca.SX(nu))).ravel())
     assert abs(power) <= 1e-9 * (1 + np.abs(elements).max() * np.abs(nu).max() ** 3)
 
 
@@ -40,8 +40,8 @@ def test_coriolis_forces_do_no_work(elements: list[float], nu: np.ndarray) -> No
 @settings(max_examples=50, deadline=None)
 def test_coriolis_is_its_matrix_times_nu(elements: list[float], nu: np.ndarray) -> None:
     M = ca.SX(np.array(elements).reshape(6, 6))
-    force = number(rigid_body.coriolis(M, ca.SX(nu))).ravel()
-    np.testing.assert_allclose(force, number(rigid_body.m2c(M, ca.SX(nu))) @ nu, atol=1e-9)
+    force = number(coriolis.coriolis(M, ca.SX(nu))).ravel()
+    np.testing.assert_allclose(force, number(coriolis.m2c(M, ca.SX(nu))) @ nu, atol=1e-9)
 
 
 @given(st.lists(finite, min_size=72, max_size=72), six)
@@ -57,14 +57,14 @@ def test_damping_is_its_matrix_times_nu(elements: list[float], nu: np.ndarray) -
 def test_the_inverse_of_a_mass_is_that_of_numpy(elements: list[float]) -> None:
     A = np.array(elements).reshape(6, 6)
     M = A @ A.T / 10 + 5 * np.eye(6)
-    ours = number(rigid_body.inverse(ca.SX(M)))
+    ours = number(coriolis.inverse(ca.SX(M)))
     np.testing.assert_allclose(ours @ M, np.eye(6), atol=1e-10)
 
 
 def test_the_inverse_keeps_structural_zeros() -> None:
     M = ca.SX(ca.Sparsity.diag(6))
     M[0, 4], M[4, 0] = 1.0, 1.0
-    assert rigid_body.inverse(M + 3 * ca.SX.eye(6)).nnz() == 8
+    assert coriolis.inverse(M + 3 * ca.SX.eye(6)).nnz() == 8
 
 
 @pytest.mark.parametrize(

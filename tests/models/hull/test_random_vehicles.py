@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uuvsim_cosim.models.declaration.evaluation import Evaluation
-from uuvsim_cosim.models.hull.rigid_body import m2c
+from uuvsim_cosim.models.hull.coriolis import m2c
 from uuvsim_cosim.models.hull.vehicle import hull
 
 PAIRS = [(i, j) for i in range(1, 7) for j in range(i, 7)]

@@ -17,7 +17,7 @@ from uuvsim_cosim.models.declaration.evaluation import Evaluation
 from uuvsim_cosim.models.declaration.kinematics import R_zyx
 from uuvsim_cosim.models.declaration.library import declare
 from uuvsim_cosim.models.declaration.model import Model
-from uuvsim_cosim.models.hull.rigid_body import C_RB
+from uuvsim_cosim.models.hull.coriolis import C_RB
 from uuvsim_cosim.models.hull.vehicle import hull
 
 REFERENCE = content("models", "vehicles", "bluerov2_heavy", "reference")

@@ -12,7 +12,7 @@ from uuvsim_cosim.cli import status_of
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.actuators.thruster_geometry import configuration_matrix, thruster_geometry
 from uuvsim_cosim.models.checks.checks import checks_of
-from uuvsim_cosim.models.declaration.parameters import parameter_set
+from uuvsim_cosim.models.declaration.parameter_files import parameter_set
 from uuvsim_cosim.models.importing.import_description import import_description
 from uuvsim_cosim.models.importing.vehicle_draft import write_draft
 from uuvsim_cosim.models.importing.xacro_expand import expand

@@ -14,7 +14,7 @@ from uuvsim_cosim.models.declaration.library import declare
 from uuvsim_cosim.models.importing.new_vehicle import _SIZES as SIZES
 from uuvsim_cosim.models.importing.new_vehicle import RHO, write_vehicle
 from uuvsim_cosim.models.vehicles.outline import outline_svg
-from uuvsim_cosim.orchestrator.recording.recording import read_signals
+from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 from uuvsim_cosim.orchestrator.running.run import run
 from uuvsim_cosim.orchestrator.system.system import System
 

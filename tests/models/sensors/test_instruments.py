@@ -6,7 +6,7 @@ import pytest
 
 from uuvsim_cosim.content import content
 from uuvsim_cosim.models.declaration.library import declare
-from uuvsim_cosim.models.declaration.parameters import read_yaml
+from uuvsim_cosim.models.declaration.parameter_files import read_yaml
 
 FILES = sorted(content("models", "sensors").glob("*/*.yaml"))
 

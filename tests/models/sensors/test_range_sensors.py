@@ -11,7 +11,7 @@ import pytest
 
 from uuvsim_cosim.errors import InputInvalid, ParameterInvalid
 from uuvsim_cosim.fmus.codegen.native import Native
-from uuvsim_cosim.fmus.export.export import build_fmu
+from uuvsim_cosim.fmus.export.fmu_file import build_fmu
 from uuvsim_cosim.fmus.importer.read_description import read_fmu
 from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_here
 from uuvsim_cosim.models.analysis.simulate import simulate

@@ -10,7 +10,7 @@ from uuvsim_cosim.models.actuators.thruster_geometry import configuration_matrix
 from uuvsim_cosim.models.actuators.thruster_jet import largest_thrust
 from uuvsim_cosim.models.analysis.simulate import simulate
 from uuvsim_cosim.models.declaration.library import declare
-from uuvsim_cosim.models.declaration.parameters import parameter_set
+from uuvsim_cosim.models.declaration.parameter_files import parameter_set
 from uuvsim_cosim.models.hull.matrices import nominal
 
 L, B, H = 0.22, 0.16, 0.12

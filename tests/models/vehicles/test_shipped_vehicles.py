@@ -10,7 +10,7 @@ import pytest
 from uuvsim_cosim.content import content
 from uuvsim_cosim.models.actuators.thruster_geometry import configuration_matrix, thruster_geometry
 from uuvsim_cosim.models.declaration.library import declare
-from uuvsim_cosim.models.declaration.parameters import (
+from uuvsim_cosim.models.declaration.parameter_files import (
     parameter_set,
     read_yaml,
     vehicle_folder,

@@ -22,7 +22,7 @@ from uuvsim_cosim.orchestrator.master.shared import SharedBinding
 from uuvsim_cosim.orchestrator.plan.plan import Group
 from uuvsim_cosim.orchestrator.python.component import PythonComponent
 from uuvsim_cosim.orchestrator.recording.recorder import Recorder
-from uuvsim_cosim.orchestrator.recording.recording import read_signals
+from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 from uuvsim_cosim.orchestrator.running.run import run
 
 NAN, ERROR, ABORT, DISCARD, FATAL, HANG, ENDS, EARLY, SEGFAULT = range(1, 10)

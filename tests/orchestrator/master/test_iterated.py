@@ -9,7 +9,7 @@ import pytest
 
 from uuvsim_cosim.errors import ComponentFailed, LoopNotConverged, SystemInvalid
 from uuvsim_cosim.fmus.codegen.native import Native
-from uuvsim_cosim.fmus.export.export import build_fmu
+from uuvsim_cosim.fmus.export.fmu_file import build_fmu
 from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_fmu
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.orchestrator.master.master import Master

@@ -11,7 +11,7 @@ from uuvsim_cosim.errors import FmuError, LoopNotConverged
 from uuvsim_cosim.fmus.component import Binding, BindingKind
 from uuvsim_cosim.fmus.description import Description, Variable
 from uuvsim_cosim.orchestrator.master.master import Master
-from uuvsim_cosim.orchestrator.plan.algebraic_loop import _Loop, _offsets
+from uuvsim_cosim.orchestrator.plan.initial_loop import _Loop, _offsets
 
 
 class Static:

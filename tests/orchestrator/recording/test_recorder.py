@@ -16,7 +16,7 @@ from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.master.watch import rows_of
 from uuvsim_cosim.orchestrator.recording.export import export
 from uuvsim_cosim.orchestrator.recording.recorder import Recorder
-from uuvsim_cosim.orchestrator.recording.recording import read_signals
+from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 
 Run = Callable[..., Path]
 

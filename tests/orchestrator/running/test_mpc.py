@@ -10,7 +10,7 @@ import pytest
 import uuvsim_cosim as uuv
 from uuvsim_cosim.errors import InputInvalid, SystemInvalid
 from uuvsim_cosim.fmus.codegen.native import Native
-from uuvsim_cosim.fmus.export.export import build_fmu
+from uuvsim_cosim.fmus.export.fmu_file import build_fmu
 from uuvsim_cosim.kernels.codegen.fusible import fused_of
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.master.prepared import prepare

@@ -12,11 +12,11 @@ from tests.conftest import CFmu
 from uuvsim_cosim.cli import status_of
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid, RecordingError
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
-from uuvsim_cosim.orchestrator.recording.recording import read_signals
+from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 from uuvsim_cosim.orchestrator.running.library import load
 from uuvsim_cosim.orchestrator.running.mission import duration, path_of, with_waypoints
 from uuvsim_cosim.orchestrator.running.run import Interrupted, run
-from uuvsim_cosim.orchestrator.running.run_folder import claim
+from uuvsim_cosim.orchestrator.running.run_folder import lock_run_folder
 from uuvsim_cosim.orchestrator.system.system import System
 
 PARTS = '''
@@ -129,12 +129,12 @@ def test_progress_ends_at_the_end(tank: System, tmp_path: Path) -> None:
 
 def test_a_folder_is_claimed_only_if_it_is_free(tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
-    assert claim(tmp_path / "empty").path == tmp_path / "empty"
+    assert lock_run_folder(tmp_path / "empty").path == tmp_path / "empty"
     (tmp_path / "file").write_text("")
     with pytest.raises(InputInvalid, match="is a file"):
-        claim(tmp_path / "file")
+        lock_run_folder(tmp_path / "file")
     with pytest.raises(InputInvalid, match="cannot be made"):
-        claim(tmp_path / "file" / "below")
+        lock_run_folder(tmp_path / "file" / "below")
 
 
 def test_runs_that_begin_at_once_claim_folders_of_their_own(tmp_path: Path) -> None:
@@ -142,7 +142,7 @@ def test_runs_that_begin_at_once_claim_folders_of_their_own(tmp_path: Path) -> N
 
     def begin(_: int) -> Path:
         barrier.wait()
-        return claim(tmp_path / "runs" / "two").path
+        return lock_run_folder(tmp_path / "runs" / "two").path
 
     with ThreadPoolExecutor(8) as threads:
         claimed = list(threads.map(begin, range(8)))
@@ -152,10 +152,10 @@ def test_runs_that_begin_at_once_claim_folders_of_their_own(tmp_path: Path) -> N
 
 def test_a_claim_lasts_until_it_is_discarded(tmp_path: Path) -> None:
     (tmp_path / "r").mkdir()
-    first = claim(tmp_path / "r")
-    assert claim(tmp_path / "r").path == tmp_path / "r-2"
+    first = lock_run_folder(tmp_path / "r")
+    assert lock_run_folder(tmp_path / "r").path == tmp_path / "r-2"
     first.discard()
-    assert claim(tmp_path / "r").path == tmp_path / "r"
+    assert lock_run_folder(tmp_path / "r").path == tmp_path / "r"
 
 
 @pytest.mark.parametrize("seconds", [0.0, -1.0, float("nan"), float("inf")])
@@ -171,7 +171,7 @@ def test_a_watchdog_that_is_no_time_is_refused(
 
 
 def test_discarding_removes_only_what_was_made(tmp_path: Path) -> None:
-    made = claim(tmp_path / "a" / "b")
+    made = lock_run_folder(tmp_path / "a" / "b")
     (made.path / "system.ssd").write_text("x")
     (tmp_path / "a" / "mine.txt").write_text("mine")
     made.discard()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.orchestrator.recording.recording import read_signals
+from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 from uuvsim_cosim.orchestrator.running.run import run
 from uuvsim_cosim.orchestrator.scenarios.scenario import Change, Scenario
 from uuvsim_cosim.orchestrator.scenarios.waveforms import waveform

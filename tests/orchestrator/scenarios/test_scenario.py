@@ -16,7 +16,7 @@ from uuvsim_cosim.orchestrator.master.faults import Fault
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.master.prepared import prepare
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
-from uuvsim_cosim.orchestrator.recording.recording import read_signals
+from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 from uuvsim_cosim.orchestrator.running.run import run
 from uuvsim_cosim.orchestrator.scenarios.played import Played
 from uuvsim_cosim.orchestrator.scenarios.scenario import Change, Manipulation, Scenario, SignalFault

@@ -15,7 +15,7 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.analysis.simulate import simulate
 from uuvsim_cosim.models.checks.checks import checks_of
 from uuvsim_cosim.models.declaration.library import declare
-from uuvsim_cosim.models.declaration.parameters import parameter_set, vehicle_sets
+from uuvsim_cosim.models.declaration.parameter_files import parameter_set, vehicle_sets
 from uuvsim_cosim.models.guidance.sampled_signal import Signal
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.recording.signals import Signals

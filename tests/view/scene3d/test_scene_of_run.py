@@ -9,7 +9,7 @@ from tests.view.stage_parts import survey_folder, survey_signals
 from uuvsim_cosim.cli import status_of
 from uuvsim_cosim.errors import InputInvalid, RecordingError
 from uuvsim_cosim.orchestrator.recording.mcap import write_mcap
-from uuvsim_cosim.orchestrator.recording.recording import read_signals
+from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 from uuvsim_cosim.view.scene3d.foxglove import export_scene_mcap
 from uuvsim_cosim.view.scene3d.motion import turned

@@ -12,7 +12,7 @@ from typing import Any
 
 from uuvsim_cosim.bridge.access.tls import client_context, common_names, why_refused
 from uuvsim_cosim.bridge.access.token import known_token, token_folder
-from uuvsim_cosim.bridge.access.zenoh import GUEST, client_settings
+from uuvsim_cosim.bridge.access.zenoh_permissions import GUEST, client_settings
 from uuvsim_cosim.bridge.zenoh.session import (
     Disconnected,
     NoSession,

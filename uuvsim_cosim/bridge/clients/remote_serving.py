@@ -14,7 +14,7 @@ import numpy as np
 from uuvsim_cosim._version import __version__
 from uuvsim_cosim.bridge.access.authentication import everybody
 from uuvsim_cosim.bridge.access.token import TokenFile, guarded_by_token
-from uuvsim_cosim.bridge.access.zenoh import guarded_component
+from uuvsim_cosim.bridge.access.zenoh_permissions import guarded_component
 from uuvsim_cosim.bridge.zenoh.codec import PROTOCOL, message_of, read_message, unpacked
 from uuvsim_cosim.bridge.zenoh.session import Query, listening
 from uuvsim_cosim.closing import Closing

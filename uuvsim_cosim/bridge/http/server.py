@@ -19,7 +19,7 @@ from uuvsim_cosim.bridge.access.tls import secured
 from uuvsim_cosim.bridge.access.token import TokenFile, guarded_by_token
 from uuvsim_cosim.bridge.calls.connection_limits import Limits
 from uuvsim_cosim.bridge.calls.service import Service
-from uuvsim_cosim.bridge.http.answers import Endpoint, Handler
+from uuvsim_cosim.bridge.http.request_handler import Endpoint, Handler
 from uuvsim_cosim.bridge.tcp.framing import HTTP_PORT
 from uuvsim_cosim.bridge.tcp.server import LOOPBACK, listening
 from uuvsim_cosim.closing import Closing

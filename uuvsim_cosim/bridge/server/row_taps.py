@@ -14,7 +14,7 @@ from uuvsim_cosim.errors import RecordingError
 from uuvsim_cosim.orchestrator.master.observer import Chunk, Column, Observer
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.recording.recorder import Recorder
-from uuvsim_cosim.orchestrator.running.run_folder import claim
+from uuvsim_cosim.orchestrator.running.run_folder import lock_run_folder
 
 __all__ = ["Tap"]
 
@@ -57,7 +57,7 @@ class Tap:
         self.close()
         if self._record is None or self._plan is None:
             return
-        folder = claim(self._record)
+        folder = lock_run_folder(self._record)
         self.folders.append(folder.path)
         self._recorder = Recorder(folder.path, provenance=self._provenance)
         self._recorder.begin(self._plan, self._columns)

@@ -20,7 +20,7 @@ from typing import Any, final
 from uuvsim_cosim._version import __version__
 from uuvsim_cosim.bridge.access.authentication import Authenticator
 from uuvsim_cosim.bridge.access.token import TokenFile, guarded_by_token
-from uuvsim_cosim.bridge.access.zenoh import guarded
+from uuvsim_cosim.bridge.access.zenoh_permissions import guarded
 from uuvsim_cosim.bridge.calls.at_exit import close_at_exit
 from uuvsim_cosim.bridge.calls.call_table import CALLS, arguments, checked, read_object
 from uuvsim_cosim.bridge.calls.service import Client, Moment, Schema

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from typing import final
 
 from uuvsim_cosim.bridge.access.authentication import Authenticator, everybody
-from uuvsim_cosim.bridge.access.zenoh import READER, reader_password
+from uuvsim_cosim.bridge.access.zenoh_permissions import READER, reader_password
 from uuvsim_cosim.bridge.calls.service import Client
 from uuvsim_cosim.errors import InputInvalid
 

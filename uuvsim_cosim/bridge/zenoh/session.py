@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol, final
 
-from uuvsim_cosim.bridge.access.zenoh import endpoints as endpoints_of
+from uuvsim_cosim.bridge.access.zenoh_permissions import endpoints as endpoints_of
 from uuvsim_cosim.bridge.calls.at_exit import close_at_exit
 from uuvsim_cosim.bridge.zenoh.shared_memory import LARGE
 from uuvsim_cosim.closing import Closing

@@ -48,7 +48,7 @@ def build(
     """Build an FMU of each named model, with a binary for each platform."""
     version = fmi_version(fmi)
     platforms = platform_names(platform)
-    from uuvsim_cosim.fmus.export.export import build_many
+    from uuvsim_cosim.fmus.export.fmu_file import build_many
 
     with console(stderr=True).status(f"building {', '.join(names)} for {', '.join(platforms)}"):
         built = build_many(names, fmi=version, platforms=platforms, target_dir=out)

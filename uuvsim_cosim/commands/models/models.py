@@ -58,7 +58,7 @@ def show(
     """Show a model's variables with units, values and meaning."""
     from uuvsim_cosim.fmus.codegen.describe import describe
     from uuvsim_cosim.models.declaration.library import declare
-    from uuvsim_cosim.models.declaration.parameters import is_vehicle, split_address
+    from uuvsim_cosim.models.declaration.parameter_files import is_vehicle, split_address
     from uuvsim_cosim.models.declaration.preset import presets_of
 
     model = declare(name)

@@ -17,7 +17,7 @@ FORCES, VELOCITIES = "XYZKMN", "uvwpqr"
 
 def show_vehicle(address: str) -> None:
     """Write the figures of a vehicle's parameter set, and its numbers with their sources."""
-    from uuvsim_cosim.models.declaration.parameters import (
+    from uuvsim_cosim.models.declaration.parameter_files import (
         parameter_set,
         split_address,
         vehicle_sets,

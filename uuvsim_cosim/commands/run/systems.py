@@ -44,14 +44,14 @@ def show(
     """Draw a system's block diagram with rates and units, and list components and loops."""
     if out is not None and out.suffix.lower() != ".svg":
         raise InputInvalid(out, f"ending {out.suffix!r} was read", ".svg")
-    from uuvsim_cosim.orchestrator.plan.flatten import inspected
+    from uuvsim_cosim.orchestrator.plan.algebraic_loops import loop_lines_of
+    from uuvsim_cosim.orchestrator.plan.flatten import plan_to_inspect
     from uuvsim_cosim.orchestrator.plan.loop_delays import loop_delays, loop_lines
-    from uuvsim_cosim.orchestrator.plan.loop_policy import loop_lines_of
     from uuvsim_cosim.orchestrator.plan.plan_table import format_plan
     from uuvsim_cosim.orchestrator.running.library import load
 
     system = load(name)
-    found, refused = inspected(system)
+    found, refused = plan_to_inspect(system)
     if plan:
         line(format_plan(found))
         if refused:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, ClassVar
 
 from uuvsim_cosim.envs.conformance.subject import Environment, Make
-from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.envs.task.episode_draws import Draws
 
 if TYPE_CHECKING:
     from uuvsim_cosim.envs.single import CosimEnv

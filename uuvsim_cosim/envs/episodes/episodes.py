@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from uuvsim_cosim.envs.episodes.spaces import ActionBox
 from uuvsim_cosim.envs.episodes.start_values import rows_of
 from uuvsim_cosim.envs.plants.plant import Plant
-from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.envs.task.episode_draws import Draws
 from uuvsim_cosim.envs.task.instant import Instant, mixed
 from uuvsim_cosim.envs.task.signals import Signals, refuse
 from uuvsim_cosim.envs.task.task import Task, TeamTask

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.randomisation.randomisation import Randomisation
-from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.envs.task.episode_draws import Draws
 from uuvsim_cosim.envs.task.task import Moment, Task, TeamTask
 from uuvsim_cosim.errors import InputInvalid
 

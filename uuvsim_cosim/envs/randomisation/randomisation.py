@@ -24,7 +24,7 @@ from uuvsim_cosim.envs.randomisation.copula import Copula, copula_problems
 from uuvsim_cosim.envs.randomisation.mass import hulls_of
 from uuvsim_cosim.envs.randomisation.targets import Places, Quantity, Vary, resolved, varies
 from uuvsim_cosim.envs.randomisation.yaml_text import read_declared
-from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.envs.task.episode_draws import Draws
 from uuvsim_cosim.errors import InputInvalid, SystemInvalid
 
 if TYPE_CHECKING:

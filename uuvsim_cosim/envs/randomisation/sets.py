@@ -34,7 +34,7 @@ def published_intervals(
     distribution: Callable[[float, float], Distribution] = Uniform,
 ) -> Declared:
     """Draw each number of a hull from the interval of all its published values."""
-    from uuvsim_cosim.models.declaration.parameters import (
+    from uuvsim_cosim.models.declaration.parameter_files import (
         in_unit,
         is_vehicle,
         parameter_set,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.task.argument_checks import seconds
 from uuvsim_cosim.envs.task.channel import Channel
-from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.envs.task.episode_draws import Draws
 from uuvsim_cosim.envs.task.symmetry import Symmetry
 from uuvsim_cosim.errors import InputInvalid
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.envs.task.episode_draws import Draws
 from uuvsim_cosim.envs.task.task import Moment
 from uuvsim_cosim.envs.tasks.ranges import whole, within
 from uuvsim_cosim.envs.tasks.station_keeping import StationKeeping

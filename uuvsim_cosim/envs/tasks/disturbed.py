@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.randomisation.distributions import Uniform
 from uuvsim_cosim.envs.randomisation.randomisation import Randomisation, Vary
-from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.envs.task.episode_draws import Draws
 from uuvsim_cosim.envs.tasks.ranges import flag, within
 from uuvsim_cosim.envs.tasks.target_tracking import TargetTracking
 from uuvsim_cosim.models.declaration.preset import preset

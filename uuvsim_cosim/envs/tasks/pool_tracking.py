@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.envs.task.channel import Channel
-from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.envs.task.episode_draws import Draws
 from uuvsim_cosim.envs.task.symmetry import Symmetry
 from uuvsim_cosim.envs.task.task import Moment
 from uuvsim_cosim.envs.tasks.ranges import flag, within

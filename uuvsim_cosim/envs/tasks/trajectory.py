@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.envs.task.draws import Draws
+from uuvsim_cosim.envs.task.episode_draws import Draws
 from uuvsim_cosim.envs.task.task import Moment
 from uuvsim_cosim.envs.tasks.coordinates import in_body
 from uuvsim_cosim.envs.tasks.pose import PoseTask

@@ -1,4 +1,5 @@
 """Generation of C from a declaration, and its compilation.
 
-It may import the modules of `fmus` itself. Start reading with `lowering.py`, then `emit.py`.
+It may import the modules of `fmus` itself. Start reading with `lowering.py`,
+then `emit_c.py`.
 """

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from uuvsim_cosim.models.intrinsics.even_knots import Even, even
-from uuvsim_cosim.models.intrinsics.knots import Bends, bends
+from uuvsim_cosim.models.intrinsics.breakpoints import Buckets, buckets
 from uuvsim_cosim.models.intrinsics.table import TABLES, Table
+from uuvsim_cosim.models.intrinsics.uniform_grids import UniformGrid, uniform_grid
 
 __all__ = ["table_call", "table_data"]
 
@@ -15,10 +15,10 @@ def table_call(name: str, suffix: str, a: list[str]) -> str:
     """Return the call of a table, or of its derivative `suffix`, at the arguments `a`."""
     table = TABLES[name]
     n, at = table.n_in, ", ".join(a)
-    if not suffix and even(table):
-        return f"uuv_even{n}({at}, &{name}_even)"
-    if not suffix and bends(table):
-        return f"uuv_bent{n}({at}, &{name}_bent)"
+    if not suffix and uniform_grid(table):
+        return f"uuv_uniform{n}({at}, &{name}_uniform)"
+    if not suffix and buckets(table):
+        return f"uuv_buckets{n}({at}, &{name}_buckets)"
     nx = len(table.x)
     if n == 1:
         return f"uuv_table1{suffix}({at}, {name}_x, {name}_values, {nx})"
@@ -36,34 +36,35 @@ def table_data(name: str) -> str:
         f"static const double {name}_{part}[] = {{{_numbers(numbers)}}};\n"
         for part, numbers in arrays.items()
     ]
-    e, b = even(table), bends(table)
+    e, b = uniform_grid(table), buckets(table)
     if e is not None:
-        text += _even(table, e)
+        text += _uniform(table, e)
     elif b is not None:
-        text += _bent(table, b)
+        text += _buckets(table, b)
     return "".join(text)
 
 
-def _even(table: Table, e: Even) -> Iterator[str]:
+def _uniform(table: Table, e: UniformGrid) -> Iterator[str]:
     name = table.name
     for i, row in enumerate(e.rows):
         yield f"static const uuv_line {name}_lines_{i}[] = {{{_structs(row)}}};\n"
     numbers = _numbers((e.first, e.last, e.scale, e.start, e.per_unit, e.low, e.high))
     lines = ", ".join(f"{name}_lines_{i}" for i in range(len(e.rows)))
-    yield f"static const uuv_even {name}_even = {{{numbers}, {{{lines}}}}};\n"
+    yield f"static const uuv_uniform {name}_uniform = {{{numbers}, {{{lines}}}}};\n"
 
 
-def _bent(table: Table, b: Bends) -> Iterator[str]:
+def _buckets(table: Table, b: Buckets) -> Iterator[str]:
     name = table.name
     for i, (row, at) in enumerate(zip(b.rows, b.at, strict=True)):
-        yield f"static const uuv_bend {name}_bends_{i}[] = {{{_structs(row)}}};\n"
+        yield f"static const uuv_breakpoint {name}_breakpoints_{i}[] = {{{_structs(row)}}};\n"
         places = ", ".join(str(int(k)) for k in at)
         yield f"static const unsigned short {name}_at_{i}[] = {{{places}}};\n"
     numbers = _numbers((b.first, b.last, b.scale, b.low, b.high))
     ats, rows = (
-        ", ".join(f"{name}_{what}_{i}" for i in range(len(b.rows))) for what in ("at", "bends")
+        ", ".join(f"{name}_{what}_{i}" for i in range(len(b.rows)))
+        for what in ("at", "breakpoints")
     )
-    yield f"static const uuv_bent {name}_bent = {{{numbers}, {{{ats}}}, {{{rows}}}}};\n"
+    yield f"static const uuv_buckets {name}_buckets = {{{numbers}, {{{ats}}}, {{{rows}}}}};\n"
 
 
 def _structs(rows: Iterable[Iterable[float]]) -> str:

@@ -1,4 +1,4 @@
 """Export of a declaration, or of a whole system, as an FMU file.
 
-It may import `fmus.codegen`. Start reading with `export.py`.
+It may import `fmus.codegen`. Start reading with `fmu_file.py`.
 """

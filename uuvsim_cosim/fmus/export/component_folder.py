@@ -12,7 +12,7 @@ from uuvsim_cosim.fmus.codegen.describe import describe
 from uuvsim_cosim.fmus.codegen.lowering import lower
 from uuvsim_cosim.fmus.export.documentation import csv_text, variables_markdown
 from uuvsim_cosim.fmus.export.experiment import reference_result
-from uuvsim_cosim.fmus.export.export import compile_fmu
+from uuvsim_cosim.fmus.export.fmu_file import compile_fmu
 from uuvsim_cosim.fmus.export.model_description import model_description
 from uuvsim_cosim.models.declaration.library import available, declare
 from uuvsim_cosim.models.declaration.model import Model

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uuvsim_cosim.fmus.codegen.emit import emit_function, emit_networks, emit_update
+from uuvsim_cosim.fmus.codegen.emit_c import emit_function, emit_networks, emit_update
 from uuvsim_cosim.fmus.codegen.equations import Equations
 from uuvsim_cosim.kernels.codegen.held_values import split
 from uuvsim_cosim.kernels.codegen.tables import tables_in_lanes

@@ -7,7 +7,7 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
-from uuvsim_cosim.fmus.codegen.emit import emit_function, emit_networks
+from uuvsim_cosim.fmus.codegen.emit_c import emit_function, emit_networks
 from uuvsim_cosim.fmus.codegen.equations import Equations
 from uuvsim_cosim.kernels.codegen.tables import tables_in_lanes
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from uuvsim_cosim.fmus.codegen.emit import literal
+from uuvsim_cosim.fmus.codegen.emit_c import literal
 from uuvsim_cosim.kernels.codegen.derivative import Mode
 from uuvsim_cosim.kernels.codegen.driver import _copies
 from uuvsim_cosim.kernels.codegen.fusible import Fused

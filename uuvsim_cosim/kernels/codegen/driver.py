@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 
-from uuvsim_cosim.fmus.codegen.emit import literal
+from uuvsim_cosim.fmus.codegen.emit_c import literal
 from uuvsim_cosim.kernels.codegen.fusible import Fused
 from uuvsim_cosim.kernels.codegen.slower_components import becoming_visible, due_now, slower_steps
 from uuvsim_cosim.orchestrator.plan.plan import Transfer

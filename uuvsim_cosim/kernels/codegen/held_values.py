@@ -15,7 +15,7 @@ _STORE = re.compile(r"dx\[\d+\] = (?P<value>.*);$")
 _VALUE = re.compile(r"\bt\d+(?:_\d+)?\b")
 _QUOTIENT = re.compile(r"const V (?P<name>t\d+) = (?P<dividend>\S+) / (?P<divisor>\S+);$")
 _TABLE = re.compile(
-    r"^ {4}const V (?P<name>t\w+) = (?P<value>uuv_(?:even|bent)\d\((?:b\[\d+\], )+&\w+\));$",
+    r"^ {4}const V (?P<name>t\w+) = (?P<value>uuv_(?:uniform|buckets)\d\((?:b\[\d+\], )+&\w+\));$",
     re.MULTILINE,
 )
 _OF_STEP = "outputs_of_step(const V *b, const V *w, V *out)"

@@ -13,9 +13,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from uuvsim_cosim.kernels.codegen.interval_tables import interval_text, numbers_text
-from uuvsim_cosim.models.intrinsics.even_knots import Even, even
-from uuvsim_cosim.models.intrinsics.knots import Bends, bends
+from uuvsim_cosim.models.intrinsics.breakpoints import Buckets, buckets
 from uuvsim_cosim.models.intrinsics.table import TABLES, Table
+from uuvsim_cosim.models.intrinsics.uniform_grids import UniformGrid, uniform_grid
 
 __all__ = ["tables_in_lanes"]
 
@@ -23,18 +23,19 @@ _AT = r"(?P<at>[^\s,]+(?:, [^\s,]+)?)"
 _CALLS = (
     re.compile(rf"uuv_table1(?P<form>_d)?\({_AT}, (?P<name>\w+)_x, \w+, \d+\)"),
     re.compile(rf"uuv_table2(?P<form>_dx|_dy)?\({_AT}, (?P<name>\w+)_x, \d+, \w+, \d+, \w+\)"),
-    re.compile(rf"uuv_(?P<form>bent|even)[12]\({_AT}, &(?P<name>\w+)_(?:bent|even)\)"),
+    re.compile(rf"uuv_(?P<form>buckets|uniform)[12]\({_AT}, &(?P<name>\w+)_(?:buckets|uniform)\)"),
 )
 _EVEN = re.compile(
-    rf"^ {{4}}const V (?P<result>\w+) = uuv_even2\({_AT}, &(?P<name>\w+)_even\);$", re.MULTILINE
+    rf"^ {{4}}const V (?P<result>\w+) = uuv_uniform2\({_AT}, &(?P<name>\w+)_uniform\);$",
+    re.MULTILINE,
 )
 
 
 def tables_in_lanes(text: str, dtype: np.dtype) -> tuple[str, str]:
     """Return the text of the tables that `text` reads, and `text` with calls of their functions."""
-    pairs: dict[str, tuple[Even, ...]] = {}
+    pairs: dict[str, tuple[UniformGrid, ...]] = {}
     text = "\n}\n".join(_paired(body, pairs) for body in text.split("\n}\n"))
-    called: dict[str, set[str]] = {}  # functions by table, such as "at_even" and "at_dx"
+    called: dict[str, set[str]] = {}  # functions by table, such as "at_uniform" and "at_dx"
 
     def replaced(m: re.Match[str]) -> str:
         call = f"at_{m['form'].strip('_')}" if m["form"] else "at"
@@ -46,42 +47,42 @@ def tables_in_lanes(text: str, dtype: np.dtype) -> tuple[str, str]:
     lines: list[str] = []
     for name in sorted(called):
         table, calls = TABLES[name], called[name]
-        e, b = even(table), bends(table, dtype.name)
-        if e is not None and "at_even" in calls:
-            lines += _even(name, (e,), dtype)
-            calls = calls - {"at_even"}
-        if b is not None and "at_bent" in calls:
-            lines += _bent(table, b, dtype)
-            calls = calls - {"at_bent"}
+        e, b = uniform_grid(table), buckets(table, dtype.name)
+        if e is not None and "at_uniform" in calls:
+            lines += _uniform(name, (e,), dtype)
+            calls = calls - {"at_uniform"}
+        if b is not None and "at_buckets" in calls:
+            lines += _buckets(table, b, dtype)
+            calls = calls - {"at_buckets"}
         if calls:
             lines += interval_text(table, dtype, calls)
-    lines += [s for name in sorted(pairs) for s in _even(name, pairs[name], dtype)]
+    lines += [s for name in sorted(pairs) for s in _uniform(name, pairs[name], dtype)]
     return "".join(f"{line}\n" for line in lines), text
 
 
-def _paired(body: str, pairs: dict[str, tuple[Even, ...]]) -> str:
+def _paired(body: str, pairs: dict[str, tuple[UniformGrid, ...]]) -> str:
     """Read two uniform tables together if a function reads both at the same place."""
     waiting: dict[tuple[object, ...], re.Match[str]] = {}
     for m in [*_EVEN.finditer(body)]:
-        e = even(TABLES[m["name"]])
+        e = uniform_grid(TABLES[m["name"]])
         assert e is not None
         key = (m["at"], *e.grid)
         first = waiting.pop(key, None)
         if first is None:
             waiting[key] = m
             continue
-        other = even(TABLES[first["name"]])
+        other = uniform_grid(TABLES[first["name"]])
         assert other is not None
         name = f"{first['name']}_{m['name']}"
         pairs[name] = (other, e)
         two = f"{first['result']}_two"
-        read = f"    const uuv_lane_pair {two} = {name}_at_even({m['at']});\n"
+        read = f"    const uuv_lane_pair {two} = {name}_at_uniform({m['at']});\n"
         body = body.replace(first[0], f"{read}    const V {first['result']} = {two}.first;")
         body = body.replace(m[0], f"    const V {m['result']} = {two}.second;")
     return body
 
 
-def _even(name: str, together: tuple[Even, ...], dtype: np.dtype) -> Iterator[str]:
+def _uniform(name: str, together: tuple[UniformGrid, ...], dtype: np.dtype) -> Iterator[str]:
     """Yield the function of a uniform table, and a record for each line: values and slopes."""
     e = together[0]
     rows = [row for each in together for row in each.rows]
@@ -95,15 +96,15 @@ def _even(name: str, together: tuple[Even, ...], dtype: np.dtype) -> Iterator[st
         f"{{{numbers_text(records.ravel(), dtype)}}};"
     )
     numbers = numbers_text(e.grid, dtype)
-    yield f"static const uuv_lane_lines {name}_even = {{{numbers}, {name}_lines}};"
+    yield f"static const uuv_lane_lines {name}_uniform = {{{numbers}, {name}_lines}};"
     result = "uuv_lane_pair" if pair else "V"
-    yield f"static inline {result} {name}_at_even({', '.join(f'V {a}' for a in arguments)}) {{"
-    call = f"uuv_lane_even{n_in}{'_pair' if pair else ''}"
-    yield f"    return {call}({', '.join(arguments)}, &{name}_even);"
+    yield f"static inline {result} {name}_at_uniform({', '.join(f'V {a}' for a in arguments)}) {{"
+    call = f"uuv_lane_uniform{n_in}{'_pair' if pair else ''}"
+    yield f"    return {call}({', '.join(arguments)}, &{name}_uniform);"
     yield "}"
 
 
-def _bent(table: Table, b: Bends, dtype: np.dtype) -> Iterator[str]:
+def _buckets(table: Table, b: Buckets, dtype: np.dtype) -> Iterator[str]:
     """Yield the function of a table by its breakpoints, and a record for each bucket.
 
     A record has for each row the breakpoint, the value there, and both slopes.
@@ -114,10 +115,10 @@ def _bent(table: Table, b: Bends, dtype: np.dtype) -> Iterator[str]:
     name, arguments = table.name, ("x", "y")[: table.n_in]
     numbers = numbers_text([b.first, b.last, b.scale, b.low, b.high], dtype)
     yield (
-        f"static const uuv_real {name}_bends[] __attribute__((aligned(64))) = "
+        f"static const uuv_real {name}_breakpoints[] __attribute__((aligned(64))) = "
         f"{{{numbers_text(records.ravel(), dtype)}}};"
     )
-    yield f"static const uuv_lane_bends {name}_bent = {{{numbers}, {name}_bends}};"
-    yield f"static inline V {name}_at_bent({', '.join(f'V {a}' for a in arguments)}) {{"
-    yield f"    return uuv_lane_bent{table.n_in}({', '.join(arguments)}, &{name}_bent);"
+    yield f"static const uuv_lane_breakpoints {name}_buckets = {{{numbers}, {name}_breakpoints}};"
+    yield f"static inline V {name}_at_buckets({', '.join(f'V {a}' for a in arguments)}) {{"
+    yield f"    return uuv_lane_buckets{table.n_in}({', '.join(arguments)}, &{name}_buckets);"
     yield "}"

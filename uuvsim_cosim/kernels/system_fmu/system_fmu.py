@@ -12,8 +12,8 @@ from uuvsim_cosim.content import content
 from uuvsim_cosim.fmus.codegen.runtime import runtime
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.export.model_description import FmiVersion, model_identifier
-from uuvsim_cosim.fmus.export.system_archive import WholeFmu, compiled, sources_of
 from uuvsim_cosim.fmus.export.system_description import Whole, component_table
+from uuvsim_cosim.fmus.export.system_fmu_file import WholeFmu, compiled, sources_of
 from uuvsim_cosim.kernels.codegen.declaration import declaration_text
 from uuvsim_cosim.kernels.codegen.driver import driver_text
 from uuvsim_cosim.kernels.codegen.fusible import Fused, fused_of

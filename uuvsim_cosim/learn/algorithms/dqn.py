@@ -21,7 +21,7 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.algorithms.action_grid import action_grid
 from uuvsim_cosim.learn.algorithms.checkpoint import State, unfit
 from uuvsim_cosim.learn.algorithms.gradients import check_gradients
-from uuvsim_cosim.learn.algorithms.masac_learner import _philox, _set_philox
+from uuvsim_cosim.learn.algorithms.off_policy_learner import _philox, _set_philox
 from uuvsim_cosim.learn.algorithms.replay_buffer import Replay, Transitions
 from uuvsim_cosim.learn.algorithms.stacked import StackedMLP
 from uuvsim_cosim.learn.algorithms.transfer import pass_on

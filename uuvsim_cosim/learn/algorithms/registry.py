@@ -134,7 +134,7 @@ def _makers(name: str, symmetries: Sequence[Symmetry] = ()) -> _Makers:
     check_torch()
     if name in ("sac", "masac", "isac"):
         from uuvsim_cosim.learn.algorithms.masac import MasacSettings
-        from uuvsim_cosim.learn.algorithms.masac_learner import MasacLearner, OffPolicySettings
+        from uuvsim_cosim.learn.algorithms.off_policy_learner import MasacLearner, OffPolicySettings
 
         return _Makers(
             (MasacSettings, OffPolicySettings),

@@ -23,7 +23,7 @@ from uuvsim_cosim.learn.data.recorded_signals import Reading, refuse_times
 from uuvsim_cosim.learn.policies.policy import Named
 from uuvsim_cosim.learn.shared.task_ids import make_task
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
-from uuvsim_cosim.orchestrator.recording.recording import read_signals
+from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 from uuvsim_cosim.orchestrator.recording.signals import Signals as Recorded
 
 __all__ = ["from_recordings"]

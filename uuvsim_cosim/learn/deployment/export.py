@@ -53,7 +53,7 @@ def export_policy(
     if policy.kind == "sequence":
         SequenceRunner(policy)  # refuses one that is not whole
     if ending == ".fmu":
-        from uuvsim_cosim.fmus.export.export import build_fmu
+        from uuvsim_cosim.fmus.export.fmu_file import build_fmu
 
         model = policy_model(policy, plain=plain)
         return [build_fmu(model, fmi=fmi, platforms=platforms, target=out)]  # type: ignore[arg-type]

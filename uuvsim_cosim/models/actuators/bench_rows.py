@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import ParameterInvalid
 from uuvsim_cosim.models.declaration.files_read import shared_until_changed
-from uuvsim_cosim.models.declaration.parameters import in_unit, read_yaml
+from uuvsim_cosim.models.declaration.parameter_files import in_unit, read_yaml
 
 __all__ = ["Bench", "read_bench"]
 

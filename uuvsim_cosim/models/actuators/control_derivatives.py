@@ -17,7 +17,12 @@ import casadi as ca
 
 from uuvsim_cosim.errors import ParameterInvalid
 from uuvsim_cosim.models.declaration.model import Model
-from uuvsim_cosim.models.declaration.parameters import in_unit, line_of, read_yaml, vehicle_folder
+from uuvsim_cosim.models.declaration.parameter_files import (
+    in_unit,
+    line_of,
+    read_yaml,
+    vehicle_folder,
+)
 from uuvsim_cosim.models.declaration.safe_math import abs_, safe_sqrt
 
 __all__ = ["control_force"]

@@ -32,7 +32,12 @@ from uuvsim_cosim.models.declaration.expression import Number
 from uuvsim_cosim.models.declaration.files_read import shared_until_changed
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.options import is_on
-from uuvsim_cosim.models.declaration.parameters import in_unit, line_of, read_yaml, vehicle_folder
+from uuvsim_cosim.models.declaration.parameter_files import (
+    in_unit,
+    line_of,
+    read_yaml,
+    vehicle_folder,
+)
 from uuvsim_cosim.models.declaration.safe_math import clip, norm, saturate
 from uuvsim_cosim.models.declaration.vectors import NU, TAU
 

@@ -15,7 +15,7 @@ from uuvsim_cosim.errors import InputInvalid, ParameterInvalid
 from uuvsim_cosim.models.declaration.files_read import shared_until_changed
 from uuvsim_cosim.models.declaration.library import LIBRARY, declare
 from uuvsim_cosim.models.declaration.near_names import expected_names
-from uuvsim_cosim.models.declaration.parameters import (
+from uuvsim_cosim.models.declaration.parameter_files import (
     in_unit,
     is_vehicle,
     line_of,

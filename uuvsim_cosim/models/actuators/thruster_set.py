@@ -25,7 +25,7 @@ import numpy as np
 from uuvsim_cosim.errors import InputInvalid, ParameterInvalid
 from uuvsim_cosim.models.actuators.thruster_geometry import thrusters_file
 from uuvsim_cosim.models.declaration.model import Model
-from uuvsim_cosim.models.declaration.parameters import (
+from uuvsim_cosim.models.declaration.parameter_files import (
     in_unit,
     parameter_set,
     split_address,

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uuvsim_cosim.errors import ComponentFailed, ParameterInvalid
-from uuvsim_cosim.models.declaration.draws import normals
 from uuvsim_cosim.models.declaration.evaluation import Evaluation
 from uuvsim_cosim.models.declaration.model import Kind, Model
+from uuvsim_cosim.models.declaration.philox import normals
 
 __all__ = ["Draws", "Trajectory", "simulate"]
 

@@ -12,7 +12,7 @@ from uuvsim_cosim.models.checks.comparison import Checked, compared
 from uuvsim_cosim.models.checks.compiled_run import end_of
 from uuvsim_cosim.models.declaration.evaluation import Evaluation
 from uuvsim_cosim.models.declaration.library import declare
-from uuvsim_cosim.models.declaration.parameters import read_yaml
+from uuvsim_cosim.models.declaration.parameter_files import read_yaml
 
 __all__ = ["fins_of_lauv", "fins_of_npsauv", "t200"]
 

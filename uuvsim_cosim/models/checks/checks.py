@@ -19,7 +19,7 @@ from uuvsim_cosim.models.checks.compiled_run import end_of
 from uuvsim_cosim.models.checks.reference_trajectory import check, group_of
 from uuvsim_cosim.models.declaration.library import declare
 from uuvsim_cosim.models.declaration.near_names import expected_names
-from uuvsim_cosim.models.declaration.parameters import (
+from uuvsim_cosim.models.declaration.parameter_files import (
     is_vehicle,
     line_of,
     read_yaml,
@@ -28,8 +28,8 @@ from uuvsim_cosim.models.declaration.parameters import (
     vehicle_ids,
     vehicle_sets,
 )
+from uuvsim_cosim.models.vehicles.check_vehicle_folder import read_folder
 from uuvsim_cosim.models.vehicles.closed_forms import closed_forms
-from uuvsim_cosim.models.vehicles.vehicle_folder import read_folder
 
 __all__ = ["Checked", "checks_of", "every_check", "groups_of"]
 

@@ -22,7 +22,7 @@ from uuvsim_cosim.models.declaration.evaluation import Evaluation
 from uuvsim_cosim.models.declaration.kinematics import R
 from uuvsim_cosim.models.declaration.library import declare
 from uuvsim_cosim.models.declaration.model import Model
-from uuvsim_cosim.models.declaration.parameters import parameter_set
+from uuvsim_cosim.models.declaration.parameter_files import parameter_set
 from uuvsim_cosim.models.hull.vehicle import hull
 from uuvsim_cosim.models.vehicles.closed_forms import total_mass
 

@@ -12,9 +12,8 @@ from uuvsim_cosim.models.actuators.fins import fin_force
 from uuvsim_cosim.models.actuators.propeller import propeller
 from uuvsim_cosim.models.checks.comparison import Checked, compared, number, reference_values
 from uuvsim_cosim.models.checks.compiled_run import end_of
-from uuvsim_cosim.models.hull.added_mass import C_A
+from uuvsim_cosim.models.hull.coriolis import coriolis, m2c
 from uuvsim_cosim.models.hull.damping import damping
-from uuvsim_cosim.models.hull.rigid_body import coriolis
 
 __all__ = ["functions"]
 
@@ -26,11 +25,11 @@ def functions() -> Iterator[Checked]:
     values = reference_values("published_checks.yaml")
     gz, other = values["gz_sim_hydrodynamics"], values["gz_sim_other"]
     known = gz["coriolis_known"]
-    ours = number(C_A(ca.diag(ca.SX(known["MA_diag"])), ca.SX(known["nu"])))
+    ours = number(m2c(ca.diag(ca.SX(known["MA_diag"])), ca.SX(known["nu"])))
     yield EQUAL("C_A of a diagonal M_A", ours, known["CA"], 1e-12)
     for name, what in (("coriolis_regression", "other numbers"), ("coriolis_tethys", "Tethys")):
         case = gz[name]
-        ours = number(C_A(ca.diag(ca.SX(case["MA_diag"])), ca.SX(case["nu"])))
+        ours = number(m2c(ca.diag(ca.SX(case["MA_diag"])), ca.SX(case["nu"])))
         keys = [k for k in case if k.startswith("CA_")]
         found = [ours[int(k[3]), int(k[5])] for k in keys]
         yield EQUAL(f"elements of C_A, {what}", found, [case[k] for k in keys], 1e-9)
@@ -40,7 +39,7 @@ def functions() -> Iterator[Checked]:
     full = gz["skew_passive_full_MA"]
     off = 0.0
     for nu in full["nu"]:
-        C = number(C_A(ca.SX(np.array(full["MA"])), ca.SX(nu)))
+        C = number(m2c(ca.SX(np.array(full["MA"])), ca.SX(nu)))
         off = max(off, float(np.abs(C + C.T).max()), abs(float(np.array(nu) @ C @ np.array(nu))))
     yield EQUAL("C_A of a full M_A is skew and does no work", off, 0.0, 1e-12)
     pushes, theirs = [], []

@@ -12,8 +12,8 @@ import numpy as np
 from uuvsim_cosim.models.checks.comparison import Checked, compared, number, reference_values
 from uuvsim_cosim.models.declaration import inertia as hull_inertia
 from uuvsim_cosim.models.declaration import kinematics
-from uuvsim_cosim.models.hull import restoring, rigid_body
-from uuvsim_cosim.models.hull.added_mass import C_A
+from uuvsim_cosim.models.hull import coriolis, restoring
+from uuvsim_cosim.models.hull.coriolis import m2c
 from uuvsim_cosim.models.hull.cross_flow import cross_flow
 from uuvsim_cosim.models.shapes.ellipsoid import added_mass
 from uuvsim_cosim.models.water.seawater import gravity
@@ -64,12 +64,12 @@ def _matrices(mss: Any) -> Iterator[Checked]:
     S = number(kinematics.S(r_g))
     inertia = hull_inertia.inertia_about_CO(m, ca.SX(rigid[3:, 3:] + m * S @ S), r_g)
     yield EQUAL("M_RB", number(hull_inertia.M_RB(m, inertia, r_g)), rigid, 1e-9)
-    C_RB = rigid_body.C_RB(m, ca.SX(rigid[3:, 3:]), r_g, nu[3:])
+    C_RB = coriolis.C_RB(m, ca.SX(rigid[3:, 3:]), r_g, nu[3:])
     yield EQUAL("C_RB by angular velocity", number(C_RB), mss["remus100_CRB_nu2_form"], 1e-9)
-    C = rigid_body.m2c(ca.SX(rigid), nu)
+    C = coriolis.m2c(ca.SX(rigid), nu)
     yield EQUAL("m2c", number(C), mss["m2c_of_MRB"], 1e-9)
     M_A = np.array(mss["remus100_MA"], dtype=float)
-    yield EQUAL("C_A", number(C_A(ca.SX(M_A), nu)), mss["remus100_CA_full"], 1e-9)
+    yield EQUAL("C_A", number(m2c(ca.SX(M_A), nu)), mss["remus100_CA_full"], 1e-9)
     a, b = spheroid["a"], spheroid["b"]
     added = added_mass(a, b, b, spheroid["rho_MA"])
     added[3] = M_A[3, 3]  # chosen there, not of a spheroid

@@ -15,7 +15,7 @@ from uuvsim_cosim.models.checks.comparison import Checked, compared
 from uuvsim_cosim.models.checks.compiled_run import end_of
 from uuvsim_cosim.models.declaration.evaluation import Evaluation
 from uuvsim_cosim.models.declaration.library import declare
-from uuvsim_cosim.models.declaration.parameters import parameter_set
+from uuvsim_cosim.models.declaration.parameter_files import parameter_set
 
 __all__ = ["coefficients"]
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.checks.compiled_run import rows_of
 from uuvsim_cosim.models.declaration.library import declare
-from uuvsim_cosim.models.declaration.parameters import vehicle_folder
+from uuvsim_cosim.models.declaration.parameter_files import vehicle_folder
 from uuvsim_cosim.models.guidance.sampled_signal import Signal
 
 __all__ = ["Deviation", "Reference", "check", "deviations", "group_of", "read_reference"]

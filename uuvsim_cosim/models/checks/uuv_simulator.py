@@ -11,9 +11,9 @@ from uuvsim_cosim.models.actuators.thruster_geometry import configuration_matrix
 from uuvsim_cosim.models.checks.comparison import Checked, compared, number, reference_values
 from uuvsim_cosim.models.checks.compiled_run import end_of
 from uuvsim_cosim.models.declaration.library import declare
-from uuvsim_cosim.models.declaration.parameters import parameter_set
+from uuvsim_cosim.models.declaration.parameter_files import parameter_set
+from uuvsim_cosim.models.hull.coriolis import coriolis
 from uuvsim_cosim.models.hull.damping import damping
-from uuvsim_cosim.models.hull.rigid_body import coriolis
 from uuvsim_cosim.models.vehicles.closed_forms import total_mass
 
 __all__ = ["allocation_of_rexrov2", "rexrov", "sphere", "thrusters"]

@@ -19,7 +19,7 @@ from uuvsim_cosim.models.control.allocation import command_of_thrust
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.safe_math import clip
 from uuvsim_cosim.models.declaration.vectors import TAU
-from uuvsim_cosim.models.hull.rigid_body import inverse
+from uuvsim_cosim.models.hull.coriolis import inverse
 from uuvsim_cosim.models.intrinsics.table import table1
 
 __all__ = ["allocation_qp"]

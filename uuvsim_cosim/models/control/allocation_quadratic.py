@@ -16,7 +16,7 @@ from uuvsim_cosim.models.actuators.thruster_jet import largest_thrust
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.safe_math import abs_, clip
 from uuvsim_cosim.models.declaration.vectors import TAU
-from uuvsim_cosim.models.hull.rigid_body import inverse
+from uuvsim_cosim.models.hull.coriolis import inverse
 
 __all__ = ["allocation_quadratic"]
 

@@ -21,14 +21,14 @@ import numpy as np
 from uuvsim_cosim.models.control.controller import attitude_error
 from uuvsim_cosim.models.declaration.kinematics import R_zyx
 from uuvsim_cosim.models.declaration.model import Clock, Model
-from uuvsim_cosim.models.declaration.parameters import parameter_set, split_address
+from uuvsim_cosim.models.declaration.parameter_files import parameter_set, split_address
 from uuvsim_cosim.models.declaration.preset import Preset
 from uuvsim_cosim.models.declaration.safe_math import abs_, saturate
 from uuvsim_cosim.models.declaration.sampled import held_output
 from uuvsim_cosim.models.declaration.vectors import ETA, NU, NU_DOT, TAU, per
+from uuvsim_cosim.models.hull.coriolis import m2c
 from uuvsim_cosim.models.hull.matrices import structure
 from uuvsim_cosim.models.hull.restoring import g
-from uuvsim_cosim.models.hull.rigid_body import m2c
 
 __all__ = ["Loop", "NominalHull", "gains", "law", "nominal_hull", "nominal_matrices"]
 

@@ -19,8 +19,8 @@ from uuvsim_cosim.models.declaration.preset import preset
 from uuvsim_cosim.models.declaration.safe_math import abs_, saturate
 from uuvsim_cosim.models.declaration.sampled import held_output
 from uuvsim_cosim.models.declaration.vectors import ETA, INERTIA, NU, NU_DOT, TAU, per
+from uuvsim_cosim.models.hull.coriolis import coriolis
 from uuvsim_cosim.models.hull.matrices import nominal
-from uuvsim_cosim.models.hull.rigid_body import coriolis
 
 __all__ = ["attitude_error", "controller"]
 

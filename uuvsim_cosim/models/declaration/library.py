@@ -14,7 +14,7 @@ from urllib.parse import parse_qsl, unquote
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.near_names import did_you_mean
-from uuvsim_cosim.models.declaration.parameters import (
+from uuvsim_cosim.models.declaration.parameter_files import (
     is_vehicle,
     split_address,
     vehicle_ids,
@@ -38,7 +38,7 @@ LIBRARY: dict[str, str] = {
     "current_grid": "uuvsim_cosim.models.water.current_grid:current_grid",
     "current_profile": "uuvsim_cosim.models.water.current_profile:current_profile",
     "current_ramps": "uuvsim_cosim.models.water.disturbance:current_ramps",
-    "depth_camera": "uuvsim_cosim.models.sensors.ray_frames:depth_camera",
+    "depth_camera": "uuvsim_cosim.models.sensors.multibeam_and_camera:depth_camera",
     "dvl": "uuvsim_cosim.models.sensors.dvl:dvl",
     "feedback_linearisation": (
         "uuvsim_cosim.models.control.feedback_linearisation:feedback_linearisation"
@@ -55,8 +55,8 @@ LIBRARY: dict[str, str] = {
     "magnetometer": "uuvsim_cosim.models.sensors.magnetometer:magnetometer",
     "modem": "uuvsim_cosim.models.sensors.modem:modem",
     "mpc": "uuvsim_cosim.models.control.mpc:mpc",
-    "multibeam": "uuvsim_cosim.models.sensors.ray_frames:multibeam",
-    "navigation": "uuvsim_cosim.models.navigation.navigation:navigation",
+    "multibeam": "uuvsim_cosim.models.sensors.multibeam_and_camera:multibeam",
+    "navigation": "uuvsim_cosim.models.navigation.error_state_filter:navigation",
     "navigation_fixes": "uuvsim_cosim.models.navigation.navigation_fixes:navigation_fixes",
     "path_following": "uuvsim_cosim.models.guidance.path_following:path_following",
     "pilot": "uuvsim_cosim.models.guidance.pilot:pilot",

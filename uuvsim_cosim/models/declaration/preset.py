@@ -14,7 +14,7 @@ from uuvsim_cosim.models.declaration.files_read import shared_until_changed
 from uuvsim_cosim.models.declaration.library import LIBRARY
 from uuvsim_cosim.models.declaration.model import Units
 from uuvsim_cosim.models.declaration.near_names import expected_names
-from uuvsim_cosim.models.declaration.parameters import in_unit, line_of, read_yaml
+from uuvsim_cosim.models.declaration.parameter_files import in_unit, line_of, read_yaml
 
 __all__ = ["Preset", "preset", "presets_of"]
 

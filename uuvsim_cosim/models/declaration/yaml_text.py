@@ -8,7 +8,7 @@ from typing import Any, final
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.near_names import expected_names
-from uuvsim_cosim.models.declaration.parameters import line_of
+from uuvsim_cosim.models.declaration.parameter_files import line_of
 
 __all__ = ["YamlText", "plain", "shown"]
 

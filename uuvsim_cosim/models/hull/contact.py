@@ -39,7 +39,7 @@ import casadi as ca
 from uuvsim_cosim.errors import ParameterInvalid
 from uuvsim_cosim.models.declaration.kinematics import R
 from uuvsim_cosim.models.declaration.model import Model
-from uuvsim_cosim.models.declaration.parameters import split_address, vehicle_size
+from uuvsim_cosim.models.declaration.parameter_files import split_address, vehicle_size
 from uuvsim_cosim.models.declaration.vectors import ETA, INERTIA, NU, TAU
 from uuvsim_cosim.models.hull.hull_contact import MU, hull_contact, hull_of, hull_place
 from uuvsim_cosim.models.hull.matrices import nominal

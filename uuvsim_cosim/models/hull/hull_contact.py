@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import ParameterInvalid
-from uuvsim_cosim.models.declaration.parameters import Size
+from uuvsim_cosim.models.declaration.parameter_files import Size
 from uuvsim_cosim.models.hull.contact_reference import HEAD, PLACE, Hull, free_place, pressed
 from uuvsim_cosim.models.intrinsics.network import NETWORKS, callback, called
 from uuvsim_cosim.models.worlds.ground import Ground, scene_named, touched_ground

@@ -16,7 +16,7 @@ from uuvsim_cosim.models.declaration.inertia import (
     symmetric,
 )
 from uuvsim_cosim.models.declaration.model import Model
-from uuvsim_cosim.models.declaration.parameters import parameter_set, split_address
+from uuvsim_cosim.models.declaration.parameter_files import parameter_set, split_address
 
 __all__ = ["declare_parameters", "mass_of_water", "nominal", "structure"]
 

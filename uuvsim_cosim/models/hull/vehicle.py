@@ -29,8 +29,9 @@ from uuvsim_cosim.models.declaration.inertia import elements, symmetric
 from uuvsim_cosim.models.declaration.kinematics import R, T_q, euler_of_q, q_of_euler
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.options import is_on
-from uuvsim_cosim.models.declaration.parameters import parameter_set
+from uuvsim_cosim.models.declaration.parameter_files import parameter_set
 from uuvsim_cosim.models.declaration.vectors import ETA, NU, NU_DOT, TAU
+from uuvsim_cosim.models.hull.coriolis import coriolis, inverse
 from uuvsim_cosim.models.hull.cross_flow import cross_flow_of
 from uuvsim_cosim.models.hull.damping import damping
 from uuvsim_cosim.models.hull.floating import floating
@@ -38,7 +39,6 @@ from uuvsim_cosim.models.hull.lift import fading, lift
 from uuvsim_cosim.models.hull.matrices import declare_parameters, mass_of_water, structure
 from uuvsim_cosim.models.hull.products import products
 from uuvsim_cosim.models.hull.restoring import g, submerged_fraction
-from uuvsim_cosim.models.hull.rigid_body import coriolis, inverse
 from uuvsim_cosim.models.shapes.volumes import Volume, vehicle_volumes
 from uuvsim_cosim.models.water.current import nu_c, nu_c_dot
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.hull_parameters import meaning_of
-from uuvsim_cosim.models.declaration.parameters import Quantity
+from uuvsim_cosim.models.declaration.parameter_files import Quantity
 from uuvsim_cosim.models.hull.vehicle import hull
 from uuvsim_cosim.models.importing.description_bodies import Bodies, bodies_of
 from uuvsim_cosim.models.importing.description_file import place_of, read_description

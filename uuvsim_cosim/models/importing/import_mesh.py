@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.hull_parameters import meaning_of
-from uuvsim_cosim.models.declaration.parameters import Quantity
+from uuvsim_cosim.models.declaration.parameter_files import Quantity
 from uuvsim_cosim.models.importing.hull_estimate import (
     added_mass_of,
     drag_coefficients,

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.hull_parameters import meaning_of
-from uuvsim_cosim.models.declaration.parameters import Quantity, vehicle_file
+from uuvsim_cosim.models.declaration.parameter_files import Quantity, vehicle_file
 
 __all__ = ["Draft", "PlacedThruster", "check_id", "quoted", "row_of", "write_draft"]
 

@@ -29,7 +29,7 @@ from uuvsim_cosim.models.declaration.preset import Preset, preset
 from uuvsim_cosim.models.declaration.safe_math import abs_, clip
 from uuvsim_cosim.models.declaration.sampled import held_output, only_when, sample_time
 from uuvsim_cosim.models.declaration.vectors import ETA, NU
-from uuvsim_cosim.models.hull.rigid_body import inverse
+from uuvsim_cosim.models.hull.coriolis import inverse
 from uuvsim_cosim.models.sensors.mounting import Pose, mounting
 from uuvsim_cosim.models.sensors.sensor_error import uniform
 from uuvsim_cosim.models.worlds.others import declare_others

@@ -13,7 +13,12 @@ from math import pi
 from typing import Any
 
 from uuvsim_cosim.errors import ParameterInvalid
-from uuvsim_cosim.models.declaration.parameters import in_unit, line_of, vehicle_file, vehicle_size
+from uuvsim_cosim.models.declaration.parameter_files import (
+    in_unit,
+    line_of,
+    vehicle_file,
+    vehicle_size,
+)
 
 __all__ = ["Volume", "sphere", "vehicle_volumes"]
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from uuvsim_cosim.models.actuators.fins import fin_geometry
 from uuvsim_cosim.models.actuators.thruster_geometry import thruster_geometry
-from uuvsim_cosim.models.declaration.parameters import (
+from uuvsim_cosim.models.declaration.parameter_files import (
     Size,
     parameter_set,
     vehicle_folder,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from uuvsim_cosim.models.analysis.operating_point import Coordinates
 from uuvsim_cosim.models.declaration.hull_parameters import meaning_of
 from uuvsim_cosim.models.declaration.library import declare
-from uuvsim_cosim.models.declaration.parameters import (
+from uuvsim_cosim.models.declaration.parameter_files import (
     in_unit,
     parameter_set,
     read_yaml,
@@ -23,8 +23,8 @@ from uuvsim_cosim.models.declaration.parameters import (
     vehicle_folder,
     vehicle_sets,
 )
+from uuvsim_cosim.models.hull.coriolis import coriolis
 from uuvsim_cosim.models.hull.matrices import structure
-from uuvsim_cosim.models.hull.rigid_body import coriolis
 from uuvsim_cosim.models.vehicles.closed_forms import total_mass
 
 __all__ = [

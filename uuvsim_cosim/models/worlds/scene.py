@@ -13,7 +13,7 @@ from typing import Any
 from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import InputInvalid, ParameterInvalid, Problem
 from uuvsim_cosim.models.declaration.near_names import expected_names
-from uuvsim_cosim.models.declaration.parameters import line_of, read_yaml
+from uuvsim_cosim.models.declaration.parameter_files import line_of, read_yaml
 from uuvsim_cosim.models.worlds.obstacles import Box, Capsule, Cylinder, Obstacle, Sphere
 from uuvsim_cosim.models.worlds.placed_mesh import (
     MOST_TRIANGLES,

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 from uuvsim_cosim.orchestrator.master.core import Coupling
 from uuvsim_cosim.orchestrator.master.core_tables import Tables
-from uuvsim_cosim.orchestrator.plan.loop_policy import hops_of
+from uuvsim_cosim.orchestrator.plan.algebraic_loops import hops_of
 
 __all__ = ["Residual", "loop_remarks", "residuals_of"]
 

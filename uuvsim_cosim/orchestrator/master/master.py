@@ -45,8 +45,8 @@ from uuvsim_cosim.orchestrator.master.serving import serve
 from uuvsim_cosim.orchestrator.master.slots import decode, encode
 from uuvsim_cosim.orchestrator.master.snapshot import Snapshot
 from uuvsim_cosim.orchestrator.master.watch import Watch, rows_of
+from uuvsim_cosim.orchestrator.plan.algebraic_loops import hops_of
 from uuvsim_cosim.orchestrator.plan.loop_gain import delay_remark, loop_gain
-from uuvsim_cosim.orchestrator.plan.loop_policy import hops_of
 from uuvsim_cosim.orchestrator.plan.plan import Plan, PlannedComponent
 from uuvsim_cosim.orchestrator.plan.start import Starts, enter_initialization, variable_of
 from uuvsim_cosim.orchestrator.values.values import Misfit, as_array, fit

@@ -51,7 +51,7 @@ def prepare(
     if progress is not None and total:
         progress("building", 0, total)
     if backend == "fmu" and declared:
-        from uuvsim_cosim.fmus.export.export import build_fmu
+        from uuvsim_cosim.fmus.export.fmu_file import build_fmu
 
         def build(source: str) -> Path:
             return build_fmu(ModelSource(source).lowered(), fmi=3)

@@ -12,7 +12,7 @@ from uuvsim_cosim.fmus.description import Description, Variable
 from uuvsim_cosim.fmus.isolation.isolated import RemoteState
 from uuvsim_cosim.orchestrator.master.core_tables import Tables
 from uuvsim_cosim.orchestrator.master.slots import decode, encode, read_blob, write_blob
-from uuvsim_cosim.orchestrator.plan.loop_policy import check_loops
+from uuvsim_cosim.orchestrator.plan.algebraic_loops import check_loops
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.system.resolve import resolve
 from uuvsim_cosim.orchestrator.values.values import is_float

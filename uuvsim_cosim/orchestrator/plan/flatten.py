@@ -8,8 +8,8 @@ from fractions import Fraction
 
 from uuvsim_cosim.errors import Problem, SystemInvalid
 from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.orchestrator.plan.algebraic_loops import apply_loop_policy, iteration_obstacles
 from uuvsim_cosim.orchestrator.plan.initialization import initialization_order
-from uuvsim_cosim.orchestrator.plan.loop_policy import apply_loop_policy, iteration_obstacles
 from uuvsim_cosim.orchestrator.plan.plan import Group, Plan, PlannedComponent, Transfer
 from uuvsim_cosim.orchestrator.plan.seeds import component_seed
 from uuvsim_cosim.orchestrator.plan.vehicle_match import vehicle_warnings
@@ -20,7 +20,7 @@ from uuvsim_cosim.orchestrator.values.endpoints import Endpoint, resolve_endpoin
 from uuvsim_cosim.orchestrator.values.value_table import Numbers
 from uuvsim_cosim.orchestrator.values.values import as_array, flat
 
-__all__ = ["flatten", "inspected"]
+__all__ = ["flatten", "plan_to_inspect"]
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def flatten(system: System, seed: int = 0, loops: Loops | None = None) -> Plan:
     return apply_loop_policy(plan, flat_.ungrouped)
 
 
-def inspected(system: System) -> tuple[Plan, str]:
+def plan_to_inspect(system: System) -> tuple[Plan, str]:
     """Return the plan of a system for display, and the reason if a run would refuse its loops."""
     try:
         return flatten(system), ""

@@ -10,7 +10,7 @@ from fractions import Fraction
 from uuvsim_cosim.orchestrator.plan.graphs import simple_cycles
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 
-__all__ = ["Loop", "alike", "loop_delays", "loop_lines", "stacked_name"]
+__all__ = ["Loop", "equal_components", "loop_delays", "loop_lines", "stacked_name"]
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ def loop_delays(plan: Plan) -> list[Loop]:
         neighbours[paths[a]].add(f"> {paths[b]}")
         neighbours[paths[b]].add(f"< {paths[a]}")
     types = {c.path: f"{c.source.partition('?')[0]}/{c.step_ticks}" for c in plan.components}
-    names = alike(types, neighbours)
+    names = equal_components(types, neighbours)
     free: set[tuple[int, int]] = set()  # hops within a group that cost no step
     for group in plan.groups:
         if group.algorithm == "iterated":
@@ -73,7 +73,9 @@ def loop_lines(loops: list[Loop], most: int = 6) -> list[str]:
     return lines
 
 
-def alike(types: Mapping[str, str], neighbours: Mapping[str, set[str]]) -> dict[str, str]:
+def equal_components(
+    types: Mapping[str, str], neighbours: Mapping[str, set[str]]
+) -> dict[str, str]:
     """Return the name of each path's stack: numbered paths of equal type and connections."""
     stacks: dict[tuple[str, str], list[str]] = {}
     for path, type_ in types.items():

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uuvsim_cosim.fmus.component import Component
-from uuvsim_cosim.orchestrator.plan.algebraic_loop import feedthrough, is_singular
+from uuvsim_cosim.orchestrator.plan.initial_loop import feedthrough, is_singular
 from uuvsim_cosim.orchestrator.plan.plan import AlgebraicLoop, Plan
 from uuvsim_cosim.orchestrator.plan.start import enter_initialization
 from uuvsim_cosim.orchestrator.system.resolve import resolve

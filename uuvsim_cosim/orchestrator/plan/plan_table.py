@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from uuvsim_cosim.fmus.description import Variable
-from uuvsim_cosim.orchestrator.plan.loop_policy import hops_of
+from uuvsim_cosim.orchestrator.plan.algebraic_loops import hops_of
 from uuvsim_cosim.orchestrator.plan.plan import Plan, Transfer
 from uuvsim_cosim.orchestrator.system.elements import step_text
 

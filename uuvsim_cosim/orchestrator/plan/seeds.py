@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.models.declaration.draws import WORD, philox
+from uuvsim_cosim.models.declaration.philox import WORD, philox
 
 __all__ = ["component_seed", "component_seeds", "path_words", "seed_words"]
 

@@ -15,7 +15,7 @@ from urllib.parse import parse_qsl, unquote
 
 from uuvsim_cosim.errors import UuvsimError
 from uuvsim_cosim.models.declaration.library import ALIASES, LIBRARY
-from uuvsim_cosim.models.declaration.parameters import is_vehicle, split_address, vehicle_file
+from uuvsim_cosim.models.declaration.parameter_files import is_vehicle, split_address, vehicle_file
 from uuvsim_cosim.orchestrator.plan.plan import PlannedComponent
 
 __all__ = ["vehicle_warnings"]

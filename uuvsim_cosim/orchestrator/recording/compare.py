@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.orchestrator.recording.recording import read_signals
+from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 
 __all__ = ["Comparison", "Difference", "compare_signals"]

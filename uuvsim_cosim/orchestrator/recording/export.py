@@ -12,7 +12,7 @@ from uuvsim_cosim.cache import whole_file
 from uuvsim_cosim.errors import InputInvalid, RecordingError
 from uuvsim_cosim.models.declaration.element_names import element_names
 from uuvsim_cosim.orchestrator.recording.mcap import write_mcap
-from uuvsim_cosim.orchestrator.recording.recording import read_signals
+from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 
 __all__ = ["export", "write_csv", "write_mat"]

@@ -83,7 +83,7 @@ def _found(target: str | Path | Model | System) -> Model | System:
     if isinstance(target, (Model, System)):
         return target
     from uuvsim_cosim.models.declaration.library import ALIASES, LIBRARY, declare
-    from uuvsim_cosim.models.declaration.parameters import is_vehicle, split_address
+    from uuvsim_cosim.models.declaration.parameter_files import is_vehicle, split_address
 
     name = str(target).removeprefix("model:")
     if name in LIBRARY or name in ALIASES or is_vehicle(split_address(name)[0]):

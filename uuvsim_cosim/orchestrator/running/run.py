@@ -34,11 +34,11 @@ from uuvsim_cosim.orchestrator.master.real_time import Pace, Punctuality, Steps
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.plan.plan import Plan, PlannedComponent
 from uuvsim_cosim.orchestrator.recording.recorder import Recorder
-from uuvsim_cosim.orchestrator.recording.recording import read_signals
+from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 from uuvsim_cosim.orchestrator.running.library import load
 from uuvsim_cosim.orchestrator.running.mission import duration
-from uuvsim_cosim.orchestrator.running.run_folder import RunFolder, check_room, claim
+from uuvsim_cosim.orchestrator.running.run_folder import RunFolder, check_room, lock_run_folder
 from uuvsim_cosim.orchestrator.running.run_json import provenance_of, write_run_json
 from uuvsim_cosim.orchestrator.scenarios.inputs import Driven, held_by, read_inputs, start_values
 from uuvsim_cosim.orchestrator.scenarios.played import Played
@@ -181,7 +181,7 @@ def run(
         from uuvsim_cosim.fmus.tracing.trace import Trace
 
         trace = Trace(Path(trace_fmi))
-    folder = claim(out if out is not None else Path("runs") / f"{system.name}-{seed}")
+    folder = lock_run_folder(out if out is not None else Path("runs") / f"{system.name}-{seed}")
     try:
         provenance = provenance_of(system, plan, seed, backend, record_every, end, about or {})
         provenance["notes"] += [d.note for d in drives]

@@ -16,7 +16,7 @@ from pathlib import Path
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.recording.files import STREAM
 
-__all__ = ["RunFolder", "check_room", "claim"]
+__all__ = ["RunFolder", "check_room", "lock_run_folder"]
 
 _SMALL = 20e6  # bytes; no check for recordings smaller than this
 
@@ -43,7 +43,7 @@ class RunFolder:
         _remove(self.made)
 
 
-def claim(asked: str | Path) -> RunFolder:
+def lock_run_folder(asked: str | Path) -> RunFolder:
     """Make and lock the folder, or the first of NAME-2, NAME-3, … if it is not empty.
 
     It contains an empty file of a recording then, so that no other run uses it. Raises

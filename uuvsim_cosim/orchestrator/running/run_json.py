@@ -11,8 +11,8 @@ from typing import Any
 
 from uuvsim_cosim._version import __version__
 from uuvsim_cosim.cache import write_whole
+from uuvsim_cosim.orchestrator.plan.algebraic_loops import hops_of
 from uuvsim_cosim.orchestrator.plan.loop_delays import loop_delays
-from uuvsim_cosim.orchestrator.plan.loop_policy import hops_of
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.running.mission import path_of
 from uuvsim_cosim.orchestrator.system.sources import Backend

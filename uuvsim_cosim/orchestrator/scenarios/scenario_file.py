@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.models.declaration.parameters import line_of, read_yaml
+from uuvsim_cosim.models.declaration.parameter_files import line_of, read_yaml
 from uuvsim_cosim.orchestrator.master.faults import Fault
 from uuvsim_cosim.orchestrator.scenarios.scenario import Change, Manipulation, Scenario, SignalFault
 

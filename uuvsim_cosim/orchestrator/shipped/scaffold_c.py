@@ -160,7 +160,7 @@ BUILD = '''\
 
 from pathlib import Path
 
-from uuvsim_cosim.fmus.export.export import fmi_headers, write_archive
+from uuvsim_cosim.fmus.export.fmu_file import fmi_headers, write_archive
 from uuvsim_cosim.fmus.codegen.toolchain import compile_shared, host
 
 here = Path(__file__).parent

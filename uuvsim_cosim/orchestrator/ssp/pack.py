@@ -89,7 +89,7 @@ class _Packing:
     def _file(self, source: Source, path: str) -> Path | None:
         """Return the file of a source; note a problem if other tools cannot run it."""
         if isinstance(source, ModelSource):
-            from uuvsim_cosim.fmus.export.export import build_fmu
+            from uuvsim_cosim.fmus.export.fmu_file import build_fmu
 
             return build_fmu(source.declare(), fmi=self.fmi, platforms=self.platforms)
         if isinstance(source, TableSource):

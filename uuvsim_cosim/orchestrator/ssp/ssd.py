@@ -29,7 +29,7 @@ from uuvsim_cosim.orchestrator.ssp.annotations import (
     add_default_experiment,
     add_system_step,
 )
-from uuvsim_cosim.orchestrator.ssp.ssd_read import read_ssd
+from uuvsim_cosim.orchestrator.ssp.ssd_reader import read_ssd
 from uuvsim_cosim.orchestrator.system.elements import Element, step_text
 from uuvsim_cosim.orchestrator.system.resolve import resolve
 from uuvsim_cosim.orchestrator.system.system import System

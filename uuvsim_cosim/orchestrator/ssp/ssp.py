@@ -11,7 +11,7 @@ from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.importer.archive import shown, unpack
 from uuvsim_cosim.models.declaration.near_names import expected_names
-from uuvsim_cosim.orchestrator.ssp.ssd_read import read_ssd
+from uuvsim_cosim.orchestrator.ssp.ssd_reader import read_ssd
 from uuvsim_cosim.orchestrator.system.system import System
 
 __all__ = ["read_ssp", "write_archive"]

@@ -16,7 +16,7 @@ __all__ = ["READERS", "read_structure", "write_structure"]
 
 _HERE = "uuvsim_cosim.orchestrator"
 READERS = {  # (path, tick=…), and variant=… of a package
-    ".ssd": f"{_HERE}.ssp.ssd_read:read_ssd",
+    ".ssd": f"{_HERE}.ssp.ssd_reader:read_ssd",
     ".ssp": f"{_HERE}.ssp.ssp:read_ssp",
     ".xml": f"{_HERE}.osp.osp:read_osp",
 }

@@ -126,7 +126,7 @@ _BARE = re.compile(r"([A-Za-z_][\w-]*(?:@\w+)?)(?:\?.*)?")
 
 def _is_known(name: str, source: str) -> bool:
     from uuvsim_cosim.models.declaration.library import ALIASES, IN_PROCESS, LIBRARY
-    from uuvsim_cosim.models.declaration.parameters import is_vehicle
+    from uuvsim_cosim.models.declaration.parameter_files import is_vehicle
 
     id = name.partition("@")[0]
     return source in IN_PROCESS or id in LIBRARY or id in ALIASES or is_vehicle(id)

@@ -168,7 +168,7 @@ class ModelSource:
             from uuvsim_cosim.fmus.codegen.native import Native
 
             return Native(self.lowered(), path)
-        from uuvsim_cosim.fmus.export.export import build_fmu
+        from uuvsim_cosim.fmus.export.fmu_file import build_fmu
 
         return FmuSource(build_fmu(self.lowered(), fmi=3)).instantiate(path)
 

@@ -89,7 +89,7 @@ class SeabedMap:
 
 def track_of_run(folder: Path) -> Track:
     """Read the poses of a run; raises RecordingError and InputInvalid."""
-    from uuvsim_cosim.orchestrator.recording.recording import read_signals
+    from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 
     signals = read_signals(folder)
     found = {}

@@ -68,7 +68,7 @@ def survey_of(run: Path, settings: SurveySettings | None = None) -> Survey:
         settings = read_settings(file)
     track = track_of_run(run)
     if settings.components:
-        from uuvsim_cosim.orchestrator.recording.recording import read_signals
+        from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 
         signals = read_signals(run)
         recorded = [recorded_sonde(run, component, signals) for component in settings.components]

@@ -10,7 +10,7 @@ from typing import Any
 
 from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
-from uuvsim_cosim.models.declaration.parameters import read_yaml
+from uuvsim_cosim.models.declaration.parameter_files import read_yaml
 from uuvsim_cosim.scene.mapping.scans import Sonde, sonde
 
 __all__ = ["FILE", "SurveySettings", "keep_settings", "read_settings", "settings_of_system"]

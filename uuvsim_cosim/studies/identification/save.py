@@ -18,7 +18,7 @@ from urllib.parse import parse_qsl
 from uuvsim_cosim.cache import whole_file
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.hull_parameters import meaning_of
-from uuvsim_cosim.models.declaration.parameters import (
+from uuvsim_cosim.models.declaration.parameter_files import (
     Quantity,
     parameter_set,
     read_yaml,

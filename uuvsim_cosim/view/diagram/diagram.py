@@ -5,7 +5,7 @@ from __future__ import annotations
 from html import escape
 from math import hypot
 
-from uuvsim_cosim.orchestrator.plan.flatten import inspected
+from uuvsim_cosim.orchestrator.plan.flatten import plan_to_inspect
 from uuvsim_cosim.orchestrator.plan.loop_delays import loop_delays, loop_lines
 from uuvsim_cosim.orchestrator.system.elements import step_text
 from uuvsim_cosim.orchestrator.system.system import System
@@ -75,7 +75,7 @@ def diagram(system: System) -> str:
 def _caption(system: System) -> list[str]:
     if not system.elements:
         return ["no components"]
-    loops = loop_delays(inspected(system)[0])
+    loops = loop_delays(plan_to_inspect(system)[0])
     if not loops:
         return ["no loops"]
     groups = [

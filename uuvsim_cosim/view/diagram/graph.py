@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 
-from uuvsim_cosim.orchestrator.plan.loop_delays import alike
+from uuvsim_cosim.orchestrator.plan.loop_delays import equal_components
 from uuvsim_cosim.orchestrator.system.elements import Element, step_text
 from uuvsim_cosim.orchestrator.system.resolve import resolve
 from uuvsim_cosim.orchestrator.system.system import System
@@ -55,7 +55,7 @@ def boxes_and_nets(system: System) -> tuple[dict[str, Box], list[Net]]:
         neighbours[w.source.element].add(f"> {w.target.element}")
         neighbours[w.target.element].add(f"< {w.source.element}")
     kinds = {e.name: f"{_label(e)}/{e.rate}" for e in system.elements}
-    stacks = alike(kinds, neighbours)
+    stacks = equal_components(kinds, neighbours)
     groups = {m: i for i, g in enumerate(system.groups) for m in g.members}
     boxes: dict[str, Box] = {}
     for element in system.elements:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.orchestrator.recording.recording import read_signals
+from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 from uuvsim_cosim.view.recorded.traces import Traces
 
 __all__ = ["provenance_of", "traces_of"]

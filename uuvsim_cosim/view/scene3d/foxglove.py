@@ -46,7 +46,7 @@ ROOT = 0.5**0.5  # ENU from NED: half a turn about north-east
 def export_scene_mcap(run: str | Path, out: Path) -> Path:
     """Write a run's signals and its scene into one MCAP file, whole or not at all."""
     from uuvsim_cosim.orchestrator.recording.mcap import write_mcap
-    from uuvsim_cosim.orchestrator.recording.recording import read_signals
+    from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 
     stage, _, traces = placed(run)
     moments = int(min(MOST, RATE * float(traces.time[-1] - traces.time[0]) + 2))

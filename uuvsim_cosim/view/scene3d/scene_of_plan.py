@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import UuvsimError
-from uuvsim_cosim.models.declaration.parameters import is_vehicle, vehicle_size
+from uuvsim_cosim.models.declaration.parameter_files import is_vehicle, vehicle_size
 from uuvsim_cosim.models.worlds.ground import scene_named
 from uuvsim_cosim.models.worlds.obstacles import Cylinder
 from uuvsim_cosim.models.worlds.scene import Scene

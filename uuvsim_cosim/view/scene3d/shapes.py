@@ -8,7 +8,7 @@ from math import ceil, pi
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.models.declaration.parameters import Size
+from uuvsim_cosim.models.declaration.parameter_files import Size
 from uuvsim_cosim.models.worlds.obstacles import Box, Capsule, Cylinder, Obstacle, Sphere
 from uuvsim_cosim.models.worlds.placed_mesh import PlacedMesh
 from uuvsim_cosim.models.worlds.terrain import Terrain

@@ -14,7 +14,7 @@ from uuvsim_cosim.view.plots.svg import decimate, nice_ticks
 from uuvsim_cosim.view.recorded.traces import Traces
 from uuvsim_cosim.view.reports.panels import sections
 from uuvsim_cosim.view.reports.picture import picture_svg, write_picture
-from uuvsim_cosim.view.reports.report import report_html
+from uuvsim_cosim.view.reports.run_report_html import report_html
 
 
 class Page(HTMLParser):

@@ -13,7 +13,7 @@ from uuvsim_cosim.view.recorded.metrics import Figure, metrics_of
 from uuvsim_cosim.view.recorded.run_folder import provenance_of, traces_of
 from uuvsim_cosim.view.recorded.traces import Traces
 from uuvsim_cosim.view.reports.picture import picture_svg
-from uuvsim_cosim.view.reports.report import report_html
+from uuvsim_cosim.view.reports.run_report_html import report_html
 from uuvsim_cosim.view.scene3d.scene_of_run import stage_of_run
 
 __all__ = ["write_metrics", "write_report", "write_run_picture"]

@@ -16,7 +16,7 @@ from uuvsim_cosim.models.actuators.propeller import read_propeller
 from uuvsim_cosim.models.actuators.thruster_geometry import read_thrusters
 from uuvsim_cosim.models.declaration.hull_parameters import meaning_of, near_names
 from uuvsim_cosim.models.declaration.near_names import expected_names
-from uuvsim_cosim.models.declaration.parameters import (
+from uuvsim_cosim.models.declaration.parameter_files import (
     in_unit,
     line_of,
     read_yaml,

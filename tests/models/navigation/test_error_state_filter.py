@@ -17,7 +17,7 @@ from uuvsim_cosim.models.declaration.evaluation import Evaluation
 from uuvsim_cosim.models.declaration.kinematics import R, T_zyx, q_of_euler
 from uuvsim_cosim.models.declaration.library import declare
 from uuvsim_cosim.models.declaration.safe_math import clip, smoothstep
-from uuvsim_cosim.models.navigation.navigation import N_ERRORS, navigation
+from uuvsim_cosim.models.navigation.error_state_filter import N_ERRORS, navigation
 from uuvsim_cosim.models.navigation.strapdown import (
     ErrorTransition,
     Inertial,

@@ -1,7 +1,9 @@
-"""The rigid body: C_RB about CO, C of any M, and the inverse of M.
+"""Coriolis and centripetal forces about CO, C_RB, C_A and C of M_RB + M_A; the inverse of M.
 
 Fossen (2021), 2nd ed., section 3.3 (C_RB in the form that is independent of linear velocity) and
-Theorem 3.2 (C from any M, here `m2c`). M_RB is in `declaration/inertia.py`.
+Theorem 3.2 (C from any M, here `m2c`, Munk moment included). M_RB is in `declaration/inertia.py`,
+M_A in `matrices.py`: positive as written here (M_A = -[X_udot ...] in SNAME's derivatives),
+constant, in body axes. A published matrix that is not symmetric is kept as it is.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from uuvsim_cosim.fmus.codegen.branches import Block, flat, nodes_of, scheduled
-from uuvsim_cosim.fmus.codegen.emit import emit_function, emit_tables, emit_update
+from uuvsim_cosim.fmus.codegen.emit_c import emit_function, emit_tables, emit_update
 from uuvsim_cosim.fmus.codegen.equations import equations
 from uuvsim_cosim.fmus.codegen.runtime import runtime
 from uuvsim_cosim.fmus.codegen.toolchain import compile_shared

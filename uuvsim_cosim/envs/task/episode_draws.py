@@ -11,7 +11,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from uuvsim_cosim.models.declaration.draws import WORD, philox
+from uuvsim_cosim.models.declaration.philox import WORD, philox
 
 __all__ = ["Draws"]
 

@@ -15,7 +15,7 @@ from uuvsim_cosim.errors import InputInvalid, ToolchainError
 from uuvsim_cosim.fmus.check.inspect_fmu import inspect
 from uuvsim_cosim.fmus.codegen.toolchain import compiler, host
 from uuvsim_cosim.fmus.export.component_folder import folder_texts, shipped, stale, write_folder
-from uuvsim_cosim.fmus.export.export import build_fmu, build_many, fmi_headers
+from uuvsim_cosim.fmus.export.fmu_file import build_fmu, build_many, fmi_headers
 from uuvsim_cosim.fmus.export.model_description import FmiVersion
 from uuvsim_cosim.models.declaration.library import declare
 from uuvsim_cosim.models.declaration.model import Model

@@ -9,7 +9,7 @@ from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import InputInvalid, ParameterInvalid
 from uuvsim_cosim.models.actuators.thruster_geometry import thruster_geometry
 from uuvsim_cosim.models.declaration.library import LIBRARY, available, declare
-from uuvsim_cosim.models.declaration.parameters import (
+from uuvsim_cosim.models.declaration.parameter_files import (
     parameter_set,
     read_yaml,
     split_address,

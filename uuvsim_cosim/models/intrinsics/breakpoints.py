@@ -17,14 +17,14 @@ import numpy as np
 
 from uuvsim_cosim.models.intrinsics.table import Table
 
-__all__ = ["Bends", "bends"]
+__all__ = ["Buckets", "buckets"]
 
 _MOST_BUCKETS = 512
-_STRAIGHT = 1e-13  # of a row's largest value: what is nearer to the line is on it
+_COLLINEAR = 1e-13  # of a row's largest value: what is nearer to the line is on it
 
 
 @dataclass(frozen=True)
-class Bends:
+class Buckets:
     """Buckets of a table, in the precision of its numbers; the last bucket is the last knot's."""
 
     first: float
@@ -38,8 +38,8 @@ class Bends:
 
 
 @lru_cache
-def bends(table: Table, dtype: str = "float64") -> Bends | None:
-    """Return a table's bends; None where it has more rows than two, or knots that are too close."""
+def buckets(table: Table, dtype: str = "float64") -> Buckets | None:
+    """Return the buckets of a table; None if it has three rows or more, or knots too close."""
     number = np.dtype(dtype).type
     x = np.array(table.x)
     values = np.array(table.values).reshape(-1, len(x))
@@ -57,7 +57,7 @@ def bends(table: Table, dtype: str = "float64") -> Bends | None:
             each = np.arange(count + 1)
             at = tuple(np.searchsorted(b, each, side="right") - 1 for b in buckets)
             low, high = (table.y[0], table.y[-1]) if table.y else (0.0, 1.0)
-            return Bends(first, last, scale, count, number(low), number(high), rows, at)
+            return Buckets(first, last, scale, count, number(low), number(high), rows, at)
     return None
 
 
@@ -67,7 +67,7 @@ def _row(x: np.ndarray, v: np.ndarray) -> Iterator[tuple[float, float, float, fl
     for j in range(1, len(x) - 1):
         i = knots[-1]
         line = v[i] + (x[j] - x[i]) * ((v[j + 1] - v[i]) / (x[j + 1] - x[i]))
-        if abs(v[j] - line) > _STRAIGHT * np.max(np.abs(v)):
+        if abs(v[j] - line) > _COLLINEAR * np.max(np.abs(v)):
             knots.append(j)
     knots.append(len(x) - 1)
     slopes = np.diff(v[knots]) / np.diff(x[knots])

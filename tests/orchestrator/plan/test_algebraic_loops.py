@@ -12,13 +12,13 @@ import pytest
 
 import uuvsim_cosim as uuv
 from uuvsim_cosim.errors import LoopNotConverged, SystemInvalid
-from uuvsim_cosim.fmus.export.export import build_fmu
+from uuvsim_cosim.fmus.export.fmu_file import build_fmu
 from uuvsim_cosim.kernels.kernel import fuse
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.master.prepared import prepare
 from uuvsim_cosim.orchestrator.osp.osp import read_osp
-from uuvsim_cosim.orchestrator.plan.flatten import flatten, inspected
+from uuvsim_cosim.orchestrator.plan.flatten import flatten, plan_to_inspect
 from uuvsim_cosim.orchestrator.plan.loop_gain import estimated_gain
 from uuvsim_cosim.orchestrator.plan.plan import Group
 from uuvsim_cosim.orchestrator.running.library import available
@@ -256,7 +256,7 @@ def test_a_kernel_refuses_a_loop_by_name() -> None:
 
 
 def test_a_loop_that_is_refused_can_be_shown(fmus: Any, stateless: Path) -> None:
-    plan, refused = inspected(gains(fmus(), stateless))
+    plan, refused = plan_to_inspect(gains(fmus(), stateless))
     assert "cannot get and set" in refused
     assert len(plan.algebraic_loops) == 1
 

@@ -17,7 +17,7 @@ from uuvsim_cosim.fmus.codegen.toolchain import (
     fmi_headers,
     platform_named,
 )
-from uuvsim_cosim.fmus.export.export import _build_description, _licence_of_headers, _packed
+from uuvsim_cosim.fmus.export.fmu_file import _build_description, _licence_of_headers, _packed
 from uuvsim_cosim.fmus.export.model_description import FmiVersion
 from uuvsim_cosim.fmus.export.system_description import Whole, index_page, whole_description
 

@@ -14,14 +14,14 @@ import numpy as np
 
 from uuvsim_cosim.models.intrinsics.table import Table
 
-__all__ = ["Even", "even"]
+__all__ = ["UniformGrid", "uniform_grid"]
 
 _PER_UNIT = (1, 2, 4, 5, 8, 10, 16, 20, 25, 40, 50, 100, 200)
 _MOST = 256  # lines
 
 
 @dataclass(frozen=True, eq=False)
-class Even:
+class UniformGrid:
     """The lines of a table; the last one is level, for its last knot."""
 
     first: float
@@ -40,7 +40,7 @@ class Even:
 
 
 @lru_cache
-def even(table: Table) -> Even | None:
+def uniform_grid(table: Table) -> UniformGrid | None:
     """Return a table's lines; None where its knots have no common unit, or it has more rows."""
     x = np.array(table.x)
     values = np.array(table.values).reshape(-1, len(x))
@@ -65,5 +65,5 @@ def even(table: Table) -> Even | None:
             given = v[before] + (knots - x[before]) * level[before]
             rows.append(np.column_stack([given, level[before]]))
         low, high = (table.y[0], table.y[-1]) if table.y else (0.0, 1.0)
-        return Even(table.x[0], table.x[-1], scale, start, per_unit, low, high, tuple(rows))
+        return UniformGrid(table.x[0], table.x[-1], scale, start, per_unit, low, high, tuple(rows))
     return None
