@@ -148,7 +148,7 @@ class CosimTeamVectorEnv:
             raise InputInvalid(
                 stage.place,
                 f"actions of type {given.dtype} and shape {given.shape}",
-                (f"numbers of shape {self.action_space.shape}: environments, agents, widths"),
+                f"numbers of shape {self.action_space.shape}: environments, agents, widths",
             )
         acting = stage.now.present & ~self._ended[:, None]
         return np.where(acting[:, :, None], given, 0.0)

@@ -37,7 +37,7 @@ def check_samples(samples: int, width: int) -> None:
                 f"{samples:,} samples of {_count(width, 'number')} in each run, "
                 f"about {8 * numbers / 1e9:,.0f} GB of memory"
             ),
-            (f"at most {MOST_NUMBERS:,} numbers: a shorter duration, or a larger `every`"),
+            f"at most {MOST_NUMBERS:,} numbers: a shorter duration, or a larger `every`",
         )
 
 

@@ -93,7 +93,7 @@ class Authenticator:
             return access.anonymous
         if mutual and not access.users:
             raise InputInvalid(
-                (f"the certificate {certificate or 'of this client'!s} has no role here"),
+                f"the certificate {certificate or 'of this client'!s} has no role here",
                 "one whose common name the access file has under tls, roles",
             )
         raise InputInvalid("this co-simulation asks who you are", "user and password")

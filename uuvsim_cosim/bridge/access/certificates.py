@@ -38,7 +38,7 @@ def make_certificates(
     except ImportError:
         raise InputInvalid(
             "certificates need the package cryptography",
-            ("pip install 'uuvsim-cosim[security]', or certificates made elsewhere"),
+            "pip install 'uuvsim-cosim[security]', or certificates made elsewhere",
         ) from None
     for name in (*hosts, *clients):
         if not name or len(name) > 64 or "/" in name or name in (".", ".."):

@@ -17,6 +17,14 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from uuvsim_cosim.bridge.access.access_file import Access
+from uuvsim_cosim.bridge.calls.zenoh_keys import (
+    call_key,
+    certificate_key,
+    client_key,
+    master_key,
+    remote_component_key,
+    state_key,
+)
 
 __all__ = [
     "GUEST",
@@ -29,12 +37,8 @@ __all__ = [
 ]
 
 GUEST, READER = "guest", "reader"
-_CALLS = "uuvsim/*/call/*"
-_BY_CERTIFICATE = "uuvsim/*/certificate"
-_STATES = "uuvsim/*/state/**"
-_MASTER = "uuvsim/*/live/master"
-_CLIENTS = "uuvsim/*/live/client/*"
-_COMPONENT = "uuvsim-component/*/*"
+_STATES = state_key(component="**")
+_COMPONENT = remote_component_key()
 
 
 def reader_password() -> str:
@@ -134,13 +138,15 @@ def client_settings(
 def _rules(access: Access) -> Mapping[str, object]:
     """Return Zenoh's access control for a bridge: everything that no rule allows is denied."""
     names = [] if access.tls is None else list(access.tls.roles)
-    own_keys = [f"{_BY_CERTIFICATE}/{name}" for name in names]
+    own_keys = [certificate_key(name=name) for name in names]
     rules = [
-        _rule("ask", "ingress", ["query"], [_CALLS]),
-        _rule("answer", "egress", ["declare_queryable", "reply"], [_CALLS, f"{_BY_CERTIFICATE}/*"]),
-        _rule("look", "ingress", ["liveliness_query", "declare_liveliness_subscriber"], [_MASTER]),
-        _rule("lives", "egress", ["liveliness_token"], [_MASTER]),
-        _rule("live", "ingress", ["liveliness_token"], [_CLIENTS]),
+        _rule("ask", "ingress", ["query"], [call_key()]),
+        _rule("answer", "egress", ["declare_queryable", "reply"], [call_key(), certificate_key()]),
+        _rule(
+            "look", "ingress", ["liveliness_query", "declare_liveliness_subscriber"], [master_key()]
+        ),
+        _rule("lives", "egress", ["liveliness_token"], [master_key()]),
+        _rule("live", "ingress", ["liveliness_token"], [client_key()]),
         _rule("subscribe", "ingress", ["declare_subscriber"], [_STATES]),
         _rule("publish", "egress", ["put"], [_STATES]),
         *(_rule(f"is-{k}", "ingress", ["query"], [key]) for k, key in enumerate(own_keys)),

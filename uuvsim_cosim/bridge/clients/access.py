@@ -13,6 +13,7 @@ from typing import Any
 from uuvsim_cosim.bridge.access.tls import client_context, common_names, why_refused
 from uuvsim_cosim.bridge.access.token import known_token, token_folder
 from uuvsim_cosim.bridge.access.zenoh_permissions import GUEST, client_settings
+from uuvsim_cosim.bridge.calls.zenoh_keys import call_key, certificate_key
 from uuvsim_cosim.bridge.zenoh.session import (
     Disconnected,
     NoSession,
@@ -92,9 +93,13 @@ class Credentials:
             raise InputInvalid(f"connect to {host}, port {port}: {reason}")
 
     def join(
-        self, ask: Callable[..., Reply], joining: dict[str, object], address: tuple[str, int]
+        self,
+        ask: Callable[..., Reply],
+        system: str,
+        joining: dict[str, object],
+        address: tuple[str, int],
     ) -> Reply:
-        """Join by `ask(key, **fields)`: with user and password, a certificate, or a token."""
+        """Join a system by `ask(key, **fields)`: with user and password, a certificate, or a token."""
         token = self._token(*address)
         if token is not None:
             joining = {**joining, "token": token}
@@ -105,10 +110,10 @@ class Credentials:
                 if "/" in name or "*" in name or not name:
                     continue  # cannot be a part of Zenoh's key
                 try:  # there is no answer if the certificate has another name, or no role
-                    return ask(f"certificate/{name}", **joining)
+                    return ask(certificate_key(system, name), **joining)
                 except Disconnected:
                     continue
-        return ask("call/join", **joining)
+        return ask(call_key(system, "join"), **joining)
 
 
 def _wants_tls(host: str, port: int) -> str | None:

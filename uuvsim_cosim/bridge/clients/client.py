@@ -13,6 +13,7 @@ import numpy as np
 from uuvsim_cosim._version import __version__
 from uuvsim_cosim.bridge.calls.call_table import checked
 from uuvsim_cosim.bridge.calls.service import Moment, SignalInfo
+from uuvsim_cosim.bridge.calls.zenoh_keys import call_key, client_key, master_key
 from uuvsim_cosim.bridge.clients.access import Credentials, Reply
 from uuvsim_cosim.bridge.clients.queries import Asking
 from uuvsim_cosim.bridge.clients.subscription import Subscription
@@ -56,7 +57,7 @@ def connect(
     credentials = Credentials(user, password, ca, certificate, key, token)
     session = credentials.opened(host, port)
     try:
-        served = sorted(key.split("/")[1] for key in session.alive("uuvsim/*/live/master"))
+        served = sorted(key.split("/")[1] for key in session.alive(master_key()))
         if system is not None and system not in served:
             raise InputInvalid(
                 f"no co-simulation {system!r} at {host}, port {port}",
@@ -93,30 +94,29 @@ class Connection(Closing):
         self._address = address
         self._states: WrappedSession | None = None
         self._proof: dict[str, str] = {}
-        self._base = f"uuvsim/{system}"
         self._asking = Asking(session, lambda: self._credentials.opened(*address))
         self._schema: tuple[SignalInfo, ...] | None = None
         self._subscriptions: list[Subscription] = []
         self._id = secrets.token_hex(8)
-        self._token = session.token(f"{self._base}/live/client/{self._id}")
+        self._token = session.token(client_key(system, self._id))
         joining = {
             "name": name, "lockstep": lockstep, "lag": lag, "protocol": PROTOCOL,
             "version": __version__,
         }  # fmt: skip
-        joined, _ = self._credentials.join(self._ask_at, joining, address)
+        joined, _ = self._credentials.join(self._ask_at, system, joining, address)
         if joined.get("protocol") != PROTOCOL:
             raise InputInvalid(
                 (
                     f"the co-simulation (uuvsim-cosim {joined.get('version', 'unknown')}) "
                     f"speaks protocol {joined.get('protocol')}"
                 ),
-                (f"protocol {PROTOCOL}, as uuvsim-cosim {__version__} has, which connects"),
+                f"protocol {PROTOCOL}, as uuvsim-cosim {__version__} has, which connects",
             )
         self.name = str(joined["name"])
         self.allowed = frozenset(joined.get("allowed", ("read", "set", "step", "manage")))
         self._proof = {"proof": joined["proof"]} if "proof" in joined else {}
         self._reader: list[str] | None = joined.get("reader")
-        self._watching = session.watch(f"{self._base}/live/master", self._master_changed)
+        self._watching = session.watch(master_key(system), self._master_changed)
 
     # ---- state and schema -----------------------------------------------------------------
 
@@ -252,7 +252,7 @@ class Connection(Closing):
                 self._states = self._credentials.opened(*self._address, user, password)
             session = self._states
         subscription = Subscription(
-            session, self._base, names, paths, lambda: self._ask("schema")[0], keep
+            session, self.system, names, paths, lambda: self._ask("schema")[0], keep
         )
         self._subscriptions.append(subscription)
         return subscription
@@ -278,7 +278,7 @@ class Connection(Closing):
     def _ask(
         self, call: str, values: Mapping[str, Mapping[str, object]] | None = None, /, **rest: object
     ) -> Reply:
-        return self._ask_at(f"call/{call}", values, **self._proof, **rest)
+        return self._ask_at(call_key(self.system, call), values, **self._proof, **rest)
 
     def _ask_at(
         self, key: str, values: Mapping[str, Mapping[str, object]] | None = None, /, **rest: object
@@ -297,7 +297,7 @@ class Connection(Closing):
             raise InputInvalid(
                 call, f"cannot be sent ({error})", "numbers, texts and lists of them"
             ) from None
-        reply = self._asking.ask(f"{self._base}/{key}", text, block)
+        reply = self._asking.ask(key, text, block)
         if reply is None:
             raise Disconnected(
                 f"{call}: the co-simulation {self.system!r} is gone; expected it to run"

@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 
 from uuvsim_cosim._version import __version__
 from uuvsim_cosim.bridge.access.token import known_token
+from uuvsim_cosim.bridge.calls.zenoh_keys import remote_component_key
 from uuvsim_cosim.bridge.clients.access import Credentials
 from uuvsim_cosim.bridge.clients.remote_serving import (
     COMPONENT_PORT,
@@ -191,7 +192,7 @@ class RemoteComponent:
             raise FmuError(
                 self.path,
                 f"{self.description.name}, which is remote, cannot copy its state",
-                ("a class whose attributes are numbers, text, arrays and containers of them"),
+                "a class whose attributes are numbers, text, arrays and containers of them",
             )
         state = self._query("get_state", {"instance": self._instance}, b"")
         return state, copy.deepcopy(self._values), dict(self._pending), self._time
@@ -275,7 +276,7 @@ class _Server:
         try:
             with self._session.inside():
                 if call not in self._queriers:
-                    key = f"uuvsim-component/{source.name}/{call}"
+                    key = remote_component_key(source.name, call)
                     self._queriers[call] = self._session.asker(key, source.timeout)
                 replies = self._queriers[call].get(
                     payload=json.dumps(message),
@@ -302,7 +303,11 @@ class _Server:
     def _absent(self) -> str:
         """Return the message for a component without a server."""
         source = self._source
-        keys = [] if not self._session.is_open else self._session.alive("uuvsim-component/*/live")
+        keys = (
+            []
+            if not self._session.is_open
+            else self._session.alive(remote_component_key(call="live"))
+        )
         served = sorted(key.split("/")[1] for key in keys)
         missing = (
             expected_names(source.name, served)

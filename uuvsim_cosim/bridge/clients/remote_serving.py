@@ -15,6 +15,7 @@ from uuvsim_cosim._version import __version__
 from uuvsim_cosim.bridge.access.authentication import everybody
 from uuvsim_cosim.bridge.access.token import TokenFile, guarded_by_token
 from uuvsim_cosim.bridge.access.zenoh_permissions import guarded_component
+from uuvsim_cosim.bridge.calls.zenoh_keys import remote_component_key
 from uuvsim_cosim.bridge.zenoh.codec import PROTOCOL, message_of, read_message, unpacked
 from uuvsim_cosim.bridge.zenoh.session import Query, listening
 from uuvsim_cosim.closing import Closing
@@ -74,9 +75,8 @@ class ComponentServer(Closing):
         except BaseException:
             self._session.close()
             raise
-        base = f"uuvsim-component/{name}"
-        self._answering = self._session.answer(f"{base}/*", self._asked)
-        self._token = self._session.token(f"{base}/live")
+        self._answering = self._session.answer(remote_component_key(name), self._asked)
+        self._token = self._session.token(remote_component_key(name, "live"))
 
     @property
     def source(self) -> str:

@@ -10,6 +10,7 @@ from typing import Any, Self, final
 import numpy as np
 
 from uuvsim_cosim.bridge.calls.values import format_of
+from uuvsim_cosim.bridge.calls.zenoh_keys import state_key
 from uuvsim_cosim.bridge.zenoh.session import Disconnected, WrappedSession
 from uuvsim_cosim.bridge.zenoh.stream import HEADER
 from uuvsim_cosim.closing import Closing
@@ -43,7 +44,7 @@ class Subscription(Closing):
     def __init__(
         self,
         session: WrappedSession,
-        base: str,
+        system: str,
         names: Sequence[str],
         components: Collection[str],
         blocks: Callable[[], Mapping[str, Any]],
@@ -61,7 +62,7 @@ class Subscription(Closing):
             for path, held in self._names.items()
             if path in self._wanted or self._wanted & set(held) or not names
         }
-        key = f"{base}/state/{next(iter(paths))}" if len(paths) == 1 else f"{base}/state/*"
+        key = state_key(system, next(iter(paths)) if len(paths) == 1 else "*")
         self._paths = paths
         self._session = session
         self._subscriber = session.subscribe(key, keep)

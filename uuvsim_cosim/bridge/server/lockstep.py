@@ -129,7 +129,7 @@ class Lockstep:
             if both := request.names & set(inputs):
                 raise InputInvalid(
                     "step",
-                    (f"{', '.join(sorted(both))}: is set in this step by {other!r} already"),
+                    f"{', '.join(sorted(both))}: is set in this step by {other!r} already",
                     "one client for each input",
                 )
         fitted = self._current.names.fit(inputs)

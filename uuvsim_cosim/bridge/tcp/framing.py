@@ -112,7 +112,7 @@ class Reader:
             if time.monotonic() > end:
                 raise InputInvalid(
                     "frame",
-                    (f"{len(self._buffer)} of {size} bytes came in {self.limits.frame_s:g} s"),
+                    f"{len(self._buffer)} of {size} bytes came in {self.limits.frame_s:g} s",
                     "all of them by then",
                 )
             self._more(begun=True)

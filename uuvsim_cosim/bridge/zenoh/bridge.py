@@ -1,7 +1,6 @@
 """The Zenoh server: calls are queries, states are blocks, and liveliness shows who is connected.
 
-Keys, below ``uuvsim/<system>/``: ``call/<name>`` for the service's calls, ``state/<component>``
-for its blocks, ``live/master``, ``live/component/<component>`` and ``live/client/<id>``.
+The keys are in `bridge/calls/zenoh_keys.py`.
 """
 
 from __future__ import annotations
@@ -25,6 +24,14 @@ from uuvsim_cosim.bridge.calls.at_exit import close_at_exit
 from uuvsim_cosim.bridge.calls.call_table import CALLS, arguments, checked, read_object
 from uuvsim_cosim.bridge.calls.service import Client, Moment, Schema
 from uuvsim_cosim.bridge.calls.time_sharing import READS
+from uuvsim_cosim.bridge.calls.zenoh_keys import (
+    call_key,
+    certificate_key,
+    client_key,
+    component_key,
+    master_key,
+    state_key,
+)
 from uuvsim_cosim.bridge.server.call_queue import Answer
 from uuvsim_cosim.bridge.server.conductor import Conductor
 from uuvsim_cosim.bridge.zenoh.codec import (
@@ -100,7 +107,7 @@ class Bridge(Closing):
                 system = self._own = Conductor(system, **conducting)
             self.conductor = system
             self.stream = Stream(
-                lambda path: self._session.publisher(f"{self._base}/state/{path}", _BLOCK),
+                lambda path: self._session.publisher(state_key(self._name, path), _BLOCK),
                 SharedMemory(wanted=shared_memory),
             )
             ending.callback(self._end_stream)
@@ -128,17 +135,17 @@ class Bridge(Closing):
         described = self.conductor.describe()
         self._tick = Fraction(str(described["tick"]))
         self._schema: tuple[Schema | None, int, str] = (None, 0, "")
-        self._base = f"uuvsim/{described['system']}"
+        self._name = str(described["system"])
         session = self._session
         self.conductor.watch(self.stream)
         self._answering = [
-            session.answer(f"{self._base}/call/*", self._asked),
-            session.answer(f"{self._base}/certificate/*", self._asked_by_certificate),
+            session.answer(call_key(self._name), self._asked),
+            session.answer(certificate_key(self._name), self._asked_by_certificate),
         ]
-        self._watching = session.watch(f"{self._base}/live/client/*", self._lives)
+        self._watching = session.watch(client_key(self._name), self._lives)
         paths = [c["path"] for c in described["components"]]
-        keys = ["master", *(f"component/{path}" for path in paths)]
-        self._tokens = [session.token(f"{self._base}/live/{key}") for key in keys]
+        keys = [master_key(self._name), *(component_key(self._name, path) for path in paths)]
+        self._tokens = [session.token(key) for key in keys]
 
     def _lives(self, key: str, lives: bool) -> None:
         """Remove a client that has disconnected; abort the run or the steps that it waits for."""
@@ -260,7 +267,7 @@ class Bridge(Closing):
             if theirs != PROTOCOL:
                 raise InputInvalid(
                     f"the client (uuvsim-cosim {version}) speaks protocol {theirs}",
-                    (f"protocol {PROTOCOL}, as uuvsim-cosim {__version__} has, which serves here"),
+                    f"protocol {PROTOCOL}, as uuvsim-cosim {__version__} has, which serves here",
                 )
             fields = {k: v for k, v in message.items() if k not in (*_EACH, *_JOIN)}
             wishes = checked("join", fields)

@@ -72,7 +72,7 @@ def _value(name: str, value: object, block: bytes) -> object:
         raise InputInvalid(
             name,
             f"{json.dumps(value)[:100]} with a block of {len(block)} bytes",
-            ("at, type (f8, i8, u8 or ?) and shape of numbers that lie in the block"),
+            "at, type (f8, i8, u8 or ?) and shape of numbers that lie in the block",
         ) from None
     return array.reshape(shape).copy() if shape else array[0].item()
 

@@ -49,7 +49,7 @@ def token_command(
     if token is None:
         raise InputInvalid(
             f"port {port}",
-            (f"no server of yours asks for a token there (no file {tilde(token_file(port))})"),
+            f"no server of yours asks for a token there (no file {tilde(token_file(port))})",
             "the --port of `uuvsim serve` or of a page (`uuvsim view`)",
         )
     text = f"Authorization: Bearer {token}" if header else token

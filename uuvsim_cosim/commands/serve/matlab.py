@@ -19,7 +19,7 @@ def matlab_command() -> None:
         raise InputInvalid(
             folder,
             "the MATLAB client is not there",
-            ("the folder +uuvsim, which the wheel brings: install uuvsim-cosim again"),
+            "the folder +uuvsim, which the wheel brings: install uuvsim-cosim again",
         )
     folders = [
         str(part).replace("'", "''") for part in (folder, folder / "examples", folder / "mex")

@@ -84,7 +84,7 @@ def _makes(env: Any) -> tuple[str, Make, Make | None, Callable[[int], Any] | Non
     if not callable(env):
         raise InputInvalid(
             f"an environment of type {type(env).__name__} without a spec",
-            ("a registered id, or a function that makes a new one (several are compared)"),
+            "a registered id, or a function that makes a new one (several are compared)",
         )
     title = getattr(env, "__name__", type(env).__name__)
     return title, env, lambda: env().unwrapped, None
@@ -125,7 +125,7 @@ def _kind(env: object) -> Kind:
         return "parallel"
     raise InputInvalid(
         f"an object of type {type(env).__name__}",
-        ("a gymnasium.Env, a gymnasium.vector.VectorEnv or a pettingzoo.ParallelEnv"),
+        "a gymnasium.Env, a gymnasium.vector.VectorEnv or a pettingzoo.ParallelEnv",
     )
 
 

@@ -221,7 +221,7 @@ class TeamStage:
                 wanted = "Booleans" if dtype is np.bool_ else "numbers"
                 raise InputInvalid(
                     self.place,
-                    (f"{place}, {agent!r}, of type {column.dtype} and shape {column.shape}"),
+                    f"{place}, {agent!r}, of type {column.dtype} and shape {column.shape}",
                     f"{wanted} of shape {(self.n,)}",
                 )
             result[:, j] = column
@@ -233,7 +233,7 @@ class TeamStage:
             raise InputInvalid(
                 self.place,
                 f"{place} has nothing for {', '.join(map(repr, missing))}",
-                (f"an entry for each of {', '.join(self.agents)}, also for those that are absent"),
+                f"an entry for each of {', '.join(self.agents)}, also for those that are absent",
             )
 
     def _space(self, limits: tuple[object, object], place: str) -> gymnasium.spaces.Box:

@@ -76,7 +76,7 @@ def _new(size: int) -> tuple[int, str]:
     if folder is None:
         free = ", ".join(f"{n_bytes / 1e9:.3g} GB in {f}" for f, n_bytes in available.items())
         raise InputInvalid(
-            (f"{size / 1e9:.3g} GB of memory to share with processes, where there are {free}"),
+            f"{size / 1e9:.3g} GB of memory to share with processes, where there are {free}",
             "fewer environments, or more room",
         )
     handle, path = tempfile.mkstemp(prefix=f"uuvsim-{os.getpid()}-", dir=folder)

@@ -107,7 +107,7 @@ class Signals:
         if named.key not in self._first:
             raise InputInvalid(
                 f"signal {name!r}",
-                (f"is not read by this task, which reads {', '.join(self._first) or 'none'}"),
+                f"is not read by this task, which reads {', '.join(self._first) or 'none'}",
                 "it among the task's signals=",
             )
         rows = self.rows(named)

@@ -65,7 +65,7 @@ class ColumnRows:
             except MemoryError:
                 raise RecordingError(
                     f"no memory for more than {self.count} rows, at t = {t:g} s",
-                    ("an earlier end, a longer step, or simulate_fmu_to_csv, which keeps no rows"),
+                    "an earlier end, a longer step, or simulate_fmu_to_csv, which keeps no rows",
                 ) from None
         self._time[self.count] = t
         for column, value in zip(self._columns, values, strict=True):
@@ -115,7 +115,7 @@ class CsvRows(Closing):
             raise RecordingError(
                 self._shown,
                 f"{error.strerror or error} at t = {t:g} s",
-                ("room on the disk; it holds the rows up to then, and the last may be incomplete"),
+                "room on the disk; it holds the rows up to then, and the last may be incomplete",
             ) from None
         self.count += 1
         self.last_time = t

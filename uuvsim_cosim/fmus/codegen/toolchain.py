@@ -191,7 +191,7 @@ def compile_shared(
             data = fresh.read_bytes()
         except FileNotFoundError:
             raise ToolchainError(
-                (f"the C compiler {_named(command)} reports no error, but wrote no library"),
+                f"the C compiler {_named(command)} reports no error, but wrote no library",
                 _EXPECTED,
             ) from None
     if contents() != key:  # otherwise the cache would keep a wrong library under this key

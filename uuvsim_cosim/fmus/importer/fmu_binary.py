@@ -69,7 +69,7 @@ class FmuBinary(ABC):
             raise FmuError(
                 path,
                 f"{archive.path.name} may exist only once per process",
-                ("each further instance to be isolated in a process of its own (isolate=True)"),
+                "each further instance to be isolated in a process of its own (isolate=True)",
             )
         self._log = MessageLog(path, self._variable_named)
         self.messages = self._log.kept

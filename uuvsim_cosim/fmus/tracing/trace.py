@@ -70,7 +70,7 @@ def instantiate_traced(archive: FmuArchive, path: str, trace: Trace) -> Componen
     if needs_own_process(archive):
         raise InputInvalid(
             path,
-            (f"{archive.path.name} needs a process of its own here, whose calls cannot be traced"),
+            f"{archive.path.name} needs a process of its own here, whose calls cannot be traced",
             "it to be there once",
         )
     version = Fmu2 if archive.description.kind == "FMI 2.0" else Fmu3

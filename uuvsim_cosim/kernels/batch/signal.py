@@ -59,7 +59,7 @@ class Signal:
             raise InputInvalid(
                 self.name,
                 f"values of shape {array.shape}",
-                (f"{v.shape} or {(self.n_envs, *v.shape)}, a row for each environment (n_envs)"),
+                f"{v.shape} or {(self.n_envs, *v.shape)}, a row for each environment (n_envs)",
             )
         low = -self.largest if v.min is None else v.min
         high = self.largest if v.max is None else v.max

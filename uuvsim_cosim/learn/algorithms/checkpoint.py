@@ -32,7 +32,7 @@ def save_checkpoint(path: Path, content: State) -> None:
         raise RecordingError(
             path,
             f"{error.strerror}; the checkpoint of before is kept",
-            (f"{len(buffer.getvalue())} free bytes in a folder that can be written"),
+            f"{len(buffer.getvalue())} free bytes in a folder that can be written",
         ) from error
 
 
@@ -57,7 +57,7 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
     if read["uuvsim_checkpoint"] != FORMAT:
         raise InputInvalid(
             path,
-            (f"format {read['uuvsim_checkpoint']}, written by another version of this package"),
+            f"format {read['uuvsim_checkpoint']}, written by another version of this package",
             f"{FORMAT}, or to begin anew (--restart)",
         )
     return dict(_arrays(read["content"]))

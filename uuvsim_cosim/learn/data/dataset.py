@@ -70,7 +70,7 @@ class Dataset:
             if shapes != wanted or not steps:
                 raise InputInvalid(
                     f"dataset, episode {i}",
-                    (f"observations, actions and rewards of shapes {', '.join(map(str, shapes))}"),
+                    f"observations, actions and rewards of shapes {', '.join(map(str, shapes))}",
                     f"(T + 1, {seen}), (T, {acts}) and (T,), T at least 1",
                 )
             for name in ("observation", "action", "reward"):

@@ -159,7 +159,7 @@ def in_units(policy: Policy) -> Policy:
     if box.width != len(policy.action):
         raise InputInvalid(
             f"policy of {policy.task}",
-            (f"it has {len(policy.action)} actions, and the task acts on {box.width} inputs"),
+            f"it has {len(policy.action)} actions, and the task acts on {box.width} inputs",
             f"the task as it was in the training, {instead}",
         )
     low, high = (box.scaled(np.full((1, box.width), s))[:, 0] for s in (-1.0, 1.0))

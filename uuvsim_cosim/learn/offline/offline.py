@@ -172,7 +172,7 @@ def of_task(
             raise InputInvalid(
                 f"dataset{f' of {data.task}' if data.task else ''}",
                 f"an {what} space of {_space(found)}",
-                (f"{_space(wanted)}, as {name} has (target tracking has an option slots)"),
+                f"{_space(wanted)}, as {name} has (target tracking has an option slots)",
             )
     return replace(data, task=name, options=every, observation=seen, action=acts)
 

@@ -48,7 +48,7 @@ def make_task(
             )
         if given.setdefault("profile", profile) != profile:
             raise InputInvalid(
-                (f"profile {profile!r}, and {given['profile']!r} among the task's options"),
+                f"profile {profile!r}, and {given['profile']!r} among the task's options",
                 "one of them",
             )
     refuse_options(f"task {name}", make, given)

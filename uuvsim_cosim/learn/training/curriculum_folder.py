@@ -59,7 +59,7 @@ def done_in(
             raise InputInvalid(
                 folder,
                 f"holds a curriculum with {name} {before.get(name)!r}",
-                (f"{now.get(name)!r}, another folder (-o), or to begin anew (--restart)"),
+                f"{now.get(name)!r}, another folder (-o), or to begin anew (--restart)",
             )
     return done
 

@@ -91,7 +91,7 @@ def acting_in(task: Task | TeamTask, policies: Sequence[Policy], name: str) -> P
             raise InputInvalid(
                 f"policy of {p.task}",
                 f"observes {len(p.observation)} numbers and acts on {len(p.action)}",
-                (f"{observed} and {acted}, for {name} (target tracking has an option slots)"),
+                f"{observed} and {acted}, for {name} (target tracking has an option slots)",
             )
     named = {p.agent: p for p in policies}
     if len(named) < len(policies) or ("" in named and len(named) > 1):

@@ -115,7 +115,7 @@ class Rollout:
         steps = np.asarray(state["steps"])
         if steps.shape != (self.n,) or state["actions"].shape[1:] != self._actions.shape[1:]:
             raise InputInvalid(
-                (f"{len(steps)} environments, actions of shape {state['actions'].shape[2:]}"),
+                f"{len(steps)} environments, actions of shape {state['actions'].shape[2:]}",
                 f"{self.n} and {self._actions.shape[2:]}",
             )
         most = int(steps.max(initial=0))

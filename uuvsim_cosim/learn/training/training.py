@@ -288,7 +288,7 @@ class Training:
             raise InputInvalid(
                 self.checkpoint,
                 f"of step {self.step}, {self.steps} asked for",
-                ("at least as many steps, another folder, or to begin anew (--restart)"),
+                "at least as many steps, another folder, or to begin anew (--restart)",
             )
 
     def _write_curves(self) -> None:

@@ -127,7 +127,7 @@ def read_reference(path: Path) -> Reference:
         raise InputInvalid(
             f"{path}:{at}",
             f"columns {', '.join(names)}",
-            (f"{', '.join(wanted)} and optionally {', '.join((*TAU, *CURRENT))}, each once"),
+            f"{', '.join(wanted)} and optionally {', '.join((*TAU, *CURRENT))}, each once",
         )
     table = np.array([_numbers(path, n, text, names) for n, text in body[1:]])
     if len(table) < 2 or not np.all(np.diff(table[:, names.index("t_s")]) > 0):

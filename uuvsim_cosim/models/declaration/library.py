@@ -163,5 +163,5 @@ def _wrong_option(
     return InputInvalid(
         f"model {name!r}",
         f"there is no option {key!r}{did_you_mean(key, known)}",
-        (f"{', '.join(known) or 'none'} (a parameter is set: --set component.parameter=value)"),
+        f"{', '.join(known) or 'none'} (a parameter is set: --set component.parameter=value)",
     )

@@ -80,7 +80,7 @@ def import_mesh(
         raise InputInvalid(
             path,
             f"{mass:g} kg in {solid.volume:.3g} m3 are {density:.3g} kg/m3",
-            ("20 to 20000: is the file in another unit (--scale), or the mass not in kg?"),
+            "20 to 20000: is the file in another unit (--scale), or the mass not in kg?",
         )
     return _estimated(Path(path), mesh, solid, mass, rho, volume, z_g, 0.0 - centre, axes.upper())
 

@@ -151,7 +151,7 @@ def _check(tensors: Mapping[str, Array], places: int, heads: int, activation: st
     if not h or heads < 1 or h % heads or places < 1 or activation not in ("relu", "gelu"):
         raise ParameterInvalid(
             "transformer",
-            (f"{places} places, {heads} heads of {h} numbers together, activation {activation!r}"),
+            f"{places} places, {heads} heads of {h} numbers together, activation {activation!r}",
             "1 or more, a divisor of the width, relu or gelu",
         )
     seen = tensors.get("embed_observation.weight", np.zeros((h, 1))).shape[-1]

@@ -61,6 +61,6 @@ def _layers(file: PolicyFile) -> list[Layer]:
         raise InputInvalid(
             file.path,
             f"a network of {shape[0]} inputs and {shape[1]} outputs",
-            (f"one for {len(file.observation)} observed and {len(file.action)} acted"),
+            f"one for {len(file.observation)} observed and {len(file.action)} acted",
         )
     return layers

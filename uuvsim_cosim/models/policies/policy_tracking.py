@@ -60,7 +60,7 @@ def tracking_policy(file: PolicyFile, action_step: str, period: str, obstacles: 
     if len(size) != len(file.observation) or len(file.action) != 2:
         raise InputInvalid(
             file.path,
-            (f"observes {len(file.observation)} numbers and acts on {len(file.action)}"),
+            f"observes {len(file.observation)} numbers and acts on {len(file.action)}",
             f"{len(size)} and 2, of {file.task} with slots {slots}",
         )
     step = Fraction(str(action_step or options.get("action_step", "0.4")))

@@ -111,7 +111,7 @@ def _ascii_stl(path: Path, data: bytes) -> Array:
     if not ended or len(numbers) % 3:
         raise InputInvalid(
             path,
-            (f"is truncated: {len(numbers)} vertices and {'an' if ended else 'no'} endsolid"),
+            f"is truncated: {len(numbers)} vertices and {'an' if ended else 'no'} endsolid",
             "three vertices a facet, and endsolid",
         )
     return np.array(numbers, dtype=float).reshape(-1, 3, 3)
@@ -124,7 +124,7 @@ def _by_trimesh(path: Path) -> Array:
         raise InputInvalid(
             path,
             "only .stl is read without trimesh",
-            ("an STL, or `pip install 'uuvsim-cosim[scene]'` for .obj, .ply, .glb and others"),
+            "an STL, or `pip install 'uuvsim-cosim[scene]'` for .obj, .ply, .glb and others",
         ) from None
     try:
         loaded = trimesh.load(str(path), force="mesh", process=False)  # else it drops NaN

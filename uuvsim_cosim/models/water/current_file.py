@@ -113,7 +113,7 @@ def read_current_file(
         raise InputInvalid(
             file,
             f"{size:,} numbers",
-            (f"at most {MOST:,}: give extent=METRES around the origin, or cut the file in time"),
+            f"at most {MOST:,}: give extent=METRES around the origin, or cut the file in time",
         )
     for variable in (along_east, along_north):
         taken = tuple(index.get(roles[d], slice(None)) for d in variable.dimensions)
@@ -384,7 +384,7 @@ def _start(file: Path, text: str, epoch: datetime | None, first: float, length: 
         except ValueError:
             raise InputInvalid(
                 f"start={text!r}",
-                (f"s after the first time of {file}, or a date such as 2020-05-01T12:00"),
+                f"s after the first time of {file}, or a date such as 2020-05-01T12:00",
             ) from None
         given = given if given.tzinfo else given.replace(tzinfo=UTC)
         start = (given - epoch).total_seconds() - first

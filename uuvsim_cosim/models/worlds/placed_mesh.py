@@ -115,7 +115,7 @@ def placed_mesh(
         raise InputInvalid(
             file.name,
             f"{len(triangles):,} triangles",
-            (f"at most {MOST_TRIANGLES:,}: simplify the mesh, or take a part of it"),
+            f"at most {MOST_TRIANGLES:,}: simplify the mesh, or take a part of it",
         )
     points, same = unique_rows(triangles.reshape(-1, 3))
     corners = same.reshape(-1, 3)

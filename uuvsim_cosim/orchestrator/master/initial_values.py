@@ -86,7 +86,7 @@ def converted(t: Transfer, values: np.ndarray) -> np.ndarray:
         for v in values:
             if int(v) not in found:
                 raise InputInvalid(
-                    (f"the connection from {t.source_variable.name} to {t.target_variable.name}"),
+                    f"the connection from {t.source_variable.name} to {t.target_variable.name}",
                     f"{v} has no entry in its table",
                     listed(t.table),
                 )

@@ -332,7 +332,7 @@ class Master:
             raise InputInvalid(
                 f"{path}.{name}",
                 f"is a {variable.variability} {variable.causality}",
-                ("an input or a tunable parameter (others: at initialize() or reset())"),
+                "an input or a tunable parameter (others: at initialize() or reset())",
             )
         sources = [
             f"{self.plan.components[t.source].path}.{t.source_variable.name}"

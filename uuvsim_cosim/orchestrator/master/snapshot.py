@@ -143,6 +143,6 @@ def _check(header: Mapping[str, Any], path: Path, plan: Plan) -> None:
     differing = ", ".join(sorted(theirs ^ ours)) or "their variables, steps or connections"
     raise InputInvalid(
         f"snapshot {path}",
-        (f"is of another system (plan {header['plan']}; they differ in {differing})"),
+        f"is of another system (plan {header['plan']}; they differ in {differing})",
         f"one of plan {plan_hash(plan)}",
     )

@@ -46,7 +46,7 @@ def read_names(path: Path) -> dict[str, str]:
         if (entry.factor, entry.offset) != (1.0, 0.0):
             raise InputInvalid(
                 path,
-                (f"{entry.source} is transformed by {entry.factor:g} x + {entry.offset:g}"),
+                f"{entry.source} is transformed by {entry.factor:g} x + {entry.offset:g}",
                 "names only (units are converted at the connections)",
             )
     return {e.source: e.target for e in entries}

@@ -52,5 +52,5 @@ def unpickled(data: bytes, path: str) -> Any:
         raise FmuError(
             path,
             f"its state holds {error}",
-            ("numbers, text, arrays and containers of them, which alone can be kept in a file"),
+            "numbers, text, arrays and containers of them, which alone can be kept in a file",
         ) from error

@@ -94,7 +94,7 @@ def to_parquet(stream: Path, parquet: Path) -> None:
         raise RecordingError(
             f"recording {parquet}",
             error.strerror or error,
-            (f"room on the disk; everything is in {stream.name}, which can be read as well"),
+            f"room on the disk; everything is in {stream.name}, which can be read as well",
         ) from error
 
 

@@ -30,7 +30,7 @@ def system_file(name: str) -> Path:
         names = available()
         raise InputInvalid(
             f"there is no system {name!r}{did_you_mean(name, names)}",
-            (f"one of {', '.join(names) or 'none'}, or a path to an .ssd, .ssp or .fmu"),
+            f"one of {', '.join(names) or 'none'}, or a path to an .ssd, .ssp or .fmu",
         )
     return found
 

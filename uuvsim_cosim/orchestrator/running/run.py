@@ -230,7 +230,7 @@ def _end(asked: float | None, system: System, plan: Plan) -> float:
         raise InputInvalid(
             "until",
             f"{end:g} s was read",
-            (f"a whole number of steps of {float(plan.tick):g} s, such as {near:g}"),
+            f"a whole number of steps of {float(plan.tick):g} s, such as {near:g}",
         )
     return end
 

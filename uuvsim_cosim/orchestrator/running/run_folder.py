@@ -104,7 +104,7 @@ def check_room(folder: Path, wanted: float) -> None:
                 f"the recording would take about {wanted / 1e9:.3g} GB, and "
                 f"{free / 1e9:.3g} GB are free"
             ),
-            (f"a shorter run, or fewer rows (--record-every {times} records every {times}th step)"),
+            f"a shorter run, or fewer rows (--record-every {times} records every {times}th step)",
         )
 
 

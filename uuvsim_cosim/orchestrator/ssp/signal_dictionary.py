@@ -183,7 +183,7 @@ def _outward(
         if use.index:
             raise InputInvalid(
                 use.end.text,
-                (f"one element, {use.index}, of an entry of a dictionary around its system"),
+                f"one element, {use.index}, of an entry of a dictionary around its system",
                 "the whole entry",
             )
     return found

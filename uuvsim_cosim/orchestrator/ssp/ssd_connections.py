@@ -131,7 +131,7 @@ def _read(item: Xml, causalities: Mapping[tuple[str, str], str], links: Links, p
     if links.changes.setdefault(outer.connector, change) != change:
         raise InputInvalid(
             here,
-            (f"another transformation than at the other connections of {outer.connector!r}"),
+            f"another transformation than at the other connections of {outer.connector!r}",
             "the same at each",
         )
 

@@ -23,6 +23,6 @@ def proxy_file(source: str) -> str | None:
     if (parts.hostname or "localhost") not in ("localhost", "127.0.0.1") or not file:
         raise InputInvalid(
             f"source {source!r}",
-            ("an FMU, or proxyfmu://localhost?file=…: nothing is run on other machines"),
+            "an FMU, or proxyfmu://localhost?file=…: nothing is run on other machines",
         )
     return unquote(file.replace("file:///", "/"))

@@ -33,7 +33,7 @@ def table_of(values: Mapping[Any, bool | int | str], place: str) -> Table:
     if len(types) != 1 or not types <= set(_EXPECTED):
         raise InputInvalid(
             place,
-            (f"a table of {', '.join(sorted(t.__name__ for t in types)) or 'no values'}"),
+            f"a table of {', '.join(sorted(t.__name__ for t in types)) or 'no values'}",
             "Booleans, integers, or names of items, on both sides",
         )
     return table

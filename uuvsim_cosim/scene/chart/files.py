@@ -69,7 +69,7 @@ def identification(file: Path) -> Identification:
     except (ValueError, IndexError, struct.error):
         raise InputInvalid(
             file,
-            ("not an S-57 chart: it does not begin with the leader and DSID record of one"),
+            "not an S-57 chart: it does not begin with the leader and DSID record of one",
             (
                 "a base cell (.000; S-101 is not read, and cells encrypted by S-63 "
                 "have to be decrypted first)"

@@ -127,7 +127,7 @@ def map_seabed(
         ranges = ", ".join(f"{s.name} {s.near:g} to {s.far:g} m" for s in sondes)
         raise InputInvalid(
             f"nothing of the seabed was seen ({ranges})",
-            (f"a track above the terrain{f' of scene {scene}' if scene else ''}, within reach"),
+            f"a track above the terrain{f' of scene {scene}' if scene else ''}, within reach",
         )
     # The truth is what a plumb line meets in each cell's middle: the seabed or what stands on it.
     north, east = (c.ravel() for c in np.meshgrid(*window.centres, indexing="ij"))

@@ -157,7 +157,7 @@ def _taken(sonde: Sonde, taken: Taken, time: Array, every: int) -> Iterator[Fram
     if len(taken.t) and not seen.any():
         raise InputInvalid(
             sonde.name,
-            (f"no pose was recorded when it took a sample (every {sonde.period:g} s)"),
+            f"no pose was recorded when it took a sample (every {sonde.period:g} s)",
             "a run without --record-every",
         )
     for k in np.flatnonzero(seen)[::every].tolist():

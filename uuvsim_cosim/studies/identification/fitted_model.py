@@ -51,7 +51,7 @@ class GreyBox:
             if part.model.of_kind("discrete") or part.model.clocks:
                 raise InputInvalid(
                     f"{part.path} is sampled (it has clocks)",
-                    ("parameters of components in continuous time, as a hull or a thruster"),
+                    "parameters of components in continuous time, as a hull or a thruster",
                 )
             if part.calls:
                 raise InputInvalid(

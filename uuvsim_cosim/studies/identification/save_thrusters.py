@@ -55,7 +55,7 @@ class ThrusterSet:
         if len(data["thrusters"]) != self.count:
             raise InputInvalid(
                 file,
-                (f"{len(data['thrusters'])} thrusters, and the system's wrench has {self.count}"),
+                f"{len(data['thrusters'])} thrusters, and the system's wrench has {self.count}",
                 "the wrench of that vehicle",
             )
         return data

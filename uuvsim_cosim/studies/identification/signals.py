@@ -113,7 +113,7 @@ def grid_of(
     K = int(np.floor((t[-1] - begin) / step + 1e-6))
     if not 20 <= K <= _MOST_STEPS:
         raise InputInvalid(
-            (f"the recording from {begin:g} to {t[-1]:g} s has {K} steps of {step:g} s"),
+            f"the recording from {begin:g} to {t[-1]:g} s has {K} steps of {step:g} s",
             f"20 to {_MOST_STEPS}: choose --from, --to or --step",
         )
     grid: Array = begin + step * np.arange(K + 1, dtype=float)

@@ -24,7 +24,7 @@ def newest_run(runs: str | Path = "runs") -> Path:
         raise InputInvalid(
             runs,
             "no run lies below it",
-            ("the path of a run's folder, or to stand where `uuvsim run` has written one"),
+            "the path of a run's folder, or to stand where `uuvsim run` has written one",
         )
     return max(found, key=lambda p: p.stat().st_mtime).parent
 
