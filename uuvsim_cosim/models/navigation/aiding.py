@@ -124,7 +124,7 @@ class Aiding:
         due = since >= WAIT - 1e-6
         for is_new in urgent:
             due = ca.logic_or(due, is_new)
-        last = self._state("usbl_t_last")
+        last = self.m.variables["usbl_t_last"].symbol
         self.m.update(self.step, last, ca.if_else(due, self.reading["usbl_t"], last))
         self.now_due = due
         return due
@@ -146,9 +146,6 @@ class Aiding:
             self._take("compass", by, self._compass(Rnb, b_s[0])),
             self._take("usbl", by, self._usbl(x, Rnb, past, now)),
         )
-
-    def _state(self, name: str) -> ca.SX:
-        return self.m.variables[name].symbol
 
     def _take(self, name: str, by: Correction, measured: Sequence[Measured]) -> ca.SX:
         """Correct by a reading's scalars; gives (refused so far, mean nu²/S of the latest)."""

@@ -71,26 +71,10 @@ def _hull(folder: Path) -> None:
         vehicle_volumes(str(folder / "parameters.yaml"))
 
 
-def _thrusters(folder: Path) -> None:
-    read_thrusters(folder / "thrusters.yaml")
-
-
-def _propeller(folder: Path) -> None:
-    read_propeller(folder / "propeller.yaml")
-
-
-def _fins(folder: Path) -> None:
-    read_fins(folder / "fins.yaml")
-
-
 def _control(folder: Path) -> None:
     read_yaml(folder / "control.yaml", "control.schema.json")
     if (folder / "fins.yaml").is_file():
         fins(str(folder), form="derivatives")
-
-
-def _published(folder: Path) -> None:
-    read_yaml(folder / "published.yaml", "published.schema.json", _intervals)
 
 
 def _intervals(data: Any) -> Iterator[tuple[int, str]]:
@@ -107,16 +91,14 @@ def _intervals(data: Any) -> Iterator[tuple[int, str]]:
                 yield line_of(data, ["parameters", name, i]), f"{name}: {error}"
 
 
-def _checks(folder: Path) -> None:
-    read_yaml(folder / "checks.yaml", "checks.schema.json")
-
-
-_READERS: dict[str, Callable[[Path], None]] = {
+_READERS: dict[str, Callable[[Path], object]] = {
     "parameters.yaml": _hull,
-    "thrusters.yaml": _thrusters,
-    "propeller.yaml": _propeller,
-    "fins.yaml": _fins,
+    "thrusters.yaml": lambda folder: read_thrusters(folder / "thrusters.yaml"),
+    "propeller.yaml": lambda folder: read_propeller(folder / "propeller.yaml"),
+    "fins.yaml": lambda folder: read_fins(folder / "fins.yaml"),
     "control.yaml": _control,
-    "published.yaml": _published,
-    "checks.yaml": _checks,
+    "published.yaml": lambda folder: read_yaml(
+        folder / "published.yaml", "published.schema.json", _intervals
+    ),
+    "checks.yaml": lambda folder: read_yaml(folder / "checks.yaml", "checks.schema.json"),
 }

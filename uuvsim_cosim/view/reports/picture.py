@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.view.plots.palette import picture_styles
 from uuvsim_cosim.view.plots.plots import Frame, Panel, Rows, TimePanel
@@ -70,7 +71,7 @@ def write_picture(traces: Traces, provenance: Mapping[str, Any], out: str | Path
     """Write the picture as SVG and return its path."""
     out = Path(out)
     out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(picture_svg(traces, provenance), encoding="utf-8")
+    write_whole(out, picture_svg(traces, provenance).encode())
     return out
 
 

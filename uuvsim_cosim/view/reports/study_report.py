@@ -9,6 +9,7 @@ from typing import TypedDict
 
 import numpy as np
 
+from uuvsim_cosim.cache import write_whole
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.view.plots.palette import page_styles
 from uuvsim_cosim.view.plots.study_plots import STYLES, Course, card, grid_lines, histogram, scatter
@@ -90,7 +91,7 @@ def write_study_report(folder: str | Path) -> Path:
     except (OSError, ValueError, KeyError) as error:
         raise InputInvalid(folder, f"is no finished study ({error})", "one") from None
     path = folder / "report.html"
-    path.write_text(page, encoding="utf-8")
+    write_whole(path, page.encode())
     return path
 
 
