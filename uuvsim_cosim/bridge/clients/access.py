@@ -99,7 +99,7 @@ class Credentials:
         joining: dict[str, object],
         address: tuple[str, int],
     ) -> Reply:
-        """Join a system by `ask(key, **fields)`: with user and password, a certificate, or a token."""
+        """Join a system by `ask(key, **fields)`: by user and password, certificate, or token."""
         token = self._token(*address)
         if token is not None:
             joining = {**joining, "token": token}
