@@ -66,16 +66,6 @@ def test_the_data_is_on_the_disk_before_the_name_is(
     assert calls == ["fsync", "replace"]
 
 
-def test_a_link_is_followed_and_stays(tmp_path: Path) -> None:
-    (tmp_path / "far").mkdir()
-    (tmp_path / "link").symlink_to(tmp_path / "far" / "file")
-    for data in (b"1", b"22"):  # first without the file
-        write_whole(tmp_path / "link", data)
-        assert (tmp_path / "link").is_symlink()
-        assert (tmp_path / "far" / "file").read_bytes() == data
-    assert [p.name for p in (tmp_path / "far").iterdir()] == ["file"]
-
-
 def test_a_pipe_is_written_to_and_not_replaced(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)

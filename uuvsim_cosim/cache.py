@@ -94,14 +94,14 @@ def whole_file(path: Path) -> Iterator[Path]:
     """Yield a temporary path in the folder of `path` to write to; then rename it to `path`.
 
     Readers see the old file or the whole new one. If the body raises, the old file stays. The data
-    is on the disk before the rename: else a power failure could leave an empty file. A link is
-    followed; a device or a pipe (`/dev/null`, `/dev/stdout`) is written to, and never replaced.
+    is on the disk before the rename: else a power failure could leave an empty file. A device
+    or a pipe (`/dev/null`, `/dev/stdout`) is written to and never replaced. A link is replaced and
+    not followed: in the place of a token's file it could lead anywhere.
     """
-    is_special = path.exists() and not path.is_file()
+    is_special = path.exists() and not path.is_file() and not path.is_symlink()
     if is_special or path.parts[:2] in (("/", "dev"), ("/", "proc")):
         yield path
         return
-    path = path.resolve() if path.is_symlink() else path
     scratch = path.with_name(f".{path.stem}.{uuid4().hex}{path.suffix}")
     try:
         yield scratch

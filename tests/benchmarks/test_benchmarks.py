@@ -25,6 +25,7 @@ SHORT: dict[str, str] = {
     "isolation_cost": "--steps 200 --repeats 1",
     "kernel_derivatives": "--environments 8 --steps 5 --repeats 1",
     "kernel_speed": "--envs 16 --steps 5 --repeats 1 --lanes 8 --dtypes float64",
+    "learners_beside_sb3": "--seeds 1 --steps 2048",
     "learning_speed": "--repeats 1 --hidden 16",
     "master_cost": "--steps 100 --repeats 1",
     "mujoco_rollout": "--envs 8 --steps 5 --repeats 1",
