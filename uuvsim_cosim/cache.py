@@ -99,7 +99,7 @@ def whole_file(path: Path) -> Iterator[Path]:
     not followed: in the place of a token's file it could lead anywhere.
     """
     is_special = path.exists() and not path.is_file() and not path.is_symlink()
-    if is_special or path.parts[:2] in (("/", "dev"), ("/", "proc")):
+    if is_special or str(path.parent) in ("/dev", "/dev/fd"):
         yield path
         return
     scratch = path.with_name(f".{path.stem}.{uuid4().hex}{path.suffix}")
