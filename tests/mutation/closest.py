@@ -21,7 +21,7 @@ C_TESTS = {
         "orchestrator/master/test_core orchestrator/master/test_master "
         "orchestrator/master/test_row_buffer orchestrator/master/test_faults "
         "orchestrator/master/test_iterated orchestrator/master/test_snapshot "
-        "orchestrator/plan/test_loop_policy orchestrator/python/test_component "
+        "orchestrator/plan/test_algebraic_loops orchestrator/python/test_component "
         "orchestrator/master/test_isolation orchestrator/values/test_values "
         "orchestrator/recording/test_recorder orchestrator/running/test_run"
     ),

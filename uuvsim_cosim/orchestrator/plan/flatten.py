@@ -40,7 +40,7 @@ def flatten(system: System, seed: int = 0, loops: Loops | None = None) -> Plan:
     """Return the plan of a system; each component's seed is derived from the system's `seed`.
 
     `loops` is the policy for algebraic loops, by default the system's own (`System.loops`).
-    Raises SystemInvalid if the policy refuses a loop (see `loop_policy.apply_loop_policy`).
+    Raises SystemInvalid if the policy refuses a loop (see `algebraic_loops.apply_loop_policy`).
     """
     flat_ = _Flat(system, seed)
     transfers = flat_.transfers()
