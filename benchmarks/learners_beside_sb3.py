@@ -16,9 +16,11 @@ import time
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 import torch
 from stable_baselines3 import DQN, PPO
+from stable_baselines3.common.vec_env import VecEnvWrapper
 from torch import nn
 
 from uuvsim_cosim.envs.sb3 import Sb3VecEnv
@@ -74,27 +76,21 @@ def dqn(env: Any, seed: int, steps: int) -> Any:
     )  # fmt: skip
 
 
-class Grid:
-    """A vector environment whose actions are rows of `action_grid`."""
+def on_grid(env: Sb3VecEnv) -> VecEnvWrapper:
+    """Return a vector environment whose actions are the rows of `action_grid`."""
+    grid = action_grid(env.action_space.shape[0])  # type: ignore[index]
 
-    def __new__(cls, env: Sb3VecEnv) -> Any:
-        """Wrap it."""
-        import gymnasium
-        from stable_baselines3.common.vec_env import VecEnvWrapper
+    class OnGrid(VecEnvWrapper):
+        def reset(self) -> Any:
+            return self.venv.reset()
 
-        grid = action_grid(env.action_space.shape[0])  # type: ignore[index]
+        def step_async(self, actions: Any) -> None:
+            self.venv.step_async(grid[actions])
 
-        class Chosen(VecEnvWrapper):
-            def reset(self) -> Any:
-                return self.venv.reset()
+        def step_wait(self) -> Any:
+            return self.venv.step_wait()
 
-            def step_async(self, actions: Any) -> None:
-                self.venv.step_async(grid[actions])
-
-            def step_wait(self) -> Any:
-                return self.venv.step_wait()
-
-        return Chosen(env, action_space=gymnasium.spaces.Discrete(len(grid)))
+    return OnGrid(env, action_space=gymnasium.spaces.Discrete(len(grid)))
 
 
 def theirs(name: str, seed: int, steps: int) -> float:
@@ -105,7 +101,7 @@ def theirs(name: str, seed: int, steps: int) -> float:
         model = ppo(env, seed).learn(steps)
         return judged(lambda o: np.clip(model.predict(o, deterministic=True)[0], -1.0, 1.0))
     grid = action_grid(env.action_space.shape[0])  # type: ignore[index]
-    model = dqn(Grid(env), seed, steps).learn(steps)
+    model = dqn(on_grid(env), seed, steps).learn(steps)
     return judged(lambda o: grid[model.predict(o, deterministic=True)[0]])
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
+from typing import Self, overload
 
 __all__ = [
     "ComponentFailed",
@@ -45,7 +45,15 @@ class UuvsimError(Exception):
 
     exit_status = 2
 
+    @overload
+    def __init__(self, sentence: object, /) -> None: ...
+    @overload
+    def __init__(self, read: object, expected: object, /) -> None: ...
+    @overload
+    def __init__(self, place: object, read: object, expected: object, /) -> None: ...
     def __init__(self, *parts: object) -> None:
+        if not 1 <= len(parts) <= 3:
+            raise TypeError(f"{len(parts)} parts of an error; expected (place, read, expected)")
         super().__init__(*parts)
         *place, read, expected = parts if len(parts) > 1 else (*parts, "")
         where = str(place[0]) if place else ""

@@ -85,6 +85,26 @@ def test_a_neighbour_that_was_edited_is_read_again(tmp_path: Path) -> None:
     assert sys.modules[again.__module__].GAIN == 22.25
 
 
+def test_an_edit_is_seen_within_a_second_and_through_another_neighbour(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    (tmp_path / "between.py").write_text("from beside import GAIN\n")
+    law = write(tmp_path, "from between import GAIN\n\n" + GOOD)
+    for gain in ("1.5", "2.5", "3.5"):  # the same size each time, and within a second
+        (tmp_path / "beside.py").write_text(f"GAIN = {gain}\n")
+        assert float(gain) == sys.modules[load(law).__module__].GAIN
+
+
+def test_an_edit_of_the_same_size_within_a_second_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    for size in ("2", "3", "4"):
+        law = write(tmp_path, GOOD.replace('{"u": (2, "m")}', f'{{"u": ({size}, "m")}}'))
+        assert load(law).inputs == {"u": (int(size), "m")}
+
+
 def test_an_edited_file_is_read_again(tmp_path: Path) -> None:
     assert load(write(tmp_path, GOOD)).inputs == {"u": (2, "m")}
     assert load(write(tmp_path, GOOD.replace('(2, "m")}\n    out', '(3, "m")}\n    out'))).inputs == {"u": (3, "m")}  # fmt: skip  # noqa: E501

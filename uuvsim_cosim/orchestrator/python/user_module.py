@@ -1,12 +1,14 @@
 """Import of a user's Python file, which may import modules of the same folder.
 
 Two folders may each have a `gains.py`, but Python keeps only one module of a name. So before a file
-is imported, modules from other users' folders and modules that were edited are removed from
-`sys.modules`.
+is imported, the modules of other users' folders are removed from `sys.modules`. Those of its own
+folder are removed too if one of them was edited, as others may have read values from it. An import
+inside a function is not covered: it finds the folder of the file that was imported last.
 """
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import importlib.util
 import sys
@@ -32,10 +34,13 @@ def import_file(path: Path) -> ModuleType:
     name = f"uuvsim_user_{path.stem}_{content_hash([str(path), path.read_bytes()])}"
     if name in sys.modules and all(_is_unchanged(m) for m in _IMPORTED.get(name, {}).values()):
         return sys.modules[name]
-    for other, beside in list(_BESIDE.items()):
-        if _root(other, beside[0]) != path.parent or not _is_unchanged(beside):
+    _forget_bytecode(path)
+    is_edited = not all(_is_unchanged(beside) for beside in _BESIDE.values())
+    for other, (source, _) in list(_BESIDE.items()):
+        if is_edited or _root(other, source) != path.parent:
             sys.modules.pop(other, None)
             del _BESIDE[other]
+            _forget_bytecode(source)
     _search_first(path.parent)
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None
@@ -62,13 +67,19 @@ def import_file(path: Path) -> ModuleType:
 def _search_first(folder: Path) -> None:
     """Put a user's folder into `sys.path`: after Python's own, before those of other users."""
     importlib.invalidate_caches()
-    if str(folder) in _FOLDERS:
+    if str(folder) in sys.path:
+        if str(folder) not in _FOLDERS:
+            return
         sys.path.remove(str(folder))
-    elif str(folder) in sys.path:
-        return
     first = next((i for i, p in enumerate(sys.path) if p in _FOLDERS), len(sys.path))
     sys.path.insert(first, str(folder))
     _FOLDERS.add(str(folder))
+
+
+def _forget_bytecode(file: Path) -> None:
+    """Delete the compiled file, which Python trusts for a source of equal size and second."""
+    with contextlib.suppress(OSError, NotImplementedError):
+        Path(importlib.util.cache_from_source(str(file))).unlink()
 
 
 def _root(name: str, file: Path) -> Path:
