@@ -15,7 +15,7 @@ WHOLE = Problem("hull.m", "-1 kg", "more than 0")
     ("parts", "problem", "sentence"),
     [
         (("no such file",), Problem("", "no such file", ""), "no such file"),
-        (("seed -1", "0 or more"), Problem("", "seed -1", "0 or more"), "seed -1; expected 0 or more"),
+        (("a", "b"), Problem("", "a", "b"), "a; expected b"),
         (("hull.m", "-1 kg", "more than 0"), WHOLE, "hull.m: -1 kg; expected more than 0"),
     ],
 )  # fmt: skip
