@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from uuvsim_cosim.models.actuators.thruster import largest_thrust
 from uuvsim_cosim.models.actuators.thruster_geometry import configuration_matrix, thruster_geometry
-from uuvsim_cosim.models.actuators.thruster_jet import largest_thrust
 from uuvsim_cosim.models.analysis.simulate import simulate
 from uuvsim_cosim.models.declaration.evaluation import Evaluation
 from uuvsim_cosim.models.declaration.library import declare

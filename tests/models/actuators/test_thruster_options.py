@@ -9,6 +9,7 @@ import pytest
 from scipy import signal
 
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.actuators.faults import thruster_faults
 from uuvsim_cosim.models.actuators.shaft import SHAFTS
 from uuvsim_cosim.models.analysis.simulate import Trajectory, simulate
 from uuvsim_cosim.models.declaration.library import declare
@@ -149,3 +150,13 @@ def test_an_option_that_does_not_exist_is_refused_with_those_that_do(
 ) -> None:
     with pytest.raises(InputInvalid, match=message.replace(" or ", ".*")):
         declare(name, **options)
+
+
+def test_a_thruster_gives_all_until_its_fault_and_its_share_afterwards() -> None:
+    given = {"efficiency": [0.0, 0.4, 1.0], "t": [1.0, 2.0, 0.0]}
+    inputs = {"thrust_in": (10.0, -20.0, 30.0)}
+    run = simulate(thruster_faults(3), until=3, h=1.0, inputs=inputs, parameters=given)
+    np.testing.assert_allclose(run["thrust"][:, 0], [10, 0, 0, 0])
+    np.testing.assert_allclose(run["thrust"][:, 1], [-20, -20, -8, -8])
+    np.testing.assert_allclose(run["thrust"][:, 2], 30)
+    np.testing.assert_allclose(run["health"][-1], [0.0, 0.4, 1.0])

@@ -5,8 +5,13 @@ import math
 import pytest
 
 from uuvsim_cosim.errors import InputInvalid, ParameterInvalid
-from uuvsim_cosim.models.declaration.durations import frequency_of, seconds_of
-from uuvsim_cosim.models.declaration.units import parse_unit, unit_of, value_conversion
+from uuvsim_cosim.models.declaration.units import (
+    frequency_of,
+    parse_unit,
+    seconds_of,
+    unit_of,
+    value_conversion,
+)
 
 
 @pytest.mark.parametrize(

@@ -17,9 +17,8 @@ from uuvsim_cosim.fmus.importer.fmu3 import Fmu3
 from uuvsim_cosim.fmus.importer.read_description import read_fmu
 from uuvsim_cosim.models.declaration.kinematics import R, q_of_euler
 from uuvsim_cosim.models.declaration.library import declare
-from uuvsim_cosim.models.hull.contact import KAPPA
+from uuvsim_cosim.models.hull.contact import FRICTION, KAPPA, MU, HullContact
 from uuvsim_cosim.models.hull.contact_reference import GRIP, LATE, LEAD
-from uuvsim_cosim.models.hull.hull_contact import FRICTION, MU, HullContact
 from uuvsim_cosim.models.hull.matrices import nominal
 from uuvsim_cosim.models.intrinsics.network import NETWORKS
 from uuvsim_cosim.models.worlds.obstacles import Box, Capsule, Cylinder, Obstacle, Sphere

@@ -17,7 +17,7 @@ from uuvsim_cosim.models.analysis.simulate import simulate
 from uuvsim_cosim.models.declaration.kinematics import R
 from uuvsim_cosim.models.declaration.library import declare
 from uuvsim_cosim.models.declaration.model import Model
-from uuvsim_cosim.models.hull.floating import mean_depth
+from uuvsim_cosim.models.hull.restoring import mean_depth
 from uuvsim_cosim.models.hull.vehicle import hull
 from uuvsim_cosim.models.shapes.volumes import Volume, sphere, vehicle_volumes
 from uuvsim_cosim.models.vehicles.closed_forms import total_mass

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from uuvsim_cosim.models.actuators.thruster import largest_thrust
 from uuvsim_cosim.models.actuators.thruster_geometry import configuration_matrix, thruster_geometry
-from uuvsim_cosim.models.actuators.thruster_jet import largest_thrust
 from uuvsim_cosim.models.analysis.simulate import simulate
 from uuvsim_cosim.models.declaration.library import declare
 from uuvsim_cosim.models.declaration.parameter_files import parameter_set

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from uuvsim_cosim.models.analysis.simulate import simulate
-from uuvsim_cosim.models.water.current import current_gauss_markov
+from uuvsim_cosim.models.water.current import current_gauss_markov, current_ramps
 
 
 def run(period: str, until: float, seed: int = 3, **parameters: float) -> np.ndarray:
@@ -39,3 +39,18 @@ def test_equal_seeds_give_equal_bits_and_others_do_not() -> None:
 def test_without_deviation_it_flows_steadily_to_its_direction() -> None:
     v = run("1", 3, sigma=0.0, direction=np.pi / 2)
     np.testing.assert_allclose(v, np.tile([0, 0.5, 0], (4, 1)), atol=1e-15)
+
+
+def test_a_ramp_rises_evenly_and_then_stays_and_a_short_one_is_a_step() -> None:
+    dv = [[0.2, 0.0, 0.0], [0.0, -0.1, 0.0], [0.0, 0.0, 0.0]]
+    given = {"dv": dv, "t": [1.0, 2.0, 0.0], "T": [2.0, 1e-6, 1.0]}
+    run = simulate(current_ramps(), until=5, h=0.5, inputs={"v": (0.3, 0, 0)}, parameters=given)
+    expected = 0.3 + 0.2 * np.clip((run.t - 1.0) / 2.0, 0.0, 1.0)
+    np.testing.assert_allclose(run["v_c"][:, 0], expected, atol=1e-12)
+    np.testing.assert_allclose(run["v_c"][:, 1], np.where(run.t > 2.0, -0.1, 0.0), atol=1e-12)
+    assert np.all(run["v_c"][:, 2] == 0.0)
+
+
+def test_without_events_the_current_is_what_it_was() -> None:
+    run = simulate(current_ramps(), until=1, h=0.5, inputs={"v": (0.3, -0.2, 0.1)})
+    np.testing.assert_array_equal(run["v_c"], np.tile([0.3, -0.2, 0.1], (3, 1)))

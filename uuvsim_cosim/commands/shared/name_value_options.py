@@ -13,7 +13,7 @@ def seconds(option: str) -> Callable[[str], float]:
     """Return the parser of an option that takes a time: ``90``, ``"90 s"`` or ``1.5min``."""
 
     def parse(text: str) -> float:
-        from uuvsim_cosim.models.declaration.durations import seconds_of
+        from uuvsim_cosim.models.declaration.units import seconds_of
 
         return seconds_of(str(text), option)
 
@@ -24,7 +24,7 @@ def step_text(text: str, option: str) -> str:
     """Return a step in s as text; one without a unit stays as it is, ``1/50`` for example."""
     if "/" in text or not any(c.isalpha() for c in text.lower().replace("e", "")):
         return text
-    from uuvsim_cosim.models.declaration.durations import seconds_of
+    from uuvsim_cosim.models.declaration.units import seconds_of
 
     return repr(seconds_of(text, option))
 

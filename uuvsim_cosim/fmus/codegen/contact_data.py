@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from uuvsim_cosim.fmus.codegen.ray_data import doubles, scene_text
-from uuvsim_cosim.models.hull.hull_contact import HullContact, HullPlace
+from uuvsim_cosim.models.hull.contact import HullContact, HullPlace
 
 __all__ = ["contact_text"]
 

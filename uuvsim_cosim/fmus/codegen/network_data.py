@@ -9,7 +9,7 @@ from uuvsim_cosim.fmus.codegen.field_data import field_text
 from uuvsim_cosim.fmus.codegen.layer_data import layer_text
 from uuvsim_cosim.fmus.codegen.ray_data import frame_call, ray_text
 from uuvsim_cosim.fmus.codegen.transformer_data import transformer_text
-from uuvsim_cosim.models.hull.hull_contact import HullContact, HullPlace
+from uuvsim_cosim.models.hull.contact import HullContact, HullPlace
 from uuvsim_cosim.models.intrinsics.field import Field
 from uuvsim_cosim.models.intrinsics.network import NETWORKS, Network
 from uuvsim_cosim.models.intrinsics.transformer import Transformer

@@ -14,7 +14,7 @@ from uuvsim_cosim.kernels.batch.program import Program
 from uuvsim_cosim.kernels.codegen.compilation import compiled, processor_flags
 from uuvsim_cosim.kernels.codegen.derivative import Mode, derivative_text
 from uuvsim_cosim.kernels.codegen.derivative_driver import derivative_driver_text, tape_cells
-from uuvsim_cosim.models.hull.hull_contact import HullContact, HullPlace
+from uuvsim_cosim.models.hull.contact import HullContact, HullPlace
 from uuvsim_cosim.models.intrinsics.network import NETWORKS, Network
 from uuvsim_cosim.models.intrinsics.table import TABLES
 from uuvsim_cosim.share import compute_in_threads

@@ -16,11 +16,10 @@ from dataclasses import dataclass
 import casadi as ca
 
 from uuvsim_cosim.models.declaration.expression import Number
-from uuvsim_cosim.models.declaration.model import Model
-from uuvsim_cosim.models.declaration.options import is_on
+from uuvsim_cosim.models.declaration.model import Model, is_on
 from uuvsim_cosim.models.declaration.safe_math import saturate
 
-__all__ = ["ThrusterFaults", "servo", "thruster_faults_of"]
+__all__ = ["ThrusterFaults", "servo", "thruster_faults", "thruster_faults_of"]
 
 T_U = 0.02  # s, of the servo that limits and faults need
 
@@ -75,3 +74,18 @@ def servo(
         change = saturate(change, rate_max)
     m.der(command, (1.0 - faults.stuck) * change)
     return command
+
+
+def thruster_faults(thrusters: int | str = 8) -> Model:
+    """Weaken thrusters:  thrust_i = e_i thrust_in_i  from t_i on, and thrust_in_i before."""
+    n = int(thrusters)
+    m = Model("thruster_faults", f"{n} thrusters, each of which may grow weak or fail")
+    given = m.input("thrust_in", n, unit="N", description="as healthy thrusters give it")
+    e = m.parameter(
+        "efficiency", (1.0,) * n, (n,), unit="1", min=0, max=2, description="0: fails; 1: whole"
+    )
+    t = m.parameter("t", (0.0,) * n, (n,), unit="s", description="when each changes")
+    now = ca.vertcat(*(ca.if_else(m.t >= t[i], e[i], 1.0) for i in range(n)))
+    m.output("thrust", now * given, unit="N", description="as it reaches the hull")
+    m.output("health", now, unit="1", description="share of the thrust that is left")
+    return m

@@ -29,8 +29,7 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.actuators.faults import servo, thruster_faults_of
 from uuvsim_cosim.models.actuators.thruster_geometry import thruster_geometry
 from uuvsim_cosim.models.declaration.kinematics import R, q_of_euler
-from uuvsim_cosim.models.declaration.model import Model
-from uuvsim_cosim.models.declaration.options import is_on
+from uuvsim_cosim.models.declaration.model import Model, is_on
 from uuvsim_cosim.models.declaration.parameter_files import vehicle_folder
 from uuvsim_cosim.models.declaration.preset import preset
 from uuvsim_cosim.models.declaration.safe_math import abs_, clip, saturate

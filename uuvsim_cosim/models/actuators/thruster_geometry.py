@@ -1,9 +1,25 @@
-"""Positions and directions of a vehicle's thrusters, and the configuration matrix T."""
+"""Positions and directions of a vehicle's thrusters, and the configuration matrix T.
+
+Sets of fitted thruster parameters in a vehicle's thrusters.yaml.
+
+    sets:
+      my_fit:                       # of the same name as the hull's set that was fitted with it
+        model: thruster             # the component that the numbers are of
+        options: {dead_band: true}  # with which it is declared; none unless given
+        source: "identified from dive on 2025-07-01 by uuvsim identify"
+        parameters:
+          K_n: {value: 3.1e-4, unit: N.s2/rad2, interval: [3.0e-4, 3.2e-4], source: "..."}
+
+A value may be a list with one number for each thruster: `number` says which of them. Components
+that take such a set have the option ``vehicle``: ``model:thruster?vehicle=my_rov@my_fit``.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import wraps
+from inspect import Parameter, signature
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +30,13 @@ from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import InputInvalid, ParameterInvalid
 from uuvsim_cosim.models.declaration.files_read import shared_until_changed
 from uuvsim_cosim.models.declaration.library import LIBRARY, declare
+from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.near_names import expected_names
 from uuvsim_cosim.models.declaration.parameter_files import (
     in_unit,
     is_vehicle,
     line_of,
+    parameter_set,
     read_yaml,
     size_alone,
     split_address,
@@ -29,6 +47,8 @@ __all__ = [
     "OF_VEHICLE",
     "Geometry",
     "configuration_matrix",
+    "of_vehicle",
+    "options_of",
     "read_thrusters",
     "thruster_geometry",
     "thrusters_file",
@@ -186,3 +206,82 @@ def _reach(path: Path) -> float | None:
         return None
     half = 0.5 * np.array([size.length, size.breadth, size.height])
     return float(1.25 * np.linalg.norm(half + np.abs(size.at)))
+
+
+Declaration = Callable[..., Model]
+
+
+def of_vehicle(declaration: Declaration) -> Declaration:
+    """Add the options `vehicle` (``id@set``) and `number` (from 1) to a thruster's declaration."""
+    name = declaration.__name__
+    own = signature(declaration)
+    defaults = {k: p.default for k, p in own.parameters.items()}
+
+    @wraps(declaration)
+    def declared(*args: Any, vehicle: str = "", number: int | str = 1, **options: Any) -> Model:
+        if not vehicle:
+            return declaration(*args, **options)
+        chosen = _chosen(name, vehicle)
+        given = {k: v for k, v in options.items() if k not in defaults or v != defaults[k]}
+        model = declaration(*args, **{**chosen.get("options", {}), **given})
+        for key, value in _values(chosen, vehicle, int(number)).items():
+            if key not in model.variables:
+                raise InputInvalid(
+                    f"{name} of {vehicle}",
+                    f"{key} is no parameter with these options",
+                    ", ".join(sorted(chosen["parameters"].keys() & model.variables)),
+                )
+            unit = model.variables[key].unit
+            start = in_unit(value, str(chosen["parameters"][key]["unit"]), unit)
+            model.variables[key] = replace(model.variables[key], start=np.array([start]))
+        return model
+
+    added = [Parameter(n, Parameter.KEYWORD_ONLY, default=d) for n, d in (("vehicle", ""),
+             ("number", 1))]  # fmt: skip
+    declared.__signature__ = own.replace(  # type: ignore[attr-defined]
+        parameters=[*own.parameters.values(), *added]
+    )
+    return declared
+
+
+def options_of(name: str, options: Mapping[str, str]) -> dict[str, str]:
+    """Return a component's options with those of its vehicle's set in the place of `vehicle`."""
+    rest = {k: v for k, v in options.items() if k not in ("vehicle", "number")}
+    if "vehicle" not in options:
+        return rest
+    return {**_chosen(name, options["vehicle"]).get("options", {}), **rest}
+
+
+def _chosen(name: str, vehicle: str) -> Mapping[str, Any]:
+    """Read the set that ``id@set`` names; without @, that of the hull's default set."""
+    id, wanted = split_address(vehicle)
+    file = vehicle_folder(id) / "thrusters.yaml"
+    if not file.is_file():
+        raise ParameterInvalid(file, "no such file", "one with the vehicle's thrusters")
+    sets = thrusters_file(file).get("sets", {})
+    wanted = wanted or parameter_set(id).name
+    if wanted not in sets:
+        raise ParameterInvalid(
+            f"{file}: there is no set {wanted!r} of its thrusters; expected "
+            + (", ".join(sets) or f"one under `sets:`, or model:{name} without vehicle")
+        )
+    chosen: Mapping[str, Any] = sets[wanted]
+    if chosen["model"] != name:
+        raise ParameterInvalid(
+            file,
+            f"the set {wanted!r} is of model:{chosen['model']}",
+            f"model:{chosen['model']}?vehicle={vehicle}, not model:{name}",
+        )
+    return chosen
+
+
+def _values(chosen: Mapping[str, Any], vehicle: str, number: int) -> dict[str, float]:
+    found = {}
+    for key, entry in chosen["parameters"].items():
+        value = entry["value"]
+        if isinstance(value, list):
+            if not 1 <= number <= len(value):
+                raise InputInvalid(f"thruster {number} of {vehicle}", f"1 to {len(value)}")
+            value = value[number - 1]
+        found[str(key)] = float(value)
+    return found

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import casadi as ca
 
+from uuvsim_cosim.models.actuators.thruster import largest_thrust
 from uuvsim_cosim.models.actuators.thruster_geometry import thruster_geometry
-from uuvsim_cosim.models.actuators.thruster_jet import largest_thrust
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.safe_math import abs_, clip
 from uuvsim_cosim.models.declaration.vectors import TAU

@@ -12,11 +12,10 @@ from __future__ import annotations
 
 import casadi as ca
 
-from uuvsim_cosim.models.declaration.angle import wrap
 from uuvsim_cosim.models.declaration.kinematics import R_zyx
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.preset import preset
-from uuvsim_cosim.models.declaration.safe_math import abs_, saturate
+from uuvsim_cosim.models.declaration.safe_math import abs_, saturate, wrap
 from uuvsim_cosim.models.declaration.sampled import held_output
 from uuvsim_cosim.models.declaration.vectors import ETA, INERTIA, NU, NU_DOT, TAU, per
 from uuvsim_cosim.models.hull.coriolis import coriolis

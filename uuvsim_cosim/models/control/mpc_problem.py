@@ -26,8 +26,8 @@ from numpy.typing import ArrayLike
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.control.control_law import NominalHull, nominal_matrices
-from uuvsim_cosim.models.declaration.angle import wrap
 from uuvsim_cosim.models.declaration.kinematics import R_zyx, T_zyx
+from uuvsim_cosim.models.declaration.safe_math import wrap
 
 __all__ = ["ITERATIONS", "Programme", "Solver", "packed", "programme", "solver"]
 

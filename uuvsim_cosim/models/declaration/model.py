@@ -8,6 +8,8 @@ as derivative. Its semantics over one communication step from t to t + h, inputs
   clock's updates are evaluated there, all from the values before the tick;
 * outputs are evaluated at the end of the step;
 * `derived` values depend on parameters alone and are computed when those change.
+
+Options of a declaration: structural choices, as Python or a system's file writes them.
 """
 
 from __future__ import annotations
@@ -21,10 +23,10 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
-from uuvsim_cosim.errors import ParameterInvalid
+from uuvsim_cosim.errors import InputInvalid, ParameterInvalid
 from uuvsim_cosim.models.declaration.units import unit_of
 
-__all__ = ["Clock", "Declared", "Model", "Units", "Value"]
+__all__ = ["Clock", "Declared", "Model", "Units", "Value", "is_on"]
 
 Units = str | Sequence[str]
 Value = float | int | bool | Sequence[float] | np.ndarray
@@ -321,3 +323,11 @@ class Model:
     def starts(self) -> Mapping[str, Any]:
         """Return each parameter's and input's start values, flat."""
         return {v.name: v.start for v in self.of_kind("input", "parameter")}
+
+
+def is_on(name: str, value: bool | str, *further: str) -> bool:
+    """Read an option that is true or false; raises InputInvalid, which lists `further` too."""
+    text = str(value).lower()
+    if text not in ("true", "false", "1", "0"):
+        raise InputInvalid(f"{name}={value!r}", ", ".join(("true", "false", *further)))
+    return text in ("true", "1")

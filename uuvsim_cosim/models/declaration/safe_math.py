@@ -1,4 +1,7 @@
-"""Functions with finite value and gradient where CasADi's are not finite; NaN stays NaN."""
+"""Functions with finite value and gradient where CasADi's are not finite; NaN stays NaN.
+
+Angles on the circle.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,7 @@ import numpy as np
 
 from uuvsim_cosim.models.declaration.expression import Number
 
-__all__ = ["abs_", "atan2_or", "clip", "norm", "safe_sqrt", "saturate", "smoothstep"]
+__all__ = ["abs_", "atan2_or", "clip", "norm", "safe_sqrt", "saturate", "smoothstep", "wrap"]
 
 TINY = 1e-300
 
@@ -47,3 +50,11 @@ def atan2_or(y: Number, x: Number, fallback: Number) -> ca.SX:
     """Return atan2(y, x), and `fallback` (with finite gradients) where x and y both vanish."""
     vanish = x * x + y * y <= 1e-24
     return ca.if_else(vanish, fallback, ca.atan2(y, ca.if_else(vanish, 1.0, x)))
+
+
+TURN = 6.283185307179586
+
+
+def wrap(angle: ca.SX) -> ca.SX:
+    """Return the angle in [-pi, pi); its gradient is 1."""
+    return angle - TURN * ca.floor((angle + 0.5 * TURN) / TURN)

@@ -2,16 +2,19 @@
 
 Hz, rpm and 1/s are not rad/s: rad counts as a dimension of its own, so a wrong connection is
 found instead of being off by 2 pi.
+
+Times and frequencies that users write: bare numbers in s and Hz, or with a unit.
 """
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 
-from uuvsim_cosim.errors import ParameterInvalid
+from uuvsim_cosim.errors import InputInvalid, ParameterInvalid
 
-__all__ = ["Unit", "parse_unit", "unit_of", "value_conversion"]
+__all__ = ["Unit", "frequency_of", "parse_unit", "seconds_of", "unit_of", "value_conversion"]
 
 BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 
@@ -159,3 +162,37 @@ def unit_of(name: str, place: str) -> Unit:
         raise ParameterInvalid(
             place, error, f"a product such as 'kg.m2' or 'N.s/m' of {', '.join(_NAMED)}"
         ) from None
+
+
+_TEXT = re.compile(
+    r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:inf|nan))\s*(.*?)\s*$", re.I
+)
+
+
+def seconds_of(text: str, place: str) -> float:
+    """Return a time in s: ``90``, ``"90 s"``, ``1.5min``, ``20 ms``; raises InputInvalid."""
+    return _value(text, place, parse_unit("s"), "seconds, such as 90, '90 s', '1.5 min' or '20 ms'")
+
+
+def frequency_of(text: str, place: str) -> float:
+    """Return a frequency in Hz: ``0.1``, ``"0.1 Hz"``, ``6 rpm``; raises InputInvalid."""
+    return _value(text, place, parse_unit("Hz"), "hertz, such as 0.1 or '0.1 Hz'")
+
+
+def _value(text: str, place: str, wanted: Unit, expected: str) -> float:
+    match = _TEXT.match(text)
+    if match is None:
+        raise InputInvalid(place, f"{text!r}", expected)
+    value = float(match[1])
+    if not match[2]:
+        return value
+    try:
+        unit = parse_unit(match[2])
+    except ValueError:
+        raise InputInvalid(place, f"unit {match[2]!r} of {text!r}", expected) from None
+    if not unit.commensurable(wanted):
+        raise InputInvalid(place, f"{text!r} is in {match[2]}", expected)
+    found = value * unit.factor
+    # 100 ms is 0.1 s, the number that is written so, and not the nearest product.
+    rounded = float(f"{found:.15g}")
+    return rounded if math.isclose(found, rounded, rel_tol=1e-15) else found

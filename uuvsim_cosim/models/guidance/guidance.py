@@ -18,7 +18,6 @@ import casadi as ca
 import numpy as np
 
 from uuvsim_cosim.errors import ParameterInvalid
-from uuvsim_cosim.models.declaration.angle import wrap
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.preset import preset
 from uuvsim_cosim.models.declaration.safe_math import (
@@ -28,6 +27,7 @@ from uuvsim_cosim.models.declaration.safe_math import (
     norm,
     safe_sqrt,
     saturate,
+    wrap,
 )
 from uuvsim_cosim.models.declaration.sampled import held_output
 from uuvsim_cosim.models.declaration.vectors import ETA, NU

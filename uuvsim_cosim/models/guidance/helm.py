@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import casadi as ca
 
-from uuvsim_cosim.models.declaration.angle import wrap
 from uuvsim_cosim.models.declaration.model import Model
-from uuvsim_cosim.models.declaration.safe_math import atan2_or, clip, norm, saturate
+from uuvsim_cosim.models.declaration.safe_math import atan2_or, clip, norm, saturate, wrap
 from uuvsim_cosim.models.declaration.vectors import ETA, NU
 
 __all__ = ["helm"]

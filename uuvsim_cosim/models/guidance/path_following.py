@@ -25,11 +25,10 @@ from collections.abc import Sequence
 import casadi as ca
 
 from uuvsim_cosim.errors import ParameterInvalid
-from uuvsim_cosim.models.declaration.angle import wrap
 from uuvsim_cosim.models.declaration.expression import Number
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.preset import preset
-from uuvsim_cosim.models.declaration.safe_math import atan2_or, clip, norm, saturate
+from uuvsim_cosim.models.declaration.safe_math import atan2_or, clip, norm, saturate, wrap
 from uuvsim_cosim.models.declaration.sampled import held_output
 from uuvsim_cosim.models.declaration.vectors import ETA, NU
 from uuvsim_cosim.models.guidance.guidance import row_of, turn_rate, waypoint_parameters

@@ -16,9 +16,8 @@ import casadi as ca
 import numpy as np
 
 from uuvsim_cosim.errors import ParameterInvalid
-from uuvsim_cosim.models.declaration.angle import wrap
 from uuvsim_cosim.models.declaration.model import Clock, Model
-from uuvsim_cosim.models.declaration.safe_math import atan2_or, clip, norm, saturate
+from uuvsim_cosim.models.declaration.safe_math import atan2_or, clip, norm, saturate, wrap
 from uuvsim_cosim.models.declaration.vectors import ETA
 from uuvsim_cosim.models.hull.pool import declare_arena
 

@@ -15,10 +15,9 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from uuvsim_cosim.models.declaration.angle import wrap
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.preset import preset
-from uuvsim_cosim.models.declaration.safe_math import atan2_or, clip, norm, safe_sqrt
+from uuvsim_cosim.models.declaration.safe_math import atan2_or, clip, norm, safe_sqrt, wrap
 from uuvsim_cosim.models.declaration.sampled import held_output
 from uuvsim_cosim.models.declaration.vectors import ETA, NU
 from uuvsim_cosim.models.guidance.guidance import row_of, waypoint_parameters

@@ -13,8 +13,7 @@ from __future__ import annotations
 import casadi as ca
 
 from uuvsim_cosim.models.declaration.kinematics import R, q_of_euler
-from uuvsim_cosim.models.declaration.model import Model
-from uuvsim_cosim.models.declaration.options import is_on
+from uuvsim_cosim.models.declaration.model import Model, is_on
 from uuvsim_cosim.models.declaration.safe_math import clip, saturate
 from uuvsim_cosim.models.declaration.vectors import ETA, TAU
 

@@ -27,10 +27,8 @@ __all__ = ["STRIPS", "cross_flow", "cross_flow_of"]
 STRIPS = 10
 
 
-def cross_flow_of(p: Mapping[str, ca.SX], nu_r: ca.SX) -> ca.SX | None:
-    """Return the drag of a hull's parameters, or None where it lists no strips."""
-    if "x_bow" not in p:
-        return None
+def cross_flow_of(p: Mapping[str, ca.SX], nu_r: ca.SX) -> ca.SX:
+    """Return the drag (6) [N, N.m] by the parameters of a hull that lists strips."""
     k_y = 0.5 * p["rho"] * p["C_D_y"] * p["h_y"] if "C_D_y" in p else 0.0
     k_z = 0.5 * p["rho"] * p["C_D_z"] * p["b_z"] if "C_D_z" in p else 0.0
     return cross_flow(nu_r, p["x_stern"], p["x_bow"], k_y, k_z)

@@ -21,8 +21,7 @@ from math import pi, sqrt
 import casadi as ca
 
 from uuvsim_cosim.models.declaration.kinematics import R, q_of_euler
-from uuvsim_cosim.models.declaration.model import Model
-from uuvsim_cosim.models.declaration.options import is_on
+from uuvsim_cosim.models.declaration.model import Model, is_on
 from uuvsim_cosim.models.declaration.safe_math import norm
 from uuvsim_cosim.models.declaration.vectors import ETA, NU, TAU
 

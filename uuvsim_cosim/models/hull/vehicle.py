@@ -9,8 +9,8 @@ water; Fossen 2021, 2nd ed., chapter 10). With M = M_RB + M_A and C from M, what
     M nu_r_dot = tau - C(nu_r) nu_r - D(nu_r) nu_r - g(eta),   nu_dot = nu_r_dot + nu_c_dot
 
 so that added mass is implicit, through M, and stable at any mass ratio. D(nu_r) nu_r has, where a
-vehicle lists them, also lift (lift.py), cross-flow drag by strips (cross_flow.py) and SNAME's
-products (products.py). In waves the water accelerates, and  M_A (a_c, 0)  and the pressure that
+vehicle lists them, also lift and SNAME's products (damping.py) and cross-flow drag by strips
+(cross_flow.py). In waves the water accelerates, and  M_A (a_c, 0)  and the pressure that
 accelerates it, rho nabla a_c at r_b (Froude and Krylov), stand on the right; where density and
 volume change with the depth D of the centre of buoyancy, it is  B (1 + (beta_rho - beta_nabla) D).
 Everything is about CO, in `b` (FRD); p = (N, E, D) and the current v_c are in `n` (NED).
@@ -19,7 +19,7 @@ Everything is about CO, in `b` (FRD); p = (N, E, D) and the current v_c are in `
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import casadi as ca
 import numpy as np
@@ -27,18 +27,14 @@ import numpy as np
 from uuvsim_cosim.models.declaration.expression import Number
 from uuvsim_cosim.models.declaration.inertia import elements, symmetric
 from uuvsim_cosim.models.declaration.kinematics import R, T_q, euler_of_q, q_of_euler
-from uuvsim_cosim.models.declaration.model import Model
-from uuvsim_cosim.models.declaration.options import is_on
+from uuvsim_cosim.models.declaration.model import Model, is_on
 from uuvsim_cosim.models.declaration.parameter_files import parameter_set
 from uuvsim_cosim.models.declaration.vectors import ETA, NU, NU_DOT, TAU
 from uuvsim_cosim.models.hull.coriolis import coriolis, inverse
 from uuvsim_cosim.models.hull.cross_flow import cross_flow_of
-from uuvsim_cosim.models.hull.damping import damping
-from uuvsim_cosim.models.hull.floating import floating
-from uuvsim_cosim.models.hull.lift import fading, lift
+from uuvsim_cosim.models.hull.damping import damping, fading, lift, products
 from uuvsim_cosim.models.hull.matrices import declare_parameters, mass_of_water, structure
-from uuvsim_cosim.models.hull.products import products
-from uuvsim_cosim.models.hull.restoring import g, submerged_fraction
+from uuvsim_cosim.models.hull.restoring import floating, g, submerged_fraction
 from uuvsim_cosim.models.shapes.volumes import Volume, vehicle_volumes
 from uuvsim_cosim.models.water.current import nu_c, nu_c_dot
 
@@ -95,7 +91,7 @@ def hull(
     """Declare a hull of the parameters named in `hull_parameters`; those left out are zero.
 
     Without `surface` the hull counts as submerged at any depth; with `volumes` what of them is
-    under water displaces (floating.py), in place of a part of the hull's height.
+    under water displaces (restoring.py), in place of a part of the hull's height.
     """
     m = Model(name, description, h_max=0.01)
     p = declare_parameters(m, numbers, surface and not volumes, sources or {})
@@ -123,7 +119,9 @@ def hull(
     if waves and surface:
         depth = depth + m.input("zeta", unit="m", description="water's rise at the hull's N and E")
     afloat: Number = 1.0
-    B = _at_depth(p, B, r_b, depth, down)
+    if "beta_rho" in p or "beta_nabla" in p:
+        beta = p.get("beta_rho", 0.0) - p.get("beta_nabla", 0.0)
+        B = B * (1.0 + beta * (depth + ca.dot(ca.densify(ca.SX(r_b)), down)))
     if surface and volumes:
         afloat, turning = floating(m, volumes, r_b, depth, down)
         buoyancy = ca.vertcat(B * afloat * down, B * ca.cross(turning, down))
@@ -133,10 +131,18 @@ def hull(
             afloat = submerged_fraction(depth, r_b, down, p["height"])
         restoring = g(W, B * afloat, r_g, r_b, down)
     load = tau - coriolis(M, nu_r) - damping(D_l, D_q, nu_r) - restoring
-    if waves:
-        load += _of_waves(m, p, Rnb, afloat, r_b)
-    for force in _further(p, nu_r):
-        load += force
+    if waves:  # water that accelerates pushes on M_A, and on what the hull displaces
+        a_c = m.input("a_c", 3, unit="m/s2", description="acceleration of the water in n, of waves")
+        a = ca.mtimes(Rnb.T, a_c)
+        push = mass_of_water(p) * afloat * a
+        krylov = ca.vertcat(push, ca.cross(ca.densify(ca.SX(r_b)), push))
+        load += krylov + ca.mtimes(symmetric(p, "M_A"), ca.vertcat(a, ca.SX.zeros(3)))
+    load += -lift(elements(p, "D_u", 6), nu_r)
+    if "U_f" in p:
+        load += -fading(elements(p, "D_f", 6), p["U_f"], nu_r)
+    if "x_bow" in p:
+        load += -cross_flow_of(p, nu_r)
+    load += products(p, nu_r)
     nu_dot = ca.mtimes(M_inv, load) + nu_c_dot(omega, v_c_b[:3])
     m.der(position, ca.mtimes(Rnb, nu[:3]))
     m.der(q, ca.mtimes(T_q(q), omega))
@@ -155,28 +161,12 @@ def hull(
     return m
 
 
-def _at_depth(p: Mapping[str, ca.SX], B: Number, r_b: ca.SX, depth: ca.SX, down: ca.SX) -> Number:
-    """Return the buoyancy [N] at a depth [m] of CO; B itself where nothing is compressible."""
-    if "beta_rho" not in p and "beta_nabla" not in p:
-        return B
-    beta = p.get("beta_rho", 0.0) - p.get("beta_nabla", 0.0)
-    return B * (1.0 + beta * (depth + ca.dot(ca.densify(ca.SX(r_b)), down)))
-
-
-def _of_waves(m: Model, p: Mapping[str, ca.SX], Rnb: ca.SX, afloat: Number, r_b: ca.SX) -> ca.SX:
-    """Return the generalised force of water that accelerates: on M_A, and on what is displaced."""
-    a_c = m.input("a_c", 3, unit="m/s2", description="acceleration of the water in n, of waves")
-    a = ca.mtimes(Rnb.T, a_c)
-    push = mass_of_water(p) * afloat * a
-    krylov = ca.vertcat(push, ca.cross(ca.densify(ca.SX(r_b)), push))
-    return krylov + ca.mtimes(symmetric(p, "M_A"), ca.vertcat(a, ca.SX.zeros(3)))
-
-
-def _longest_step(m: Model, M: ca.SX, D_l: ca.SX, h: float = 0.01) -> float:
+def _longest_step(m: Model, M: ca.SX, D_l: ca.SX) -> float:
     """Return a sub-step at which RK4 damps what linear damping damps:  h lambda(M^-1 D_l) <= 1.
 
     A published set may brake a light axis hard (SAGA's roll, with no added mass, in 3 ms).
     """
+    h = m.h_max
     if not D_l.nnz():
         return h
     start = [float(v.start[0]) for v in m.of_kind("parameter")]
@@ -187,18 +177,3 @@ def _longest_step(m: Model, M: ca.SX, D_l: ca.SX, h: float = 0.01) -> float:
         return h
     rate = float(np.max(np.abs(np.linalg.eigvals(np.linalg.solve(M_0, D_0)))))
     return h / max(1, math.ceil(h * rate))
-
-
-def _further(p: Mapping[str, ca.SX], nu_r: ca.SX) -> Iterator[ca.SX]:
-    """Yield the generalised forces that only some vehicles list, none of the others."""
-    D_u, D_f = elements(p, "D_u", 6), elements(p, "D_f", 6)
-    if D_u.nnz():
-        yield -lift(D_u, nu_r)
-    if D_f.nnz():
-        yield -fading(D_f, p["U_f"], nu_r)
-    strips = cross_flow_of(p, nu_r)
-    if strips is not None:
-        yield -strips
-    bilinear = products(p, nu_r)
-    if bilinear.nnz():
-        yield bilinear

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import ParameterInvalid
-from uuvsim_cosim.models.intrinsics.network import NETWORKS, callback, called
+from uuvsim_cosim.models.intrinsics.network import registered
 
 __all__ = ["AXES", "Field", "field"]
 
@@ -105,10 +105,4 @@ def field(
     for grid in grids:
         digest.update(np.array(grid).astype("<f8").tobytes())
     digest.update(kept.astype("<f4").tobytes())
-    made = Field(f"field_{digest.hexdigest()[:12]}", grids, tuple(held), kept)
-    if made.name not in NETWORKS:
-        NETWORKS[made.name] = made
-        shape = (made.n_out, AXES)
-        gradient = callback(f"{made.name}_jacobian", made.jacobian, AXES, shape, None)
-        callback(made.name, made, AXES, (made.n_out, 1), gradient)
-    return called(made.name)
+    return registered(Field(f"field_{digest.hexdigest()[:12]}", grids, tuple(held), kept))

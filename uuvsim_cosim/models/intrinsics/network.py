@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import ParameterInvalid
 
-__all__ = ["CHUNK", "NETWORKS", "Activation", "Layer", "Network", "callback", "called", "network"]
+__all__ = ["CHUNK", "NETWORKS", "Activation", "Layer", "Network", "network", "registered"]
 
 Array = NDArray[np.float32]
 Activation = Literal["linear", "relu", "tanh"]
@@ -99,6 +99,7 @@ class Intrinsic(Protocol):
     def n_in(self) -> int: ...
     @property
     def n_out(self) -> int: ...
+    def __call__(self, x: NDArray[Any], /) -> NDArray[Any]: ...
 
 
 # By name: a Network, a Transformer (transformer.py) or a Field (field.py).
@@ -108,16 +109,6 @@ _CALLBACKS: dict[str, ca.Function] = {}  # CasADi does not keep a Callback alive
 
 def network(layers: Sequence[Layer]) -> Callable[[ca.SX], ca.SX]:
     """Return a multilayer perceptron as a function of an SX (n_in,) with values (n_out,)."""
-    made = _register(layers)
-    return called(made.name)
-
-
-def called(name: str) -> Callable[[ca.SX], ca.SX]:
-    """Return the intrinsic of this name as a function of an SX."""
-    return lambda x: _CALLBACKS[name].call([x], False, True)[0]
-
-
-def _register(layers: Sequence[Layer]) -> Network:
     if not layers:
         raise ParameterInvalid("network", "no layers", "one or more")
     kept: list[Layer] = []
@@ -141,16 +132,25 @@ def _register(layers: Sequence[Layer]) -> Network:
         digest.update(f"{weight.shape} {layer.activation} ".encode())
         digest.update(weight.astype("<f4").tobytes() + bias.astype("<f4").tobytes())
         kept.append(Layer(weight, bias, layer.activation))
-    made = Network(f"network_{digest.hexdigest()[:12]}", tuple(kept))
-    if made.name not in NETWORKS:
-        NETWORKS[made.name] = made
-        shapes = (made.n_out, made.n_in)
-        gradient = callback(f"{made.name}_jacobian", made.jacobian, made.n_in, shapes, None)
-        callback(made.name, made, made.n_in, (made.n_out, 1), gradient)
-    return made
+    return registered(Network(f"network_{digest.hexdigest()[:12]}", tuple(kept)))
 
 
-def callback(
+def registered(made: Intrinsic) -> Callable[[ca.SX], ca.SX]:
+    """Register an intrinsic; return it as a function of an SX (n_in,) with values (n_out,).
+
+    Its derivative is its method `jacobian`, (n_out, n_in); without one it has none.
+    """
+    name, n_in, n_out = made.name, made.n_in, made.n_out
+    if name not in NETWORKS:
+        NETWORKS[name] = made
+        jacobian, gradient = getattr(made, "jacobian", None), None
+        if jacobian is not None:
+            gradient = _callback(f"{name}_jacobian", jacobian, n_in, (n_out, n_in), None)
+        _callback(name, made, n_in, (n_out, 1), gradient)
+    return lambda x: _CALLBACKS[name].call([x], False, True)[0]
+
+
+def _callback(
     name: str,
     function: Callable[[NDArray[Any]], NDArray[Any]],
     n_in: int,

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import ParameterInvalid
-from uuvsim_cosim.models.intrinsics.network import NETWORKS, callback, called
+from uuvsim_cosim.models.intrinsics.network import registered
 
 __all__ = ["Transformer", "transformer"]
 
@@ -138,11 +138,8 @@ def transformer(
     digest = hashlib.sha256(f"transformer {places} {heads} {activation}".encode())
     for name, tensor in kept.items():
         digest.update(f"{name} {tensor.shape}".encode() + tensor.astype("<f4").tobytes())
-    made = Transformer(f"network_{digest.hexdigest()[:12]}", kept, places, heads, activation)
-    if made.name not in NETWORKS:
-        NETWORKS[made.name] = made
-        callback(made.name, made, made.n_in, (made.n_out, 1), None)
-    return called(made.name)
+    name = f"network_{digest.hexdigest()[:12]}"
+    return registered(Transformer(name, kept, places, heads, activation))
 
 
 def _check(tensors: Mapping[str, Array], places: int, heads: int, activation: str) -> None:

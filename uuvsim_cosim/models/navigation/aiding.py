@@ -18,11 +18,10 @@ from dataclasses import dataclass, field
 
 import casadi as ca
 
-from uuvsim_cosim.models.declaration.angle import wrap
 from uuvsim_cosim.models.declaration.expression import Number
 from uuvsim_cosim.models.declaration.kinematics import S
 from uuvsim_cosim.models.declaration.model import Clock, Model
-from uuvsim_cosim.models.declaration.safe_math import abs_
+from uuvsim_cosim.models.declaration.safe_math import abs_, wrap
 from uuvsim_cosim.models.declaration.sampled import BEFORE_FIRST
 from uuvsim_cosim.models.navigation.kalman import Correction, Measured
 from uuvsim_cosim.models.navigation.nominal_sensors import Figures

@@ -18,11 +18,10 @@ from __future__ import annotations
 
 import casadi as ca
 
-from uuvsim_cosim.models.declaration.angle import wrap
 from uuvsim_cosim.models.declaration.kinematics import R_zyx, T_zyx
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.preset import preset
-from uuvsim_cosim.models.declaration.safe_math import abs_, atan2_or, clip, norm, safe_sqrt
+from uuvsim_cosim.models.declaration.safe_math import abs_, atan2_or, clip, norm, safe_sqrt, wrap
 from uuvsim_cosim.models.declaration.sampled import BEFORE_FIRST
 from uuvsim_cosim.models.declaration.vectors import ETA, NU
 

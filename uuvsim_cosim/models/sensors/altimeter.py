@@ -24,8 +24,7 @@ from uuvsim_cosim.models.declaration.sampled import held_output
 from uuvsim_cosim.models.declaration.vectors import ETA
 from uuvsim_cosim.models.sensors.mounting import Pose, mounting
 from uuvsim_cosim.models.sensors.sensor_error import uniform
-from uuvsim_cosim.models.worlds.others import declare_others
-from uuvsim_cosim.models.worlds.rays import rays
+from uuvsim_cosim.models.worlds.rays import declare_others, rays
 
 __all__ = ["altimeter"]
 

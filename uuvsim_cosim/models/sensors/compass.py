@@ -11,10 +11,9 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from uuvsim_cosim.models.declaration.angle import wrap
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.preset import preset
-from uuvsim_cosim.models.declaration.safe_math import atan2_or
+from uuvsim_cosim.models.declaration.safe_math import atan2_or, wrap
 from uuvsim_cosim.models.declaration.sampled import held_output, sample_time
 from uuvsim_cosim.models.declaration.vectors import ETA
 from uuvsim_cosim.models.sensors.sensor_error import ErrorParameters, sensor_error

@@ -32,8 +32,7 @@ from uuvsim_cosim.models.declaration.vectors import ETA, NU
 from uuvsim_cosim.models.hull.coriolis import inverse
 from uuvsim_cosim.models.sensors.mounting import Pose, mounting
 from uuvsim_cosim.models.sensors.sensor_error import uniform
-from uuvsim_cosim.models.worlds.others import declare_others
-from uuvsim_cosim.models.worlds.rays import rays
+from uuvsim_cosim.models.worlds.rays import declare_others, rays
 
 __all__ = ["beam_directions", "dvl"]
 

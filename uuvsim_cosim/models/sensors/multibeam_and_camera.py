@@ -24,8 +24,7 @@ from uuvsim_cosim.models.declaration.vectors import ETA
 from uuvsim_cosim.models.sensors.beams import PRESETS, camera_rays, fan
 from uuvsim_cosim.models.sensors.mounting import Pose, mounting
 from uuvsim_cosim.models.sensors.sensor_error import ErrorParameters, sensor_error
-from uuvsim_cosim.models.worlds.others import declare_others
-from uuvsim_cosim.models.worlds.rays import frame
+from uuvsim_cosim.models.worlds.rays import declare_others, frame
 
 __all__ = ["depth_camera", "multibeam"]
 

@@ -1,4 +1,4 @@
-"""Ocean current: the relative velocity nu_r of the hull, and a current that meanders.
+"""Ocean current: the relative velocity nu_r of the hull, a current that meanders, and its ramps.
 
 A current v_c in `n` is uniform in space and does not rotate. Held constant over a step it still
 accelerates in the rotating body frame:
@@ -15,8 +15,9 @@ from fractions import Fraction
 import casadi as ca
 
 from uuvsim_cosim.models.declaration.model import Model
+from uuvsim_cosim.models.declaration.safe_math import clip
 
-__all__ = ["current_gauss_markov", "nu_c", "nu_c_dot"]
+__all__ = ["current_gauss_markov", "current_ramps", "nu_c", "nu_c_dot"]
 
 
 def nu_c(Rnb: ca.SX, v_c: ca.SX) -> ca.SX:
@@ -77,4 +78,20 @@ def current_gauss_markov(
         description="velocity of the water in NED",
         discrete=True,
     )
+    return m
+
+
+def current_ramps(events: int | str = 3) -> Model:
+    """Add ramps to a current:  v_c = v + sum_k dv_k clip((t - t_k) / T_k, 0, 1).
+
+    A T_k that is shorter than a communication step makes a step.
+    """
+    n = int(events)
+    m = Model("current_ramps", f"Current with {n} ramps or steps on top, in NED")
+    v = m.input("v", 3, unit="m/s", description="current without them, in n")
+    dv = m.parameter("dv", ca.DM.zeros(n, 3).full(), unit="m/s", description="each one's rise in n")
+    t = m.parameter("t", (0.0,) * n, (n,), unit="s", description="when each begins")
+    T = m.parameter("T", (1.0,) * n, (n,), unit="s", min=1e-6, description="how long each lasts")
+    rise = sum(dv[k, :].T * clip((m.t - t[k]) / T[k], 0.0, 1.0) for k in range(n))
+    m.output("v_c", v + rise, unit="m/s", description="velocity of the water in NED")
     return m

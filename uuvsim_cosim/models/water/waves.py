@@ -26,8 +26,7 @@ import numpy as np
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.expression import Number
-from uuvsim_cosim.models.declaration.model import Model
-from uuvsim_cosim.models.declaration.options import is_on
+from uuvsim_cosim.models.declaration.model import Model, is_on
 from uuvsim_cosim.models.declaration.safe_math import clip
 from uuvsim_cosim.models.declaration.vectors import ETA
 

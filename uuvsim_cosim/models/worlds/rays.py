@@ -3,6 +3,8 @@
 As a network (network.py) each is a CasADi Callback that is called and never inlined, named by the
 hash of its scene and shape; an emitter finds it in `NETWORKS`. CasADi itself evaluates it by
 ray_reference.py, FMUs, native components and kernels by fmus/runtime/worlds/uuv_rays.h.
+
+Other vehicles as a component sees them: capsules along their x axes, by inputs.
 """
 
 from __future__ import annotations
@@ -16,11 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import ParameterInvalid
-from uuvsim_cosim.models.intrinsics.network import NETWORKS, callback, called
+from uuvsim_cosim.models.declaration.kinematics import R_zyx
+from uuvsim_cosim.models.declaration.model import Model
+from uuvsim_cosim.models.declaration.vectors import ETA, NU
+from uuvsim_cosim.models.intrinsics.network import registered
 from uuvsim_cosim.models.worlds.ground import Ground, ground_named
 from uuvsim_cosim.models.worlds.ray_reference import first_hit
 
-__all__ = ["FRAME_HEAD", "MOVERS", "MOVING", "Frame", "Rays", "frame", "rays"]
+__all__ = ["FRAME_HEAD", "MOVERS", "MOVING", "Frame", "Rays", "declare_others", "frame", "rays"]
 
 Array = NDArray[np.float64]
 MOVING = 10  # numbers of a moving capsule: UUV_MOVING
@@ -114,33 +119,18 @@ class Frame:
 def rays(scene: str, n: int, n_moving: int) -> Callable[[ca.SX], ca.SX]:
     """Return `Rays` as a function of an SX (n_in,) with values (n_out,)."""
     ground = ground_named(scene)
-    made = Rays(_name("rays", ground, n, n_moving), ground, n, n_moving)
-    return _differentiable(made)
+    return registered(Rays(_name("rays", ground, n, n_moving), ground, n, n_moving))
 
 
 def frame(scene: str, directions: Array, depth: bool, n_moving: int) -> Callable[[ca.SX], ca.SX]:
     """Return a `Frame` as a function of an SX (n_in,) with values (n_out,); without derivatives."""
     ground, d = ground_named(scene), np.ascontiguousarray(directions, float)
     digest = hashlib.sha256(d.astype("<f8").tobytes()).hexdigest()
-    made = Frame(_name("frame", ground, depth, n_moving, digest), ground, d, depth, n_moving)
-    if made.name not in NETWORKS:
-        NETWORKS[made.name] = made
-        callback(made.name, made, made.n_in, (made.n_out, 1), None)
-    return called(made.name)
-
-
-def _differentiable(made: Rays) -> Callable[[ca.SX], ca.SX]:
-    if made.name not in NETWORKS:
-        NETWORKS[made.name] = made
-        shape = (made.n_out, made.n_in)
-        gradient = callback(f"{made.name}_jacobian", made.jacobian, made.n_in, shape, None)
-        callback(made.name, made, made.n_in, (made.n_out, 1), gradient)
-    return called(made.name)
+    name = _name("frame", ground, depth, n_moving, digest)
+    return registered(Frame(name, ground, d, depth, n_moving))
 
 
 def _name(kind: str, ground: Ground, *shape: object) -> str:
-    if not all(0 <= k <= MOVERS for k in shape[-1:] if isinstance(k, int)):
-        raise ParameterInvalid("others", shape[-1], f"0 to {MOVERS}")
     digest = hashlib.sha256(f"{ground.name} {shape}".encode()).hexdigest()[:12]
     return f"{kind}_{digest}"
 
@@ -163,3 +153,38 @@ def _met(
     into = float(-n @ d)
     echo = (kind == 1 or kind >= 4) and into > 0.0
     return (kind if echo else 0), n, into, t
+
+
+def declare_others(m: Model, others: int | str, *, moving: bool = False) -> ca.SX:
+    """Declare the others' poses and sizes; gives the numbers of uuv_moving_, 10 for each.
+
+    With `moving` there are inputs of their velocities too.
+    """
+    n = int(others)
+    if not 0 <= n <= MOVERS:
+        raise ParameterInvalid(m.name, f"others = {others}", f"0 to {MOVERS}")
+    if not n:
+        return ca.SX(0, 1)
+    poses = [
+        m.input(f"other_eta_{i}", 6, unit=ETA, description=f"of vehicle {i}: its hull's eta")
+        for i in range(1, n + 1)
+    ]
+    rates = [
+        m.input(f"other_nu_{i}", 6, unit=NU, description=f"of vehicle {i}: its hull's nu")
+        if moving
+        else ca.SX.zeros(6)
+        for i in range(1, n + 1)
+    ]
+    size = m.parameter(
+        "other_size",
+        np.zeros((n, 2)),
+        unit="m",
+        min=0,
+        description="of each: radius, and half the length between the ends; radius 0: none",
+    )
+    each = []
+    for i, (eta, nu) in enumerate(zip(poses, rates, strict=True)):
+        Rnb = R_zyx(eta[3], eta[4], eta[5])
+        half = size[i, 1] * Rnb[:, 0]
+        each.append(ca.vertcat(eta[:3], half, size[i, 0], ca.mtimes(Rnb, nu[:3])))
+    return ca.vertcat(*each)

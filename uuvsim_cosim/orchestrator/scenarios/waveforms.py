@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.models.declaration.durations import frequency_of, seconds_of
+from uuvsim_cosim.models.declaration.units import frequency_of, seconds_of
 
 __all__ = ["KINDS", "Waveform", "waveform"]
 

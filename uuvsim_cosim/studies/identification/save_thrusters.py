@@ -1,4 +1,4 @@
-"""Fitted numbers of thrusters as a set in the vehicle's thrusters.yaml (see thruster_set.py)."""
+"""Fitted numbers of thrusters as a set in thrusters.yaml (see thruster_geometry.py)."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ from urllib.parse import parse_qsl
 import numpy as np
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.models.actuators.thruster_geometry import OF_VEHICLE, thrusters_file
-from uuvsim_cosim.models.actuators.thruster_set import options_of
+from uuvsim_cosim.models.actuators.thruster_geometry import OF_VEHICLE, options_of, thrusters_file
 from uuvsim_cosim.models.declaration.library import declare
 from uuvsim_cosim.models.importing.vehicle_draft import quoted
 from uuvsim_cosim.studies.identification.identify import Actuator, Identified, Number
