@@ -14,14 +14,15 @@ coefficients hold what its fins do at delta = 0, that is taken off, and only ste
 Options, off by default: `limits` holds the rate of each servo, `faults` gives each fin `stuck` (1:
 it stays where it is) and `health` (factor of what turning it adds: 0 lost), tunable at run time.
 
-Control derivatives as printed: products of velocities, deflections and of the slipstream.
+form="derivatives" takes control derivatives as printed, products of velocities, deflections and
+of the slipstream:
 
     force = sum over terms of  value · (two of u v w p q r) · (deflections) · epsilon
     epsilon = (sqrt(1 + C_t |eta| eta) - 1) / (sqrt(1 + C_t) - 1) - 1,   eta = k_u n / u
 
 epsilon is 0 where the propeller drives the hull at its steady speed, more where it pushes harder
 (Healey and Lienard 1993, IEEE J. Oceanic Eng. 18(3), 327-339). Such sums are fits for motion ahead;
-`fins.py` holds at any angle and astern, but knows no slipstream.
+lift and drag as above hold at any angle and astern, but know no slipstream.
 """
 
 from __future__ import annotations
@@ -48,9 +49,11 @@ from uuvsim_cosim.models.declaration.parameter_files import (
 from uuvsim_cosim.models.declaration.safe_math import abs_, clip, norm, safe_sqrt, saturate
 from uuvsim_cosim.models.declaration.vectors import NU, TAU
 
-__all__ = ["FinGeometry", "control_force", "fin_force", "fin_geometry", "fins"]
+__all__ = ["FinGeometry", "fin_force", "fin_geometry", "fins"]
 
 Array = NDArray[np.float64]
+VELOCITIES, FORCES = "uvwpqr", "XYZKMN"
+SLOWEST = 0.05  # m/s, below which eta counts as at this speed
 _FIGURES = {
     "rho": ("kg/m3", 0.0, "density of the water"),
     "S": ("m2", 0.0, "area of one fin"),
@@ -121,7 +124,7 @@ def fins(
     forces = []
     if form == "derivatives":
         turned = delta if health is None else health * delta
-        tau += control_force(m, vehicle, g.names, nu_r, turned)
+        tau += _control_force(m, vehicle, g.names, nu_r, turned)
     for i in range(n if form == "lift" else 0):
         at, hinge = r[i, :].T, a[i, :].T
         figures = {name: value[i] for name, value in p.items()}
@@ -210,11 +213,7 @@ def read_fins(path: Path) -> FinGeometry:
     return FinGeometry(names, r, a, figures, sources, bool(data["undeflected_in_hull"]))
 
 
-VELOCITIES, FORCES = "uvwpqr", "XYZKMN"
-SLOWEST = 0.05  # m/s, below which eta counts as at this speed
-
-
-def control_force(
+def _control_force(
     m: Model, vehicle: str, names: tuple[str, ...], nu_r: ca.SX, delta: ca.SX
 ) -> ca.SX:
     """Declare the terms of folder/control.yaml; give their force (6) about CO in b.
@@ -241,7 +240,8 @@ def control_force(
             expected = ", ".join(factors)
             problems.append(f"{path}:{line}: of: {of}; expected two velocities, from {expected}")
             continue
-        unit = _unit(str(term["force"]), moving)
+        per = ("m2", "(m.rad)", "rad2")[sum(x in "pqr" for x in moving)]
+        unit = ("N.s2/" if str(term["force"]) in "XYZ" else "N.m.s2/") + per
         try:
             values.append(in_unit(float(term["value"]), str(term["unit"]), unit))
         except ValueError as error:
@@ -257,12 +257,6 @@ def control_force(
             product = product * factors[x]
         tau[FORCES.index(force)] += product
     return tau
-
-
-def _unit(force: str, moving: list[str]) -> str:
-    top = "N" if force in "XYZ" else "N.m"
-    turns = sum(x in "pqr" for x in moving)
-    return f"{top}.s2/" + ("m2", "(m.rad)", "rad2")[turns]
 
 
 def _slipstream(m: Model, data: Mapping[str, Any], u: ca.SX) -> ca.SX:

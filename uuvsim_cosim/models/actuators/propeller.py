@@ -74,18 +74,27 @@ def propeller(
         for name, (unit, low, words) in _FIGURES.items()
     }
     f = thruster_faults_of(m, faults)
-    n_d = p["n_max"] * servo(m, saturate(u, 1.0), limits, f)
-    if not isinstance(f.entangled, float):
-        n_d = (1.0 - f.entangled) * n_d
+    n_d = (1.0 - f.entangled) * (p["n_max"] * servo(m, saturate(u, 1.0), limits, f))
     n = m.state("shaft", unit="rad/s", description="shaft speed")
     m.der(n, (n_d - n) / p["T_n"])
     V_a = (1.0 - p["w"]) * ca.dot(nu_r[:3] + ca.cross(nu_r[3:], r), e)
     thrust = (1.0 - p["t"]) * (p["T_nn"] * abs_(n) * n - p["T_nV"] * abs_(n) * V_a)
     torque = p["Q_nn"] * abs_(n) * n - p["Q_nV"] * abs_(n) * V_a
-    if not isinstance(f.health, float):
-        thrust, torque = f.health * thrust, abs_(f.health) * torque
+    thrust, torque = f.health * thrust, abs_(f.health) * torque
     if is_on("ventilation", ventilation):
-        share = _share_left(m, r)
+        eta = m.input("eta", 6, start=(0, 0, 5, 0, 0, 0), unit=ETA, description="of the hull")
+        R_p = m.parameter(
+            "R_p",
+            0.07,
+            unit="m",
+            min=1e-3,
+            description="radius of the propeller (REMUS: 0.14 m across)",
+        )
+        down = R(q_of_euler(eta[3], eta[4], eta[5]))[2, :].T
+        h = (eta[2] + ca.dot(r, down)) / R_p
+        # Not checked against the source: see the top of this file.
+        lost = 0.675 * ca.exp(1.258 * ca.log(1.0 - 0.769 * clip(h, -0.48, 1.3)))
+        share = ca.if_else(h >= 1.3, 1.0, clip(1.0 - lost, 0.0, 1.0))
         thrust, torque = share * thrust, share * torque
     force = thrust * e
     m.output("thrust", thrust, unit="N", description="along the direction e")
@@ -110,20 +119,3 @@ def read_propeller(path: Path) -> dict[str, float]:
     """Read a propeller's figures, in SI; raises ParameterInvalid with the line of every mistake."""
     file = preset("vehicles", str(path), "propeller")
     return file.numbers({name: unit for name, (unit, _, _) in _FIGURES.items()})
-
-
-def _share_left(m: Model, r: ca.SX) -> ca.SX:
-    """Declare what ventilation needs; give the share of thrust that it leaves."""
-    eta = m.input("eta", 6, start=(0, 0, 5, 0, 0, 0), unit=ETA, description="of the hull")
-    R_p = m.parameter(
-        "R_p",
-        0.07,
-        unit="m",
-        min=1e-3,
-        description="radius of the propeller (REMUS: 0.14 m across)",
-    )
-    down = R(q_of_euler(eta[3], eta[4], eta[5]))[2, :].T
-    h = (eta[2] + ca.dot(r, down)) / R_p
-    # Not checked against the source: see the top of this file.
-    lost = 0.675 * ca.exp(1.258 * ca.log(1.0 - 0.769 * clip(h, -0.48, 1.3)))
-    return ca.if_else(h >= 1.3, 1.0, clip(1.0 - lost, 0.0, 1.0))

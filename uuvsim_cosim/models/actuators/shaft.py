@@ -39,7 +39,15 @@ def shaft(
         known = [s for s in SHAFTS if s != "bessa" or u is not None]
         raise InputInvalid(f"shaft={kind!r}", ", ".join(known))
     if kind == "third":
-        return _third(m, n_d)
+        source = "von Benzon et al. (2022)"
+        a_0 = _parameter(m, "a_0", 108700.0, "1/s3", source)
+        a_1 = _parameter(m, "a_1", 9258.0, "1/s2", source)
+        a_2 = _parameter(m, "a_2", 89.0, "1/s", source)
+        b_1 = _parameter(m, "b_1", 6136.0, "1/s2", source)
+        units = ("rad/s", "rad/s2", "rad/s3")
+        x = m.state("shaft", (0.0, 0.0, 0.0), unit=units, description="chain of integrators")
+        m.der(x, ca.vertcat(x[1], x[2], a_0 * (n_d - x[0]) - a_1 * x[1] - a_2 * x[2]))
+        return x[0] + b_1 / a_0 * x[1]
     n = m.state("shaft", unit="rad/s", description="shaft speed; its sign is the thrust's")
     if kind == "first":
         assert T_n is not None
@@ -62,23 +70,6 @@ def shaft(
         assert voltage is not None
         m.der(n, (k_t / R_m * (u * voltage - k_t * n) - k_v * abs_(n) * n) / J)
     return n
-
-
-def _third(m: Model, n_d: ca.SX) -> ca.SX:
-    source = "von Benzon et al. (2022)"
-    a = [
-        _parameter(m, name, value, unit, source)
-        for name, value, unit in (
-            ("a_0", 108700.0, "1/s3"),
-            ("a_1", 9258.0, "1/s2"),
-            ("a_2", 89.0, "1/s"),
-            ("b_1", 6136.0, "1/s2"),
-        )
-    ]
-    units = ("rad/s", "rad/s2", "rad/s3")
-    x = m.state("shaft", (0.0, 0.0, 0.0), unit=units, description="chain of integrators")
-    m.der(x, ca.vertcat(x[1], x[2], a[0] * (n_d - x[0]) - a[1] * x[1] - a[2] * x[2]))
-    return x[0] + a[3] / a[0] * x[1]
 
 
 def _parameter(m: Model, name: str, value: float, unit: str, words: str) -> ca.SX:

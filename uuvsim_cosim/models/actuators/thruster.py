@@ -1,11 +1,11 @@
 """Thrusters: a shaft, first-order unless chosen otherwise, and thrust that follows its speed.
 
-Both take the command u in [-1, 1] and the supply's voltage, so that either can stand in for the
-other. Flow past the propeller is left out: thrust is bollard pull. Options, all off by default:
-`shaft` (shaft.py), `curve` (below), `dead_band` of the command, `limits` of its rate, `faults`
-(faults.py), `scale` of a table, and `vehicle` with `number` (thruster_geometry.py).
-
-A thruster whose thrust is the momentum of its jet, by its volume flow.
+All take the command u in [-1, 1] and the supply's voltage, so that each can stand in for another:
+`thruster` has a quadratic thrust, `thruster_t200` the rows of a bench, and the thrust of
+`thruster_jet` is the momentum of its jet. Flow past the propeller is left out: thrust is bollard
+pull. Options, all off by default: `shaft` (shaft.py), `curve` (below), `dead_band` of the command,
+`limits` of its rate, `faults` (faults.py), `scale` of a table, and `vehicle` with `number`
+(thruster_geometry.py).
 """
 
 from __future__ import annotations
@@ -69,12 +69,20 @@ def thruster(
     K_P = m.parameter("K_P", p.K_P, unit="W.s3/rad3", description="power = K_P |n|^3")
     f = thruster_faults_of(m, faults)
     c = _command(m, u, dead_band, limits, f)
-    n_d = n_max * c
-    n = shaft_of(m, shaft, _turned(n_d, f), T_n, _turned(c, f), voltage)
-    power = K_P * abs_(n) * n * n
-    if not isinstance(f.entangled, float):
-        power = (1.0 - f.entangled) * power + f.entangled * K_P * abs_(n_d) * n_d * n_d
-    thrust = _bessa(m, n) if K_n is None else K_n * abs_(n) * n
+    n_d, free = n_max * c, 1.0 - f.entangled
+    n = shaft_of(m, shaft, free * n_d, T_n, free * c, voltage)
+    power = free * (K_P * abs_(n) * n * n) + f.entangled * K_P * abs_(n_d) * n_d * n_d
+    if K_n is not None:
+        thrust = K_n * abs_(n) * n
+    else:
+        rows = "least squares of the T200's bench rows at 16 V"
+        c_r = m.parameter("c_r", 3.786e-4, unit="N.s2/rad2", description=f"slope ahead ({rows})")
+        d_r = m.parameter("d_r", 1459.0, unit="rad2/s2", min=0, description=f"dead zone ({rows})")
+        c_l = m.parameter("c_l", 3.029e-4, unit="N.s2/rad2", description=f"slope astern ({rows})")
+        d_l = m.parameter("d_l", -1749.0, unit="rad2/s2", max=0, description=f"dead zone ({rows})")
+        x = abs_(n) * n
+        behind = ca.if_else(x < d_l, c_l * (x - d_l), 0.0)
+        thrust = ca.if_else(x > d_r, c_r * (x - d_r), behind)
     return _outputs(m, thrust, n, power / voltage, f)
 
 
@@ -105,7 +113,7 @@ def thruster_t200(
     thrust = table2(list(n_grid), bench.voltage, thrust_rows.tolist())
     f = thruster_faults_of(m, faults)
     c = _command(m, u, dead_band, limits, f, saturated=True)
-    n = shaft_of(m, shaft, _turned(n_d(c, voltage), f), T_n)
+    n = shaft_of(m, shaft, (1.0 - f.entangled) * n_d(c, voltage), T_n)
     force = thrust(n, voltage)
     if is_on("scale", scale):
         force *= m.parameter(
@@ -141,20 +149,6 @@ def _command(
     return ca.if_else(beyond > 0.0, ca.sign(u) * beyond / (1.0 - u_0), 0.0)
 
 
-def _turned(n_d: ca.SX, f: ThrusterFaults) -> ca.SX:
-    return n_d if isinstance(f.entangled, float) else (1.0 - f.entangled) * n_d
-
-
-def _bessa(m: Model, n: ca.SX) -> ca.SX:
-    rows = "least squares of the T200's bench rows at 16 V"
-    c_r = m.parameter("c_r", 3.786e-4, unit="N.s2/rad2", description=f"slope ahead ({rows})")
-    d_r = m.parameter("d_r", 1459.0, unit="rad2/s2", min=0, description=f"dead zone ({rows})")
-    c_l = m.parameter("c_l", 3.029e-4, unit="N.s2/rad2", description=f"slope astern ({rows})")
-    d_l = m.parameter("d_l", -1749.0, unit="rad2/s2", max=0, description=f"dead zone ({rows})")
-    x = abs_(n) * n
-    return ca.if_else(x > d_r, c_r * (x - d_r), ca.if_else(x < d_l, c_l * (x - d_l), 0.0))
-
-
 def _inputs(m: Model) -> tuple[ca.SX, ca.SX]:
     u = m.input("u", unit="1", min=-1, max=1, description="command; (pwm - 1500 us) / 400 us")
     voltage = m.input("voltage", unit="V", start=16.0, description="of the supply")
@@ -169,9 +163,7 @@ def _time_constant(m: Model, value: float) -> ca.SX:
 
 
 def _outputs(m: Model, thrust: ca.SX, n: ca.SX, current: ca.SX, f: ThrusterFaults) -> Model:
-    if not isinstance(f.health, float):
-        thrust = f.health * thrust
-    m.output("thrust", thrust, unit="N", description="along the thruster's direction e")
+    m.output("thrust", f.health * thrust, unit="N", description="along the thruster's direction e")
     m.output("n", n, unit="rad/s", description="shaft speed")
     m.output("current", current, unit="A", description="drawn from the supply")
     return m
@@ -205,13 +197,9 @@ def thruster_jet(
 
     Q = m.state("Q", unit="m3/s", description="volume flow; its sign is the thrust's")
     f = thruster_faults_of(m, faults)
-    wanted = Q_max * servo(m, saturate(u, 1.0), limits, f)
-    if not isinstance(f.entangled, float):
-        wanted = (1.0 - f.entangled) * wanted
+    wanted = (1.0 - f.entangled) * (Q_max * servo(m, saturate(u, 1.0), limits, f))
     m.der(Q, (wanted - Q) / T_Q)
-    thrust = k * abs_(Q) * Q
-    if not isinstance(f.health, float):
-        thrust = f.health * thrust
+    thrust = f.health * (k * abs_(Q) * Q)
     m.output("thrust", thrust, unit="N", description="along the thruster's direction e")
     m.output("flow", Q, unit="m3/s", description="volume flow")
     power = k_P * abs_(Q) * Q * Q

@@ -1,6 +1,4 @@
-"""Positions and directions of a vehicle's thrusters, and the configuration matrix T.
-
-Sets of fitted thruster parameters in a vehicle's thrusters.yaml.
+"""A vehicle's thrusters.yaml: places and directions of thrusters, and sets of fitted parameters.
 
     sets:
       my_fit:                       # of the same name as the hull's set that was fitted with it
@@ -115,11 +113,18 @@ def _vector(entry: Any, unit: str) -> list[float]:
 
 def _mistakes(path: Path, data: Any) -> Iterator[tuple[int, str]]:
     """Yield (line, sentence) of each thruster that cannot stand there or push that way."""
-    if "model" in data:
-        yield from _unknown_model(data)
+    models = [n for n in LIBRARY if n.startswith(("thruster", "prop"))]
+    if "model" in data and str(data["model"]) not in models:
+        expected = expected_names(data["model"], models)
+        yield line_of(data, ["model"]), f"model: {str(data['model'])!r}; expected {expected}"
     if "sets" in data:
         yield from _set_mistakes(data)
-    reach = _reach(path)
+    reach = float("inf")  # m from CO
+    # Only the size is read: other mistakes in the hull's file are reported where the hull is read.
+    size = size_alone(path.parent / "parameters.yaml")
+    if size is not None:
+        half = 0.5 * np.array([size.length, size.breadth, size.height])
+        reach = float(1.25 * np.linalg.norm(half + np.abs(size.at)))
     seen: dict[tuple[float, ...], str] = {}
     for i, item in enumerate(data["thrusters"]):
         name, vectors = str(item.get("name", i + 1)), {}
@@ -136,7 +141,7 @@ def _mistakes(path: Path, data: Any) -> Iterator[tuple[int, str]]:
             at = line_of(data, ["thrusters", i, "e"])
             yield at, f"{name}: e = {vectors['e']}; expected length 1"
         distance = float(np.linalg.norm(vectors.get("r", [0.0])))
-        if reach is not None and distance > reach:
+        if distance > reach:
             text = f"{name}: r = {vectors['r']} m is {distance:.3g} m from CO; expected at most "
             yield line, text + f"{reach:.3g} m, the hull's size"
         if len(vectors) == 2:
@@ -187,27 +192,6 @@ def _set_mistakes(data: Any) -> Iterator[tuple[int, str]]:
                 yield line, f"{key} = {values}: expected {low:g} to {high:g} {v.unit}"
 
 
-def _unknown_model(data: Any) -> Iterator[tuple[int, str]]:
-    model, known = str(data["model"]), [n for n in LIBRARY if n.startswith(("thruster", "prop"))]
-    if model not in known:
-        yield line_of(data, ["model"]), f"model: {model!r}; expected {expected_names(model, known)}"
-
-
-def _reach(path: Path) -> float | None:
-    """Return the largest distance from CO that a part of the vehicle may have, None if unknown.
-
-    The size alone is read: what else is wrong with the hull's file is said where the hull is read.
-    """
-    try:
-        size = size_alone(path.parent / "parameters.yaml")
-    except ParameterInvalid:
-        return None
-    if size is None:
-        return None
-    half = 0.5 * np.array([size.length, size.breadth, size.height])
-    return float(1.25 * np.linalg.norm(half + np.abs(size.at)))
-
-
 Declaration = Callable[..., Model]
 
 
@@ -224,7 +208,12 @@ def of_vehicle(declaration: Declaration) -> Declaration:
         chosen = _chosen(name, vehicle)
         given = {k: v for k, v in options.items() if k not in defaults or v != defaults[k]}
         model = declaration(*args, **{**chosen.get("options", {}), **given})
-        for key, value in _values(chosen, vehicle, int(number)).items():
+        for key, entry in chosen["parameters"].items():
+            value = entry["value"]
+            if isinstance(value, list):
+                if not 1 <= int(number) <= len(value):
+                    raise InputInvalid(f"thruster {number} of {vehicle}", f"1 to {len(value)}")
+                value = value[int(number) - 1]
             if key not in model.variables:
                 raise InputInvalid(
                     f"{name} of {vehicle}",
@@ -232,7 +221,7 @@ def of_vehicle(declaration: Declaration) -> Declaration:
                     ", ".join(sorted(chosen["parameters"].keys() & model.variables)),
                 )
             unit = model.variables[key].unit
-            start = in_unit(value, str(chosen["parameters"][key]["unit"]), unit)
+            start = in_unit(float(value), str(entry["unit"]), unit)
             model.variables[key] = replace(model.variables[key], start=np.array([start]))
         return model
 
@@ -273,15 +262,3 @@ def _chosen(name: str, vehicle: str) -> Mapping[str, Any]:
             f"model:{chosen['model']}?vehicle={vehicle}, not model:{name}",
         )
     return chosen
-
-
-def _values(chosen: Mapping[str, Any], vehicle: str, number: int) -> dict[str, float]:
-    found = {}
-    for key, entry in chosen["parameters"].items():
-        value = entry["value"]
-        if isinstance(value, list):
-            if not 1 <= number <= len(value):
-                raise InputInvalid(f"thruster {number} of {vehicle}", f"1 to {len(value)}")
-            value = value[number - 1]
-        found[str(key)] = float(value)
-    return found

@@ -8,9 +8,9 @@ which y[k] is what the tick at k·T makes of u[k].
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import product
 from typing import TYPE_CHECKING
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -20,9 +20,7 @@ from uuvsim_cosim.models.analysis.operating_point import (
     OperatingPoint,
     place_of,
 )
-from uuvsim_cosim.models.declaration.element_names import element_names
-from uuvsim_cosim.models.declaration.evaluation import Evaluation
-from uuvsim_cosim.models.declaration.model import Kind, Model
+from uuvsim_cosim.models.declaration.model import Model
 
 if TYPE_CHECKING:
     import control
@@ -50,76 +48,26 @@ def linear_model(
     """
     if isinstance(at, OperatingPoint) and parameters is None:
         parameters = at.parameters
-    continuous, sampled = model.of_kind("state"), model.clocks
-    if continuous and sampled:
+    if model.of_kind("state") and model.clocks:
         raise InputInvalid(
             "linearize",
             f"{model.name} is continuous and sampled at once",
             "one of either, or a system that holds it",
         )
-    if sampled:
-        return _sampled(model, at, inputs, outputs, parameters or {})
+    if len(model.clocks) > 1:
+        raise InputInvalid("linearize", f"{model.name} has {len(model.clocks)} clocks", "one")
     c = Coordinates(model, parameters)
     x, u = c.point(at)
     f, jacobians = c.functions
-    rates = np.array(f(x, u)[0]).ravel()
-    if not np.all(np.isfinite(rates)):
+    if not model.clocks and not np.all(np.isfinite(np.array(f(x, u)[0]))):
         raise InputInvalid(f"linearize: {model.name}: the rates at the point are not finite")
-    A, B, C, D = (np.array(j).reshape(n, m) for j, n, m in zip(
-        jacobians(x, u),
-        (len(x), len(x), len(c.outputs), len(c.outputs)),
-        (len(x), len(u), len(x), len(u)), strict=True,
-    ))  # fmt: skip
-    return state_space(
-        (A, B, C, D), c.states, c.inputs, c.outputs, model.name, inputs, outputs, dt=0
+    rows, columns = (len(x), len(c.outputs)), (len(x), len(u))
+    matrices = tuple(
+        np.array(j).reshape(shape)
+        for j, shape in zip(jacobians(x, u), product(rows, columns), strict=True)
     )
-
-
-def _sampled(
-    model: Model,
-    at: At,
-    inputs: Sequence[str] | None,
-    outputs: Sequence[str] | None,
-    parameters: Mapping[str, ArrayLike],
-) -> control.StateSpace:
-    if len(model.clocks) > 1:
-        raise InputInvalid("linearize", f"{model.name} has {len(model.clocks)} clocks", "one")
-    f = Evaluation(model)
-    p = f.values_of("parameter", parameters)
-    d = np.array(f.derived(p)).ravel()
-    z_0 = np.array(f.initial(p, d)).ravel()
-
-    def names(kind: Kind) -> list[str]:
-        return [n for v in model.of_kind(kind) for n in element_names(v.name, v.shape)]
-
-    known = names("input")
-    u_0 = f.values_of("input", {})
-    if isinstance(at, OperatingPoint):
-        at = {**at.states, **at.inputs}
-    states = names("discrete")
-    for name, value in (at or {}).items():
-        places = place_of("state or input", name, [*states, *known], model.name)
-        for place, number in zip(
-            places, np.broadcast_to(np.asarray(value, dtype=float).ravel(), len(places)),
-            strict=True,
-        ):  # fmt: skip
-            if place < len(z_0):
-                z_0[place] = number
-            else:
-                u_0[place - len(z_0)] = number
-    z, u = ca.SX.sym("z", len(z_0)), ca.SX.sym("u", len(u_0))
-    none, w = ca.SX(0, 1), ca.SX.zeros(sum(x.numel() for x in model.clocks[0].draws))
-    fixed = [ca.SX(ca.DM(v)) if len(v) else none for v in (p, d)]
-    z_new = f.updates[0].call([0.0, u, *fixed, none, z, w], True, False)[0]
-    y = f.outputs.call([0.0, u, *fixed, none, z_new], True, False)[0]
-    j = ca.Function(
-        "j", [z, u], [ca.densify(ca.jacobian(e, by)) for e in (z_new, y) for by in (z, u)]
-    )
-    matrices = tuple(np.array(m) for m in j(z_0, u_0))
-    period = float(model.clocks[0].period)
-    return state_space(
-        matrices, states, known, names("output"), model.name, inputs, outputs, dt=period
-    )
+    dt = float(model.clocks[0].period) if model.clocks else 0
+    return state_space(matrices, c.states, c.inputs, c.outputs, model.name, inputs, outputs, dt=dt)
 
 
 def state_space(

@@ -1,5 +1,7 @@
 """A declaration as  dx/dt = f(x, u), y = h(x, u)  at a point, in coordinates that are all free.
 
+Where a clock updates the states, f is their value after a tick, from which y follows.
+
 A hull's quaternion has four numbers for three turns: its attitude is (phi, theta, psi) here,
 
     dTheta/dt = T(Theta) omega,   q = q(Theta)
@@ -67,10 +69,6 @@ def place_of(kind: str, name: str, known: list[str], where: str) -> list[int]:
     return found
 
 
-def _counted(n: int) -> str:
-    return "a finite number" if n == 1 else f"{n} finite numbers"
-
-
 def _unknown(kind: str, name: str, known: list[str]) -> str:
     whole = list(dict.fromkeys(split_element_name(k)[0] for k in known))
     hint = did_you_mean(name, [*whole, *known])
@@ -79,7 +77,10 @@ def _unknown(kind: str, name: str, known: list[str]) -> str:
 
 
 class Coordinates:
-    """Names and functions of a model's continuous states, inputs and outputs, by element."""
+    """Names and functions of a model's states, inputs and outputs, by element.
+
+    States are the continuous ones, or the discrete ones of a model that has a clock.
+    """
 
     def __init__(self, model: Model, parameters: Mapping[str, ArrayLike] | None = None) -> None:
         self.model = model
@@ -89,31 +90,29 @@ class Coordinates:
         start = np.array(f.initial(self.p, self.d)).ravel()
         self.hull = is_hull(model)
         n_x = sum(v.size for v in model.of_kind("state"))
-        self.z = start[n_x:]
-        self.states = self._names("state")
+        x, self.z = start[:n_x], start[n_x:]
+        kinds: tuple[Kind, ...] = ("discrete" if model.clocks else "state", "input", "output")
+        self.states, self.inputs, self.outputs = (
+            [n for v in model.of_kind(kind) for n in element_names(v.name, v.shape)]
+            for kind in kinds
+        )
+        self.x_0, self.u_0 = self.z if model.clocks else x, f.values_of("input", {})
         if self.hull:
             self.states = [*_POSE, *_NU, *self.states[13:]]
-        self.inputs, self.outputs = self._names("input"), self._names("output")
-        self.x_0 = self._reduced(start[:n_x])
-        self.u_0 = f.values_of("input", {})
-
-    def _names(self, kind: Kind) -> list[str]:
-        declared = self.model.of_kind(kind)
-        return [n for v in declared for n in element_names(v.name, v.shape)]
-
-    def _reduced(self, x: Array) -> Array:
-        if not self.hull:
-            return x
-        theta = np.array(ca.evalf(euler_of_q(ca.SX(ca.DM(x[3:7]))))).ravel()
-        return np.concatenate([x[:3], theta, x[7:]])
+            theta = np.array(ca.evalf(euler_of_q(ca.SX(ca.DM(x[3:7]))))).ravel()
+            self.x_0 = np.concatenate([x[:3], theta, x[7:]])
 
     @cached_property
     def symbols(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         """Return (x, u, dx/dt, y) as expressions, in the order of the names."""
         x, u = ca.SX.sym("x", len(self.states)), ca.SX.sym("u", len(self.inputs))
         full = ca.vertcat(x[:3], q_of_euler(x[3], x[4], x[5]), x[6:]) if self.hull else x
-        held = [ca.SX(ca.DM(v)) if len(v) else ca.SX(0, 1) for v in (self.p, self.d, self.z)]
-        p, d, z = held
+        none = ca.SX(0, 1)
+        p, d, z = (ca.SX(ca.DM(v)) if len(v) else none for v in (self.p, self.d, self.z))
+        if self.model.clocks:
+            w = ca.SX.zeros(sum(draw.numel() for draw in self.model.clocks[0].draws))
+            new = self._f.updates[0].call([0.0, u, p, d, none, x, w], True, False)[0]
+            return x, u, new, self._f.outputs.call([0.0, u, p, d, none, new], True, False)[0]
         rates = self._f.rhs.call([0.0, u, p, d, full, z], True, False)[0]
         y = self._f.outputs.call([0.0, u, p, d, full, z], True, False)[0]
         if self.hull:
@@ -140,7 +139,9 @@ class Coordinates:
             places = place_of("state or input", name, known, self.model.name)
             values = np.asarray(value, dtype=float).ravel()
             if values.size not in (1, len(places)) or not np.all(np.isfinite(values)):
-                raise InputInvalid(f"{self.model.name}.{name}", f"{value!r}", _counted(len(places)))
+                n = len(places)
+                expected = "a finite number" if n == 1 else f"{n} finite numbers"
+                raise InputInvalid(f"{self.model.name}.{name}", f"{value!r}", expected)
             for place, number in zip(places, np.broadcast_to(values, len(places)), strict=True):
                 if place < len(x):
                     x[place] = number

@@ -75,7 +75,12 @@ def simulate(
     for t in times[1:]:
         run.advance(t, step)
         rows.append(run.row())
-    return Trajectory(np.array([float(t) for t in times]), _split(model, np.array(rows)))
+    found, values, at_column = np.array(rows), {}, 0
+    for v in [*model.of_kind("output"), *model.of_kind("state"), *model.of_kind("discrete")]:
+        part = found[:, at_column : at_column + v.size]
+        values[v.name] = part if v.shape else part[:, 0]
+        at_column += v.size
+    return Trajectory(np.array([float(t) for t in times]), values)
 
 
 class _Run:
@@ -121,7 +126,13 @@ class _Run:
             if at >= end:
                 break
             self._integrate(at, h)
-            self._tick(index)
+            clock, w = self.model.clocks[index], np.zeros(0)
+            if size := sum(draw.numel() for draw in clock.draws):
+                seed = self.p[_places(self.model, "parameter")["seed"]]
+                w = self.draws(seed, clock.index, self.k[index], size)
+            t = float(self.t)
+            self.z = _flat(self.f.updates[index](t, self.inputs(t), *self._rest(), w))
+            self.k[index] += 1
         self._integrate(end, h)
 
     def row(self) -> Array:
@@ -145,17 +156,6 @@ class _Run:
                 self.x = _flat(self.f.rk4(t, t_e - t, *u, *self._rest()))
         self.t = end
 
-    def _tick(self, index: int) -> None:
-        clock = self.model.clocks[index]
-        size = sum(w.numel() for w in clock.draws)
-        w = np.zeros(0)
-        if size:
-            seed = self.p[_places(self.model, "parameter")["seed"]]
-            w = self.draws(seed, clock.index, self.k[index], size)
-        t = float(self.t)
-        self.z = _flat(self.f.updates[index](t, self.inputs(t), *self._rest(), w))
-        self.k[index] += 1
-
 
 def _flat(value: object) -> Array:
     return np.asarray(value, dtype=float).ravel()
@@ -167,12 +167,3 @@ def _places(model: Model, kind: Kind) -> dict[str, slice]:
         places[v.name] = slice(at, at + v.size)
         at += v.size
     return places
-
-
-def _split(model: Model, rows: Array) -> dict[str, Array]:
-    values, at = {}, 0
-    for v in [*model.of_kind("output"), *model.of_kind("state"), *model.of_kind("discrete")]:
-        part = rows[:, at : at + v.size]
-        values[v.name] = part if v.shape else part[:, 0]
-        at += v.size
-    return values

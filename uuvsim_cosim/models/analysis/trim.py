@@ -40,9 +40,9 @@ def trim_model(
     default N, E and psi of a hull. Of many solutions that nearest to `guess` is given. Raises
     InputInvalid, with the rates that stay, where there is none nearby.
     """
-    c = Coordinates(model, parameters)
     if model.clocks:
         raise InputInvalid("trim", f"{model.name} is sampled", "continuous states alone")
+    c = Coordinates(model, parameters)
     if not c.states:
         raise InputInvalid("trim", f"{model.name} has no states", "some")
     fixed = dict(fixed or {})

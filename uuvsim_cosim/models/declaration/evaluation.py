@@ -24,9 +24,18 @@ class Evaluation:
         for v in model.of_kind("state"):
             if v.name not in model.derivatives:
                 raise ParameterInvalid(f"{model.name}.{v.name}: state without der()")
-        u, p, d, x, z = (_symbols(model, k) for k in _PARTS)
+        u, p, d, x, z = (
+            _column([ca.vertcat(*v.symbol.nonzeros()) for v in model.of_kind(kind)])
+            for kind in _PARTS
+        )
         arguments = [model.t, u, p, d, x, z]
-        self.derived = ca.Function("derived", [p], [_derived(model)])
+        symbols: list[ca.SX] = []
+        derived: list[ca.SX] = []
+        for v in model.of_kind("derived"):  # by parameters alone: each may use earlier ones
+            value = ca.vertcat(*v.start.nonzeros())
+            derived.append(ca.substitute([value], symbols, derived)[0] if symbols else value)
+            symbols.append(ca.vertcat(*v.symbol.nonzeros()))
+        self.derived = ca.Function("derived", [p], [_column(derived)])
         start = [ca.SX(v.start) for v in model.of_kind("state", "discrete")]
         self.initial = ca.Function("initial", [p, d], [_column(start)])
         dx = _column([model.derivatives[v.name] for v in model.of_kind("state")])
@@ -77,23 +86,3 @@ _PARTS: tuple[Kind, ...] = ("input", "parameter", "derived", "state", "discrete"
 
 def _column(parts: list[ca.SX]) -> ca.SX:
     return ca.densify(ca.vertcat(*(ca.vec(ca.densify(p)) for p in parts))) if parts else ca.SX(0, 1)
-
-
-def _symbols(model: Model, kind: Kind) -> ca.SX:
-    declared = model.of_kind(kind)
-    if kind == "derived":
-        return _column([ca.vertcat(*v.symbol.nonzeros()) for v in declared])
-    return _column([v.symbol for v in declared])
-
-
-def _derived(model: Model) -> ca.SX:
-    """Return the derived values by parameters alone: each may use earlier ones."""
-    symbols: list[ca.SX] = []
-    values: list[ca.SX] = []
-    for v in model.of_kind("derived"):
-        value = ca.vertcat(*v.start.nonzeros())
-        if symbols:
-            value = ca.substitute([value], symbols, values)[0]
-        symbols.append(ca.vertcat(*v.symbol.nonzeros()))
-        values.append(value)
-    return _column(values)

@@ -113,15 +113,10 @@ def vehicle_size(id: str) -> Size | None:
 
 
 def size_alone(path: Path) -> Size | None:
-    """Return the size that a hull's file states, whatever else is wrong there; None if it has none.
-
-    Raises ParameterInvalid if it is no YAML.
-    """
-    if not path.is_file():
-        return None
+    """Return the size that a hull's file states, whatever else is wrong there; None without one."""
     try:
-        return _size(_load(path))
-    except (AttributeError, KeyError, TypeError, ValueError):
+        return _size(_load(path)) if path.is_file() else None
+    except (AttributeError, KeyError, TypeError, ValueError, ParameterInvalid):
         return None
 
 

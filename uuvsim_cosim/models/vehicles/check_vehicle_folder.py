@@ -34,35 +34,29 @@ def read_folder(vehicle: str) -> None:
         vehicle_file(vehicle)
         return
     folder = vehicle_folder(vehicle)
-    problems = list(_strangers(folder))
-    for name, read in _READERS.items():
-        if (folder / name).is_file():
-            try:
-                read(folder)
-            except ParameterInvalid as error:
-                problems += map(str, error.problems)
-            else:
-                problems += _owner(folder / name)
+    problems = [
+        f"{path}: not a file of a vehicle, nothing reads it; "
+        f"expected {expected_names(path.name, _READERS)}"
+        for path in sorted(folder.iterdir())
+        if path.suffix in (".yaml", ".yml") and path.name not in _READERS
+    ]
+    own = folder.resolve().name
+    for path, read in ((folder / name, read) for name, read in _READERS.items()):
+        if not path.is_file():
+            continue
+        try:
+            read(folder)
+        except ParameterInvalid as error:
+            problems += map(str, error.problems)
+            continue
+        for n, text in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+            found = re.match(r"(id|vehicle):\s*([^#]*)", text)
+            owner = found[2].strip().strip("'\"") if found else own
+            if found and owner != own:
+                problem = f"{found[1]}: {owner!r}; expected {own!r}, the folder's name"
+                problems.append(f"{path}:{n}: {problem}")
     if problems:
         raise ParameterInvalid.of(dict.fromkeys(problems))
-
-
-def _strangers(folder: Path) -> Iterator[str]:
-    """Yield a sentence for each YAML file that nothing would read."""
-    for path in sorted(p for p in folder.iterdir() if p.suffix in (".yaml", ".yml")):
-        if path.name not in _READERS:
-            expected = expected_names(path.name, _READERS)
-            yield f"{path}: not a file of a vehicle, nothing reads it; expected {expected}"
-
-
-def _owner(path: Path) -> Iterator[str]:
-    """Yield a sentence where a file says that it is of another vehicle than its folder."""
-    name = path.resolve().parent.name
-    for n, text in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
-        found = re.match(r"(id|vehicle):\s*([^#]*)", text)
-        owner = found[2].strip().strip("'\"") if found else name
-        if found and owner != name:
-            yield f"{path}:{n}: {found[1]}: {owner!r}; expected {name!r}, the folder's name"
 
 
 def _hull(folder: Path) -> None:

@@ -11,6 +11,7 @@ A hull is asked as a whole, through the equations that it is simulated with:
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -46,10 +47,19 @@ def closed_forms(model: Model) -> Iterator[ClosedForm]:
     yield ClosedForm("M is symmetric", float(np.max(np.abs(M - M.T) / scale)), 1e-9)
     values = np.linalg.eigvalsh(0.5 * (M + M.T) / scale)
     yield ClosedForm("M is positive definite", max(0.0, 1e-6 - float(values[0])), 0.0)
-    yield ClosedForm("inertia is of a body", _beyond_a_body(model), 1e-9)
+    numbers = {v.name: float(v.start[0]) for v in model.of_kind("parameter") if len(v.start) == 1}
+    M_RB = np.array(ca.evalf(ca.densify(ca.SX(rigid_mass(numbers)))))
+    about_CG = M_RB[3:, 3:] - M_RB[3:, :3] @ M_RB[:3, 3:] / M_RB[0, 0]
+    moments = np.linalg.eigvalsh(0.5 * (about_CG + about_CG.T))
+    beyond = moments[2] / max(moments[0] + moments[1], 1e-12) - 1.0
+    yield ClosedForm("inertia is of a body", float(max(0.0, beyond)), 1e-9)
     yield ClosedForm("water takes energy only", _energy_gained(model, M), 1e-9)
-    W, B, lever = _hydrostatics(model)
-    yield ClosedForm("level is neutral", float(np.hypot(*lever[:2])) / max(W, 1e-9), 1e-3)
+    n = defaultdict(float, numbers)  # a parameter that is not there is 0
+    W, B = n["W"], n["B"]
+    if "W" not in numbers:
+        W, B = n["m"] * n["g"], n["rho"] * n["g"] * n["nabla"]
+    lever = [W * n[f"{a}_g"] - B * n[f"{a}_b"] for a in "xyz"]
+    yield ClosedForm("level is neutral", float(np.hypot(lever[0], lever[1])) / max(W, 1e-9), 1e-3)
     yield ClosedForm("upright is stable", max(0.0, -float(lever[2])), 0.0)
     yield ClosedForm("weight is near buoyancy", abs(B - W) / W, 0.03)
 
@@ -60,15 +70,6 @@ def total_mass(model: Model) -> Array:
     p = ca.vertcat(*(v.symbol for v in model.of_kind("parameter")))
     M = ca.Function("M", [p], [ca.densify(model.variables["M"].start)])
     return np.array(M(f.values_of("parameter", {})))
-
-
-def _beyond_a_body(model: Model) -> float:
-    """Return by how much the largest principal moment exceeds the other two, over their sum."""
-    numbers = {v.name: float(v.start[0]) for v in model.of_kind("parameter") if len(v.start) == 1}
-    M = np.array(ca.evalf(ca.densify(ca.SX(rigid_mass(numbers)))))
-    about_CG = M[3:, 3:] - M[3:, :3] @ M[:3, 3:] / M[0, 0]
-    moments = np.linalg.eigvalsh(0.5 * (about_CG + about_CG.T))
-    return float(max(0.0, moments[2] / max(moments[0] + moments[1], 1e-12) - 1.0))
 
 
 def _energy_gained(model: Model, M: Array) -> float:
@@ -89,17 +90,3 @@ def _energy_gained(model: Model, M: Array) -> float:
     power = np.sum(nu.T * force, axis=0)
     turned = np.sum(np.abs(nu.T * force), axis=0)
     return float(max(0.0, np.max(power / np.maximum(turned, 1e-12))))
-
-
-def _hydrostatics(model: Model) -> tuple[float, float, Array]:
-    """Return weight, buoyancy [N] and W r_g - B r_b [N.m]."""
-
-    def number(name: str) -> float:
-        return float(model.variables[name].start[0]) if name in model.variables else 0.0
-
-    if "W" in model.variables:
-        W, B = number("W"), number("B")
-    else:
-        W, B = number("m") * number("g"), number("rho") * number("g") * number("nabla")
-    lever = [W * number(f"{a}_g") - B * number(f"{a}_b") for a in "xyz"]
-    return W, B, np.array(lever)

@@ -64,11 +64,20 @@ def outline_svg(id: str) -> str:
         view = _View(scale, low[0], low[across], across, top)
         parts.append(f'<text x="{MARGIN:g}" y="{top - 8:.1f}">{title}</text>')
         parts.append(_hull(size, view))
-        parts += [_fin(view, r, a, reach) for r, a in lines]
+        for r, a in lines:
+            (x, y), (to_x, to_y) = (
+                view([p + s * 0.5 * reach * h for p, h in zip(r, a, strict=True)]) for s in (-1, 1)
+            )
+            style = f'stroke="{FIN}" stroke-width="5" stroke-linecap="round"'
+            parts.append(f'<path d="M{x:.1f} {y:.1f}L{to_x:.1f} {to_y:.1f}" {style}/>')
         parts += [_arrow(view, r, e, reach) for r, e in arrows]
         for point, word in (("g", "CG"), ("b", "CB")):
-            at = [numbers.get(f"{axis}_{point}", 0.0) for axis in "xyz"]
-            parts.append(_cross(view, at, word))
+            x, y = view([numbers.get(f"{axis}_{point}", 0.0) for axis in "xyz"])
+            down = 14.0 if word == "CG" else -7.0
+            parts.append(
+                f'<path d="M{x - 4:.1f} {y:.1f}h8M{x:.1f} {y - 4:.1f}v8" stroke="{INK}"/>'
+                f'<text x="{x + 5:.1f}" y="{y + down:.1f}" font-size="10">{word}</text>'
+            )
         top += tall + HEAD + 8.0
     metre = 1.0 if high[0] - low[0] > 1.5 else 0.1
     y = top - 8.0
@@ -133,22 +142,4 @@ def _arrow(view: _View, r: list[float], e: list[float], length: float) -> str:
     return (
         f'{dot}<path d="M{x:.1f} {y:.1f}L{to_x:.1f} {to_y:.1f}{head}" '
         f'stroke="{PUSH}" stroke-width="2" fill="none"/>'
-    )
-
-
-def _fin(view: _View, r: list[float], a: list[float], reach: float) -> str:
-    ends = [view([p + s * 0.5 * reach * h for p, h in zip(r, a, strict=True)]) for s in (-1, 1)]
-    (x, y), (to_x, to_y) = ends
-    return (
-        f'<path d="M{x:.1f} {y:.1f}L{to_x:.1f} {to_y:.1f}" stroke="{FIN}" stroke-width="5" '
-        f'stroke-linecap="round"/>'
-    )
-
-
-def _cross(view: _View, at: list[float], word: str) -> str:
-    x, y = view(at)
-    down = 14.0 if word == "CG" else -7.0
-    return (
-        f'<path d="M{x - 4:.1f} {y:.1f}h8M{x:.1f} {y - 4:.1f}v8" stroke="{INK}"/>'
-        f'<text x="{x + 5:.1f}" y="{y + down:.1f}" font-size="10">{word}</text>'
     )

@@ -119,6 +119,8 @@ def vehicle_figures(address: str, U: float) -> VehicleFigures:
     x_U = x_0.copy()
     x_U[6] = U
     A_U = np.array(jacobians(x_U, u_0)[0])
+    v = ca.SX.sym("nu", 6)  # d(C_RB(nu) nu)/dnu is no hydrodynamics
+    of_coriolis = ca.Function("J", [v], [ca.densify(ca.jacobian(coriolis(ca.DM(M_RB), v), v))])
     return VehicleFigures(
         mass=float(numbers["m"]),
         weight=weight,
@@ -132,7 +134,7 @@ def vehicle_figures(address: str, U: float) -> VehicleFigures:
         roll=_oscillation(A_0, 3),
         pitch=_oscillation(A_0, 4),
         U=U,
-        derivatives=M @ A_U[6:12, 6:12] + _coriolis_slope(M_RB, x_U[6:12]),
+        derivatives=M @ A_U[6:12, 6:12] + np.array(of_coriolis(x_U[6:12])),
         lateral=np.linalg.eigvals(A_U[np.ix_([7, 11], [7, 11])]).astype(complex),
         vertical=np.linalg.eigvals(A_U[np.ix_([8, 10, 4], [8, 10, 4])]).astype(complex),
     )
@@ -146,13 +148,6 @@ def _oscillation(A: Array, angle: int) -> Oscillation:
         return Oscillation(0.0, 0.0)
     w = float(np.sqrt(stiffness))
     return Oscillation(2.0 * np.pi / w, float(loss / (2.0 * w)))
-
-
-def _coriolis_slope(M_RB: Array, nu: Array) -> Array:
-    """Return d(C_RB(nu) nu)/dnu, which is no hydrodynamics."""
-    v = ca.SX.sym("nu", 6)
-    J = ca.Function("J", [v], [ca.densify(ca.jacobian(coriolis(ca.DM(M_RB), v), v))])
-    return np.array(J(nu))
 
 
 def ambiguous_numbers(id: str) -> Iterator[Ambiguous]:
