@@ -25,7 +25,7 @@ from pathlib import Path
 
 import casadi as ca
 
-from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.errors import InputInvalid, ParameterInvalid, Problem
 from uuvsim_cosim.models.actuators.faults import servo, thruster_faults_of
 from uuvsim_cosim.models.actuators.thruster_geometry import thruster_geometry
 from uuvsim_cosim.models.declaration.kinematics import R, q_of_euler
@@ -118,4 +118,17 @@ def propeller(
 def read_propeller(path: Path) -> dict[str, float]:
     """Read a propeller's figures, in SI; raises ParameterInvalid with the line of every mistake."""
     file = preset("vehicles", str(path), "propeller")
-    return file.numbers({name: unit for name, (unit, _, _) in _FIGURES.items()})
+    found: dict[str, float] = {}
+    problems: list[Problem] = []
+    for name, (unit, _, _) in _FIGURES.items():
+        try:
+            found[name] = file.number(name, unit)
+        except ParameterInvalid as error:
+            problems += error.problems
+    try:
+        file.complete()
+    except ParameterInvalid as error:
+        problems += error.problems
+    if problems:
+        raise ParameterInvalid.of(problems)
+    return found

@@ -59,10 +59,18 @@ FORCES, VELOCITIES = "XYZKMN", "uvwpqr"
 _PRODUCT = re.compile(rf"([{FORCES}])_([{VELOCITIES}])([{VELOCITIES}])$")
 _PER = ("m2", "(m.rad)", "rad2")  # by the number of angular rates
 _STRIPS = {"C_D_y", "h_y", "C_D_z", "b_z", "x_bow", "x_stern"}
-_MASS = ("kg", "kg.m", "kg.m", "kg.m2")
 _LINEAR = ("N.s/m", "N.s/rad", "N.m.s/m", "N.m.s/rad")
-_QUADRATIC = ("N.s2/m2", "N.s2/rad2", "N.m.s2/m2", "N.m.s2/rad2")
-_WITH_U = ("N.s2/m2", "N.s2/(m.rad)", "N.m.s2/m2", "N.m.s2/(m.rad)")
+# Units of the four blocks of a matrix, row by row, and what its elements are.
+_MATRICES = {
+    "M_A": (("kg", "kg.m", "kg.m", "kg.m2"), "added mass"),
+    "D_l": (_LINEAR, "linear damping"),
+    "D_q": (("N.s2/m2", "N.s2/rad2", "N.m.s2/m2", "N.m.s2/rad2"), "quadratic damping"),
+    "D_u": (
+        ("N.s2/m2", "N.s2/(m.rad)", "N.m.s2/m2", "N.m.s2/(m.rad)"),
+        "damping that grows with |u|: lift of body and fins",
+    ),
+    "D_f": (_LINEAR, "linear damping that fades with speed"),
+}
 
 
 @dataclass(frozen=True)
@@ -100,19 +108,11 @@ def meaning_of(name: str) -> Meaning | None:
     if match is None:
         return None
     kind, i, j = match[1], int(match[2]), int(match[3])
-    block = 2 * (i > 3) + (j > 3)
     if kind in ("I_b", "I_g"):
         point = "CO" if kind == "I_b" else "CG"
         return Meaning("kg.m2", f"inertia about {point}") if i <= j <= 3 else None
-    if kind == "M_A":
-        return Meaning(_MASS[block], "added mass")
-    if kind == "D_l":
-        return Meaning(_LINEAR[block], "linear damping")
-    if kind == "D_f":
-        return Meaning(_LINEAR[block], "linear damping that fades with speed")
-    if kind == "D_u":
-        return Meaning(_WITH_U[block], "damping that grows with |u|: lift of body and fins")
-    return Meaning(_QUADRATIC[block], "quadratic damping")
+    units, words = _MATRICES[kind]
+    return Meaning(units[2 * (i > 3) + (j > 3)], words)
 
 
 def missing(names: Collection[str], surface: bool = True) -> Iterator[str]:
@@ -121,9 +121,15 @@ def missing(names: Collection[str], surface: bool = True) -> Iterator[str]:
         yield "m is missing; expected the mass"
     by_force, by_volume = {"W", "B"}, {"rho", "nabla", "g"}
     given = set(names)
-    strips = given & _STRIPS
-    if strips:
-        yield from _gaps_of_strips(given)
+    if given & _STRIPS:
+        lacking = sorted({"x_bow", "x_stern", "rho"} - given)
+        for pair in (("C_D_y", "h_y"), ("C_D_z", "b_z")):
+            if len(given & set(pair)) == 1:
+                lacking += sorted(set(pair) - given)
+        if not given & {"C_D_y", "C_D_z"}:
+            lacking.append("C_D_y or C_D_z")
+        if lacking:
+            yield f"{', '.join(lacking)} missing; expected all that cross-flow drag by strips needs"
         if not given & {"nabla", "g"}:
             given -= {"rho"}  # of the drag, not of the buoyancy
     if given & by_force and given & by_volume:
@@ -143,17 +149,6 @@ def missing(names: Collection[str], surface: bool = True) -> Iterator[str]:
         yield "height is missing; expected the hull's height, or a hull declared without surface"
     if any(n.startswith("D_f_") for n in names) != ("U_f" in names):
         yield "D_f and U_f do not both stand there; expected the damping that fades, and its speed"
-
-
-def _gaps_of_strips(given: set[str]) -> Iterator[str]:
-    lacking = sorted({"x_bow", "x_stern", "rho"} - given)
-    for pair in (("C_D_y", "h_y"), ("C_D_z", "b_z")):
-        if len(given & set(pair)) == 1:
-            lacking += sorted(set(pair) - given)
-    if not given & {"C_D_y", "C_D_z"}:
-        lacking.append("C_D_y or C_D_z")
-    if lacking:
-        yield f"{', '.join(lacking)} missing; expected all that cross-flow drag by strips needs"
 
 
 _ELSEWHERE = {
@@ -181,7 +176,7 @@ def near_names(name: str) -> str:
         kind = {"dot": "M_A", "": "D_l"}.get(derivative[3], "D_q")
         return f"{kind}_{i}{j}, its negative"
     every = [*_SCALARS]
-    for kind in ("M_A", "D_l", "D_q", "D_u", "D_f", "I_b", "I_g"):
+    for kind in (*_MATRICES, "I_b", "I_g"):
         every += [f"{kind}_{i}{j}" for i in range(1, 7) for j in range(1, 7)]
     known = [n for n in every if meaning_of(n) is not None]
     near = get_close_matches(name, known, n=4, cutoff=0.6)

@@ -9,12 +9,12 @@ as derivative. Its semantics over one communication step from t to t + h, inputs
 * outputs are evaluated at the end of the step;
 * `derived` values depend on parameters alone and are computed when those change.
 
-Options of a declaration: structural choices, as Python or a system's file writes them.
+Options of a declaration are structural choices, as Python or a system's file writes them (`is_on`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from math import prod
@@ -119,17 +119,9 @@ class Model:
         """Declare a parameter; its shape is that of `value` unless given (matrices row by row)."""
         if shape is None:
             shape = np.shape(value)
+        variability = "tunable" if tunable else "fixed"
         return self._declare(
-            name,
-            "parameter",
-            shape,
-            unit,
-            value,
-            type,
-            min,
-            max,
-            "tunable" if tunable else "fixed",
-            description,
+            name, "parameter", shape, unit, value, type, min, max, variability, description
         )
 
     def derived(self, name: str, expression: ca.SX | Value) -> ca.SX:
@@ -273,22 +265,10 @@ class Model:
             raise ParameterInvalid(
                 f"{self.name}.{name}", f"start has {start.numel()} elements", size
             )
-        self._add(
-            Declared(
-                name,
-                kind,
-                flat,
-                common,
-                shape,
-                start,
-                type,
-                low,
-                high,
-                variability,
-                description,
-                units,
-            )
+        declared = Declared(
+            name, kind, flat, common, shape, start, type, low, high, variability, description, units
         )
+        self._add(declared)
         return ca.reshape(flat, shape[1], shape[0]).T if len(shape) == 2 else flat
 
     def _units(self, name: str, unit: Units, size: int) -> tuple[str, tuple[str, ...]]:
@@ -319,10 +299,6 @@ class Model:
                 declared.size,
             )
         return ca.vec(flat)
-
-    def starts(self) -> Mapping[str, Any]:
-        """Return each parameter's and input's start values, flat."""
-        return {v.name: v.start for v in self.of_kind("input", "parameter")}
 
 
 def is_on(name: str, value: bool | str, *further: str) -> bool:

@@ -181,15 +181,24 @@ def read_yaml(path: Path, schema: str | Path, further: Mistakes | None = None) -
     data = _load(path)
     file = schema if isinstance(schema, Path) else content("models", "schema", schema)
     rules = json.loads(noted(file).read_text(encoding="utf-8"))
-    errors = Draft202012Validator(rules).iter_errors(data)
-    found = [(line_of(data, list(e.absolute_path)), _sentence(e)) for e in errors]
+    found = []
+    for error in Draft202012Validator(rules).iter_errors(data):
+        place = ".".join(str(part) for part in error.absolute_path) or "the file"
+        expected = error.schema.get("description", f"{error.validator}: {error.validator_value}")
+        if error.validator == "additionalProperties" and any(
+            isinstance(key, int | float) for key in error.instance
+        ):
+            expected += "; a number has a decimal point, no comma"
+        line = line_of(data, list(error.absolute_path))
+        found.append((line, f"{place}: {error.message}; expected {expected}"))
     wrong_shape = bool(found)
     try:
         found += further(data) if further is not None else ()
     except (AttributeError, KeyError, TypeError, ValueError):
         if not wrong_shape:  # else it could look no further
             raise
-    _refuse(path, found)
+    if found:
+        raise ParameterInvalid.of(f"{path}:{n}: {text}" for n, text in sorted(found))
     return data
 
 
@@ -241,18 +250,12 @@ def _is_path(id: str) -> bool:
     return bool(id) and (Path(id).name != id or Path(id).is_dir())
 
 
+@shared_until_changed
 def vehicle_file(id: str) -> tuple[Path, Any]:
     """Return a vehicle's parameter file and what stands in it, checked."""
-    if id.endswith((".yaml", ".yml")):
-        path = Path(id).expanduser()
-    else:
-        path = vehicle_folder(id) / "parameters.yaml"
-    return path, _read_vehicle(path)
-
-
-@shared_until_changed
-def _read_vehicle(path: Path) -> Any:
-    return read_yaml(path, "vehicle.schema.json", _mistakes)
+    is_file = id.endswith((".yaml", ".yml"))
+    path = Path(id).expanduser() if is_file else vehicle_folder(id) / "parameters.yaml"
+    return path, read_yaml(path, "vehicle.schema.json", _mistakes)
 
 
 def _mistakes(data: Any) -> Iterator[tuple[int, str]]:

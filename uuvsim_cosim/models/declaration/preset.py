@@ -37,7 +37,13 @@ class Preset:
         self.asked.add(name)
         if name not in self.values:
             units = unit if isinstance(unit, str) else ", ".join(dict.fromkeys(unit))
-            others = self._others_with(name)
+            shipped = {*self.path.parts[-3:-2]} & {*FOLDERS}
+            same = self.path.parent.parent.glob(f"*/{self.path.name}") if shipped else ()
+            others = [
+                path.parent.name
+                for path in sorted(same)
+                if path != self.path and f"\n  {name}:" in path.read_text(encoding="utf-8")
+            ]
             raise ParameterInvalid(
                 f"{self.path}: no parameter {name!r}; expected one in {units}"
                 + (f", as the preset {' or '.join(others)} has" if others else "")
@@ -59,37 +65,9 @@ class Preset:
             )
         return converted
 
-    def _others_with(self, name: str) -> list[str]:
-        """List the shipped presets of the same kind that have the parameter."""
-        found: list[str] = []
-        if not {*self.path.parts[-3:-2]} & {*FOLDERS}:
-            return found
-        for path in sorted(self.path.parent.parent.glob(f"*/{self.path.name}")):
-            text = path.read_text(encoding="utf-8") if path != self.path else ""
-            if f"\n  {name}:" in text:
-                found.append(path.parent.name)
-        return found
-
     def number(self, name: str, unit: str) -> float:
         """Return a parameter that is a single number."""
         return self.vector(name, unit, 1)[0]
-
-    def numbers(self, units: Mapping[str, str]) -> dict[str, float]:
-        """Return the numbers of a file that holds these and no more; mistakes are said together."""
-        found: dict[str, float] = {}
-        problems: list[Problem] = []
-        for name, unit in units.items():
-            try:
-                found[name] = self.number(name, unit)
-            except ParameterInvalid as error:
-                problems += error.problems
-        try:
-            self.complete()
-        except ParameterInvalid as error:
-            problems += error.problems
-        if problems:
-            raise ParameterInvalid.of(problems)
-        return found
 
     def has(self, name: str) -> bool:
         """Return whether a parameter that a declaration can do without is there."""
@@ -120,7 +98,11 @@ def presets_of(component: str) -> dict[str, str]:
 
     Controllers share one kind of file; to each belong the presets that have its default's figures.
     """
-    kind, own = component, _default_of(component)
+    kind, own = component, None
+    if component in LIBRARY:
+        module, function = LIBRARY[component].split(":")
+        id = signature(getattr(import_module(module), function)).parameters.get("id")
+        own = id.default if id is not None and isinstance(id.default, str) else None
     if own is not None:
         kind = next((f.stem for f in content("models", "controllers", own).glob("*.yaml")), kind)
     files = sorted(content("models").glob(f"*/*/{kind}.yaml"))
@@ -133,15 +115,6 @@ def presets_of(component: str) -> dict[str, str]:
         for id, data in read.items()
         if like is None or kind != "controller" or set(data["parameters"]) == like
     }
-
-
-def _default_of(component: str) -> str | None:
-    """Return the preset that a component takes unless told, None if it has no such option."""
-    if component not in LIBRARY:
-        return None
-    module, function = LIBRARY[component].split(":")
-    id = signature(getattr(import_module(module), function)).parameters.get("id")
-    return id.default if id is not None and isinstance(id.default, str) else None
 
 
 @shared_until_changed

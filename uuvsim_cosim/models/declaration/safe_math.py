@@ -1,7 +1,4 @@
-"""Functions with finite value and gradient where CasADi's are not finite; NaN stays NaN.
-
-Angles on the circle.
-"""
+"""Functions with finite value and gradient where CasADi's are not finite; NaN stays NaN."""
 
 from __future__ import annotations
 

@@ -3,7 +3,7 @@
 Hz, rpm and 1/s are not rad/s: rad counts as a dimension of its own, so a wrong connection is
 found instead of being off by 2 pi.
 
-Times and frequencies that users write: bare numbers in s and Hz, or with a unit.
+Times and frequencies that users write are bare numbers in s and Hz, or have a unit.
 """
 
 from __future__ import annotations
@@ -114,13 +114,6 @@ _TURNS = ("rpm", "rev", "rps")
 _FACTOR = re.compile(r"([A-Za-z%]+|1)(-?\d+)?$")
 
 
-def _power(name: str, text: str) -> tuple[Unit, int]:
-    match = _FACTOR.match(text)
-    if match is None or match[1] not in _NAMED:
-        raise ValueError(f"unknown unit {text!r} in {name!r}")
-    return _NAMED[match[1]], int(match[2] or 1)
-
-
 def value_conversion(unit: Unit, wanted: Unit) -> tuple[float, float] | None:
     """Return (factor, offset) from a value that somebody wrote to the unit that is wanted.
 
@@ -145,10 +138,11 @@ def parse_unit(name: str) -> Unit:
     exponents = [0] * len(BASE)
     factor = 1.0
     for place, part in enumerate(text.split("/")):
-        inner = part.strip("()")
-        for item in inner.split("."):
-            unit, power = _power(name, item)
-            power = power if place == 0 else -power
+        for item in part.strip("()").split("."):
+            match = _FACTOR.match(item)
+            if match is None or match[1] not in _NAMED:
+                raise ValueError(f"unknown unit {item!r} in {name!r}")
+            unit, power = _NAMED[match[1]], int(match[2] or 1) * (1 if place == 0 else -1)
             exponents = [e + power * u for e, u in zip(exponents, unit.exponents, strict=True)]
             factor *= unit.factor**power
     return Unit(name, tuple(exponents), factor)

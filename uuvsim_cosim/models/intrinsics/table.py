@@ -92,11 +92,9 @@ def interpolants() -> Iterator[None]:
 
 
 def _callable(table: Table) -> ca.Function:
-    return _interpolant(table) if _INTERPOLANTS.get() else _CALLBACKS[table.name]
-
-
-def _interpolant(table: Table) -> ca.Function:
-    """Return the same function by CasADi's interpolant, which would go on beyond its edges."""
+    if not _INTERPOLANTS.get():
+        return _CALLBACKS[table.name]
+    # CasADi's interpolant of the same function would go on beyond its edges.
     grids = [list(g) for g in (table.x, table.y) if g]
     inner = ca.interpolant("table", "linear", grids, list(table.values))
     at = [ca.MX.sym(f"at{i}") for i in range(table.n_in)]

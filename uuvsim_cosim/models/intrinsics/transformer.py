@@ -94,7 +94,12 @@ class Transformer:
             at = f"blocks.{i}."
             h = h + self._attention(at, self._norm(f"{at}norm_1", h), seen)
             wide = self._linear(f"{at}wide", self._norm(f"{at}norm_2", h))
-            h = h + self._linear(f"{at}narrow", self._activated(wide))
+            if self.activation == "relu":
+                wide = np.maximum(wide, np.float32(0))
+            else:
+                erf = np.vectorize(math.erf)(wide.astype(float) / math.sqrt(2.0))
+                wide = np.asarray(0.5 * wide * (1.0 + erf), np.float32)
+            h = h + self._linear(f"{at}narrow", wide)
         return np.asarray(self._linear("head", self._norm("norm", h[-1:]))[0], np.float32)
 
     def _linear(self, name: str, x: Array) -> Array:
@@ -105,12 +110,6 @@ class Transformer:
         size = np.sqrt(((x - mean) ** 2).mean(axis=1, keepdims=True) + np.float32(1e-5))
         scaled = (x - mean) / size * self.tensors[f"{name}.weight"]
         return np.asarray(scaled + self.tensors[f"{name}.bias"])
-
-    def _activated(self, x: Array) -> Array:
-        if self.activation == "relu":
-            return np.maximum(x, np.float32(0))
-        erf = np.vectorize(math.erf)(x.astype(float) / math.sqrt(2.0))
-        return np.asarray(0.5 * x * (1.0 + erf), np.float32)
 
     def _attention(self, at: str, x: Array, seen: NDArray[np.bool_]) -> Array:
         q, k, v = (

@@ -43,33 +43,8 @@ def raw_triangles(path: Path) -> Array:
         data = noted(path).read_bytes()
     except OSError as error:
         raise InputInvalid(f"{path}: cannot be read: {error.strerror}") from None
-    return _stl(path, data) if path.suffix.lower() == ".stl" else _by_trimesh(path)
-
-
-def repaired(triangles: Array, place: str) -> Mesh:
-    """Check that triangles bound a hull, turned outwards where they are not."""
-    finite_triangles(triangles, place)
-    size = np.ptp(triangles.reshape(-1, 3), axis=0)
-    _plausible(float(size.max()), place)
-    corners, faces = _welded(triangles, float(size.max()))
-    notes = []
-    flat = (
-        (faces[:, 0] == faces[:, 1]) | (faces[:, 1] == faces[:, 2]) | (faces[:, 2] == faces[:, 0])
-    )
-    if flat.any():
-        notes.append(f"{int(flat.sum())} triangles without area were left out")
-        faces = faces[~flat]
-    _closed(corners, faces, place)
-    faces, turned = _outwards(corners, faces, place)
-    if turned:
-        notes.append(
-            f"{turned} of {len(faces)} triangles were turned inside out: flipped, so that every "
-            "normal points outwards"
-        )
-    return Mesh(corners[faces], tuple(notes))
-
-
-def _stl(path: Path, data: bytes) -> Array:
+    if path.suffix.lower() != ".stl":
+        return _by_trimesh(path)
     if data[:5].lower() == b"solid" and b"facet" in data[:1000]:
         return _ascii_stl(path, data)
     if len(data) < 84:
@@ -92,6 +67,54 @@ def _stl(path: Path, data: bytes) -> Array:
     record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
     triangles: Array = np.frombuffer(data, record, count, 84)["corners"].astype(float)
     return triangles
+
+
+def repaired(triangles: Array, place: str) -> Mesh:
+    """Check that triangles bound a hull, turned outwards where they are not."""
+    finite_triangles(triangles, place)
+    points = triangles.reshape(-1, 3)
+    longest = float(np.ptp(points, axis=0).max())
+    if not LEAST <= longest <= MOST:
+        guess = 0.001 if longest > MOST else 1000.0
+        raise InputInvalid(
+            place,
+            f"the hull is {longest:.3g} m long",
+            (
+                f"{LEAST:g} to {MOST:g} m: is the file in "
+                f"{'mm' if longest > MOST else 'another unit'}? --scale {guess:g} "
+                f"would make it {longest * guess:.3g} m"
+            ),
+        )
+    key = np.round((points - points.min(axis=0)) / (_WELD * longest)).astype(np.int64)
+    _, first, back = np.unique(key, axis=0, return_index=True, return_inverse=True)
+    corners, faces = points[first], back.reshape(-1, 3).astype(np.int64)
+    notes = []
+    flat = (
+        (faces[:, 0] == faces[:, 1]) | (faces[:, 1] == faces[:, 2]) | (faces[:, 2] == faces[:, 0])
+    )
+    if flat.any():
+        notes.append(f"{int(flat.sum())} triangles without area were left out")
+        faces = faces[~flat]
+    edges = np.sort(_edges(faces), axis=1)
+    unique, counts = np.unique(edges, axis=0, return_counts=True)
+    lone = unique[counts % 2 == 1]
+    if len(lone):
+        at = ", ".join(f"{x:.4g}" for x in corners[lone[0]].mean(axis=0))
+        raise InputInvalid(
+            place,
+            (
+                f"the surface is open: {len(lone)} edges have a triangle on one "
+                f"side only, the first at ({at}) m"
+            ),
+            "a closed hull (fill the hole where the mesh was made)",
+        )
+    faces, turned = _outwards(corners, faces, place)
+    if turned:
+        notes.append(
+            f"{turned} of {len(faces)} triangles were turned inside out: flipped, so that every "
+            "normal points outwards"
+        )
+    return Mesh(corners[faces], tuple(notes))
 
 
 def _ascii_stl(path: Path, data: bytes) -> Array:
@@ -153,50 +176,9 @@ def finite_triangles(triangles: Array, place: str) -> Array:
     return triangles
 
 
-def _plausible(longest: float, place: str) -> None:
-    if LEAST <= longest <= MOST:
-        return
-    guess = 0.001 if longest > MOST else 1000.0
-    what = "mm" if longest > MOST else "km"
-    raise InputInvalid(
-        place,
-        f"the hull is {longest:.3g} m long",
-        (
-            f"{LEAST:g} to {MOST:g} m: is the file in "
-            f"{what if longest > MOST else 'another unit'}? --scale {guess:g} "
-            f"would make it {longest * guess:.3g} m"
-        ),
-    )
-
-
-def _welded(triangles: Array, size: float) -> tuple[Array, NDArray[np.int64]]:
-    """Return corners (m, 3) and faces (n, 3) of their numbers."""
-    points = triangles.reshape(-1, 3)
-    key = np.round((points - points.min(axis=0)) / (_WELD * size)).astype(np.int64)
-    _, first, back = np.unique(key, axis=0, return_index=True, return_inverse=True)
-    return points[first], back.reshape(-1, 3).astype(np.int64)
-
-
 def _edges(faces: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the three directed edges of each face, (3 n, 2): face k has k, n + k, 2 n + k."""
     return np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-
-
-def _closed(corners: Array, faces: NDArray[np.int64], place: str) -> None:
-    edges = np.sort(_edges(faces), axis=1)
-    unique, counts = np.unique(edges, axis=0, return_counts=True)
-    lone = unique[counts % 2 == 1]
-    if len(lone):
-        middle = corners[lone[0]].mean(axis=0)
-        at = ", ".join(f"{x:.4g}" for x in middle)
-        raise InputInvalid(
-            place,
-            (
-                f"the surface is open: {len(lone)} edges have a triangle on one "
-                f"side only, the first at ({at}) m"
-            ),
-            "a closed hull (fill the hole where the mesh was made)",
-        )
 
 
 def _outwards(

@@ -93,16 +93,10 @@ def silhouette(triangles: Array, along: int, across: int, n: int = 400) -> tuple
             value = y[:, i] + (place - x[:, i]) / step * (y[:, j] - y[:, i])
             lows = np.where(crosses, np.minimum(lows, value), lows)
             highs = np.where(crosses, np.maximum(highs, value), highs)
-        widths[k] = _covered(lows, highs)
+        if len(lows):  # the length of the union of the intervals
+            order = np.argsort(lows)
+            lows, highs = lows[order], highs[order]
+            reached = np.maximum.accumulate(highs)
+            gaps = np.maximum(lows[1:] - reached[:-1], 0.0)
+            widths[k] = reached[-1] - lows[0] - gaps.sum()
     return at, widths
-
-
-def _covered(lows: Array, highs: Array) -> float:
-    """Return the length of the union of intervals."""
-    if not len(lows):
-        return 0.0
-    order = np.argsort(lows)
-    lows, highs = lows[order], highs[order]
-    reached = np.maximum.accumulate(highs)
-    gaps = np.maximum(lows[1:] - reached[:-1], 0.0)
-    return float(reached[-1] - lows[0] - gaps.sum())

@@ -56,28 +56,29 @@ def vehicle_volumes(id: str) -> list[Volume]:
             raise ParameterInvalid(
                 path, "neither volumes nor a size", "one of them for surface=volumes"
             )
-        extents = (size.length, size.breadth, size.height)
-        return [Volume(_OF_OUTLINE[size.shape], size.at, extents)]
+        outline = (size.length, size.breadth, size.height)
+        return [Volume(_OF_OUTLINE[size.shape], size.at, outline)]
     listed = data["volumes"]
     try:
         factor = in_unit(1.0, str(listed["unit"]), "m")
     except ValueError as error:
         line = line_of(data, ["volumes", "unit"])
         raise ParameterInvalid(f"{path}:{line}: volumes: {error}") from None
-    return [_volume(entry, factor) for entry in listed["of"]]
 
-
-def _volume(entry: Any, factor: float) -> Volume:
     def scaled(values: Sequence[Any]) -> tuple[float, float, float]:
         x, y, z = (factor * float(v) for v in values)
         return x, y, z
 
-    r = scaled(entry["r"])
-    if entry["shape"] == "sphere":
-        return sphere(0.5 * factor * float(entry["diameter"]), r)
-    if entry["shape"] == "cylinder":
-        axis = "xyz".index(str(entry["axis"]))
-        size = [entry["diameter"]] * 3
-        size[axis] = entry["length"]
-        return Volume("cylinder", r, scaled(size), axis)
-    return Volume(str(entry["shape"]), r, scaled(entry["size"]))
+    volumes = []
+    for entry in listed["of"]:
+        shape, r = str(entry["shape"]), scaled(entry["r"])
+        if shape == "sphere":
+            volumes.append(sphere(0.5 * factor * float(entry["diameter"]), r))
+        elif shape == "cylinder":
+            axis = "xyz".index(str(entry["axis"]))
+            extents = [entry["diameter"]] * 3
+            extents[axis] = entry["length"]
+            volumes.append(Volume(shape, r, scaled(extents), axis))
+        else:
+            volumes.append(Volume(shape, r, scaled(entry["size"])))
+    return volumes

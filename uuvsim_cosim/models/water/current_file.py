@@ -104,9 +104,20 @@ def read_current_file(
     roles = read.roles(along_east)
     axes, words = read.axes(roles, origin)
     index: dict[str, slice] = {}
-    if extent is not None:
-        for role in ("north", "east"):
-            axes[role], index[role] = _within(file, role, axes[role], extent)
+    for role in ("north", "east") if extent is not None else ():
+        axis = axes[role]
+        inside = np.flatnonzero(np.abs(axis) <= extent)
+        if len(inside) == 0:
+            raise InputInvalid(
+                file,
+                (
+                    f"nothing lies within {extent:g} m of the origin along {role}, "
+                    f"which goes from {axis.min():.0f} to {axis.max():.0f} m"
+                ),
+                "a larger extent, or another origin",
+            )
+        index[role] = slice(max(int(inside[0]) - 1, 0), min(int(inside[-1]) + 2, len(axis)))
+        axes[role] = axis[index[role]]
     parts = []
     size = 2 * int(np.prod([len(a) for a in axes.values()]))
     if size > MOST:
@@ -116,9 +127,11 @@ def read_current_file(
             f"at most {MOST:,}: give extent=METRES around the origin, or cut the file in time",
         )
     for variable in (along_east, along_north):
-        taken = tuple(index.get(roles[d], slice(None)) for d in variable.dimensions)
+        read_roles = [roles[d] for d in variable.dimensions]
+        taken = tuple(index.get(role, slice(None)) for role in read_roles)
         values = variable.read(taken) * read.factor(variable, unit)
-        parts.append(_ordered(values, [roles[d] for d in variable.dimensions], axes))
+        values = values.transpose([read_roles.index(role) for role in axes if role in read_roles])
+        parts.append(values.reshape([len(axis) for axis in axes.values()]))
     order = [np.argsort(axis, kind="stable") for axis in axes.values()]
     rising = [axis[o] for axis, o in zip(axes.values(), order, strict=True)]
     nodes = np.stack([part[np.ix_(*order)] for part in reversed(parts)], axis=-1)
@@ -178,7 +191,10 @@ class _Reader:
         """Return what each dimension of a variable is: time, depth, north or east."""
         roles: dict[str, str] = {}
         for dimension in variable.dimensions:
-            role = self._role(dimension)
+            role = next((r for r, names in ROLES.items() if dimension.lower() in names), None)
+            if dimension in self.variables:
+                by_axis = {"T": "time", "Z": "depth", "Y": "north", "X": "east"}
+                role = by_axis.get(self.variables[dimension].text("axis").upper(), role)
             if role is None or role in roles.values():
                 raise InputInvalid(
                     self.file,
@@ -198,19 +214,32 @@ class _Reader:
             )
         return roles
 
-    def _role(self, dimension: str) -> str | None:
-        coordinate = self.variables.get(dimension)
-        if coordinate is not None:
-            by_axis = {"T": "time", "Z": "depth", "Y": "north", "X": "east"}
-            if coordinate.text("axis").upper() in by_axis:
-                return by_axis[coordinate.text("axis").upper()]
-        return next((r for r, names in ROLES.items() if dimension.lower() in names), None)
-
     def axes(
         self, roles: dict[str, str], origin: tuple[float, float] | None
     ) -> tuple[dict[str, Array], str]:
         """Return each axis in s or m of the local frame, in the order time, depth, north, east."""
-        by_role = {role: self._coordinate(name) for name, role in roles.items()}
+        by_role: dict[str, Variable] = {}
+        for name, role in roles.items():
+            found = self.variables.get(name)
+            if found is None:
+                wide = [
+                    k
+                    for k, v in self.variables.items()
+                    if name in v.dimensions and k.lower() in (*ROLES["north"], *ROLES["east"])
+                ]
+                hint = f" ({wide[0]} has two axes: a curvilinear grid)" if wide else ""
+                raise InputInvalid(
+                    self.file,
+                    f"axis {name!r} has no variable of its name{hint}",
+                    "one with its values: a regular grid",
+                )
+            if len(found.shape) != 1:
+                raise InputInvalid(
+                    self.file,
+                    f"{name} has axes {found.dimensions}",
+                    "one: a regular grid (a curvilinear one is to be regridded first)",
+                )
+            by_role[role] = found
         axes = {"time": np.zeros(1), "depth": np.zeros(1)}
         if "time" in by_role:
             axes["time"] = self._seconds(by_role["time"])
@@ -223,7 +252,10 @@ class _Reader:
         words = "projected"
         if all(t.startswith("degree") for t in texts):
             lat, lon = origin or (float(np.mean(north)), float(np.mean(east)))
-            M, R = _radii(lat)
+            # Radii of curvature of WGS 84 along the meridian and across it [m].
+            a, e2 = 6378137.0, 6.69437999014e-3
+            w = sqrt(1.0 - e2 * sin(radians(lat)) ** 2)
+            M, R = a * (1.0 - e2) / w**3, a / w
             east = (east - lon + 180.0) % 360.0 - 180.0
             axes["north"] = np.radians(north - lat) * M
             axes["east"] = np.radians(east) * R * cos(radians(lat))
@@ -244,25 +276,6 @@ class _Reader:
             if not np.all(np.isfinite(axis)):
                 raise InputInvalid(self.file, f"axis {role} has missing values", "all")
         return axes, words
-
-    def _coordinate(self, name: str) -> Variable:
-        found = self.variables.get(name)
-        if found is None:
-            wide = [k for k, v in self.variables.items() if name in v.dimensions
-                    and k.lower() in (*ROLES["north"], *ROLES["east"])]  # fmt: skip
-            hint = f" ({wide[0]} has two axes: a curvilinear grid)" if wide else ""
-            raise InputInvalid(
-                self.file,
-                f"axis {name!r} has no variable of its name{hint}",
-                "one with its values: a regular grid",
-            )
-        if len(found.shape) != 1:
-            raise InputInvalid(
-                self.file,
-                f"{name} has axes {found.dimensions}",
-                "one: a regular grid (a curvilinear one is to be regridded first)",
-            )
-        return found
 
     def _length(self, v: Variable) -> float:
         text = v.text("units").lower()
@@ -291,36 +304,12 @@ class _Reader:
             raise InputInvalid(
                 self.file, f"{v.name} has calendar {calendar!r}", "standard (gregorian)"
             )
-        self.epoch = _instant(self.file, m[2])
+        fields = [int(float(x)) for x in re.split(r"[-T: ]", m[2].strip()) if x]
+        try:
+            self.epoch = datetime(*fields, tzinfo=UTC)  # type: ignore[misc,arg-type]
+        except (ValueError, TypeError):
+            raise InputInvalid(self.file, f"{m[2]!r} is no date", "2020-05-01 12:00:00") from None
         return v.read() * length
-
-
-def _radii(latitude: float) -> tuple[float, float]:
-    """Return the radii of curvature of WGS 84 along the meridian and across it [m]."""
-    a, e2 = 6378137.0, 6.69437999014e-3
-    w = sqrt(1.0 - e2 * sin(radians(latitude)) ** 2)
-    return a * (1.0 - e2) / w**3, a / w
-
-
-def _within(file: Path, role: str, axis: Array, extent: float) -> tuple[Array, slice]:
-    inside = np.flatnonzero(np.abs(axis) <= extent)
-    if len(inside) == 0:
-        raise InputInvalid(
-            file,
-            (
-                f"nothing lies within {extent:g} m of the origin along {role}, "
-                f"which goes from {axis.min():.0f} to {axis.max():.0f} m"
-            ),
-            "a larger extent, or another origin",
-        )
-    first, last = max(int(inside[0]) - 1, 0), min(int(inside[-1]) + 2, len(axis))
-    return axis[first:last], slice(first, last)
-
-
-def _ordered(values: Array, roles: list[str], axes: Mapping[str, Array]) -> Array:
-    present = [role for role in axes if role in roles]
-    values = values.transpose([roles.index(role) for role in present])
-    return values.reshape([len(axis) for axis in axes.values()])
 
 
 def _whole(file: Path, name: str, nodes: Array, axes: list[Array], holes: str) -> Array:
@@ -359,14 +348,6 @@ def _whole(file: Path, name: str, nodes: Array, axes: list[Array], holes: str) -
         )
         filled[t, d] = nodes[t, d][tuple(at)]
     return filled
-
-
-def _instant(file: Path, text: str) -> datetime:
-    fields = [int(float(x)) for x in re.split(r"[-T: ]", text.strip()) if x]
-    try:
-        return datetime(*fields, tzinfo=UTC)  # type: ignore[misc,arg-type]
-    except (ValueError, TypeError):
-        raise InputInvalid(file, f"{text!r} is no date", "2020-05-01 12:00:00") from None
 
 
 def _start(file: Path, text: str, epoch: datetime | None, first: float, length: float) -> float:

@@ -42,42 +42,39 @@ def current_profile(law: str = "power", file: str = "") -> Model:
     m.peers["eta"] = "hull.eta"
     eta = m.input("eta", 6, unit=ETA, description="of the hull")
     added = m.input("v", 3, unit="m/s", description="current on top of it, in n")
-    flow = _levels(m, eta[2], file) if law == "table" else _layer(m, eta[2], law)
+    depth = eta[2]
+    if law == "table":
+        rows = _read(Path(file).expanduser()) if file else np.array(LEVELS)
+        n = len(rows)
+        d = m.parameter("depths", rows[:, 0], (n,), unit="m", description="of the levels, rising")
+        v = m.parameter(
+            "velocities", rows[:, 1:], (n, 2), unit="m/s", description="of each level: N, E"
+        )
+        flow = v[0, :].T
+        for i in range(n - 1):
+            share = clip((depth - d[i]) / (d[i + 1] - d[i]), 0.0, 1.0)
+            flow += share * (v[i + 1, :] - v[i, :]).T
+    else:
+        V = m.parameter("speed", 0.5, unit="m/s", description="at the surface")
+        beta = m.parameter(
+            "direction", 0.0, unit="rad", description="direction it flows to, from N to E"
+        )
+        h = m.parameter("h", 50.0, unit="m", min=0.01, description="depth of the water")
+        if law == "power":
+            alpha = m.parameter(
+                "alpha", 1.0 / 7.0, unit="1", min=0.01, max=2, description="exponent"
+            )
+            share = clip(1.0 - depth / h, 0.0, 1.0)
+            tall = ca.if_else(share > 1e-12, share, 1.0)
+            speed = ca.if_else(share > 1e-12, ca.exp(alpha * ca.log(tall)), 0.0 * share)
+        else:
+            z_0 = m.parameter("z_0", 0.006, unit="m", min=1e-7, description="roughness of the bed")
+            z = clip(h - depth, z_0, h)
+            speed = ca.log(z / z_0) / ca.log(h / z_0)
+        flow = V * speed * ca.vertcat(ca.cos(beta), ca.sin(beta))
     m.output("v_c", ca.vertcat(flow, 0.0) + added, unit="m/s",
              description="velocity of the water in NED")  # fmt: skip
     return m
-
-
-def _layer(m: Model, depth: ca.SX, law: str) -> ca.SX:
-    V = m.parameter("speed", 0.5, unit="m/s", description="at the surface")
-    beta = m.parameter(
-        "direction", 0.0, unit="rad", description="direction it flows to, from N to E"
-    )
-    h = m.parameter("h", 50.0, unit="m", min=0.01, description="depth of the water")
-    if law == "power":
-        alpha = m.parameter("alpha", 1.0 / 7.0, unit="1", min=0.01, max=2, description="exponent")
-        share = clip(1.0 - depth / h, 0.0, 1.0)
-        tall = ca.if_else(share > 1e-12, share, 1.0)
-        speed = ca.if_else(share > 1e-12, ca.exp(alpha * ca.log(tall)), 0.0 * share)
-    else:
-        z_0 = m.parameter("z_0", 0.006, unit="m", min=1e-7, description="roughness of the bed")
-        z = clip(h - depth, z_0, h)
-        speed = ca.log(z / z_0) / ca.log(h / z_0)
-    return V * speed * ca.vertcat(ca.cos(beta), ca.sin(beta))
-
-
-def _levels(m: Model, depth: ca.SX, file: str) -> ca.SX:
-    rows = _read(Path(file).expanduser()) if file else np.array(LEVELS)
-    n = len(rows)
-    d = m.parameter("depths", rows[:, 0], (n,), unit="m", description="of the levels, rising")
-    v = m.parameter(
-        "velocities", rows[:, 1:], (n, 2), unit="m/s", description="of each level: N, E"
-    )
-    flow = v[0, :].T
-    for i in range(n - 1):
-        share = clip((depth - d[i]) / (d[i + 1] - d[i]), 0.0, 1.0)
-        flow += share * (v[i + 1, :] - v[i, :]).T
-    return flow
 
 
 def _read(file: Path) -> NDArray[np.float64]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
+from operator import getitem
 from pathlib import Path
 from typing import Any
 
@@ -62,7 +64,20 @@ def read_netcdf(file: Path) -> dict[str, Variable]:
         raise InputInvalid(f"{file}: cannot be read ({error.strerror})") from None
     try:
         if head[:3] == b"CDF" and head[3:4] in (b"\x01", b"\x02"):
-            return _classic(file)
+            from scipy.io import netcdf_file
+
+            # The numbers are copied as they are read: a file that is mapped could not be closed.
+            with netcdf_file(str(file), "r", mmap=False, maskandscale=False) as read:
+                return {
+                    name: Variable(
+                        name,
+                        tuple(v.dimensions),
+                        tuple(v.data.shape),
+                        dict(vars(v)["_attributes"]),
+                        partial(getitem, v.data),
+                    )
+                    for name, v in read.variables.items()
+                }
         if head == HDF5 or head[:3] == b"CDF":
             return _netcdf4(file)
     except InputInvalid:
@@ -70,25 +85,6 @@ def read_netcdf(file: Path) -> dict[str, Variable]:
     except Exception as reason:
         raise InputInvalid(f"{file}: a netCDF file that cannot be read: {reason}") from None
     raise InputInvalid(f"{file}: no netCDF file (it begins with {head!r})")
-
-
-def _classic(file: Path) -> dict[str, Variable]:
-    from scipy.io import netcdf_file
-
-    found = {}
-    # The numbers are copied as they are read: a file that is mapped could not be closed.
-    read = netcdf_file(str(file), "r", mmap=False, maskandscale=False)
-    for name, v in read.variables.items():
-        data = v.data
-        found[name] = Variable(
-            name, tuple(v.dimensions), tuple(data.shape), dict(vars(v)["_attributes"]), _part(data)
-        )
-    read.close()
-    return found
-
-
-def _part(data: Any) -> Callable[[Index], Any]:
-    return lambda index: data[index] if index else data[()]
 
 
 def _netcdf4(file: Path) -> dict[str, Variable]:

@@ -25,7 +25,6 @@ import casadi as ca
 import numpy as np
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.models.declaration.expression import Number
 from uuvsim_cosim.models.declaration.model import Model, is_on
 from uuvsim_cosim.models.declaration.safe_math import clip
 from uuvsim_cosim.models.declaration.vectors import ETA
@@ -71,7 +70,11 @@ def waves(
     )
     g = m.parameter("g", 9.80665, unit="m/s2", min=0.1, description="acceleration of gravity")
     phase_0 = m.parameter("phase", 0.0, unit="rad", description="of a regular wave")
-    ratio, width = _bands(n)
+    ratio, width = [1.0], [1.0]  # each component's frequency and band, over the peak frequency
+    if n > 1:
+        width = [(HIGHEST - LOWEST) / n] * n
+        places = [(i * GOLDEN) % 1.0 for i in range(1, n + 1)]
+        ratio = [LOWEST + (i + x) * width[0] for i, x in enumerate(places)]
     omega_p = 2.0 * pi / T_p
     omega = m.derived("omega", omega_p * ca.DM(ratio))
     a = m.derived("a", _amplitudes(H_s, gamma, ratio, width))
@@ -89,7 +92,15 @@ def waves(
             "ways", ca.vertcat(*(x for d in turned for x in (ca.cos(beta + d), ca.sin(beta + d))))
         )
         ways = [each[2 * i : 2 * i + 2] for i in range(n)]
-    phase, there = _phases(m, n, phase_0)
+    phase, there = phase_0, ca.SX(1.0)  # of each component, and 1 once they are drawn
+    if n > 1:
+        sample = m.clock("sample", "1")
+        w = m.normal(sample, 2 * n)
+        there = m.discrete("started", unit="1", description="0 before the first sample")
+        phase = m.discrete("phases", (0.0,) * n, unit="rad", description="of each component")
+        drawn = ca.vertcat(*(ca.atan2(w[2 * i], w[2 * i + 1]) for i in range(n)))
+        m.update(sample, phase, ca.if_else(there > 0.5, phase, drawn))
+        m.update(sample, there, 1.0)
 
     below = clip(eta[2], 0.0, 1e6 if depth is None else depth)
     zeta, v_D, a_D = ca.SX(0.0), ca.SX(0.0), ca.SX(0.0)
@@ -157,15 +168,6 @@ def _directions(n: int, spreading: float | str) -> list[float] | None:
     return [float(x) for x in np.interp(places, share / share[-1], grid)]
 
 
-def _bands(n: int) -> tuple[list[float], list[float]]:
-    """Return each component's frequency and width of band, over the peak frequency."""
-    if n == 1:
-        return [1.0], [1.0]
-    width = (HIGHEST - LOWEST) / n
-    places = [(i * GOLDEN) % 1.0 for i in range(1, n + 1)]
-    return [LOWEST + (i + x) * width for i, x in enumerate(places)], [width] * n
-
-
 def _amplitudes(H_s: ca.SX, gamma: ca.SX, ratio: list[float], width: list[float]) -> ca.SX:
     """Return a_i = sqrt(2 S(omega_i) d_omega) of JONSWAP, scaled so that sum a_i²/2 = H_s²/16.
 
@@ -181,17 +183,3 @@ def _amplitudes(H_s: ca.SX, gamma: ca.SX, ratio: list[float], width: list[float]
         shape.append(x**-5 * ca.exp(-1.25 * x**-4) * ca.exp(ca.log(gamma) * peak) * w)
     spectrum = ca.vertcat(*shape)
     return ca.sqrt(spectrum / ca.sum1(spectrum)) * H_s / sqrt(8.0)
-
-
-def _phases(m: Model, n: int, phase_0: ca.SX) -> tuple[ca.SX, Number]:
-    """Return the phases, and 1 once they are drawn: each the angle of two normal draws."""
-    if n == 1:
-        return phase_0, 1.0
-    sample = m.clock("sample", "1")
-    w = m.normal(sample, 2 * n)
-    started = m.discrete("started", unit="1", description="0 before the first sample")
-    phase = m.discrete("phases", (0.0,) * n, unit="rad", description="of each component")
-    drawn = ca.vertcat(*(ca.atan2(w[2 * i], w[2 * i + 1]) for i in range(n)))
-    m.update(sample, phase, ca.if_else(started > 0.5, phase, drawn))
-    m.update(sample, started, 1.0)
-    return phase, started

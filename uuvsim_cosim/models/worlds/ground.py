@@ -212,11 +212,6 @@ def _boxes(
     )
 
 
-def capsule_row(half: NDArray[np.float64], radius: float) -> list[float]:
-    """Return the size of a capsule from its middle half the way to an end (3), and its radius."""
-    return [*half.tolist(), radius, 0.0]
-
-
 def _row(o: Obstacle) -> list[float]:
     """Return kind, centre, size and bound of a solid; raises InputInvalid for one without size."""
     kind = _KINDS[type(o).__name__]
@@ -231,7 +226,7 @@ def _row(o: Obstacle) -> list[float]:
         sizes = (o.radius,)
         start, end = np.array(o.start), np.array(o.end)
         half = (end - start) / 2
-        size, bound = capsule_row(half, o.radius), hypot(*half) + o.radius
+        size, bound = [*half.tolist(), o.radius, 0.0], hypot(*half) + o.radius
         return [kind, *((start + end) / 2).tolist(), *size, bound]
     else:
         assert isinstance(o, Cylinder)

@@ -101,7 +101,13 @@ def placed_mesh(
     if axes.upper() not in AXES:
         found = f"axes: {axes}" if axes else f"{ending} states no axes"
         raise InputInvalid(file.name, found, f"axes: {', '.join(AXES)} ({_MEANS})")
-    factor = scale * _metres(unit, file.name)
+    try:
+        given, metre = parse_unit(unit), parse_unit("m")
+        if not given.commensurable(metre):
+            raise ValueError(f"{unit} is no length")
+    except ValueError as error:
+        raise InputInvalid(file.name, f"unit: {error}", "m, cm, mm or another length") from None
+    factor = scale * given.conversion_to(metre)[0]
     if not (np.isfinite(factor) and factor > 0):
         raise InputInvalid(file.name, f"scale: {scale:g}", "a number above 0")
     if max(abs(a) for a in orientation) > 2.0 * pi:
@@ -137,17 +143,6 @@ def placed_mesh(
         corners.astype(np.int32), position, orientation, unit, scale, axes.upper(), material, name,
         contact, int((times % 2 == 1).sum()), int((~whole).sum()),
     )  # fmt: skip
-
-
-def _metres(unit: str, place: str) -> float:
-    """Return the metres of a unit of length."""
-    try:
-        found, metre = parse_unit(unit), parse_unit("m")
-        if not found.commensurable(metre):
-            raise ValueError(f"{unit} is no length")
-    except ValueError as error:
-        raise InputInvalid(place, f"unit: {error}", "m, cm, mm or another length") from None
-    return found.conversion_to(metre)[0]
 
 
 def _turned(points: Array, axes: str, orientation: Vector3) -> Array:

@@ -33,7 +33,9 @@ def first_hit(g: Ground, moving: Array, o: Array, d: Array, far: float) -> tuple
     n_meshes = len(g.surfaces.first) - 1
     for i, row in enumerate(g.solids):
         found += [(4 + i, hit) for hit in _solid(row, o, d)]
-    found += [(4 + len(g.solids) + i, hit) for i, hit in _meshes(g, o, d)]
+    for k, (t, n) in _crossed(g.surfaces.triangles, o, d):  # their normals are against the ray
+        mesh = int(np.searchsorted(g.surfaces.first, k, side="right")) - 1
+        found.append((4 + len(g.solids) + mesh, (t, -n if n @ d > 0.0 else n)))
     for i, row in enumerate(moving, len(g.solids) + n_meshes):
         found += [(4 + i, hit) for hit in _solid(row, o, d)]
     for kind, (t, n) in found:
@@ -74,29 +76,17 @@ def _seabed(g: Ground, o: Array, d: Array) -> Iterator[tuple[int, Hit]]:
         reach = [0.0, 2.0 * extent / np.hypot(*d[:2])]
     ends = np.array([o[:2] + t * d[:2] for t in reach])
     corners = _triangles(g, ends.min(axis=0), ends.max(axis=0))
-    a, u, v = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    n = np.cross(u, v)
-    n *= -np.sign(n[:, 2:])  # up
-    for _, (t, normal) in _crossed(a, u, v, n, o, d):
+    for _, (t, normal) in _crossed(corners, o, d):
+        normal *= -np.sign(normal[2])  # up
         yield (1 if normal @ d < 0.0 else 2), (t, normal)
 
 
-def _meshes(g: Ground, o: Array, d: Array) -> Iterator[tuple[int, Hit]]:
-    """Yield the mesh and the place of each triangle that a ray crosses; normals are against it."""
-    corners = g.surfaces.triangles
+def _crossed(corners: Array, o: Array, d: Array) -> Iterator[tuple[int, Hit]]:
+    """Yield the triangles (n, 3, 3) that a ray crosses, where, and their normals."""
     if not len(corners) or not np.any(d):
         return
     a, u, v = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     n = np.cross(u, v)
-    for k, (t, normal) in _crossed(a, u, v, n, o, d):
-        mesh = int(np.searchsorted(g.surfaces.first, k, side="right")) - 1
-        yield mesh, (t, -normal if normal @ d > 0.0 else normal)
-
-
-def _crossed(
-    a: Array, u: Array, v: Array, n: Array, o: Array, d: Array
-) -> Iterator[tuple[int, Hit]]:
-    """Yield the triangles (corner a, edges u and v, normal n) that a ray crosses, and where."""
     with np.errstate(divide="ignore", invalid="ignore"):
         t = np.einsum("ij,ij->i", n, a - o) / (n @ d)
         p = o + t[:, None] * d - a

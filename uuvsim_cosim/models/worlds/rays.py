@@ -4,7 +4,7 @@ As a network (network.py) each is a CasADi Callback that is called and never inl
 hash of its scene and shape; an emitter finds it in `NETWORKS`. CasADi itself evaluates it by
 ray_reference.py, FMUs, native components and kernels by fmus/runtime/worlds/uuv_rays.h.
 
-Other vehicles as a component sees them: capsules along their x axes, by inputs.
+Other vehicles, as a component sees them, are capsules along their x axes that move by inputs.
 """
 
 from __future__ import annotations

@@ -79,7 +79,18 @@ def load_scene(scene: str | Path) -> Scene:
     meshes: list[PlacedMesh] = []
 
     def mistakes(data: Any) -> Iterator[tuple[int, str]]:
-        yield from _mistakes(data)
+        for i, entry in enumerate(data.get("obstacles", ())):
+            for kind, given in entry.items():
+                if kind not in _KINDS:
+                    line = line_of(data, ["obstacles", i])
+                    yield line, f"obstacles.{i}: {kind!r}; expected {expected_names(kind, _KINDS)}"
+                    continue
+                for name, value in given.items():
+                    numbers = value if isinstance(value, list) else [value]
+                    if any(isinstance(v, float) and not isfinite(v) for v in numbers):
+                        place = ["obstacles", i, kind, name]
+                        text = f"{'.'.join(map(str, place))}: {value}; expected finite numbers"
+                        yield line_of(data, place), text
         yield from _read_meshes(data, folder, meshes)
 
     try:
@@ -87,19 +98,30 @@ def load_scene(scene: str | Path) -> Scene:
     except ParameterInvalid as error:
         problems += error.problems
         data = None
-    name = str(data["terrain"]) if data is not None and "terrain" in data else "terrain.npz"
-    if (data is not None and "terrain" in data) or (data is None and (folder / name).is_file()):
+    name = "terrain.npz" if data is None else data.get("terrain")
+    if name is not None and (data is not None or (folder / name).is_file()):
         try:
-            terrain = load_terrain(folder / name)
+            terrain = load_terrain(folder / str(name))
         except InputInvalid as error:
             problems += error.problems
     if problems or data is None:
         raise InputInvalid.of(problems)
-    obstacles = tuple(_obstacle(entry) for entry in data.get("obstacles", ()))
+    obstacles: list[Obstacle] = []
+    for entry in data.get("obstacles", ()):
+        ((kind, given),) = entry.items()
+        values: dict[str, Any] = {
+            str(name): tuple(float(v) for v in value)
+            if isinstance(value, list)
+            else str(value)
+            if name == "name"
+            else float(value)
+            for name, value in given.items()
+        }
+        obstacles.append(_KINDS[str(kind)](**values))
     return Scene(
         str(data["id"]),
         terrain,
-        obstacles,
+        tuple(obstacles),
         folder,
         str(data["description"]),
         str(data["source"]),
@@ -134,50 +156,14 @@ def _read_meshes(data: Any, folder: Path, meshes: list[PlacedMesh]) -> Iterator[
         yield line, f"meshes: {total:,} triangles together; expected at most {MOST_TRIANGLES:,}"
 
 
-def _mistakes(data: Any) -> Iterator[tuple[int, str]]:
-    for i, entry in enumerate(data.get("obstacles", ())):
-        for kind, said in entry.items():
-            if kind not in _KINDS:
-                line = line_of(data, ["obstacles", i])
-                yield line, f"obstacles.{i}: {kind!r}; expected {expected_names(kind, _KINDS)}"
-                continue
-            for name, value in said.items():
-                numbers = value if isinstance(value, list) else [value]
-                if any(isinstance(v, float) and not isfinite(v) for v in numbers):
-                    line = line_of(data, ["obstacles", i, kind, name])
-                    yield line, f"obstacles.{i}.{kind}.{name}: {value}; expected finite numbers"
-
-
-def _obstacle(entry: Any) -> Obstacle:
-    ((kind, said),) = entry.items()
-    values = {
-        str(name): tuple(float(v) for v in value)
-        if isinstance(value, list)
-        else str(value)
-        if name == "name"
-        else float(value)
-        for name, value in said.items()
-    }
-    made: Any = _KINDS[str(kind)]
-    obstacle: Obstacle = made(**values)
-    return obstacle
-
-
 def save_scene(scene: Scene, folder: Path) -> None:
     """Write a scene's folder: scene.yaml, terrain.npz where it has a terrain, and its meshes.
 
     Raises `InputInvalid` where two meshes have files of one name in different folders.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    _copy_meshes(scene.meshes, folder)
-    if scene.terrain is not None:
-        save_terrain(scene.terrain, folder / "terrain.npz")
-    (folder / "scene.yaml").write_text(_text(scene), encoding="utf-8")
-
-
-def _copy_meshes(meshes: tuple[PlacedMesh, ...], folder: Path) -> None:
-    files = {m.file.name: m.file.resolve() for m in meshes}
-    for mesh in meshes:
+    files = {m.file.name: m.file.resolve() for m in scene.meshes}
+    for mesh in scene.meshes:
         if files[mesh.file.name] != mesh.file.resolve():
             raise InputInvalid(
                 f"{mesh.file} and {files[mesh.file.name]}: expected files of different names, for "
@@ -188,6 +174,9 @@ def _copy_meshes(meshes: tuple[PlacedMesh, ...], folder: Path) -> None:
         for source, target in [(file, folder / name), *((p, folder / p.name) for p in beside)]:
             if source != target.resolve():
                 shutil.copyfile(source, target)
+    if scene.terrain is not None:
+        save_terrain(scene.terrain, folder / "terrain.npz")
+    (folder / "scene.yaml").write_text(_text(scene), encoding="utf-8")
 
 
 def _text(scene: Scene) -> str:
@@ -203,18 +192,18 @@ def _text(scene: Scene) -> str:
         lines.append("obstacles:" if scene.obstacles else "obstacles: []")
     kinds = {made: kind for kind, made in _KINDS.items()}
     for obstacle in scene.obstacles:
-        said = ", ".join(
+        numbers = ", ".join(
             f"{f.name}: {_value(getattr(obstacle, f.name))}"
             for f in fields(obstacle)
             if getattr(obstacle, f.name) != f.default
         )
-        lines.append(f"  - {kinds[type(obstacle)]}: {{{said}}}")
+        lines.append(f"  - {kinds[type(obstacle)]}: {{{numbers}}}")
     for k, mesh in enumerate(scene.meshes):
         lines += ["meshes:"] * (k == 0)
         vectors = f"position: {_value(mesh.position)}, orientation: {_value(mesh.orientation)}"
         words = [(key, getattr(mesh, key)) for key in _WORDS if getattr(mesh, key)]
-        said = ", ".join(f"{key}: {_quoted(value)}" for key, value in words)
-        own = f"file: {_quoted(mesh.file.name)}, {vectors}, scale: {_value(mesh.scale)}, {said}"
+        texts = ", ".join(f"{key}: {_quoted(value)}" for key, value in words)
+        own = f"file: {_quoted(mesh.file.name)}, {vectors}, scale: {_value(mesh.scale)}, {texts}"
         own += "" if mesh.contact else ", contact: false"
         lines.append(f"  - {{{own}}}")
     return "\n".join(lines) + "\n"
