@@ -10,7 +10,7 @@ from scipy import signal
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.actuators.faults import thruster_faults
-from uuvsim_cosim.models.actuators.shaft import SHAFTS
+from uuvsim_cosim.models.actuators.thruster import SHAFTS
 from uuvsim_cosim.models.analysis.simulate import Trajectory, simulate
 from uuvsim_cosim.models.declaration.library import declare
 

@@ -11,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uuvsim_cosim.models.declaration.hull_parameters import product_of
-from uuvsim_cosim.models.hull.cross_flow import cross_flow
-from uuvsim_cosim.models.hull.damping import fading, lift, products
+from uuvsim_cosim.models.hull.damping import cross_flow, fading, lift, products
 
 six = st.lists(st.floats(-3, 3), min_size=6, max_size=6).map(np.array)
 a, b, K = -0.7, 0.9, 60.0  # stern, bow [m]; 1/2 rho C_D h [N.s2/m3]

@@ -20,8 +20,7 @@ from uuvsim_cosim.models.importing.hull_estimate import (
 )
 from uuvsim_cosim.models.importing.import_mesh import import_mesh
 from uuvsim_cosim.models.shapes.ellipsoid import added_mass
-from uuvsim_cosim.models.shapes.mesh import read_mesh, repaired
-from uuvsim_cosim.models.shapes.solid import silhouette, solid_of
+from uuvsim_cosim.models.shapes.mesh import read_mesh, repaired, silhouette, solid_of
 
 Array = NDArray[np.float64]
 

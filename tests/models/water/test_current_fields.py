@@ -19,8 +19,7 @@ from uuvsim_cosim.models.analysis.simulate import simulate
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.intrinsics.field import Field, field
 from uuvsim_cosim.models.intrinsics.network import NETWORKS
-from uuvsim_cosim.models.water.current_grid import current_grid
-from uuvsim_cosim.models.water.current_profile import current_profile
+from uuvsim_cosim.models.water.current import current_grid, current_profile
 from uuvsim_cosim.orchestrator.running.run import run
 from uuvsim_cosim.orchestrator.system.system import System
 

@@ -3,9 +3,20 @@
 All take the command u in [-1, 1] and the supply's voltage, so that each can stand in for another:
 `thruster` has a quadratic thrust, `thruster_t200` the rows of a bench, and the thrust of
 `thruster_jet` is the momentum of its jet. Flow past the propeller is left out: thrust is bollard
-pull. Options, all off by default: `shaft` (shaft.py), `curve` (below), `dead_band` of the command,
+pull. Options, all off by default: `shaft` and `curve` (below), `dead_band` of the command,
 `limits` of its rate, `faults` (faults.py), `scale` of a table, and `vehicle` with `number`
 (thruster_geometry.py).
+
+Shafts: five models of how the speed n follows the commanded speed n_d.
+
+first    dn/dt = (n_d - n) / T_n
+second   d²n/dt² = omega_n² (n_d - n) - 2 zeta omega_n dn/dt
+third    n = (b_1 s + a_0) / (s³ + a_2 s² + a_1 s + a_0) n_d: identified for the T200 (von Benzon
+         et al. 2022, An Open-Source Benchmark Simulator, J. Mar. Sci. Eng. 10(12), 1898)
+yoerger  dn/dt = alpha (|n_d| n_d - |n| n): torque against the propeller's own drag (Yoerger,
+         Cooke and Slotine 1990, IEEE J. Oceanic Eng. 15(3), 167-178)
+bessa    J dn/dt = k_t / R_m (u V - k_t n) - k_v |n| n: a motor at a voltage that may sag
+         (Bessa, Dutra and Kreuzer 2006, with the motor's equation for its lumped constants)
 """
 
 from __future__ import annotations
@@ -18,7 +29,6 @@ import casadi as ca
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.actuators.bench_rows import read_bench
 from uuvsim_cosim.models.actuators.faults import ThrusterFaults, servo, thruster_faults_of
-from uuvsim_cosim.models.actuators.shaft import shaft as shaft_of
 from uuvsim_cosim.models.actuators.thruster_geometry import of_vehicle
 from uuvsim_cosim.models.declaration.model import Model, is_on
 from uuvsim_cosim.models.declaration.preset import preset
@@ -26,7 +36,20 @@ from uuvsim_cosim.models.declaration.safe_math import abs_, saturate
 from uuvsim_cosim.models.declaration.vectors import NU
 from uuvsim_cosim.models.intrinsics.table import table2
 
-__all__ = ["ThrusterParameters", "largest_thrust", "thruster", "thruster_jet", "thruster_t200"]
+__all__ = [
+    "SHAFTS",
+    "ThrusterParameters",
+    "largest_thrust",
+    "thruster",
+    "thruster_jet",
+    "thruster_t200",
+]
+
+
+SHAFTS = ("first", "second", "third", "yoerger", "bessa")
+
+_ASSUMED = "assumption, a T200 at 16 V"
+_PAIR = "the complex pair of von Benzon et al. (2022)"
 
 
 @dataclass(frozen=True)
@@ -70,7 +93,7 @@ def thruster(
     f = thruster_faults_of(m, faults)
     c = _command(m, u, dead_band, limits, f)
     n_d, free = n_max * c, 1.0 - f.entangled
-    n = shaft_of(m, shaft, free * n_d, T_n, free * c, voltage)
+    n = _shaft_speed(m, shaft, free * n_d, T_n, free * c, voltage)
     power = free * (K_P * abs_(n) * n * n) + f.entangled * K_P * abs_(n_d) * n_d * n_d
     if K_n is not None:
         thrust = K_n * abs_(n) * n
@@ -113,7 +136,7 @@ def thruster_t200(
     thrust = table2(list(n_grid), bench.voltage, thrust_rows.tolist())
     f = thruster_faults_of(m, faults)
     c = _command(m, u, dead_band, limits, f, saturated=True)
-    n = shaft_of(m, shaft, (1.0 - f.entangled) * n_d(c, voltage), T_n)
+    n = _shaft_speed(m, shaft, (1.0 - f.entangled) * n_d(c, voltage), T_n)
     force = thrust(n, voltage)
     if is_on("scale", scale):
         force *= m.parameter(
@@ -212,3 +235,53 @@ def largest_thrust(id: str = "pool8_jet") -> float:
     p = preset("thrusters", id, "thruster")
     Q, d = p.number("Q_max", "m3/s"), p.number("d_jet", "m")
     return p.number("rho", "kg/m3") * Q * Q / (0.25 * math.pi * d * d)
+
+
+def _shaft_speed(
+    m: Model,
+    shaft: str,
+    n_d: ca.SX,
+    T_n: ca.SX | None,
+    u: ca.SX | None = None,
+    voltage: ca.SX | None = None,
+) -> ca.SX:
+    """Declare a shaft; return its speed n [rad/s]. `u` and `voltage` are for bessa."""
+    if shaft not in SHAFTS or (shaft == "bessa" and u is None):
+        known = [s for s in SHAFTS if s != "bessa" or u is not None]
+        raise InputInvalid(f"shaft={shaft!r}", ", ".join(known))
+    if shaft == "third":
+        source = "von Benzon et al. (2022)"
+        a_0 = _parameter(m, "a_0", 108700.0, "1/s3", source)
+        a_1 = _parameter(m, "a_1", 9258.0, "1/s2", source)
+        a_2 = _parameter(m, "a_2", 89.0, "1/s", source)
+        b_1 = _parameter(m, "b_1", 6136.0, "1/s2", source)
+        units = ("rad/s", "rad/s2", "rad/s3")
+        x = m.state("shaft", (0.0, 0.0, 0.0), unit=units, description="chain of integrators")
+        m.der(x, ca.vertcat(x[1], x[2], a_0 * (n_d - x[0]) - a_1 * x[1] - a_2 * x[2]))
+        return x[0] + b_1 / a_0 * x[1]
+    n = m.state("shaft", unit="rad/s", description="shaft speed; its sign is the thrust's")
+    if shaft == "first":
+        assert T_n is not None
+        m.der(n, (n_d - n) * m.derived("rate", 1.0 / T_n))
+    elif shaft == "second":
+        omega_n = _parameter(m, "omega_n", 90.9, "rad/s", f"natural frequency ({_PAIR})")
+        zeta = _parameter(m, "zeta", 0.417, "1", f"damping ratio ({_PAIR})")
+        turn = m.state("shaft_rate", unit="rad/s2", description="rate of the shaft speed")
+        m.der(n, turn)
+        m.der(turn, omega_n * (omega_n * (n_d - n) - 2.0 * zeta * turn))
+    elif shaft == "yoerger":
+        alpha = _parameter(m, "alpha", 0.0471, "1/rad", "1 / (2 n_max T_n) (assumption)")
+        m.der(n, alpha * (abs_(n_d) * n_d - abs_(n) * n))
+    else:
+        J = _parameter(m, "J", 1.6e-4, "kg.m2", f"inertia of shaft and water ({_ASSUMED})")
+        k_t = _parameter(m, "k_t", 0.0195, "N.m/A", f"torque constant ({_ASSUMED})")
+        R_m = _parameter(m, "R_m", 0.238, "Ohm", f"resistance ({_ASSUMED})")
+        k_v = _parameter(m, "k_v", 5.27e-6, "N.m.s2/rad2", f"torque of |n| n ({_ASSUMED})")
+        assert u is not None
+        assert voltage is not None
+        m.der(n, (k_t / R_m * (u * voltage - k_t * n) - k_v * abs_(n) * n) / J)
+    return n
+
+
+def _parameter(m: Model, name: str, value: float, unit: str, words: str) -> ca.SX:
+    return m.parameter(name, value, unit=unit, min=1e-9, description=words)

@@ -14,7 +14,7 @@ from uuvsim_cosim.models.declaration import inertia as hull_inertia
 from uuvsim_cosim.models.declaration import kinematics
 from uuvsim_cosim.models.hull import coriolis, restoring
 from uuvsim_cosim.models.hull.coriolis import m2c
-from uuvsim_cosim.models.hull.cross_flow import cross_flow
+from uuvsim_cosim.models.hull.damping import cross_flow
 from uuvsim_cosim.models.shapes.ellipsoid import added_mass
 from uuvsim_cosim.models.water.seawater import gravity
 

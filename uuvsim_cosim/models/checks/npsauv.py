@@ -25,7 +25,7 @@ from uuvsim_cosim.models.checks.npsauv_equations import (
 from uuvsim_cosim.models.declaration.evaluation import Evaluation
 from uuvsim_cosim.models.declaration.kinematics import R_zyx
 from uuvsim_cosim.models.declaration.library import declare
-from uuvsim_cosim.models.hull.cross_flow import cross_flow
+from uuvsim_cosim.models.hull.damping import cross_flow
 from uuvsim_cosim.models.vehicles.closed_forms import total_mass
 
 __all__ = ["control", "force_of_hull", "npsauv"]

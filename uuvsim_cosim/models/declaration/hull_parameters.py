@@ -4,7 +4,7 @@ Names are Fossen's letters with the element's indices from 1: `M_A_15`, `D_q_11`
 A parameter that a set does not list is structurally zero: it costs nothing and cannot be set.
 A listed zero is a parameter like any other. `M_A_15` stands for `M_A_51` too unless that is
 listed; inertia is symmetric, indices rising; damping is not, both elements count. `D_u`,
-`D_f` and SNAME's products such as `Y_pq` are in hull/damping.py, `C_D_y` in hull/cross_flow.py.
+`D_f`, `C_D_y` and SNAME's products such as `Y_pq` are in hull/damping.py.
 The matrices made of them: inertia.py here, and hull/matrices.py.
 """
 

@@ -9,11 +9,11 @@ water; Fossen 2021, 2nd ed., chapter 10). With M = M_RB + M_A and C from M, what
     M nu_r_dot = tau - C(nu_r) nu_r - D(nu_r) nu_r - g(eta),   nu_dot = nu_r_dot + nu_c_dot
 
 so that added mass is implicit, through M, and stable at any mass ratio. D(nu_r) nu_r has, where a
-vehicle lists them, also lift and SNAME's products (damping.py) and cross-flow drag by strips
-(cross_flow.py). In waves the water accelerates, and  M_A (a_c, 0)  and the pressure that
-accelerates it, rho nabla a_c at r_b (Froude and Krylov), stand on the right; where density and
-volume change with the depth D of the centre of buoyancy, it is  B (1 + (beta_rho - beta_nabla) D).
-Everything is about CO, in `b` (FRD); p = (N, E, D) and the current v_c are in `n` (NED).
+vehicle lists them, also lift, cross-flow drag by strips and SNAME's products (damping.py). In waves
+the water accelerates, and  M_A (a_c, 0)  and the pressure that accelerates it, rho nabla a_c at r_b
+(Froude and Krylov), stand on the right; where density and volume change with the depth D of the
+centre of buoyancy, it is  B (1 + (beta_rho - beta_nabla) D). Everything is about CO, in `b` (FRD);
+p = (N, E, D) and the current v_c are in `n` (NED).
 """
 
 from __future__ import annotations
@@ -31,8 +31,7 @@ from uuvsim_cosim.models.declaration.model import Model, is_on
 from uuvsim_cosim.models.declaration.parameter_files import parameter_set
 from uuvsim_cosim.models.declaration.vectors import ETA, NU, NU_DOT, TAU
 from uuvsim_cosim.models.hull.coriolis import coriolis, inverse
-from uuvsim_cosim.models.hull.cross_flow import cross_flow_of
-from uuvsim_cosim.models.hull.damping import damping, fading, lift, products
+from uuvsim_cosim.models.hull.damping import cross_flow_of, damping, fading, lift, products
 from uuvsim_cosim.models.hull.matrices import declare_parameters, mass_of_water, structure
 from uuvsim_cosim.models.hull.restoring import floating, g, submerged_fraction
 from uuvsim_cosim.models.shapes.volumes import Volume, vehicle_volumes

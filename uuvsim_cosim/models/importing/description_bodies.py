@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.importing.description_file import near, place_of
 from uuvsim_cosim.models.importing.xacro_text import local
-from uuvsim_cosim.models.shapes.mesh import raw_triangles, repaired
-from uuvsim_cosim.models.shapes.solid import solid_of
+from uuvsim_cosim.models.shapes.mesh import raw_triangles, repaired, solid_of
 
 if TYPE_CHECKING:
     from lxml.etree import _Element

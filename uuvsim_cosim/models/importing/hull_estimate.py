@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.models.shapes.ellipsoid import added_mass
-from uuvsim_cosim.models.shapes.mesh import Mesh
-from uuvsim_cosim.models.shapes.solid import Solid
+from uuvsim_cosim.models.shapes.mesh import Mesh, Solid
 
 __all__ = ["added_mass_of", "drag_coefficients", "quadratic_drag"]
 

@@ -18,8 +18,7 @@ from uuvsim_cosim.models.importing.hull_estimate import (
     quadratic_drag,
 )
 from uuvsim_cosim.models.importing.vehicle_draft import Draft
-from uuvsim_cosim.models.shapes.mesh import Mesh, read_mesh
-from uuvsim_cosim.models.shapes.solid import Solid, solid_of
+from uuvsim_cosim.models.shapes.mesh import Mesh, Solid, read_mesh, solid_of
 
 __all__ = ["AXES", "MeshImport", "import_mesh"]
 

@@ -1,4 +1,4 @@
-"""Ocean current: the relative velocity nu_r of the hull, a current that meanders, and its ramps.
+"""Ocean currents: steps and ramps, meandering, sheared with depth, of a file; and the hull's nu_r.
 
 A current v_c in `n` is uniform in space and does not rotate. Held constant over a step it still
 accelerates in the rotating body frame:
@@ -6,18 +6,51 @@ accelerates in the rotating body frame:
     nu_c = (R^T v_c, 0),   d(nu_c)/dt = (-S(omega) R^T v_c, 0),   nu_r = nu - nu_c.
 
 The term R^T dv_c/dt is left out: v_c is an input, and piecewise constant.
+
+`current_profile` changes with depth. With z the height above the sea bed, d the depth below the
+surface and h the water's depth:
+
+    power    V(d) = V_s (z / h)^alpha                  tidal current, alpha = 1/7
+    log      V(z) = V_s ln(z / z_0) / ln(h / z_0)      boundary layer over a rough bed, 0 below z_0
+    table    V(d) linear between levels, and held above the first and below the last
+
+V_s is the speed at the surface. Power law: DNV-RP-C205, section 4.1.4; logarithmic: Soulsby 1997,
+Dynamics of Marine Sands, chapter 3, where z_0 is 0.2 mm for mud, 6 mm for ripples.
+
+`current_grid` is that of a netCDF file at the vehicle's place, depth and time (current_file.py):
+
+    v_c = sum over the 16 nodes around (t, depth, N, E) of their weights times (v_N, v_E)
+
+Above the highest level and below the lowest it is that level's; outside of the file in time, and
+beside its grid, v_c is NaN, and the run ends there with the component's name.
 """
 
 from __future__ import annotations
 
 from fractions import Fraction
+from pathlib import Path
 
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
 
+from uuvsim_cosim.content import content
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.files_read import noted
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.safe_math import clip
+from uuvsim_cosim.models.declaration.vectors import ETA
+from uuvsim_cosim.models.intrinsics.field import field
+from uuvsim_cosim.models.water.current_file import read_current_file
 
-__all__ = ["current_gauss_markov", "current_ramps", "nu_c", "nu_c_dot"]
+__all__ = [
+    "current_gauss_markov",
+    "current_grid",
+    "current_profile",
+    "current_ramps",
+    "nu_c",
+    "nu_c_dot",
+]
 
 
 def nu_c(Rnb: ca.SX, v_c: ca.SX) -> ca.SX:
@@ -95,3 +128,142 @@ def current_ramps(events: int | str = 3) -> Model:
     rise = sum(dv[k, :].T * clip((m.t - t[k]) / T[k], 0.0, 1.0) for k in range(n))
     m.output("v_c", v + rise, unit="m/s", description="velocity of the water in NED")
     return m
+
+
+LAWS = ("power", "log", "table")
+LEVELS = ((0.0, 0.5, 0.0), (10.0, 0.4, 0.1), (30.0, 0.2, 0.1), (60.0, 0.1, 0.0))
+
+
+def current_profile(law: str = "power", file: str = "") -> Model:
+    """Declare a current sheared with depth; `file` is a CSV of the law `table`.
+
+    Its first line is ``depth,north,east``, in m and m/s; the depths rise.
+    """
+    if law not in LAWS or (file and law != "table"):
+        read = f"law={law!r}" if law not in LAWS else f"file={file!r} with law={law!r}"
+        raise InputInvalid("current_profile", read, f"{', '.join(LAWS)}; file with table")
+    m = Model("current_profile", f"Current that changes with depth ({law}), in NED", h_max=1.0)
+    m.peers["eta"] = "hull.eta"
+    eta = m.input("eta", 6, unit=ETA, description="of the hull")
+    added = m.input("v", 3, unit="m/s", description="current on top of it, in n")
+    depth = eta[2]
+    if law == "table":
+        rows = _read(Path(file).expanduser()) if file else np.array(LEVELS)
+        n = len(rows)
+        d = m.parameter("depths", rows[:, 0], (n,), unit="m", description="of the levels, rising")
+        v = m.parameter(
+            "velocities", rows[:, 1:], (n, 2), unit="m/s", description="of each level: N, E"
+        )
+        flow = v[0, :].T
+        for i in range(n - 1):
+            share = clip((depth - d[i]) / (d[i + 1] - d[i]), 0.0, 1.0)
+            flow += share * (v[i + 1, :] - v[i, :]).T
+    else:
+        V = m.parameter("speed", 0.5, unit="m/s", description="at the surface")
+        beta = m.parameter(
+            "direction", 0.0, unit="rad", description="direction it flows to, from N to E"
+        )
+        h = m.parameter("h", 50.0, unit="m", min=0.01, description="depth of the water")
+        if law == "power":
+            alpha = m.parameter(
+                "alpha", 1.0 / 7.0, unit="1", min=0.01, max=2, description="exponent"
+            )
+            share = clip(1.0 - depth / h, 0.0, 1.0)
+            tall = ca.if_else(share > 1e-12, share, 1.0)
+            speed = ca.if_else(share > 1e-12, ca.exp(alpha * ca.log(tall)), 0.0 * share)
+        else:
+            z_0 = m.parameter("z_0", 0.006, unit="m", min=1e-7, description="roughness of the bed")
+            z = clip(h - depth, z_0, h)
+            speed = ca.log(z / z_0) / ca.log(h / z_0)
+        flow = V * speed * ca.vertcat(ca.cos(beta), ca.sin(beta))
+    m.output("v_c", ca.vertcat(flow, 0.0) + added, unit="m/s",
+             description="velocity of the water in NED")  # fmt: skip
+    return m
+
+
+def _read(file: Path) -> NDArray[np.float64]:
+    try:
+        lines = [x for x in noted(file).read_text(encoding="utf-8-sig").splitlines() if x.strip()]
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputInvalid(f"{file}: cannot be read ({error})") from None
+    head = [x.strip() for x in lines[0].split(",")] if lines else []
+    if head != ["depth", "north", "east"]:
+        raise InputInvalid(
+            file, f"first line {','.join(head)!r}", "'depth,north,east', in m and m/s"
+        )
+    rows = []
+    for k, line in enumerate(lines[1:], 2):
+        try:
+            row = [float(x) for x in line.split(",")]
+        except ValueError:
+            row = []
+        if len(row) != 3 or not np.all(np.isfinite(row)):
+            raise InputInvalid(file, f"line {k}: {line!r}", "three numbers")
+        rows.append(row)
+    found = np.array(rows)
+    if len(found) < 2 or len(found) > 64 or np.any(np.diff(found[:, 0]) <= 0):
+        raise InputInvalid(file, f"{len(found)} levels", "2 to 64, their depths rising")
+    return found
+
+
+def current_grid(
+    file: str = "",
+    u: str = "",
+    v: str = "",
+    latitude: float | str = "",
+    longitude: float | str = "",
+    northing: float | str = "",
+    easting: float | str = "",
+    start: str = "",
+    extent: float | str = "",
+    holes: str = "refuse",
+    unit: str = "",
+) -> Model:
+    """Declare the current of a netCDF file; without `file`, a made-up eddy that ships.
+
+    The file's axes are time, depth, latitude and longitude, or y and x [m]; without time or depth
+    it is steady, or the same at all depths. For the options see `read_current_file`.
+    """
+    path = Path(file).expanduser() if file else content("models", "currents") / "eddy" / "eddy.nc"
+    grid = read_current_file(
+        path,
+        u=u,
+        v=v,
+        origin=_pair("latitude", latitude, longitude) or _pair("northing", northing, easting),
+        start=str(start),
+        extent=float(extent) if str(extent) else None,
+        holes=holes,
+        unit=unit,
+    )
+    time, _, north, east = grid.axes
+    m = Model("current_grid", f"Current of {path.name}, {grid.words}", h_max=1.0)
+    m.peers["eta"] = "hull.eta"
+    eta = m.input("eta", 6, unit=ETA, description="of the hull")
+    added = m.input("v", 3, unit="m/s", description="current on top of it, in n")
+    t_0 = m.parameter(
+        "t_0", grid.start, unit="s", min=0, max=float(time[-1]),
+        description=f"simulation begins so long after the file does, which lasts {time[-1]:g} s",
+    )  # fmt: skip
+    scale = m.parameter("scale", 1.0, unit="1", description="factor on the file's speeds")
+    held = (len(time) == 1, True, len(north) == 1, len(east) == 1)
+    at = field([a.tolist() for a in grid.axes], grid.nodes, held)
+    flow = at(ca.vertcat(t_0 + m.t, eta[2], eta[0], eta[1]))
+    m.output(
+        "v_c",
+        ca.vertcat(scale * flow, 0.0) + added,
+        unit="m/s",
+        description=f"velocity of the water in NED; NaN outside of {path.name}, which has "
+        f"{_range(time)} s, N {_range(north)} m, E {_range(east)} m",
+    )
+    return m
+
+
+def _range(axis: NDArray[np.float64]) -> str:
+    return f"{axis[0]:.0f} to {axis[-1]:.0f}" if len(axis) > 1 else "any"
+
+
+def _pair(name: str, first: float | str, second: float | str) -> tuple[float, float] | None:
+    other = {"latitude": "longitude", "northing": "easting"}[name]
+    if (str(first) == "") != (str(second) == ""):
+        raise InputInvalid("current_grid", f"{name}={first!r}, {other}={second!r}", "both")
+    return (float(first), float(second)) if str(first) else None
