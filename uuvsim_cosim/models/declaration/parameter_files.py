@@ -82,29 +82,30 @@ def vehicle_ids() -> list[str]:
 
 def is_vehicle(id: str) -> bool:
     """Return whether this is a shipped vehicle, a folder with a parameter file, or such a file."""
-    if id in vehicle_ids() or id.endswith((".yaml", ".yml")):
-        return True
-    return _is_path(id) and (Path(id).expanduser() / "parameters.yaml").is_file()
+    return _folder(id) is not None
 
 
 def vehicle_folder(id: str) -> Path:
     """Return the folder of a vehicle (``id`` or ``id@set``): a shipped one, or one by its path."""
     id, _ = split_address(id)
+    folder = _folder(id)
+    if folder is None:
+        names = expected_names(id, vehicle_ids())
+        raise ParameterInvalid(
+            f"there is no vehicle {id!r}",
+            f"{names}, the path of a folder with a parameters.yaml, or of such a file",
+        )
+    return folder
+
+
+def _folder(id: str) -> Path | None:
     if id in vehicle_ids():
         return content("models", "vehicles", id)
     path = Path(id).expanduser()
     if id.endswith((".yaml", ".yml")):
         return path.parent
-    if _is_path(id) and (path / "parameters.yaml").is_file():
-        return path
-    known = vehicle_ids()
-    raise ParameterInvalid(
-        f"there is no vehicle {id!r}",
-        (
-            f"{expected_names(id, known)}, the path of a folder with a "
-            "parameters.yaml, or of such a file"
-        ),
-    )
+    is_path = bool(id) and (Path(id).name != id or Path(id).is_dir())
+    return path if is_path and (path / "parameters.yaml").is_file() else None
 
 
 def vehicle_size(id: str) -> Size | None:
@@ -244,10 +245,6 @@ def _sentence(error: Any) -> str:
 def _refuse(path: Path, problems: list[tuple[int, str]]) -> None:
     if problems:
         raise ParameterInvalid.of(f"{path}:{n}: {text}" for n, text in sorted(problems))
-
-
-def _is_path(id: str) -> bool:
-    return bool(id) and (Path(id).name != id or Path(id).is_dir())
 
 
 @shared_until_changed

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import ParameterInvalid
+from uuvsim_cosim.models.intrinsics.callback import CALLBACKS, register_callback
 
 __all__ = ["CHUNK", "NETWORKS", "Activation", "Layer", "Network", "network", "registered"]
 
@@ -104,7 +105,6 @@ class Intrinsic(Protocol):
 
 # By name: a Network, a Transformer (transformer.py) or a Field (field.py).
 NETWORKS: dict[str, Intrinsic] = {}
-_CALLBACKS: dict[str, ca.Function] = {}  # CasADi does not keep a Callback alive
 
 
 def network(layers: Sequence[Layer]) -> Callable[[ca.SX], ca.SX]:
@@ -143,54 +143,16 @@ def registered(made: Intrinsic) -> Callable[[ca.SX], ca.SX]:
     name, n_in, n_out = made.name, made.n_in, made.n_out
     if name not in NETWORKS:
         NETWORKS[name] = made
-        jacobian, gradient = getattr(made, "jacobian", None), None
-        if jacobian is not None:
-            gradient = _callback(f"{name}_jacobian", jacobian, n_in, (n_out, n_in), None)
-        _callback(name, made, n_in, (n_out, 1), gradient)
-    return lambda x: _CALLBACKS[name].call([x], False, True)[0]
 
-
-def _callback(
-    name: str,
-    function: Callable[[NDArray[Any]], NDArray[Any]],
-    n_in: int,
-    out: tuple[int, int],
-    gradient: ca.Function | None,
-) -> ca.Function:
-    """Make a CasADi function of one column (n_in,), with its gradient, or none."""
-
-    class NetworkCallback(ca.Callback):
-        """A function of one column, with its Jacobian by another callback."""
-
-        def __init__(self) -> None:
-            ca.Callback.__init__(self)
-            self.construct(name, {})
-
-        def get_n_in(self) -> int:
-            return 1
-
-        def get_n_out(self) -> int:
-            return 1
-
-        def get_sparsity_in(self, i: int) -> ca.Sparsity:
-            return ca.Sparsity.dense(n_in, 1)
-
-        def get_sparsity_out(self, i: int) -> ca.Sparsity:
-            return ca.Sparsity.dense(*out)
-
-        def eval(self, arguments: Sequence[ca.DM]) -> list[ca.DM]:
-            return [ca.DM(np.asarray(function(np.array(arguments[0]).ravel()), float))]
-
-        def has_jacobian(self) -> bool:
-            return gradient is not None
-
-        def get_jacobian(
-            self, name: str, inputs: list[str], outputs: list[str], options: dict[str, object]
+        def register(
+            name: str, function: Callable[..., Any], columns: int, *gradients: ca.Function
         ) -> ca.Function:
-            assert gradient is not None
-            at = ca.MX.sym("at", n_in)
-            value = ca.MX.sym("value", ca.Sparsity(*out))
-            return ca.Function(name, [at, value], [gradient(at)], inputs, outputs, options)
+            def of_column(x: ca.DM) -> Any:
+                return function(np.array(x).ravel())
 
-    _CALLBACKS[name] = NetworkCallback()
-    return _CALLBACKS[name]
+            return register_callback(name, of_column, [n_in], (n_out, columns), gradients)
+
+        jacobian = getattr(made, "jacobian", None)
+        gradients = [register(f"{name}_jacobian", jacobian, n_in)] if jacobian is not None else []
+        register(name, made, 1, *gradients)
+    return lambda x: CALLBACKS[name].call([x], False, True)[0]

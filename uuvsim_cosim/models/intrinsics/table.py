@@ -20,6 +20,7 @@ import casadi as ca
 import numpy as np
 
 from uuvsim_cosim.errors import ParameterInvalid
+from uuvsim_cosim.models.intrinsics.callback import CALLBACKS, register_callback
 
 __all__ = ["TABLES", "Table", "interpolants", "table1", "table2"]
 
@@ -62,23 +63,19 @@ class Table:
 
 
 TABLES: dict[str, Table] = {}
-_CALLBACKS: dict[str, ca.Function] = {}  # CasADi does not keep a Callback alive
 _INTERPOLANTS: ContextVar[bool] = ContextVar("interpolants", default=False)
 
 
 def table1(x: Sequence[float], values: Sequence[float]) -> Callable[[ca.SX], ca.SX]:
     """Return the linear table of `values` over the rising grid `x`, as a function of an SX."""
-    table = _register("table1", x, (), values)
-    return lambda at: _callable(table).call([at], False, True)[0]
+    return _registered("table1", x, (), values)
 
 
 def table2(
     x: Sequence[float], y: Sequence[float], values: Sequence[Sequence[float]]
 ) -> Callable[[ca.SX, ca.SX], ca.SX]:
     """Return the bilinear table of values[y][x] over two rising grids, as a function of two SX."""
-    flat = [float(v) for row in values for v in row]
-    table = _register("table2", x, y, flat)
-    return lambda at_x, at_y: _callable(table).call([at_x, at_y], False, True)[0]
+    return _registered("table2", x, y, [float(v) for row in values for v in row])
 
 
 @contextmanager
@@ -93,7 +90,7 @@ def interpolants() -> Iterator[None]:
 
 def _callable(table: Table) -> ca.Function:
     if not _INTERPOLANTS.get():
-        return _CALLBACKS[table.name]
+        return CALLBACKS[table.name]
     # CasADi's interpolant of the same function would go on beyond its edges.
     grids = [list(g) for g in (table.x, table.y) if g]
     inner = ca.interpolant("table", "linear", grids, list(table.values))
@@ -120,7 +117,9 @@ def _slope(grid: Grid, values: Sequence[float], at: float) -> float:
     return (values[i + 1] - values[i]) / (grid[i + 1] - grid[i])
 
 
-def _register(kind: str, x: Sequence[float], y: Sequence[float], values: Sequence[float]) -> Table:
+def _registered(
+    kind: str, x: Sequence[float], y: Sequence[float], values: Sequence[float]
+) -> Callable[..., ca.SX]:
     grids = {"x": tuple(map(float, x)), "y": tuple(map(float, y))}
     for axis, grid in grids.items():
         if (axis == "x" or grid) and (len(grid) < 2 or not np.all(np.diff(grid) > 0)):
@@ -135,40 +134,14 @@ def _register(kind: str, x: Sequence[float], y: Sequence[float], values: Sequenc
     if table.name not in TABLES:
         TABLES[table.name] = table
         partials = [("_d", table.dx)] if not table.y else [("_dx", table.dx), ("_dy", table.dy)]
-        gradient = [_callback(table.name + s, f, table.n_in, ()) for s, f in partials]
-        _callback(table.name, table, table.n_in, gradient)
-    return table
 
-
-def _callback(
-    name: str, function: Callable[..., float], n_in: int, gradient: Sequence[ca.Function]
-) -> ca.Function:
-    class TableCallback(ca.Callback):
-        """A scalar function of scalars, with its gradient by further callbacks."""
-
-        def __init__(self) -> None:
-            ca.Callback.__init__(self)
-            self.construct(name, {})
-
-        def get_n_in(self) -> int:
-            return n_in
-
-        def get_n_out(self) -> int:
-            return 1
-
-        def eval(self, arguments: Sequence[ca.SX]) -> list[float]:
-            return [function(*(float(a) for a in arguments))]
-
-        def has_jacobian(self) -> bool:
-            return bool(gradient)
-
-        def get_jacobian(
-            self, name: str, inputs: list[str], outputs: list[str], options: dict[str, object]
+        def register(
+            name: str, function: Callable[..., float], *gradients: ca.Function
         ) -> ca.Function:
-            at = [ca.MX.sym(f"at{i}") for i in range(n_in)]
-            value = ca.MX.sym("value", ca.Sparsity(1, 1))
-            partials = [g(*at) for g in gradient]
-            return ca.Function(name, [*at, value], partials, inputs, outputs, options)
+            def of_scalars(*at: ca.DM) -> float:
+                return function(*map(float, at))
 
-    _CALLBACKS[name] = TableCallback()
-    return _CALLBACKS[name]
+            return register_callback(name, of_scalars, [1] * table.n_in, (1, 1), gradients)
+
+        register(table.name, table, *(register(table.name + s, f) for s, f in partials))
+    return lambda *at: _callable(table).call([*at], False, True)[0]
