@@ -48,8 +48,10 @@ def trim_model(
     fixed = dict(fixed or {})
     x_0, u_0 = c.point({**(guess or {}), **fixed})
     known = [*c.states, *c.inputs]
-    place = {kind: [i for n in names for i in place_of("state or input", n, known, model.name)]
-             for kind, names in (("fixed", fixed), ("free", free))}  # fmt: skip
+    fixed_places, free_places = (
+        [i for n in names for i in place_of("state or input", n, known, model.name)]
+        for names in (fixed, free)
+    )
     if moving is None:
         moving = MOVING if c.hull else ()
     resting = sorted(
@@ -60,8 +62,8 @@ def trim_model(
     sparsity = ca.jacobian_sparsity(rates[resting], ca.vertcat(x, u))
     depends = np.any(np.array(ca.DM(sparsity, 1)) != 0, axis=0).tolist()
     unknown = sorted(
-        {i for i in range(len(known)) if depends[i] and (i < len(x_0) or i in place["free"])}
-        - set(place["fixed"])
+        {i for i in range(len(known)) if depends[i] and (i < len(x_0) or i in free_places)}
+        - set(fixed_places)
     )
     both = ca.vertcat(x, u)
     f = ca.Function("f", [both], [rates[resting]])
@@ -70,8 +72,8 @@ def trim_model(
     found, residual = _solved(f, J, start, unknown)
     worst = np.array(f(found)).ravel()
     if not residual <= TOLERANCE * max(1.0, float(np.max(np.abs(found)))):
-        left = sorted(zip(np.abs(worst), (c.states[i] for i in resting), strict=True))[::-1][:3]
-        rest = ", ".join(f"d{n}/dt = {r:.3g}" for r, n in left if r > TOLERANCE)
+        largest = sorted(zip(np.abs(worst), (c.states[i] for i in resting), strict=True))[:-4:-1]
+        rest = ", ".join(f"d{n}/dt = {r:.3g}" for r, n in largest if r > TOLERANCE)
         raise InputInvalid(
             "trim",
             (

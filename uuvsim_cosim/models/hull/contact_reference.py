@@ -481,10 +481,6 @@ def _push(s: State, x: Array) -> Array:
     return np.asarray((tau + GRIP / h * M * delta) * min(1.0, max(0.0, 2.0 - turn)))
 
 
-def _skew(a: Array) -> Array:
-    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
-
-
 def _hull_at(hull: Hull, co: Array, R: Array) -> tuple[Zone, float]:
     half = np.array(hull.half[: hull.n])
     zone = Zone(co + R @ hull.middle, (R[:, : hull.n] * half).T, hull.radius)
@@ -506,7 +502,8 @@ def pressed(
     """
     R, mu, h = x[3:12].reshape(3, 3), x[26], x[24]
     present, _ = _hull_at(hull, x[:3], R)
-    late, v, S = LATE * h, R @ x[12:15], _skew(0.5 * LATE * h * x[15:18])
+    late, v, (a, b, c) = LATE * h, R @ x[12:15], 0.5 * LATE * h * x[15:18]
+    S = np.array([[0.0, -c, b], [c, 0.0, -a], [-b, a, 0.0]])
     co = x[:3] + late * v
     R = R @ (np.eye(3) + 2.0 / (1.0 - 0.5 * np.trace(S @ S)) * (S + S @ S))
     zone, bound = _hull_at(hull, co, R)

@@ -96,19 +96,15 @@ def _netcdf4(file: Path) -> dict[str, Variable]:
             "pip install 'uuvsim-cosim[scene]', or nccopy -k classic"
         ) from None
 
-    def taken(name: str) -> Callable[[Index], Any]:
-        def take(index: Index) -> Any:
-            with netCDF4.Dataset(str(file)) as again:
-                again.set_auto_maskandscale(False)
-                return again.variables[name][index]
+    def take(name: str, index: Index) -> Any:
+        with netCDF4.Dataset(str(file)) as again:
+            again.set_auto_maskandscale(False)
+            return again.variables[name][index]
 
-        return take
-
+    found = {}
     with netCDF4.Dataset(str(file)) as read:
-        return {
-            name: Variable(
-                name, v.dimensions, v.shape, {a: v.getncattr(a) for a in v.ncattrs()}, taken(name)
-            )
-            for name, v in read.variables.items()
-            if v.dtype is not str and np.dtype(v.dtype).kind in "fiu"
-        }
+        for name, v in read.variables.items():
+            if v.dtype is not str and np.dtype(v.dtype).kind in "fiu":
+                attributes = {a: v.getncattr(a) for a in v.ncattrs()}
+                found[name] = Variable(name, v.dimensions, v.shape, attributes, partial(take, name))
+    return found

@@ -13,6 +13,10 @@ from uuvsim_cosim.models.declaration.files_read import noted
 __all__ = ["Terrain", "load_terrain", "save_terrain"]
 
 VERSION = 1
+# What a file tells of a terrain beside its layers, in this order.
+_ABOUT = (
+    "spacing", "origin", "crs", "northing", "easting", "vertical_datum", "materials", "source",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,17 +66,7 @@ def save_terrain(terrain: Terrain, file: Path) -> None:
         layers["sigma"] = np.asarray(terrain.sigma, np.float32)
     if terrain.material is not None:
         layers["material"] = np.asarray(terrain.material, np.uint8)
-    words = {
-        "version": VERSION,
-        "spacing": terrain.spacing,
-        "origin": list(terrain.origin),
-        "crs": terrain.crs,
-        "northing": terrain.northing,
-        "easting": terrain.easting,
-        "vertical_datum": terrain.vertical_datum,
-        "materials": list(terrain.materials),
-        "source": terrain.source,
-    }
+    words = {"version": VERSION} | {name: getattr(terrain, name) for name in _ABOUT}
     np.savez_compressed(file, allow_pickle=False, about=np.array(json.dumps(words)), **layers)
 
 
@@ -85,18 +79,10 @@ def load_terrain(file: Path) -> Terrain:
         if about["version"] != VERSION:
             found = about["version"]
             raise InputInvalid(f"{file}: terrain of version {found}; this reads version {VERSION}")
+        words = {name: about[name] for name in _ABOUT}
+        words |= {name: tuple(about[name]) for name in ("origin", "materials")}
         return Terrain(
-            z=layers["z"],
-            spacing=about["spacing"],
-            origin=(about["origin"][0], about["origin"][1]),
-            sigma=layers.get("sigma"),
-            crs=about["crs"],
-            northing=about["northing"],
-            easting=about["easting"],
-            vertical_datum=about["vertical_datum"],
-            material=layers.get("material"),
-            materials=tuple(about["materials"]),
-            source=about["source"],
+            z=layers["z"], sigma=layers.get("sigma"), material=layers.get("material"), **words
         )
     except InputInvalid:
         raise
