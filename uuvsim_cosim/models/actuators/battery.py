@@ -17,7 +17,7 @@ __all__ = ["BatteryParameters", "battery"]
 
 @dataclass(frozen=True)
 class BatteryParameters:
-    """What a battery is described by."""
+    """Parameters of a battery."""
 
     Q: float  # C, charge of the full battery
     R_i: float  # Ohm, inner resistance

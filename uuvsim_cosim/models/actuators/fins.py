@@ -216,7 +216,7 @@ def read_fins(path: Path) -> FinGeometry:
 def _control_force(
     m: Model, vehicle: str, names: tuple[str, ...], nu_r: ca.SX, delta: ca.SX
 ) -> ca.SX:
-    """Declare the terms of folder/control.yaml; give their force (6) about CO in b.
+    """Declare the terms of folder/control.yaml; return their force (6) about CO in b.
 
     `names` are those of the fins, in the order of `delta` [rad]. Where a term has a slipstream an
     input n, the propeller's speed, is declared.

@@ -54,7 +54,7 @@ _PAIR = "the complex pair of von Benzon et al. (2022)"
 
 @dataclass(frozen=True)
 class ThrusterParameters:
-    """What a thruster with quadratic thrust is described by."""
+    """Parameters of a thruster with quadratic thrust."""
 
     n_max: float  # rad/s, shaft speed at u = 1
     T_n: float  # s, time constant of the shaft

@@ -35,7 +35,7 @@ _NU = ("nu[1]", "nu[2]", "nu[3]", "nu[4]", "nu[5]", "nu[6]")
 
 @dataclass(frozen=True)
 class OperatingPoint:
-    """Where a model is looked at: states, inputs and outputs by element, SI, and parameters.
+    """States, inputs and outputs of a model by element, SI, and its parameters.
 
     `residual` is the largest rate that should be 0 and is not (SI units), of a trim.
     """

@@ -29,7 +29,7 @@ Draws = Callable[[Array, int, int, int], Array]
 
 @dataclass(frozen=True)
 class Trajectory:
-    """What was simulated: times [s], and each output and state, (n,) or (n, size)."""
+    """Result of a simulation: times [s], and each output and state, (n,) or (n, size)."""
 
     t: Array
     values: Mapping[str, Array]

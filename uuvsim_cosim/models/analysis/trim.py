@@ -35,7 +35,7 @@ def trim_model(
 ) -> OperatingPoint:
     """Find the equilibrium at which `fixed` holds, by changing states and the inputs in `free`.
 
-    `fixed` gives states (``{"nu[1]": 1.5}``, SI and rad) and inputs; inputs that are neither
+    `fixed` holds states (``{"nu[1]": 1.5}``, SI and rad) and inputs; inputs that are neither
     fixed nor free keep their start value. `moving` names states whose rates may be anything, by
     default N, E and psi of a hull. Of many solutions that nearest to `guess` is given. Raises
     InputInvalid, with the rates that stay, where there is none nearby.

@@ -27,7 +27,7 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Meaning:
-    """What a parameter of some name is: its unit, a least value, and words for it."""
+    """Meaning of a parameter's name: its unit, what it is in words, and its least value."""
 
     unit: str
     words: str
@@ -85,7 +85,7 @@ class Product:
 
 
 def product_of(name: str) -> Product | None:
-    """Return what a name such as `Y_pq` stands for; None if it is no product in rising order."""
+    """Return the product that a name such as `Y_pq` means; None if it is none in rising order."""
     match = _PRODUCT.match(name)
     if match is None:
         return None

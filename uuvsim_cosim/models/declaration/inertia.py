@@ -77,7 +77,7 @@ _OF_MASS = re.compile(r"(m|[xyz]_g|(I_b|I_g)_[1-3][1-3]|M_A_[1-6][1-6])$")
 def not_positive(names: Collection[str], numbers: Mapping[str, float]) -> Iterator[tuple[str, str]]:
     """Yield (parameter, sentence) for each mass of a set that is not positive definite.
 
-    `numbers` are those of `names` that could be read. M_A is asked if all of it could, M_RB if
+    `numbers` are those of `names` that could be read. M_A is checked if all of it could, M_RB if
     mass, inertia and CG could, else the inertia alone, whatever else is wrong.
     """
     asked = {n for n in names if _OF_MASS.match(n)}

@@ -146,7 +146,7 @@ def _declared(name: str, options: Mapping[str, Any]) -> Model:
 def _wrong_option(
     name: str, declaration: Callable[..., Model], options: Mapping[str, Any], error: TypeError
 ) -> Exception:
-    """Return what is wrong with the options of a model; any other error as it is."""
+    """Return the error of a model's wrong option; any other error is returned as it is."""
     taken = signature(declaration).parameters
     unknown = [key for key in options if key not in taken]
     if any(p.kind is p.VAR_KEYWORD for p in taken.values()) or not unknown:
@@ -158,7 +158,7 @@ def _wrong_option(
         return InputInvalid(f"model {name!r} has no presets, as {options[key]!r}{hint}")
     kinds = (Parameter.POSITIONAL_OR_KEYWORD, Parameter.KEYWORD_ONLY)
     as_text = [k for k, p in taken.items() if p.kind in kinds]
-    in_python = ("Parameters", "Mapping", "Preset")  # of a type that no text gives
+    in_python = ("Parameters", "Mapping", "Preset")  # types of which no text can be
     known = [k for k in as_text if not any(t in str(taken[k].annotation) for t in in_python)]
     return InputInvalid(
         f"model {name!r}",

@@ -58,7 +58,7 @@ class ParameterSet:
 
 @dataclass(frozen=True)
 class Size:
-    """What a vehicle looks like from afar: length, breadth, height, where its middle is [m]."""
+    """Outline of a vehicle: length, breadth, height, and where its middle is [m]."""
 
     length: float
     breadth: float
@@ -175,7 +175,7 @@ Mistakes = Callable[[Any], Iterator[tuple[int, str]]]
 def read_yaml(path: Path, schema: str | Path, further: Mistakes | None = None) -> Any:
     """Read a YAML file that keeps to a schema (a name: of models/schema); mistakes by line.
 
-    `further` gives mistakes that a schema cannot see; all are refused together.
+    `further` yields mistakes that a schema cannot see; all are reported together.
     """
     from jsonschema import Draft202012Validator
 
@@ -249,7 +249,7 @@ def _refuse(path: Path, problems: list[tuple[int, str]]) -> None:
 
 @shared_until_changed
 def vehicle_file(id: str) -> tuple[Path, Any]:
-    """Return a vehicle's parameter file and what stands in it, checked."""
+    """Return a vehicle's parameter file and its contents, checked."""
     is_file = id.endswith((".yaml", ".yml"))
     path = Path(id).expanduser() if is_file else vehicle_folder(id) / "parameters.yaml"
     return path, read_yaml(path, "vehicle.schema.json", _mistakes)
@@ -275,7 +275,7 @@ def _mistakes(data: Any) -> Iterator[tuple[int, str]]:
                 yield line, f"{key}: not a parameter of a hull; expected {near_names(str(key))}"
                 continue
             if not isinstance(entry.get("value"), int | float) or "unit" not in entry:
-                continue  # the schema says so
+                continue  # the schema reports it
             try:
                 value = in_unit(float(entry["value"]), str(entry["unit"]), meaning.unit)
             except ValueError as error:

@@ -27,7 +27,7 @@ class Preset:
 
     path: Path
     values: Mapping[str, tuple[list[float], list[str], int]]  # name: (elements, units, line)
-    asked: set[str] = field(default_factory=set)  # the names that a declaration looked for
+    asked: set[str] = field(default_factory=set)  # names that a declaration has read
 
     def vector(self, name: str, unit: Units, size: int | None = None) -> list[float]:
         """Return a parameter's elements in `unit`, one for all or one each.

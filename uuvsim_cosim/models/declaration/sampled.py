@@ -23,7 +23,7 @@ def held_output(
     type: Type = "Float64",
     description: str = "",
 ) -> ca.SX:
-    """Declare an output that takes `value` at each tick; gives the discrete state behind it."""
+    """Declare an output that takes `value` at each tick; return the discrete state behind it."""
     size = int(ca.SX(value).numel())
     shape: tuple[int, ...] = () if size == 1 else (size,)
     held = m.discrete(f"{name}_held", start, shape, unit=unit)

@@ -72,7 +72,7 @@ def shown(data: Any) -> str:
 
 
 def plain(data: Any) -> Any:
-    """Return what a YAML file says without its comments and places."""
+    """Return the contents of a YAML file without their comments and places."""
     if isinstance(data, Mapping):
         return {str(k): plain(v) for k, v in data.items()}
     if isinstance(data, Sequence) and not isinstance(data, str):

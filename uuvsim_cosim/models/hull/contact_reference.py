@@ -199,9 +199,9 @@ def _under(z: Zone, x: Array, u: Array, d: float) -> float:
     size, along, at = np.sum(z.g**2, axis=1), z.g @ u, z.g @ (x - z.c)
     chord = np.inf
     for i in range(3):
-        left = size[i] + at[i] if along[i] > 0.0 else size[i] - at[i]
-        if left < chord * abs(along[i]):
-            chord = left / abs(along[i])
+        rest = size[i] + at[i] if along[i] > 0.0 else size[i] - at[i]
+        if rest < chord * abs(along[i]):
+            chord = rest / abs(along[i])
     if d <= 0.5 * chord:
         return d
     return float(2.0 * d * (chord - d) / chord if d < chord else -chord)
@@ -302,18 +302,18 @@ def _meets(s: State, q: Pair, v: Array) -> tuple[Array, bool] | None:
 
 def _swept(q: Pair, c0: Array, c1: Array) -> tuple[float, Array, float]:
     """Return the share of the way at which a pair overlaps, direction, and last share apart."""
-    share, left, way = 0.0, 0.0, c1 - c0
+    share, apart, way = 0.0, 0.0, c1 - c0
     d, u = q.least(c0)
     for _ in range(SWEEPS):
         if not d < APART - 1e-9:
             break
         closing = -float(way @ u)
         if not d + (1.0 - share) * closing > APART:
-            return 2.0, u, left
-        left = share - d / closing
+            return 2.0, u, apart
+        apart = share - d / closing
         share += (APART - d) / closing
         d, u = q.least(c0 + share * way)
-    return (share if q.depth(c1, u) > APART else 2.0), u, max(left, 0.0)
+    return (share if q.depth(c1, u) > APART else 2.0), u, max(apart, 0.0)
 
 
 def _met(q: Pair, c0: Array) -> Array | None:

@@ -24,7 +24,7 @@ __all__ = ["declare_parameters", "mass_of_water", "nominal", "structure"]
 def declare_parameters(
     m: Model, numbers: Mapping[str, float], surface: bool, sources: Mapping[str, str]
 ) -> dict[str, ca.SX]:
-    """Declare the parameters of a hull, each with its unit and source; gives their symbols."""
+    """Declare the parameters of a hull, each with its unit and source; return their symbols."""
     wrong = [
         f"{n!r} is not a parameter of a hull; expected {near_names(n)}"
         for n in numbers

@@ -87,7 +87,7 @@ def pool(
 
 
 def declare_arena(m: Model, obstacles: int) -> tuple[ca.SX, ca.SX, list[tuple[ca.SX, ...]]]:
-    """Declare where a pool lies, and its obstacles; gives (origin, size, [(x, y, r, h)])."""
+    """Declare where a pool lies, and its obstacles; return (origin, size, [(x, y, r, h)])."""
     if not 0 <= obstacles <= 64:
         raise ParameterInvalid(m.name, f"{obstacles} obstacles", "0 to 64")
     origin = m.parameter(

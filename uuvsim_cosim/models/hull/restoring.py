@@ -62,7 +62,7 @@ ROUNDED = 0.01
 def floating(
     m: Model, volumes: Sequence[Volume], r_b: ca.SX, depth: ca.SX, down: ca.SX
 ) -> tuple[ca.SX, ca.SX]:
-    """Declare the volumes; give the share under water and the gradient of U to `down` (3) [m].
+    """Declare the volumes; return the share under water and the gradient of U to `down` (3) [m].
 
     `depth` is that of CO below the surface [m]; r_b (3) is where the whole buoyancy acts.
     """

@@ -17,6 +17,6 @@ OPTIMISERS: dict[str, ca.Function] = {}
 
 
 def optimiser(function: ca.Function) -> Callable[..., list[ca.SX]]:
-    """Return a CasADi Function as one of SX columns; its name says all that it depends on."""
+    """Return a CasADi Function as one of SX columns; its name identifies all that it depends on."""
     OPTIMISERS.setdefault(function.name(), function)
     return lambda *inputs: list(OPTIMISERS[function.name()].call([*inputs], False, True))

@@ -37,7 +37,7 @@ _WELD = 1e-6  # of the longest side: corners nearer than this are one
 
 @dataclass(frozen=True)
 class Mesh:
-    """Closed triangles (n, 3, 3) [m], outside anticlockwise; `notes` says what was repaired."""
+    """Closed triangles (n, 3, 3) [m], outside anticlockwise; `notes` lists the repairs."""
 
     triangles: Array
     notes: tuple[str, ...] = field(default=())

@@ -57,10 +57,11 @@ def _split(low: Array, high: Array) -> Ints:
         # the parts of the nodes that are still to be split, node by node
         run = np.repeat(np.arange(len(start)), count)
         places = np.repeat(start - np.cumsum(count) + count, count) + np.arange(len(run))
-        left = _sorted(low, high, order, places, run, count, level)
+        in_first = _sorted(low, high, order, places, run, count, level)
         level += 1
         firsts, counts = (
-            np.stack(pair, 1).ravel() for pair in ((start, start + left), (left, count - left))
+            np.stack(pair, 1).ravel()
+            for pair in ((start, start + in_first), (in_first, count - in_first))
         )
         alone = counts == 1
         children = np.where(alone, -1 - order[firsts], 0)
@@ -74,7 +75,7 @@ def _split(low: Array, high: Array) -> Ints:
 def _sorted(
     low: Array, high: Array, order: Ints, places: Ints, run: Ints, count: Ints, level: int
 ) -> Ints:
-    """Sort the parts of each node along its longest axis; give how many go to its first child."""
+    """Sort the parts of each node along its longest axis; return how many go to its first child."""
     parts = order[places]
     first = np.cumsum(count) - count
     centre = 0.5 * (low[parts] + high[parts])

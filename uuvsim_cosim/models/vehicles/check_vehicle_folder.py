@@ -1,6 +1,6 @@
 """Reader of a vehicle's folder: all files are read, and all mistakes are reported at once.
 
-A component reads only the files that it needs; who checks a vehicle wants to know of all of them.
+A component reads only the files that it needs; a check of a vehicle reports mistakes in all.
 """
 
 from __future__ import annotations

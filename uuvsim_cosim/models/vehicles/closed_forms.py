@@ -1,6 +1,6 @@
 """Closed-form checks of a hull's parameters: mass, energy and balance, each as one deviation.
 
-A hull is asked as a whole, through the equations that it is simulated with:
+A hull is checked as a whole, by the equations that it is simulated with:
 
 * M is symmetric and positive definite (its symmetric part; else added mass would drive);
 * no principal moment of inertia about CG exceeds the sum of the other two;

@@ -1,6 +1,6 @@
 """Figures derived from a vehicle's parameters: balance, speeds, periods, derivatives.
 
-All is asked of the equations that it is simulated with, submerged, not of single coefficients.
+All figures result from the equations that are simulated, submerged, not from single coefficients.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class Ambiguous:
 
     name: str
     unit: str
-    values: tuple[tuple[float, str], ...]  # each with where it stands
+    values: tuple[tuple[float, str], ...]  # each with the sets that have it
 
 
 def vehicle_figures(address: str, U: float) -> VehicleFigures:
@@ -151,7 +151,7 @@ def _oscillation(A: Array, angle: int) -> Oscillation:
 
 
 def ambiguous_numbers(id: str) -> Iterator[Ambiguous]:
-    """Yield each parameter of which a vehicle's sets, or its published values, say different."""
+    """Yield each parameter of which a vehicle's sets, or its published values, differ."""
     found: dict[str, list[tuple[float, str]]] = {}
     units: dict[str, str] = {}
     for name in vehicle_sets(id):

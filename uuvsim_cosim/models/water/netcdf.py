@@ -24,7 +24,7 @@ HDF5 = b"\x89HDF"
 
 @dataclass(frozen=True)
 class Variable:
-    """Dimensions, shape and attributes of a variable; `read` gives a part of it."""
+    """Dimensions, shape and attributes of a variable; `read` returns a part of it."""
 
     name: str
     dimensions: tuple[str, ...]

@@ -34,8 +34,8 @@ __all__ = [
 ]
 
 BASE = 3  # the pyramid's finest level, of 2^BASE cells a side: UUV_TERRAIN_BASE
-ROW = 10  # numbers of a solid: kind, centre (3), size (5), radius of the ball that holds it
-_KINDS = {"Box": 0.0, "Sphere": 1.0, "Capsule": 2.0, "Cylinder": 3.0}  # enum uuv_solid_kind
+ROW = 10  # numbers of a solid: shape, centre (3), size (5), radius of the ball that holds it
+_SHAPES = {"Box": 0.0, "Sphere": 1.0, "Capsule": 2.0, "Cylinder": 3.0}  # enum uuv_solid_kind
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +100,7 @@ def ground_named(scene: str) -> Ground:
 
 
 def touched_ground(scene: str) -> Ground:
-    """Pack a scene for contact, which feels no meshes: each has to say `contact: false`."""
+    """Pack a scene for contact, which ignores meshes: each needs `contact: false`."""
     ground = ground_named(scene)
     if ground.surfaces.touched:
         raise ParameterInvalid(
@@ -186,7 +186,7 @@ def _boxes(
     may graze a round solid of radius r that it misses by 1e-15 p²/r: 0.2 mm of 5 cm at 100 km.
     """
     size, half = solids[:, 4:9], np.zeros((len(solids), 3))
-    for kind, row in enumerate(
+    for shape, row in enumerate(
         (
             np.stack(
                 [
@@ -201,7 +201,7 @@ def _boxes(
             size[:, [0, 0, 1]],
         )
     ):
-        half = np.where(solids[:, :1] == kind, row, half)
+        half = np.where(solids[:, :1] == shape, row, half)
     half += 1e-3 + 1e-3 * solids[:, 9:10]
     corners = surfaces.triangles
     low, high = corners.min(axis=1), corners.max(axis=1)
@@ -213,8 +213,8 @@ def _boxes(
 
 
 def _row(o: Obstacle) -> list[float]:
-    """Return kind, centre, size and bound of a solid; raises InputInvalid for one without size."""
-    kind = _KINDS[type(o).__name__]
+    """Return shape, centre, size and bound of a solid; raises InputInvalid for one without size."""
+    shape = _SHAPES[type(o).__name__]
     sizes: tuple[float, ...]
     if isinstance(o, Box):
         sizes = o.half
@@ -227,14 +227,14 @@ def _row(o: Obstacle) -> list[float]:
         start, end = np.array(o.start), np.array(o.end)
         half = (end - start) / 2
         size, bound = [*half.tolist(), o.radius, 0.0], hypot(*half) + o.radius
-        return [kind, *((start + end) / 2).tolist(), *size, bound]
+        return [shape, *((start + end) / 2).tolist(), *size, bound]
     else:
         assert isinstance(o, Cylinder)
         sizes = (o.radius, o.half_height)
         size, bound = [*sizes, 0.0, 0.0, 0.0], hypot(*sizes)
     if not min(sizes) > 0:
         raise InputInvalid(f"obstacle {o}: its sizes must be greater than 0 m")
-    return [kind, *o.centre, *size, bound]
+    return [shape, *o.centre, *size, bound]
 
 
 def _pyramid(

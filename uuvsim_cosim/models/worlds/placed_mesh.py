@@ -1,4 +1,4 @@
-"""A surface of triangles that stands in a scene: a wreck, a jacket, a wall, read from a file."""
+"""A surface of triangles in a scene: a wreck, a jacket, a wall, read from a file."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class PlacedMesh:
     orientation: Vector3 = (0.0, 0.0, 0.0)  # rad, phi theta psi of the file's axes
     unit: str = "m"  # of the file's numbers
     scale: float = 1.0  # their factor
-    axes: str = "NED"  # what the file's x, y, z are before they are turned
+    axes: str = "NED"  # directions of the file's x, y, z before they are turned
     material: str = ""  # kept for a sensor that reads it; none does yet
     name: str = ""
     contact: bool = True  # whether a hull touches it; where not, it passes through
@@ -55,14 +55,14 @@ class PlacedMesh:
 
     @property
     def facts(self) -> str:
-        """Say its size and place in a sentence."""
+        """Return its size and place in one sentence."""
         low, high = self.vertices.min(axis=0), self.vertices.max(axis=0)
         place = ", ".join(
             f"{axis} {a:.2f} to {b:.2f}" for axis, a, b in zip("NED", low, high, strict=True)
         )
         shell = f"open at {self.open_edges} edges" if self.open_edges else "closed"
-        left = f"; {self.flat} triangles without area were left out" if self.flat else ""
-        return f"{len(self.corners):,} triangles, {place} m, {shell}{left}"
+        flat = f"; {self.flat} triangles without area were left out" if self.flat else ""
+        return f"{len(self.corners):,} triangles, {place} m, {shell}{flat}"
 
 
 def placed_mesh(
@@ -79,7 +79,7 @@ def placed_mesh(
     """Read a mesh (.stl, .obj, .glb, .gltf) and place it.
 
     A point p of the file is at  position + R(orientation) A scale p,  with A of `axes` and scale
-    in `unit`. glTF has metres and the axes EUS unless told otherwise; STL and OBJ state neither,
+    in `unit`. glTF has metres and the axes EUS unless given otherwise; STL and OBJ state neither,
     so both are needed. Raises InputInvalid for a file or a number that is no mesh.
     """
     ending = file.suffix.lower()

@@ -69,8 +69,8 @@ class Rays:
         first = 4 + MOVING * self.n_moving
         y, J = np.zeros(self.n_out), np.zeros((self.n_out, self.n_in))
         for i, d in enumerate(x[first:].reshape(-1, 3)):
-            y[i], kind, n, into, t = -1.0, *_met(self.ground, solids, x[:3], d, x[3])
-            if kind:
+            y[i], hit, n, into, t = -1.0, *_met(self.ground, solids, x[:3], d, x[3])
+            if hit:
                 size, own = np.linalg.norm(d), slice(first + 3 * i, first + 3 * i + 3)
                 y[i], y[self.n + i] = t, into / size
                 J[i, :3], J[i, own] = n / into, t * n / into
@@ -105,9 +105,9 @@ class Frame:
         sigma, relative, bias, low, high, least, lost = x[12:FRAME_HEAD]
         y = np.zeros(self.n_out)
         for i, (a, w) in enumerate(zip(self.directions, x[end:], strict=True)):
-            kind, _, into, t = _met(self.ground, solids, x[:3], R @ a, high)
+            hit, _, into, t = _met(self.ground, solids, x[:3], R @ a, high)
             digits = (w + 16.0) * 1024.0 % 1.0
-            if not kind or into < least or t < low or digits < lost:
+            if not hit or into < least or t < low or digits < lost:
                 continue
             reading = t + bias + np.hypot(sigma, relative * t) * w
             if reading > 0.0:
@@ -148,15 +148,15 @@ def _solids(x: Array) -> Array:
 def _met(
     g: Ground, solids: Array, o: Array, d: Array, far: float
 ) -> tuple[int, Array, float, float]:
-    """Return the kind of the echo (0: none), the normal, the cosine times the length, the range."""
-    kind, (t, n) = first_hit(g, solids, o, d, far)
+    """Return what echoes (uuv_hit_kind; 0: nothing), the normal, the cosine times the length, the range."""
+    hit, (t, n) = first_hit(g, solids, o, d, far)
     into = float(-n @ d)
-    echo = (kind == 1 or kind >= 4) and into > 0.0
-    return (kind if echo else 0), n, into, t
+    echo = (hit == 1 or hit >= 4) and into > 0.0
+    return (hit if echo else 0), n, into, t
 
 
 def declare_others(m: Model, others: int | str, *, moving: bool = False) -> ca.SX:
-    """Declare the others' poses and sizes; gives the numbers of uuv_moving_, 10 for each.
+    """Declare the others' poses and sizes; return the numbers of uuv_moving_, 10 for each.
 
     With `moving` there are inputs of their velocities too.
     """

@@ -1,4 +1,4 @@
-"""A scene folder: terrain, obstacles and meshes, as `scene.yaml` says."""
+"""A scene folder: terrain, obstacles and meshes, as `scene.yaml` lists them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from uuvsim_cosim.models.worlds.terrain import Terrain, load_terrain, save_terra
 
 __all__ = ["Scene", "find_scene", "load_scene", "save_scene", "scene_ids"]
 
-_KINDS: dict[str, type[Obstacle]] = {
+_SHAPES: dict[str, type[Obstacle]] = {
     "box": Box,
     "sphere": Sphere,
     "capsule": Capsule,
@@ -36,7 +36,7 @@ _WORDS = ("unit", "axes", "material", "name")  # of a mesh
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What stands still in a mission's world; frame `n`, its water surface at D = 0."""
+    """Terrain, obstacles and meshes of a mission; frame `n`, the water's surface at D = 0."""
 
     name: str
     terrain: Terrain | None
@@ -80,15 +80,18 @@ def load_scene(scene: str | Path) -> Scene:
 
     def mistakes(data: Any) -> Iterator[tuple[int, str]]:
         for i, entry in enumerate(data.get("obstacles", ())):
-            for kind, given in entry.items():
-                if kind not in _KINDS:
+            for shape, given in entry.items():
+                if shape not in _SHAPES:
                     line = line_of(data, ["obstacles", i])
-                    yield line, f"obstacles.{i}: {kind!r}; expected {expected_names(kind, _KINDS)}"
+                    yield (
+                        line,
+                        f"obstacles.{i}: {shape!r}; expected {expected_names(shape, _SHAPES)}",
+                    )
                     continue
                 for name, value in given.items():
                     numbers = value if isinstance(value, list) else [value]
                     if any(isinstance(v, float) and not isfinite(v) for v in numbers):
-                        place = ["obstacles", i, kind, name]
+                        place = ["obstacles", i, shape, name]
                         text = f"{'.'.join(map(str, place))}: {value}; expected finite numbers"
                         yield line_of(data, place), text
         yield from _read_meshes(data, folder, meshes)
@@ -108,7 +111,7 @@ def load_scene(scene: str | Path) -> Scene:
         raise InputInvalid.of(problems)
     obstacles: list[Obstacle] = []
     for entry in data.get("obstacles", ()):
-        ((kind, given),) = entry.items()
+        ((shape, given),) = entry.items()
         values: dict[str, Any] = {
             str(name): tuple(float(v) for v in value)
             if isinstance(value, list)
@@ -117,7 +120,7 @@ def load_scene(scene: str | Path) -> Scene:
             else float(value)
             for name, value in given.items()
         }
-        obstacles.append(_KINDS[str(kind)](**values))
+        obstacles.append(_SHAPES[str(shape)](**values))
     return Scene(
         str(data["id"]),
         terrain,
@@ -130,7 +133,7 @@ def load_scene(scene: str | Path) -> Scene:
 
 
 def _read_meshes(data: Any, folder: Path, meshes: list[PlacedMesh]) -> Iterator[tuple[int, str]]:
-    """Read the meshes of a scene into a list; give the line and the sentence of each mistake."""
+    """Read the meshes of a scene into a list; yield line and text of each mistake."""
     for i, entry in enumerate(data.get("meshes", ())):
         line = line_of(data, ["meshes", i, "file"])
         vectors = {
@@ -190,14 +193,14 @@ def _text(scene: Scene) -> str:
         lines.append("terrain: terrain.npz")
     if scene.obstacles or (scene.terrain is None and not scene.meshes):
         lines.append("obstacles:" if scene.obstacles else "obstacles: []")
-    kinds = {made: kind for kind, made in _KINDS.items()}
+    shapes = {made: shape for shape, made in _SHAPES.items()}
     for obstacle in scene.obstacles:
         numbers = ", ".join(
             f"{f.name}: {_value(getattr(obstacle, f.name))}"
             for f in fields(obstacle)
             if getattr(obstacle, f.name) != f.default
         )
-        lines.append(f"  - {kinds[type(obstacle)]}: {{{numbers}}}")
+        lines.append(f"  - {shapes[type(obstacle)]}: {{{numbers}}}")
     for k, mesh in enumerate(scene.meshes):
         lines += ["meshes:"] * (k == 0)
         vectors = f"position: {_value(mesh.position)}, orientation: {_value(mesh.orientation)}"

@@ -13,7 +13,7 @@ from uuvsim_cosim.models.declaration.files_read import noted
 __all__ = ["Terrain", "load_terrain", "save_terrain"]
 
 VERSION = 1
-# What a file tells of a terrain beside its layers, in this order.
+# Contents of a file beside the layers, in this order.
 _ABOUT = (
     "spacing", "origin", "crs", "northing", "easting", "vertical_datum", "materials", "source",
 )  # fmt: skip
