@@ -148,7 +148,7 @@ def _solids(x: Array) -> Array:
 def _met(
     g: Ground, solids: Array, o: Array, d: Array, far: float
 ) -> tuple[int, Array, float, float]:
-    """Return what echoes (uuv_hit_kind; 0: nothing), the normal, the cosine times the length, the range."""
+    """Return the hit (0: no echo), its normal, the cosine times the length, and the range."""
     hit, (t, n) = first_hit(g, solids, o, d, far)
     into = float(-n @ d)
     echo = (hit == 1 or hit >= 4) and into > 0.0

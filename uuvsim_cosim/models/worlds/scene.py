@@ -82,11 +82,8 @@ def load_scene(scene: str | Path) -> Scene:
         for i, entry in enumerate(data.get("obstacles", ())):
             for shape, given in entry.items():
                 if shape not in _SHAPES:
-                    line = line_of(data, ["obstacles", i])
-                    yield (
-                        line,
-                        f"obstacles.{i}: {shape!r}; expected {expected_names(shape, _SHAPES)}",
-                    )
+                    text = f"obstacles.{i}: {shape!r}; expected {expected_names(shape, _SHAPES)}"
+                    yield line_of(data, ["obstacles", i]), text
                     continue
                 for name, value in given.items():
                     numbers = value if isinstance(value, list) else [value]
