@@ -52,6 +52,9 @@ __all__ = [
     "nu_c_dot",
 ]
 
+LAWS = ("power", "log", "table")
+LEVELS = ((0.0, 0.5, 0.0), (10.0, 0.4, 0.1), (30.0, 0.2, 0.1), (60.0, 0.1, 0.0))
+
 
 def nu_c(Rnb: ca.SX, v_c: ca.SX) -> ca.SX:
     """Return nu_c (6) in `b` of the current v_c (3) [m/s] in `n`."""
@@ -130,10 +133,6 @@ def current_ramps(events: int | str = 3) -> Model:
     return m
 
 
-LAWS = ("power", "log", "table")
-LEVELS = ((0.0, 0.5, 0.0), (10.0, 0.4, 0.1), (30.0, 0.2, 0.1), (60.0, 0.1, 0.0))
-
-
 def current_profile(law: str = "power", file: str = "") -> Model:
     """Declare a current sheared with depth; `file` is a CSV of the law `table`.
 
@@ -148,7 +147,7 @@ def current_profile(law: str = "power", file: str = "") -> Model:
     added = m.input("v", 3, unit="m/s", description="current on top of it, in n")
     depth = eta[2]
     if law == "table":
-        rows = _read(Path(file).expanduser()) if file else np.array(LEVELS)
+        rows = _read_levels(Path(file).expanduser()) if file else np.array(LEVELS)
         n = len(rows)
         d = m.parameter("depths", rows[:, 0], (n,), unit="m", description="of the levels, rising")
         v = m.parameter(
@@ -181,7 +180,7 @@ def current_profile(law: str = "power", file: str = "") -> Model:
     return m
 
 
-def _read(file: Path) -> NDArray[np.float64]:
+def _read_levels(file: Path) -> NDArray[np.float64]:
     try:
         lines = [x for x in noted(file).read_text(encoding="utf-8-sig").splitlines() if x.strip()]
     except (OSError, UnicodeDecodeError) as error:
