@@ -14,7 +14,7 @@ Options of a declaration are structural choices, as Python or a system's file wr
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from math import prod
@@ -299,6 +299,10 @@ class Model:
                 declared.size,
             )
         return ca.vec(flat)
+
+    def starts(self) -> Mapping[str, Any]:
+        """Return each parameter's and input's start values, flat."""
+        return {v.name: v.start for v in self.of_kind("input", "parameter")}
 
 
 def is_on(name: str, value: bool | str, *further: str) -> bool:
