@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from uuvsim_cosim.models.declaration.model import Model
     from uuvsim_cosim.models.declaration.safe_math import abs_, saturate
     from uuvsim_cosim.models.sensors.allan import allan_deviation, allan_of_error
-    from uuvsim_cosim.models.sensors.beams import beams_of
+    from uuvsim_cosim.models.sensors.multibeam_and_camera import beams_of
     from uuvsim_cosim.models.vehicles.outline import write_outlines
     from uuvsim_cosim.models.worlds.terrain import Terrain
 

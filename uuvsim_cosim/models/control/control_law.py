@@ -138,12 +138,8 @@ def law(m: Model, p: Preset, period: str) -> Loop:
     nu_d = m.input("nu_d", 6, unit=NU, description="wanted, in axes of eta_d")
     eta = m.input("eta", 6, unit=ETA, description="estimate of N E D phi theta psi")
     nu = m.input("nu", 6, unit=NU, description="estimate, in b")
-    tau_max = m.parameter(
-        "tau_max", p.vector("tau_max", TAU, 6), unit=TAU, min=0, description="limit of tau_d"
-    )
-    T_ff = m.parameter(
-        "T_ff", p.number("T_ff", "s"), unit="s", min=1e-3, description="lag of dnu_d/dt"
-    )
+    tau_max = p.parameter(m, "tau_max", TAU, "limit of tau_d", 6, min=0)
+    T_ff = p.parameter(m, "T_ff", "s", "lag of dnu_d/dt", min=1e-3)
     sample = m.clock("sample", period)
     T = float(sample.period)
     R, R_d = R_zyx(eta[3], eta[4], eta[5]), R_zyx(eta_d[3], eta_d[4], eta_d[5])
@@ -168,7 +164,4 @@ def law(m: Model, p: Preset, period: str) -> Loop:
 
 def gains(m: Model, p: Preset, *named: tuple[str, str, str, str]) -> list[ca.SX]:
     """Declare diagonal gains (name, unit of forces, unit of moments, meaning) of a preset."""
-    return [
-        m.parameter(name, p.vector(name, per(f, k), 6), unit=per(f, k), min=0, description=words)
-        for name, f, k, words in named
-    ]
+    return [p.parameter(m, name, per(f, k), words, 6, min=0) for name, f, k, words in named]

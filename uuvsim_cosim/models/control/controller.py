@@ -37,7 +37,7 @@ def controller(
     eta = m.input("eta", 6, unit=ETA, description="estimate of N E D phi theta psi")
     nu = m.input("nu", 6, unit=NU, description="estimate, in b")
     gain = {
-        name: m.parameter(name, p.vector(name, unit, 6), unit=unit, min=0, description=about)
+        name: p.parameter(m, name, unit, about, 6, min=0)
         for name, unit, about in (
             ("Kp", per("N/m", "N.m/rad"), "of the error of eta"),
             ("Ki", per("N/m/s", "N.m/rad/s"), "of its integral"),
@@ -56,7 +56,7 @@ def controller(
         unit=per("N.s2/m2", "N.m.s2/rad2"),
         description="quadratic damping, diagonal",
     )
-    T_ff = m.parameter("T_ff", p.number("T_ff", "s"), unit="s", min=1e-3, description="lag of M_ff")
+    T_ff = p.parameter(m, "T_ff", "s", "lag of M_ff", min=1e-3)
     sample = m.clock("sample", period)
     T = float(sample.period)
 

@@ -40,9 +40,7 @@ def lqr(id: str = PRESET, vehicle: str = "bluerov2_heavy", period: str = "0.02")
     loop, hull = law(m, p, period), nominal_hull(m, vehicle)
     K = m.parameter("K", _gains(p, id, vehicle), unit=K_UNITS, description="(K_i K_p K_d)")
     units = per("m.s", "rad.s")
-    limit = m.parameter(
-        "z_max", p.vector("z_max", units, 6), unit=units, min=0, description="limit of z"
-    )
+    limit = p.parameter(m, "z_max", units, "limit of z", 6, min=0)
     z = loop.integral("z", units)
     nu_b = loop.nu_b
     state = ca.vertcat(loop.in_body(z), loop.e, nu_b - loop.nu)

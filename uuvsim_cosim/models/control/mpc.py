@@ -57,24 +57,22 @@ def mpc(
     nu_d = m.input("nu_d", 6, unit=NU, description="wanted, in axes of eta_d")
     eta = m.input("eta", 6, unit=ETA, description="estimate of N E D phi theta psi")
     nu = m.input("nu", 6, unit=NU, description="estimate, in b")
-    Q = m.parameter(
-        "Q", p.vector("Q", Q_UNITS, 12), unit=Q_UNITS, min=0,
-        description="square roots of the weights of errors, and of velocity errors",
-    )  # fmt: skip
-    S = m.parameter(
-        "S", p.vector("S", S_UNITS, 6), unit=S_UNITS, min=0,
-        description="square roots of the weights of a change of force from step to step",
-    )  # fmt: skip
-    tau_max = m.parameter(
-        "tau_max", p.vector("tau_max", TAU, 6), unit=TAU, min=0, description="limit of tau_d"
+    Q = p.parameter(
+        m, "Q", Q_UNITS, "square roots of the weights of errors, and of velocity errors", 12, min=0
     )
-    b_max = m.parameter(
-        "b_max", p.vector("b_max", TAU, 6), unit=TAU, min=0, description="limit of b"
+    S = p.parameter(
+        m,
+        "S",
+        S_UNITS,
+        "square roots of the weights of a change of force from step to step",
+        6,
+        min=0,
     )
-    b_gain = m.parameter(
-        "b_gain", p.number("b_gain", "1"), unit="1", min=0, max=1,
-        description="share of a wrong prediction that is learnt at each sample",
-    )  # fmt: skip
+    tau_max = p.parameter(m, "tau_max", TAU, "limit of tau_d", 6, min=0)
+    b_max = p.parameter(m, "b_max", TAU, "limit of b", 6, min=0)
+    b_gain = p.parameter(
+        m, "b_gain", "1", "share of a wrong prediction that is learnt at each sample", min=0, max=1
+    )
     p.complete()
     sample = m.clock("sample", h)
     T = float(sample.period)

@@ -78,8 +78,7 @@ def guidance(
     m.input("nu", 6, unit=NU, description="unused: estimate [m/s, rad/s]")
     table, count = waypoint_parameters(m, waypoints)
     figure = {
-        name: m.parameter(name, p.number(name, unit), unit=unit, min=1e-6, description=words)
-        for name, (unit, words) in FIGURES.items()
+        name: p.parameter(m, name, unit, words, min=1e-6) for name, (unit, words) in FIGURES.items()
     }
     sample = m.clock("sample", period)
     T = float(sample.period)

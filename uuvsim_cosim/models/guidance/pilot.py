@@ -63,17 +63,10 @@ def declare_pilot(
     """Declare all of a pilot but its inputs: at each sample it follows what `wanted` gives."""
     preset_ = preset("controllers", id, "pilot")
     mass, linear, quadratic = nominal(vehicle)
-    p = {
-        name: m.parameter(name, preset_.number(name, unit), unit=unit, min=0, description=words)
-        for name, unit, words in NUMBERS
-    }
+    p = {name: preset_.parameter(m, name, unit, words, min=0) for name, unit, words in NUMBERS}
     depth = m.parameter("depth", 0.5, unit="m", description="D to keep")
-    i_max = m.parameter(
-        "i_max",
-        preset_.vector("i_max", INTEGRALS, 3),
-        unit=INTEGRALS,
-        min=0,
-        description="limits of the integrals of surge, depth and yaw rate",
+    i_max = preset_.parameter(
+        m, "i_max", INTEGRALS, "limits of the integrals of surge, depth and yaw rate", 3, min=0
     )
     M = m.parameter("M_ff", mass, unit=INERTIA, description="diagonal of M_RB + M_A")
     D_l = m.parameter(
