@@ -18,7 +18,7 @@ DEFERRED = {
     "models.analysis.linearize": {"control": "start-up"},
     "models.analysis.trim": {"scipy": "start-up"},
     "models.checks.comparison": {"ruamel": "start-up"},
-    "models.control.lqr_design": {"control": "start-up"},
+    "models.control.lqr": {"control": "start-up"},
     "models.declaration.parameter_files": {"jsonschema": "start-up", "ruamel": "start-up"},
     "models.declaration.yaml_text": {"ruamel": "start-up"},
     "models.guidance.sampled_signal": {"scipy": "start-up"},
