@@ -175,17 +175,17 @@ def _read(folder: Path, sets: list[str]) -> Any:
     if not path.is_file():
         return {}
     data = read_yaml(path, "checks.schema.json")
-    for kind in ("checks", "known"):
-        for i, entry in enumerate(data.get(kind, ())):
-            if entry["set"] not in sets and (kind == "checks" or entry["set"] != "*"):
-                line = line_of(data, [kind, i, "set"])
+    for part in ("checks", "known"):
+        for i, entry in enumerate(data.get(part, ())):
+            if entry["set"] not in sets and (part == "checks" or entry["set"] != "*"):
+                line = line_of(data, [part, i, "set"])
                 raise InputInvalid(f"{path}:{line}", f"set: {entry['set']!r}", ", ".join(sets))
             for output, values in entry.get("expect", {}).items():
                 if output not in EXPECTED:
-                    line = line_of(data, [kind, i, "expect"])
+                    line = line_of(data, [part, i, "expect"])
                     known = f"{', '.join(EXPECTED[:-1])} or {EXPECTED[-1]}"
                     raise InputInvalid(f"{path}:{line}", f"expect: {output!r}", known)
                 if all(v is None for v in values):
-                    line = line_of(data, [kind, i, "expect"])
+                    line = line_of(data, [part, i, "expect"])
                     raise InputInvalid(f"{path}:{line}", "expect: nothing", "a number")
     return data

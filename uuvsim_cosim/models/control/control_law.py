@@ -198,8 +198,8 @@ def law(m: Model, p: Preset, period: str) -> Loop:
     m.update(sample, started, 1.0)
     m.update(sample, before, nu_d)
     m.update(sample, smooth, nu_d_dot)
-    straight = ca.mtimes(turn, nu_d_dot[:3] + ca.cross(nu_d[3:], nu_d[:3]))
-    a_b = ca.vertcat(straight - ca.cross(nu[3:], nu_b[:3]), ca.mtimes(turn, nu_d_dot[3:]))
+    linear = ca.mtimes(turn, nu_d_dot[:3] + ca.cross(nu_d[3:], nu_d[:3]))
+    a_b = ca.vertcat(linear - ca.cross(nu[3:], nu_b[:3]), ca.mtimes(turn, nu_d_dot[3:]))
     return Loop(m, sample, T, eta_d, eta, nu, e, e_dot, nu_b, a_b, tau_max)
 
 

@@ -150,7 +150,7 @@ def _evaluated(text: str, properties: dict[str, str], depth: int = 0) -> str:
 
 
 def _truth(text: str, properties: dict[str, str]) -> bool | None:
-    """Return what a condition says, None if that is not known."""
+    """Return the value of a condition, None if it is not known."""
     value = _evaluated(text, properties).strip().lower()
     if value in ("true", "false"):
         return value == "true"

@@ -117,7 +117,7 @@ class Aiding:
             self.m.update(self.step, last, t_sample)
 
     def due(self, since: ca.SX) -> ca.SX:
-        """Say if there is a reading that cannot wait, or `since` the last correction is long."""
+        """Return whether there is a reading that cannot wait, or `since` the last correction is long."""
         urgent = (self.is_new[name] for name in ("dvl", "pressure", "compass"))
         due = since >= WAIT - 1e-6
         for is_new in urgent:
@@ -137,7 +137,7 @@ class Aiding:
         past: History,
         now: ca.SX,
     ) -> ca.SX:
-        """Correct by DVL, pressure, compass, USBL; gives a row (refused, nu²/S) of each (4, 2)."""
+        """Correct by DVL, pressure, compass, USBL; return a row (refused, nu²/S) of each (4, 2)."""
         c = self.c
         lever = c.r_dvl - c.r_imu
         there = ca.mtimes(Rnb.T, x.v) + ca.cross(omega, lever)
@@ -183,7 +183,7 @@ class Aiding:
         return ca.vertcat(*(self._take(name, by, scalars) for name, scalars in measured.items()))
 
     def _take(self, name: str, by: Correction, measured: Sequence[Measured]) -> ca.SX:
-        """Correct by a reading's scalars; gives (refused so far, mean nu²/S of the latest)."""
+        """Correct by a reading's scalars; return (refused so far, mean nu²/S of the latest)."""
         assert self.now_due is not None  # `due` comes first
         in_a_row = self.m.discrete(f"{name}_in_a_row", unit="1", description="readings refused")
         total = self.m.discrete(f"{name}_refused", unit="1", description="scalars refused")

@@ -151,7 +151,7 @@ def beams_of(kind: str, id: str = "", **options: int | str) -> Beams:
 
 
 def _fan(p: Preset, beams: int | str = 0) -> Array:
-    """Return the beams of a multibeam; 0 of them: as many as its preset says."""
+    """Return the beams of a multibeam; 0 of them: the number of the preset."""
     n = int(beams) or int(p.number("beams", "1"))
     p.has("beams")
     swath = p.number("swath", "rad")

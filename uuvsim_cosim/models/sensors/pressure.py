@@ -24,7 +24,7 @@ __all__ = ["pressure", "water_column"]
 
 
 def water_column(m: Model) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-    """Declare the water above as parameters; gives (p_atm, salinity, temperature [degC], g)."""
+    """Declare the water above as parameters; return (p_atm, salinity, temperature [degC], g)."""
     p_atm = m.parameter("p_atm", 101325.0, unit="Pa", description="pressure at the surface")
     S = m.parameter("salinity", 35.0, unit="1", min=0, max=42, description="practical salinity")
     T = m.parameter("temperature", 10.0, unit="degC", min=-2, max=40, description="of the water")

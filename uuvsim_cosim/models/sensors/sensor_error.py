@@ -55,7 +55,7 @@ def sensor_error(
     unit: str,
     wander: Clock | None = None,
 ) -> ca.SX:
-    """Declare an error of `size` independent axes; gives its value at a tick of the clock.
+    """Declare an error of `size` independent axes; return its value at a tick of the clock.
 
     Its bias moves on at the ticks of `wander`, where that is given: a slower clock, declared
     before `clock`, so that a fast sensor need not draw its bias anew for every reading.
