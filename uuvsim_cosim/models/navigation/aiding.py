@@ -117,7 +117,7 @@ class Aiding:
             self.m.update(self.step, last, t_sample)
 
     def due(self, since: ca.SX) -> ca.SX:
-        """Return whether there is a reading that cannot wait, or `since` the last correction is long."""
+        """Return whether a reading cannot wait, or the time `since` the last correction is long."""
         urgent = (self.is_new[name] for name in ("dvl", "pressure", "compass"))
         due = since >= WAIT - 1e-6
         for is_new in urgent:
