@@ -13,12 +13,12 @@ from uuvsim_cosim.lazy import lazy
 
 if TYPE_CHECKING:
     from uuvsim_cosim.models.analysis.simulate import simulate
-    from uuvsim_cosim.models.control.lqr_design import design_lqr
+    from uuvsim_cosim.models.control.lqr import design_lqr
     from uuvsim_cosim.models.declaration.library import declare
     from uuvsim_cosim.models.declaration.model import Model
     from uuvsim_cosim.models.declaration.safe_math import abs_, saturate
     from uuvsim_cosim.models.sensors.allan import allan_deviation, allan_of_error
-    from uuvsim_cosim.models.sensors.beams import beams_of
+    from uuvsim_cosim.models.sensors.multibeam_and_camera import beams_of
     from uuvsim_cosim.models.vehicles.outline import write_outlines
     from uuvsim_cosim.models.worlds.terrain import Terrain
 
@@ -44,9 +44,9 @@ __getattr__, __dir__ = lazy(
         "abs_": "declaration.safe_math",
         "allan_deviation": "sensors.allan",
         "allan_of_error": "sensors.allan",
-        "beams_of": "sensors.beams",
+        "beams_of": "sensors.multibeam_and_camera",
         "declare": "declaration.library",
-        "design_lqr": "control.lqr_design",
+        "design_lqr": "control.lqr",
         "saturate": "declaration.safe_math",
         "simulate": "analysis.simulate",
         "write_outlines": "vehicles.outline",

@@ -9,8 +9,7 @@ import pytest
 
 from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.models.checks.npsauv import control, force_of_hull
-from uuvsim_cosim.models.checks.npsauv_equations import mss_force
+from uuvsim_cosim.models.checks.npsauv import control, force_of_hull, mss_force
 from uuvsim_cosim.models.declaration.library import declare
 from uuvsim_cosim.models.vehicles.closed_forms import total_mass
 

@@ -8,7 +8,7 @@ import pytest
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.analysis.operating_point import Coordinates
 from uuvsim_cosim.models.control.control_law import nominal_matrices
-from uuvsim_cosim.models.control.lqr_design import design_lqr
+from uuvsim_cosim.models.control.lqr import design_lqr
 from uuvsim_cosim.models.declaration.evaluation import Evaluation
 from uuvsim_cosim.models.declaration.library import declare
 from uuvsim_cosim.models.declaration.preset import preset

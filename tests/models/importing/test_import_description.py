@@ -15,8 +15,7 @@ from uuvsim_cosim.models.checks.checks import checks_of
 from uuvsim_cosim.models.declaration.parameter_files import parameter_set
 from uuvsim_cosim.models.importing.import_description import import_description
 from uuvsim_cosim.models.importing.vehicle_draft import write_draft
-from uuvsim_cosim.models.importing.xacro_expand import expand
-from uuvsim_cosim.models.importing.xacro_text import is_xacro, local
+from uuvsim_cosim.models.importing.xacro import expand, is_xacro, local
 
 URDF = """<?xml version="1.0"?>
 <robot name="tiny">

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from uuvsim_cosim.cli import status_of
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.checks.checks import checks_of
-from uuvsim_cosim.models.importing.hull_estimate import (
+from uuvsim_cosim.models.importing.import_mesh import (
     added_mass_of,
     drag_coefficients,
+    import_mesh,
     quadratic_drag,
 )
-from uuvsim_cosim.models.importing.import_mesh import import_mesh
 from uuvsim_cosim.models.shapes.ellipsoid import added_mass
 from uuvsim_cosim.models.shapes.mesh import read_mesh, repaired, silhouette, solid_of
 

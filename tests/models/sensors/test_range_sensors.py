@@ -16,7 +16,7 @@ from uuvsim_cosim.fmus.importer.read_description import read_fmu
 from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_here
 from uuvsim_cosim.models.analysis.simulate import simulate
 from uuvsim_cosim.models.declaration.library import declare
-from uuvsim_cosim.models.sensors.beams import beams_of
+from uuvsim_cosim.models.sensors.multibeam_and_camera import beams_of
 from uuvsim_cosim.models.worlds.ground import ground_named
 from uuvsim_cosim.models.worlds.obstacles import Sphere
 from uuvsim_cosim.models.worlds.placed_mesh import placed_mesh

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uuvsim_cosim.models.declaration.parameter_files import vehicle_ids, vehicle_size
-from uuvsim_cosim.models.sensors.beams import beams_of
+from uuvsim_cosim.models.sensors.multibeam_and_camera import beams_of
 from uuvsim_cosim.models.shapes.mesh import Mesh as Closed
 from uuvsim_cosim.models.shapes.mesh import solid_of
 from uuvsim_cosim.models.worlds.obstacles import Box, Capsule, Cylinder, Sphere

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from uuvsim_cosim.commands.shared.out_option import folder_option
 from uuvsim_cosim.commands.shared.terminal import file_line, line, number, remark, table, tilde
 from uuvsim_cosim.errors import InputInvalid
-
-if TYPE_CHECKING:
-    from uuvsim_cosim.models.importing.vehicle_draft import Draft
 
 __all__ = ["import_command"]
 
@@ -71,10 +68,40 @@ def import_command(
     else:
         if mass is None:
             raise InputInvalid(file, "a surface has no mass", "--mass and kg")
-        draft, notes = _surface(
-            file, mass, 1.0 if scale is None else scale, axes or "FLU", volume, z_g,
-            1025.0 if rho is None else rho,
-        )  # fmt: skip
+        from uuvsim_cosim.models.importing.import_mesh import import_mesh
+
+        surface = import_mesh(
+            file,
+            mass,
+            scale=1.0 if scale is None else scale,
+            axes=axes or "FLU",
+            rho=1025.0 if rho is None else rho,
+            volume=volume,
+            z_g=z_g,
+        )
+        solid = surface.solid
+        line(f"{file.name}: a closed surface of {solid.surface:.4g} m2")
+        names = ("length", "breadth", "height")
+        table(
+            ("axis", "extent [m]", "area seen [m2]", "C_D"),
+            [
+                (
+                    f"{a} ({n})",
+                    number(solid.extent[i], ".4g"),
+                    number(solid.areas[i], ".4g"),
+                    number(surface.C_D[i], ".3g"),
+                )
+                for i, (a, n) in enumerate(zip("xyz", names, strict=True))
+            ],
+            key="extents",
+        )
+        where = ", ".join(f"{v:.4g}" for v in surface.origin)
+        line(
+            f"volume {solid.volume:.5g} m3; CO is its centre, "
+            f"the file's origin is at ({where}) m (FRD)"
+        )
+        line()
+        draft, notes = surface.draft, surface.notes
     written = write_draft(draft, folder)
     table(
         ("number", "value", "unit", "source"),
@@ -89,34 +116,3 @@ def import_command(
     line()
     line(f"check it with  uuvsim models check {tilde(written)}")
     line(f"use it as      model:{tilde(written)}")
-
-
-def _surface(
-    file: Path, mass: float, scale: float, axes: str, volume: float | None, z_g: float | None,
-    rho: float,
-) -> tuple[Draft, tuple[str, ...]]:  # fmt: skip
-    from uuvsim_cosim.models.importing.import_mesh import import_mesh
-
-    found = import_mesh(file, mass, scale=scale, axes=axes, rho=rho, volume=volume, z_g=z_g)
-    solid = found.solid
-    line(f"{file.name}: a closed surface of {solid.surface:.4g} m2")
-    names = ("length", "breadth", "height")
-    table(
-        ("axis", "extent [m]", "area seen [m2]", "C_D"),
-        [
-            (
-                f"{a} ({n})",
-                number(solid.extent[i], ".4g"),
-                number(solid.areas[i], ".4g"),
-                number(found.C_D[i], ".3g"),
-            )
-            for i, (a, n) in enumerate(zip("xyz", names, strict=True))
-        ],
-        key="extents",
-    )
-    where = ", ".join(f"{v:.4g}" for v in found.origin)
-    line(
-        f"volume {solid.volume:.5g} m3; CO is its centre, the file's origin is at ({where}) m (FRD)"
-    )
-    line()
-    return found.draft, found.notes

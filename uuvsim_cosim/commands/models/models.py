@@ -165,11 +165,11 @@ def _check_against(name: str, path: Path, tolerance: float, relative: bool) -> N
         return float(min(d.max, d.relative) if relative else d.max)
 
     worst = max(found, key=off)
-    kind = "relative to its greatest value" if relative else "off"
+    measure = "relative to its greatest value" if relative else "off"
     if not off(worst) <= tolerance:
         raise InputInvalid(
             f"{name} against {path}",
-            f"{worst.column} is {off(worst):.3g} {kind} at t = {worst.t:g} s",
+            f"{worst.column} is {off(worst):.3g} {measure} at t = {worst.t:g} s",
             f"at most {tolerance:g}",
         )
     line(f"{name} agrees with {path.name} within {tolerance:g}{' relative' if relative else ''}")

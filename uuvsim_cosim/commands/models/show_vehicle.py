@@ -23,7 +23,11 @@ def show_vehicle(address: str) -> None:
         vehicle_sets,
         vehicle_size,
     )
-    from uuvsim_cosim.models.vehicles.vehicle_figures import ambiguous_numbers, vehicle_figures
+    from uuvsim_cosim.models.vehicles.vehicle_figures import (
+        FASTEST,
+        ambiguous_numbers,
+        vehicle_figures,
+    )
 
     id, _ = split_address(address)
     given = parameter_set(*split_address(address))
@@ -43,7 +47,11 @@ def show_vehicle(address: str) -> None:
         ],
     )  # fmt: skip
     surplus = f.buoyancy - f.weight
-    way = "rises" if surplus > 0 else "sinks"
+    drift = "rises" if surplus > 0 else "sinks"
+    if math.isfinite(f.drift):
+        drift += f" at {abs(f.drift):.3g} m/s"
+    else:
+        drift += f" faster than {FASTEST:g} m/s"
     _pairs(
         "balance",
         [
@@ -51,14 +59,21 @@ def show_vehicle(address: str) -> None:
             ("inertia", f"with added mass {_row(np.diag(f.M)[3:])} kg.m2"),
             ("weight", f"{f.weight:.4g} N, buoyancy {f.buoyancy:.4g} N: {surplus:+.3g} N"),
             ("CG, CB", f"{_row(f.r_g)} m, {_row(f.r_b)} m from CO"),
-            ("by itself", "hovers" if abs(surplus) < 1e-6 * f.weight else f"{way} {_at(f.drift)}"),
+            ("by itself", "hovers" if abs(surplus) < 1e-6 * f.weight else drift),
         ],
     )
     low, high = f.forces
     table(
         ("terminal speed", f"by {low:.3g} N or N.m", f"by {high:.3g} N or N.m", "unit"),
         [
-            (f"{axis} alone", *(_finite(v) for v in f.speeds[i]), "m/s" if i < 3 else "rad/s")
+            (
+                f"{axis} alone",
+                *(
+                    Shown(v, f"{v:.3g}" if math.isfinite(v) else f"none below {FASTEST:g}")
+                    for v in f.speeds[i]
+                ),
+                "m/s" if i < 3 else "rad/s",
+            )
             for i, axis in enumerate(AXES)
         ],
         key="terminal_speed",
@@ -122,19 +137,6 @@ def _pairs(title: str, rows: Sequence[tuple[str, str]]) -> None:
 
 def _row(values: Sequence[float] | np.ndarray) -> str:
     return " ".join(f"{v:.4g}" for v in np.asarray(values) + 0.0)
-
-
-def _finite(value: float) -> Shown:
-    from uuvsim_cosim.models.vehicles.vehicle_figures import FASTEST
-
-    text = f"{value:.3g}" if math.isfinite(value) else f"none below {FASTEST:g}"
-    return Shown(value, text)
-
-
-def _at(speed: float) -> str:
-    from uuvsim_cosim.models.vehicles.vehicle_figures import FASTEST
-
-    return f"at {abs(speed):.3g} m/s" if math.isfinite(speed) else f"faster than {FASTEST:g} m/s"
 
 
 def _poles(poles: np.ndarray) -> str:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.preset import preset
-from uuvsim_cosim.models.policies.policy_observation import largest
+from uuvsim_cosim.models.policies.policy_tracking import largest
 
 __all__ = ["Anticipating"]
 

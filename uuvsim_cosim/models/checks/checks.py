@@ -38,7 +38,9 @@ EXPECTED = ("eta", "nu", "nu_dot", "nu_r")
 # (group, vehicle or component, empty for functions; where the rows come from)
 COMPARISONS = (
     ("closed_form", "", "exact_solutions:solutions"),
-    ("mss", "", "mss:functions"),
+    ("mss", "", "mss:rotations"),
+    ("mss", "", "mss:matrices"),
+    ("mss", "", "mss:others"),
     ("gz_sim", "", "gz_sim:functions"),
     ("uuv_simulator", "thruster", "uuv_simulator:thrusters"),
     ("blue_robotics", "thruster_t200", "actuators:t200"),
@@ -51,6 +53,7 @@ COMPARISONS = (
     ("uuv_simulator", "rexrov2", "uuv_simulator:allocation_of_rexrov2"),
     ("uuv_simulator", "sphere", "uuv_simulator:sphere"),
     ("lrauv", "tethys_lrauv", "lrauv:tethys"),
+    ("lrauv", "tethys_lrauv", "lrauv:mass_forward"),
 )
 
 
@@ -73,7 +76,16 @@ def checks_of(address: str, groups: Collection[str] = ()) -> Iterator[Checked]:
         return
     id, chosen = split_address(address)
     if not is_vehicle(id):
-        raise InputInvalid(_no_such(id))
+        if Path(id).expanduser().is_dir():
+            raise InputInvalid(
+                f"{id}: a folder without a parameters.yaml; expected a vehicle's folder"
+            )
+        known = sorted({*vehicle_ids(), *(owner for _, owner, _ in COMPARISONS if owner)})
+        raise InputInvalid(
+            f"there is nothing to compare {id!r} with; expected "
+            f"{expected_names(id, known)}, the path of a folder with a parameters.yaml, "
+            "or of such a file"
+        )
     read_folder(id)
     sets = vehicle_sets(id)
     if chosen is not None and chosen not in sets:
@@ -98,8 +110,18 @@ def checks_of(address: str, groups: Collection[str] = ()) -> Iterator[Checked]:
                 place = vehicle_folder(id) / "checks.yaml"
                 raise InputInvalid(f"{place}:{at}: {entry['what']}: {error}") from None
     yield from _of(id, chosen, groups)
-    if not groups or "closed_form" in groups:
-        yield from _closed_forms(id, wanted, data)
+    for name in wanted if not groups or "closed_form" in groups else ():
+        for form in closed_forms(declare(f"{id}@{name}", surface=False)):
+            causes = [
+                str(k["because"])
+                for k in data.get("known", ())
+                if k["check"] == form.name and k["set"] in (name, "*")
+            ]
+            cause = causes[0] if causes and form.off > form.tolerance else ""
+            yield Checked(
+                f"{id}@{name}", form.name, form.off, form.tolerance, "closed form", cause,
+                "closed_form",
+            )  # fmt: skip
 
 
 def groups_of(address: str) -> list[str]:
@@ -133,25 +155,6 @@ def _trajectories(id: str, sets: list[str]) -> Iterator[tuple[Path, str]]:
         yield file, max(owners, key=len)
 
 
-def _closed_forms(id: str, wanted: list[str], data: Any) -> Iterator[Checked]:
-    for name in wanted:
-        for form in closed_forms(declare(f"{id}@{name}", surface=False)):
-            known = [
-                str(k["because"])
-                for k in data.get("known", ())
-                if k["check"] == form.name and k["set"] in (name, "*")
-            ]
-            yield Checked(
-                f"{id}@{name}",
-                form.name,
-                form.off,
-                form.tolerance,
-                "closed form",
-                known[0] if known and form.off > form.tolerance else "",
-                "closed_form",
-            )
-
-
 def _published(id: str, entry: Mapping[str, Any], group: str) -> Checked:
     address = f"{id}@{entry['set']}"
     inputs = {name: entry[name] for name in ("tau", "v_c") if name in entry}
@@ -167,33 +170,22 @@ def _published(id: str, entry: Mapping[str, Any], group: str) -> Checked:
     return compared(group, address, what, ours, theirs, most, source=source)
 
 
-def _no_such(name: str) -> str:
-    if Path(name).expanduser().is_dir():
-        return f"{name}: a folder without a parameters.yaml; expected a vehicle's folder"
-    known = sorted({*vehicle_ids(), *(owner for _, owner, _ in COMPARISONS if owner)})
-    return (
-        f"there is nothing to compare {name!r} with; expected "
-        f"{expected_names(name, known)}, the path of a folder with a parameters.yaml, "
-        "or of such a file"
-    )
-
-
 def _read(folder: Path, sets: list[str]) -> Any:
     path = folder / "checks.yaml"
     if not path.is_file():
         return {}
     data = read_yaml(path, "checks.schema.json")
-    for kind in ("checks", "known"):
-        for i, entry in enumerate(data.get(kind, ())):
-            if entry["set"] not in sets and (kind == "checks" or entry["set"] != "*"):
-                line = line_of(data, [kind, i, "set"])
+    for part in ("checks", "known"):
+        for i, entry in enumerate(data.get(part, ())):
+            if entry["set"] not in sets and (part == "checks" or entry["set"] != "*"):
+                line = line_of(data, [part, i, "set"])
                 raise InputInvalid(f"{path}:{line}", f"set: {entry['set']!r}", ", ".join(sets))
             for output, values in entry.get("expect", {}).items():
                 if output not in EXPECTED:
-                    line = line_of(data, [kind, i, "expect"])
+                    line = line_of(data, [part, i, "expect"])
                     known = f"{', '.join(EXPECTED[:-1])} or {EXPECTED[-1]}"
                     raise InputInvalid(f"{path}:{line}", f"expect: {output!r}", known)
                 if all(v is None for v in values):
-                    line = line_of(data, [kind, i, "expect"])
+                    line = line_of(data, [part, i, "expect"])
                     raise InputInvalid(f"{path}:{line}", "expect: nothing", "a number")
     return data

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from math import ceil
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -16,9 +17,19 @@ from uuvsim_cosim.errors import ComponentFailed
 from uuvsim_cosim.models.declaration.evaluation import Evaluation
 from uuvsim_cosim.models.declaration.model import Model
 
-__all__ = ["end_of", "rows_of"]
+__all__ = ["end_of", "outputs_by_name", "prepared", "rows_of"]
 
 Array = NDArray[np.float64]
+
+
+def prepared(
+    model: Model, parameters: Mapping[str, ArrayLike] | None = None
+) -> tuple[Evaluation, Array, Array, Array]:
+    """Return a model's functions, its parameters, derived values and the state it starts from."""
+    f = Evaluation(model)
+    p = f.values_of("parameter", parameters or {})
+    d = np.array(f.derived(p)).ravel()
+    return f, p, d, np.array(f.initial(p, d)).ravel()
 
 
 def end_of(
@@ -32,11 +43,9 @@ def end_of(
 
     For models without sample clocks. Raises ComponentFailed where a value is not finite.
     """
-    f = Evaluation(model)
-    u, p = f.values_of("input", inputs), f.values_of("parameter", parameters or {})
-    d = np.array(f.derived(p)).ravel()
+    f, p, d, start = prepared(model, parameters)
+    u = f.values_of("input", inputs)
     n_x = sum(v.size for v in model.of_kind("state"))
-    start = np.array(f.initial(p, d)).ravel()
     x_end, z = start[:n_x], start[n_x:]
     steps = ceil(until / h)
     if steps and n_x:
@@ -60,10 +69,7 @@ def rows_of(
     `inputs` gives all inputs (m, size) at m times, in the order in which they are declared. Raises
     ComponentFailed where a value is not finite.
     """
-    f = Evaluation(model)
-    p = f.values_of("parameter", parameters or {})
-    d = np.array(f.derived(p)).ravel()
-    start = np.array(f.initial(p, d)).ravel()
+    f, p, d, start = prepared(model, parameters)
     parts = np.maximum(np.ceil(np.round(np.diff(t) / h, 9)).astype(int), 1)
     length = np.repeat(np.diff(t) / parts, parts)
     begin = np.concatenate(
@@ -89,8 +95,13 @@ def _named(model: Model, t: Array, rows: Array) -> dict[str, Array]:
     if not np.all(finite):
         at = float(t[int(np.argmin(finite))])
         raise ComponentFailed(model.name, at, "a value is not finite")
-    values, at_column = {}, 0
+    return {name: columns.T for name, columns in outputs_by_name(model, rows.T).items()}
+
+
+def outputs_by_name(model: Model, y: Any) -> dict[str, Any]:
+    """Return the rows of each output of all outputs y (size, ...), arrays or expressions."""
+    values, at = {}, 0
     for v in model.of_kind("output"):
-        values[v.name] = rows[:, at_column : at_column + v.size]
-        at_column += v.size
+        values[v.name] = y[at : at + v.size]
+        at += v.size
     return values

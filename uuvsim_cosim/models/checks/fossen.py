@@ -17,11 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from uuvsim_cosim.content import content
 from uuvsim_cosim.models.checks.comparison import Checked, compared
-from uuvsim_cosim.models.checks.compiled_run import end_of
-from uuvsim_cosim.models.declaration.evaluation import Evaluation
+from uuvsim_cosim.models.checks.compiled_run import end_of, prepared
 from uuvsim_cosim.models.declaration.kinematics import R
 from uuvsim_cosim.models.declaration.library import declare
-from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.parameter_files import parameter_set
 from uuvsim_cosim.models.hull.vehicle import hull
 from uuvsim_cosim.models.vehicles.closed_forms import total_mass
@@ -51,16 +49,6 @@ def trajectories() -> Iterator[Checked]:
     drag = parameter_set("remus100", "fossen_2021").quantities["D_q_11"].value * 2.5536**2
     what = "thrust of the shipped propeller and drag at his speed at 1525 rpm, 2.5536 m/s"
     yield EQUAL(what, pushed["thrust"], drag, 2e-4, relative=True)
-
-
-def _his_hull() -> Model:
-    """Return the shipped set without strips and lift, and without the entries of C_A he zeroes."""
-    numbers = {k: q.value for k, q in parameter_set("remus100", "fossen_2021").quantities.items()}
-    left_out = ("x_bow", "x_stern", "C_D_y", "C_D_z", "h_y", "b_z", "rho", "D_q_11")
-    numbers = {k: v for k, v in numbers.items() if k not in left_out and not k.startswith("D_u")}
-    A11, A22 = numbers["M_A_11"], numbers["M_A_22"]
-    zeroed = {"M_uw": A11 - A22, "N_uv": A22 - A11, "X_wq": A22, "X_vr": -A22}
-    return hull("remus", numbers | zeroed | {"Z_uq": -A11, "Y_ur": A11}, surface=False)
 
 
 def _force(nu: Any, fins: Any, rpm: Any, U_a: Any) -> Any:
@@ -102,12 +90,20 @@ def _run(name: str, current: tuple[float, float]) -> tuple[Array, Array]:
     lines = content("models", "reference", name).read_text(encoding="utf-8").splitlines()
     rows = [row for row in lines if not row.startswith("#")][1:]
     table = np.array([[float(x) for x in row.split(",")] for row in rows])
-    model = _his_hull()
-    f, M = Evaluation(model), total_mass(model)
-    p = f.values_of("parameter", {"eta_0": np.zeros(6)})
-    d = np.array(f.derived(p)).ravel()
+    # The shipped set without strips and lift, and without the entries of C_A that he zeroes.
+    numbers = {k: q.value for k, q in parameter_set("remus100", "fossen_2021").quantities.items()}
+    left_out = ("x_bow", "x_stern", "C_D_y", "C_D_z", "h_y", "b_z", "rho", "D_q_11")
+    numbers = {k: v for k, v in numbers.items() if k not in left_out and not k.startswith("D_u")}
+    A11, A22 = numbers["M_A_11"], numbers["M_A_22"]
+    zeroed = {"M_uw": A11 - A22, "N_uv": A22 - A11, "X_wq": A22, "X_vr": -A22}
+    model = hull("remus", numbers | zeroed | {"Z_uq": -A11, "Y_ur": A11}, surface=False)
+    M = total_mass(model)
+    f, p, d, at_rest = prepared(model, {"eta_0": np.zeros(6)})
 
-    def rate(x: Any, act: Any, command: Any) -> Any:
+    s, c, h = ca.SX.sym("s", 16), ca.SX.sym("c", 3), 0.5 / SUBSTEPS
+
+    def rate(s: Any) -> Any:
+        x, act = s[:13], s[13:]
         flow = ca.SX.zeros(3)
         if current[0]:
             still = f.outputs.call([0.0, np.zeros(9), p, d, x, []], True, False)[0]
@@ -118,20 +114,15 @@ def _run(name: str, current: tuple[float, float]) -> tuple[Array, Array]:
         tau -= ca.mtimes(M[:, 2:3], x[11] * flow[0] - x[10] * flow[1])  # heave, which he leaves out
         u = ca.vertcat(tau, ca.mtimes(R(x[3:7]), flow))
         dx = f.rhs.call([0.0, u, p, d, x, []], True, False)[0]
-        return ca.vertcat(dx, (command - act) / ca.DM([0.1, 0.1, 1.0]))
+        return ca.vertcat(dx, (c - act) / ca.DM([0.1, 0.1, 1.0]))
 
-    s, c, h = ca.SX.sym("s", 16), ca.SX.sym("c", 3), 0.5 / SUBSTEPS
-
-    def at(s: Any) -> Any:
-        return rate(s[:13], s[13:], c)
-
-    k1 = at(s)
-    k2 = at(s + h / 2 * k1)
-    k3 = at(s + h / 2 * k2)
-    k4 = at(s + h * k3)
+    k1 = rate(s)
+    k2 = rate(s + h / 2 * k1)
+    k3 = rate(s + h / 2 * k2)
+    k4 = rate(s + h * k3)
     step = ca.Function("step", [s, c], [s + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)])
     commands = np.repeat(table[:-1, 13:16], SUBSTEPS, axis=0).T
-    start = np.r_[np.array(f.initial(p, d)).ravel(), np.zeros(3)]
+    start = np.r_[at_rest, np.zeros(3)]
     run = np.array(step.mapaccum(commands.shape[1])(start, commands))[:, SUBSTEPS - 1 :: SUBSTEPS]
     states = np.column_stack([start, run])
     ours = np.array(f.outputs.map(states.shape[1])(0.0, np.zeros(9), p, d, states[:13], [])).T

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.models.checks.comparison import Checked, compared, reference_values
-from uuvsim_cosim.models.declaration.evaluation import Evaluation
+from uuvsim_cosim.models.checks.compiled_run import outputs_by_name, prepared
 from uuvsim_cosim.models.declaration.library import declare
 from uuvsim_cosim.models.declaration.model import Model
 
-__all__ = ["tethys"]
+__all__ = ["mass_forward", "tethys"]
 
 Array = NDArray[np.float64]
 N_MAX = 47.1238898038  # rad/s, of the shipped propeller
@@ -53,11 +53,11 @@ def tethys() -> Iterator[Checked]:
     what = "released nose-up, it swings through level and never beyond"
     yield EQUAL(what, beyond, [0, 0], 1e-9)
     yield EQUAL("drift per step meanwhile", drift, 0.0, start["xy_drift_per_step"])
-    yield _mass_forward(case["mass_shifter"])
 
 
-def _mass_forward(case: dict[str, float]) -> Checked:
-    """Its mass 1 cm forward for 60 s: the nose goes below -0.15 rad."""
+def mass_forward() -> Iterator[Checked]:
+    """Yield its mass 1 cm forward for 60 s: the nose goes below -0.15 rad."""
+    case = reference_values("published_checks.yaml")["lrauv"]["mass_shifter"]
     shifter = _Part(declare("ballast"))
     hull = _Part(declare("tethys_lrauv", surface=False), {"eta_0": [0, 0, 10, 0, 0, 0]})
     n, h = len(hull.start), 0.05
@@ -70,7 +70,7 @@ def _mass_forward(case: dict[str, float]) -> Checked:
     start = np.r_[hull.start, shifter.start, np.zeros(6)]
     pitch = _stepped(start, round(60 / h), step, lambda s: hull.of("eta")(s[:n]))[:, 4]
     beyond = max(float(pitch.min()) + case["pitch_reached_rad"], 0.0)
-    return EQUAL("mass 1 cm forward: nose below -0.15 rad", beyond, 0.0, 1e-9)
+    yield EQUAL("mass 1 cm forward: nose below -0.15 rad", beyond, 0.0, 1e-9)
 
 
 def _driven(u: float, elevator: float) -> tuple[Array, Array]:
@@ -108,10 +108,8 @@ class _Part:
     """A model without clocks, one step of it as an expression of its state and its inputs."""
 
     def __init__(self, model: Model, parameters: dict[str, Any] | None = None) -> None:
-        self.f, self.model = Evaluation(model), model
-        self.p = self.f.values_of("parameter", parameters or {})
-        self.d = np.array(self.f.derived(self.p)).ravel()
-        self.start = np.array(self.f.initial(self.p, self.d)).ravel()
+        self.model = model
+        self.f, self.p, self.d, self.start = prepared(model, parameters)
 
     def step(self, x: Any, inputs: dict[str, Any], h: float) -> tuple[Any, dict[str, Any]]:
         """Return the state a step of h [s] later, and the outputs there; inputs are held."""
@@ -119,7 +117,7 @@ class _Part:
         u = ca.vertcat(*(ca.SX(inputs.get(v.name, np.asarray(v.start))) for v in known))
         x = self.f.rk4.call([0.0, h, u, u, u, self.p, self.d, x, []], True, False)[0]
         y = self.f.outputs.call([0.0, u, self.p, self.d, x, []], True, False)[0]
-        return x, _named(self.model, y)
+        return x, outputs_by_name(self.model, y)
 
     def of(self, output: str) -> Callable[[Any], Any]:
         """Return an output as a function of the state, inputs at their start values."""
@@ -127,14 +125,6 @@ class _Part:
 
         def value(x: Any) -> Any:
             y = self.f.outputs.call([0.0, u, self.p, self.d, x, []], True, False)[0]
-            return _named(self.model, y)[output]
+            return outputs_by_name(self.model, y)[output]
 
         return value
-
-
-def _named(model: Model, y: Any) -> dict[str, Any]:
-    values, at = {}, 0
-    for v in model.of_kind("output"):
-        values[v.name] = y[at : at + v.size]
-        at += v.size
-    return values

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -18,31 +17,16 @@ from uuvsim_cosim.models.hull.damping import cross_flow
 from uuvsim_cosim.models.shapes.ellipsoid import added_mass
 from uuvsim_cosim.models.water.seawater import gravity
 
-__all__ = ["functions"]
+__all__ = ["matrices", "others", "rotations"]
 
 ANGLES = (0.1, -0.2, 0.5)
 EQUAL = partial(compared, "mss", "")
 STATIONS = "MSS sums 21 stations for 20 strips: as much more drag as the extra one adds"
 
 
-def functions() -> Iterator[Checked]:
-    """Yield every function of MSS that has its like here."""
+def rotations() -> Iterator[Checked]:
+    """Yield rotations and their rates."""
     mss = reference_values("mss_values.yaml")
-    yield from _rotations(mss)
-    yield from _matrices(mss)
-    lat = np.deg2rad(63.446827)
-    theirs = mss["gravity_lat_63p446827deg"]
-    what = "gravity at 63.4 deg: the formula of UNESCO against that of WGS-84"
-    yield EQUAL(what, float(gravity(lat)), theirs, 1e-6, relative=True)
-    yield from _strips(mss)
-    for J in (0.2, 0.4):
-        line = 0.4566 + (0.1798 - 0.4566) / 0.6632 * J
-        theirs = mss[f"wageningen_B3_0p718_J{J}".replace(".", "p")]["KT"]
-        what = f"K_T of Wageningen B3-71.8 at J = {J}: a straight line against the polynomial"
-        yield EQUAL(what, line, theirs, 0.04, relative=True)
-
-
-def _rotations(mss: Any) -> Iterator[Checked]:
     k = kinematics
     q = k.q_of_euler(*ANGLES)
     pairs = [
@@ -57,7 +41,9 @@ def _rotations(mss: Any) -> Iterator[Checked]:
         yield EQUAL(what, number(ours), mss[name], 1e-9)
 
 
-def _matrices(mss: Any) -> Iterator[Checked]:
+def matrices() -> Iterator[Checked]:
+    """Yield mass, Coriolis and restoring matrices."""
+    mss = reference_values("mss_values.yaml")
     spheroid = mss["remus100_spheroid_semiaxes"]
     nu, rigid = ca.SX(mss["nu_test"]), np.array(mss["remus100_MRB"], dtype=float)
     m, r_g = float(rigid[0, 0]), ca.SX([0, 0, 0.02])
@@ -86,8 +72,14 @@ def _matrices(mss: Any) -> Iterator[Checked]:
     yield EQUAL("gRvect", number(g).ravel(), mss["gRvect_same"][0], 1e-9)
 
 
-def _strips(mss: Any) -> Iterator[Checked]:
-    """Where the flow is in one plane; across both, MSS brakes each axis by itself."""
+def others() -> Iterator[Checked]:
+    """Yield gravity, cross-flow drag, and K_T of a propeller."""
+    mss = reference_values("mss_values.yaml")
+    lat = np.deg2rad(63.446827)
+    theirs = mss["gravity_lat_63p446827deg"]
+    what = "gravity at 63.4 deg: the formula of UNESCO against that of WGS-84"
+    yield EQUAL(what, float(gravity(lat)), theirs, 1e-6, relative=True)
+    # Where the flow is in one plane; across both, MSS brakes each axis alone.
     L = 1.6
     nu = np.array(mss["nu_test"], dtype=float)
     theirs = np.array(mss["crossFlowDrag_cylinder_L1p6_D0p19"], dtype=float).ravel()[[1, 5]]
@@ -102,3 +94,8 @@ def _strips(mss: Any) -> Iterator[Checked]:
     yield EQUAL(what, ours, exact, 0.01, relative=True)
     what = "crossFlowDrag in one plane, as it is"
     yield EQUAL(what, ours, theirs, 0.01, relative=True, known=STATIONS)
+    for J in (0.2, 0.4):
+        line = 0.4566 + (0.1798 - 0.4566) / 0.6632 * J
+        theirs = mss[f"wageningen_B3_0p718_J{J}".replace(".", "p")]["KT"]
+        what = f"K_T of Wageningen B3-71.8 at J = {J}: a straight line against the polynomial"
+        yield EQUAL(what, line, theirs, 0.04, relative=True)

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.models.checks.comparison import Checked, compared
-from uuvsim_cosim.models.checks.compiled_run import end_of
-from uuvsim_cosim.models.declaration.evaluation import Evaluation
+from uuvsim_cosim.models.checks.compiled_run import end_of, prepared
 from uuvsim_cosim.models.declaration.library import declare
 from uuvsim_cosim.models.declaration.parameter_files import parameter_set
 
@@ -62,10 +61,8 @@ def coefficients() -> Iterator[Checked]:
 
 def _force_of_water(set: str) -> Callable[[Array], Array]:
     """Return nu -> the force of the water alone: M nu_dot + C_RB(nu) nu, weightless."""
-    f = Evaluation(declare(f"remus100@{set}", surface=False))
-    p = f.values_of("parameter", {"W": 0.0, "B": 0.0})
-    d = np.array(f.derived(p)).ravel()
-    x = np.array(f.initial(p, d)).ravel()
+    model = declare(f"remus100@{set}", surface=False)
+    f, p, d, x = prepared(model, {"W": 0.0, "B": 0.0})
     u = f.values_of("input", {})
     q = {k: v.value for k, v in parameter_set("remus100", set).quantities.items()}
     m, z_g = q["m"], q["z_g"]

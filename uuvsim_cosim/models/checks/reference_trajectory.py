@@ -129,7 +129,22 @@ def read_reference(path: Path) -> Reference:
             f"columns {', '.join(names)}",
             f"{', '.join(wanted)} and optionally {', '.join((*TAU, *CURRENT))}, each once",
         )
-    table = np.array([_numbers(path, n, text, names) for n, text in body[1:]])
+    rows = []
+    for line, text in body[1:]:
+        parts = text.split(",")
+        if len(parts) != len(names):
+            raise InputInvalid(f"{path}:{line}", f"{len(parts)} values", len(names))
+        row = []
+        for name, part in zip(names, parts, strict=True):
+            try:
+                number = float(part)
+            except ValueError:
+                number = float("nan")
+            if not np.isfinite(number):
+                raise InputInvalid(f"{path}:{line}", f"{name} = {part.strip()!r}", "a number")
+            row.append(number)
+        rows.append(row)
+    table = np.array(rows)
     if len(table) < 2 or not np.all(np.diff(table[:, names.index("t_s")]) > 0):
         raise InputInvalid(path, "t_s", "two or more rows at rising times")
 
@@ -147,19 +162,3 @@ def read_reference(path: Path) -> Reference:
         surface="no surface" not in notes,
         notes=tuple(line.lstrip("# ").rstrip() for line in lines if line.startswith("#")),
     )
-
-
-def _numbers(path: Path, line: int, text: str, names: list[str]) -> list[float]:
-    parts = text.split(",")
-    if len(parts) != len(names):
-        raise InputInvalid(f"{path}:{line}", f"{len(parts)} values", len(names))
-    numbers = []
-    for name, part in zip(names, parts, strict=True):
-        try:
-            number = float(part)
-        except ValueError:
-            number = float("nan")
-        if not np.isfinite(number):
-            raise InputInvalid(f"{path}:{line}", f"{name} = {part.strip()!r}", "a number")
-        numbers.append(number)
-    return numbers

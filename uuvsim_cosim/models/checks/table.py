@@ -27,7 +27,7 @@ FORMS = {
 
 
 def tables(rows: Iterable[Checked]) -> str:
-    """Give, as Markdown, a table of the comparisons, one of the closed forms, and the causes."""
+    """Return, as Markdown, a table of the comparisons, one of the closed forms, and the causes."""
     done = list(rows)
     forms = [c for c in done if c.what in FORMS]
     others = sorted((c for c in done if c.what not in FORMS), key=lambda c: c.group)

@@ -39,9 +39,7 @@ def backstepping(
         ("K_d", "N.s/m", "N.m.s/rad", "of s"),
         ("Gamma", "N/m", "N.m/rad", "rate of b, of s"),
     )
-    limit = m.parameter(
-        "tau_i_max", p.vector("tau_i_max", TAU, 6), unit=TAU, min=0, description="limit of b"
-    )
+    limit = p.parameter(m, "tau_i_max", TAU, "limit of b", 6, min=0)
     b = loop.integral("b")
     nu_v = loop.nu_b + Lambda * loop.e
     nu_v_dot = loop.a_b + Lambda * loop.e_dot

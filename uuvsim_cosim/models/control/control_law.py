@@ -18,19 +18,28 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from uuvsim_cosim.models.control.controller import attitude_error
 from uuvsim_cosim.models.declaration.kinematics import R_zyx
 from uuvsim_cosim.models.declaration.model import Clock, Model
 from uuvsim_cosim.models.declaration.parameter_files import parameter_set, split_address
 from uuvsim_cosim.models.declaration.preset import Preset
-from uuvsim_cosim.models.declaration.safe_math import abs_, saturate
+from uuvsim_cosim.models.declaration.safe_math import abs_, saturate, wrap
 from uuvsim_cosim.models.declaration.sampled import held_output
-from uuvsim_cosim.models.declaration.vectors import ETA, NU, NU_DOT, TAU, per
+from uuvsim_cosim.models.declaration.vectors import ETA, INERTIA, NU, NU_DOT, TAU, per
 from uuvsim_cosim.models.hull.coriolis import m2c
-from uuvsim_cosim.models.hull.matrices import structure
+from uuvsim_cosim.models.hull.matrices import nominal, structure
 from uuvsim_cosim.models.hull.restoring import g
 
-__all__ = ["Loop", "NominalHull", "gains", "law", "nominal_hull", "nominal_matrices"]
+__all__ = [
+    "Loop",
+    "NominalHull",
+    "attitude_error",
+    "feed_forward",
+    "gains",
+    "law",
+    "loop_inputs",
+    "nominal_hull",
+    "nominal_matrices",
+]
 
 _MASS = ("kg", "kg.m", "kg.m", "kg.m2")
 _LINEAR = ("N.s/m", "N.s/rad", "N.m.s/m", "N.m.s/rad")
@@ -132,18 +141,45 @@ class Loop:
         )
 
 
-def law(m: Model, p: Preset, period: str) -> Loop:
-    """Declare the connectors of a controller, its clock and tau_max; give what a law needs."""
+def loop_inputs(m: Model) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+    """Declare the inputs of a motion controller: eta_d, nu_d, eta and nu (6,) each."""
     eta_d = m.input("eta_d", 6, unit=ETA, description="wanted N E D phi theta psi")
     nu_d = m.input("nu_d", 6, unit=NU, description="wanted, in axes of eta_d")
     eta = m.input("eta", 6, unit=ETA, description="estimate of N E D phi theta psi")
     nu = m.input("nu", 6, unit=NU, description="estimate, in b")
-    tau_max = m.parameter(
-        "tau_max", p.vector("tau_max", TAU, 6), unit=TAU, min=0, description="limit of tau_d"
+    return eta_d, nu_d, eta, nu
+
+
+def feed_forward(m: Model, vehicle: str) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Declare the diagonals of M, D_l and D_q (6,) of a vehicle's file as parameters."""
+    mass, linear, quadratic = nominal(vehicle)
+    M = m.parameter("M_ff", mass, unit=INERTIA, description="diagonal of M_RB + M_A")
+    D_l = m.parameter(
+        "D_l_ff", linear, unit=per("N.s/m", "N.m.s/rad"), description="linear damping, diagonal"
     )
-    T_ff = m.parameter(
-        "T_ff", p.number("T_ff", "s"), unit="s", min=1e-3, description="lag of dnu_d/dt"
+    D_q = m.parameter(
+        "D_q_ff", quadratic, unit=per("N.s2/m2", "N.m.s2/rad2"),
+        description="quadratic damping, diagonal",
+    )  # fmt: skip
+    return M, D_l, D_q
+
+
+def attitude_error(eta: ca.SX, eta_d: ca.SX) -> ca.SX:
+    """Return the attitude error in body axes: T(Theta)^-1 (Theta_d - Theta), shortest way."""
+    d = wrap(eta_d[3:] - eta[3:])
+    phi, theta = eta[3], eta[4]
+    return ca.vertcat(
+        d[0] - ca.sin(theta) * d[2],
+        ca.cos(phi) * d[1] + ca.cos(theta) * ca.sin(phi) * d[2],
+        -ca.sin(phi) * d[1] + ca.cos(theta) * ca.cos(phi) * d[2],
     )
+
+
+def law(m: Model, p: Preset, period: str) -> Loop:
+    """Declare the connectors of a controller, its clock and tau_max; give what a law needs."""
+    eta_d, nu_d, eta, nu = loop_inputs(m)
+    tau_max = p.parameter(m, "tau_max", TAU, "limit of tau_d", 6, min=0)
+    T_ff = p.parameter(m, "T_ff", "s", "lag of dnu_d/dt", min=1e-3)
     sample = m.clock("sample", period)
     T = float(sample.period)
     R, R_d = R_zyx(eta[3], eta[4], eta[5]), R_zyx(eta_d[3], eta_d[4], eta_d[5])
@@ -161,14 +197,11 @@ def law(m: Model, p: Preset, period: str) -> Loop:
     m.update(sample, started, 1.0)
     m.update(sample, before, nu_d)
     m.update(sample, smooth, nu_d_dot)
-    straight = ca.mtimes(turn, nu_d_dot[:3] + ca.cross(nu_d[3:], nu_d[:3]))
-    a_b = ca.vertcat(straight - ca.cross(nu[3:], nu_b[:3]), ca.mtimes(turn, nu_d_dot[3:]))
+    linear = ca.mtimes(turn, nu_d_dot[:3] + ca.cross(nu_d[3:], nu_d[:3]))
+    a_b = ca.vertcat(linear - ca.cross(nu[3:], nu_b[:3]), ca.mtimes(turn, nu_d_dot[3:]))
     return Loop(m, sample, T, eta_d, eta, nu, e, e_dot, nu_b, a_b, tau_max)
 
 
 def gains(m: Model, p: Preset, *named: tuple[str, str, str, str]) -> list[ca.SX]:
     """Declare diagonal gains (name, unit of forces, unit of moments, meaning) of a preset."""
-    return [
-        m.parameter(name, p.vector(name, per(f, k), 6), unit=per(f, k), min=0, description=words)
-        for name, f, k, words in named
-    ]
+    return [p.parameter(m, name, per(f, k), words, 6, min=0) for name, f, k, words in named]

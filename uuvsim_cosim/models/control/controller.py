@@ -12,16 +12,16 @@ from __future__ import annotations
 
 import casadi as ca
 
+from uuvsim_cosim.models.control.control_law import attitude_error, feed_forward, loop_inputs
 from uuvsim_cosim.models.declaration.kinematics import R_zyx
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.preset import preset
-from uuvsim_cosim.models.declaration.safe_math import abs_, saturate, wrap
+from uuvsim_cosim.models.declaration.safe_math import abs_, saturate
 from uuvsim_cosim.models.declaration.sampled import held_output
-from uuvsim_cosim.models.declaration.vectors import ETA, INERTIA, NU, NU_DOT, TAU, per
+from uuvsim_cosim.models.declaration.vectors import NU, NU_DOT, TAU, per
 from uuvsim_cosim.models.hull.coriolis import coriolis
-from uuvsim_cosim.models.hull.matrices import nominal
 
-__all__ = ["attitude_error", "controller"]
+__all__ = ["controller"]
 
 
 def controller(
@@ -29,14 +29,10 @@ def controller(
 ) -> Model:
     """Declare the PID of a preset, with the feed-forward of a vehicle's nominal parameters."""
     p = preset("controllers", id, "controller")
-    mass, linear, quadratic = nominal(vehicle)
     m = Model("controller", "PID in six degrees of freedom with feed-forward")
-    eta_d = m.input("eta_d", 6, unit=ETA, description="wanted N E D phi theta psi")
-    nu_d = m.input("nu_d", 6, unit=NU, description="wanted, in axes of eta_d")
-    eta = m.input("eta", 6, unit=ETA, description="estimate of N E D phi theta psi")
-    nu = m.input("nu", 6, unit=NU, description="estimate, in b")
+    eta_d, nu_d, eta, nu = loop_inputs(m)
     gain = {
-        name: m.parameter(name, p.vector(name, unit, 6), unit=unit, min=0, description=about)
+        name: p.parameter(m, name, unit, about, 6, min=0)
         for name, unit, about in (
             ("Kp", per("N/m", "N.m/rad"), "of the error of eta"),
             ("Ki", per("N/m/s", "N.m/rad/s"), "of its integral"),
@@ -45,17 +41,8 @@ def controller(
             ("tau_i_max", TAU, "limit of the integrals"),
         )
     }
-    M = m.parameter("M_ff", mass, unit=INERTIA, description="diagonal of M_RB + M_A")
-    D_l = m.parameter(
-        "D_l_ff", linear, unit=per("N.s/m", "N.m.s/rad"), description="linear damping, diagonal"
-    )
-    D_q = m.parameter(
-        "D_q_ff",
-        quadratic,
-        unit=per("N.s2/m2", "N.m.s2/rad2"),
-        description="quadratic damping, diagonal",
-    )
-    T_ff = m.parameter("T_ff", p.number("T_ff", "s"), unit="s", min=1e-3, description="lag of M_ff")
+    M, D_l, D_q = feed_forward(m, vehicle)
+    T_ff = p.parameter(m, "T_ff", "s", "lag of M_ff", min=1e-3)
     sample = m.clock("sample", period)
     T = float(sample.period)
 
@@ -100,14 +87,3 @@ def controller(
         m, sample, "tau_d", tau_d, unit=TAU, start=(0,) * 6, description="X Y Z [N], K M N [N.m]"
     )
     return m
-
-
-def attitude_error(eta: ca.SX, eta_d: ca.SX) -> ca.SX:
-    """Return the attitude error in body axes: T(Theta)^-1 (Theta_d - Theta), shortest way."""
-    d = wrap(eta_d[3:] - eta[3:])
-    phi, theta = eta[3], eta[4]
-    return ca.vertcat(
-        d[0] - ca.sin(theta) * d[2],
-        ca.cos(phi) * d[1] + ca.cos(theta) * ca.sin(phi) * d[2],
-        -ca.sin(phi) * d[1] + ca.cos(theta) * ca.cos(phi) * d[2],
-    )

@@ -35,9 +35,7 @@ def feedback_linearisation(
         ("omega", "rad/s", "rad/s", "natural frequency of the error"),
         ("zeta", "1", "1", "damping ratio of the error"),
     )
-    limit = m.parameter(
-        "tau_i_max", p.vector("tau_i_max", TAU, 6), unit=TAU, min=0, description="limit of z"
-    )
+    limit = p.parameter(m, "tau_i_max", TAU, "limit of z", 6, min=0)
     z = loop.integral("z")
     a = loop.a_b + 2.0 * zeta * omega * loop.e_dot + omega**2 * loop.e
     nu = loop.nu

@@ -3,23 +3,35 @@
     tau = K_i z + K_p e + K_d (nu_b - nu) + M dnu_b/dt + C(nu_b) nu_b + D(nu_b) nu_b + g(eta_d)
 
 (K_i K_p K_d), 6 x 18, is the solution of the Riccati equation for the hull at rest, with
-dz/dt = e (Fossen 2021, 2nd ed., chapter 16; integral action by augmentation). `lqr_design.py`
-computes it; that of the shipped preset lies in its file.
+dz/dt = e (Fossen 2021, 2nd ed., chapter 16; integral action by augmentation). The shipped preset
+holds its K; `design_lqr` computes another one with `control.lqr`. Its states are (z, eta, nu),
+errors of small size, in b; the cost is
+
+    J = integral of  x' Q x + tau' R tau,   Q_ii = (1 / largest x_i)², R_ii = (1 / largest tau_i)²
+
+by Bryson's rule: Q and R are handed in as those largest values.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.analysis.linearize import linear_model
+from uuvsim_cosim.models.analysis.operating_point import is_hull
 from uuvsim_cosim.models.control.control_law import law, nominal_hull
-from uuvsim_cosim.models.control.lqr_design import design_lqr
+from uuvsim_cosim.models.declaration.library import declare
 from uuvsim_cosim.models.declaration.model import Model
-from uuvsim_cosim.models.declaration.preset import Preset, preset
+from uuvsim_cosim.models.declaration.preset import preset
 from uuvsim_cosim.models.declaration.vectors import per
 
-__all__ = ["K_UNITS", "lqr"]
+__all__ = ["Design", "design_lqr", "lqr"]
 
+Array = NDArray[np.float64]
 PRESET = "bluerov2_lqr"
 _FORCE, _MOMENT = ("N", "N.m"), ("m", "rad")
 K_UNITS = tuple(
@@ -38,11 +50,13 @@ def lqr(id: str = PRESET, vehicle: str = "bluerov2_heavy", period: str = "0.02")
     p = preset("controllers", id, "controller")
     m = Model("lqr", "LQR with integral action, designed on the hull's linear model")
     loop, hull = law(m, p, period), nominal_hull(m, vehicle)
-    K = m.parameter("K", _gains(p, id, vehicle), unit=K_UNITS, description="(K_i K_p K_d)")
+    if "K" in p.values and (id, vehicle) == (PRESET, "bluerov2_heavy"):
+        designed = np.array(p.vector("K", K_UNITS, 108)).reshape(6, 18)
+    else:
+        designed = design_lqr(vehicle, p.vector("Q", "1", 18), p.vector("R", "1", 6)).K
+    K = m.parameter("K", designed, unit=K_UNITS, description="(K_i K_p K_d)")
     units = per("m.s", "rad.s")
-    limit = m.parameter(
-        "z_max", p.vector("z_max", units, 6), unit=units, min=0, description="limit of z"
-    )
+    limit = p.parameter(m, "z_max", units, "limit of z", 6, min=0)
     z = loop.integral("z", units)
     nu_b = loop.nu_b
     state = ca.vertcat(loop.in_body(z), loop.e, nu_b - loop.nu)
@@ -57,7 +71,39 @@ def lqr(id: str = PRESET, vehicle: str = "bluerov2_heavy", period: str = "0.02")
     return m
 
 
-def _gains(p: Preset, id: str, vehicle: str) -> np.ndarray:
-    if "K" in p.values and (id, vehicle) == (PRESET, "bluerov2_heavy"):
-        return np.array(p.vector("K", K_UNITS, 108)).reshape(6, 18)
-    return design_lqr(vehicle, p.vector("Q", "1", 18), p.vector("R", "1", 6)).K
+@dataclass(frozen=True)
+class Design:
+    """K (6, 18) of (z, e, nu error), the cost matrix S (18, 18), and the closed loop's poles."""
+
+    K: Array
+    S: Array
+    poles: NDArray[np.complex128]
+
+
+def design_lqr(vehicle: str | Model, Q: ArrayLike, R: ArrayLike) -> Design:
+    """Design the gains of `lqr` for a vehicle at rest, level and submerged.
+
+    Q (18): largest z [m.s, rad.s], e [m, rad] and velocity error [m/s, rad/s] that are wanted;
+    R (6): largest force [N, N.m]. Raises InputInvalid where a value is not positive, or where
+    the hull cannot be stabilised.
+    """
+    import control
+
+    model = declare(vehicle, surface=False) if isinstance(vehicle, str) else vehicle
+    if not is_hull(model):
+        raise InputInvalid("design_lqr", f"{model.name} is no hull", "a vehicle")
+    largest = {}
+    for name, values, size in (("Q", Q, 18), ("R", R, 6)):
+        largest[name] = given = np.asarray(values, dtype=float).ravel()
+        if given.size != size or not np.all(np.isfinite(given)) or not np.all(given > 0):
+            raise InputInvalid(
+                "design_lqr", f"{name} = {given.tolist()}", f"{size} positive numbers"
+            )
+    plant = linear_model(model, inputs=["tau"], outputs=["eta", "nu"])
+    A, B = np.zeros((18, 18)), np.zeros((18, 6))
+    A[:6, 6:12] = np.eye(6)
+    A[6:, 6:], B[6:] = plant.A[:12, :12], plant.B[:12]
+    K, S, poles = control.lqr(A, B, np.diag(largest["Q"] ** -2), np.diag(largest["R"] ** -2))
+    if not np.all(np.real(poles) < 0):
+        raise InputInvalid(f"design_lqr: {model.name}: the loop is not stable with these weights")
+    return Design(np.array(K), np.array(S), np.array(poles))

@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.models.control.control_law import nominal_matrices
+from uuvsim_cosim.models.control.control_law import loop_inputs, nominal_matrices
 from uuvsim_cosim.models.control.mpc_problem import ITERATIONS, programme, solver
 from uuvsim_cosim.models.declaration.files_read import shared_until_changed
 from uuvsim_cosim.models.declaration.kinematics import R_zyx
@@ -27,7 +27,7 @@ from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.preset import preset
 from uuvsim_cosim.models.declaration.safe_math import saturate
 from uuvsim_cosim.models.declaration.sampled import held_output
-from uuvsim_cosim.models.declaration.vectors import ETA, NU, TAU, per
+from uuvsim_cosim.models.declaration.vectors import NU, TAU, per
 from uuvsim_cosim.models.intrinsics.optimiser import optimiser
 
 __all__ = ["PRESET", "Q_UNITS", "S_UNITS", "mpc", "solution"]
@@ -53,28 +53,15 @@ def mpc(
             "mpc", f"N = {N}, iterations = {iterations}", "1 to 30 steps, 1 to 10 iterations"
         )
     m = Model("mpc", f"Model predictive control, {steps} steps of {float(h):g} s")
-    eta_d = m.input("eta_d", 6, unit=ETA, description="wanted N E D phi theta psi")
-    nu_d = m.input("nu_d", 6, unit=NU, description="wanted, in axes of eta_d")
-    eta = m.input("eta", 6, unit=ETA, description="estimate of N E D phi theta psi")
-    nu = m.input("nu", 6, unit=NU, description="estimate, in b")
-    Q = m.parameter(
-        "Q", p.vector("Q", Q_UNITS, 12), unit=Q_UNITS, min=0,
-        description="square roots of the weights of errors, and of velocity errors",
-    )  # fmt: skip
-    S = m.parameter(
-        "S", p.vector("S", S_UNITS, 6), unit=S_UNITS, min=0,
-        description="square roots of the weights of a change of force from step to step",
-    )  # fmt: skip
-    tau_max = m.parameter(
-        "tau_max", p.vector("tau_max", TAU, 6), unit=TAU, min=0, description="limit of tau_d"
-    )
-    b_max = m.parameter(
-        "b_max", p.vector("b_max", TAU, 6), unit=TAU, min=0, description="limit of b"
-    )
-    b_gain = m.parameter(
-        "b_gain", p.number("b_gain", "1"), unit="1", min=0, max=1,
-        description="share of a wrong prediction that is learnt at each sample",
-    )  # fmt: skip
+    eta_d, nu_d, eta, nu = loop_inputs(m)
+    words = "square roots of the weights of errors, and of velocity errors"
+    Q = p.parameter(m, "Q", Q_UNITS, words, 12, min=0)
+    words = "square roots of the weights of a change of force from step to step"
+    S = p.parameter(m, "S", S_UNITS, words, 6, min=0)
+    tau_max = p.parameter(m, "tau_max", TAU, "limit of tau_d", 6, min=0)
+    b_max = p.parameter(m, "b_max", TAU, "limit of b", 6, min=0)
+    words = "share of a wrong prediction that is learnt at each sample"
+    b_gain = p.parameter(m, "b_gain", "1", words, min=0, max=1)
     p.complete()
     sample = m.clock("sample", h)
     T = float(sample.period)

@@ -74,11 +74,11 @@ class MPC:
     def step(self, t: float, dt: float, u: Mapping[str, Array]) -> dict[str, Array]:
         """Return the force of the latest solution; solve anew when h has passed."""
         if t >= self._next * self.h - 1e-9:
-            self._tau = self._solved(u)
+            self._solve(u)
             self._next = int(np.floor(t / self.h + 1e-9)) + 1
         return {"tau_d": self._tau}
 
-    def _solved(self, u: Mapping[str, Array]) -> Array:
+    def _solve(self, u: Mapping[str, Array]) -> None:
         of, solve, M = _made(self.vehicle, self.N, self.h, self.solver)
         eta, nu = np.asarray(u["eta"]), np.asarray(u["nu"])
         R = np.array(ca.DM(ca.evalf(R_zyx(*(ca.SX(float(a)) for a in eta[3:])))))
@@ -100,9 +100,8 @@ class MPC:
                 ),
                 "finite values near those of the vehicle",
             )
-        self._plan = found
+        self._plan, self._tau = found, np.asarray(found[:6])
         self._predicted = np.array(of.step(x, found[:6], self._b)).ravel()[6:]
-        return np.asarray(found[:6])
 
 
 class IpoptMPC(MPC):

@@ -118,7 +118,15 @@ class _Stage:
         slope = ca.densify(ca.jacobian(rates, x))
         self._rates_slope = _function("rates_slope", [x, tau, b], [rates, slope])
         self._of_tau = ca.vertcat(ca.DM.zeros(6, 6), M_inv)
-        self.step, self.step_slope = self._step(h), self._step_slope(h)
+        self.step_slope = self._step_slope(h)
+
+        x_k, tau_k, b_k = ca.MX.sym("x", 12), ca.MX.sym("tau", 6), ca.MX.sym("b", 6)
+        k1 = self._rates(x_k, tau_k, b_k)
+        k2 = self._rates(x_k + 0.5 * h * k1, tau_k, b_k)
+        k3 = self._rates(x_k + 0.5 * h * k2, tau_k, b_k)
+        k4 = self._rates(x_k + h * k3, tau_k, b_k)
+        after = x_k + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        self.step = _function("step", [x_k, tau_k, b_k], [after])
 
         w, nu_d, Q = ca.SX.sym("eta_d", 6), ca.SX.sym("nu_d", 6), ca.SX.sym("Q", 12)
         R_d = R_zyx(w[3], w[4], w[5] + 0.5 * h * nu_d[5])
@@ -131,14 +139,6 @@ class _Stage:
         self.error = _function("error", [x, w, nu_d, Q], [e])
         e_x = ca.densify(ca.jacobian(e, x))
         self.error_slope = _function("error_slope", [x, w, nu_d, Q], [e, e_x])
-
-    def _step(self, h: float) -> ca.Function:
-        x, tau, b = ca.MX.sym("x", 12), ca.MX.sym("tau", 6), ca.MX.sym("b", 6)
-        k1 = self._rates(x, tau, b)
-        k2 = self._rates(x + 0.5 * h * k1, tau, b)
-        k3 = self._rates(x + 0.5 * h * k2, tau, b)
-        k4 = self._rates(x + h * k3, tau, b)
-        return _function("step", [x, tau, b], [x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)])
 
     def _step_slope(self, h: float) -> ca.Function:
         """The step, with its derivatives by x (12, 12) and by tau (12, 6): RK4 of both at once."""

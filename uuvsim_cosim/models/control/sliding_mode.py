@@ -36,9 +36,7 @@ def sliding_mode(
         ("phi", "m/s", "rad/s", "thickness of the boundary layer"),
     )
     units = per("m.s", "rad.s")
-    limit = m.parameter(
-        "z_max", p.vector("z_max", units, 6), unit=units, min=0, description="limit of z"
-    )
+    limit = p.parameter(m, "z_max", units, "limit of z", 6, min=0)
     z = loop.integral("z", units)
     z_b = loop.in_body(z)
     s = loop.nu_b - loop.nu + 2.0 * lambda_ * loop.e + lambda_**2 * z_b

@@ -25,8 +25,8 @@ __all__ = ["ALIASES", "IN_PROCESS", "LIBRARY", "available", "declare", "declare_
 
 LIBRARY: dict[str, str] = {
     "allocation": "uuvsim_cosim.models.control.allocation:allocation",
-    "allocation_qp": "uuvsim_cosim.models.control.allocation_qp:allocation_qp",
-    "allocation_quadratic": "uuvsim_cosim.models.control.allocation_quadratic:allocation_quadratic",
+    "allocation_qp": "uuvsim_cosim.models.control.allocation:allocation_qp",
+    "allocation_quadratic": "uuvsim_cosim.models.control.allocation:allocation_quadratic",
     "altimeter": "uuvsim_cosim.models.sensors.altimeter:altimeter",
     "backstepping": "uuvsim_cosim.models.control.backstepping:backstepping",
     "ballast": "uuvsim_cosim.models.hull.ballast:ballast",

@@ -8,11 +8,13 @@ from importlib import import_module
 from inspect import signature
 from pathlib import Path
 
+import casadi as ca
+
 from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import ParameterInvalid, Problem
 from uuvsim_cosim.models.declaration.files_read import shared_until_changed
 from uuvsim_cosim.models.declaration.library import LIBRARY
-from uuvsim_cosim.models.declaration.model import Units
+from uuvsim_cosim.models.declaration.model import Model, Units
 from uuvsim_cosim.models.declaration.near_names import expected_names
 from uuvsim_cosim.models.declaration.parameter_files import in_unit, line_of, read_yaml
 
@@ -68,6 +70,28 @@ class Preset:
     def number(self, name: str, unit: str) -> float:
         """Return a parameter that is a single number."""
         return self.vector(name, unit, 1)[0]
+
+    def parameter(
+        self,
+        m: Model,
+        name: str,
+        unit: Units,
+        description: str,
+        size: int | None = None,
+        *,
+        min: float | None = None,
+        max: float | None = None,
+    ) -> ca.SX:
+        """Declare a parameter of a model with the file's value: a number, or `size` elements."""
+        elements = self.vector(name, unit, size or 1)
+        value = elements if size else elements[0]
+        return m.parameter(name, value, unit=unit, min=min, max=max, description=description)
+
+    def parameters(
+        self, m: Model, table: Mapping[str, tuple[str, str]], min: float = 0
+    ) -> dict[str, ca.SX]:
+        """Declare numbers of the file as parameters of a model; table: {name: (unit, meaning)}."""
+        return {name: self.parameter(m, name, *about, min=min) for name, about in table.items()}
 
     def has(self, name: str) -> bool:
         """Return whether a parameter that a declaration can do without is there."""

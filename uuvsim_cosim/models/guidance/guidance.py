@@ -12,14 +12,14 @@ followed with limited yaw rate and yaw acceleration. Behind the last waypoint it
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import casadi as ca
 import numpy as np
 
 from uuvsim_cosim.errors import ParameterInvalid
-from uuvsim_cosim.models.declaration.model import Model
-from uuvsim_cosim.models.declaration.preset import preset
+from uuvsim_cosim.models.declaration.model import Clock, Model
+from uuvsim_cosim.models.declaration.preset import Preset, preset
 from uuvsim_cosim.models.declaration.safe_math import (
     abs_,
     atan2_or,
@@ -34,11 +34,12 @@ from uuvsim_cosim.models.declaration.vectors import ETA, NU
 
 __all__ = [
     "MAX_WAYPOINTS",
+    "declare_follower",
+    "declare_wanted",
     "guidance",
     "lawn_mower",
     "row_of",
     "turn_rate",
-    "waypoint_parameters",
 ]
 
 MAX_WAYPOINTS = 32
@@ -74,13 +75,7 @@ def guidance(
     """Declare the guidance of a preset; without waypoints, a lawn-mower pattern of four legs."""
     p = preset("controllers", id, "guidance")
     m = Model("guidance", "Line-of-sight guidance along waypoints")
-    eta = m.input("eta", 6, unit=ETA, description="estimate: N E D [m], phi theta psi [rad]")
-    m.input("nu", 6, unit=NU, description="unused: estimate [m/s, rad/s]")
-    table, count = waypoint_parameters(m, waypoints)
-    figure = {
-        name: m.parameter(name, p.number(name, unit), unit=unit, min=1e-6, description=words)
-        for name, (unit, words) in FIGURES.items()
-    }
+    eta, table, count, figure = declare_follower(m, p, FIGURES, waypoints)
     sample = m.clock("sample", period)
     T = float(sample.period)
     started = m.discrete("started", unit="1")
@@ -136,42 +131,58 @@ def guidance(
     v_n = along * ca.if_else(s >= L - 1e-6, 0.0, U)
     c, si = ca.cos(psi), ca.sin(psi)
     nu_d = ca.vertcat(c * v_n[0] + si * v_n[1], c * v_n[1] - si * v_n[0], v_n[2], 0, 0, r)
-    held_output(
-        m, sample, "eta_d", ca.vertcat(A + along * s, 0, 0, psi), unit=ETA, start=(0,) * 6,
-        description="wanted N E D [m], phi theta psi [rad]",
-    )  # fmt: skip
-    held_output(
-        m, sample, "nu_d", nu_d, unit=NU, description="wanted, in axes of eta_d [m/s, rad/s]"
-    )
-    held_output(m, sample, "cross_track", e, unit="m", description="of the estimate, level")
-    m.output("waypoint", index + 1.0, unit="1", type="Int32", description="ahead, from 1")
-    m.output("done", done, unit="1", type="Boolean", description="holds the last waypoint")
+    declare_wanted(m, sample, ca.vertcat(A + along * s, 0, 0, psi), nu_d, index, done, e)
     return m
 
 
-def waypoint_parameters(
-    m: Model, waypoints: Sequence[Sequence[float]] | None
-) -> tuple[ca.SX, ca.SX]:
-    """Declare the table of waypoints and the count in use; by default a lawn-mower's."""
+def declare_follower(
+    m: Model,
+    p: Preset,
+    table: Mapping[str, tuple[str, str]],
+    waypoints: Sequence[Sequence[float]] | None,
+    eta_words: str = "estimate: N E D [m], phi theta psi [rad]",
+) -> tuple[ca.SX, ca.SX, ca.SX, dict[str, ca.SX]]:
+    """Declare the inputs and parameters of a guidance; return eta, waypoints, count, figures.
+
+    Without waypoints, they are a lawn-mower pattern of four legs.
+    """
+    eta = m.input("eta", 6, unit=ETA, description=eta_words)
+    m.input("nu", 6, unit=NU, description="unused: estimate [m/s, rad/s]")
     points = [list(map(float, w)) for w in waypoints or lawn_mower(20.0, 5.0, 4, 5.0)]
     if not 1 <= len(points) <= MAX_WAYPOINTS or any(len(w) != 3 for w in points):
         raise ParameterInvalid(
             m.name, f"{len(points)} waypoints", f"1 to {MAX_WAYPOINTS} of N, E, D"
         )
-    rows = points + [points[-1]] * (MAX_WAYPOINTS - len(points))
-    table = m.parameter(
-        "waypoints", np.array(rows), unit="m", description="N E D, `count` rows are used"
-    )
+    rows = np.array(points + [points[-1]] * (MAX_WAYPOINTS - len(points)))
+    words = "N E D, `count` rows are used"
+    places = m.parameter("waypoints", rows, unit="m", description=words)
     count = m.parameter(
-        "count",
-        len(points),
-        unit="1",
-        type="Int32",
-        min=1,
-        max=MAX_WAYPOINTS,
+        "count", len(points), unit="1", type="Int32", min=1, max=MAX_WAYPOINTS,
         description="rows of waypoints in use",
-    )
-    return table, count
+    )  # fmt: skip
+    return eta, places, count, p.parameters(m, table, min=1e-6)
+
+
+def declare_wanted(
+    m: Model,
+    sample: Clock,
+    eta_d: ca.SX,
+    nu_d: ca.SX,
+    index: ca.SX,
+    done: ca.SX,
+    cross_track: ca.SX | None = None,
+    more: str = "",
+) -> None:
+    """Declare the outputs of a guidance: wanted pose and velocity, waypoint ahead, and `done`."""
+    words = f"wanted N E D [m], phi theta psi [rad]{more}"
+    held_output(m, sample, "eta_d", eta_d, unit=ETA, start=(0,) * 6, description=words)
+    words = "wanted, in axes of eta_d [m/s, rad/s]"
+    held_output(m, sample, "nu_d", nu_d, unit=NU, start=(0,) * 6, description=words)
+    if cross_track is not None:
+        words = "of the estimate, level"
+        held_output(m, sample, "cross_track", cross_track, unit="m", description=words)
+    m.output("waypoint", index + 1.0, unit="1", type="Int32", description="ahead, from 1")
+    m.output("done", done, unit="1", type="Boolean", description="holds the last waypoint")
 
 
 def row_of(table: ca.SX, index: ca.SX, first: int = 0) -> ca.SX:

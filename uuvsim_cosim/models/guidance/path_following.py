@@ -25,13 +25,15 @@ from collections.abc import Sequence
 import casadi as ca
 
 from uuvsim_cosim.errors import ParameterInvalid
-from uuvsim_cosim.models.declaration.expression import Number
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.preset import preset
 from uuvsim_cosim.models.declaration.safe_math import atan2_or, clip, norm, saturate, wrap
-from uuvsim_cosim.models.declaration.sampled import held_output
-from uuvsim_cosim.models.declaration.vectors import ETA, NU
-from uuvsim_cosim.models.guidance.guidance import row_of, turn_rate, waypoint_parameters
+from uuvsim_cosim.models.guidance.guidance import (
+    declare_follower,
+    declare_wanted,
+    row_of,
+    turn_rate,
+)
 
 __all__ = ["METHODS", "path_following"]
 
@@ -60,13 +62,7 @@ def path_following(
         raise ParameterInvalid("path_following", f"method {method!r}", ", ".join(METHODS))
     p = preset("controllers", id, "path_following")
     m = Model("path_following", f"Path following along waypoints by {method.upper()}")
-    eta = m.input("eta", 6, unit=ETA, description="estimate: N E D [m], phi theta psi [rad]")
-    m.input("nu", 6, unit=NU, description="unused: estimate [m/s, rad/s]")
-    table, count = waypoint_parameters(m, waypoints)
-    figure = {
-        name: m.parameter(name, p.number(name, unit), unit=unit, min=1e-6, description=words)
-        for name, (unit, words) in FIGURES.items()
-    }
+    eta, table, count, figure = declare_follower(m, p, FIGURES, waypoints)
     sample = m.clock("sample", period)
     T = float(sample.period)
     started = m.discrete("started", unit="1")
@@ -89,7 +85,16 @@ def path_following(
     offset = position - A
     x = ca.cos(chi) * offset[0] + ca.sin(chi) * offset[1]
     y = -ca.sin(chi) * offset[0] + ca.cos(chi) * offset[1]
-    wanted, rate = _law(method, chi, y, learnt, figure)
+    # The wanted heading, and the rate of what is learnt: kappa y_i / Delta of ILOS, b of ALOS.
+    Delta = figure["lookahead"]
+    wanted, rate = chi - ca.atan(y / Delta), ca.SX(0.0)
+    if method == "ilos":
+        total = y + Delta * learnt
+        rate = figure["kappa"] * y / (Delta**2 + total**2)
+        wanted = chi - ca.atan(total / Delta)
+    elif method == "alos":
+        rate = figure["gamma"] * Delta * y / ca.sqrt(Delta**2 + y**2)
+        wanted = chi - learnt - ca.atan(y / Delta)
     turn = ca.if_else(L > 0.1, wrap(wanted - psi_d), 0.0)
     r = r_k + saturate(turn_rate(turn, figure) - r_k, T * figure["r_dot_max"])
     psi = wrap(psi_d + T * r)
@@ -117,30 +122,14 @@ def path_following(
     here = ca.vertcat(position[:2], D_d, 0, 0, psi)
     station = ca.vertcat(B, 0, 0, psi_d)
     nu_d = ca.vertcat(U, 0, climb * U, 0, 0, r)
-    held_output(
-        m, sample, "eta_d", ca.if_else(ends, station, here), unit=ETA, start=(0,) * 6,
-        description="wanted N E D [m], phi theta psi [rad]; N and E are the estimate's",
-    )  # fmt: skip
-    held_output(
-        m, sample, "nu_d", ca.if_else(ends, ca.SX.zeros(6), nu_d), unit=NU, start=(0,) * 6,
-        description="wanted, in axes of eta_d [m/s, rad/s]",
-    )  # fmt: skip
-    held_output(m, sample, "cross_track", y, unit="m", description="of the estimate, level")
-    m.output("waypoint", index + 1.0, unit="1", type="Int32", description="ahead, from 1")
-    m.output("done", done, unit="1", type="Boolean", description="holds the last waypoint")
+    declare_wanted(
+        m,
+        sample,
+        ca.if_else(ends, station, here),
+        ca.if_else(ends, ca.SX.zeros(6), nu_d),
+        index,
+        done,
+        y,
+        "; N and E are the estimate's",
+    )
     return m
-
-
-def _law(
-    method: str, chi: ca.SX, y: ca.SX, learnt: ca.SX, figure: dict[str, ca.SX]
-) -> tuple[ca.SX, Number]:
-    """Return the wanted heading and the rate of what is learnt: kappa y_i / Delta, or b."""
-    Delta = figure["lookahead"]
-    if method == "ilos":
-        total = y + Delta * learnt
-        rate = figure["kappa"] * y / (Delta**2 + total**2)
-        return chi - ca.atan(total / Delta), rate
-    if method == "alos":
-        rate = figure["gamma"] * Delta * y / ca.sqrt(Delta**2 + y**2)
-        return chi - learnt - ca.atan(y / Delta), rate
-    return chi - ca.atan(y / Delta), 0.0

@@ -19,12 +19,12 @@ from collections.abc import Callable
 
 import casadi as ca
 
+from uuvsim_cosim.models.control.control_law import feed_forward
 from uuvsim_cosim.models.declaration.model import Clock, Model
 from uuvsim_cosim.models.declaration.preset import preset
 from uuvsim_cosim.models.declaration.safe_math import abs_, saturate
 from uuvsim_cosim.models.declaration.sampled import held_output
-from uuvsim_cosim.models.declaration.vectors import ETA, INERTIA, NU, TAU, per
-from uuvsim_cosim.models.hull.matrices import nominal
+from uuvsim_cosim.models.declaration.vectors import ETA, NU, TAU
 
 __all__ = ["Wanted", "declare_pilot", "pilot"]
 
@@ -62,29 +62,12 @@ def declare_pilot(
 ) -> None:
     """Declare all of a pilot but its inputs: at each sample it follows what `wanted` gives."""
     preset_ = preset("controllers", id, "pilot")
-    mass, linear, quadratic = nominal(vehicle)
-    p = {
-        name: m.parameter(name, preset_.number(name, unit), unit=unit, min=0, description=words)
-        for name, unit, words in NUMBERS
-    }
+    p = {name: preset_.parameter(m, name, unit, words, min=0) for name, unit, words in NUMBERS}
     depth = m.parameter("depth", 0.5, unit="m", description="D to keep")
-    i_max = m.parameter(
-        "i_max",
-        preset_.vector("i_max", INTEGRALS, 3),
-        unit=INTEGRALS,
-        min=0,
-        description="limits of the integrals of surge, depth and yaw rate",
+    i_max = preset_.parameter(
+        m, "i_max", INTEGRALS, "limits of the integrals of surge, depth and yaw rate", 3, min=0
     )
-    M = m.parameter("M_ff", mass, unit=INERTIA, description="diagonal of M_RB + M_A")
-    D_l = m.parameter(
-        "D_l_ff", linear, unit=per("N.s/m", "N.m.s/rad"), description="linear damping, diagonal"
-    )
-    D_q = m.parameter(
-        "D_q_ff",
-        quadratic,
-        unit=per("N.s2/m2", "N.m.s2/rad2"),
-        description="quadratic damping, diagonal",
-    )
+    M, D_l, D_q = feed_forward(m, vehicle)
     sample = m.clock("sample", period)
     T = float(sample.period)
 

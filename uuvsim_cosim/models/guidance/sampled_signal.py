@@ -51,15 +51,23 @@ class Signal:
 
 def _pieces(t: Array, values: Array) -> list[tuple[int, Any]]:
     """Return (index of the first sample, function) of each piece."""
+    from scipy.interpolate import make_interp_spline
+
     jumps = _breaks(np.diff(values))  # between sample i and i + 1
     inner = [i for i in _breaks(np.diff(values, 2)) if not {i, i + 1} & jumps]
     kinks = {i + 1 for i in inner if not {i - 1, i + 2} & jumps}
     firsts = sorted({0, *(i + 1 for i in jumps), *kinks})
-    pieces = []
+    pieces: list[tuple[int, Any]] = []
     for first, following in zip(firsts, [*firsts[1:], len(t)], strict=True):
         shared = following in kinks or following == len(t)
         last = min(following, len(t) - 1) if shared else following - 1
-        pieces.append((first, _piece(t[first : last + 1], values[first : last + 1])))
+        t_piece, piece = t[first : last + 1], values[first : last + 1]
+        if len(piece) == 1 or np.all(piece == piece[0]):
+            pieces.append((first, lambda _, constant=piece[0]: constant))
+        else:
+            degree = min(5, len(piece) - 1)
+            degree -= 1 - degree % 2
+            pieces.append((first, make_interp_spline(t_piece, piece, k=degree)))
     return pieces
 
 
@@ -72,12 +80,3 @@ def _breaks(change: Array) -> set[int]:
     # With neighbours on one side only, an extremum nearby could look like a jump: ask more.
     beside[0], beside[-1] = size[1:4].max(), size[-4:-1].max()
     return {int(i) for i in np.flatnonzero((size > RATIO * beside) & (size > LEAST * size.max()))}
-
-
-def _piece(t: Array, values: Array) -> Any:
-    from scipy.interpolate import make_interp_spline
-
-    if len(t) == 1 or np.all(values == values[0]):
-        return lambda _: values[0]
-    degree = min(5, len(t) - 1)
-    return make_interp_spline(t, values, k=degree if degree % 2 else degree - 1)

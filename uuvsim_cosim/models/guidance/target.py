@@ -2,7 +2,7 @@
 
     p <- p + T V (cos psi, sin psi),   psi <- psi + T r
 
-`motion` says where the yaw rate r comes from: ``random_heading``, a Gauss-Markov process;
+`motion` selects the source of the yaw rate r: ``random_heading``, a Gauss-Markov process;
 ``flee``, away from the nearest tracker and from walls, wandering while none is near; ``path``,
 towards one waypoint after the other, again and again. At a wall, or an obstacle, the heading is
 mirrored. The speed is V at every instant.

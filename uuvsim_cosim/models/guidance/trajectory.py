@@ -18,9 +18,7 @@ import casadi as ca
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.preset import preset
 from uuvsim_cosim.models.declaration.safe_math import atan2_or, clip, norm, safe_sqrt, wrap
-from uuvsim_cosim.models.declaration.sampled import held_output
-from uuvsim_cosim.models.declaration.vectors import ETA, NU
-from uuvsim_cosim.models.guidance.guidance import row_of, waypoint_parameters
+from uuvsim_cosim.models.guidance.guidance import declare_follower, declare_wanted, row_of
 
 __all__ = ["trajectory"]
 
@@ -40,13 +38,9 @@ def trajectory(
     """Declare the trajectory of a preset; without waypoints, a lawn-mower pattern of four legs."""
     p = preset("controllers", id, "trajectory")
     m = Model("trajectory", "Trajectory of least jerk through waypoints, from rest to rest")
-    eta = m.input("eta", 6, unit=ETA, description="estimate: where it begins, and no more")
-    m.input("nu", 6, unit=NU, description="unused: estimate [m/s, rad/s]")
-    table, count = waypoint_parameters(m, waypoints)
-    figure = {
-        name: m.parameter(name, p.number(name, unit), unit=unit, min=1e-6, description=words)
-        for name, (unit, words) in FIGURES.items()
-    }
+    eta, table, count, figure = declare_follower(
+        m, p, FIGURES, waypoints, "estimate: where it begins, and no more"
+    )
     sample = m.clock("sample", period)
     step = float(sample.period)
     started = m.discrete("started", unit="1")
@@ -81,16 +75,7 @@ def trajectory(
     m.update(sample, clock, ca.if_else(onward, 0.0, ca.if_else(over, clock, clock + step)))
     m.update(sample, done, ca.if_else(ca.logic_and(over, last), 1.0, done))
     nu_d = ca.vertcat(c * v_n[0] + si * v_n[1], c * v_n[1] - si * v_n[0], v_n[2], 0, 0, turn * r)
-    held_output(
-        m, sample, "eta_d", ca.vertcat(A + leg * s, 0, 0, psi), unit=ETA, start=(0,) * 6,
-        description="wanted N E D [m], phi theta psi [rad]",
-    )  # fmt: skip
-    held_output(
-        m, sample, "nu_d", nu_d, unit=NU, start=(0,) * 6,
-        description="wanted, in axes of eta_d [m/s, rad/s]",
-    )  # fmt: skip
-    m.output("waypoint", index + 1.0, unit="1", type="Int32", description="ahead, from 1")
-    m.output("done", done, unit="1", type="Boolean", description="holds the last waypoint")
+    declare_wanted(m, sample, ca.vertcat(A + leg * s, 0, 0, psi), nu_d, index, done)
     return m
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,16 +17,12 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.hull_parameters import meaning_of
 from uuvsim_cosim.models.declaration.parameter_files import Quantity
 from uuvsim_cosim.models.hull.vehicle import hull
-from uuvsim_cosim.models.importing.description_bodies import Bodies, bodies_of
-from uuvsim_cosim.models.importing.description_file import place_of, read_description
+from uuvsim_cosim.models.importing.description_bodies import Bodies, Reader, bodies_of
 from uuvsim_cosim.models.importing.description_water import FLU_TO_FRD, Water, water_of
 from uuvsim_cosim.models.importing.vehicle_draft import Draft, PlacedThruster
-from uuvsim_cosim.models.importing.xacro_text import local
+from uuvsim_cosim.models.importing.xacro import local, place_of, read_description
 from uuvsim_cosim.models.shapes.ellipsoid import added_mass
 from uuvsim_cosim.models.vehicles.closed_forms import closed_forms
-
-if TYPE_CHECKING:
-    from lxml.etree import _Element
 
 __all__ = ["DescriptionImport", "import_description"]
 
@@ -37,22 +32,49 @@ G, RHO = 9.81, 1025.0
 
 @dataclass(frozen=True)
 class DescriptionImport:
-    """The draft, and what to tell of how it was read."""
+    """The draft, and notes on how it was read."""
 
     draft: Draft
     notes: tuple[str, ...]
+
+
+# Possible mistakes of a file, by closed form; the numbers are kept as they are in the file.
+_CAUSES = {
+    "M is symmetric": "the file's added mass is not symmetric",
+    "M is positive definite": "the file's inertia and added mass are not positive definite",
+    "inertia is of a body": "the file's largest moment of inertia exceeds the other two together",
+    "water takes energy only": "the file's damping drives the vehicle in some direction",
+    "level is neutral": "the file's centres of gravity and buoyancy are not in one line",
+    "upright is stable": "the file's centre of gravity is above that of buoyancy",
+    "weight is near buoyancy": "the file's volume displaces another weight than its mass",
+}
 
 
 def import_description(path: str | Path) -> DescriptionImport:
     """Read a .urdf, .sdf or .xacro and a TAM.yaml near it; raises InputInvalid with the line."""
     path = Path(path)
     root = read_description(path)
-    model = _model(path, root)
-    problems: list[str] = []
-    bodies = bodies_of(path, model, problems)
-    water = water_of(path, root, problems)
-    if problems:
-        raise InputInvalid.of(problems)
+    model = root
+    if local(root) != "robot":
+        models = [e for e in root.iter() if local(e) == "model"]
+        if not models:
+            raise InputInvalid(
+                place_of(path, root),
+                f"<{local(root)}>",
+                "<robot> (URDF, xacro) or <sdf> with a <model>",
+            )
+        with_water = [m for m in models if water_of(Reader(path), m) is not None]
+        if len(models) > 1 and len(with_water) != 1:
+            names = ", ".join(str(m.get("name")) for m in models)
+            raise InputInvalid(
+                path, f"{len(models)} models ({names})", "one, or one with hydrodynamics"
+            )
+        model = (with_water or models)[0]
+    read = Reader(path)
+    bodies = bodies_of(read, model)
+    water = water_of(read, root)
+    if read.problems:
+        raise InputInvalid.of(read.problems)
     notes = list(water.notes) if water is not None else []
     if len(bodies.links) > 1:
         notes.append(
@@ -68,8 +90,7 @@ def import_description(path: str | Path) -> DescriptionImport:
     size, at, size_source = _size(path, bodies, given, notes)
     found: dict[str, Quantity] = {}
     for name, value, source in (
-        *_rigid(path, bodies),
-        *_buoyancy(path, bodies, given, notes),
+        *_inertia_and_buoyancy(path, bodies, given, notes),
         *_hydrodynamics(path, given, size),
     ):
         meaning = meaning_of(name)
@@ -77,7 +98,8 @@ def import_description(path: str | Path) -> DescriptionImport:
         found[name] = Quantity(value, meaning.unit, source)
     found["height"] = Quantity(float(size[2]), "m", size_source)
     thrusters, thrusters_source = _thrusters(path, notes)
-    known = _known(found)
+    estimated = hull("imported", {k: q.value for k, q in found.items()}, surface=False)
+    known = {c.name: _CAUSES[c.name] for c in closed_forms(estimated) if not c.off <= c.tolerance}
     notes += [f"{check} does not hold: {because}" for check, because in known.items()]
     what = water.source if water is not None else "no hydrodynamics"
     draft = Draft(
@@ -91,7 +113,9 @@ def import_description(path: str | Path) -> DescriptionImport:
         (float(at[0]), float(at[1]), float(at[2])),
         "box",
         size_source,
-        _readme(path, what, notes),
+        _README.format(
+            file=path.name, what=what, notes="".join(f"- {n}\n" for n in notes) or "- nothing\n"
+        ),
         known,
         thrusters,
         thrusters_source,
@@ -99,42 +123,42 @@ def import_description(path: str | Path) -> DescriptionImport:
     return DescriptionImport(draft, tuple(notes))
 
 
-def _model(path: Path, root: _Element) -> _Element:
-    if local(root) == "robot":
-        return root
-    models = [e for e in root.iter() if local(e) == "model"]
-    if not models:
-        raise InputInvalid(
-            place_of(path, root),
-            f"<{local(root)}>",
-            "<robot> (URDF, xacro) or <sdf> with a <model>",
-        )
-    with_water = [m for m in models if water_of(path, m, []) is not None]
-    chosen = (with_water or models)[0]
-    if len(models) > 1 and len(with_water) != 1:
-        names = ", ".join(str(m.get("name")) for m in models)
-        raise InputInvalid(
-            path, f"{len(models)} models ({names})", "one, or one with hydrodynamics"
-        )
-    return chosen
+def _size(path: Path, bodies: Bodies, water: Water, notes: list[str]) -> tuple[Array, Array, str]:
+    """Return extents, their middle from CO in FRD, and where they are from."""
+    r_g = FLU_TO_FRD @ bodies.r_g
+    if water.size is not None:
+        at = water.r_b if water.r_b is not None else np.zeros(3)
+        if np.any(np.abs(r_g - at) > 0.5 * water.size):  # the file states no place of its box
+            at = 0.5 * (at + r_g)
+        return water.size, at, f"{path.name}: box of {water.source}"
+    notes += [f"<collision> mesh not read: {why}" for why in bodies.unread]
+    if bodies.shaped:
+        at = FLU_TO_FRD @ (0.5 * (bodies.low + bodies.high))
+        return bodies.high - bodies.low, at, f"{path.name}: <collision> shapes"
+    volume = water.volume or bodies.m / (water.rho or RHO)
+    side = float((6.0 * volume / np.pi) ** (1.0 / 3.0))
+    lacking = "no <box>, no <collision> box, cylinder, sphere or mesh"
+    if bodies.unread:
+        lacking = "a <collision> mesh was not read; `uuvsim models import MESH.stl` measures one"
+    notes.append(
+        f"no size is in the file ({lacking}): taken as a sphere of {side:.3g} m, of its volume"
+    )
+    return np.full(3, side), r_g, "estimated: sphere of the volume"
 
 
-def _rigid(path: Path, bodies: Bodies) -> Iterator[tuple[str, float, str]]:
+def _inertia_and_buoyancy(
+    path: Path, bodies: Bodies, water: Water, notes: list[str]
+) -> Iterator[tuple[str, float, str]]:
+    """Yield mass, inertia, volume and centres in FRD, each with its source."""
     source = f"{path.name}: <inertial>"
     yield "m", bodies.m, source
-    for axis, value in zip("xyz", FLU_TO_FRD @ bodies.r_g, strict=True):
-        if abs(value) > 1e-12:
-            yield f"{axis}_g", float(value), f"{source}, FLU turned to FRD"
+    r_g = FLU_TO_FRD @ bodies.r_g
+    yield from _centre("g", r_g, f"{source}, FLU turned to FRD")
     I_g = FLU_TO_FRD @ bodies.I_g @ FLU_TO_FRD
     for i in range(3):
         for j in range(i, 3):
             if i == j or abs(I_g[i, j]) > 1e-12 * abs(I_g).max():
                 yield f"I_g_{i + 1}{j + 1}", float(I_g[i, j]), f"{source}, FLU turned to FRD"
-
-
-def _buoyancy(
-    path: Path, bodies: Bodies, water: Water, notes: list[str]
-) -> Iterator[tuple[str, float, str]]:
     rho = water.rho if water.rho is not None else RHO
     source = f"{path.name}: {water.source}"
     yield "rho", rho, source if water.rho is not None else "sea water"
@@ -152,98 +176,47 @@ def _buoyancy(
         notes.append(f"no volume {what}: assumed neutrally buoyant")
     yield "nabla", float(volume), words
     yield "g", G, "standard gravity, three digits"
-    r_g = FLU_TO_FRD @ bodies.r_g
     if r_b is None:
         r_b, how = r_g, "estimated: assumption, at the centre of gravity"
-    for axis, value in zip("xyz", r_b, strict=True):
+    yield from _centre("b", r_b, how)
+
+
+def _centre(name: str, r: Array, source: str) -> Iterator[tuple[str, float, str]]:
+    for axis, value in zip("xyz", r, strict=True):
         if abs(value) > 1e-12:
-            yield f"{axis}_b", float(value), how
-
-
-# What may be wrong in a file, in words; the numbers are kept as they stand there.
-_CAUSES = {
-    "M is symmetric": "the file's added mass is not symmetric",
-    "M is positive definite": "the file's inertia and added mass are not positive definite",
-    "inertia is of a body": "the file's largest moment of inertia exceeds the other two together",
-    "water takes energy only": "the file's damping drives the vehicle in some direction",
-    "level is neutral": "the file's centres of gravity and buoyancy are not in one line",
-    "upright is stable": "the file's centre of gravity is above that of buoyancy",
-    "weight is near buoyancy": "the file's volume displaces another weight than its mass",
-}
-
-
-def _known(found: dict[str, Quantity]) -> dict[str, str]:
-    """Return the closed forms that the numbers of the file do not keep, with the cause."""
-    model = hull("imported", {k: q.value for k, q in found.items()}, surface=False)
-    return {c.name: _CAUSES[c.name] for c in closed_forms(model) if not c.off <= c.tolerance}
+            yield f"{axis}_{name}", float(value), source
 
 
 def _hydrodynamics(path: Path, water: Water, size: Array) -> Iterator[tuple[str, float, str]]:
+    """Yield added mass and damping, each with its source; estimates for a box without them."""
     source = f"{path.name}: {water.source}"
     rho = water.rho if water.rho is not None else RHO
-    matrices = dict(water.matrices)
-    if "M_A" not in matrices:
+    l, b, h = (float(s) for s in size)  # noqa: E741
+    M_A, source_M = water.matrices.get("M_A"), source
+    if M_A is None:
         source_M = "estimated: Lamb's ellipsoid within the size"
-        a, b, c = (float(s) / 2 for s in size)
-        matrices["M_A"] = np.diag(np.array(added_mass(a, b, c, rho), dtype=float))
-    else:
-        source_M = source
-    damping = {k: (v, source) for k, v in matrices.items() if k != "M_A"}
+        M_A = np.diag(np.array(added_mass(l / 2, b / 2, h / 2, rho), dtype=float))
+    damping = {k: (v, source) for k, v in water.matrices.items() if k != "M_A"}
     if not any(np.any(v) for v, _ in damping.values()):
-        faces = _box_drag(size, rho)
-        how = "estimated: C_D = 1.05 of the faces of the size, by strips"
+        # Faces of the box, and strips of them where it turns.
+        faces = [b * h, l * h, l * b]
+        turns = [l * (b**4 + h**4) / 32, b * (l**4 + h**4) / 32, h * (l**4 + b**4) / 32]
+        D_q = 0.5 * rho * 1.05 * np.array(faces + turns)
         low = "estimated: as D_q gives at 0.1 m/s or 0.5 rad/s"
         damping = {
-            "D_l": (np.diag(faces * ([0.1] * 3 + [0.5] * 3)), low),
-            "D_q": (np.diag(faces), how),
+            "D_l": (np.diag(D_q * ([0.1] * 3 + [0.5] * 3)), low),
+            "D_q": (np.diag(D_q), "estimated: C_D = 1.05 of the faces of the size, by strips"),
         }
-    M_A = matrices["M_A"]
     symmetric = np.allclose(M_A, M_A.T)
     for i in range(6):
         for j in range(i if symmetric else 0, 6):
             if M_A[i, j]:
                 yield f"M_A_{i + 1}{j + 1}", float(M_A[i, j]), source_M
-    for kind in ("D_l", "D_q", "D_u"):
-        if kind in damping:
-            matrix, how = damping[kind]
+    for name in ("D_l", "D_q", "D_u"):
+        if name in damping:
+            matrix, how = damping[name]
             for i, j in zip(*np.nonzero(matrix), strict=True):
-                yield f"{kind}_{i + 1}{j + 1}", float(matrix[i, j]), how
-
-
-def _box_drag(size: Array, rho: float) -> Array:
-    """Return D_q (6,) of a box: its faces, and strips of them where it turns."""
-    l, b, h = (float(s) for s in size)  # noqa: E741
-    faces = [b * h, l * h, l * b]
-    turns = [l * (b**4 + h**4) / 32, b * (l**4 + h**4) / 32, h * (l**4 + b**4) / 32]
-    return 0.5 * rho * 1.05 * np.array(faces + turns)
-
-
-def _size(path: Path, bodies: Bodies, water: Water, notes: list[str]) -> tuple[Array, Array, str]:
-    """Return extents, their middle from CO in FRD, and where they are from."""
-    if water.size is not None:
-        at = water.r_b if water.r_b is not None else np.zeros(3)
-        r_g = FLU_TO_FRD @ bodies.r_g
-        if np.any(np.abs(r_g - at) > 0.5 * water.size):  # the file says no place of its box
-            at = 0.5 * (at + r_g)
-        return water.size, at, f"{path.name}: box of {water.source}"
-    notes += [f"<collision> mesh not read: {why}" for why in bodies.unread]
-    if bodies.shaped:
-        at = FLU_TO_FRD @ (0.5 * (bodies.low + bodies.high))
-        return bodies.high - bodies.low, at, f"{path.name}: <collision> shapes"
-    volume = water.volume or bodies.m / (water.rho or RHO)
-    side = float((6.0 * volume / np.pi) ** (1.0 / 3.0))
-    notes.append(
-        f"no size is in the file ({_lacking(bodies)}): taken as a sphere of {side:.3g} m, of its "
-        "volume"
-    )
-    at = FLU_TO_FRD @ bodies.r_g
-    return np.full(3, side), at, "estimated: sphere of the volume"
-
-
-def _lacking(bodies: Bodies) -> str:
-    if bodies.unread:
-        return "a <collision> mesh was not read; `uuvsim models import MESH.stl` measures one"
-    return "no <box>, no <collision> box, cylinder, sphere or mesh"
+                yield f"{name}_{i + 1}{j + 1}", float(matrix[i, j]), how
 
 
 def _thrusters(path: Path, notes: list[str]) -> tuple[tuple[PlacedThruster, ...], str]:
@@ -263,44 +236,36 @@ def _thrusters(path: Path, notes: list[str]) -> tuple[tuple[PlacedThruster, ...]
             if isinstance(data, dict) and isinstance(data.get("thruster_manager"), dict):
                 data = data["thruster_manager"]
             tam = data.get("tam") if isinstance(data, dict) else None
-            if tam is not None:
-                notes.append(
-                    f"thrusters by the lines of force of {file.name}, in FLU turned to FRD"
+            if tam is None:
+                continue
+            notes.append(f"thrusters by the lines of force of {file.name}, in FLU turned to FRD")
+            try:
+                T = np.array(tam, dtype=float)
+            except (TypeError, ValueError):
+                T = np.zeros(0)
+            if T.ndim != 2 or T.shape[0] != 6 or not np.isfinite(T).all():
+                raise InputInvalid(
+                    file, f"tam of shape {T.shape}", "6 rows of numbers, a column each thruster"
                 )
-                return _placed(file, tam), f"{file.name}: thruster allocation matrix"
+            placed = []
+            for k, column in enumerate(T.T):
+                strength = float(np.linalg.norm(column[:3]))
+                if not strength > 1e-9:
+                    raise InputInvalid(file, f"tam: column {k + 1} pushes nowhere", "a direction")
+                e, moment = column[:3] / strength, column[3:] / strength
+                r = np.cross(e, moment)  # the point of its line that is nearest to CO
+                r, e = FLU_TO_FRD @ r, FLU_TO_FRD @ e
+                placed.append(PlacedThruster(f"thruster {k}", r.tolist(), e.tolist()))
+            return tuple(placed), f"{file.name}: thruster allocation matrix"
     return (), ""
 
 
-def _placed(file: Path, tam: _Element) -> tuple[PlacedThruster, ...]:
-    try:
-        T = np.array(tam, dtype=float)
-    except (TypeError, ValueError):
-        T = np.zeros(0)
-    if T.ndim != 2 or T.shape[0] != 6 or not np.isfinite(T).all():
-        raise InputInvalid(
-            file, f"tam of shape {T.shape}", "6 rows of numbers, a column each thruster"
-        )
-    found = []
-    for k in range(T.shape[1]):
-        strength = float(np.linalg.norm(T[:3, k]))
-        if not strength > 1e-9:
-            raise InputInvalid(file, f"tam: column {k + 1} pushes nowhere", "a direction")
-        e, moment = T[:3, k] / strength, T[3:, k] / strength
-        r = np.cross(e, moment)  # the point of its line that is nearest to CO
-        found.append(
-            PlacedThruster(f"thruster {k}", (FLU_TO_FRD @ r).tolist(), (FLU_TO_FRD @ e).tolist())
-        )
-    return tuple(found)
-
-
-def _readme(path: Path, what: str, notes: list[str]) -> str:
-    rows = "".join(f"- {note}\n" for note in notes) or "- nothing\n"
-    return f"""\
-Imported from `{path.name}` ({what}). Body FRD: FLU of the file turned (y and z change their sign),
+_README = """\
+Imported from `{file}` ({what}). Body FRD: FLU of the file turned (y and z change their sign),
 damping positive for a brake.
 
 ## Said while it was read
-{rows}
+{notes}
 ## Validity
 That of the file's numbers, which say no source: write it beside each number.
 """

@@ -6,30 +6,35 @@ that of its faces: estimates, marked so, each to be replaced by a number with a 
 
 from __future__ import annotations
 
-import re
 from math import pi
 from pathlib import Path
 
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.parameter_files import Quantity
+from uuvsim_cosim.models.importing.vehicle_draft import check_id, row_of
 from uuvsim_cosim.models.shapes.ellipsoid import added_mass
 
 __all__ = ["write_vehicle"]
 
 _SIZES = {"box": (0.45, 0.35, 0.25), "torpedo": (1.6, 0.19, 0.19)}
 RHO, G = 1025.0, 9.81
+_Row = tuple[str, float, str, str]  # name, value, unit, source
 
 
 def write_vehicle(id: str, into: Path, shape: str = "box") -> Path:
     """Write parameters.yaml, thrusters.yaml, README.md (and fins, propeller) into `into`/`id`."""
-    if not re.fullmatch(r"[a-z][a-z0-9_]*", id):
-        raise InputInvalid(f"vehicle {id!r}", "lower case letters, digits and _, as my_rov")
+    check_id(id)
     if shape not in _SIZES:
         raise InputInvalid(f"shape {shape!r}", " or ".join(_SIZES))
     folder = into / id
     if folder.exists() and any(folder.iterdir()):
         raise InputInvalid(f"{folder} is there already", "a name that is free")
     folder.mkdir(parents=True, exist_ok=True)
-    texts = {"parameters.yaml": _parameters(id, shape), "README.md": _readme(id)}
+    size = ", ".join(f"{side:g}" for side in _SIZES[shape])
+    texts = {
+        "parameters.yaml": _HEAD.format(id=id, size=size, shape=shape) + _parameters(shape),
+        "README.md": _README.format(id=id),
+    }
     if shape == "box":
         texts["thrusters.yaml"] = _THRUSTERS.format(id=id)
     else:
@@ -41,7 +46,8 @@ def write_vehicle(id: str, into: Path, shape: str = "box") -> Path:
     return folder
 
 
-def _parameters(id: str, shape: str) -> str:
+def _parameters(shape: str) -> str:
+    """Return the rows of the parameters, with a comment before each group."""
     length, breadth, height = _SIZES[shape]
     volume = pi / 6 * length * breadth * height
     m = RHO * volume * 0.998
@@ -51,76 +57,70 @@ def _parameters(id: str, shape: str) -> str:
     if shape == "torpedo":
         M_A[3] = 0.1 * inertia[0]
     how = "estimated: ellipsoid of the size above"
-
-    def row(name: str, value: float, unit: str, source: str) -> str:
-        text = f'"{unit}"' if unit == "1" or "(" in unit else unit
-        return f'      {name}: {{value: {value:.6g}, unit: {text}, source: "{source}"}}\n'
-
-    parts = [
-        _HEAD.format(id=id, size=f"{length:g}, {breadth:g}, {height:g}", shape=shape),
-        "      # mass, and either rho, nabla and g, or W and B: never both\n",
-        row("m", m, "kg", "estimated: 0.2 % lighter than the water displaced"),
-        row("rho", RHO, "kg/m3", "sea water"),
-        row("nabla", volume, "m3", how),
-        row("g", G, "m/s2", "standard gravity, three digits"),
-        "      # centre of buoyancy (x_b y_b z_b) and of gravity (x_g y_g z_g) from CO, z down\n",
-        row("z_b", -0.02 if shape == "box" else -0.01, "m", "assumption: ballast below"),
-        "      # inertia about CG (I_g_11 ...), or about CO (I_b_11 ...); products as I_g_12\n",
-        *(row(f"I_g_{i}{i}", v, "kg.m2", how) for i, v in enumerate(inertia, 1)),
-        "      # added mass about CO, positive (M_A_11 = -X_udot); off-diagonals as M_A_15\n",
-        *(
-            row(f"M_A_{i}{i}", v, "kg" if i < 4 else "kg.m2", how)
-            for i, v in enumerate(M_A, 1)
-            if v > 0
-        ),
-        *(_box_damping(row) if shape == "box" else _torpedo_damping(row)),
-        "      # height of the hull, over which buoyancy is lost at the surface\n",
-        row("height", height, "m", "the size above"),
-    ]
-    return "".join(parts)
-
-
-def _box_damping(row: object) -> list[str]:
-    length, breadth, height = _SIZES["box"]
-    c = 0.5 * RHO * 1.05
-    faces = (breadth * height, length * height, length * breadth)
-    half = (length / 2, breadth / 2, height / 2)
-    turns = (
-        length * (half[1] ** 4 + half[2] ** 4) / 2,
-        breadth * (half[0] ** 4 + half[2] ** 4) / 2,
-        height * (half[0] ** 4 + half[1] ** 4) / 2,
-    )
-    lines = ["      # damping, positive for a brake: linear D_l_11 ..., with |v| D_q_11 ...\n"]
-    for i, area in enumerate((*faces, *turns), 1):
-        unit = ("N.s/m", "N.s2/m2") if i < 4 else ("N.m.s/rad", "N.m.s2/rad2")
-        at = 0.1 if i < 4 else 0.5
-        what = "C_D = 1.05 of the face" if i < 4 else "C_D = 1.05, by strips"
-        lines.append(
-            row(f"D_l_{i}{i}", at * c * area, unit[0], f"estimated: as D_q_{i}{i} gives at {at:g}")  # type: ignore[operator]
+    damping: list[_Row] = []
+    if shape == "box":
+        about = "damping, positive for a brake: linear D_l_11 ..., with |v| D_q_11 ..."
+        c = 0.5 * RHO * 1.05
+        faces = (breadth * height, length * height, length * breadth)
+        turns = (
+            length * (a[1] ** 4 + a[2] ** 4) / 2,
+            breadth * (a[0] ** 4 + a[2] ** 4) / 2,
+            height * (a[0] ** 4 + a[1] ** 4) / 2,
         )
-        lines.append(row(f"D_q_{i}{i}", c * area, unit[1], f"estimated: {what}"))  # type: ignore[operator]
-    return lines
-
-
-def _torpedo_damping(row: object) -> list[str]:
-    length, d, _ = _SIZES["torpedo"]
-    lift = 0.5 * RHO * pi * d * d / 4 * 1.2
-    rows = [
-        ("D_q_11", 0.5 * RHO * 0.2 * pi * d * d / 4, "N.s2/m2", "C_D = 0.2 of the section"),
-        ("D_q_44", 0.05, "N.m.s2/rad2", "fins"),
-        ("D_u_22", lift, "N.s2/m2", "lift of the hull, 1.2 per rad of its section"),
-        ("D_u_33", lift, "N.s2/m2", "lift of the hull, 1.2 per rad of its section"),
-        ("x_bow", length / 2, "m", "half the length"),
-        ("x_stern", -length / 2, "m", "half the length"),
-        ("C_D_y", 1.1, "1", "cross-flow drag of a cylinder"),
-        ("h_y", d, "m", "diameter"),
-        ("C_D_z", 1.1, "1", "cross-flow drag of a cylinder"),
-        ("b_z", d, "m", "diameter"),
-    ]
-    lines = [
-        "      # D_q: with |v|. D_u: with |u|, lift. x_bow ... b_z: cross-flow drag by strips\n"
-    ]
-    return lines + [row(n, v, u, f"estimated: {s}") for n, v, u, s in rows]  # type: ignore[operator]
+        for i, area in enumerate((*faces, *turns), 1):
+            unit = ("N.s/m", "N.s2/m2") if i < 4 else ("N.m.s/rad", "N.m.s2/rad2")
+            at = 0.1 if i < 4 else 0.5
+            what = "C_D = 1.05 of the face" if i < 4 else "C_D = 1.05, by strips"
+            source = f"estimated: as D_q_{i}{i} gives at {at:g}"
+            damping.append((f"D_l_{i}{i}", at * c * area, unit[0], source))
+            damping.append((f"D_q_{i}{i}", c * area, unit[1], f"estimated: {what}"))
+    else:
+        about = "D_q: with |v|. D_u: with |u|, lift. x_bow ... b_z: cross-flow drag by strips"
+        d = breadth
+        lift = 0.5 * RHO * pi * d * d / 4 * 1.2
+        of_hull = "estimated: lift of the hull, 1.2 per rad of its section"
+        cylinder = "estimated: cross-flow drag of a cylinder"
+        section = 0.5 * RHO * 0.2 * pi * d * d / 4
+        damping = [
+            ("D_q_11", section, "N.s2/m2", "estimated: C_D = 0.2 of the section"),
+            ("D_q_44", 0.05, "N.m.s2/rad2", "estimated: fins"),
+            ("D_u_22", lift, "N.s2/m2", of_hull),
+            ("D_u_33", lift, "N.s2/m2", of_hull),
+            ("x_bow", length / 2, "m", "estimated: half the length"),
+            ("x_stern", -length / 2, "m", "estimated: half the length"),
+            ("C_D_y", 1.1, "1", cylinder),
+            ("h_y", d, "m", "estimated: diameter"),
+            ("C_D_z", 1.1, "1", cylinder),
+            ("b_z", d, "m", "estimated: diameter"),
+        ]
+    masses = enumerate(zip(M_A, ["kg"] * 3 + ["kg.m2"] * 3, strict=True), 1)
+    groups: dict[str, list[_Row]] = {
+        "mass, and either rho, nabla and g, or W and B: never both": [
+            ("m", m, "kg", "estimated: 0.2 % lighter than the water displaced"),
+            ("rho", RHO, "kg/m3", "sea water"),
+            ("nabla", volume, "m3", how),
+            ("g", G, "m/s2", "standard gravity, three digits"),
+        ],
+        "centre of buoyancy (x_b y_b z_b) and of gravity (x_g y_g z_g) from CO, z down": [
+            ("z_b", -0.02 if shape == "box" else -0.01, "m", "assumption: ballast below"),
+        ],
+        "inertia about CG (I_g_11 ...), or about CO (I_b_11 ...); products as I_g_12": [
+            (f"I_g_{i}{i}", v, "kg.m2", how) for i, v in enumerate(inertia, 1)
+        ],
+        "added mass about CO, positive (M_A_11 = -X_udot); off-diagonals as M_A_15": [
+            (f"M_A_{i}{i}", v, unit, how) for i, (v, unit) in masses if v > 0
+        ],
+        about: damping,
+        "height of the hull, over which buoyancy is lost at the surface": [
+            ("height", height, "m", "the size above"),
+        ],
+    }
+    text = ""
+    for comment, rows in groups.items():
+        text += f"      # {comment}\n"
+        for name, value, unit_, source in rows:
+            text += row_of(name, Quantity(float(f"{value:.6g}"), unit_, source))
+    return text
 
 
 _HEAD = """\
@@ -217,10 +217,7 @@ fins:
     r: {{value: [-0.7, -0.14, 0], unit: m}}
     a: {{value: [0, 1, 0], unit: "1"}}
 """
-
-
-def _readme(id: str) -> str:
-    return f"""\
+_README = """\
 # {id}
 
 What it is, and where its numbers are from.

@@ -55,9 +55,40 @@ def write_draft(draft: Draft, folder: Path) -> Path:
     id = check_id(folder.name)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise InputInvalid(f"{folder} is there already", "a name that is free")
-    texts = {"parameters.yaml": _parameters(id, draft), "README.md": f"# {id}\n\n{draft.readme}"}
+    for name in draft.quantities:
+        assert meaning_of(name) is not None, name
+    where = f", at: [{_listed(draft.at, '.6g')}]" if any(draft.at) else ""
+    parameters = (
+        f"# {id}: hull. Each number stands with its unit and source; what is left out is zero.\n"
+        "# Frames: body FRD (x ahead, y starboard, z down) with its origin CO, world NED.\n"
+        f"id: {id}\n"
+        f"description: {quoted(draft.description)}\n"
+        "frames: {body: FRD, world: NED}\n"
+        f"size: {{value: [{_listed(draft.size, '.6g')}]{where}, unit: m, shape: {draft.shape}, "
+        f"source: {quoted(draft.size_source)}}}\n"
+        f"default: {draft.set_name}\n"
+        "sets:\n"
+        f"  {draft.set_name}:\n"
+        f"    citation: {quoted(draft.citation)}\n"
+        f"    obtained: {quoted(draft.obtained)}\n"
+        "    parameters:\n"
+    )
+    parameters += "".join(row_of(name, quantity) for name, quantity in draft.quantities.items())
+    texts = {"parameters.yaml": parameters, "README.md": f"# {id}\n\n{draft.readme}"}
     if draft.thrusters:
-        texts["thrusters.yaml"] = _thrusters(id, draft)
+        rows = [
+            f"  - name: {quoted(t.name)}\n"
+            f"    r: {{value: [{_listed(t.r, '.9g')}], unit: m}}\n"
+            f'    e: {{value: [{_listed(t.e, ".9g")}], unit: "1"}}\n'
+            for t in draft.thrusters
+        ]
+        texts["thrusters.yaml"] = (
+            "# Thrusters: r from CO, and direction e of positive thrust, both in b (FRD).\n"
+            f"vehicle: {id}\n"
+            f"source: {quoted(draft.thrusters_source)}\n"
+            "model: thruster\n"
+            "thrusters:\n" + "".join(rows)
+        )
     if draft.known:
         rows = [
             f"  - {{check: {check}, set: {draft.set_name}, because: {quoted(because)}}}\n"
@@ -82,6 +113,10 @@ def write_draft(draft: Draft, folder: Path) -> Path:
     return folder
 
 
+def _listed(values: Sequence[float], digits: str) -> str:
+    return ", ".join(f"{v + 0.0:{digits}}" for v in values)
+
+
 def quoted(text: str) -> str:
     """Write a text as YAML's double-quoted scalar, on one line."""
     return json.dumps(" ".join(text.split()), ensure_ascii=False)
@@ -93,46 +128,3 @@ def row_of(name: str, quantity: Quantity) -> str:
     text = f'"{unit}"' if unit == "1" or "(" in unit else unit
     value = f"{quantity.value:.9g}"
     return f"      {name}: {{value: {value}, unit: {text}, source: {quoted(quantity.source)}}}\n"
-
-
-def _parameters(id: str, draft: Draft) -> str:
-    size = ", ".join(f"{v:.6g}" for v in draft.size)
-    at = ", ".join(f"{v:.6g}" for v in draft.at)
-    where = "" if not any(draft.at) else f", at: [{at}]"
-    for name in draft.quantities:
-        assert meaning_of(name) is not None, name
-    return (
-        f"# {id}: hull. Each number stands with its unit and source; what is left out is zero.\n"
-        "# Frames: body FRD (x ahead, y starboard, z down) with its origin CO, world NED.\n"
-        f"id: {id}\n"
-        f"description: {quoted(draft.description)}\n"
-        "frames: {body: FRD, world: NED}\n"
-        f"size: {{value: [{size}]{where}, unit: m, shape: {draft.shape}, "
-        f"source: {quoted(draft.size_source)}}}\n"
-        f"default: {draft.set_name}\n"
-        "sets:\n"
-        f"  {draft.set_name}:\n"
-        f"    citation: {quoted(draft.citation)}\n"
-        f"    obtained: {quoted(draft.obtained)}\n"
-        "    parameters:\n"
-        + "".join(row_of(name, quantity) for name, quantity in draft.quantities.items())
-    )
-
-
-def _thrusters(id: str, draft: Draft) -> str:
-    def vector(values: Sequence[float]) -> str:
-        return ", ".join(f"{v + 0.0:.9g}" for v in values)
-
-    rows = [
-        f"  - name: {quoted(t.name)}\n"
-        f"    r: {{value: [{vector(t.r)}], unit: m}}\n"
-        f'    e: {{value: [{vector(t.e)}], unit: "1"}}\n'
-        for t in draft.thrusters
-    ]
-    return (
-        "# Thrusters: r from CO, and direction e of positive thrust, both in b (FRD).\n"
-        f"vehicle: {id}\n"
-        f"source: {quoted(draft.thrusters_source)}\n"
-        "model: thruster\n"
-        "thrusters:\n" + "".join(rows)
-    )

@@ -83,42 +83,40 @@ class Aiding:
         self.reading["heard"] = m.input(
             "dvl_beam_valid", 4, unit="1", description="1: a bottom echo"
         )
-        self._sampled("dvl")
+        self._declare_sampling("dvl")
         self.reading["pressure"] = m.input(
             "pressure", unit="Pa", start=101325.0, description="absolute"
         )
-        self._sensor("pressure")
+        self._declare_sampling("pressure")
         self.reading["compass"] = m.input("compass_psi", unit="rad", description="magnetic heading")
-        self._sensor("compass")
+        self._declare_sampling("compass")
         self.reading["fix"] = m.input(
             "usbl_position", 3, unit="m", description="of the transponder in NED"
         )
         self.reading["sigma"] = m.input(
             "usbl_sigma", 3, unit="m", start=(1, 1, 1), description="of N, E, D"
         )
-        self._sensor("usbl", waits=True)
+        self._declare_sampling("usbl")
 
-    def _sensor(self, name: str, waits: bool = False) -> None:
-        """Declare a sensor's `valid` and `t_sample`."""
-        valid = self.m.input(
-            f"{name}_valid", unit="1", type="Boolean", description="the reading can be used"
-        )
-        self._sampled(name, waits)
-        self.is_new[name] = ca.logic_and(valid > 0.5, self.is_new[name])
-
-    def _sampled(self, name: str, waits: bool = False) -> None:
-        """Declare a sensor's `t_sample`; its reading is new when that has changed."""
+    def _declare_sampling(self, name: str) -> None:
+        """Declare a sensor's `valid` and `t_sample`; its reading is new if that has changed."""
+        valid = None  # the DVL states it for each beam
+        if name != "dvl":
+            valid = self.m.input(
+                f"{name}_valid", unit="1", type="Boolean", description="the reading can be used"
+            )
         t_sample = self.m.input(
             f"{name}_t_sample", unit="s", start=BEFORE_FIRST, description="of the reading"
         )
         last = self.m.discrete(f"{name}_t_last", BEFORE_FIRST, unit="s")
         self.reading[f"{name}_t"] = t_sample
-        self.is_new[name] = t_sample > last + 1e-9
-        if not waits:
+        is_new = t_sample > last + 1e-9
+        self.is_new[name] = is_new if valid is None else ca.logic_and(valid > 0.5, is_new)
+        if name != "usbl":  # its fixes wait until a correction is due
             self.m.update(self.step, last, t_sample)
 
     def due(self, since: ca.SX) -> ca.SX:
-        """Say if there is a reading that cannot wait, or `since` the last correction is long."""
+        """Return whether a reading cannot wait, or the time `since` the last correction is long."""
         urgent = (self.is_new[name] for name in ("dvl", "pressure", "compass"))
         due = since >= WAIT - 1e-6
         for is_new in urgent:
@@ -138,16 +136,53 @@ class Aiding:
         past: History,
         now: ca.SX,
     ) -> ca.SX:
-        """Correct by DVL, pressure, compass, USBL; gives a row (refused, nu²/S) of each (4, 2)."""
-        return ca.vertcat(
-            self._take("dvl", by, self._dvl(x, Rnb, omega)),
-            self._take("pressure", by, self._pressure(x, Rnb, b_s[1])),
-            self._take("compass", by, self._compass(Rnb, b_s[0])),
-            self._take("usbl", by, self._usbl(x, Rnb, past, now)),
-        )
+        """Correct by DVL, pressure, compass, USBL; return a row (refused, nu²/S) of each (4, 2)."""
+        c = self.c
+        lever = c.r_dvl - c.r_imu
+        there = ca.mtimes(Rnb.T, x.v) + ca.cross(omega, lever)
+        beams = []
+        for k in range(4):
+            d = c.beams[:, k]
+            expected = ca.dot(d, there)
+            H = _row({3: ca.mtimes(Rnb, d), 9: ca.mtimes(d.T, S(lever))})
+            variance = c.sigma_beam**2 + (c.sigma_beam_relative * expected) ** 2 + 1e-12
+            is_new = ca.logic_and(self.reading["heard"][k] > 0.5, self.is_new["dvl"])
+            beams.append(Measured(self.reading["beam"][k] - expected, H, variance, is_new))
+
+        p_atm, salinity, temperature, g = c.water
+        depth = depth_of_pressure(self.reading["pressure"] - p_atm, salinity, temperature, g)
+        lever = ca.mtimes(Rnb, c.r_pressure - c.r_imu)
+        H = _row({2: 1.0, 6: -S(lever)[2, :], 16: 1.0})
+        innovation = depth - (x.p[2] + lever[2] + b_s[1])
+        pressure = Measured(innovation, H, c.sigma_depth**2 + 1e-12, self.is_new["pressure"])
+
+        level = Rnb[0, 0] ** 2 + Rnb[1, 0] ** 2  # cos(theta)²
+        upright = level > 0.01  # near the pole, heading says nothing
+        slope = -Rnb[2, 0] / ca.if_else(upright, level, 1.0)
+        H = _row({6: ca.horzcat(slope * Rnb[0, 0], slope * Rnb[1, 0], 1.0), 15: 1.0})
+        psi = ca.atan2(Rnb[1, 0], Rnb[0, 0])
+        innovation = wrap(self.reading["compass"] + c.declination - psi - b_s[0])
+        is_new = ca.logic_and(self.is_new["compass"], upright)
+        compass = Measured(innovation, H, c.sigma_psi**2 + 1e-12, is_new)
+
+        then, known = past.at(self.reading["usbl_t"], now, x)
+        lever = ca.mtimes(Rnb, c.r_usbl - c.r_imu)
+        innovation = self.reading["fix"] - (then + lever)
+        is_new = ca.logic_and(self.is_new["usbl"], known)
+        fix = [
+            Measured(
+                innovation[k],
+                _row({k: 1.0, 6: -S(lever)[k, :]}),
+                self.reading["sigma"][k] ** 2 + 1e-12,
+                is_new,
+            )
+            for k in range(3)
+        ]
+        measured = {"dvl": beams, "pressure": [pressure], "compass": [compass], "usbl": fix}
+        return ca.vertcat(*(self._take(name, by, scalars) for name, scalars in measured.items()))
 
     def _take(self, name: str, by: Correction, measured: Sequence[Measured]) -> ca.SX:
-        """Correct by a reading's scalars; gives (refused so far, mean nu²/S of the latest)."""
+        """Correct by a reading's scalars; return (refused so far, mean nu²/S of the latest)."""
         assert self.now_due is not None  # `due` comes first
         in_a_row = self.m.discrete(f"{name}_in_a_row", unit="1", description="readings refused")
         total = self.m.discrete(f"{name}_refused", unit="1", description="scalars refused")
@@ -172,57 +207,6 @@ class Aiding:
             taken = ca.if_else(some, value, state)
             self.m.update(self.step, state, ca.if_else(self.now_due, taken, state))
         return ca.horzcat(total, consistency)
-
-    def _dvl(self, x: Inertial, Rnb: ca.SX, omega: ca.SX) -> list[Measured]:
-        c = self.c
-        lever = c.r_dvl - c.r_imu
-        there = ca.mtimes(Rnb.T, x.v) + ca.cross(omega, lever)
-        out = []
-        for k in range(4):
-            d = c.beams[:, k]
-            expected = ca.dot(d, there)
-            H = _row({3: ca.mtimes(Rnb, d), 9: ca.mtimes(d.T, S(lever))})
-            variance = c.sigma_beam**2 + (c.sigma_beam_relative * expected) ** 2 + 1e-12
-            is_new = ca.logic_and(self.reading["heard"][k] > 0.5, self.is_new["dvl"])
-            out.append(Measured(self.reading["beam"][k] - expected, H, variance, is_new))
-        return out
-
-    def _pressure(self, x: Inertial, Rnb: ca.SX, bias: ca.SX) -> list[Measured]:
-        c = self.c
-        p_atm, salinity, temperature, g = c.water
-        depth = depth_of_pressure(self.reading["pressure"] - p_atm, salinity, temperature, g)
-        lever = ca.mtimes(Rnb, c.r_pressure - c.r_imu)
-        H = _row({2: 1.0, 6: -S(lever)[2, :], 16: 1.0})
-        innovation = depth - (x.p[2] + lever[2] + bias)
-        return [Measured(innovation, H, c.sigma_depth**2 + 1e-12, self.is_new["pressure"])]
-
-    def _compass(self, Rnb: ca.SX, bias: ca.SX) -> list[Measured]:
-        c = self.c
-        level = Rnb[0, 0] ** 2 + Rnb[1, 0] ** 2  # cos(theta)²
-        upright = level > 0.01  # near the pole, heading says nothing
-        slope = -Rnb[2, 0] / ca.if_else(upright, level, 1.0)
-        H = _row({6: ca.horzcat(slope * Rnb[0, 0], slope * Rnb[1, 0], 1.0), 15: 1.0})
-        psi = ca.atan2(Rnb[1, 0], Rnb[0, 0])
-        innovation = wrap(self.reading["compass"] + c.declination - psi - bias)
-        is_new = ca.logic_and(self.is_new["compass"], upright)
-        return [Measured(innovation, H, c.sigma_psi**2 + 1e-12, is_new)]
-
-    def _usbl(self, x: Inertial, Rnb: ca.SX, past: History, now: ca.SX) -> list[Measured]:
-        c = self.c
-        then, known = past.at(self.reading["usbl_t"], now, x)
-        is_new = ca.logic_and(self.is_new["usbl"], known)
-        lever = ca.mtimes(Rnb, c.r_usbl - c.r_imu)
-        innovation = self.reading["fix"] - (then + lever)
-        turn = -S(lever)
-        return [
-            Measured(
-                innovation[k],
-                _row({k: 1.0, 6: turn[k, :]}),
-                self.reading["sigma"][k] ** 2 + 1e-12,
-                is_new,
-            )
-            for k in range(3)
-        ]
 
 
 def _row(parts: Mapping[int, Number], n: int = 17) -> ca.SX:

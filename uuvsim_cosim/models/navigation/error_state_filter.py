@@ -126,7 +126,22 @@ def navigation(
     m.update(step, t_k, t_new)
     m.update(remember, history.past, ca.vertcat(p, history.past[:-3]))
     m.update(remember, history.newest, t_k)
-    _outputs(m, Inertial(p, v, q, b_g, b_a), omega, sigma, t_k, quality, c)
+
+    # Outputs, about CO.
+    Rnb = R(q)
+    eta = ca.vertcat(p - ca.mtimes(Rnb, c.r_imu), euler_of_q(q))
+    nu = ca.vertcat(ca.mtimes(Rnb.T, v) - ca.cross(omega, c.r_imu), omega)
+    for name, value, unit, words in (
+        ("eta", eta, ETA, "of CO: N E D [m], phi theta psi [rad]"),
+        ("nu", nu, NU, "of CO in b [m/s, rad/s]"),
+        ("sigma", sigma, (*ETA, *NU), "deviations of eta (6), nu (6); 0.1 s old at most"),
+        ("t_sample", t_k, "s", "time of the estimate"),
+        ("gyro_bias", b_g, "rad/s", "estimate, body axes"),
+        ("acc_bias", b_a, "m/s2", "estimate, body axes"),
+        ("refused", quality[:, 0], "1", "scalars left out so far: DVL, pressure, compass, USBL"),
+        ("nis", quality[:, 1], "1", "innovation²/variance of the latest reading, mean of scalars"),
+    ):  # fmt: skip
+        m.output(name, value, unit=unit, discrete=True, description=words)
     return m
 
 
@@ -163,23 +178,3 @@ def _sigma(upper: ca.SX, q: ca.SX, c: Figures, T: float) -> ca.SX:
     of_velocity = ca.mtimes(ca.mtimes(Rnb.T, P[3:6, 3:6]), Rnb)
     of_rates = ca.diag(P)[9:12] + c.gyro_noise**2 / T
     return safe_sqrt(ca.vertcat(ca.diag(P)[:3], ca.diag(of_angles), ca.diag(of_velocity), of_rates))
-
-
-def _outputs(
-    m: Model, x: Inertial, omega: ca.SX, sigma: ca.SX, t_k: ca.SX, quality: ca.SX, c: Figures
-) -> None:
-    """Declare the outputs, about CO: estimate, its deviations, biases, and what was refused."""
-    Rnb = R(x.q)
-    eta = ca.vertcat(x.p - ca.mtimes(Rnb, c.r_imu), euler_of_q(x.q))
-    nu = ca.vertcat(ca.mtimes(Rnb.T, x.v) - ca.cross(omega, c.r_imu), omega)
-    for name, value, unit, words in (
-        ("eta", eta, ETA, "of CO: N E D [m], phi theta psi [rad]"),
-        ("nu", nu, NU, "of CO in b [m/s, rad/s]"),
-        ("sigma", sigma, (*ETA, *NU), "deviations of eta (6), nu (6); 0.1 s old at most"),
-        ("t_sample", t_k, "s", "time of the estimate"),
-        ("gyro_bias", x.b_g, "rad/s", "estimate, body axes"),
-        ("acc_bias", x.b_a, "m/s2", "estimate, body axes"),
-        ("refused", quality[:, 0], "1", "scalars left out so far: DVL, pressure, compass, USBL"),
-        ("nis", quality[:, 1], "1", "innovation²/variance of the latest reading, mean of scalars"),
-    ):  # fmt: skip
-        m.output(name, value, unit=unit, discrete=True, description=words)

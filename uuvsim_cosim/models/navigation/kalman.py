@@ -51,7 +51,7 @@ class Measured:
 class Correction:
     """Scalar updates in sequence: P - w p p', dx + w p nu, with p = P H', S = H p + R, w = 1 / S.
 
-    A measurement beyond `gate` deviations is left out, unless `insists` says that too many in
+    A measurement beyond `gate` deviations is left out, unless `insists` is true because too many in
     a row have been. `dx` is the error to inject afterwards.
     """
 
@@ -62,7 +62,7 @@ class Correction:
         self.dx = ca.SX.zeros(self.n)
 
     def update(self, z: Measured, insists: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Take one scalar in; gives (1 where it was left out by the gate, its nu²/S)."""
+        """Take one scalar in; return (1 where it was left out by the gate, its nu²/S)."""
         P, H = self.P, z.H
         p = ca.densify(ca.mtimes(P, H.T))
         S = ca.mtimes(H, p) + z.variance
@@ -81,7 +81,7 @@ class Correction:
     def keep_unless(self, some: ca.SX, before: tuple[ca.SX, ca.SX]) -> None:
         """Take back what was done since `before` = (P, dx), unless there was `some` reading.
 
-        It changes no value: without one, w is 0. It says what need not be computed then.
+        It changes no value: without one, w is 0. It marks what need not be computed then.
         """
         P, dx = before
         self.P = unpack(ca.if_else(some, pack(self.P), pack(P)), self.n)

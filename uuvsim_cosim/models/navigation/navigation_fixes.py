@@ -108,13 +108,23 @@ def navigation_fixes(period: str = "0.02", imu: str = "adis16448") -> Model:
     came = ca.logic_and(fix_time > t_fix + 1e-9, fix_time >= 0.0)
     span = fix_time - ca.if_else(t_fix < 0.0, 0.0, t_fix)
     tau = t - fix_time
-    e = fix - _then(past, (t_past - fix_time) / SPACING, p_t - tau * v_t)
+    # The position at that time, out of the history; newer than all of it, along the velocity.
+    steps_back = (t_past - fix_time) / SPACING
+    back = clip(steps_back, 0.0, LENGTH - 1.0)
+    then = ca.SX.zeros(3)
+    for j in range(LENGTH):
+        distance = abs_(back - j)
+        weight = ca.if_else(distance < 1.0, 1.0 - distance, 0.0)
+        then = then + weight * past[3 * j : 3 * j + 3]
+    e = fix - ca.if_else(steps_back < 0.0, p_t - tau * v_t, then)
     P = _grown(upper, span, q_v + i.number("acc_noise_density", "1") ** 2, q_b)
     S = P[0] + sigma**2
     wrong = norm(e) ** 2 > 3.0 * gate**2 * S
     k = ca.vertcat(P[0], P[1], P[2]) / S
     known = ca.vertcat(sigma**2, 0.0, 0.0, 0.1**2, 0.0, sigma_b**2)
-    P = ca.if_else(wrong, known, _shrunk(P, k))
+    pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+    shrunk = ca.vertcat(*(P[n] - k[a] * P[b] for n, (a, b) in enumerate(pairs)))  # P - k P_1'
+    P = ca.if_else(wrong, known, shrunk)
     k = ca.if_else(wrong, ca.vertcat(1.0, 0.0, 0.0), k)
     taken = ca.if_else(came, 1.0, 0.0)
     dp, dv, db = (taken * k[n] * e for n in range(3))
@@ -149,17 +159,6 @@ def navigation_fixes(period: str = "0.02", imu: str = "adis16448") -> Model:
     return m
 
 
-def _then(past: ca.SX, steps_back: ca.SX, recent: ca.SX) -> ca.SX:
-    """Return the position so many steps of the history back; `recent`, if newer than all of it."""
-    then = ca.SX.zeros(3)
-    back = clip(steps_back, 0.0, LENGTH - 1.0)
-    for j in range(LENGTH):
-        distance = abs_(back - j)
-        weight = ca.if_else(distance < 1.0, 1.0 - distance, 0.0)
-        then = then + weight * past[3 * j : 3 * j + 3]
-    return ca.if_else(steps_back < 0.0, recent, then)
-
-
 def _grown(P: ca.SX, T: ca.SX, q_v: ca.SX, q_b: ca.SX) -> ca.SX:
     """Return F P F' + Q of (p, v, b), F = [1 T -T²/2; 0 1 -T; 0 0 1], upper triangles by rows."""
     F = ca.vertcat(
@@ -171,10 +170,3 @@ def _grown(P: ca.SX, T: ca.SX, q_v: ca.SX, q_b: ca.SX) -> ca.SX:
     X = ca.mtimes(ca.mtimes(F, full), F.T)
     noise = ca.vertcat(q_v * T**3 / 3.0, q_v * T**2 / 2.0, 0.0, q_v * T, 0.0, q_b * T)
     return ca.vertcat(X[0, 0], X[0, 1], X[0, 2], X[1, 1], X[1, 2], X[2, 2]) + noise
-
-
-def _shrunk(P: ca.SX, k: ca.SX) -> ca.SX:
-    """Return P - k P_1', upper triangle by rows."""
-    row = P[:3]
-    pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-    return ca.vertcat(*(P[n] - k[a] * row[b] for n, (a, b) in enumerate(pairs)))

@@ -10,8 +10,8 @@ from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.preset import preset
 from uuvsim_cosim.models.declaration.vectors import ETA
 from uuvsim_cosim.models.sensors.dvl import beam_directions
-from uuvsim_cosim.models.sensors.mounting import Pose, mounting
 from uuvsim_cosim.models.sensors.pressure import water_column
+from uuvsim_cosim.models.sensors.sensor import mounting
 from uuvsim_cosim.models.water.seawater import density
 
 __all__ = ["Figures", "figures"]
@@ -81,8 +81,8 @@ def figures(m: Model, imu: str, dvl: str, pressure: str, compass: str, usbl: str
         "accelerometer bias 3, compass bias, depth bias",
     )
     g = positive("g", 9.81, "m/s2", "acceleration of gravity")
-    r_imu, R_imu = mounting(m, Pose(i.vector("r_s", "m", 3), i.vector("Theta_s", "rad", 3)), "imu")
-    r_dvl, R_dvl = mounting(m, Pose(d.vector("r_s", "m", 3), d.vector("Theta_s", "rad", 3)), "dvl")
+    r_imu, R_imu = mounting(m, i, "imu")
+    r_dvl, R_dvl = mounting(m, d, "dvl")
     tilt = m.parameter("dvl_tilt", d.number("tilt", "rad"), unit="rad", description="of the beams")
     azimuth = m.parameter(
         "dvl_azimuth", d.vector("azimuth", "rad", 4), unit="rad", description="of the beams"
@@ -97,21 +97,9 @@ def figures(m: Model, imu: str, dvl: str, pressure: str, compass: str, usbl: str
         positive("gyro_noise_density", i.number("gyro_noise_density", "1"), "1", "rad/s/sqrt(Hz)"),
         positive("acc_noise_density", i.number("acc_noise_density", "1"), "1", "m/s2/sqrt(Hz)"),
         positive("gyro_bias_sigma", gyro_sigma, "rad/s", "of its wandering part"),
-        m.parameter(
-            "gyro_bias_tau",
-            i.number("gyro_bias_tau", "s"),
-            unit="s",
-            min=1.0,
-            description="its correlation time",
-        ),
+        i.parameter(m, "gyro_bias_tau", "s", "its correlation time", min=1.0),
         positive("acc_bias_sigma", acc_sigma, "m/s2", "of its wandering part"),
-        m.parameter(
-            "acc_bias_tau",
-            i.number("acc_bias_tau", "s"),
-            unit="s",
-            min=1.0,
-            description="its correlation time",
-        ),
+        i.parameter(m, "acc_bias_tau", "s", "its correlation time", min=1.0),
         r_dvl,
         m.derived("beams", ca.mtimes(R_dvl, beam_directions(tilt, azimuth))),
         positive("sigma_beam", d.number("sigma_v", "m/s"), "m/s", "noise of a beam's velocity"),
@@ -119,12 +107,7 @@ def figures(m: Model, imu: str, dvl: str, pressure: str, compass: str, usbl: str
         m.parameter("r_pressure", b.vector("r_s", "m", 3), unit="m", description="from CO"),
         water_column(m),
         positive("sigma_depth", noise / 0.1**0.5, "m", "white noise of one reading"),
-        m.parameter(
-            "declination",
-            c.number("declination", "rad"),
-            unit="rad",
-            description="magnetic from true north",
-        ),
+        c.parameter(m, "declination", "rad", "magnetic from true north"),
         positive("sigma_psi", c.number("noise_density", "rad") / 0.1**0.5, "rad", "of one reading"),
         m.parameter("r_usbl", a.vector("r_s", "m", 3), unit="m", description="transponder from CO"),
         m.parameter("sigma_aiding", [of_psi, of_depth], unit="1", min=0, description="[rad, m]"),

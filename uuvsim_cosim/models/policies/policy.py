@@ -1,7 +1,7 @@
 """A trained policy as a component: its file's network, with what it observes and what it moves.
 
 A policy of target tracking takes the place of a pilot (policy_tracking.py): it sees vehicles and
-target, and gives a force. ca.SX other observes and acts on plain numbers:
+target, and gives a force. Any other policy observes and acts on plain numbers:
 
     action = (low + high) / 2 + (high - low) / 2  network(clip(observation))
 
@@ -22,8 +22,8 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.safe_math import clip
 from uuvsim_cosim.models.declaration.sampled import held_output
-from uuvsim_cosim.models.policies.policy_file import Channel, PolicyFile, read_policy
-from uuvsim_cosim.models.policies.policy_sequence import decided
+from uuvsim_cosim.models.policies.policy_file import Channel, read_policy
+from uuvsim_cosim.models.policies.policy_network import decided
 from uuvsim_cosim.models.policies.policy_tracking import is_tracking, tracking_policy
 
 __all__ = ["policy"]
@@ -52,49 +52,40 @@ def policy(
     read = read_policy(where)
     if is_tracking(read) and not int(plain):
         return tracking_policy(read, action_step, period, str(obstacles))
-    return _plain(replace(read, action=_channels(action, read)) if action else read, action_step)
-
-
-def _channels(text: str, file: PolicyFile) -> tuple[Channel, ...]:
-    """Read the option `action`; raises InputInvalid."""
-    try:
-        found = tuple(
-            Channel(str(n), float(a), float(b), str(u)) for n, a, b, u in json.loads(text)
-        )
-    except (ValueError, TypeError):
-        found = ()
-    if len(found) != len(file.action) or not all(isfinite(c.low + c.high) for c in found):
-        raise InputInvalid(
-            "policy",
-            f"action {text}",
-            (
-                f"[name, low, high, unit] for each of the {len(file.action)} "
-                f"actions of {file.path.name}, as JSON"
-            ),
-        )
-    return found
-
-
-def _plain(file: PolicyFile, action_step: str) -> Model:
-    settings = str(file.settings.get("action_step", ""))
-    usual = "0.4" if is_tracking(file) else "0.1"  # the tasks' own
-    step = action_step or settings or str(file.options.get("action_step", "")) or usual
-    m = Model("policy", f"A policy trained on {file.task}")
+    if action:
+        try:
+            channels = tuple(
+                Channel(str(n), float(a), float(b), str(u)) for n, a, b, u in json.loads(action)
+            )
+        except (ValueError, TypeError):
+            channels = ()
+        if len(channels) != len(read.action) or not all(isfinite(c.low + c.high) for c in channels):
+            raise InputInvalid(
+                "policy",
+                f"action {action}",
+                f"[name, low, high, unit] for each of the {len(read.action)} "
+                f"actions of {read.path.name}, as JSON",
+            )
+        read = replace(read, action=channels)
+    settings = str(read.settings.get("action_step", ""))
+    usual = "0.4" if is_tracking(read) else "0.1"  # the tasks' own
+    step = action_step or settings or str(read.options.get("action_step", "")) or usual
+    m = Model("policy", f"A policy trained on {read.task}")
     seen = m.input(
-        "observation", len(file.observation), unit="1", description="as the task gives it"
+        "observation", len(read.observation), unit="1", description="as the task gives it"
     )
-    low, high = ([getattr(c, side) for c in file.observation] for side in ("low", "high"))
+    low, high = ([getattr(c, side) for c in read.observation] for side in ("low", "high"))
     sample = m.clock("sample", step)
-    action = decided(m, sample, file, clip(seen, ca.DM(low), ca.DM(high)), 1.0)
-    low, high = ([getattr(c, side) for c in file.action] for side in ("low", "high"))
+    chosen = decided(m, sample, read, clip(seen, ca.DM(low), ca.DM(high)), 1.0)
+    low, high = ([getattr(c, side) for c in read.action] for side in ("low", "high"))
     middle, half = (0.5 * (ca.DM(high) + s * ca.DM(low)) for s in (1, -1))
     held_output(
         m,
         sample,
         "action",
-        middle + half * action,
-        unit=[c.unit for c in file.action],
-        start=[0.0] * len(file.action) if len(file.action) > 1 else 0.0,
-        description=", ".join(c.name for c in file.action),
+        middle + half * chosen,
+        unit=[c.unit for c in read.action],
+        start=[0.0] * len(read.action) if len(read.action) > 1 else 0.0,
+        description=", ".join(c.name for c in read.action),
     )
     return m

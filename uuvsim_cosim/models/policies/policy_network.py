@@ -1,4 +1,9 @@
-"""The network of a policy in equations: an observation becomes actions in [-1, 1]."""
+"""The network of a policy in equations: an observation becomes actions in [-1, 1].
+
+A policy with a memory is a decision transformer and its history of K actions. The history is held
+in discrete states and moves on with each action. The return to go begins at the parameter
+`return_to_go` and falls by the input `reward`, what the last action was worth.
+"""
 
 from __future__ import annotations
 
@@ -7,16 +12,73 @@ from typing import cast
 import casadi as ca
 
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.expression import Number
+from uuvsim_cosim.models.declaration.model import Clock, Model
 from uuvsim_cosim.models.declaration.safe_math import saturate
 from uuvsim_cosim.models.intrinsics.network import Activation, Layer, network
+from uuvsim_cosim.models.intrinsics.transformer import transformer
 from uuvsim_cosim.models.policies.policy_file import PolicyFile
 
-__all__ = ["acts", "normed"]
+__all__ = ["decided"]
 
 
-def acts(file: PolicyFile, observation: ca.SX) -> ca.SX:
+def decided(m: Model, sample: Clock, file: PolicyFile, observation: ca.SX, due: Number) -> ca.SX:
+    """Return actions (width,) in [-1, 1] of an observation (width,) at a sample that is due.
+
+    A policy of kind "sequence" declares its history in `m`. Its settings: `context` K, `heads`,
+    `activation` (gelu or relu), `return_to_go`, `return_scale`, and `reward`, that of an action
+    unless something feeds the input. Raises InputInvalid.
+    """
+    if file.kind != "sequence":
+        return _acts(file, observation)
+    s, widths = file.settings, (1, len(file.observation), len(file.action))
+    try:
+        K, heads = int(s["context"]), int(s["heads"])
+        wanted, scale = float(s["return_to_go"]), float(s.get("return_scale", 1.0))
+        own = {k: v for k, v in file.tensors.items() if k not in ("shift", "scale")}
+        network = transformer(own, K, heads, s.get("activation", "gelu"))
+    except (KeyError, ValueError) as error:
+        raise InputInvalid(file.path, f"{error} in its settings", "numbers") from None
+    if (own["embed_observation.weight"].shape[1], len(own["head.bias"])) != widths[1:]:
+        raise InputInvalid(
+            file.path,
+            "a transformer of other widths",
+            f"{widths[1]} observed and {widths[2]} acted",
+        )
+    begin = m.parameter("return_to_go", wanted, unit="1", description="wanted of the whole run")
+    reward = m.input("reward", unit="1", start=float(s.get("reward", 0.0)),
+                     description="what the last action was worth")  # fmt: skip
+    past = m.discrete("past", unit="1", description="actions so far")
+    names = ("return_to_go_held", "seen", "done")
+    size = [K * w for w in widths]
+    history = [m.discrete(n, (0.0,) * k, unit="1") for n, k in zip(names, size, strict=True)]
+    last = history[0][-1]
+    now = (ca.if_else(past > 0.5, last - reward, begin), _normed(file, observation),
+           ca.SX.zeros(widths[2]))  # fmt: skip
+    moved = [ca.vertcat(h[w:], x) for h, w, x in zip(history, widths, now, strict=True)]
+    rows = []
+    for i in range(K):
+        part = [h[i * w : (i + 1) * w] for h, w in zip(moved, widths, strict=True)]
+        rows += [part[0] / scale, *part[1:]]
+    action = ca.tanh(network(ca.vertcat(past, *rows)))
+    moved[2] = ca.vertcat(moved[2][: -widths[2]], action)
+    for h, new in zip(history, moved, strict=True):
+        m.update(sample, h, ca.if_else(due, new, h))
+    m.update(sample, past, ca.if_else(due, past + 1.0, past))
+    return action
+
+
+def _normed(file: PolicyFile, observation: ca.SX) -> ca.SX:
+    """Shift and scale an observation by the numbers of the file."""
+    if "shift" not in file.tensors:
+        return observation
+    shift, scale = (ca.DM(file.tensors[k].astype(float)) for k in ("shift", "scale"))
+    return (observation - shift) * scale
+
+
+def _acts(file: PolicyFile, observation: ca.SX) -> ca.SX:
     """Return actions (width,) in [-1, 1] of an observation (width,), without noise."""
-    y = network(_layers(file))(normed(file, observation))
+    y = network(_layers(file))(_normed(file, observation))
     if file.kind == "tanh":
         return ca.tanh(y)
     if file.kind == "clip":
@@ -29,14 +91,6 @@ def acts(file: PolicyFile, observation: ca.SX) -> ca.SX:
         best = ca.if_else(better, y[i], best)
         action = ca.if_else(better, ca.DM(grid[i]), action)
     return saturate(action, 1.0)
-
-
-def normed(file: PolicyFile, observation: ca.SX) -> ca.SX:
-    """Shift and scale an observation as the file says."""
-    if "shift" not in file.tensors:
-        return observation
-    shift, scale = (ca.DM(file.tensors[k].astype(float)) for k in ("shift", "scale"))
-    return (observation - shift) * scale
 
 
 def _layers(file: PolicyFile) -> list[Layer]:

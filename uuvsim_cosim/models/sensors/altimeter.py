@@ -20,9 +20,8 @@ from uuvsim_cosim.models.declaration.kinematics import R
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.preset import preset
 from uuvsim_cosim.models.declaration.safe_math import abs_, atan2_or, norm
-from uuvsim_cosim.models.declaration.sampled import held_output
-from uuvsim_cosim.models.declaration.vectors import ETA
-from uuvsim_cosim.models.sensors.mounting import Pose, mounting
+from uuvsim_cosim.models.declaration.sampled import BEFORE_FIRST, held_output
+from uuvsim_cosim.models.sensors.sensor import hull_pose, mounting, output_when
 from uuvsim_cosim.models.sensors.sensor_error import uniform
 from uuvsim_cosim.models.worlds.rays import declare_others, rays
 
@@ -38,13 +37,12 @@ def altimeter(
     """
     p = preset("sensors", id, "altimeter")
     m = Model("altimeter", f"Single-beam altimeter over a {'scene' if scene else 'plane bottom'}")
-    eta = m.input("eta", 6, unit=ETA, description="of the hull: N E D [m], phi theta psi [rad]")
-    q = m.input("q", 4, unit="1", start=(1, 0, 0, 0), description="attitude of the hull")
+    eta, q = hull_pose(m)
     if not scene:
         bottom = m.input(
             "bottom_depth", unit="m", start=25.0, description="depth of the bottom below the sensor"
         )
-    r, R_bs = mounting(m, Pose(p.vector("r_s", "m", 3), p.vector("Theta_s", "rad", 3)))
+    r, R_bs = mounting(m, p)
     words = {
         "beam_width": ("rad", "full width of the beam"),
         "range_min": ("m", "no echo nearer"),
@@ -54,10 +52,7 @@ def altimeter(
         "incidence_max": ("rad", "of the beam's edge on the bottom, from its normal"),
         "dropout": ("1", "probability that a ping is lost"),
     }
-    width, low, high, sigma, relative, flat, lost = (
-        m.parameter(name, p.number(name, unit), unit=unit, min=0, description=text)
-        for name, (unit, text) in words.items()
-    )
+    width, low, high, sigma, relative, flat, lost = p.parameters(m, words).values()
     moving = declare_others(m, others) if scene else ca.SX(0, 1)
     ping = m.clock("ping", period)
     Rnb = R(q)
@@ -76,13 +71,12 @@ def altimeter(
     ok = ca.logic_and(ca.logic_and(steep, heard), uniform(m, ping) > lost)
     w = m.normal(ping)
     reading = abs_(distance + ca.sqrt(sigma**2 + (relative * distance) ** 2 + 1e-30) * w)
-    held = m.discrete("altitude_held", unit="m")
-    m.update(ping, held, ca.if_else(ok, reading, held))
-    m.output("altitude", held, unit="m", description="range of the last echo", discrete=True)
+    output_when(m, ping, ok, "altitude", reading, unit="m", description="range of the last echo")
     held_output(m, ping, "valid", ok, unit="1", type="Boolean", description="this ping had an echo")
-    taken = m.discrete("t_sample_held", -1.0, unit="s")
-    m.update(ping, taken, ca.if_else(ok, m.t, taken))
-    m.output("t_sample", taken, unit="s", description="of the last echo; -1 before", discrete=True)
+    output_when(
+        m, ping, ok, "t_sample", m.t, unit="s", start=BEFORE_FIRST,
+        description="of the last echo; -1 before",
+    )  # fmt: skip
     p.complete()
     return m
 

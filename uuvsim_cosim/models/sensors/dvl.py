@@ -27,10 +27,10 @@ from uuvsim_cosim.models.declaration.kinematics import R
 from uuvsim_cosim.models.declaration.model import Clock, Model
 from uuvsim_cosim.models.declaration.preset import Preset, preset
 from uuvsim_cosim.models.declaration.safe_math import abs_, clip
-from uuvsim_cosim.models.declaration.sampled import held_output, only_when, sample_time
-from uuvsim_cosim.models.declaration.vectors import ETA, NU
+from uuvsim_cosim.models.declaration.sampled import held_output, only_when
+from uuvsim_cosim.models.declaration.vectors import NU
 from uuvsim_cosim.models.hull.coriolis import inverse
-from uuvsim_cosim.models.sensors.mounting import Pose, mounting
+from uuvsim_cosim.models.sensors.sensor import hull_pose, mounting, output_when, validity_and_time
 from uuvsim_cosim.models.sensors.sensor_error import uniform
 from uuvsim_cosim.models.worlds.rays import declare_others, rays
 
@@ -68,16 +68,13 @@ def dvl(
     p = preset("sensors", id, "dvl")
     over = "scene" if scene else "flat bottom"
     m = Model("dvl", f"Doppler velocity log: four beams, bottom track over a {over}")
-    eta = m.input("eta", 6, unit=ETA, description="of the hull: N E D [m], phi theta psi [rad]")
-    q = m.input("q", 4, unit="1", start=(1, 0, 0, 0), description="attitude of the hull")
+    eta, q = hull_pose(m)
     nu = m.input("nu", 6, unit=NU, description="of CO in b [m/s, rad/s]")
     if not scene:
         bottom = m.parameter("bottom_depth", 25.0, unit="m", description="depth of the flat bottom")
-    tilt = m.parameter("tilt", p.number("tilt", "rad"), unit="rad", description="beam from axis")
-    azimuth = m.parameter(
-        "azimuth", p.vector("azimuth", "rad", 4), unit="rad", description="of each beam"
-    )
-    r, R_bs = mounting(m, Pose(p.vector("r_s", "m", 3), p.vector("Theta_s", "rad", 3)))
+    tilt = p.parameter(m, "tilt", "rad", "beam from axis")
+    azimuth = p.parameter(m, "azimuth", "rad", "of each beam", 4)
+    r, R_bs = mounting(m, p)
     D = m.derived("D", beam_directions(tilt, azimuth))
 
     ping = m.clock("ping", period)
@@ -104,27 +101,32 @@ def dvl(
     held_output(m, ping, "beam_valid", ok, unit="1", description="1: a bottom echo; 0: none")
     enough = ca.sum1(ok) > 2.5
     v_b = ca.mtimes(R_bs, _least_squares(D, velocity, ok))
-    last = m.discrete("velocity_held", (0, 0, 0), unit="m/s")
-    m.update(ping, last, ca.if_else(enough, v_b, last))
-    m.output(
-        "velocity", last, unit="m/s", description="of the DVL itself, body axes", discrete=True
-    )
-    altitude = m.discrete("altitude_held", unit="m")
+    output_when(
+        m, ping, enough, "velocity", v_b, unit="m/s", start=(0, 0, 0),
+        description="of the DVL itself, body axes",
+    )  # fmt: skip
     count = ca.if_else(enough, ca.sum1(ok), 1.0)
     mean = ca.cos(tilt) * ca.sum1(ok * distance) / count
-    m.update(ping, altitude, ca.if_else(enough, mean, altitude))
-    m.output(
-        "altitude", altitude, unit="m", description="along the DVL's axis, mean of valid beams",
-        discrete=True,
+    output_when(
+        m, ping, enough, "altitude", mean, unit="m",
+        description="along the DVL's axis, mean of valid beams",
     )  # fmt: skip
-    held_output(
-        m, ping, "valid", enough, unit="1", type="Boolean", description="three beams or more"
-    )
-    sample_time(m, ping)
+    validity_and_time(m, ping, enough, "three beams or more")
     if track == "both":
         _water_track(m, ping, p, D, R_bs, ca.mtimes(Rnb, R_bs), v_s, height)
     if aperiodic not in (False, "false", "False", "0"):
-        _ping_again(m, ping, p, distance, enough)
+        # The next ping waits until the last one's echo has come back.
+        low = p.parameter(m, "period_min", "s", "from ping to ping, near the bottom", min=1e-3)
+        words = "from ping to ping at the longest range, and without an echo"
+        high = p.parameter(m, "period_max", "s", words, min=1e-3)
+        c = m.parameter("c", 1500.0, unit="m/s", min=1.0, description="speed of sound")
+        following = m.discrete("t_next", unit="s", description="earliest instant of the next ping")
+        farthest = distance[0]
+        for i in range(1, 4):
+            farthest = ca.if_else(distance[i] > farthest, distance[i], farthest)
+        wait = ca.if_else(enough, clip(2.0 * farthest / c, low, high), high)
+        m.update(ping, following, m.t + wait)
+        only_when(ping, m.t >= following - 1e-9)
     p.complete(optional=("sigma_water", "layer", "period_min", "period_max"))
     return m
 
@@ -134,54 +136,18 @@ def _water_track(
 ) -> None:
     """Declare the velocity through the water in a layer below the sensor."""
     v_c = m.input("v_c", 3, unit="m/s", description="current in n, taken as that of the layer")
-    sigma = m.parameter(
-        "sigma_water",
-        p.number("sigma_water", "m/s"),
-        unit="m/s",
-        min=0,
-        description="noise of a beam in water track",
-    )
-    layer = m.parameter(
-        "layer", p.vector("layer", "m", 2), unit="m", min=0, description="begin and end, below"
-    )
+    sigma = p.parameter(m, "sigma_water", "m/s", "noise of a beam in water track", min=0)
+    layer = p.parameter(m, "layer", "m", "begin and end, below", 2, min=0)
     beams = ca.mtimes(D.T, v - ca.mtimes(R_ns.T, v_c)) + sigma * m.normal(ping, 4)
     there = ca.logic_and(height > 0.0, layer[1] <= 0.8 * height)
     through = ca.mtimes(R_bs, _least_squares(D, beams, ca.SX.ones(4)))
-    last = m.discrete("velocity_water_held", (0, 0, 0), unit="m/s")
-    m.update(ping, last, ca.if_else(there, through, last))
-    m.output(
-        "velocity_water", last, unit="m/s", description="through the water, body axes",
-        discrete=True,
+    output_when(
+        m, ping, there, "velocity_water", through, unit="m/s", start=(0, 0, 0),
+        description="through the water, body axes",
     )  # fmt: skip
     held_output(
         m, ping, "valid_water", there, unit="1", type="Boolean", description="the layer is clear"
     )
-
-
-def _ping_again(m: Model, ping: Clock, p: Preset, distance: ca.SX, heard: ca.SX) -> None:
-    """Let pings happen only when the last one's echo has come back."""
-    low = m.parameter(
-        "period_min",
-        p.number("period_min", "s"),
-        unit="s",
-        min=1e-3,
-        description="from ping to ping, near the bottom",
-    )
-    high = m.parameter(
-        "period_max",
-        p.number("period_max", "s"),
-        unit="s",
-        min=1e-3,
-        description="from ping to ping at the longest range, and without an echo",
-    )
-    c = m.parameter("c", 1500.0, unit="m/s", min=1.0, description="speed of sound")
-    following = m.discrete("t_next", unit="s", description="earliest instant of the next ping")
-    farthest = distance[0]
-    for i in range(1, 4):
-        farthest = ca.if_else(distance[i] > farthest, distance[i], farthest)
-    wait = ca.if_else(heard, clip(2.0 * farthest / c, low, high), high)
-    m.update(ping, following, m.t + wait)
-    only_when(ping, m.t >= following - 1e-9)
 
 
 def _beams(
@@ -191,36 +157,17 @@ def _beams(
 
     `seen` are the ranges and the cosines of the incidence over a scene, None over a plane.
     """
-    sigma_v = m.parameter(
-        "sigma_v", p.number("sigma_v", "m/s"), unit="m/s", min=0, description="noise of a beam"
+    sigma_v = p.parameter(m, "sigma_v", "m/s", "noise of a beam", min=0)
+    relative = p.parameter(
+        m, "sigma_v_relative", "1", "and its part that grows with the beam's velocity", min=0
     )
-    relative = m.parameter(
-        "sigma_v_relative",
-        p.number("sigma_v_relative", "1"),
-        unit="1",
-        min=0,
-        description="and its part that grows with the beam's velocity",
+    sigma_r = p.parameter(m, "sigma_range", "m", "range noise", min=0)
+    low = p.parameter(m, "range_min", "m", "of a beam", min=0)
+    high = p.parameter(m, "range_max", "m", "of a beam", min=0)
+    incidence = p.parameter(
+        m, "incidence_max", "rad", "of a beam on the bottom, from its normal", min=0, max=1.5707
     )
-    sigma_r = m.parameter(
-        "sigma_range", p.number("sigma_range", "m"), unit="m", min=0, description="range noise"
-    )
-    low = m.parameter(
-        "range_min", p.number("range_min", "m"), unit="m", min=0, description="of a beam"
-    )
-    high = m.parameter(
-        "range_max", p.number("range_max", "m"), unit="m", min=0, description="of a beam"
-    )
-    incidence = m.parameter(
-        "incidence_max",
-        p.number("incidence_max", "rad"),
-        unit="rad",
-        min=0,
-        max=1.5707,
-        description="of a beam on the bottom, from its normal",
-    )
-    lost = m.parameter(
-        "dropout", p.number("dropout", "1"), unit="1", min=0, max=1, description="by chance"
-    )
+    lost = p.parameter(m, "dropout", "1", "by chance", min=0, max=1)
     w = m.normal(ping, 8)
     if seen is None:
         steep = down > ca.cos(incidence)

@@ -12,10 +12,11 @@ from __future__ import annotations
 import casadi as ca
 
 from uuvsim_cosim.models.declaration.kinematics import R
-from uuvsim_cosim.models.declaration.model import Clock, Model, Value
-from uuvsim_cosim.models.declaration.preset import Preset, preset
-from uuvsim_cosim.models.declaration.sampled import BEFORE_FIRST
-from uuvsim_cosim.models.declaration.vectors import ETA, NU
+from uuvsim_cosim.models.declaration.model import Model, Value
+from uuvsim_cosim.models.declaration.preset import preset
+from uuvsim_cosim.models.declaration.sampled import BEFORE_FIRST, held_output
+from uuvsim_cosim.models.declaration.vectors import NU
+from uuvsim_cosim.models.sensors.sensor import hull_pose, output_when
 from uuvsim_cosim.models.sensors.sensor_error import ErrorParameters, sensor_error
 
 __all__ = ["gps"]
@@ -25,22 +26,25 @@ def gps(id: str = "neo_m9n", period: str = "1") -> Model:
     """Declare the GPS of a preset, one fix every `period` seconds."""
     p = preset("sensors", id, "gps")
     m = Model("gps", "GPS receiver: fixes at the surface only")
-    eta = m.input("eta", 6, unit=ETA, description="of the hull: N E D [m], phi theta psi [rad]")
-    q = m.input("q", 4, unit="1", start=(1, 0, 0, 0), description="attitude of the hull")
+    eta, q = hull_pose(m)
     nu = m.input("nu", 6, unit=NU, description="of CO in b [m/s, rad/s]")
-    r = m.parameter("r_s", p.vector("r_s", "m", 3), unit="m", description="antenna from CO")
+    r = p.parameter(m, "r_s", "m", "antenna from CO", 3)
     words = {
         "clearance": ("m", "height above the surface that an antenna needs"),
         "reacquisition": ("s", "time above the surface until the first fix"),
         "vertical": ("1", "error along D over that along N or E"),
         "sigma_v": ("m/s", "noise of each part of the velocity"),
     }
-    clearance, wait, vertical, sigma_v = (
-        m.parameter(name, p.number(name, unit), unit=unit, min=0, description=text)
-        for name, (unit, text) in words.items()
-    )
+    clearance, wait, vertical, sigma_v = p.parameters(m, words).values()
     sample = m.clock("sample", period)
-    error, sigma = _error(m, sample, p)
+    figures = ErrorParameters(
+        p.number("noise_density", "m"), p.number("bias_sigma", "m"), p.number("bias_tau", "s"), 0.0
+    )
+    error = sensor_error(m, sample, "", figures, 3, "m")  # along N and E
+    names = ("noise_density", "bias_sigma", "turn_on_sigma")
+    N, sigma_b, on = (m.variables[name].symbol for name in names)
+    T = float(sample.period)
+    sigma = m.derived("sigma_level", ca.sqrt(N**2 / T + sigma_b**2 + on**2 + 1e-12))
     shape = ca.vertcat(1.0, 1.0, vertical)
     Rnb = R(q)
     position = eta[:3] + ca.mtimes(Rnb, r)
@@ -60,23 +64,10 @@ def gps(id: str = "neo_m9n", period: str = "1") -> Model:
         ("t_sample", m.t, BEFORE_FIRST, "s", "when the fix held; -1 before the first"),
     )
     for name, value, start, unit, text in outputs:
-        held = m.discrete(f"{name}_held", start, unit=unit)
-        m.update(sample, held, ca.if_else(fixed, value, held))
-        m.output(name, held, unit=unit, description=text, discrete=True)
-    valid = m.discrete("valid_held", unit="1")
-    m.update(sample, valid, ca.if_else(fixed, 1.0, 0.0))
-    m.output("valid", valid, unit="1", type="Boolean", description="a fix of this tick is there")
+        output_when(m, sample, fixed, name, value, unit=unit, start=start, description=text)
+    held_output(
+        m, sample, "valid", ca.if_else(fixed, 1.0, 0.0), unit="1", type="Boolean",
+        description="a fix of this tick is there",
+    )  # fmt: skip
     p.complete()
     return m
-
-
-def _error(m: Model, sample: Clock, p: Preset) -> tuple[ca.SX, ca.SX]:
-    """Return the error along N and E, and its deviation."""
-    figures = ErrorParameters(
-        p.number("noise_density", "m"), p.number("bias_sigma", "m"), p.number("bias_tau", "s"), 0.0
-    )
-    error = sensor_error(m, sample, "", figures, 3, "m")
-    names = ("noise_density", "bias_sigma", "turn_on_sigma")
-    N, sigma, on = (m.variables[name].symbol for name in names)
-    T = float(sample.period)
-    return error, m.derived("sigma_level", ca.sqrt(N**2 / T + sigma**2 + on**2 + 1e-12))

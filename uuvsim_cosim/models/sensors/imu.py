@@ -24,10 +24,10 @@ from uuvsim_cosim.models.declaration.kinematics import R
 from uuvsim_cosim.models.declaration.model import Clock, Model
 from uuvsim_cosim.models.declaration.preset import Preset, preset
 from uuvsim_cosim.models.declaration.safe_math import saturate
-from uuvsim_cosim.models.declaration.sampled import held_output, sample_time
+from uuvsim_cosim.models.declaration.sampled import held_output
 from uuvsim_cosim.models.declaration.vectors import ETA, NU, NU_DOT
 from uuvsim_cosim.models.sensors.allan import sigma_of_instability
-from uuvsim_cosim.models.sensors.mounting import Pose, mounting
+from uuvsim_cosim.models.sensors.sensor import mounting, validity_and_time
 from uuvsim_cosim.models.sensors.sensor_error import ErrorParameters, sensor_error
 
 __all__ = ["imu"]
@@ -42,7 +42,7 @@ def imu(id: str = "adis16448", period: str = "0.01") -> Model:
     nu = m.input("nu", 6, unit=NU, description="of CO in b [m/s, rad/s]")
     nu_dot = m.input("nu_dot", 6, unit=NU_DOT, description="its derivative in b [m/s2, rad/s2]")
     g = m.parameter("g", 9.81, unit="m/s2", min=0, description="acceleration of gravity")
-    r, R_bs = mounting(m, Pose(p.vector("r_s", "m", 3), p.vector("Theta_s", "rad", 3)))
+    r, R_bs = mounting(m, p)
     errors = {axis: _errors(p, axis, unit) for axis, unit in (("acc", "m/s2"), ("gyro", "rad/s"))}
     wander = m.clock("wander", str(max(Fraction(period), Fraction("0.1"))))
     sample = m.clock("sample", period)
@@ -70,8 +70,7 @@ def imu(id: str = "adis16448", period: str = "0.01") -> Model:
         unit="rad/s",
         description="angular velocity, sensor axes",
     )
-    held_output(m, sample, "valid", 1.0, unit="1", type="Boolean", description="a reading is there")
-    sample_time(m, sample)
+    validity_and_time(m, sample)
     p.complete()
     return m
 
@@ -98,7 +97,7 @@ def _scaled(m: Model, p: Preset, wander: Clock, axis: str, value: ca.SX) -> ca.S
         return value
     words = ("deviation of the scale errors", "deviation of the small angles between axes")
     scale, angle = (
-        m.parameter(name, p.number(name, unit), unit=unit, min=0, description=text)
+        p.parameter(m, name, unit, text, min=0)
         for name, unit, text in zip(named, ("1", "rad"), words, strict=True)
     )
     E = m.discrete(f"{axis}_E", 0.0, 9, unit="1")  # column by column
@@ -114,11 +113,5 @@ def _limited(m: Model, p: Preset, axis: str, unit: str, value: ca.SX) -> ca.SX:
     """Hold a reading within its range, where the preset states one."""
     if not p.has(f"{axis}_range"):
         return value
-    limit = m.parameter(
-        f"{axis}_range",
-        p.number(f"{axis}_range", unit),
-        unit=unit,
-        min=0,
-        description="largest reading, either way",
-    )
+    limit = p.parameter(m, f"{axis}_range", unit, "largest reading, either way", min=0)
     return saturate(value, limit)

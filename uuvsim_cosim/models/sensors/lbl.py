@@ -20,7 +20,7 @@ from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.preset import preset
 from uuvsim_cosim.models.declaration.safe_math import norm
 from uuvsim_cosim.models.declaration.sampled import BEFORE_FIRST
-from uuvsim_cosim.models.declaration.vectors import ETA
+from uuvsim_cosim.models.sensors.sensor import hull_pose, output_when
 from uuvsim_cosim.models.sensors.sensor_error import uniform
 from uuvsim_cosim.models.water.seawater import sound_speed
 
@@ -39,9 +39,8 @@ def lbl(
         raise ParameterInvalid("lbl", f"{n} beacons", "1 to 16")
     p = preset("sensors", id, "lbl")
     m = Model("lbl", "Long baseline acoustic ranges with latency")
-    eta = m.input("eta", 6, unit=ETA, description="of the hull: N E D [m], phi theta psi [rad]")
-    q = m.input("q", 4, unit="1", start=(1, 0, 0, 0), description="attitude of the hull")
-    r = m.parameter("r_s", p.vector("r_s", "m", 3), unit="m", description="transducer from CO")
+    eta, q = hull_pose(m)
+    r = p.parameter(m, "r_s", "m", "transducer from CO", 3)
     turn = 2.0 * np.pi * (np.arange(n) + 0.5) / n
     circle = np.column_stack([100.0 * np.cos(turn), 100.0 * np.sin(turn), np.full(n, 25.0)])
     places = m.parameter("p_beacon", circle, unit="m", description="beacons in NED, one a row")
@@ -52,10 +51,7 @@ def lbl(
         "dropout": ("1", "probability that a reply is lost"),
         "c_assumed": ("m/s", "speed of sound that ranges are computed with"),
     }
-    sigma, high, turnaround, lost, c_assumed = (
-        m.parameter(name, p.number(name, unit), unit=unit, min=0, description=text)
-        for name, (unit, text) in words.items()
-    )
+    sigma, high, turnaround, lost, c_assumed = p.parameters(m, words).values()
     T = m.parameter("temperature", 10.0, unit="degC", min=-2, max=40, description="of the water")
     S = m.parameter("salinity", 35.0, unit="1", min=0, max=42, description="of the water")
     c = m.derived("c", sound_speed(T, S, places[0, 2]))
@@ -97,10 +93,10 @@ def lbl(
         ("t_sample", called, any_reply, BEFORE_FIRST, "s", "of the last call heard; -1 before"),
     )
     for name, value, condition, start, unit, text in shown:
-        single = name in ("valid", "t_sample") or n == 1
-        held = m.discrete(f"{name}_held", start, () if single else (n,), unit=unit)
-        m.update(publish, held, ca.if_else(ca.logic_and(arrived, condition), value, held))
-        kind = "Boolean" if name == "valid" else "Float64"
-        m.output(name, held, unit=unit, type=kind, description=text, discrete=True)  # type: ignore[arg-type]
+        output_when(
+            m, publish, ca.logic_and(arrived, condition), name, value, unit=unit, start=start,
+            shape=() if name in ("valid", "t_sample") else shape, description=text,
+            type="Boolean" if name == "valid" else "Float64",
+        )  # fmt: skip
     p.complete()
     return m

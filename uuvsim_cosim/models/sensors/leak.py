@@ -17,8 +17,8 @@ from uuvsim_cosim.models.declaration.kinematics import R
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.preset import preset
 from uuvsim_cosim.models.declaration.safe_math import clip, safe_sqrt
-from uuvsim_cosim.models.declaration.sampled import held_output, sample_time
-from uuvsim_cosim.models.declaration.vectors import ETA
+from uuvsim_cosim.models.declaration.sampled import held_output
+from uuvsim_cosim.models.sensors.sensor import hull_pose, validity_and_time
 
 __all__ = ["leak"]
 
@@ -27,8 +27,7 @@ def leak(id: str = "sos", period: str = "0.1") -> Model:
     """Declare the leak sensor of a preset, read every `period` seconds."""
     p = preset("sensors", id, "leak")
     m = Model("leak", "Leak sensor, and the hole that it is there for")
-    eta = m.input("eta", 6, unit=ETA, description="of the hull: N E D [m], phi theta psi [rad]")
-    q = m.input("q", 4, unit="1", start=(1, 0, 0, 0), description="attitude of the hull")
+    eta, q = hull_pose(m)
     r = m.parameter("r_hole", (0, 0, 0), unit="m", description="the hole from CO, body axes")
     A = m.parameter("A_hole", 0.0, unit="m2", min=0, description="area of the hole; 0: none")
     t_leak = m.parameter("t_leak", 0.0, unit="s", min=0, description="when it opens")
@@ -36,12 +35,8 @@ def leak(id: str = "sos", period: str = "0.1") -> Model:
     rho = m.parameter("rho", 1025.0, unit="kg/m3", min=1, description="density of the water")
     g = m.parameter("g", 9.81, unit="m/s2", min=0, description="acceleration of gravity")
     p_atm = m.parameter("p_atm", 101325.0, unit="Pa", min=1, description="air as it was sealed")
-    V_air = m.parameter(
-        "V_air", p.number("V_air", "m3"), unit="m3", min=1e-6, description="air in the dry hull"
-    )
-    V_probe = m.parameter(
-        "V_probe", p.number("V_probe", "m3"), unit="m3", min=0, description="that wets the probe"
-    )
+    V_air = p.parameter(m, "V_air", "m3", "air in the dry hull", min=1e-6)
+    V_probe = p.parameter(m, "V_probe", "m3", "that wets the probe", min=0)
     V = m.state("V", unit="m3", description="water inside")
     depth = eta[2] + ca.dot(R(q)[2, :].T, r)
     p_in = p_atm * V_air / (V_air - clip(V, 0.0, 0.999 * V_air))
@@ -53,7 +48,6 @@ def leak(id: str = "sos", period: str = "0.1") -> Model:
     sample = m.clock("sample", period)
     wet = ca.logic_and(V > 0.0, V_probe <= V)
     held_output(m, sample, "leak", wet, unit="1", type="Boolean", description="the probe is wet")
-    held_output(m, sample, "valid", 1.0, unit="1", type="Boolean", description="a reading is there")
-    sample_time(m, sample)
+    validity_and_time(m, sample)
     p.complete()
     return m

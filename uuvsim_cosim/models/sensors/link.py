@@ -9,7 +9,6 @@ the sender had stood there for long.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from fractions import Fraction
 
 import casadi as ca
@@ -24,15 +23,6 @@ from uuvsim_cosim.models.sensors.sensor_error import uniform
 __all__ = ["link"]
 
 LARGEST = 256  # samples under way
-
-
-@dataclass(frozen=True)
-class Figures:
-    """What a preset says of a link."""
-
-    sigma: tuple[float, ...]  # of each number, in its unit
-    delay: float = 0.0  # s
-    loss: float = 0.0  # 1
 
 
 def link(
@@ -60,22 +50,27 @@ def link(
             f"{n} numbers, delay_max {delay_max} s at a period of {period} s",
             f"at least 1, and at most {LARGEST - 1} samples under way",
         )
-    given = _figures(id, n, units)
+    sigma_0, delay_0, loss_0 = [0.0] * n, 0.0, 0.0  # a link that changes nothing
+    if id:
+        p = preset("sensors", id, "link")
+        sigma_0 = [p.number("sigma", each) for each in units]
+        delay_0, loss_0 = p.number("delay", "s"), p.number("loss", "1")
+        p.complete()
     m = Model("link", "Link: delay, noise and loss")
     x = m.input("x", n, unit=units, description="what is sent")
     delay = m.parameter(
         "delay",
-        given.delay,
+        delay_0,
         unit="s",
         min=0,
         max=float(Fraction(delay_max)),
         description="until it shows",
     )
     sigma = m.parameter(
-        "sigma", given.sigma, unit=units, min=0, description="deviation of the noise of each number"
+        "sigma", sigma_0, unit=units, min=0, description="deviation of the noise of each number"
     )
     loss = m.parameter(
-        "loss", given.loss, unit="1", min=0, max=1, description="probability of a sample"
+        "loss", loss_0, unit="1", min=0, max=1, description="probability of a sample"
     )
     sample = m.clock("sample", period)
     T = float(sample.period)
@@ -119,14 +114,3 @@ def link(
         "t_sample", t_held, unit="s", discrete=True, description="when it was sent; -1: not yet"
     )
     return m
-
-
-def _figures(id: str, n: int, units: tuple[str, ...]) -> Figures:
-    """Read a preset; without one, a link that changes nothing."""
-    if not id:
-        return Figures((0.0,) * n)
-    p = preset("sensors", id, "link")
-    sigma = tuple(p.number("sigma", unit) for unit in units)
-    figures = Figures(sigma, p.number("delay", "s"), p.number("loss", "1"))
-    p.complete()
-    return figures

@@ -17,8 +17,8 @@ from uuvsim_cosim.models.declaration.kinematics import R
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.preset import preset
 from uuvsim_cosim.models.declaration.safe_math import saturate
-from uuvsim_cosim.models.declaration.sampled import held_output, sample_time
-from uuvsim_cosim.models.sensors.mounting import Pose, mounting
+from uuvsim_cosim.models.declaration.sampled import held_output
+from uuvsim_cosim.models.sensors.sensor import mounting, validity_and_time
 from uuvsim_cosim.models.sensors.sensor_error import ErrorParameters, sensor_error
 
 __all__ = ["magnetometer"]
@@ -34,23 +34,16 @@ def magnetometer(id: str = "hmc5883l", period: str = "0.1") -> Model:
         "inclination", 1.1345, unit="rad", min=-1.5708, max=1.5708, description="positive down"
     )
     declination = m.parameter("declination", 0.0, unit="rad", description="positive east")
-    _, R_bs = mounting(m, Pose((0.0, 0.0, 0.0), p.vector("Theta_s", "rad", 3)))
-    b = m.parameter("hard_iron", p.vector("hard_iron", "T", 3), unit="T", description="b")
+    _, R_bs = mounting(m, p, r=(0.0, 0.0, 0.0))
+    b = p.parameter(m, "hard_iron", "T", "b", 3)
     A = m.parameter(
         "soft_iron",
         np.reshape(p.vector("soft_iron", "1", 9), (3, 3)),
         unit="1",
         description="A, row by row",
     )
-    limit = m.parameter(
-        "range", p.number("range", "T"), unit="T", min=0, description="largest reading, either way"
-    )
-    error = ErrorParameters(
-        p.number("noise_density", "T"),
-        p.number("bias_sigma", "T"),
-        p.number("bias_tau", "s"),
-        p.number("turn_on_sigma", "T"),
-    )
+    limit = p.parameter(m, "range", "T", "largest reading, either way", min=0)
+    error = ErrorParameters.of(p, "T")
     level = ca.cos(inclination)
     B_n = m.derived(
         "B_n",
@@ -61,7 +54,6 @@ def magnetometer(id: str = "hmc5883l", period: str = "0.1") -> Model:
     field = ca.mtimes(A, ca.mtimes(R_bs.T, ca.mtimes(R(q).T, B_n))) + b
     reading = saturate(field + sensor_error(m, sample, "", error, 3, "T"), limit)
     held_output(m, sample, "B", reading, unit="T", description="magnetic field, sensor axes")
-    held_output(m, sample, "valid", 1.0, unit="1", type="Boolean", description="a reading is there")
-    sample_time(m, sample)
+    validity_and_time(m, sample)
     p.complete()
     return m

@@ -15,9 +15,8 @@ from uuvsim_cosim.models.declaration.kinematics import R
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.preset import preset
 from uuvsim_cosim.models.declaration.safe_math import clip
-from uuvsim_cosim.models.declaration.sampled import held_output, sample_time
-from uuvsim_cosim.models.declaration.vectors import ETA
-from uuvsim_cosim.models.sensors.mounting import Pose, mounting
+from uuvsim_cosim.models.declaration.sampled import held_output
+from uuvsim_cosim.models.sensors.sensor import hull_pose, mounting, validity_and_time
 from uuvsim_cosim.models.sensors.sensor_error import ErrorParameters, sensor_error
 from uuvsim_cosim.models.water.seawater import gravity, pressure_at_depth
 
@@ -25,7 +24,7 @@ __all__ = ["pressure", "water_column"]
 
 
 def water_column(m: Model) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-    """Declare the water above as parameters; gives (p_atm, salinity, temperature [degC], g)."""
+    """Declare the water above as parameters; return (p_atm, salinity, temperature [degC], g)."""
     p_atm = m.parameter("p_atm", 101325.0, unit="Pa", description="pressure at the surface")
     S = m.parameter("salinity", 35.0, unit="1", min=0, max=42, description="practical salinity")
     T = m.parameter("temperature", 10.0, unit="degC", min=-2, max=40, description="of the water")
@@ -39,36 +38,21 @@ def pressure(id: str = "bar_100m", period: str = "0.1") -> Model:
     """Declare the pressure sensor of a preset, sampled every `period` seconds."""
     p = preset("sensors", id, "pressure")
     m = Model("pressure", "Absolute pressure sensor in sea water (EOS-80)")
-    eta = m.input("eta", 6, unit=ETA, description="of the hull: N E D [m], phi theta psi [rad]")
-    q = m.input("q", 4, unit="1", start=(1, 0, 0, 0), description="attitude of the hull")
+    eta, q = hull_pose(m)
     p_atm, S, T, g = water_column(m)
-    r, _ = mounting(m, Pose(p.vector("r_s", "m", 3), p.vector("Theta_s", "rad", 3)))
-    error = ErrorParameters(
-        p.number("noise_density", "1"),
-        p.number("bias_sigma", "Pa"),
-        p.number("bias_tau", "s"),
-        p.number("turn_on_sigma", "Pa"),
-    )
+    r, _ = mounting(m, p)
+    error = ErrorParameters.of(p, "Pa", noise_unit="1")
     sample = m.clock("sample", period)
     depth = eta[2] + ca.dot(R(q)[2, :].T, r)
     gauge = pressure_at_depth(clip(depth, 0.0, 12000.0), S, T, g)
     reading = p_atm + gauge + sensor_error(m, sample, "", error, 1, "Pa")
     valid: Number = 1.0
     if p.has("pressure_max"):
-        limit = m.parameter(
-            "pressure_max",
-            p.number("pressure_max", "Pa"),
-            unit="Pa",
-            min=0,
-            description="absolute, at which it saturates",
-        )
+        limit = p.parameter(m, "pressure_max", "Pa", "absolute, at which it saturates", min=0)
         valid, reading = reading <= limit, clip(reading, 0.0, limit)
     held_output(
         m, sample, "pressure", reading, unit="Pa", start=101325.0, description="absolute pressure"
     )
-    held_output(
-        m, sample, "valid", valid, unit="1", type="Boolean", description="a reading is there"
-    )
-    sample_time(m, sample)
+    validity_and_time(m, sample, valid)
     p.complete()
     return m

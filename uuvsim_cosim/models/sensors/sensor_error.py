@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from uuvsim_cosim.models.declaration.model import Clock, Model
+from uuvsim_cosim.models.declaration.preset import Preset
 
 __all__ = ["ErrorParameters", "random_walk_sigma", "sensor_error", "uniform"]
 
@@ -28,6 +29,16 @@ class ErrorParameters:
     bias_sigma: float  # stationary deviation of the wandering bias [unit]
     bias_tau: float  # its correlation time [s]
     turn_on_sigma: float  # deviation of the constant drawn at start [unit]
+
+    @classmethod
+    def of(cls, p: Preset, unit: str, noise_unit: str | None = None) -> ErrorParameters:
+        """Read the figures of a preset; the noise is per sqrt(Hz), in `unit` unless stated."""
+        return cls(
+            p.number("noise_density", noise_unit or unit),
+            p.number("bias_sigma", unit),
+            p.number("bias_tau", "s"),
+            p.number("turn_on_sigma", unit),
+        )
 
 
 def random_walk_sigma(density: float, tau: float) -> float:
@@ -44,7 +55,7 @@ def sensor_error(
     unit: str,
     wander: Clock | None = None,
 ) -> ca.SX:
-    """Declare an error of `size` independent axes; gives its value at a tick of the clock.
+    """Declare an error of `size` independent axes; return its value at a tick of the clock.
 
     Its bias moves on at the ticks of `wander`, where that is given: a slower clock, declared
     before `clock`, so that a fast sensor need not draw its bias anew for every reading.

@@ -13,11 +13,11 @@ from __future__ import annotations
 import casadi as ca
 
 from uuvsim_cosim.models.declaration.kinematics import R
-from uuvsim_cosim.models.declaration.model import Model
+from uuvsim_cosim.models.declaration.model import Model, Value
 from uuvsim_cosim.models.declaration.preset import preset
 from uuvsim_cosim.models.declaration.safe_math import norm
 from uuvsim_cosim.models.declaration.sampled import BEFORE_FIRST
-from uuvsim_cosim.models.declaration.vectors import ETA
+from uuvsim_cosim.models.sensors.sensor import hull_pose, output_when
 from uuvsim_cosim.models.sensors.sensor_error import uniform
 from uuvsim_cosim.models.water.seawater import sound_speed
 
@@ -28,42 +28,15 @@ def usbl(id: str = "usbl_class", period: str = "1", publish_period: str = "0.01"
     """Declare the USBL of a preset: one ping every `period` seconds."""
     p = preset("sensors", id, "usbl")
     m = Model("usbl", "Ultra-short baseline acoustic positioning with latency")
-    eta = m.input("eta", 6, unit=ETA, description="of the hull: N E D [m], phi theta psi [rad]")
-    q = m.input("q", 4, unit="1", start=(1, 0, 0, 0), description="attitude of the hull")
-    r = m.parameter("r_s", p.vector("r_s", "m", 3), unit="m", description="transponder from CO")
-    p_t = m.parameter(
-        "p_transceiver", p.vector("p_transceiver", "m", 3), unit="m", description="in NED, known"
-    )
-    sigma_range = m.parameter(
-        "sigma_range",
-        p.number("sigma_range", "m"),
-        unit="m",
-        min=0,
-        description="noise of the range",
-    )
-    sigma_angle = m.parameter(
-        "sigma_angle",
-        p.number("sigma_angle", "rad"),
-        unit="rad",
-        min=0,
-        description="noise of both angles",
-    )
-    range_max = m.parameter(
-        "range_max", p.number("range_max", "m"), unit="m", min=0, description="no fix beyond it"
-    )
-    lost = m.parameter(
-        "dropout", p.number("dropout", "1"), unit="1", min=0, max=1, description="by chance"
-    )
-    T = m.parameter(
-        "temperature", p.number("temperature", "degC"), unit="degC", description="of the water"
-    )
-    S = m.parameter(
-        "salinity",
-        p.number("salinity", "1"),
-        unit="1",
-        min=0,
-        description="practical, of the water",
-    )
+    eta, q = hull_pose(m)
+    r = p.parameter(m, "r_s", "m", "transponder from CO", 3)
+    p_t = p.parameter(m, "p_transceiver", "m", "in NED, known", 3)
+    sigma_range = p.parameter(m, "sigma_range", "m", "noise of the range", min=0)
+    sigma_angle = p.parameter(m, "sigma_angle", "rad", "noise of both angles", min=0)
+    range_max = p.parameter(m, "range_max", "m", "no fix beyond it", min=0)
+    lost = p.parameter(m, "dropout", "1", "by chance", min=0, max=1)
+    T = p.parameter(m, "temperature", "degC", "of the water")
+    S = p.parameter(m, "salinity", "1", "practical, of the water", min=0)
     c = m.derived("c", sound_speed(T, S, p_t[2]))
 
     ping = m.clock("ping", period)
@@ -91,16 +64,16 @@ def usbl(id: str = "usbl_class", period: str = "1", publish_period: str = "0.01"
 
     arrived = ca.logic_and(on_way > 0.5, m.t >= due)
     m.update(publish, on_way, ca.if_else(arrived, 0.0, on_way))
-    outputs = (
+    outputs: tuple[tuple[str, ca.SX, Value, str, str], ...] = (
         ("position", fix_on_way, (0, 0, 0), "m", "of the transponder in NED"),
         ("sigma", sigma_on_way, (0, 0, 0), "m", "deviations of N, E, D"),
         ("valid", ca.SX(1.0), 0.0, "1", "a fix has come"),
         ("t_sample", reply, BEFORE_FIRST, "s", "when the position held; -1 before the first fix"),
     )
     for name, value, start, unit, words in outputs:
-        held = m.discrete(f"{name}_held", start, unit=unit)
-        m.update(publish, held, ca.if_else(arrived, value, held))
-        kind = "Boolean" if name == "valid" else "Float64"
-        m.output(name, held, unit=unit, type=kind, description=words, discrete=True)  # type: ignore[arg-type]
+        output_when(
+            m, publish, arrived, name, value, unit=unit, start=start, description=words,
+            type="Boolean" if name == "valid" else "Float64",
+        )  # fmt: skip
     p.complete()
     return m

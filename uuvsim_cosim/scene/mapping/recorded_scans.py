@@ -9,7 +9,7 @@ from urllib.parse import parse_qsl
 import numpy as np
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.models.sensors.beams import PRESETS
+from uuvsim_cosim.models.sensors.multibeam_and_camera import PRESETS
 from uuvsim_cosim.orchestrator.plan.plan import PlannedComponent
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 from uuvsim_cosim.scene.mapping.scans import Sonde, Taken, rotation, sonde

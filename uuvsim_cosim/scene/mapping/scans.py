@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.preset import preset
-from uuvsim_cosim.models.sensors.beams import beams_of
+from uuvsim_cosim.models.sensors.multibeam_and_camera import beams_of
 from uuvsim_cosim.scene.shared.ray_casting import SEABED, SOLID, Caster
 
 __all__ = ["Frame", "Sonde", "Taken", "frames", "points", "rotation", "sonde"]

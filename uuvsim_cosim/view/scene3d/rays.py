@@ -1,7 +1,7 @@
 """Directions of a sensor's rays, from the parameters of its component.
 
-Known are: the instruments of `models/sensors/beams.py`; ``directions`` (n, 3), unit vectors in
-sensor axes; beams in a ring by ``tilt`` and ``azimuth`` (n), a DVL's; else
+Known are: the instruments of `models/sensors/multibeam_and_camera.py`; ``directions`` (n, 3), unit
+vectors in sensor axes; beams in a ring by ``tilt`` and ``azimuth`` (n), a DVL's; else
 one beam along the sensor's z axis. The sensor stands at ``r_s`` in `b`, turned by ``Theta_s``. An
 image of depths has rays whose component along the optical axis is what it says.
 """
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import UuvsimError
-from uuvsim_cosim.models.sensors.beams import beams_of
+from uuvsim_cosim.models.sensors.multibeam_and_camera import beams_of
 from uuvsim_cosim.orchestrator.plan.plan import Plan, PlannedComponent
 from uuvsim_cosim.view.scene3d.scene import Rays
 
