@@ -13,7 +13,7 @@ from uuvsim_cosim.orchestrator.master.callback import CallbackBinding
 from uuvsim_cosim.orchestrator.master.core import Action, Failure, Outcome, Type
 from uuvsim_cosim.orchestrator.master.core_tables import Tables, fmi_name
 from uuvsim_cosim.orchestrator.master.shared import SharedBinding
-from uuvsim_cosim.orchestrator.values.value_table import listed
+from uuvsim_cosim.orchestrator.values.transformation import listed
 
 __all__ = ["error_of", "last_words", "nan_on_purpose"]
 

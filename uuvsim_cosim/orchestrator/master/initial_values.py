@@ -16,7 +16,7 @@ from uuvsim_cosim.fmus.description_xml import DTYPES
 from uuvsim_cosim.orchestrator.master.failure import nan_on_purpose
 from uuvsim_cosim.orchestrator.plan.initial_loop import solve_loop
 from uuvsim_cosim.orchestrator.plan.plan import Plan, Transfer
-from uuvsim_cosim.orchestrator.values.value_table import listed
+from uuvsim_cosim.orchestrator.values.transformation import listed
 
 __all__ = ["converted", "propagate", "set_inputs"]
 

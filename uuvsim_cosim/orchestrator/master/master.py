@@ -30,9 +30,7 @@ from uuvsim_cosim.orchestrator.master.coupling import Residual, loop_remarks, re
 from uuvsim_cosim.orchestrator.master.failure import error_of
 from uuvsim_cosim.orchestrator.master.faults import Faults, hash_of_seeds
 from uuvsim_cosim.orchestrator.master.initial_values import propagate
-from uuvsim_cosim.orchestrator.master.instance_pool import InstancePool, is_pooled
-from uuvsim_cosim.orchestrator.master.loop_state import LoopState
-from uuvsim_cosim.orchestrator.master.observer import Column, Observer
+from uuvsim_cosim.orchestrator.master.observer import Column, Observer, Watch, rows_of
 from uuvsim_cosim.orchestrator.master.replacement import (
     copy_values,
     plan_with,
@@ -40,13 +38,17 @@ from uuvsim_cosim.orchestrator.master.replacement import (
     state_of_new_instance,
     transferable_state,
 )
-from uuvsim_cosim.orchestrator.master.restart import Restart, show_unconnected, unconnected_inputs
+from uuvsim_cosim.orchestrator.master.restart import (
+    InstancePool,
+    Restart,
+    is_pooled,
+    show_unconnected,
+    unconnected_inputs,
+)
 from uuvsim_cosim.orchestrator.master.serving import serve
 from uuvsim_cosim.orchestrator.master.slots import decode, encode
-from uuvsim_cosim.orchestrator.master.snapshot import Snapshot
-from uuvsim_cosim.orchestrator.master.watch import Watch, rows_of
-from uuvsim_cosim.orchestrator.plan.algebraic_loops import hops_of
-from uuvsim_cosim.orchestrator.plan.loop_gain import delay_remark, loop_gain
+from uuvsim_cosim.orchestrator.master.snapshot import LoopState, Snapshot
+from uuvsim_cosim.orchestrator.plan.algebraic_loops import delay_remark, hops_of, loop_gain
 from uuvsim_cosim.orchestrator.plan.plan import Plan, PlannedComponent
 from uuvsim_cosim.orchestrator.plan.start import Starts, enter_initialization, variable_of
 from uuvsim_cosim.orchestrator.values.values import Misfit, as_array, fit

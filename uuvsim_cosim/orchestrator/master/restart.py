@@ -3,23 +3,63 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import final
 
 import numpy as np
 
 from uuvsim_cosim.fmus.component import BindingKind, Component
 from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.fmus.importer.fmu_binary import FmuBinary
+from uuvsim_cosim.fmus.model_exchange.component import ModelExchange
 from uuvsim_cosim.orchestrator.master.core import Failure, Outcome, Type
 from uuvsim_cosim.orchestrator.master.core_tables import Placed, Tables
 from uuvsim_cosim.orchestrator.master.initial_values import propagate
-from uuvsim_cosim.orchestrator.master.instance_pool import InstancePool, is_pooled
 from uuvsim_cosim.orchestrator.master.slots import encode
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.plan.seeds import component_seeds
 from uuvsim_cosim.orchestrator.plan.start import Starts, enter_initialization, seed_of
 
-__all__ = ["Restart", "show_unconnected", "unconnected_inputs"]
+__all__ = ["InstancePool", "Restart", "is_pooled", "show_unconnected", "unconnected_inputs"]
+
+
+def is_pooled(component: Component) -> bool:
+    """Return whether a reset replaces the component: an FMU of this process without states.
+
+    Python classes and isolated components have a `reset` that restores their initial state.
+    """
+    able = component.description.can_get_and_set_state
+    return not able and isinstance(component, FmuBinary | ModelExchange)
+
+
+@final
+class InstancePool:
+    """Instances of one component, also made in advance for the resets that will need them."""
+
+    def __init__(self, make: Callable[[], Component]) -> None:
+        self._make = make
+        self._spare: list[Component] = []
+
+    def __len__(self) -> int:
+        """Return the number of spare instances."""
+        return len(self._spare)
+
+    def fill(self, n: int, component: Component) -> None:
+        """Make instances until n are spare; none if the FMU can be instantiated only once."""
+        if component.description.can_be_instantiated_only_once:
+            return
+        while len(self._spare) < n:
+            self._spare.append(self._make())
+
+    def exchange(self, used: Component) -> Component:
+        """Free a used instance, and return a new one."""
+        used.free()
+        return self._spare.pop() if self._spare else self._make()
+
+    def free(self) -> None:
+        """Free the spare instances."""
+        while self._spare:
+            self._spare.pop().free()
 
 
 @final

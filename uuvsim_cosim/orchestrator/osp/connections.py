@@ -17,7 +17,7 @@ from uuvsim_cosim.models.declaration.near_names import expected_names
 from uuvsim_cosim.orchestrator.osp.variable_groups import VariableGroup, pairs
 from uuvsim_cosim.orchestrator.osp.xml import Reading, children, local
 from uuvsim_cosim.orchestrator.system.elements import Connection, Element, StepGroup
-from uuvsim_cosim.orchestrator.system.osp_functions import sum_source
+from uuvsim_cosim.orchestrator.system.sources import sum_source
 from uuvsim_cosim.orchestrator.values.endpoints import find_variable
 from uuvsim_cosim.orchestrator.values.values import Misfit
 

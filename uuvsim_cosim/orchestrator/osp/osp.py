@@ -20,8 +20,7 @@ from uuvsim_cosim.orchestrator.osp.variable_groups import (
 )
 from uuvsim_cosim.orchestrator.osp.xml import Reading, children, local, opened
 from uuvsim_cosim.orchestrator.system.elements import Element, step_text
-from uuvsim_cosim.orchestrator.system.proxyfmu import REMARK, proxy_file
-from uuvsim_cosim.orchestrator.system.resolve import resolve
+from uuvsim_cosim.orchestrator.system.resolve import REMARK, proxy_file, resolve
 from uuvsim_cosim.orchestrator.system.sources import FmuSource
 from uuvsim_cosim.orchestrator.system.system import System
 from uuvsim_cosim.orchestrator.system.validation import as_step, problem_of

@@ -10,8 +10,7 @@ from xml.etree.ElementTree import Element, SubElement
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.importer.archive import shown
 from uuvsim_cosim.orchestrator.parameters.ssp_xml import SspVersion, document, q, read_document
-from uuvsim_cosim.orchestrator.values.transformation import read_transformation
-from uuvsim_cosim.orchestrator.values.value_table import Table
+from uuvsim_cosim.orchestrator.values.transformation import Table, read_transformation
 
 __all__ = ["MappingEntry", "read_mapping", "read_names", "read_ssm", "write_ssm"]
 

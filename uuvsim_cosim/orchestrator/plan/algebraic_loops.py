@@ -9,13 +9,16 @@ delayed, and a warning names it.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
+import numpy as np
+
 from uuvsim_cosim.errors import Problem, SystemInvalid
+from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.orchestrator.plan.graphs import shortest_cycle, strongly_connected
+from uuvsim_cosim.orchestrator.plan.initial_loop import feedthrough, is_singular
 from uuvsim_cosim.orchestrator.plan.initialization import Output, waits_of
-from uuvsim_cosim.orchestrator.plan.loop_gain import estimated_gain, gain_text
 from uuvsim_cosim.orchestrator.plan.plan import (
     AlgebraicLoop,
     Group,
@@ -23,14 +26,21 @@ from uuvsim_cosim.orchestrator.plan.plan import (
     PlannedComponent,
     Transfer,
 )
+from uuvsim_cosim.orchestrator.plan.start import enter_initialization
 from uuvsim_cosim.orchestrator.system.elements import step_text
+from uuvsim_cosim.orchestrator.system.resolve import resolve
 
 __all__ = [
+    "LoopGain",
     "apply_loop_policy",
     "check_loops",
+    "delay_remark",
+    "estimated_gain",
     "found_loops",
+    "gain_text",
     "hops_of",
     "iteration_obstacles",
+    "loop_gain",
     "loop_lines_of",
 ]
 
@@ -259,3 +269,80 @@ def _source(t: Transfer) -> Output:
 def _connection(plan: Plan, t: Transfer) -> str:
     source, target = plan.components[t.source].path, plan.components[t.target].path
     return f"{source}.{t.source_variable.name} -> {target}.{t.target_variable.name}"
+
+
+_REAL = 1e-9  # an imaginary part below it, relative to the magnitude, is rounding
+
+
+@dataclass(frozen=True)
+class LoopGain:
+    """Gain of a loop, for its users' messages and for the convergence of delayed stepping."""
+
+    around: float  # gain of one way around the named cycle, with its sign if it is real
+    growth: float  # of an error per step, if every connection of the loop delays
+    is_singular: bool
+
+
+def loop_gain(
+    plan: Plan, loop: AlgebraicLoop, components: Sequence[Component], time: float
+) -> LoopGain | None:
+    """Return the gain at the components' present values; None if the loop carries no numbers.
+
+    The components are in Initialization Mode. Derivatives are their own where they provide them,
+    else finite differences.
+    """
+    transfers = [plan.transfers[k] for k in loop.transfers]
+    matrix, rows = feedthrough(transfers, components, time)
+    places = [rows[loop.transfers.index(k)] for k in loop.cycle]
+    if not all(places):
+        return None
+    around = np.eye(len(places[-1]))
+    for before, here in zip([places[-1], *places], places, strict=False):
+        around = matrix[np.ix_(here, before)] @ around
+    largest = max(np.linalg.eigvals(around), key=abs)
+    real = abs(largest.imag) <= _REAL * abs(largest)
+    return LoopGain(
+        float(largest.real if real else abs(largest)),
+        float(max(abs(np.linalg.eigvals(matrix)))),
+        is_singular(matrix),
+    )
+
+
+def estimated_gain(plan: Plan, loop: AlgebraicLoop) -> LoopGain | None:
+    """Return the gain at the start values of the members; None if it cannot be determined.
+
+    Instances of the members are made for it, and freed.
+    """
+    place = {i: k for k, i in enumerate(loop.members)}
+    planned = tuple(plan.components[i] for i in loop.members)
+    transfers = tuple(
+        replace(t, source=place.get(t.source, -1), target=place.get(t.target, -1))
+        for t in plan.transfers
+    )
+    components: list[Component] = []
+    try:
+        for c in planned:
+            components.append(resolve(c.source).instantiate(c.path, backend="native"))
+            enter_initialization(c, components[-1], {}, None, (0.0, None))
+        alone = replace(plan, components=planned, transfers=transfers)
+        return loop_gain(alone, loop, components, 0.0)
+    except Exception:  # the estimate is for an error message, which its failure must not replace
+        return None
+    finally:
+        for component in components:
+            component.free()
+
+
+def delay_remark(hops: str, gain: LoopGain | None) -> str:
+    """Return a sentence for a loop that does not converge if it is delayed, else nothing."""
+    if gain is None or gain.growth < 1.0 - 1e-9:
+        return ""
+    return (
+        f"algebraic loop {hops}: {gain_text(gain)}, with which its delayed connections do not "
+        "converge; expected --loops iterate, or a gain of magnitude below 1"
+    )
+
+
+def gain_text(gain: LoopGain | None) -> str:
+    """Write an estimated gain."""
+    return "its gain is not known" if gain is None else f"its estimated gain is {gain.around:.4g}"

@@ -9,7 +9,7 @@ from typing import Any
 
 from uuvsim_cosim.fmus.description import Description, Variable
 from uuvsim_cosim.orchestrator.system.elements import Algorithm, Loops, Solver
-from uuvsim_cosim.orchestrator.values.value_table import Numbers
+from uuvsim_cosim.orchestrator.values.transformation import Numbers
 
 __all__ = [
     "AlgebraicLoop",

@@ -24,7 +24,12 @@ from uuvsim_cosim.errors import RecordingError
 from uuvsim_cosim.orchestrator.master.observer import Chunk, Column
 from uuvsim_cosim.orchestrator.master.snapshot import plan_hash
 from uuvsim_cosim.orchestrator.plan.plan import Plan
-from uuvsim_cosim.orchestrator.recording.files import METADATA, PARQUET, STREAM, to_parquet
+from uuvsim_cosim.orchestrator.recording.recording_reader import (
+    METADATA,
+    PARQUET,
+    STREAM,
+    to_parquet,
+)
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -2,20 +2,137 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from uuvsim_cosim.cache import whole_file
 from uuvsim_cosim.errors import RecordingError
-from uuvsim_cosim.orchestrator.recording.files import file_of, metadata_of, read_batches
 from uuvsim_cosim.orchestrator.recording.mcap import read_mcap
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-__all__ = ["read_signals"]
+__all__ = [
+    "METADATA",
+    "PARQUET",
+    "STREAM",
+    "Messages",
+    "file_of",
+    "metadata_of",
+    "read_batches",
+    "read_signals",
+    "to_parquet",
+]
+
+STREAM, PARQUET = "signals.arrows", "signals.parquet"
+METADATA = b"uuvsim"
+_ROW_GROUP = 16384
+Messages = Sequence[Sequence[str]]  # of components: path, level, text
+
+
+def file_of(run: Path) -> Path:
+    """Find a recording by its folder or file.
+
+    A stream is looked for first: it is deleted once it is converted, so one that exists belongs
+    to a newer run than the Parquet file beside it.
+    """
+    if run.is_file():
+        return run
+    for name in (STREAM, PARQUET):
+        if (run / name).is_file():
+            return run / name
+    raise RecordingError(
+        run, "no recording here", f"a folder with {PARQUET} or {STREAM}, or such a file"
+    )
+
+
+def metadata_of(schema: pa.Schema) -> dict[str, Any]:
+    """Return the metadata of a recording's schema."""
+    return dict(json.loads((schema.metadata or {}).get(METADATA, b"{}")))
+
+
+def read_batches(file: Path) -> Iterator[tuple[pa.Schema, pa.RecordBatch, Messages]]:
+    """Yield (schema, batch, messages) for each batch; a stream may end anywhere.
+
+    The first batch has no rows, so that a recording without rows still has a schema.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        if file.suffix == ".parquet":
+            with pq.ParquetFile(file) as parquet:
+                schema = parquet.schema_arrow
+                messages = metadata_of(schema).get("messages", [])
+                yield schema, pa.RecordBatch.from_pylist([], schema=schema), messages
+                for batch in parquet.iter_batches(_ROW_GROUP):
+                    yield schema, batch, []
+            return
+        with pa.memory_map(str(file)) as source, pa.ipc.open_stream(source) as reader:
+            yield reader.schema, pa.RecordBatch.from_pylist([], schema=reader.schema), []
+            while True:
+                try:
+                    batch, metadata = reader.read_next_batch_with_custom_metadata()
+                except (StopIteration, OSError, ValueError):
+                    return  # the end, or the place where the run was killed
+                text = (metadata or {}).get("messages")
+                yield reader.schema, batch, json.loads(text) if text else []
+    except OSError as error:
+        raise RecordingError(f"{file}: cannot be read ({error.strerror or error})") from error
+    except ValueError as error:  # Arrow's
+        raise RecordingError(f"{file}: is no recording, or damaged ({error})") from error
+
+
+def to_parquet(stream: Path, parquet: Path) -> None:
+    """Convert a stream to Parquet, batch by batch, and delete it when the new file is complete."""
+    messages = [m for _, _, texts in read_batches(stream) for m in texts]
+    try:
+        with whole_file(parquet) as fresh:
+            _write_parquet(stream, fresh, messages)
+        stream.unlink()
+    except OSError as error:
+        raise RecordingError(
+            f"recording {parquet}",
+            error.strerror or error,
+            f"room on the disk; everything is in {stream.name}, which can be read as well",
+        ) from error
+
+
+def _write_parquet(stream: Path, parquet: Path, messages: Messages) -> None:
+    """Write row groups of equal size from batches of any size; memory holds one at a time."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    batches = read_batches(stream)
+    schema, _, _ = next(batches)
+    metadata = metadata_of(schema) | {"messages": messages}
+    schema = schema.with_metadata({METADATA: json.dumps(metadata)})
+    floats = [f.name for f in schema if pa.types.is_float64(f.type)]
+    texts = [f.name for f in schema if pa.types.is_string(f.type) or pa.types.is_binary(f.type)]
+    # Measured on 50,000 rows of 150 signals, smooth, noisy and held (60 MB): 34 MB in 0.3 s;
+    # without splitting bytes 40 MB, with dictionaries 49 MB.
+    with pq.ParquetWriter(
+        parquet, schema, compression="zstd", use_dictionary=texts, use_byte_stream_split=floats
+    ) as writer:
+        waiting: list[pa.RecordBatch] = []
+        for _, batch, _ in batches:
+            waiting.append(batch)
+            if sum(b.num_rows for b in waiting) >= _ROW_GROUP:
+                writer.write_table(_table(waiting, schema), _ROW_GROUP)
+                waiting.clear()
+        if any(b.num_rows for b in waiting):
+            writer.write_table(_table(waiting, schema), _ROW_GROUP)
+
+
+def _table(batches: list[pa.RecordBatch], schema: pa.Schema) -> pa.Table:
+    import pyarrow as pa
+
+    return pa.Table.from_batches(batches).replace_schema_metadata(schema.metadata)
 
 
 def read_signals(run: Path | str) -> Signals:

@@ -38,12 +38,16 @@ from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 from uuvsim_cosim.orchestrator.running.library import load
 from uuvsim_cosim.orchestrator.running.mission import duration
-from uuvsim_cosim.orchestrator.running.run_folder import RunFolder, check_room, lock_run_folder
-from uuvsim_cosim.orchestrator.running.run_json import provenance_of, write_run_json
+from uuvsim_cosim.orchestrator.running.run_folder import (
+    RunFolder,
+    check_room,
+    lock_run_folder,
+    provenance_of,
+    write_run_json,
+)
 from uuvsim_cosim.orchestrator.scenarios.inputs import Driven, held_by, read_inputs, start_values
 from uuvsim_cosim.orchestrator.scenarios.played import Played
-from uuvsim_cosim.orchestrator.scenarios.scenario import Change, Scenario
-from uuvsim_cosim.orchestrator.scenarios.scenario_file import read_scenario
+from uuvsim_cosim.orchestrator.scenarios.scenario import Change, Scenario, read_scenario
 from uuvsim_cosim.orchestrator.ssp.ssd import write_ssd
 from uuvsim_cosim.orchestrator.system.elements import Loops
 from uuvsim_cosim.orchestrator.system.sources import Backend

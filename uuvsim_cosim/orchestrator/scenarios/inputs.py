@@ -20,7 +20,7 @@ from uuvsim_cosim.orchestrator.master.faults import Fault
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.master.real_time import Steps
 from uuvsim_cosim.orchestrator.plan.plan import Plan
-from uuvsim_cosim.orchestrator.scenarios.manipulation import events_of
+from uuvsim_cosim.orchestrator.scenarios.played import events_of
 from uuvsim_cosim.orchestrator.scenarios.scenario import Manipulation, SignalFault
 from uuvsim_cosim.orchestrator.scenarios.waveforms import Waveform, waveform
 from uuvsim_cosim.orchestrator.values.endpoints import resolve_endpoint

@@ -7,8 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.orchestrator.shipped.scaffold_c import c_files
-from uuvsim_cosim.orchestrator.shipped.scaffold_law import is_controller
+from uuvsim_cosim.orchestrator.shipped.scaffold_c import c_files, is_controller
 from uuvsim_cosim.orchestrator.system.slot import Slot, SlotConnector
 
 __all__ = ["KINDS", "class_name", "files_for", "write_scaffold"]

@@ -6,10 +6,9 @@ from xml.sax.saxutils import quoteattr
 
 from uuvsim_cosim.cache import content_hash
 from uuvsim_cosim.models.declaration.element_names import element_names
-from uuvsim_cosim.orchestrator.shipped.scaffold_law import is_controller
 from uuvsim_cosim.orchestrator.system.slot import Slot
 
-__all__ = ["c_files"]
+__all__ = ["c_files", "is_controller"]
 
 SOURCE = """\
 /* A component for the slot "{path}"; change law() to what you want.
@@ -262,3 +261,10 @@ def _unit(name: str) -> str:
     factor = f' factor="{unit.factor!r}"' if unit.factor != 1.0 else ""
     offset = f' offset="{unit.offset!r}"' if unit.offset != 0.0 else ""
     return f"<Unit name={quoteattr(name)}><BaseUnit{powers}{factor}{offset}/></Unit>"
+
+
+def is_controller(slot: Slot) -> bool:
+    """Return whether the slot has a controller's connectors: eta_d, eta, nu -> tau_d."""
+    inputs = {c.name for c in slot.connectors if c.direction == "input" and c.shape == (6,)}
+    outputs = [c.name for c in slot.connectors if c.direction == "output"]
+    return {"eta_d", "eta", "nu"} <= inputs and outputs == ["tau_d"]

@@ -39,7 +39,7 @@ from uuvsim_cosim.orchestrator.values.endpoints import (
     find_variable,
     resolve_endpoint,
 )
-from uuvsim_cosim.orchestrator.values.value_table import add_table
+from uuvsim_cosim.orchestrator.values.transformation import add_table
 from uuvsim_cosim.orchestrator.values.values import is_float
 from uuvsim_cosim.orchestrator.values.xml_values import number
 

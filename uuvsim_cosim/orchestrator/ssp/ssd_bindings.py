@@ -19,7 +19,7 @@ from uuvsim_cosim.orchestrator.parameters.ssv import (
     read_parameter_set,
     read_ssv,
 )
-from uuvsim_cosim.orchestrator.values.value_table import map_value
+from uuvsim_cosim.orchestrator.values.transformation import map_value
 from uuvsim_cosim.orchestrator.values.values import Quantity
 
 __all__ = ["Bindings"]

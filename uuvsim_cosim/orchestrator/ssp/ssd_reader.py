@@ -27,7 +27,7 @@ from uuvsim_cosim.orchestrator.ssp.signal_dictionary import (
 from uuvsim_cosim.orchestrator.ssp.ssd_bindings import Bindings
 from uuvsim_cosim.orchestrator.ssp.ssd_connections import Border, End, Links, read_links
 from uuvsim_cosim.orchestrator.system.elements import Element, StepGroup
-from uuvsim_cosim.orchestrator.system.proxyfmu import REMARK, proxy_file
+from uuvsim_cosim.orchestrator.system.resolve import REMARK, proxy_file
 from uuvsim_cosim.orchestrator.system.system import System
 from uuvsim_cosim.orchestrator.system.validation import as_step, describe_element, problem_of
 from uuvsim_cosim.orchestrator.values.endpoints import find_variable

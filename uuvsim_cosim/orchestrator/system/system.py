@@ -11,13 +11,15 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
 
 from uuvsim_cosim.errors import Problem, SystemInvalid, UuvsimError
-from uuvsim_cosim.fmus.description import Description
+from uuvsim_cosim.fmus.description import Description, Variable
+from uuvsim_cosim.fmus.importer.array_folding import fold
 from uuvsim_cosim.models.declaration.near_names import expected_names
 from uuvsim_cosim.orchestrator.system.elements import (
     Algorithm,
@@ -30,17 +32,49 @@ from uuvsim_cosim.orchestrator.system.elements import (
     Structure,
 )
 from uuvsim_cosim.orchestrator.system.formats import write_structure
-from uuvsim_cosim.orchestrator.system.interface import interface_of
-from uuvsim_cosim.orchestrator.system.peers import peer_of
 from uuvsim_cosim.orchestrator.system.resolve import anchored, nested_structure
 from uuvsim_cosim.orchestrator.system.slot import Slot, fitted, slot_at
 from uuvsim_cosim.orchestrator.system.validation import Checked, as_step, check, problem_of
 from uuvsim_cosim.orchestrator.system.wiring import Wire
 from uuvsim_cosim.orchestrator.values.endpoints import find_element, resolve_endpoint
-from uuvsim_cosim.orchestrator.values.value_table import table_of
-from uuvsim_cosim.orchestrator.values.values import Misfit
+from uuvsim_cosim.orchestrator.values.transformation import table_of
+from uuvsim_cosim.orchestrator.values.values import Misfit, flat
 
-__all__ = ["System"]
+__all__ = ["System", "interface_of", "peer_of"]
+
+
+def interface_of(system: Structure, descriptions: Mapping[str, Description]) -> Description:
+    """Describe a system as a component; `descriptions` are those of its elements."""
+    variables: dict[str, Variable] = {}
+    for item in system.exposed:
+        point = resolve_endpoint(item.path, descriptions)
+        start = system.components[point.element].start.get(point.variable.name)
+        v = replace(point.variable, name=item.name, dependencies=None)
+        v = replace(v, start=start) if start is not None else v
+        if not point.whole:
+            i = point.elements[0]
+            start = None if v.start is None else flat(v.start)[i]
+            unit = v.unit_of_element(i)
+            v = replace(v, shape=(), start=start, unit=unit, element_units=())
+        variables.setdefault(item.name, v)
+    units = {n: u for d in descriptions.values() for n, u in d.units.items()}
+    folded = fold(list(variables.values()))
+    return Description(system.name, "native", folded, description=system.description, units=units)
+
+
+_NUMBERED = re.compile(r"^(?P<stem>.*?)\{(?P<k>\d+)\}")
+
+
+def peer_of(pattern: str, path: str) -> str:
+    """Return the path of the peer of the component at `path`: {k} becomes a number."""
+    m = _NUMBERED.match(pattern)
+    if m is None:
+        return pattern
+    own = re.match(re.escape(m["stem"]) + r"(\d+)", path)
+    k = int(m["k"])
+    if own is not None and int(own[1]) <= k:
+        k += 1
+    return f"{m['stem']}{k}{pattern[m.end() :]}"
 
 
 @dataclass(frozen=True)
@@ -207,7 +241,7 @@ class System(Structure):
         `map` maps names of the slot to names of the replacement (``{"tau_d": "Out1"}``,
         ``{"tau_d[3]": "Out3"}``), or is an .ssm file. The slot's step is kept unless `rate` is
         given, and so are start values of variables that the replacement has too. Its peers (see
-        `orchestrator/system/peers.py`) are connected as well.
+        `orchestrator/system/system.py`) are connected as well.
         """
         return self._fitted(path, source, map, rate, start)._with_peers(path)
 
