@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uuvsim_cosim.orchestrator.master.row_buffer import columns_of
+from uuvsim_cosim.orchestrator.master.core import columns_of
 
 
 @given(st.integers(1, 70), st.integers(0, 3000))

@@ -13,7 +13,8 @@ from uuvsim_cosim.fmus.component import Binding, BindingKind, Component
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.isolation.isolated import Isolated
 from uuvsim_cosim.orchestrator.master.callback import CallbackBinding, component_binding
-from uuvsim_cosim.orchestrator.master.core import Access, Action, Core, Type, by_type
+from uuvsim_cosim.orchestrator.master.core import Access, Core
+from uuvsim_cosim.orchestrator.master.core_library import Action, Type, by_type
 from uuvsim_cosim.orchestrator.master.shared import Serve, SharedBinding, shared_binding
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.system.elements import Solver

@@ -10,7 +10,7 @@ from uuvsim_cosim.errors import ComponentFailed, LoopNotConverged, UuvsimError
 from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.models.declaration.element_names import split_element_name
 from uuvsim_cosim.orchestrator.master.callback import CallbackBinding
-from uuvsim_cosim.orchestrator.master.core import Action, Failure, Outcome, Type
+from uuvsim_cosim.orchestrator.master.core_library import Action, Failure, Outcome, Type
 from uuvsim_cosim.orchestrator.master.core_tables import Tables, fmi_name
 from uuvsim_cosim.orchestrator.master.shared import SharedBinding
 from uuvsim_cosim.orchestrator.values.transformation import listed

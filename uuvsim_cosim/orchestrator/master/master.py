@@ -24,7 +24,7 @@ from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.isolation.guard import AtComponentExit
 from uuvsim_cosim.orchestrator.master import snapshot as snapshots
-from uuvsim_cosim.orchestrator.master.core import Failure, Outcome, Type
+from uuvsim_cosim.orchestrator.master.core_library import Failure, Outcome, Type, decode, encode
 from uuvsim_cosim.orchestrator.master.core_tables import Placed, Tables, tables_of
 from uuvsim_cosim.orchestrator.master.coupling import Residual, loop_remarks, residuals_of
 from uuvsim_cosim.orchestrator.master.failure import error_of
@@ -46,7 +46,6 @@ from uuvsim_cosim.orchestrator.master.restart import (
     unconnected_inputs,
 )
 from uuvsim_cosim.orchestrator.master.serving import serve
-from uuvsim_cosim.orchestrator.master.slots import decode, encode
 from uuvsim_cosim.orchestrator.master.snapshot import LoopState, Snapshot
 from uuvsim_cosim.orchestrator.plan.algebraic_loops import delay_remark, hops_of, loop_gain
 from uuvsim_cosim.orchestrator.plan.plan import Plan, PlannedComponent

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import threading
+
+# The functions of the module `signal` convert to enumerations, which takes some 20 µs a call.
 from _signal import getsignal, signal  # type: ignore[import-not-found]
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -16,7 +18,8 @@ import numpy as np
 
 from uuvsim_cosim.errors import UuvsimError
 from uuvsim_cosim.fmus.description import Variable
-from uuvsim_cosim.orchestrator.master.core import Core, Type
+from uuvsim_cosim.orchestrator.master.core import Core
+from uuvsim_cosim.orchestrator.master.core_library import Type
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 
 __all__ = ["Chunk", "Column", "Observer", "Rows", "Watch", "rows_of", "seconds", "uninterrupted"]

@@ -10,8 +10,8 @@ from uuvsim_cosim.errors import FmuError, InputInvalid, Problem, SystemInvalid
 from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.description import Description, Variable
 from uuvsim_cosim.fmus.isolation.isolated import RemoteState
+from uuvsim_cosim.orchestrator.master.core_library import decode, encode, read_blob, write_blob
 from uuvsim_cosim.orchestrator.master.core_tables import Tables
-from uuvsim_cosim.orchestrator.master.slots import decode, encode, read_blob, write_blob
 from uuvsim_cosim.orchestrator.plan.algebraic_loops import check_loops
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.system.resolve import resolve

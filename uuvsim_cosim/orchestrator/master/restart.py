@@ -12,10 +12,9 @@ from uuvsim_cosim.fmus.component import BindingKind, Component
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.importer.fmu_binary import FmuBinary
 from uuvsim_cosim.fmus.model_exchange.component import ModelExchange
-from uuvsim_cosim.orchestrator.master.core import Failure, Outcome, Type
+from uuvsim_cosim.orchestrator.master.core_library import Failure, Outcome, Type, encode
 from uuvsim_cosim.orchestrator.master.core_tables import Placed, Tables
 from uuvsim_cosim.orchestrator.master.initial_values import propagate
-from uuvsim_cosim.orchestrator.master.slots import encode
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.plan.seeds import component_seeds
 from uuvsim_cosim.orchestrator.plan.start import Starts, enter_initialization, seed_of

@@ -10,7 +10,7 @@ from uuvsim_cosim.errors import FmuError, UuvsimError
 from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.master.callback import CallbackBinding
-from uuvsim_cosim.orchestrator.master.core import library
+from uuvsim_cosim.orchestrator.master.core_library import library
 from uuvsim_cosim.orchestrator.master.core_tables import Tables, tables_of
 from uuvsim_cosim.orchestrator.master.failure import error_of
 from uuvsim_cosim.orchestrator.master.shared import text_room

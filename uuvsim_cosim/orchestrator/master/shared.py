@@ -12,7 +12,7 @@ from uuvsim_cosim.errors import UuvsimError
 from uuvsim_cosim.fmus.component import Binding, BindingKind, Component
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.isolation.isolated import Isolated
-from uuvsim_cosim.orchestrator.master.core import library
+from uuvsim_cosim.orchestrator.master.core_library import library
 
 __all__ = ["SPINS", "Exchange", "Serve", "SharedBinding", "shared_binding", "text_room"]
 

@@ -15,9 +15,9 @@ from uuvsim_cosim.cache import content_hash, whole_file
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.component import BindingKind, Component
 from uuvsim_cosim.orchestrator.master.callback import CallbackBinding
+from uuvsim_cosim.orchestrator.master.core_library import read_blob, write_blob
 from uuvsim_cosim.orchestrator.master.core_tables import Tables
 from uuvsim_cosim.orchestrator.master.faults import Fault, Faults, KeptFault
-from uuvsim_cosim.orchestrator.master.slots import read_blob, write_blob
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 
 __all__ = ["SCHEMA_VERSION", "LoopState", "Snapshot", "load_snapshot", "plan_hash", "save_snapshot"]
