@@ -67,12 +67,8 @@ def _not_converged(
     i = tables.order[placed.member]
     path = components[i].path
     group = next(g for g in tables.plan.groups if i in g.members)
-    hops = [
-        f"{components[t.source].path}.{t.source_variable.name} -> "
-        f"{components[t.target].path}.{t.target_variable.name}"
-        for t in tables.plan.transfers
-        if t.source in group.members and t.target in group.members
-    ]
+    inside = (t for t in tables.plan.transfers if {t.source, t.target} <= set(group.members))
+    hops = [tables.plan.hop(t) for t in inside]
     where = f"{path}.{placed.variable.element_name(element)}"
     numeric = Type.of(placed.variable) <= Type.Float32
     final = (

@@ -25,7 +25,7 @@ from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.isolation.guard import AtComponentExit
 from uuvsim_cosim.orchestrator.master import snapshot as snapshots
 from uuvsim_cosim.orchestrator.master.core_library import Failure, Outcome, Type, decode, encode
-from uuvsim_cosim.orchestrator.master.core_tables import Placed, Tables, tables_of
+from uuvsim_cosim.orchestrator.master.core_tables import Tables, tables_of
 from uuvsim_cosim.orchestrator.master.coupling import Residual, loop_remarks, residuals_of
 from uuvsim_cosim.orchestrator.master.failure import error_of
 from uuvsim_cosim.orchestrator.master.faults import Faults, hash_of_seeds
@@ -97,10 +97,6 @@ class Master:
         self._first: Snapshot | None = None  # in Initialization Mode, for `reset`
         self._start_tick = 0
         self._times: tuple[float, float | None] = (0.0, None)
-        self._connected: dict[tuple[int, str], set[int]] = {}
-        for t in plan.transfers:
-            elements = self._connected.setdefault((t.target, t.target_variable.name), set())
-            elements.update(t.target_elements)
         self._hash = snapshots.plan_hash(plan)
         self._instantiate = instantiate
         self._last: Snapshot | None = None  # the snapshot that was taken last
@@ -171,7 +167,7 @@ class Master:
                 self.plan, self._ready(), self.components, self._pools, self._times
             )
         self._restart.enter(first.states, seed, start or {})
-        self._state.forget()
+        self._ready().forget_inputs()
         self._find_drains()
         self._leave_initialization()
 
@@ -299,7 +295,7 @@ class Master:
         i, variable = self._variable(path, name)
         placed = tables.outputs.get((i, name))
         if placed is not None:
-            return decode(variable, self._raw(placed))
+            return decode(variable, tables.raw(placed))
         return self.components[i].get(variable)
 
     def set(self, path: str, name: str, value: object) -> None:
@@ -310,7 +306,7 @@ class Master:
         self.components[i].set(variable, value)
         placed = tables.inputs.get((i, name))
         if placed is not None:
-            encode(variable, value, self._raw(placed))
+            encode(variable, value, tables.raw(placed))
 
     def fitted(self, path: str, name: str, value: object) -> Any:
         """Return a value in the form that `set` needs, also from nested lists or text with a unit.
@@ -340,7 +336,7 @@ class Master:
             for t in self.plan.transfers
             if (t.target, t.target_variable.name) == (i, name)
         ]
-        if sources and len(self._connected[i, name]) == variable.size:
+        if sources and len(self.plan.connected[i, name]) == variable.size:
             raise InputInvalid(
                 f"{path}.{name}", f"is connected to {sources[0]}", "an unconnected input"
             )
@@ -360,7 +356,7 @@ class Master:
         type_ = Type.of(variable)
         if placed is None or type_.is_blob:
             return None
-        return self._raw(placed).view(type_.dtype)
+        return tables.raw(placed).view(type_.dtype)
 
     @property
     def all_slots(self) -> np.ndarray:
@@ -628,10 +624,6 @@ class Master:
     def _variable(self, path: str, name: str) -> tuple[int, Variable]:
         i = self._component(path)
         return i, variable_of(self.components[i], name)
-
-    def _raw(self, placed: Placed) -> np.ndarray:
-        core = self._ready().core
-        return core.slots[placed.slot : placed.slot + placed.variable.size]
 
     def _seconds(self, tick: int) -> float:
         return float(tick * self.plan.tick.numerator) / float(self.plan.tick.denominator)

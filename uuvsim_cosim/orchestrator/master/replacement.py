@@ -32,15 +32,14 @@ def transferable_state(old: Component, state: object) -> object:
     """
     if state is None:  # that of a native component is in the image
         return None
-    if isinstance(state, RemoteState):
-        if state.data is not None:
-            return state
-        reason = ""
-    else:
+    reason = ""
+    if not isinstance(state, RemoteState):
         try:
             return old.serialize_fmu_state(state)
         except FmuError as error:
             reason = f" ({error})"
+    elif state.data is not None:
+        return state
     raise InputInvalid(
         f"restart: {old.path} cannot serialise its state{reason}, so what the snapshot holds of "
         'it went with the failed instance; expected a component that can, or snapshot="start"'
@@ -110,29 +109,24 @@ def _with_assumed_units(described: Description, ends: Sequence[Variable], path: 
 
 def set_inputs(fresh: Component, tables: Tables, i: int) -> None:
     """Set the inputs that a new component shares with component i to their present values."""
-    slots = tables.core.slots
     for (j, name), p in tables.inputs.items():
         if j == i and name in fresh.description.variables:
-            raw = slots[p.slot : p.slot + p.variable.size]
-            fresh.set(fresh.description.variables[name], decode(p.variable, raw))
+            fresh.set(fresh.description.variables[name], decode(p.variable, tables.raw(p)))
 
 
 def copy_values(before: Tables, after: Tables, i: int, fresh: Component) -> None:
     """Copy the values from the slots before to those after; of component i, read the new values."""
-    places = [(before.inputs, after.inputs), (before.outputs, after.outputs)]
-    for old, new in places:
+    memories = [
+        (before.core.slots, after.core.slots), (before.core.fresh, after.core.fresh)
+    ]  # fmt: skip
+    for old, new in ((before.inputs, after.inputs), (before.outputs, after.outputs)):
         for key, to in new.items():
-            size, a = to.variable.size, to.slot
-            for there, here in (
-                (before.core.slots, after.core.slots),
-                (before.core.fresh, after.core.fresh),
-            ):
+            for there, here in memories:
+                source, target = old[key].view(there), to.view(here)
                 if key[0] == i:
-                    encode(to.variable, fresh.get(to.variable), here[a : a + size])
-                    continue
-                b = old[key].slot
-                if to.variable.type not in ("String", "Binary"):
-                    here[a : a + size] = there[b : b + size]
-                    continue
-                for k in range(size):
-                    write_blob(here[a:], k, read_blob(there[b:], k))
+                    encode(to.variable, fresh.get(to.variable), target)
+                elif to.variable.type in ("String", "Binary"):  # the slots hold pointers
+                    for k in range(to.variable.size):
+                        write_blob(target, k, read_blob(source, k))
+                else:
+                    target[:] = source

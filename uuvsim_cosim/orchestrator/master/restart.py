@@ -166,13 +166,10 @@ def _order(plan: Plan, tables: Tables) -> ctypes.Array[ctypes.c_uint32] | None:
 
 def unconnected_inputs(plan: Plan, tables: Tables) -> list[tuple[int, Placed]]:
     """Return the inputs that the loop sets and of which some elements are not connected."""
-    fed: dict[tuple[int, str], set[int]] = {}
-    for t in plan.transfers:
-        fed.setdefault((t.target, t.target_variable.name), set()).update(t.target_elements)
     return [
         (i, placed)
         for (i, name), placed in tables.inputs.items()
-        if len(fed.get((i, name), ())) < placed.variable.size
+        if len(plan.connected.get((i, name), ())) < placed.variable.size
     ]
 
 
@@ -180,7 +177,5 @@ def show_unconnected(
     unconnected: Sequence[tuple[int, Placed]], tables: Tables, components: Sequence[Component]
 ) -> None:
     """Copy the present values of such inputs into the loop's slots."""
-    slots = tables.core.slots
     for i, placed in unconnected:
-        value = components[i].get(placed.variable)
-        encode(placed.variable, value, slots[placed.slot : placed.slot + placed.variable.size])
+        encode(placed.variable, components[i].get(placed.variable), tables.raw(placed))

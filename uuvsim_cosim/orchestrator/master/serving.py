@@ -9,7 +9,6 @@ from typing import final
 from uuvsim_cosim.errors import FmuError, UuvsimError
 from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.description import Variable
-from uuvsim_cosim.orchestrator.master.callback import CallbackBinding
 from uuvsim_cosim.orchestrator.master.core_library import library
 from uuvsim_cosim.orchestrator.master.core_tables import Tables, tables_of
 from uuvsim_cosim.orchestrator.master.failure import error_of
@@ -45,9 +44,7 @@ class Serving:
 
     def forget(self) -> None:
         """Set every input at the next step, also those that have not changed."""
-        for binding in self._tables.bindings:
-            if isinstance(binding, CallbackBinding):
-                binding.callbacks.forget()
+        self._tables.forget_inputs()
 
     def error(self, time: float) -> BaseException:
         """Return the error of the last step."""

@@ -6,15 +6,14 @@ import itertools
 import json
 import zipfile
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, final
+from typing import final
 
 from uuvsim_cosim.cache import content_hash, whole_file
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.component import BindingKind, Component
-from uuvsim_cosim.orchestrator.master.callback import CallbackBinding
 from uuvsim_cosim.orchestrator.master.core_library import read_blob, write_blob
 from uuvsim_cosim.orchestrator.master.core_tables import Tables
 from uuvsim_cosim.orchestrator.master.faults import Fault, Faults, KeptFault
@@ -105,7 +104,20 @@ def load_snapshot(path: Path, plan: Plan, components: Sequence[Component]) -> Sn
     try:
         with zipfile.ZipFile(path) as archive:
             header = json.loads(archive.read("snapshot.json"))
-            _check(header, path, plan)
+            if header["schema_version"] != SCHEMA_VERSION:
+                raise InputInvalid(
+                    f"snapshot {path}",
+                    f"has schema version {header['schema_version']}",
+                    f"{SCHEMA_VERSION}, so one written by this version of the package",
+                )
+            if header["plan"] != plan_hash(plan):
+                differing = set(header["components"]) ^ {c.path for c in plan.components}
+                listed = ", ".join(sorted(differing)) or "their variables, steps or connections"
+                raise InputInvalid(
+                    f"snapshot {path}",
+                    f"is of another system (plan {header['plan']}; they differ in {listed})",
+                    f"one of plan {plan_hash(plan)}",
+                )
             joined = archive.read("texts")
             ends = list(itertools.accumulate(header["texts"], initial=0))
             texts = tuple(joined[a:b] for a, b in itertools.pairwise(ends))
@@ -131,24 +143,6 @@ def load_snapshot(path: Path, plan: Plan, components: Sequence[Component]) -> Sn
         for number, *fault, past in header.get("faults", ())
     )
     return Snapshot(header["plan"], states, image, texts, faults, header["layout"])
-
-
-def _check(header: Mapping[str, Any], path: Path, plan: Plan) -> None:
-    if header["schema_version"] != SCHEMA_VERSION:
-        raise InputInvalid(
-            f"snapshot {path}",
-            f"has schema version {header['schema_version']}",
-            f"{SCHEMA_VERSION}, so one written by this version of the package",
-        )
-    if header["plan"] == plan_hash(plan):
-        return
-    theirs, ours = set(header["components"]), {c.path for c in plan.components}
-    differing = ", ".join(sorted(theirs ^ ours)) or "their variables, steps or connections"
-    raise InputInvalid(
-        f"snapshot {path}",
-        f"is of another system (plan {header['plan']}; they differ in {differing})",
-        f"one of plan {plan_hash(plan)}",
-    )
 
 
 @final
@@ -210,13 +204,7 @@ class LoopState:
             write_blob(raw, s, text)
         if self._faults.active or snapshot.faults:
             self._faults.restore(snapshot.faults)
-        self.forget()
-
-    def forget(self) -> None:
-        """Let callbacks set every input at the next step, also those that have not changed."""
-        for binding in self._tables.bindings:
-            if isinstance(binding, CallbackBinding):
-                binding.callbacks.forget()
+        self._tables.forget_inputs()
 
 
 def layout_hash(tables: Tables) -> str:

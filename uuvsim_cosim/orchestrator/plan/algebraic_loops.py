@@ -54,7 +54,15 @@ def apply_loop_policy(plan: Plan, ungrouped: frozenset[int]) -> Plan:
     `ungrouped` are the components that the user has put into no group. Raises SystemInvalid that
     lists the refused loops: by the policy, or because their members cannot be iterated.
     """
-    sums = {n for n, g in enumerate(plan.groups) if _is_of_sums(plan, g)}
+    # Groups that an OSP file made: sums, then the component that they feed. No user chose their
+    # order, so the policy may change it.
+    sums = {
+        n
+        for n, g in enumerate(plan.groups)
+        if g.algorithm == "gauss-seidel"
+        and len(g.members) > 1
+        and all(plan.components[i].source.startswith("function:") for i in g.members[:-1])
+    }
     free = sums | {n for n, g in enumerate(plan.groups) if ungrouped.issuperset(g.members)}
     group_of = {i: n for n, g in enumerate(plan.groups) for i in g.members}
     together: list[set[int]] = []  # disjoint sets of members to iterate
@@ -128,7 +136,7 @@ def found_loops(plan: Plan) -> list[AlgebraicLoop]:
 
 def hops_of(plan: Plan, loop: AlgebraicLoop) -> str:
     """Name one way around a loop, connection by connection."""
-    return ", ".join(_connection(plan, plan.transfers[k]) for k in loop.cycle)
+    return ", ".join(plan.hop(plan.transfers[k]) for k in loop.cycle)
 
 
 def loop_lines_of(plan: Plan) -> list[str]:
@@ -174,15 +182,6 @@ def iteration_obstacles(
 # ---- inside ---------------------------------------------------------------------------------
 
 
-def _is_of_sums(plan: Plan, group: Group) -> bool:
-    """Whether an OSP file made the group: sums, then the component that they feed.
-
-    No user chose its order, so the loop policy may change it.
-    """
-    sums = [plan.components[i].source.startswith("function:") for i in group.members[:-1]]
-    return group.algorithm == "gauss-seidel" and bool(sums) and all(sums)
-
-
 def _refusal_reasons(
     plan: Plan, loop: AlgebraicLoop, members: Sequence[int], free: bool
 ) -> Iterator[tuple[str, str]]:
@@ -200,7 +199,7 @@ def _refusal_reasons(
     for k in loop.transfers:
         t = plan.transfers[k]
         if t.target_variable.type in ("String", "Binary"):
-            yield f"{_connection(plan, t)} carries text or bytes", "numbers in the loop"
+            yield f"{plan.hop(t)} carries text or bytes", "numbers in the loop"
 
 
 def _refusal(plan: Plan, loop: AlgebraicLoop, why: Sequence[tuple[str, str]]) -> Problem:
@@ -264,11 +263,6 @@ def _loop(
 
 def _source(t: Transfer) -> Output:
     return t.source, t.source_variable.name
-
-
-def _connection(plan: Plan, t: Transfer) -> str:
-    source, target = plan.components[t.source].path, plan.components[t.target].path
-    return f"{source}.{t.source_variable.name} -> {target}.{t.target_variable.name}"
 
 
 _REAL = 1e-9  # an imaginary part below it, relative to the magnitude, is rounding
