@@ -33,7 +33,11 @@ def is_pooled(component: Component) -> bool:
 
 @final
 class InstancePool:
-    """Instances of one component, also made in advance for the resets that will need them."""
+    """Spare instances of an FMU that cannot copy its state: each reset uses the next one.
+
+    They are also made in advance. A further instance neither unpacks the archive nor loads the
+    library again.
+    """
 
     def __init__(self, make: Callable[[], Component]) -> None:
         self._make = make

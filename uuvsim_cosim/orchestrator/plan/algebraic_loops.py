@@ -1,4 +1,4 @@
-"""Policy for the algebraic loops of a plan: they are iterated, refused or delayed.
+"""Algebraic loops of a plan: their gain, and the policy that iterates, refuses or delays them.
 
 A loop is algebraic if every hop declares its direct feedthrough. Stepped by Jacobi or
 Gauss-Seidel, some of its connections delay by a step; this changes the system, which diverges if
@@ -270,7 +270,12 @@ _REAL = 1e-9  # an imaginary part below it, relative to the magnitude, is roundi
 
 @dataclass(frozen=True)
 class LoopGain:
-    """Gain of a loop, for its users' messages and for the convergence of delayed stepping."""
+    """Gain of a loop: the change of one input after one way around the loop.
+
+    With x the inputs inside the loop and G = d(new x)/dx, through the members' direct feedthrough
+    and the connections, x = G x + b has one solution if I - G is regular. A loop whose connections
+    delay by a step follows x_k+1 = G x_k + b, which diverges if an eigenvalue of G exceeds 1.
+    """
 
     around: float  # gain of one way around the named cycle, with its sign if it is real
     growth: float  # of an error per step, if every connection of the loop delays

@@ -66,7 +66,15 @@ def compare_signals(
         raise InputInvalid(f"tolerance {tolerance:g}", "a finite number, 0 or more")
     left = a if isinstance(a, Signals) else read_signals(a)
     right = b if isinstance(b, Signals) else read_signals(b)
-    rows, mismatches = _common_rows(left.time, right.time)
+    rows = min(len(left.time), len(right.time))  # leading rows with the same times
+    mismatches: list[str] = []
+    differing = np.flatnonzero(left.time[:rows] != right.time[:rows])
+    if differing.size:
+        rows = int(differing[0])
+        times = f"{left.time[rows]:.9g} s in A, at {right.time[rows]:.9g} s in B"
+        mismatches = [f"time: row {rows + 1} is at {times}"]
+    elif len(left.time) != len(right.time):
+        mismatches = [f"time: {_end(left.time)} in A, {_end(right.time)} in B"]
     for one, other, name in ((left, right, "A"), (right, left, "B")):
         only = [signal for signal in one if signal not in other]
         mismatches += [f"{signal}: only in {name}" for signal in only]
@@ -81,39 +89,21 @@ def compare_signals(
         elif units[0] != units[1]:
             mismatches.append(f"{signal}: in {units[0] or '1'} in A, in {units[1] or '1'} in B")
         else:
-            found += _differences(signal, left, right, rows, tolerance)
+            x, y = left[signal][:rows], right[signal][:rows]
+            names, own = [signal], [units[0]]
+            if x.ndim == 2:
+                indices = left.elements.get(signal) or range(1, x.shape[1] + 1)
+                names = [f"{signal}[{index}]" for index in indices]
+                own = list(left.element_units.get(signal) or units[:1] * x.shape[1])
+            columns = zip(names, own, x.reshape(rows, -1).T, y.reshape(rows, -1).T, strict=True)
+            for name, unit, p, q in columns:
+                found += _of_element(name, unit, left.time, p, q, tolerance)
     found.sort(key=lambda d: d.time)
     return Comparison(tuple(found), tuple(mismatches), rows, len(both))
 
 
-def _common_rows(a: np.ndarray, b: np.ndarray) -> tuple[int, list[str]]:
-    """Return the number of leading rows with the same times, and the mismatch that ends them."""
-    rows = min(len(a), len(b))
-    other = np.flatnonzero(a[:rows] != b[:rows])
-    if other.size:
-        k = int(other[0])
-        return k, [f"time: row {k + 1} is at {a[k]:.9g} s in A, at {b[k]:.9g} s in B"]
-    if len(a) != len(b):
-        return rows, [f"time: {_end(a)} in A, {_end(b)} in B"]
-    return rows, []
-
-
 def _end(time: np.ndarray) -> str:
     return f"{len(time)} rows up to {time[-1]:.9g} s" if len(time) else "no rows"
-
-
-def _differences(
-    signal: str, a: Signals, b: Signals, rows: int, tolerance: float
-) -> list[Difference]:
-    x, y = a[signal][:rows], b[signal][:rows]
-    if x.ndim == 1:
-        return _of_element(signal, a.units.get(signal, ""), a.time, x, y, tolerance)
-    found: list[Difference] = []
-    indices = a.elements.get(signal) or tuple(range(1, x.shape[1] + 1))
-    units = a.element_units.get(signal) or (a.units.get(signal, ""),) * x.shape[1]
-    for n, (index, unit) in enumerate(zip(indices, units, strict=True)):
-        found += _of_element(f"{signal}[{index}]", unit, a.time, x[:, n], y[:, n], tolerance)
-    return found
 
 
 def _of_element(

@@ -1,4 +1,4 @@
-"""Reader of recordings; the result is `Signals`."""
+"""Reader of recordings (an Arrow stream, Parquet or MCAP); the result is `Signals`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from uuvsim_cosim.cache import whole_file
 from uuvsim_cosim.errors import RecordingError
 from uuvsim_cosim.orchestrator.recording.mcap import read_mcap
 from uuvsim_cosim.orchestrator.recording.signals import Signals
@@ -20,18 +19,18 @@ if TYPE_CHECKING:
 __all__ = [
     "METADATA",
     "PARQUET",
+    "ROW_GROUP",
     "STREAM",
     "Messages",
     "file_of",
     "metadata_of",
     "read_batches",
     "read_signals",
-    "to_parquet",
 ]
 
 STREAM, PARQUET = "signals.arrows", "signals.parquet"
 METADATA = b"uuvsim"
-_ROW_GROUP = 16384
+ROW_GROUP = 16384  # rows of a group of the Parquet file
 Messages = Sequence[Sequence[str]]  # of components: path, level, text
 
 
@@ -70,7 +69,7 @@ def read_batches(file: Path) -> Iterator[tuple[pa.Schema, pa.RecordBatch, Messag
                 schema = parquet.schema_arrow
                 messages = metadata_of(schema).get("messages", [])
                 yield schema, pa.RecordBatch.from_pylist([], schema=schema), messages
-                for batch in parquet.iter_batches(_ROW_GROUP):
+                for batch in parquet.iter_batches(ROW_GROUP):
                     yield schema, batch, []
             return
         with pa.memory_map(str(file)) as source, pa.ipc.open_stream(source) as reader:
@@ -86,53 +85,6 @@ def read_batches(file: Path) -> Iterator[tuple[pa.Schema, pa.RecordBatch, Messag
         raise RecordingError(f"{file}: cannot be read ({error.strerror or error})") from error
     except ValueError as error:  # Arrow's
         raise RecordingError(f"{file}: is no recording, or damaged ({error})") from error
-
-
-def to_parquet(stream: Path, parquet: Path) -> None:
-    """Convert a stream to Parquet, batch by batch, and delete it when the new file is complete."""
-    messages = [m for _, _, texts in read_batches(stream) for m in texts]
-    try:
-        with whole_file(parquet) as fresh:
-            _write_parquet(stream, fresh, messages)
-        stream.unlink()
-    except OSError as error:
-        raise RecordingError(
-            f"recording {parquet}",
-            error.strerror or error,
-            f"room on the disk; everything is in {stream.name}, which can be read as well",
-        ) from error
-
-
-def _write_parquet(stream: Path, parquet: Path, messages: Messages) -> None:
-    """Write row groups of equal size from batches of any size; memory holds one at a time."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    batches = read_batches(stream)
-    schema, _, _ = next(batches)
-    metadata = metadata_of(schema) | {"messages": messages}
-    schema = schema.with_metadata({METADATA: json.dumps(metadata)})
-    floats = [f.name for f in schema if pa.types.is_float64(f.type)]
-    texts = [f.name for f in schema if pa.types.is_string(f.type) or pa.types.is_binary(f.type)]
-    # Measured on 50,000 rows of 150 signals, smooth, noisy and held (60 MB): 34 MB in 0.3 s;
-    # without splitting bytes 40 MB, with dictionaries 49 MB.
-    with pq.ParquetWriter(
-        parquet, schema, compression="zstd", use_dictionary=texts, use_byte_stream_split=floats
-    ) as writer:
-        waiting: list[pa.RecordBatch] = []
-        for _, batch, _ in batches:
-            waiting.append(batch)
-            if sum(b.num_rows for b in waiting) >= _ROW_GROUP:
-                writer.write_table(_table(waiting, schema), _ROW_GROUP)
-                waiting.clear()
-        if any(b.num_rows for b in waiting):
-            writer.write_table(_table(waiting, schema), _ROW_GROUP)
-
-
-def _table(batches: list[pa.RecordBatch], schema: pa.Schema) -> pa.Table:
-    import pyarrow as pa
-
-    return pa.Table.from_batches(batches).replace_schema_metadata(schema.metadata)
 
 
 def read_signals(run: Path | str) -> Signals:

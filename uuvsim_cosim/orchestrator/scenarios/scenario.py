@@ -1,4 +1,4 @@
-"""Scenarios: changes and faults of a system at given times of a run."""
+"""Scenarios: changes and faults at given times of a run, as values and as YAML or JSON files."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class SignalFault:
 class Manipulation:
     """From `at` to `until` [s] a variable of any causality is overridden, or biased.
 
-    Its meaning depends on the system (see `manipulation`): a fault of an output, a change of a
+    Its meaning depends on the system (see `played.events_of`): a fault of an output, a change of a
     parameter or an unconnected input, a fault of the output that feeds a connected input.
     """
 

@@ -34,7 +34,15 @@ ROWS = 32  # of the guidance's table
 
 
 def seabed_mapping(survey: System) -> System:
-    """Return the survey with its vehicle above the slope, its vessel near by, and its path."""
+    """Return the system `seabed_mapping`: the survey vehicle maps charted terrain.
+
+    Five legs of 36 m, 5 m apart, run 5 m above a charted slope (19 to 24 m deep) of the scene
+    `tacoma`, Puget Sound: the depths of the path's corners are those of the terrain, less 5 m. DVL
+    and altimeter measure ranges to that terrain; multibeam and depth camera take frames of it at
+    their own rates. The camera's frames are small here, for a viewer or a policy. The data for the
+    map are defined in `mapping.yaml` beside the system: the multibeam's readings, and the camera's
+    whole frames. No component reads these frames, so they are computed outside of the loop.
+    """
     start = (*WAYPOINTS[0], 0.0, 0.0, 0.0)
     vessel = (CORNER[0] + LENGTH / 2, CORNER[1] - 20.0, 1.0)
     rows = [*WAYPOINTS, *[WAYPOINTS[-1]] * (ROWS - len(WAYPOINTS))]

@@ -70,7 +70,14 @@ def resolve(source: str, base: Path | None = None) -> Source:
     suffix = Path(source.partition("#")[0]).suffix.lower()
     if suffix == ".fmu":
         file, _, options = source.partition("#")
-        return FmuSource(_file(file, base, "an FMU"), _options(source, options))
+        path = _file(file, base, "an FMU")
+        pairs = [part.partition("=") for part in options.split("&") if part]
+        if any(not (name and equals and value) for name, equals, value in pairs):
+            raise InputInvalid(
+                f"source {source!r}: expected FILE.fmu#interface=ModelExchange, or names and "
+                "values of structural parameters"
+            )
+        return FmuSource(path, tuple((name, value) for name, _, value in pairs))
     if suffix == ".csv":
         return TableSource(_file(source, base, "a table"))
     if suffix in (".ssd", ".ssp"):
@@ -173,17 +180,6 @@ def _file(name: str, base: Path, what: str) -> Path:
         return path
     files = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
     raise InputInvalid(path, f"no such file{did_you_mean(path.name, files)}", what)
-
-
-def _options(source: str, text: str) -> tuple[tuple[str, str], ...]:
-    """Read ``name=value&name=value``."""
-    pairs = [part.partition("=") for part in text.split("&") if part]
-    if any(not (name and equals and value) for name, equals, value in pairs):
-        raise InputInvalid(
-            f"source {source!r}: expected FILE.fmu#interface=ModelExchange, or names and values "
-            "of structural parameters"
-        )
-    return tuple((name, value) for name, _, value in pairs)
 
 
 REMARK = "proxyfmu is read as its file; --isolate gives it a process"

@@ -1,4 +1,4 @@
-"""Sources of components: FMUs, Python classes, declarations of this package, nested systems."""
+"""Sources of components: FMUs, Python classes, declarations, sums, tables, nested systems."""
 
 from __future__ import annotations
 
@@ -250,7 +250,10 @@ def sum_source(inputs: int, dimension: int = 1) -> str:
 
 @dataclass(frozen=True)
 class FunctionSource(ModelSource):
-    """A function of signals, ``function:sum?inputs=…&dimension=…``."""
+    """Sum of signals: ``function:sum?inputs=3&dimension=2`` is y_j = u_1j + u_2j + u_3j.
+
+    A sum is a component of this package, so it runs natively, is packed as an FMU, and is fused.
+    """
 
     def declaration(self) -> Model:
         """Return the declaration of the function."""

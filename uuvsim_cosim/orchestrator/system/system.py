@@ -40,41 +40,9 @@ from uuvsim_cosim.orchestrator.values.endpoints import find_element, resolve_end
 from uuvsim_cosim.orchestrator.values.transformation import table_of
 from uuvsim_cosim.orchestrator.values.values import Misfit, flat
 
-__all__ = ["System", "interface_of", "peer_of"]
+__all__ = ["System"]
 
-
-def interface_of(system: Structure, descriptions: Mapping[str, Description]) -> Description:
-    """Describe a system as a component; `descriptions` are those of its elements."""
-    variables: dict[str, Variable] = {}
-    for item in system.exposed:
-        point = resolve_endpoint(item.path, descriptions)
-        start = system.components[point.element].start.get(point.variable.name)
-        v = replace(point.variable, name=item.name, dependencies=None)
-        v = replace(v, start=start) if start is not None else v
-        if not point.whole:
-            i = point.elements[0]
-            start = None if v.start is None else flat(v.start)[i]
-            unit = v.unit_of_element(i)
-            v = replace(v, shape=(), start=start, unit=unit, element_units=())
-        variables.setdefault(item.name, v)
-    units = {n: u for d in descriptions.values() for n, u in d.units.items()}
-    folded = fold(list(variables.values()))
-    return Description(system.name, "native", folded, description=system.description, units=units)
-
-
-_NUMBERED = re.compile(r"^(?P<stem>.*?)\{(?P<k>\d+)\}")
-
-
-def peer_of(pattern: str, path: str) -> str:
-    """Return the path of the peer of the component at `path`: {k} becomes a number."""
-    m = _NUMBERED.match(pattern)
-    if m is None:
-        return pattern
-    own = re.match(re.escape(m["stem"]) + r"(\d+)", path)
-    k = int(m["k"])
-    if own is not None and int(own[1]) <= k:
-        k += 1
-    return f"{m['stem']}{k}{pattern[m.end() :]}"
+_NUMBERED = re.compile(r"^(?P<stem>.*?)\{(?P<k>\d+)\}")  # of a peer (see `System._with_peers`)
 
 
 @dataclass(frozen=True)
@@ -265,7 +233,13 @@ class System(Structure):
         return fitted(self, path, source, map, rate, start, descriptions=descriptions, wires=wires)
 
     def _with_peers(self, path: str) -> System:
-        """Connect the unconnected inputs of the component at `path` to their peers."""
+        """Connect the unconnected inputs of the component at `path` to their peers.
+
+        A component may name the signals that feed its inputs in the systems that it was made for,
+        by a path from the top: ``target.position``. In ``tracker_{1}.hull.eta``, ``{1}`` stands for
+        the first number, counted from 1, that is not the number of the component's own
+        ``tracker_2``. If the system does not have such a signal, a remark says so.
+        """
         owner, dot, _ = path.partition(".")
         nested = self.nested_or_none(owner) if dot else None
         if nested is None and path not in self.components:
@@ -276,7 +250,12 @@ class System(Structure):
         for name, pattern in self.describe(path).peers.items():
             if (element, name) in fed:
                 continue
-            peer = peer_of(pattern, path)
+            peer = pattern
+            if (m := _NUMBERED.match(pattern)) is not None:
+                own = re.match(re.escape(m["stem"]) + r"(\d+)", path)
+                k = int(m["k"])
+                k += own is not None and int(own[1]) <= k
+                peer = f"{m['stem']}{k}{pattern[m.end() :]}"
             try:
                 source, wider = system._offered(peer)
                 target, wider = wider._offered(f"{path}.{name}")
@@ -352,7 +331,22 @@ class System(Structure):
 
     def interface(self) -> Description:
         """Describe the system as a component: its exposed connectors."""
-        return interface_of(self, self.checked.descriptions)
+        descriptions = self.checked.descriptions
+        variables: dict[str, Variable] = {}
+        for item in self.exposed:
+            point = resolve_endpoint(item.path, descriptions)
+            start = self.components[point.element].start.get(point.variable.name)
+            v = replace(point.variable, name=item.name, dependencies=None)
+            v = replace(v, start=start) if start is not None else v
+            if not point.whole:
+                i = point.elements[0]
+                start = None if v.start is None else flat(v.start)[i]
+                unit = v.unit_of_element(i)
+                v = replace(v, shape=(), start=start, unit=unit, element_units=())
+            variables.setdefault(item.name, v)
+        units = {n: u for d in descriptions.values() for n, u in d.units.items()}
+        folded = fold(list(variables.values()))
+        return Description(self.name, "native", folded, description=self.description, units=units)
 
     # ---- inside ---------------------------------------------------------------------------
 

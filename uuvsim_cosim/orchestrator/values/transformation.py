@@ -13,7 +13,13 @@ from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.models.declaration.near_names import expected_names
 from uuvsim_cosim.models.declaration.units import Unit
 from uuvsim_cosim.orchestrator.values.values import Misfit, conversion
-from uuvsim_cosim.orchestrator.values.xml_values import boolean, float_of, text_of
+from uuvsim_cosim.orchestrator.values.xml_values import (
+    BOOLEANS,
+    boolean,
+    float_of,
+    local_name,
+    text_of,
+)
 
 __all__ = [
     "PLAIN",
@@ -60,11 +66,22 @@ def read_table(xml: Xml, tag: str, place: str) -> Table:
     Raises InputInvalid.
     """
     type_ = _TYPES[tag.removesuffix("MappingTransformation")]
+
+    def read(entry: Xml, side: str) -> bool | int | str:
+        text = entry.get(side)
+        try:
+            if text is not None:
+                return BOOLEANS[text.strip()] if type_ is bool else type_(text)
+        except (ValueError, KeyError):
+            pass
+        read = f"<ssc:MapEntry> with {side} {text!r}"
+        raise InputInvalid(f"{place}: {tag}", read, _EXPECTED[type_])
+
     found: dict[bool | int | str, bool | int | str] = {}
     for entry in xml:
         if not (isinstance(entry.tag, str) and entry.tag.endswith("}MapEntry")):
             continue
-        source, target = (_value(entry, a, type_, f"{place}: {tag}") for a in ("source", "target"))
+        source, target = (read(entry, side) for side in ("source", "target"))
         if found.setdefault(source, target) != target:
             raise InputInvalid(
                 place,
@@ -77,22 +94,6 @@ def read_table(xml: Xml, tag: str, place: str) -> Table:
     if not found:
         raise InputInvalid(place, f"a {tag} without entries", "<ssc:MapEntry …>")
     return tuple(found.items())
-
-
-def _value(
-    entry: Xml, attribute: str, type_: type[bool | int | str], place: str
-) -> bool | int | str:
-    text = entry.get(attribute)
-    try:
-        if text is None:
-            raise ValueError
-        if type_ is bool:
-            return {"true": True, "1": True, "false": False, "0": False}[text.strip()]
-        return type_(text)
-    except (ValueError, KeyError):
-        raise InputInvalid(
-            place, f"<ssc:MapEntry> with {attribute} {text!r}", _EXPECTED[type_]
-        ) from None
 
 
 def add_table(parent: Xml, table: Table) -> None:
@@ -185,7 +186,7 @@ def read_transformation(xml: Xml, place: str) -> Transformation:
     """Read the transformation of a connection or of a mapping's entry; raises InputInvalid."""
     convert = not boolean(xml.get("suppressUnitConversion"))
     for child in xml:
-        tag = child.tag.rpartition("}")[2] if isinstance(child.tag, str) else ""
+        tag = local_name(child)
         if tag == "LinearTransformation":
             factor = float_of(child, "factor", place, 1.0)
             return Transformation(factor, float_of(child, "offset", place, 0.0), convert)

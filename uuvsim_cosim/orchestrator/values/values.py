@@ -116,11 +116,31 @@ def fit(
     if isinstance(given, list | tuple | np.generic) is False and not np.isscalar(given):
         raise Misfit(f"a {type(given).__name__}", _type_text(variable))
     elements: list[Any] = [_element(variable, e) for e in flat(given)]
-    _check_shape(variable, given, len(elements))
+    try:
+        shape = () if isinstance(given, bytes) else np.asarray(given).shape
+    except ValueError:
+        raise Misfit("a list of uneven lists", _type_text(variable)) from None
+    if shape != variable.shape and not (len(variable.shape) > 1 and shape == (variable.size,)):
+        read = "a scalar" if shape == () else f"{len(elements)} values"
+        if len(shape) > 1:
+            read = f"values of shape {' x '.join(map(str, shape))}"
+        raise Misfit(read, _type_text(variable) if variable.shape else "a scalar")
     if unit is not None and is_float(variable):
-        elements = _converted(variable, elements, unit, units or {})
+        for i, wanted in enumerate(variable.units):
+            known = units or {}
+            pair = (1.0, 0.0) if wanted is None else conversion(unit, wanted, known, of_value=True)
+            if pair is None:
+                raise Misfit(f"a value in {unit!r}", f"one in {wanted!r} or a unit of its kind")
+            if pair != (1.0, 0.0):
+                elements[i] = pair[0] * elements[i] + pair[1]
     if scale != (1.0, 0.0):
-        elements = [_element(variable, _scaled(e, *scale)) for e in elements]
+        factor, offset = scale
+        for i, e in enumerate(elements):
+            value = factor * e + offset
+            if isinstance(e, int) and abs(e) > 2**53:  # a float would round it
+                exact = Fraction(factor) * e + Fraction(offset)
+                value = int(exact) if exact.denominator == 1 else float(exact)
+            elements[i] = _element(variable, value)
     for e in elements:
         if not isinstance(e, str | bytes | bool) and not is_within(variable, e):
             of_unit = f" {variable.unit}" if variable.unit not in (None, "1") else ""
@@ -129,14 +149,6 @@ def fit(
                 f"{shown}{of_unit} is out of range", f"a value in {range_text(variable)}{of_unit}"
             )
     return _shaped(elements, variable.shape)
-
-
-def _scaled(element: float, factor: float, offset: float) -> float:
-    """Return factor · element + offset."""
-    if isinstance(element, int) and abs(element) > 2**53:  # a float would round it
-        exact = Fraction(factor) * element + Fraction(offset)
-        return int(exact) if exact.denominator == 1 else float(exact)
-    return factor * element + offset
 
 
 def _items(variable: Variable, given: object) -> object:
@@ -260,33 +272,6 @@ def _element(variable: Variable, value: object) -> float | str | bytes:
         if low <= value <= high:
             return int(value)
     raise Misfit(f"{value!r}", f"{_type_text(variable)} such as {_example(variable)}")
-
-
-def _check_shape(variable: Variable, given: object, count: int) -> None:
-    try:
-        shape = () if isinstance(given, bytes) else np.asarray(given).shape
-    except ValueError:
-        raise Misfit("a list of uneven lists", _type_text(variable)) from None
-    if shape == variable.shape or (len(variable.shape) > 1 and shape == (variable.size,)):
-        return
-    read = "a scalar" if shape == () else f"{count} values"
-    if len(shape) > 1:
-        read = f"values of shape {' x '.join(map(str, shape))}"
-    raise Misfit(read, _type_text(variable) if variable.shape else "a scalar")
-
-
-def _converted(
-    variable: Variable, elements: list[float], unit: str, units: Mapping[str, Unit]
-) -> list[float]:
-    """Convert the elements from `unit` to the variable's; raises Misfit."""
-    result = []
-    for element, wanted in zip(elements, variable.units, strict=True):
-        pair = (1.0, 0.0) if wanted is None else conversion(unit, wanted, units, of_value=True)
-        if pair is None:
-            raise Misfit(f"a value in {unit!r}", f"one in {wanted!r} or a unit of its kind")
-        factor, offset = pair
-        result.append(element if pair == (1.0, 0.0) else factor * element + offset)
-    return result
 
 
 def _shaped(elements: list[Any], shape: tuple[int, ...]) -> Any:
