@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import groupby
 from typing import get_args
 
@@ -16,7 +17,7 @@ from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.isolation.isolated import Isolated
 from uuvsim_cosim.orchestrator.master.callback import CallbackBinding, component_binding
 from uuvsim_cosim.orchestrator.master.core import Access, Core
-from uuvsim_cosim.orchestrator.master.core_library import Action, Type, by_type
+from uuvsim_cosim.orchestrator.master.core_library import Action, Type, by_type, encode
 from uuvsim_cosim.orchestrator.master.shared import Serve, SharedBinding, shared_binding
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.system.elements import Solver
@@ -74,6 +75,23 @@ class Tables:
         for binding in self.bindings:
             if isinstance(binding, CallbackBinding):
                 binding.callbacks.forget()
+
+    @cached_property
+    def _unconnected(self) -> list[tuple[int, Placed]]:
+        """Inputs that the loop sets and of which some elements are not connected."""
+        return [
+            (key[0], placed)
+            for key, placed in self.inputs.items()
+            if len(self.plan.connected.get(key, ())) < placed.variable.size
+        ]
+
+    def show_unconnected(self, components: Sequence[Component]) -> None:
+        """Copy the present values of the unconnected inputs into the loop's slots.
+
+        The loop sets whole inputs in each step, so these slots must hold what a component has.
+        """
+        for i, placed in self._unconnected:
+            encode(placed.variable, components[i].get(placed.variable), self.raw(placed))
 
     def placed_at(self, slot: int) -> tuple[Placed, int]:
         """Find the variable and the element (from 0) of a slot."""

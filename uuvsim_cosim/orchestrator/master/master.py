@@ -38,13 +38,7 @@ from uuvsim_cosim.orchestrator.master.replacement import (
     state_of_new_instance,
     transferable_state,
 )
-from uuvsim_cosim.orchestrator.master.restart import (
-    InstancePool,
-    Restart,
-    is_pooled,
-    show_unconnected,
-    unconnected_inputs,
-)
+from uuvsim_cosim.orchestrator.master.restart import InstancePool, Restart, is_pooled
 from uuvsim_cosim.orchestrator.master.serving import serve
 from uuvsim_cosim.orchestrator.master.snapshot import LoopState, Snapshot
 from uuvsim_cosim.orchestrator.plan.algebraic_loops import delay_remark, hops_of, loop_gain
@@ -511,7 +505,7 @@ class Master:
         if self._tables is None:
             self._build_tables()
         tables = self._ready()
-        show_unconnected(self._unconnected, tables, self.components)
+        tables.show_unconnected(self.components)
         failure = tables.core.begin(self._start_tick)
         self._emit()
         if failure is not None:
@@ -558,7 +552,6 @@ class Master:
             self._tables.core.measure_nothing()
         self._faults = Faults(self._tables, hash_of_seeds(self.plan))
         self._loop_state = LoopState(self._hash, self._tables, self.components, self._faults)
-        self._unconnected = unconnected_inputs(self.plan, self._tables)
         if begin:
             self._watch.begin(columns)
             if self._watch.observers:

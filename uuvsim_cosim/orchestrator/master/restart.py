@@ -12,14 +12,14 @@ from uuvsim_cosim.fmus.component import BindingKind, Component
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.importer.fmu_binary import FmuBinary
 from uuvsim_cosim.fmus.model_exchange.component import ModelExchange
-from uuvsim_cosim.orchestrator.master.core_library import Failure, Outcome, Type, encode
-from uuvsim_cosim.orchestrator.master.core_tables import Placed, Tables
+from uuvsim_cosim.orchestrator.master.core_library import Failure, Outcome, Type
+from uuvsim_cosim.orchestrator.master.core_tables import Tables
 from uuvsim_cosim.orchestrator.master.initial_values import propagate
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.plan.seeds import component_seeds
 from uuvsim_cosim.orchestrator.plan.start import Starts, enter_initialization, seed_of
 
-__all__ = ["InstancePool", "Restart", "is_pooled", "show_unconnected", "unconnected_inputs"]
+__all__ = ["InstancePool", "Restart", "is_pooled"]
 
 
 def is_pooled(component: Component) -> bool:
@@ -90,7 +90,6 @@ class Restart:
         self._seeds: dict[int, Variable] = {i: v for i, v in found if v is not None}
         self._paths = [plan.components[i].path for i in self._seeds]
         self._order = _order(plan, tables)
-        self._unconnected = unconnected_inputs(plan, tables)
         # Slots, minima and maxima of the native components' inputs that have limits.
         slots: list[int] = []
         low: list[float] = []
@@ -141,7 +140,7 @@ class Restart:
         if self._order is None:
             propagate(self._plan, self._components, time)
             return None
-        show_unconnected(self._unconnected, self._tables, self._components)
+        self._tables.show_unconnected(self._components)
         failure = self._tables.core.propagate(tick, self._order)
         if failure is not None and failure.outcome == Outcome.BAD_STATUS:
             return failure
@@ -166,20 +165,3 @@ def _order(plan: Plan, tables: Tables) -> ctypes.Array[ctypes.c_uint32] | None:
     member_of = {i: member for member, i in enumerate(tables.order)}
     order = [member_of[i] for (i,) in plan.initialization] + list(range(len(tables.order)))
     return (ctypes.c_uint32 * len(order))(*order)
-
-
-def unconnected_inputs(plan: Plan, tables: Tables) -> list[tuple[int, Placed]]:
-    """Return the inputs that the loop sets and of which some elements are not connected."""
-    return [
-        (i, placed)
-        for (i, name), placed in tables.inputs.items()
-        if len(plan.connected.get((i, name), ())) < placed.variable.size
-    ]
-
-
-def show_unconnected(
-    unconnected: Sequence[tuple[int, Placed]], tables: Tables, components: Sequence[Component]
-) -> None:
-    """Copy the present values of such inputs into the loop's slots."""
-    for i, placed in unconnected:
-        encode(placed.variable, components[i].get(placed.variable), tables.raw(placed))

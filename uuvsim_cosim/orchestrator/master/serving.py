@@ -8,7 +8,6 @@ from typing import final
 
 from uuvsim_cosim.errors import FmuError, UuvsimError
 from uuvsim_cosim.fmus.component import Component
-from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.master.core_library import library
 from uuvsim_cosim.orchestrator.master.core_tables import Tables, tables_of
 from uuvsim_cosim.orchestrator.master.failure import error_of
@@ -67,24 +66,17 @@ def serve(
 ) -> Serving:
     """Prepare stepping of a component through the memory `segment`; called in its process."""
     variables = component.description.variables
-    tables = _tables(component, [variables[n] for n in inputs], [variables[n] for n in outputs])
-    return Serving(component, tables, segment, pipe, spins)
-
-
-def _tables(
-    component: Component, inputs: Sequence[Variable], outputs: Sequence[Variable]
-) -> Tables:
-    """Return tables of a plan with this component only."""
     planned = PlannedComponent(component.path, "", component.description)
-    held, live = ([(0, v) for v in group] for group in (inputs, outputs))
+    held, live = ([(0, variables[n]) for n in names] for names in (inputs, outputs))
 
-    def make(group: Group) -> Tables:
+    def serving(group: Group) -> Serving:  # its plan has this component only
         plan = Plan(Fraction(1), (planned,), (), (group,), ((0,),))
-        return tables_of(plan, [component], (), live=live, held=held)
+        tables = tables_of(plan, [component], (), live=live, held=held)
+        return Serving(component, tables, segment, pipe, spins)
 
     if component.description.can_get_and_set_state:  # then the parent may iterate it
         try:
-            return make(Group("iterated", (0,)))
+            return serving(Group("iterated", (0,)))
         except FmuError:
             pass  # its description declares states, but its binary has no functions for them
-    return make(Group("jacobi", (0,)))
+    return serving(Group("jacobi", (0,)))

@@ -104,7 +104,16 @@ def described(cls: type, make: Callable[[], object]) -> Description:
     `make` returns an object of the class. Raises InputInvalid that lists what is missing.
     """
     place = cls.__name__
-    wrong = [w for n in ("inputs", "outputs", "parameters") for w in _dict_problems(cls, n)]
+    wrong: list[str] = []
+    for group in ("inputs", "outputs", "parameters"):
+        declared = getattr(cls, group, None)
+        if declared is None:
+            wrong += [] if group == "parameters" else [f"no {group}"]
+        elif not isinstance(declared, Mapping):
+            wrong.append(f"{group} is {reprlib.repr(declared)}")
+        else:
+            odd = [k for k in declared if not isinstance(k, str) or not k]
+            wrong += [f"{group} has the name {k!r}" for k in odd]
     wrong += [] if callable(getattr(cls, "step", None)) else ["no method step(t, dt, u)"]
     if wrong:
         raise InputInvalid(
@@ -148,16 +157,6 @@ def described(cls: type, make: Callable[[], object]) -> Description:
         can_get_and_set_state=copies,
         can_serialize_state=copies,
     )
-
-
-def _dict_problems(cls: type, group: str) -> list[str]:
-    """Return what is wrong with the dict `inputs`, `outputs` or `parameters` of a class."""
-    declared = getattr(cls, group, None)
-    if declared is None:
-        return [] if group == "parameters" else [f"no {group}"]
-    if not isinstance(declared, Mapping):
-        return [f"{group} is {reprlib.repr(declared)}"]
-    return [f"{group} has the name {k!r}" for k in declared if not isinstance(k, str) or not k]
 
 
 def _check_call(made: object, cls: type, method: str, arguments: str) -> None:

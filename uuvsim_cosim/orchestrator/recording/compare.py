@@ -95,7 +95,7 @@ def compare_signals(
                 indices = left.elements.get(signal) or range(1, x.shape[1] + 1)
                 names = [f"{signal}[{index}]" for index in indices]
                 own = list(left.element_units.get(signal) or units[:1] * x.shape[1])
-            columns = zip(names, own, x.reshape(rows, -1).T, y.reshape(rows, -1).T, strict=True)
+            columns = zip(names, own, np.atleast_2d(x.T), np.atleast_2d(y.T), strict=True)
             for name, unit, p, q in columns:
                 found += _of_element(name, unit, left.time, p, q, tolerance)
     found.sort(key=lambda d: d.time)
@@ -110,7 +110,15 @@ def _of_element(
     name: str, unit: str, time: np.ndarray, x: np.ndarray, y: np.ndarray, tolerance: float
 ) -> list[Difference]:
     if x.dtype.kind in "fiu" and y.dtype.kind in "fiu":
-        size = _sizes(x, y)
+        if x.dtype.kind in "iu" and y.dtype.kind in "iu":  # exact beyond 2^53 and 2^63
+            exact = x.astype(object) - y.astype(object)
+            size = np.array([float(abs(d)) for d in exact], dtype=np.float64)
+        else:  # 0 for two NaN or equal infinities, infinity where one is not finite
+            p, q = x.astype(np.float64), y.astype(np.float64)
+            same = (p == q) | (np.isnan(p) & np.isnan(q))
+            with np.errstate(invalid="ignore", over="ignore"):
+                size = np.abs(p - q)
+            size = np.where(same, 0.0, np.where(np.isnan(size), math.inf, size))
         differs = size > tolerance
     else:
         size = np.full(len(x), math.nan)
@@ -120,22 +128,10 @@ def _of_element(
         return []
     first = int(rows[0])
     most = int(rows[np.argmax(size[rows])])
-    p, q = (v.item() if hasattr(v, "item") else v for v in (x[first], y[first]))
+    a, b = (v.item() if hasattr(v, "item") else v for v in (x[first], y[first]))
     return [
         Difference(
-            name, unit, float(time[first]), p, q,
+            name, unit, float(time[first]), a, b,
             float(size[first]), float(size[most]), float(time[most]),
         )
     ]  # fmt: skip
-
-
-def _sizes(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return |x - y|: 0 for two NaN or equal infinities, infinity where one is not finite."""
-    if x.dtype.kind in "iu" and y.dtype.kind in "iu":  # exact beyond 2^53 and 2^63
-        exact = x.astype(object) - y.astype(object)
-        return np.array([float(abs(d)) for d in exact], dtype=np.float64)
-    p, q = x.astype(np.float64), y.astype(np.float64)
-    same = (p == q) | (np.isnan(p) & np.isnan(q))
-    with np.errstate(invalid="ignore", over="ignore"):
-        size = np.abs(p - q)
-    return np.where(same, 0.0, np.where(np.isnan(size), math.inf, size))

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, final
+from typing import final
 
 import numpy as np
 
@@ -124,7 +124,8 @@ def _of_file(path: Path, plan: Plan) -> list[Drive]:
         end = f"{s.time[0]:g} … {s.time[-1]:g} s"
         d = Drive(
             component, variable, s.element, s.variable.name.startswith("+"),
-            lambda t, s=s: _plain(s.at(t)),  # type: ignore[misc]
+            # A number of Python, whose `repr` is the text of the log.
+            lambda t, s=s: np.asarray(s.at(t)).item(),  # type: ignore[misc]
             f"{path.name}, {between} between its rows, held outside {end}",
         )  # fmt: skip
         drives.append(replace(d, note=f"input {d.name} in {_unit(d)}: {d.note}"))
@@ -175,11 +176,6 @@ def _size(
         )
     absolute = wave.kind == "step" and not added
     return pair[0] * value + (pair[1] if absolute else 0.0)
-
-
-def _plain(value: Any) -> float:
-    """Return a number of numpy as Python's, whose `repr` is the text of the log."""
-    return value.item() if hasattr(value, "item") else value  # type: ignore[no-any-return]
 
 
 def _unit(d: Drive) -> str:

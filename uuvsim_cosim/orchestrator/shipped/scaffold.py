@@ -12,6 +12,7 @@ from uuvsim_cosim.cache import content_hash
 from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.element_names import element_names
+from uuvsim_cosim.models.declaration.units import BASE, parse_unit
 from uuvsim_cosim.orchestrator.system.slot import Slot, SlotConnector
 
 __all__ = ["KINDS", "c_files", "class_name", "files_for", "is_controller", "write_scaffold"]
@@ -90,14 +91,19 @@ def _description(
         f'  <CoSimulation modelIdentifier="{model}" canHandleVariableCommunicationStepSize="true" '
         'canGetAndSetFMUstate="true"/>',
         "  <UnitDefinitions>",
-        *(f"    {_unit(name)}" for name in units),
-        "  </UnitDefinitions>",
-        "  <ModelVariables>",
     ]
-    for name, at, causality, unit, start in variables:
+    for name in units:
+        unit = parse_unit(name)
+        given = {b: str(e) for b, e in zip(BASE, unit.exponents, strict=True) if e}
+        given |= {"factor": repr(unit.factor)} if unit.factor != 1.0 else {}
+        given |= {"offset": repr(unit.offset)} if unit.offset != 0.0 else {}
+        base = "".join(f' {key}="{value}"' for key, value in given.items())
+        lines.append(f"    <Unit name={quoteattr(name)}><BaseUnit{base}/></Unit>")
+    lines += ["  </UnitDefinitions>", "  <ModelVariables>"]
+    for name, at, causality, named, start in variables:
         variability = "tunable" if causality == "parameter" else "continuous"
         begins = "" if causality == "output" else f' start="{start!r}"'
-        united = f" unit={quoteattr(unit)}" if unit else ""
+        united = f" unit={quoteattr(named)}" if named else ""
         lines.append(
             f'    <ScalarVariable name="{name}" valueReference="{at}" causality="{causality}" '
             f'variability="{variability}"><Real{united}{begins}/></ScalarVariable>'
@@ -111,18 +117,6 @@ def _description(
     lines += ["    <Outputs>", *outputs, "    </Outputs>"]
     lines += ["    <InitialUnknowns>", *outputs, "    </InitialUnknowns>"]
     return "\n".join([*lines, "  </ModelStructure>", "</fmiModelDescription>", ""])
-
-
-def _unit(name: str) -> str:
-    from uuvsim_cosim.models.declaration.units import BASE, parse_unit
-
-    unit = parse_unit(name)
-    powers = "".join(
-        f' {base}="{power}"' for base, power in zip(BASE, unit.exponents, strict=True) if power
-    )
-    factor = f' factor="{unit.factor!r}"' if unit.factor != 1.0 else ""
-    offset = f' offset="{unit.offset!r}"' if unit.offset != 0.0 else ""
-    return f"<Unit name={quoteattr(name)}><BaseUnit{powers}{factor}{offset}/></Unit>"
 
 
 def is_controller(slot: Slot) -> bool:

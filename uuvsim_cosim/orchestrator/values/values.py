@@ -200,30 +200,24 @@ def _parsed(variable: Variable, text: str) -> tuple[object, str | None]:
     if variable.type == "Boolean" and words and all(w.lower() in _BOOLEANS for w in words):
         values = [_BOOLEANS[w.lower()] for w in words]
         return (values if variable.shape else values[0]) if len(values) == 1 else values, None
-    match = _NUMBERS.match(text)
-    wrong = _no_number(variable, text)
-    if match is None or wrong:
-        raise Misfit(f"{text!r}{wrong}", expected)
-    numbers = [
-        int(n) if re.fullmatch(r"[-+]?\d+", n) else float(n) for n in re.split(r"[\s,;]+", match[1])
-    ]
-    bare = len(numbers) == 1 and (variable.shape == () or "[" not in text)
-    return (numbers[0] if bare else numbers), match[2] or None
-
-
-def _no_number(variable: Variable, text: str) -> str:
-    """Name the first element of a list that is no number; the last may be followed by a unit."""
     parts = [part.strip(" []") for part in re.split(r"[,;]", text)]
     if len(parts) == 1:  # separated by blanks, where "1 2 m" is two numbers and a unit
         words = text.replace("[", " ").replace("]", " ").split()
         parts = words if len(words) == variable.size > 1 else []
     for place, part in enumerate(parts, 1):
         if not part:
-            return f", where element {place} is empty"
-        unit = r"(?![\w.])" if place < len(parts) else ""
+            raise Misfit(f"{text!r}, where element {place} is empty", expected)
+        unit = r"(?![\w.])" if place < len(parts) else ""  # the last may be followed by a unit
         if variable.type != "Boolean" and not re.match(_NUMBER + unit, part):
-            return f", where element {place}, {part!r}, is no number"
-    return ""
+            raise Misfit(f"{text!r}, where element {place}, {part!r}, is no number", expected)
+    match = _NUMBERS.match(text)
+    if match is None:
+        raise Misfit(f"{text!r}", expected)
+    numbers = [
+        int(n) if re.fullmatch(r"[-+]?\d+", n) else float(n) for n in re.split(r"[\s,;]+", match[1])
+    ]
+    bare = len(numbers) == 1 and (variable.shape == () or "[" not in text)
+    return (numbers[0] if bare else numbers), match[2] or None
 
 
 def _type_text(variable: Variable) -> str:
