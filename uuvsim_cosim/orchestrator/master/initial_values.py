@@ -13,7 +13,7 @@ from uuvsim_cosim.errors import FmuError, InputInvalid
 from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.description_xml import DTYPES
-from uuvsim_cosim.orchestrator.master.failure import nan_on_purpose
+from uuvsim_cosim.orchestrator.master.failure import nan_explanation
 from uuvsim_cosim.orchestrator.plan.initial_loop import solve_loop
 from uuvsim_cosim.orchestrator.plan.plan import Plan, Transfer
 from uuvsim_cosim.orchestrator.values.transformation import listed
@@ -67,7 +67,7 @@ def set_inputs(components: Sequence[Component], transfers: Iterable[Transfer]) -
                 if (t.target, t.target_variable.name) == (i, name) and (
                     values.dtype.kind == "f" and not np.all(np.isfinite(values))
                 ):
-                    why = nan_on_purpose(source, signal)
+                    why = nan_explanation(source, signal)
                     reasons += f"; {source.path}.{signal} gives it{why}"
             raise FmuError(f"{error}{reasons}") from None
 

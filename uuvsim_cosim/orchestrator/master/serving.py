@@ -11,7 +11,7 @@ from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.orchestrator.master.core_library import library
 from uuvsim_cosim.orchestrator.master.core_tables import Tables, tables_of
 from uuvsim_cosim.orchestrator.master.failure import error_of
-from uuvsim_cosim.orchestrator.master.shared import text_room
+from uuvsim_cosim.orchestrator.master.shared import text_capacity
 from uuvsim_cosim.orchestrator.plan.plan import Group, Plan, PlannedComponent
 
 __all__ = ["Serving", "serve"]
@@ -30,9 +30,9 @@ class Serving:
         read = [[p.variable for p in side.values()] for side in (tables.inputs, tables.outputs)]
         sizes = [sum(v.size for v in variables) for variables in read]
         self._exchange = self._c.uuv_exchange_new()
-        room = text_room([*read[0], *read[1]])
+        capacity = text_capacity([*read[0], *read[1]])
         if not self._exchange or not self._c.uuv_exchange_map(
-            self._exchange, segment, *sizes, room
+            self._exchange, segment, *sizes, capacity
         ):
             raise UuvsimError(f"{component.path}: its shared memory cannot be mapped")
         self._c.uuv_exchange_waits(self._exchange, 0, 0.0, spins)

@@ -64,40 +64,40 @@ def compare_signals(
     """
     if not (math.isfinite(tolerance) and tolerance >= 0):
         raise InputInvalid(f"tolerance {tolerance:g}", "a finite number, 0 or more")
-    left = a if isinstance(a, Signals) else read_signals(a)
-    right = b if isinstance(b, Signals) else read_signals(b)
-    rows = min(len(left.time), len(right.time))  # leading rows with the same times
+    first = a if isinstance(a, Signals) else read_signals(a)
+    second = b if isinstance(b, Signals) else read_signals(b)
+    rows = min(len(first.time), len(second.time))  # leading rows with the same times
     mismatches: list[str] = []
-    differing = np.flatnonzero(left.time[:rows] != right.time[:rows])
+    differing = np.flatnonzero(first.time[:rows] != second.time[:rows])
     if differing.size:
         rows = int(differing[0])
-        times = f"{left.time[rows]:.9g} s in A, at {right.time[rows]:.9g} s in B"
+        times = f"{first.time[rows]:.9g} s in A, at {second.time[rows]:.9g} s in B"
         mismatches = [f"time: row {rows + 1} is at {times}"]
-    elif len(left.time) != len(right.time):
-        mismatches = [f"time: {_end(left.time)} in A, {_end(right.time)} in B"]
-    for one, other, name in ((left, right, "A"), (right, left, "B")):
+    elif len(first.time) != len(second.time):
+        mismatches = [f"time: {_end(first.time)} in A, {_end(second.time)} in B"]
+    for one, other, name in ((first, second, "A"), (second, first, "B")):
         only = [signal for signal in one if signal not in other]
         mismatches += [f"{signal}: only in {name}" for signal in only]
-    both = [signal for signal in left if signal in right]
+    both = [signal for signal in first if signal in second]
     found: list[Difference] = []
     for signal in both:
-        shapes = left[signal].shape[1:], right[signal].shape[1:]
-        units = left.units.get(signal, ""), right.units.get(signal, "")
+        shapes = first[signal].shape[1:], second[signal].shape[1:]
+        units = first.units.get(signal, ""), second.units.get(signal, "")
         if shapes[0] != shapes[1]:
             sizes = ["x".join(map(str, shape)) or "1" for shape in shapes]
             mismatches.append(f"{signal}: size {sizes[0]} in A, {sizes[1]} in B")
         elif units[0] != units[1]:
             mismatches.append(f"{signal}: in {units[0] or '1'} in A, in {units[1] or '1'} in B")
         else:
-            x, y = left[signal][:rows], right[signal][:rows]
+            x, y = first[signal][:rows], second[signal][:rows]
             names, own = [signal], [units[0]]
             if x.ndim == 2:
-                indices = left.elements.get(signal) or range(1, x.shape[1] + 1)
+                indices = first.elements.get(signal) or range(1, x.shape[1] + 1)
                 names = [f"{signal}[{index}]" for index in indices]
-                own = list(left.element_units.get(signal) or units[:1] * x.shape[1])
+                own = list(first.element_units.get(signal) or units[:1] * x.shape[1])
             columns = zip(names, own, np.atleast_2d(x.T), np.atleast_2d(y.T), strict=True)
             for name, unit, p, q in columns:
-                found += _of_element(name, unit, left.time, p, q, tolerance)
+                found += _of_element(name, unit, first.time, p, q, tolerance)
     found.sort(key=lambda d: d.time)
     return Comparison(tuple(found), tuple(mismatches), rows, len(both))
 
@@ -126,12 +126,12 @@ def _of_element(
     rows = np.flatnonzero(differs)
     if not rows.size:
         return []
-    first = int(rows[0])
+    begin = int(rows[0])
     most = int(rows[np.argmax(size[rows])])
-    a, b = (v.item() if hasattr(v, "item") else v for v in (x[first], y[first]))
+    a, b = (v.item() if hasattr(v, "item") else v for v in (x[begin], y[begin]))
     return [
         Difference(
-            name, unit, float(time[first]), a, b,
-            float(size[first]), float(size[most]), float(time[most]),
+            name, unit, float(time[begin]), a, b,
+            float(size[begin]), float(size[most]), float(time[most]),
         )
     ]  # fmt: skip

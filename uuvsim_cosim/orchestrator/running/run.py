@@ -40,7 +40,7 @@ from uuvsim_cosim.orchestrator.running.library import load
 from uuvsim_cosim.orchestrator.running.mission import duration
 from uuvsim_cosim.orchestrator.running.run_folder import (
     RunFolder,
-    check_room,
+    check_free_space,
     lock_run_folder,
     provenance_of,
     write_run_json,
@@ -205,7 +205,7 @@ def run(
             steps: Steps = master if played is None else Played(master, played)
             if drives:
                 steps = Driven(steps, master, drives, folder.path / "inputs.csv")
-            check_room(folder.path, rows * 8.0 * (master.recorded + 2))
+            check_free_space(folder.path, rows * 8.0 * (master.recorded + 2))
         except BaseException:
             master.free()
             raise

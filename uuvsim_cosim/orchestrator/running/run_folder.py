@@ -32,7 +32,7 @@ from uuvsim_cosim.strict_json import strict
 __all__ = [
     "SCHEMA_VERSION",
     "RunFolder",
-    "check_room",
+    "check_free_space",
     "lock_run_folder",
     "provenance_of",
     "write_run_json",
@@ -113,7 +113,7 @@ def _is_locked(path: Path) -> bool:
         return False
 
 
-def check_room(folder: Path, wanted: float) -> None:
+def check_free_space(folder: Path, wanted: float) -> None:
     """Refuse a recording of `wanted` bytes that the disk cannot hold, before the first step."""
     free = shutil.disk_usage(folder).free
     if wanted > _SMALL and wanted > 0.9 * free:

@@ -20,7 +20,7 @@ from uuvsim_cosim.orchestrator.master.faults import Fault
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.master.real_time import Steps
 from uuvsim_cosim.orchestrator.plan.plan import Plan
-from uuvsim_cosim.orchestrator.scenarios.played import events_of
+from uuvsim_cosim.orchestrator.scenarios.played import SteppedMaster, events_of
 from uuvsim_cosim.orchestrator.scenarios.scenario import Manipulation, SignalFault
 from uuvsim_cosim.orchestrator.scenarios.waveforms import Waveform, waveform
 from uuvsim_cosim.orchestrator.values.endpoints import resolve_endpoint
@@ -183,7 +183,7 @@ def _unit(d: Drive) -> str:
 
 
 @final
-class Driven:
+class Driven(SteppedMaster):
     """Steps of a master whose inputs change over time.
 
     With `log`, the applied values are written there as CSV, one row for each communication point.
@@ -193,7 +193,8 @@ class Driven:
     def __init__(
         self, steps: Steps, master: Master, drives: Sequence[Drive], log: Path | None = None
     ) -> None:
-        self._steps, self._master, self._drives = steps, master, tuple(drives)
+        super().__init__(master)
+        self._steps, self._drives = steps, tuple(drives)
         connected = _connected(master.plan)
         self._set: list[tuple[Drive, np.ndarray, float]] = []  # drive, slots, value to add to
         self._biased: list[tuple[Drive, str, float]] = []  # drive, signal, factor
@@ -212,16 +213,6 @@ class Driven:
         self._active: dict[str, tuple[int, float]] = {}  # by signal: number of the fault, value
         self._log = None if log is None else log.open("w", encoding="utf-8", newline="")
         self._row("time", *(f'"{d.name}"' if "," in d.name else d.name for d in self._drives))
-
-    @property
-    def tick(self) -> int:
-        """The communication point that has been reached."""
-        return self._steps.tick
-
-    @property
-    def time(self) -> float:
-        """Time at the communication point that has been reached [s]."""
-        return self._steps.time
 
     def step(self, n: int = 1) -> None:
         """Make n communication steps, with the inputs of each."""

@@ -22,18 +22,35 @@ from uuvsim_cosim.orchestrator.scenarios.scenario import (
 from uuvsim_cosim.orchestrator.values.endpoints import Endpoint, resolve_endpoint
 from uuvsim_cosim.orchestrator.values.values import Misfit
 
-__all__ = ["Played", "events_of"]
+__all__ = ["Played", "SteppedMaster", "events_of"]
+
+
+class SteppedMaster:
+    """Steps of a master with something between them, which subclasses add in `step`."""
+
+    def __init__(self, master: Master) -> None:
+        self._master = master
+
+    @property
+    def tick(self) -> int:
+        """The communication point that has been reached."""
+        return self._master.tick
+
+    @property
+    def time(self) -> float:
+        """Time at the communication point that has been reached [s]."""
+        return self._master.time
 
 
 @final
-class Played:
+class Played(SteppedMaster):
     """Steps of a master, with the events of a scenario between them.
 
     All events are checked when it is made, so that a wrong one is reported before the first step.
     """
 
     def __init__(self, master: Master, scenario: Scenario) -> None:
-        self._master = master
+        super().__init__(master)
         self._due: dict[int, list[Callable[[], None]]] = {}
         for number, event in enumerate(scenario.events, start=1):
             place = f"scenario {scenario.name!r}, event {number}"
@@ -47,16 +64,6 @@ class Played:
                     self._schedule(single)
             except InputInvalid as error:
                 raise InputInvalid(f"{place}: {error}") from None
-
-    @property
-    def tick(self) -> int:
-        """The communication point that has been reached."""
-        return self._master.tick
-
-    @property
-    def time(self) -> float:
-        """Time at the communication point that has been reached [s]."""
-        return self._master.time
 
     def step(self, n: int = 1) -> None:
         """Make n communication steps, and apply the events that are due between them."""

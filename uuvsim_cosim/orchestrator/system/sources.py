@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -57,7 +57,7 @@ class Source(Protocol):
         """Instantiate the component `path`."""
 
 
-_descriptions: dict[tuple[str, int], Description] = {}
+_classes: dict[tuple[str, int], Description] = {}  # of Python classes
 _systems: dict[tuple[str, int], Structure] = {}
 _archives: dict[tuple[str, int], FmuArchive] = {}
 
@@ -78,7 +78,7 @@ class FmuSource:
 
     def describe(self) -> Description:
         """Read the model description; cached until the file changes."""
-        return _cached(self.path, self.text, lambda: _archive(self).description)
+        return _archive(self).description
 
     def structured(self, start: Mapping[str, object]) -> FmuSource:
         """Return the source with the structural parameters that are among start values."""
@@ -117,8 +117,10 @@ class PythonSource:
     def describe(self) -> Description:
         """Return the interface that the class declares; cached until its file changes."""
         where = self.text.rpartition(":")[0]
-        path = Path(where) if where.endswith(".py") else None
-        return _cached(path, self.text, lambda: self.instantiate("description").description)
+        key = (self.text, _mtime(Path(where)) if where.endswith(".py") else 0)
+        if key not in _classes:
+            _classes[key] = self.instantiate("description").description
+        return _classes[key]
 
     def instantiate(self, path: str, *, backend: Backend = "fmu") -> Component:
         """Make an instance of the class."""
@@ -231,13 +233,6 @@ def _archive(fmu: FmuSource) -> FmuArchive:
 
 def _mtime(path: Path) -> int:
     return path.stat().st_mtime_ns
-
-
-def _cached(path: Path | None, text: str, read: Callable[[], Description]) -> Description:
-    key = (text, 0 if path is None else _mtime(path))
-    if key not in _descriptions:
-        _descriptions[key] = read()
-    return _descriptions[key]
 
 
 _LIMIT = 10_000
