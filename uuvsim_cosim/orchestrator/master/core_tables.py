@@ -77,7 +77,7 @@ class Tables:
                 binding.callbacks.forget()
 
     @cached_property
-    def _unconnected(self) -> list[tuple[int, Placed]]:
+    def unconnected(self) -> list[tuple[int, Placed]]:
         """Inputs that the loop sets and of which some elements are not connected."""
         return [
             (key[0], placed)
@@ -90,7 +90,7 @@ class Tables:
 
         The loop sets whole inputs in each step, so these slots must hold what a component has.
         """
-        for i, placed in self._unconnected:
+        for i, placed in self.unconnected:
             encode(placed.variable, components[i].get(placed.variable), self.raw(placed))
 
     def placed_at(self, slot: int) -> tuple[Placed, int]:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
 from dataclasses import replace
 
 from uuvsim_cosim.errors import FmuError, InputInvalid, Problem, SystemInvalid
 from uuvsim_cosim.fmus.component import Component
-from uuvsim_cosim.fmus.description import Description, Variable
 from uuvsim_cosim.fmus.isolation.isolated import RemoteState
 from uuvsim_cosim.orchestrator.master.core_library import decode, encode, read_blob, write_blob
 from uuvsim_cosim.orchestrator.master.core_tables import Tables
@@ -60,7 +58,22 @@ def plan_with(plan: Plan, i: int, source: str) -> Plan:
     old = plan.components[i]
     ends = [t.source_variable for t in plan.transfers if t.source == i]
     ends += [t.target_variable for t in plan.transfers if t.target == i]
-    described = _with_assumed_units(resolved.describe(), ends, old.path)
+    described = resolved.describe()
+    variables = dict(described.variables)
+    for (
+        v
+    ) in ends:  # variables without a unit get that of the replaced ones, as `System.replace` does
+        new = variables.get(v.name)
+        if new is None or not is_float(new) or None not in new.units or new.size != v.size:
+            continue
+        units = tuple(b or a for a, b in zip(v.units, new.units, strict=True))
+        if units != new.units:
+            same = len(set(units)) == 1
+            variables[v.name] = replace(
+                new, unit=units[0] if same else None, element_units=() if same else units
+            )
+            log.warning("%s.%s: names no unit; %s is assumed", old.path, v.name, v.unit_text)
+    described = replace(described, variables=variables)
     problems: dict[str, Problem] = {}
     for v in ends:
         place, new = f"{old.path}.{v.name}", described.variables.get(v.name)
@@ -88,23 +101,6 @@ def plan_with(plan: Plan, i: int, source: str) -> Plan:
         transfers.append(t)
     components = (*plan.components[:i], component, *plan.components[i + 1 :])
     return check_loops(replace(plan, components=components, transfers=tuple(transfers)))
-
-
-def _with_assumed_units(described: Description, ends: Sequence[Variable], path: str) -> Description:
-    """Give variables without a unit the unit of the replaced ones, as `System.replace` does."""
-    variables = dict(described.variables)
-    for old in ends:
-        new = variables.get(old.name)
-        if new is None or not is_float(new) or None not in new.units or new.size != old.size:
-            continue
-        units = tuple(b or a for a, b in zip(old.units, new.units, strict=True))
-        if units != new.units:
-            same = len(set(units)) == 1
-            variables[old.name] = replace(
-                new, unit=units[0] if same else None, element_units=() if same else units
-            )
-            log.warning("%s.%s: names no unit; %s is assumed", path, old.name, old.unit_text)
-    return replace(described, variables=variables)
 
 
 def set_inputs(fresh: Component, tables: Tables, i: int) -> None:

@@ -73,7 +73,16 @@ class Connections:
             if item.get("powerBond") is not None:
                 bonds.setdefault(item.get("powerBond", ""), []).append(item)
         for name, parts in bonds.items():
-            self._check_bond(name, parts)
+            place = f"power bond {name!r}"  # its connections are transferred as any others
+            if all(local_name(p) == "VariableGroupConnection" for p in parts):
+                continue
+            if len(parts) != 2:
+                reading.wrong(place, f"{len(parts)} connections", "two, one in each direction")
+            for part in parts:
+                given = sorted(v.get("causality", "") for v in children(part, "Variable"))
+                if given not in ([], ["", ""], ["input", "output"]):
+                    read = f"causalities {' and '.join(repr(g) for g in given)}"
+                    reading.wrong(place, read, "one 'input' and one 'output', or neither")
         self.power_bonds = tuple(bonds)
         for function in self.functions.values():
             self._apply(function)
@@ -179,8 +188,22 @@ class Connections:
         if any(n is None for n in named):
             return
         known = [n for n in named if n is not None]
-        if signals:
-            self._signal(signals[0], known[0], place, grouped)
+        if signals:  # of a function, connected to a variable or a group
+            function = self.reading.required(
+                signals[0], "function", place, "the name of a function"
+            )
+            signal = self.reading.required(signals[0], "name", place, "in, in[0] or out")
+            place = f"{place} {function}.{signal}"
+            if not self.reading.known(function, list(self.functions), place, "function"):
+                return
+            simulator, name = known[0]
+            variables: list[str] | None = [name]
+            if grouped:
+                group = self._group(simulator, name, place)
+                variables = None if group is None else group.listed()
+            if variables is not None:
+                endpoints = [f"{simulator}.{v}" for v in variables]
+                self._signals(self.functions[function], signal, endpoints, place)
             return
         (a, x), (b, y) = known
         place = f"<{tag}> {a}.{x} to {b}.{y}"
@@ -238,21 +261,6 @@ class Connections:
             return
         self.connections.append(Connection(a, b))
 
-    def _signal(self, xml: Xml, end: tuple[str, str], place: str, grouped: bool) -> None:
-        """Connect a variable or a group to a signal of a function."""
-        name = self.reading.required(xml, "function", place, "the name of a function")
-        signal = self.reading.required(xml, "name", place, "in, in[0] or out")
-        place = f"{place} {name}.{signal}"
-        if not self.reading.known(name, list(self.functions), place, "function"):
-            return
-        function = self.functions[name]
-        if not grouped:
-            self._signals(function, signal, [f"{end[0]}.{end[1]}"], place)
-            return
-        group = self._group(*end, place)
-        if group is not None:
-            self._signals(function, signal, [f"{end[0]}.{v}" for v in group.listed()], place)
-
     def _signals(self, f: _Function, signal: str, ends: list[str], place: str) -> None:
         """Connect variables to a signal, or to all elements of a signal group."""
         is_input = signal.startswith("in")
@@ -283,18 +291,3 @@ class Connections:
                 self.reading.wrong(place, "a second connection to this signal", "one")
             else:
                 self._into[f.name][i] = endpoint
-
-    # ---- power bonds --------------------------------------------------------------------------
-
-    def _check_bond(self, name: str, parts: list[Xml]) -> None:
-        """Check a power bond; its connections are transferred as any others."""
-        place = f"power bond {name!r}"
-        if all(local_name(p) == "VariableGroupConnection" for p in parts):
-            return
-        if len(parts) != 2:
-            self.reading.wrong(place, f"{len(parts)} connections", "two, one in each direction")
-        for part in parts:
-            given = sorted(v.get("causality", "") for v in children(part, "Variable"))
-            if given not in ([], ["", ""], ["input", "output"]):
-                read = f"causalities {' and '.join(repr(g) for g in given)}"
-                self.reading.wrong(place, read, "one 'input' and one 'output', or neither")

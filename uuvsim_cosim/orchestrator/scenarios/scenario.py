@@ -128,18 +128,30 @@ def _libcosim(path: Path) -> Scenario:
     items = data.get("events") if isinstance(data, dict) else None
     if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
         raise InputInvalid(path, "no list of events", "a scenario of libcosim")
-    given = [
-        _libcosim_event({**data.get("defaults", {}), **item}, f"{path}: event {i}")
-        for i, item in enumerate(items, start=1)
-    ]
+    given: list[tuple[str, Manipulation]] = []  # action, and an event without its end
+    for i, item in enumerate(items, start=1):
+        event, place = {**data.get("defaults", {}), **item}, f"{path}: event {i}"
+        missing = [k for k in ("time", "model", "variable", "action") if k not in event]
+        action = event.get("action")
+        if missing or action not in (*_LIBCOSIM, "reset"):
+            read = f"without {missing[0]}" if missing else f"action {action!r}"
+            raise InputInvalid(
+                f"{place} {read}", "time, model, variable and action (override, bias or reset)"
+            )
+        at = _seconds(event["time"], f"{place}: time")
+        value = event.get("value", 0.0 if action == "reset" else None)
+        if not isinstance(value, int | float):
+            raise InputInvalid(place, f"value {value!r}", "a number or a Boolean")
+        variable, kind = f"{event['model']}.{event['variable']}", _LIBCOSIM.get(action, "override")
+        given.append((action, Manipulation(at, variable, kind, float(value))))
     open_: dict[str, Manipulation] = {}
     events: list[Manipulation] = []
-    for action, event in sorted(given, key=lambda g: g[1].at):
-        begun = open_.pop(event.variable, None)
-        if begun is not None and event.at > begun.at:
-            events.append(replace(begun, until=event.at))
+    for action, new in sorted(given, key=lambda g: g[1].at):
+        begun = open_.pop(new.variable, None)
+        if begun is not None and new.at > begun.at:
+            events.append(replace(begun, until=new.at))
         if action != "reset":
-            open_[event.variable] = event
+            open_[new.variable] = new
     end = data.get("end")
     return Scenario(
         path.stem,
@@ -147,23 +159,6 @@ def _libcosim(path: Path) -> Scenario:
         str(data.get("description", "")),
         None if end is None else _seconds(end, f"{path}: end"),
     )
-
-
-def _libcosim_event(event: Mapping[str, Any], place: str) -> tuple[str, Manipulation]:
-    """Read one event: its action, and the manipulation, whose end is not known yet."""
-    missing = [k for k in ("time", "model", "variable", "action") if k not in event]
-    action = event.get("action")
-    if missing or action not in (*_LIBCOSIM, "reset"):
-        read = f"without {missing[0]}" if missing else f"action {action!r}"
-        raise InputInvalid(
-            f"{place} {read}", "time, model, variable and action (override, bias or reset)"
-        )
-    at = _seconds(event["time"], f"{place}: time")
-    value = event.get("value", 0.0 if action == "reset" else None)
-    if not isinstance(value, int | float):
-        raise InputInvalid(place, f"value {value!r}", "a number or a Boolean")
-    variable = f"{event['model']}.{event['variable']}"
-    return action, Manipulation(at, variable, _LIBCOSIM.get(action, "override"), float(value))
 
 
 def _seconds(value: object, place: str) -> float:

@@ -20,7 +20,7 @@ from uuvsim_cosim.orchestrator.ssp.ssd import format_ssd
 from uuvsim_cosim.orchestrator.ssp.ssd_reader import read_ssd
 from uuvsim_cosim.orchestrator.system.elements import Element
 from uuvsim_cosim.orchestrator.system.resolve import resolve
-from uuvsim_cosim.orchestrator.system.sources import FmuSource, ModelSource, Source, TableSource
+from uuvsim_cosim.orchestrator.system.sources import FmuSource, ModelSource, TableSource
 from uuvsim_cosim.orchestrator.system.system import System
 
 __all__ = ["pack", "read_ssp", "write_archive"]
@@ -107,8 +107,21 @@ class _Packing:
         assert isinstance(element.source, str)
         source = resolve(element.source, system.base)
         if source.text not in self.files:
-            file = self._file(source, path)
-            if file is None:
+            problem: Problem | None = None
+            if isinstance(source, ModelSource):
+                from uuvsim_cosim.fmus.export.fmu_file import build_fmu
+
+                file = build_fmu(source.declare(), fmi=self.fmi, platforms=self.platforms)
+            elif not isinstance(source, FmuSource | TableSource):
+                expected = "an FMU or a model, which other tools can run"
+                problem = Problem(path, f"a {source.kind} component", expected)
+            else:
+                file = source.path
+                if self.fmi == 2 and source.describe().kind == "FMI 3.0":
+                    read = f"{file.name} is FMI 3.0, which SSP 1.0 does not know"
+                    problem = Problem(path, read, "FMI 2.0, or packing as FMI 3")
+            if problem is not None:
+                self.problems.append(problem)
                 return element
             name = file.name
             if (self.resources / name).exists():
@@ -121,21 +134,3 @@ class _Packing:
         packed = f"resources/{self.files[source.text]}"
         options = source.text.partition("#")[2] if isinstance(source, FmuSource) else ""
         return replace(element, source=f"{packed}#{options}" if options else packed, start=start)
-
-    def _file(self, source: Source, path: str) -> Path | None:
-        """Return the file of a source; note a problem if other tools cannot run it."""
-        if isinstance(source, ModelSource):
-            from uuvsim_cosim.fmus.export.fmu_file import build_fmu
-
-            return build_fmu(source.declare(), fmi=self.fmi, platforms=self.platforms)
-        if isinstance(source, TableSource):
-            return source.path
-        if not isinstance(source, FmuSource):
-            expected = "an FMU or a model, which other tools can run"
-            self.problems.append(Problem(path, f"a {source.kind} component", expected))
-            return None
-        if self.fmi == 2 and source.describe().kind == "FMI 3.0":
-            read = f"{source.path.name} is FMI 3.0, which SSP 1.0 does not know"
-            self.problems.append(Problem(path, read, "FMI 2.0, or packing as FMI 3"))
-            return None
-        return source.path
