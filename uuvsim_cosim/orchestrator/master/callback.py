@@ -84,6 +84,8 @@ class Callbacks:
         row = self._inputs
         for k, (variable, raw) in enumerate(row.of(slots)):
             bits = raw.tobytes()
+            # Setting a value costs more than the comparison. The slot of a text is a pointer, which
+            # may stay the same while the text changes.
             if variable.type in ("String", "Binary") or row.last[k] != bits:
                 self._component.set(variable, decode(variable, raw))
                 row.last[k] = bits

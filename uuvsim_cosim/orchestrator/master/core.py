@@ -46,7 +46,13 @@ class Core:
     """Tables of one plan in C's memory, and the calls that step it.
 
     Order of calls: `member`, then `access` and `state`, `transfer`, `iterate`, `record`; then
-    `begin`, and `run` any number of times. Faults may be added and cleared at any time.
+    `begin`, and `run` any number of times. Faults may be added and cleared between runs.
+
+    `slots` holds the values at the communication point that has been reached: each input as it was
+    last set, each output as other components see it. `fresh` holds values that exist but are not
+    visible yet. Both are views of C's memory, and views that are kept elsewhere must not be used
+    after `free`. Addresses of components (`member`, `instance`) must stay valid until `free`,
+    and states of FMUs that the loop copied are freed by `forget`, while the FMUs still exist.
     """
 
     def __init__(self, n_members: int, n_slots: int, tick: Fraction) -> None:

@@ -196,7 +196,9 @@ class Master:
         finally:
             tables, self._tables = self._tables, None
             self._first = None
-            if tables is not None:  # the core frees copied states while the components still live
+            # The core frees copied states while the components still live; then the components are
+            # freed, the last one first; then the memory to which they and observers had views.
+            if tables is not None:
                 tables.core.forget()
             for component in reversed(self.components):
                 component.free()
@@ -267,6 +269,8 @@ class Master:
         tick = core.tick
         end = tick + steps
         while tick < end:
+            # C returns when the steps are made, rows are full, or time has passed. Rows are passed
+            # on before a failure is raised, so that a recording has all steps before it.
             failure = core.run(end - tick, _SECONDS)
             self._emit()
             if failure is not None:
@@ -293,13 +297,16 @@ class Master:
         return self.components[i].get(variable)
 
     def set(self, path: str, name: str, value: object) -> None:
-        """Set an unconnected input, or a tunable parameter, between steps."""
+        """Set an unconnected input, or a tunable parameter, between steps.
+
+        It counts from the next step on.
+        """
         tables = self._ready()
         value = self.fitted(path, name, value)
         i, variable = self._settable(path, name)
         self.components[i].set(variable, value)
         placed = tables.inputs.get((i, name))
-        if placed is not None:
+        if placed is not None:  # the loop sets this input in each step, from its slot
             encode(variable, value, tables.raw(placed))
 
     def fitted(self, path: str, name: str, value: object) -> Any:
@@ -431,7 +438,7 @@ class Master:
             fresh.free()
             raise
         self._exchange(i, fresh)
-        old.free()
+        old.free()  # after the new instance has taken its place in the tables
         if snapshot is None:
             self.reset()
             return
@@ -495,6 +502,12 @@ class Master:
     # ---- inside: Initialization Mode ------------------------------------------------------
 
     def _leave_initialization(self) -> None:
+        """Solve Initialization Mode, leave it, and read the outputs at the start.
+
+        The order matters. Inputs are set first, because outputs and derivatives depend on them. The
+        tables are made once all components have left the mode: only then does C call them. Slots of
+        unconnected inputs are filled before `begin`, which reads outputs and writes the first row.
+        """
         if self._restart is None:
             propagate(self.plan, self.components, self._times[0])
         elif failed := self._restart.propagate(self._start_tick, self._times[0]):

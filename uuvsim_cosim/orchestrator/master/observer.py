@@ -1,4 +1,4 @@
-"""Observers of a run: they receive its rows, and cannot change anything."""
+"""Observers of a run: they receive its rows from the stepping loop, and cannot change anything."""
 
 from __future__ import annotations
 
@@ -143,7 +143,10 @@ def rows_of(columns: int) -> int:
 
 
 class Watch:
-    """Observers of one run: `begin`, rows, then `end` once, also after a failure."""
+    """Observers of one run: `begin`, rows, then `end` once, also after a failure.
+
+    An observer whose `begin` raised is closed as well, as it may have opened a file by then.
+    """
 
     def __init__(self, plan: Plan, observers: Sequence[Observer]) -> None:
         self._plan = plan
@@ -167,6 +170,7 @@ class Watch:
             shown = self._shown[1] if self._shown[0] is core else 0
             ticks, rows, texts = core.rows()
             full = core.is_full
+            # Noted before the observers are called: one that fails does not get rows a second time.
             self._shown = (core, 0 if full else len(ticks))
             try:
                 if len(ticks) > shown:

@@ -125,7 +125,9 @@ class Restart:
                 enter_initialization(planned, component, start.get(path, {}), seed, self._times)
                 continue
             component = self._components[i]
-            component.set_fmu_state(state)  # the plan's start values are in it
+            # The state is in Initialization Mode, after the plan's start values were set: only the
+            # values that differ in this run are set again.
+            component.set_fmu_state(state)
             values = start.get(path, {})
             if i in keys and "seed" not in values:
                 component.set(self._seeds[i], keys[i])

@@ -199,6 +199,7 @@ class LoopState:
             if i == without:
                 continue
             self._components[i].set_fmu_state(snapshot.states[i])
+        # Last: if a component refuses its state, the loop's values are still those before.
         self._core.set_image(image)
         for (raw, s), text in zip(self._texts, snapshot.texts, strict=True):
             write_blob(raw, s, text)

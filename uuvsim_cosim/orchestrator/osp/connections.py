@@ -184,10 +184,15 @@ class Connections:
                 f"{'one' if wanted[0] == 1 else 'two'} of <{what}>{signal}",
             )  # fmt: skip
             return
-        named = [self._named(e, place) for e in ends]
-        if any(n is None for n in named):
+        known: list[tuple[str, str]] = []  # the simulator and the name of each end
+        for end in ends:
+            simulator = self.reading.required(end, "simulator", place, "the name of a simulator")
+            name = self.reading.required(end, "name", place, "the name of a variable or group")
+            exists = self.reading.known(simulator, list(self.simulators), place, "simulator")
+            if exists and name and simulator in self.described:
+                known.append((simulator, name))
+        if len(known) < len(ends):
             return
-        known = [n for n in named if n is not None]
         if signals:  # of a function, connected to a variable or a group
             function = self.reading.required(
                 signals[0], "function", place, "the name of a function"
@@ -214,15 +219,6 @@ class Connections:
         if groups[0] is not None and groups[1] is not None:
             for v, w in pairs(groups[0], groups[1], place, self.reading):
                 self._join(f"{a}.{v}", f"{b}.{w}", place)
-
-    def _named(self, xml: Xml, place: str) -> tuple[str, str] | None:
-        """Return the simulator and the name; None if there is no such simulator."""
-        simulator = self.reading.required(xml, "simulator", place, "the name of a simulator")
-        name = self.reading.required(xml, "name", place, "the name of a variable or group")
-        known = self.reading.known(simulator, list(self.simulators), place, "simulator")
-        if not known or not name or simulator not in self.described:
-            return None
-        return simulator, name
 
     def _group(self, simulator: str, name: str, place: str) -> VariableGroup | None:
         groups = self.groups.get(simulator)

@@ -109,7 +109,7 @@ class Plan:
 
     @cached_property
     def connected(self) -> Mapping[tuple[int, str], set[int]]:
-        """Connected elements of each input, by component and name; unconnected inputs lack."""
+        """Connected elements of each input, by (component, name); no entry if it has none."""
         found: dict[tuple[int, str], set[int]] = {}
         for t in self.transfers:
             elements = found.setdefault((t.target, t.target_variable.name), set())
