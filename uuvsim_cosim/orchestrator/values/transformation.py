@@ -28,7 +28,6 @@ __all__ = [
     "Transformation",
     "add_table",
     "chained",
-    "chained_tables",
     "listed",
     "map_value",
     "numbers_of",
@@ -153,16 +152,6 @@ def _item(variable: Variable, name: str) -> int:
     return int(numbers[name])
 
 
-def chained_tables(first: Table, second: Table) -> Table:
-    """Return the table that applies two tables in turn; raises Misfit if it has no entry."""
-    last = dict(second)
-    both = tuple((a, last[b]) for a, b in first if b in last)
-    if not both:
-        raise Misfit("two tables on one way, of which the second has no entry for any value of "
-                     "the first", "entries that fit")  # fmt: skip
-    return both
-
-
 @dataclass(frozen=True)
 class Transformation:
     """The target gets factor · value + offset, after conversion into its unit if `convert`."""
@@ -213,7 +202,12 @@ def chained(
     Misfit for units that are not commensurable, and for a table together with a factor or offset.
     """
     if first.table and second.table:
-        return Transformation(table=chained_tables(first.table, second.table))
+        last = dict(second.table)
+        both = tuple((a, last[b]) for a, b in first.table if b in last)
+        if not both:
+            raise Misfit("two tables on one way, of which the second has no entry for any value of "
+                         "the first", "entries that fit")  # fmt: skip
+        return Transformation(table=both)
     if first.table or second.table:
         if first.scales or second.scales:
             raise Misfit("a table, and a factor or offset, on one way", "one of the two")
