@@ -22,7 +22,9 @@ def library(name: str) -> Any:
     try:
         return import_module(name)
     except ImportError as error:
-        raise InputInvalid(f"{name} is not installed", "pip install 'uuvsim-cosim[data]'") from error
+        raise InputInvalid(
+            f"{name} is not installed", "pip install 'uuvsim-cosim[data]'"
+        ) from error
 
 
 def to_pandas(signals: Signals) -> Any:
