@@ -107,7 +107,7 @@ class Description:
     can_be_instantiated_only_once: bool = False
     provides_directional_derivatives: bool = False
     needs_execution_tool: bool = False
-    peers: Mapping[str, str] = field(default_factory=dict)  # see orchestrator/system/peers.py
+    peers: Mapping[str, str] = field(default_factory=dict)  # see orchestrator/system/system.py
 
     def of(self, *causalities: Causality) -> list[Variable]:
         """List the variables of the given causalities, in the order of the description."""

@@ -29,8 +29,7 @@ from uuvsim_cosim.envs.randomisation.randomisation import Randomisation, Vary
 from uuvsim_cosim.envs.randomisation.targets import Places, varies
 from uuvsim_cosim.errors import InputInvalid, SystemInvalid, UuvsimError
 from uuvsim_cosim.orchestrator.master.snapshot import plan_hash
-from uuvsim_cosim.orchestrator.plan.algebraic_loops import hops_of
-from uuvsim_cosim.orchestrator.plan.loop_gain import delay_remark, estimated_gain
+from uuvsim_cosim.orchestrator.plan.algebraic_loops import delay_remark, estimated_gain, hops_of
 from uuvsim_cosim.orchestrator.system.elements import Loops
 from uuvsim_cosim.orchestrator.system.system import System
 from uuvsim_cosim.studies.folder import StudyFolder

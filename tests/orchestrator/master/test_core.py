@@ -5,9 +5,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from uuvsim_cosim.errors import ComponentFailed
 from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_fmu
+from uuvsim_cosim.orchestrator.master.core import columns_of
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.plan.plan import Group
 
@@ -236,3 +239,25 @@ def test_a_component_in_its_own_process_gives_the_same(wired: Any, first_order_f
     assert got[0] == got[1]
     assert got[0][0] > 0
     assert got[0][1] == ["x", "y"]
+
+
+# ---- memory of rows --------------------------------------------------------------------------
+
+
+@given(st.integers(1, 70), st.integers(0, 3000))
+def test_columns_have_memory_and_do_not_share_a_set_of_the_cache(columns: int, rows: int) -> None:
+    memory = columns_of(columns, rows)
+    assert memory.dtype == np.uint64
+    assert memory.shape[0] == columns
+    assert rows <= memory.shape[1] <= rows + 16
+    assert memory.strides[0] // 64 % 2 == 1
+    assert not memory.any()
+    memory[:] = 1
+    assert memory.flags.c_contiguous
+
+
+def test_large_memory_is_zero_and_can_be_written() -> None:
+    memory = columns_of(9, 40_000)
+    assert not memory.any()
+    memory[8, 39_999] = 7
+    assert int(memory.sum()) == 7

@@ -18,7 +18,7 @@ from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.plan.plan import PlannedComponent
-from uuvsim_cosim.orchestrator.ssp.pack import pack
+from uuvsim_cosim.orchestrator.ssp.ssp import pack
 from uuvsim_cosim.orchestrator.system.elements import Connection, StepGroup
 from uuvsim_cosim.orchestrator.system.resolve import resolve
 from uuvsim_cosim.orchestrator.system.system import System

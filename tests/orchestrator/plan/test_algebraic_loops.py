@@ -18,8 +18,8 @@ from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.master.prepared import prepare
 from uuvsim_cosim.orchestrator.osp.osp import read_osp
+from uuvsim_cosim.orchestrator.plan.algebraic_loops import estimated_gain
 from uuvsim_cosim.orchestrator.plan.flatten import flatten, plan_to_inspect
-from uuvsim_cosim.orchestrator.plan.loop_gain import estimated_gain
 from uuvsim_cosim.orchestrator.plan.plan import Group
 from uuvsim_cosim.orchestrator.running.library import available
 from uuvsim_cosim.orchestrator.running.run import run

@@ -12,8 +12,12 @@ import pytest
 
 from uuvsim_cosim.errors import ComponentFailed, FmuError, InputInvalid
 from uuvsim_cosim.orchestrator.master.master import Master
-from uuvsim_cosim.orchestrator.python.component import PythonComponent, load, load_python_component
-from uuvsim_cosim.orchestrator.python.state import unpickled
+from uuvsim_cosim.orchestrator.python.component import (
+    PythonComponent,
+    load,
+    load_python_component,
+    unpickled,
+)
 from uuvsim_cosim.orchestrator.system.system import System
 
 GOOD = '''\

@@ -13,7 +13,7 @@ import pytest
 
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid, RecordingError
 from uuvsim_cosim.orchestrator.master.master import Master
-from uuvsim_cosim.orchestrator.master.watch import rows_of
+from uuvsim_cosim.orchestrator.master.observer import rows_of
 from uuvsim_cosim.orchestrator.recording.export import export
 from uuvsim_cosim.orchestrator.recording.recorder import Recorder
 from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals

@@ -19,8 +19,13 @@ from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 from uuvsim_cosim.orchestrator.running.run import run
 from uuvsim_cosim.orchestrator.scenarios.played import Played
-from uuvsim_cosim.orchestrator.scenarios.scenario import Change, Manipulation, Scenario, SignalFault
-from uuvsim_cosim.orchestrator.scenarios.scenario_file import read_scenario
+from uuvsim_cosim.orchestrator.scenarios.scenario import (
+    Change,
+    Manipulation,
+    Scenario,
+    SignalFault,
+    read_scenario,
+)
 from uuvsim_cosim.orchestrator.system.system import System
 
 PART = '''

@@ -112,7 +112,7 @@ def test_a_file_that_a_user_names_is_looked_for_where_the_user_is(
 
 def test_the_way_of_the_survey_that_maps_keeps_its_altitude_above_the_terrain() -> None:
     """Its depths are those of the chart's terrain; a vehicle on it never comes near the seabed."""
-    from uuvsim_cosim.orchestrator.shipped.mapping import ALTITUDE, WAYPOINTS
+    from uuvsim_cosim.orchestrator.shipped.shipped import ALTITUDE, WAYPOINTS
     from uuvsim_cosim.scene.shared.ray_casting import Caster
 
     way, caster = np.array(WAYPOINTS), Caster("tacoma")

@@ -215,7 +215,7 @@ def test_a_mapping_survives_its_file_and_a_transformation_is_refused(tmp_path: P
             "</ssm:MappingEntry>",
         )
     )
-    assert read_ssm(path)[0].factor == 2.0
+    assert read_ssm(path)[0].change.factor == 2.0
     with pytest.raises(InputInvalid, match="expected names only"):
         read_names(path)
 

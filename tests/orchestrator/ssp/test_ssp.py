@@ -10,9 +10,8 @@ from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.plan.plan import PlannedComponent
 from uuvsim_cosim.orchestrator.plan.seeds import component_seed
 from uuvsim_cosim.orchestrator.running.library import available, load
-from uuvsim_cosim.orchestrator.ssp.pack import pack
 from uuvsim_cosim.orchestrator.ssp.ssd import format_ssd
-from uuvsim_cosim.orchestrator.ssp.ssp import read_ssp, write_archive
+from uuvsim_cosim.orchestrator.ssp.ssp import pack, read_ssp, write_archive
 from uuvsim_cosim.orchestrator.system.resolve import resolve
 from uuvsim_cosim.orchestrator.system.system import System
 

@@ -35,7 +35,7 @@ from uuvsim_cosim.errors import ComponentFailed, FmuError, InputInvalid
 from uuvsim_cosim.fmus.component import Binding, BindingKind, Component
 from uuvsim_cosim.fmus.description import Description, Variable
 from uuvsim_cosim.models.declaration.near_names import expected_names
-from uuvsim_cosim.orchestrator.python.state import pickled, unpickled
+from uuvsim_cosim.orchestrator.python.component import pickled, unpickled
 from uuvsim_cosim.orchestrator.system.sources import Backend
 
 __all__ = ["ComponentServer", "RemoteComponent", "RemoteSource", "serve_component", "source"]

@@ -14,7 +14,7 @@ from uuvsim_cosim.bridge.server.recorded_rows import Store
 from uuvsim_cosim.bridge.server.signal_names import Place
 from uuvsim_cosim.bridge.server.stepped import Stepped
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.orchestrator.master.core import Type
+from uuvsim_cosim.orchestrator.master.core_library import Type
 from uuvsim_cosim.orchestrator.master.observer import Chunk, Column
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 

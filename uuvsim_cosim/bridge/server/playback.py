@@ -19,8 +19,7 @@ from uuvsim_cosim.errors import InputInvalid, RecordingError
 from uuvsim_cosim.fmus.description import Description, Variable, VariableType
 from uuvsim_cosim.orchestrator.master.observer import Chunk, Column, Observer
 from uuvsim_cosim.orchestrator.plan.plan import Plan, PlannedComponent
-from uuvsim_cosim.orchestrator.recording.files import PARQUET, STREAM
-from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
+from uuvsim_cosim.orchestrator.recording.recording_reader import PARQUET, STREAM, read_signals
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 
 __all__ = ["Replay", "is_recording"]

@@ -33,7 +33,7 @@ def pack_command(
     if out.suffix.lower() != ".ssp":
         raise InputInvalid(out, f"ending {out.suffix!r} was read", ".ssp")
     from uuvsim_cosim.orchestrator.running.library import load
-    from uuvsim_cosim.orchestrator.ssp.pack import pack
+    from uuvsim_cosim.orchestrator.ssp.ssp import pack
 
     found = load(system)
     with console(stderr=True).status(f"packing {system}"):

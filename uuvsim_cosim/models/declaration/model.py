@@ -81,7 +81,7 @@ class Model:
         self.variables: dict[str, Declared] = {}
         self.clocks: list[Clock] = []
         self.derivatives: dict[str, ca.SX] = {}
-        self.peers: dict[str, str] = {}  # what an input is for, see `orchestrator/system/peers.py`
+        self.peers: dict[str, str] = {}  # what an input is for, see `orchestrator/system/system.py`
 
     # ---- declarations ---------------------------------------------------------------------
 

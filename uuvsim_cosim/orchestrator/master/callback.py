@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import ctypes
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from uuvsim_cosim.fmus.component import Binding, BindingKind, Component
 from uuvsim_cosim.fmus.description import Variable
-from uuvsim_cosim.orchestrator.master.core import by_type
-from uuvsim_cosim.orchestrator.master.slots import decode, encode
+from uuvsim_cosim.orchestrator.master.core_library import by_type, decode, encode
 
 if TYPE_CHECKING:
     from sys import UnraisableHookArgs
@@ -24,6 +24,19 @@ _DO_STEP = ctypes.CFUNCTYPE(
 )
 _STATE = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
 _GET = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
+
+
+def _keeping_errors(method: Callable[..., None]) -> Callable[..., None]:
+    """Let a callback keep its exception: the master raises it again, outside C."""
+
+    def call(self: Callbacks, *arguments: Any) -> None:
+        try:
+            method(self, *arguments)
+            self.status.value = 0
+        except BaseException as error:
+            self.error = error
+
+    return call
 
 
 class Callbacks:
@@ -57,41 +70,31 @@ class Callbacks:
         """Set every input at the next step, also those that have not changed."""
         self._inputs.last[:] = None
 
+    @_keeping_errors
     def _get_state(self, user: int | None) -> None:
-        try:
-            self._state = self._component.get_fmu_state()
-            self.status.value = 0
-        except BaseException as error:  # raised again by the master, outside C
-            self.error = error
+        self._state = self._component.get_fmu_state()
 
+    @_keeping_errors
     def _set_state(self, user: int | None) -> None:
-        try:
-            self._component.set_fmu_state(self._state)
-            self.forget()
-            self.status.value = 0
-        except BaseException as error:  # raised again by the master, outside C
-            self.error = error
+        self._component.set_fmu_state(self._state)
+        self.forget()
 
+    @_keeping_errors
     def _do_step(self, user: int | None, t: float, h: float, slots: int) -> None:
-        try:
-            row = self._inputs
-            for k, (variable, raw) in enumerate(row.of(slots)):
-                bits = raw.tobytes()
-                if variable.type in ("String", "Binary") or row.last[k] != bits:
-                    self._component.set(variable, decode(variable, raw))
-                    row.last[k] = bits
-            self._component.do_step(t, h)
-            self.status.value = 0
-        except BaseException as error:  # raised again by the master, outside C
-            self.error = error
+        row = self._inputs
+        for k, (variable, raw) in enumerate(row.of(slots)):
+            bits = raw.tobytes()
+            # Setting a value costs more than the comparison. The slot of a text is a pointer, which
+            # may stay the same while the text changes.
+            if variable.type in ("String", "Binary") or row.last[k] != bits:
+                self._component.set(variable, decode(variable, raw))
+                row.last[k] = bits
+        self._component.do_step(t, h)
 
+    @_keeping_errors
     def _get(self, user: int | None, slots: int) -> None:
-        try:
-            for variable, raw in self._outputs.of(slots):
-                encode(variable, self._component.get(variable), raw)
-            self.status.value = 0
-        except BaseException as error:  # raised again by the master, outside C
-            self.error = error
+        for variable, raw in self._outputs.of(slots):
+            encode(variable, self._component.get(variable), raw)
 
 
 def _keep_escaped_errors() -> None:
@@ -123,18 +126,12 @@ class _Row:
         self._views: dict[int, list[tuple[Variable, np.ndarray]]] = {}
 
     def of(self, address: int) -> list[tuple[Variable, np.ndarray]]:
-        if not self.variables:
-            return []
-        if address not in self._views:
-            size = sum(v.size for v in self.variables)
+        if self.variables and address not in self._views:
+            ends = np.cumsum([v.size for v in self.variables])
             pointer = ctypes.cast(address, ctypes.POINTER(ctypes.c_uint64))
-            raw = np.ctypeslib.as_array(pointer, (size,))
-            views, first = [], 0
-            for v in self.variables:
-                views.append((v, raw[first : first + v.size]))
-                first += v.size
-            self._views[address] = views
-        return self._views[address]
+            parts = np.split(np.ctypeslib.as_array(pointer, (int(ends[-1]),)), ends[:-1])
+            self._views[address] = list(zip(self.variables, parts, strict=True))
+        return self._views.get(address, [])
 
 
 @dataclass(frozen=True)
@@ -147,11 +144,8 @@ class CallbackBinding(Binding):
 def component_binding(component: Component) -> CallbackBinding:
     """Return the binding of a component that is stepped through Python."""
     callbacks = Callbacks(component)
-    functions = {
-        "DoStep": ctypes.cast(callbacks.do_step, ctypes.c_void_p).value or 0,
-        "Get": ctypes.cast(callbacks.get, ctypes.c_void_p).value or 0,
-        "GetFMUState": ctypes.cast(callbacks.get_state, ctypes.c_void_p).value or 0,
-        "SetFMUState": ctypes.cast(callbacks.set_state, ctypes.c_void_p).value or 0,
-    }
+    pointers = {"DoStep": callbacks.do_step, "Get": callbacks.get,
+                "GetFMUState": callbacks.get_state, "SetFMUState": callbacks.set_state}  # fmt: skip
+    functions = {n: ctypes.cast(p, ctypes.c_void_p).value or 0 for n, p in pointers.items()}
     address = ctypes.addressof(callbacks.status)
     return CallbackBinding(BindingKind.CALLBACK, address, functions, callbacks)

@@ -1,120 +1,33 @@
-"""The stepping loop in C (orchestrator/core), compiled at first use and called through ctypes."""
+"""The stepping loop as an object: tables of one plan in C's memory, and the calls that step it."""
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
-from collections.abc import Iterable, Sequence
+import mmap
+from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 from fractions import Fraction
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import UuvsimError
-from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.isolation.guard import guard_functions
-from uuvsim_cosim.orchestrator.master.row_buffer import columns_of
+from uuvsim_cosim.orchestrator.master.core_library import (
+    Action,
+    Coupling,
+    Failure,
+    Outcome,
+    Type,
+    library,
+)
 
-__all__ = [
-    "Access",
-    "Action",
-    "Core",
-    "Coupling",
-    "Failure",
-    "Outcome",
-    "Type",
-    "by_type",
-    "library",
-]
+__all__ = ["Access", "Core", "columns_of"]
 
-
-class Type(IntEnum):
-    """Types of values, with the numbers of uuv_core.h."""
-
-    Float64 = 0
-    Float32 = 1
-    Int8 = 2
-    Int16 = 3
-    Int32 = 4
-    Int64 = 5
-    UInt8 = 6
-    UInt16 = 7
-    UInt32 = 8
-    UInt64 = 9
-    Boolean = 10
-    String = 11
-    Binary = 12
-
-    @classmethod
-    def of(cls, variable: Variable) -> Type:
-        """Return the type of a variable's slots; enumerations are integers, clocks Booleans."""
-        renamed = {"Enumeration": "Int64", "Clock": "Boolean"}
-        return cls[renamed.get(variable.type, variable.type)]
-
-    @property
-    def dtype(self) -> str:
-        """Return numpy's type of a slot; for text and binary the slot holds a pointer."""
-        if self <= Type.Float32:
-            return "f8"
-        return "i8" if self <= Type.Int64 else "u8"
-
-    @property
-    def is_blob(self) -> bool:
-        """Return whether the slot points to text or bytes."""
-        return self >= Type.String
-
-
-class Outcome(IntEnum):
-    """Reason why the loop stopped; numbers of uuv_core.h."""
-
-    GOOD = 0
-    BAD_STATUS = 1
-    NOT_FINITE = 2
-    STATE_NOT_FINITE = 3
-    OUT_OF_RANGE = 4
-    ENDED = 5
-    EARLY_RETURN = 6
-    NO_MEMORY = 7
-    NOT_CONVERGED = 8
-
-
-class Action(IntEnum):
-    """Call of the loop to a component; numbers of uuv_core.h."""
-
-    SET = 1
-    DO_STEP = 2
-    GET = 3
-    GET_STATE = 4
-    SET_STATE = 5
-
-
-class Failure(ctypes.Structure):
-    """Failure of the loop: outcome, member, action and communication point."""
-
-    _fields_ = (
-        ("outcome", ctypes.c_int32),
-        ("status", ctypes.c_int32),
-        ("action", ctypes.c_int32),
-        ("member", ctypes.c_uint32),
-        ("slot", ctypes.c_uint32),
-        ("tick", ctypes.c_uint64),
-        ("residual", ctypes.c_double),
-    )
-
-
-class Coupling(ctypes.Structure):
-    """Largest residual of a delayed connection, its slots and time; `relative` to 1 + |input|."""
-
-    _fields_ = (
-        ("source_slot", ctypes.c_uint32),
-        ("target_slot", ctypes.c_uint32),
-        ("relative", ctypes.c_double),
-        ("residual", ctypes.c_double),
-        ("tick", ctypes.c_uint64),
-    )
+_LINE = 8  # slots of 8 bytes in a cache line
+_PAGE = 512  # slots in a page
+_HUGE = 1 << 21  # bytes
 
 
 @dataclass(frozen=True)
@@ -129,16 +42,17 @@ class Access:
     function: int = 0
 
 
-def by_type(variables: Iterable[Variable]) -> list[Variable]:
-    """Order variables by type, as their slots are; within a type as in the description."""
-    return sorted(variables, key=Type.of)
-
-
 class Core:
     """Tables of one plan in C's memory, and the calls that step it.
 
     Order of calls: `member`, then `access` and `state`, `transfer`, `iterate`, `record`; then
-    `begin`, and `run` any number of times. Faults may be added and cleared at any time.
+    `begin`, and `run` any number of times. Faults may be added and cleared between runs.
+
+    `slots` holds the values at the communication point that has been reached: each input as it was
+    last set, each output as other components see it. `fresh` holds values that exist but are not
+    visible yet. Both are views of C's memory, and views that are kept elsewhere must not be used
+    after `free`. Addresses of components (`member`, `instance`) must stay valid until `free`,
+    and states of FMUs that the loop copied are freed by `forget`, while the FMUs still exist.
     """
 
     def __init__(self, n_members: int, n_slots: int, tick: Fraction) -> None:
@@ -186,10 +100,8 @@ class Core:
         """Add a grouped read or write of a component."""
         n = len(a.references)
         references = (ctypes.c_uint32 * n)(*a.references)
-        self._check_memory(
-            self._c.uuv_core_access(
-                self._core, member, a.action, a.type, a.slot, a.n_values, n, references, a.function
-            )
+        self._c.uuv_core_access(
+            self._core, member, a.action, a.type, a.slot, a.n_values, n, references, a.function
         )
 
     def transfer(
@@ -207,32 +119,26 @@ class Core:
         Gauss-Seidel group, 2 in an iterated group.
         """
         pairs = [v for pair in table for v in pair]
-        self._check_memory(
-            self._c.uuv_core_transfer(
-                self._core, target, source, *slots, early, *conversion, len(table),
-                (ctypes.c_int64 * len(pairs))(*pairs) if table else None,
-            )
+        self._c.uuv_core_transfer(
+            self._core, target, source, *slots, early, *conversion, len(table),
+            (ctypes.c_int64 * len(pairs))(*pairs) if table else None,
         )  # fmt: skip
 
     def state(self, member: int, get: int, set_: int, free: int, size: int) -> None:
         """Set the functions that copy the state of a native or iterated member."""
-        self._check_memory(self._c.uuv_core_state(self._core, member, get, set_, free, size))
+        self._c.uuv_core_state(self._core, member, get, set_, free, size)
 
     def iterate(
         self, first: int, n_members: int, solver: int, tolerance: float, limit: int
     ) -> None:
         """Make an iterated group of consecutive members."""
-        self._check_memory(
-            self._c.uuv_core_iterate(self._core, first, n_members, solver, tolerance, limit)
-        )
+        self._c.uuv_core_iterate(self._core, first, n_members, solver, tolerance, limit)
 
     def fault(
         self, number: int, member: int, slot: int, kind: int, value: float, n: int, seed: int
     ) -> None:
         """Apply a fault to the value of an output slot that other components receive."""
-        self._check_memory(
-            self._c.uuv_core_fault(self._core, number, member, slot, kind, value, n, seed)
-        )
+        self._c.uuv_core_fault(self._core, number, member, slot, kind, value, n, seed)
 
     def clear_fault(self, number: int) -> None:
         """Remove a fault."""
@@ -261,10 +167,8 @@ class Core:
 
     def record(self, slots: Sequence[int], every: int, n_rows: int) -> None:
         """Choose the slots of a row, and allocate memory for rows."""
-        self._check_memory(
-            self._c.uuv_core_record(
-                self._core, len(slots), (ctypes.c_uint32 * len(slots))(*slots), every
-            )
+        self._c.uuv_core_record(
+            self._core, len(slots), (ctypes.c_uint32 * len(slots))(*slots), every
         )
         self._rows = columns_of(len(slots), n_rows)
         self._ticks = np.full(n_rows, 0, np.int64)
@@ -382,14 +286,8 @@ class Core:
         """Return the bytes of an image."""
         return int(self._c.uuv_core_image_size(self._core))
 
-    def _check_memory(self, is_done: int) -> None:
-        if not is_done:
-            raise UuvsimError("no memory for the tables of the stepping loop")
-
     def _failure(self, outcome: int) -> Failure | None:
-        if outcome == Outcome.GOOD:
-            return None
-        return self.why()
+        return None if outcome == Outcome.GOOD else self.why()
 
 
 def _array(address: int, n: int) -> np.ndarray:
@@ -398,84 +296,21 @@ def _array(address: int, n: int) -> np.ndarray:
     return np.ctypeslib.as_array(ctypes.cast(address, ctypes.POINTER(ctypes.c_uint64)), (n,))
 
 
-@lru_cache
-def library() -> ctypes.CDLL:
-    """Compile the core if the cache has none, and load it."""
-    from importlib.util import find_spec
-    from pathlib import Path
+def columns_of(columns: int, rows: int) -> np.ndarray:
+    """Return zeros (columns, at least `rows`) of uint64; numbers of a column are contiguous.
 
-    from uuvsim_cosim.fmus.codegen.runtime import runtime
-    from uuvsim_cosim.fmus.codegen.toolchain import compile_shared
-
-    spec = find_spec("fmpy")
-    if spec is None or spec.origin is None:
-        raise UuvsimError("the package 'fmpy' is missing", "`pip install fmpy`")
-    folder = content("orchestrator", "core")
-    folders = [folder, folder / "components", folder / "iteration"]
-    fmi = Path(spec.origin).parent / "c-code"
-    headers = [*folders, *runtime(), content("fmus", "guard"), fmi]
-    sources = [f for each in folders for f in sorted(each.glob("*.c"))]
-    c = ctypes.CDLL(str(compile_shared(sources, name="uuv_core", include=headers)))
-    for name, (result, arguments) in _signatures().items():
-        function = getattr(c, name)
-        function.restype, function.argtypes = result, arguments
-    return c
-
-
-def _signatures() -> dict[str, tuple[Any, list[Any]]]:
-    pointer, size, double = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_double
-    i32, u32, u64 = ctypes.c_int32, ctypes.c_uint32, ctypes.c_uint64
-    i = ctypes.c_int
-    return {
-        "uuv_core_new": (pointer, [u32, u32, u64, u64]),
-        "uuv_core_free": (None, [pointer]),
-        "uuv_core_member": (i, [pointer, u32, i, pointer, pointer, pointer, pointer, u64, i]),
-        "uuv_core_name": (None, [pointer, u32, ctypes.c_char_p]),
-        "uuv_core_guard": (None, [pointer, pointer, pointer]),
-        "uuv_core_access": (i, [pointer, u32, i, i, u32, u32, u32, pointer, pointer]),
-        "uuv_core_transfer": (i, [pointer, u32, u32, u32, u32, i, double, double, u32, pointer]),
-        "uuv_core_state": (i, [pointer, u32, pointer, pointer, pointer, size]),
-        "uuv_core_iterate": (i, [pointer, u32, u32, i, double, u32]),
-        "uuv_core_fault": (i, [pointer, u32, u32, u32, i, double, u32, u64]),
-        "uuv_core_clear_fault": (None, [pointer, u32]),
-        "uuv_core_fault_past": (pointer, [pointer, u32, pointer, pointer]),
-        "uuv_core_forget": (None, [pointer]),
-        "uuv_core_serve": (None, [pointer, pointer, i, pointer]),
-        "uuv_exchange_size": (size, [u32, u32, size]),
-        "uuv_exchange_new": (pointer, []),
-        "uuv_exchange_map": (i, [pointer, i, u32, u32, size]),
-        "uuv_exchange_waits": (None, [pointer, ctypes.c_int64, double, u32]),
-        "uuv_exchange_leave": (None, [pointer]),
-        "uuv_exchange_trouble": (i, [pointer]),
-        "uuv_exchange_messages": (u32, [pointer]),
-        "uuv_exchange_save": (i, [pointer, pointer]),
-        "uuv_exchange_restore": (i, [pointer, pointer]),
-        "uuv_exchange_close": (None, [pointer]),
-        "uuv_exchange_free": (None, [pointer]),
-        "uuv_core_record": (i, [pointer, u32, pointer, u64]),
-        "uuv_core_rows": (None, [pointer, pointer, pointer, u32, size]),
-        "uuv_core_next_row": (u64, [pointer]),
-        "uuv_core_set_next_row": (None, [pointer, u64]),
-        "uuv_core_rows_used": (u32, [pointer]),
-        "uuv_core_texts": (u64, [pointer]),
-        "uuv_core_text": (pointer, [pointer, u64, pointer]),
-        "uuv_core_begin": (i32, [pointer, u64]),
-        "uuv_core_run": (i32, [pointer, u64, double]),
-        "uuv_core_accept_step": (i32, [pointer, u32]),
-        "uuv_core_why": (None, [pointer, pointer]),
-        "uuv_core_angle": (None, [pointer, u32, ctypes.c_double]),
-        "uuv_core_measure_nothing": (None, [pointer]),
-        "uuv_core_couplings": (u32, [pointer]),
-        "uuv_core_coupling": (None, [pointer, u32, pointer]),
-        "uuv_core_tick": (u64, [pointer]),
-        "uuv_core_set_tick": (None, [pointer, u64]),
-        "uuv_core_image_size": (size, [pointer]),
-        "uuv_core_get_image": (None, [pointer, pointer]),
-        "uuv_core_set_image": (None, [pointer, ctypes.c_char_p]),
-        "uuv_core_propagate": (i32, [pointer, u64, u32, pointer]),
-        "uuv_core_instance": (None, [pointer, u32, pointer, pointer]),
-        "uuv_core_slots": (pointer, [pointer]),
-        "uuv_core_fresh": (pointer, [pointer]),
-        "uuv_core_read_blob": (pointer, [pointer, pointer]),
-        "uuv_core_write_blob": (i, [pointer, ctypes.c_char_p, size]),
-    }
+    The distance of two columns is an odd number of cache lines, so that the values of a row do not
+    all fall into one set of the cache. Every page is written here: a page fault while stepping
+    costs as much as many steps.
+    """
+    lines = -(-rows // _LINE) | 1
+    stride = lines * _LINE
+    n = columns * stride
+    if 8 * n < _HUGE // 2 or not hasattr(mmap, "MADV_HUGEPAGE"):
+        return np.full(n, 0, np.uint64).reshape(columns, stride)
+    memory = mmap.mmap(-1, -(-8 * n // _HUGE) * _HUGE)
+    with contextlib.suppress(OSError):  # the kernel has no huge pages
+        memory.madvise(mmap.MADV_HUGEPAGE)
+    slots = np.frombuffer(memory, np.uint64, n)
+    slots[::_PAGE] = 0
+    return slots.reshape(columns, stride)

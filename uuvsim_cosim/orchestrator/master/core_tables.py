@@ -5,15 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import groupby
 from typing import get_args
+
+import numpy as np
 
 from uuvsim_cosim.errors import FmuError
 from uuvsim_cosim.fmus.component import Binding, BindingKind, Component
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.isolation.isolated import Isolated
 from uuvsim_cosim.orchestrator.master.callback import CallbackBinding, component_binding
-from uuvsim_cosim.orchestrator.master.core import Access, Action, Core, Type, by_type
+from uuvsim_cosim.orchestrator.master.core import Access, Core
+from uuvsim_cosim.orchestrator.master.core_library import Action, Type, by_type, encode
 from uuvsim_cosim.orchestrator.master.shared import Serve, SharedBinding, shared_binding
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.system.elements import Solver
@@ -34,6 +38,10 @@ class Placed:
     def slots(self) -> range:
         """Return the variable's slots."""
         return range(self.slot, self.slot + self.variable.size)
+
+    def view(self, values: np.ndarray) -> np.ndarray:
+        """Return the variable's part of the loop's `slots` or `fresh`."""
+        return values[self.slot : self.slot + self.variable.size]
 
 
 @dataclass(frozen=True)
@@ -57,6 +65,33 @@ class Tables:
         else:
             binding = component.binding()
             self.core.instance(member, binding.instance, binding.functions.get("StateKept", 0))
+
+    def raw(self, placed: Placed) -> np.ndarray:
+        """Return the slots of a variable: a view, valid until the core is freed."""
+        return placed.view(self.core.slots)
+
+    def forget_inputs(self) -> None:
+        """Let callbacks set every input at the next step, also those that have not changed."""
+        for binding in self.bindings:
+            if isinstance(binding, CallbackBinding):
+                binding.callbacks.forget()
+
+    @cached_property
+    def unconnected(self) -> list[tuple[int, Placed]]:
+        """Inputs that the loop sets and of which some elements are not connected."""
+        return [
+            (key[0], placed)
+            for key, placed in self.inputs.items()
+            if len(self.plan.connected.get(key, ())) < placed.variable.size
+        ]
+
+    def show_unconnected(self, components: Sequence[Component]) -> None:
+        """Copy the present values of the unconnected inputs into the loop's slots.
+
+        The loop sets whole inputs in each step, so these slots must hold what a component has.
+        """
+        for i, placed in self.unconnected:
+            encode(placed.variable, components[i].get(placed.variable), self.raw(placed))
 
     def placed_at(self, slot: int) -> tuple[Placed, int]:
         """Find the variable and the element (from 0) of a slot."""
@@ -83,7 +118,15 @@ def tables_of(
     component in its process; it is required if there is one.
     """
     order = tuple(i for group in plan.groups for i in group.members)
-    bindings = tuple(_binding(components[i], serve) for i in order)
+    bindings: list[Binding] = []  # how the loop calls each member
+    for component in (components[i] for i in order):
+        binding = component.binding()
+        if binding.kind == BindingKind.CALLBACK and not binding.functions:
+            binding = component_binding(component)
+        elif binding.kind == BindingKind.SHARED:
+            assert serve is not None  # a component in a child process is itself not isolated
+            binding = shared_binding(component, serve)
+        bindings.append(binding)
     inputs = _place(_exchanged(plan, components, order, bindings, held, outputs=False), 0)
     first_output = sum(p.variable.size for p in inputs.values())
     read = [*recorded, *live]
@@ -112,24 +155,22 @@ def tables_of(
             )  # fmt: skip
         if b.kind == BindingKind.NATIVE and "GetFMUState" in b.functions:
             core.state(member, *_state_functions(b, components[i]))
-    tables = Tables(core, plan, order, bindings, inputs, outputs)
+    tables = Tables(core, plan, order, tuple(bindings), inputs, outputs)
     _add_transfers(plan, tables)
-    _add_iterated(plan, tables, components)
+    first = 0
+    for group in plan.groups:
+        size = len(group.members)
+        if group.algorithm == "iterated":  # a step is repeated from the states at its start
+            for member in range(first, first + size):
+                functions = _state_functions(bindings[member], components[order[member]])
+                core.state(member, *functions)
+            solver = get_args(Solver).index(group.solver)
+            core.iterate(first, size, solver, group.tolerance, group.limit)
+        first += size
     if recorded:
         columns = [outputs.get((i, v.name)) or inputs[i, v.name] for i, v in recorded]
         core.record([slot for placed in columns for slot in placed.slots], every, n_rows)
     return tables
-
-
-def _binding(component: Component, serve: Serve | None) -> Binding:
-    """Return how the loop calls a component: its own binding, callbacks or shared memory."""
-    binding = component.binding()
-    if binding.kind == BindingKind.CALLBACK and not binding.functions:
-        return component_binding(component)
-    if binding.kind != BindingKind.SHARED:
-        return binding
-    assert serve is not None  # a component in a child process is itself not isolated
-    return shared_binding(component, serve)
 
 
 _Exchanged = Iterator[tuple[int, int, Iterable[Variable]]]  # member, component, variables
@@ -233,19 +274,6 @@ def _add_transfers(plan: Plan, tables: Tables) -> None:
                 turns[unit] = 2.0 * math.pi * of_angle[0] if of_angle else 0.0
             if turns[unit]:
                 core.angle(slots[0], turns[unit])
-
-
-def _add_iterated(plan: Plan, tables: Tables, components: Sequence[Component]) -> None:
-    """Add the iterated groups, and the functions that copy their members' states."""
-    first = 0
-    for group in plan.groups:
-        if group.algorithm == "iterated":
-            for member in range(first, first + len(group.members)):
-                b, component = tables.bindings[member], components[tables.order[member]]
-                tables.core.state(member, *_state_functions(b, component))
-            solver = get_args(Solver).index(group.solver)
-            tables.core.iterate(first, len(group.members), solver, group.tolerance, group.limit)
-        first += len(group.members)
 
 
 def _state_functions(b: Binding, component: Component) -> tuple[int, int, int, int]:

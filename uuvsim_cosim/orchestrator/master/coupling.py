@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from uuvsim_cosim.orchestrator.master.core import Coupling
+from uuvsim_cosim.orchestrator.master.core_library import Coupling
 from uuvsim_cosim.orchestrator.master.core_tables import Tables
 from uuvsim_cosim.orchestrator.plan.algebraic_loops import hops_of
 

@@ -10,12 +10,12 @@ from uuvsim_cosim.errors import ComponentFailed, LoopNotConverged, UuvsimError
 from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.models.declaration.element_names import split_element_name
 from uuvsim_cosim.orchestrator.master.callback import CallbackBinding
-from uuvsim_cosim.orchestrator.master.core import Action, Failure, Outcome, Type
+from uuvsim_cosim.orchestrator.master.core_library import Action, Failure, Outcome, Type
 from uuvsim_cosim.orchestrator.master.core_tables import Tables, fmi_name
 from uuvsim_cosim.orchestrator.master.shared import SharedBinding
-from uuvsim_cosim.orchestrator.values.value_table import listed
+from uuvsim_cosim.orchestrator.values.transformation import listed
 
-__all__ = ["error_of", "last_words", "nan_on_purpose"]
+__all__ = ["error_of", "last_messages", "nan_explanation"]
 
 _BECAME = re.compile(r'"([^"]+)" became ')  # text of messages in the shells of fmus/runtime
 _STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
@@ -52,11 +52,11 @@ def error_of(
             function = fmi_name(binding.kind, action, Type.of(placed.variable))
         failed: ComponentFailed = own(function, failure.status, time)
         became = _BECAME.search(failed.reason)
-        why = nan_on_purpose(component, became[1]) if became else ""
+        why = nan_explanation(component, became[1]) if became else ""
         if not why:
             return failed
         return ComponentFailed(failed.path, failed.time, failed.reason + why, failed.asks_to_end)
-    reason = _reason(failure, tables, component) + last_words(component)
+    reason = _reason(failure, tables, component) + last_messages(component)
     return ComponentFailed(component.path, time, reason, failure.outcome == Outcome.ENDED)
 
 
@@ -67,12 +67,8 @@ def _not_converged(
     i = tables.order[placed.member]
     path = components[i].path
     group = next(g for g in tables.plan.groups if i in g.members)
-    hops = [
-        f"{components[t.source].path}.{t.source_variable.name} -> "
-        f"{components[t.target].path}.{t.target_variable.name}"
-        for t in tables.plan.transfers
-        if t.source in group.members and t.target in group.members
-    ]
+    inside = (t for t in tables.plan.transfers if {t.source, t.target} <= set(group.members))
+    hops = [tables.plan.hop(t) for t in inside]
     where = f"{path}.{placed.variable.element_name(element)}"
     numeric = Type.of(placed.variable) <= Type.Float32
     final = (
@@ -107,7 +103,7 @@ def _reason(failure: Failure, tables: Tables, component: Component) -> str:
             if 0 <= first <= offset < first + v.size and Type.of(v) == Type.Float64:
                 name = v.element_name(offset - first)
                 break
-        why = nan_on_purpose(component, name)
+        why = nan_explanation(component, name)
         return f"{name} is not finite after a step; expected finite numbers{why}"
     if outcome == Outcome.OUT_OF_RANGE:
         placed, element = tables.placed_at(failure.slot)
@@ -131,14 +127,14 @@ def _reason(failure: Failure, tables: Tables, component: Component) -> str:
     return f"{Action(failure.action).name.lower()} returned {word} ({status})"
 
 
-def nan_on_purpose(component: Component, name: str) -> str:
+def nan_explanation(component: Component, name: str) -> str:
     """Return a variable's description if it explains when it is NaN, for the end of an error."""
     variable = component.description.variables.get(split_element_name(name)[0])
     description = "" if variable is None else variable.description
     return f" ({description})" if "NaN" in description else ""
 
 
-def last_words(component: Component) -> str:
+def last_messages(component: Component) -> str:
     """Return the last messages of a component, for the end of an error."""
     drain = getattr(component, "drain_messages", None)
     if drain is not None:

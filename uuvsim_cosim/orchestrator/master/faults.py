@@ -10,7 +10,7 @@ from typing import Literal, final, get_args
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.near_names import expected_names
-from uuvsim_cosim.orchestrator.master.core_tables import Placed, Tables
+from uuvsim_cosim.orchestrator.master.core_tables import Tables
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.values.endpoints import resolve_endpoint
 from uuvsim_cosim.orchestrator.values.values import Misfit
@@ -95,21 +95,8 @@ class Faults:
             self._next = max(self._next, k.number + 1)
 
     def _add(self, number: int, fault: Fault) -> None:
-        placed, elements = self._place(fault)
-        n = self._check(fault, placed)
-        ids = []
-        for e in elements:
-            i, self._next_id = self._next_id, self._next_id + 1
-            kind = get_args(FaultKind).index(fault.kind) + 1
-            slot = placed.slot + e
-            core = self._tables.core
-            core.fault(i, placed.member, slot, kind, float(fault.value), n, self._seed)
-            ids.append(i)
-        self._active[number] = (fault, tuple(ids))
-
-    def _place(self, fault: Fault) -> tuple[Placed, tuple[int, ...]]:
-        """Find the variable and the elements of a fault; raises InputInvalid."""
-        plan = self._tables.plan
+        """Check a fault, and add one to the core for each element; raises InputInvalid."""
+        plan, core = self._tables.plan, self._tables.core
         descriptions = {c.path: c.description for c in plan.components}
         try:
             point = resolve_endpoint(fault.signal, descriptions)
@@ -124,10 +111,6 @@ class Faults:
                 "is no output that is connected or recorded",
                 expected_names(fault.signal, names),
             )
-        return placed, tuple(point.elements)
-
-    def _check(self, fault: Fault, placed: Placed) -> int:
-        """Return the number of past samples that a fault keeps; raises InputInvalid."""
         if fault.kind not in get_args(FaultKind):
             known = expected_names(fault.kind, get_args(FaultKind))
             raise InputInvalid(fault.signal, f"fault {fault.kind!r}", known)
@@ -142,9 +125,8 @@ class Faults:
         bad |= fault.kind in ("override", "bias") and not (
             is_float or float(fault.value) == fault.value == int(fault.value)
         )
-        n = 1
+        n = 1  # past samples that the fault keeps
         if fault.kind == "delay" and not bad:
-            plan = self._tables.plan
             step = plan.components[self._tables.order[placed.member]].step_ticks * plan.tick
             samples = Fraction(str(fault.value)) / step
             if samples < 1 or samples.denominator != 1:
@@ -156,7 +138,13 @@ class Faults:
             n = int(samples)
         if bad:
             raise InputInvalid(fault.signal, f"{fault.kind} {fault.value:g}", _NEEDS[fault.kind])
-        return n
+        kind = get_args(FaultKind).index(fault.kind) + 1
+        ids = tuple(range(self._next_id, self._next_id + len(point.elements)))
+        self._next_id += len(ids)
+        for i, e in zip(ids, point.elements, strict=True):
+            slot = placed.slot + e
+            core.fault(i, placed.member, slot, kind, float(fault.value), n, self._seed)
+        self._active[number] = (fault, ids)
 
 
 def hash_of_seeds(plan: Plan) -> int:

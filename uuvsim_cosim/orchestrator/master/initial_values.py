@@ -13,10 +13,10 @@ from uuvsim_cosim.errors import FmuError, InputInvalid
 from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.description_xml import DTYPES
-from uuvsim_cosim.orchestrator.master.failure import nan_on_purpose
+from uuvsim_cosim.orchestrator.master.failure import nan_explanation
 from uuvsim_cosim.orchestrator.plan.initial_loop import solve_loop
 from uuvsim_cosim.orchestrator.plan.plan import Plan, Transfer
-from uuvsim_cosim.orchestrator.values.value_table import listed
+from uuvsim_cosim.orchestrator.values.transformation import listed
 
 __all__ = ["converted", "propagate", "set_inputs"]
 
@@ -48,35 +48,28 @@ def set_inputs(components: Sequence[Component], transfers: Iterable[Transfer]) -
     read: dict[tuple[int, str], np.ndarray] = {}
     pending: dict[tuple[int, str], tuple[Variable, np.ndarray]] = {}
     for t in transfers:
-        source, target = (t.source, t.source_variable.name), (t.target, t.target_variable.name)
-        if source not in read:
-            read[source] = _flat(components[t.source], source[1])
-        if target not in pending:
-            variable = components[t.target].description.variables[target[1]]
-            pending[target] = (variable, _flat(components[t.target], target[1]))
-        values = converted(t, read[source][list(t.source_elements)])
-        pending[target][1][list(t.target_elements)] = _in_target_type(values, t, components)
+        output, input_ = (t.source, t.source_variable.name), (t.target, t.target_variable.name)
+        if output not in read:
+            read[output] = _flat(components[t.source], output[1])
+        if input_ not in pending:
+            variable = components[t.target].description.variables[input_[1]]
+            pending[input_] = (variable, _flat(components[t.target], input_[1]))
+        values = converted(t, read[output][list(t.source_elements)])
+        pending[input_][1][list(t.target_elements)] = _in_target_type(values, t, components)
     for (i, name), (variable, flat) in pending.items():
         try:
             components[i].set(variable, flat.reshape(variable.shape) if variable.shape else flat[0])
         except FmuError as error:
-            reason = _non_finite_sources(components, transfers, (i, name))
-            raise FmuError(f"{error}{reason}") from None
-
-
-def _non_finite_sources(
-    components: Sequence[Component], transfers: Iterable[Transfer], target: tuple[int, str]
-) -> str:
-    """Return a text about the outputs that feed an input with values that are not finite."""
-    reasons = []
-    for t in transfers:
-        if (t.target, t.target_variable.name) != target:
-            continue
-        source, name = components[t.source], t.source_variable.name
-        values = _flat(source, name)
-        if values.dtype.kind == "f" and not np.all(np.isfinite(values)):
-            reasons.append(f"{source.path}.{name} gives it{nan_on_purpose(source, name)}")
-    return "".join(f"; {reason}" for reason in reasons)
+            reasons = ""  # the outputs that feed the input with values that are not finite
+            for t in transfers:
+                source, signal = components[t.source], t.source_variable.name
+                values = read[t.source, signal]
+                if (t.target, t.target_variable.name) == (i, name) and (
+                    values.dtype.kind == "f" and not np.all(np.isfinite(values))
+                ):
+                    why = nan_explanation(source, signal)
+                    reasons += f"; {source.path}.{signal} gives it{why}"
+            raise FmuError(f"{error}{reasons}") from None
 
 
 def converted(t: Transfer, values: np.ndarray) -> np.ndarray:

@@ -24,15 +24,13 @@ from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.isolation.guard import AtComponentExit
 from uuvsim_cosim.orchestrator.master import snapshot as snapshots
-from uuvsim_cosim.orchestrator.master.core import Failure, Outcome, Type
-from uuvsim_cosim.orchestrator.master.core_tables import Placed, Tables, tables_of
+from uuvsim_cosim.orchestrator.master.core_library import Failure, Outcome, Type, decode, encode
+from uuvsim_cosim.orchestrator.master.core_tables import Tables, tables_of
 from uuvsim_cosim.orchestrator.master.coupling import Residual, loop_remarks, residuals_of
 from uuvsim_cosim.orchestrator.master.failure import error_of
 from uuvsim_cosim.orchestrator.master.faults import Faults, hash_of_seeds
 from uuvsim_cosim.orchestrator.master.initial_values import propagate
-from uuvsim_cosim.orchestrator.master.instance_pool import InstancePool, is_pooled
-from uuvsim_cosim.orchestrator.master.loop_state import LoopState
-from uuvsim_cosim.orchestrator.master.observer import Column, Observer
+from uuvsim_cosim.orchestrator.master.observer import Column, Observer, Watch, rows_of
 from uuvsim_cosim.orchestrator.master.replacement import (
     copy_values,
     plan_with,
@@ -40,13 +38,10 @@ from uuvsim_cosim.orchestrator.master.replacement import (
     state_of_new_instance,
     transferable_state,
 )
-from uuvsim_cosim.orchestrator.master.restart import Restart, show_unconnected, unconnected_inputs
+from uuvsim_cosim.orchestrator.master.restart import InstancePool, Restart, is_pooled
 from uuvsim_cosim.orchestrator.master.serving import serve
-from uuvsim_cosim.orchestrator.master.slots import decode, encode
-from uuvsim_cosim.orchestrator.master.snapshot import Snapshot
-from uuvsim_cosim.orchestrator.master.watch import Watch, rows_of
-from uuvsim_cosim.orchestrator.plan.algebraic_loops import hops_of
-from uuvsim_cosim.orchestrator.plan.loop_gain import delay_remark, loop_gain
+from uuvsim_cosim.orchestrator.master.snapshot import LoopState, Snapshot
+from uuvsim_cosim.orchestrator.plan.algebraic_loops import delay_remark, hops_of, loop_gain
 from uuvsim_cosim.orchestrator.plan.plan import Plan, PlannedComponent
 from uuvsim_cosim.orchestrator.plan.start import Starts, enter_initialization, variable_of
 from uuvsim_cosim.orchestrator.values.values import Misfit, as_array, fit
@@ -96,10 +91,6 @@ class Master:
         self._first: Snapshot | None = None  # in Initialization Mode, for `reset`
         self._start_tick = 0
         self._times: tuple[float, float | None] = (0.0, None)
-        self._connected: dict[tuple[int, str], set[int]] = {}
-        for t in plan.transfers:
-            elements = self._connected.setdefault((t.target, t.target_variable.name), set())
-            elements.update(t.target_elements)
         self._hash = snapshots.plan_hash(plan)
         self._instantiate = instantiate
         self._last: Snapshot | None = None  # the snapshot that was taken last
@@ -170,7 +161,7 @@ class Master:
                 self.plan, self._ready(), self.components, self._pools, self._times
             )
         self._restart.enter(first.states, seed, start or {})
-        self._state.forget()
+        self._ready().forget_inputs()
         self._find_drains()
         self._leave_initialization()
 
@@ -205,7 +196,9 @@ class Master:
         finally:
             tables, self._tables = self._tables, None
             self._first = None
-            if tables is not None:  # the core frees copied states while the components still live
+            # The core frees copied states while the components still live; then the components are
+            # freed, the last one first; then the memory to which they and observers had views.
+            if tables is not None:
                 tables.core.forget()
             for component in reversed(self.components):
                 component.free()
@@ -276,6 +269,8 @@ class Master:
         tick = core.tick
         end = tick + steps
         while tick < end:
+            # C returns when the steps are made, rows are full, or time has passed. Rows are passed
+            # on before a failure is raised, so that a recording has all steps before it.
             failure = core.run(end - tick, _SECONDS)
             self._emit()
             if failure is not None:
@@ -298,18 +293,21 @@ class Master:
         i, variable = self._variable(path, name)
         placed = tables.outputs.get((i, name))
         if placed is not None:
-            return decode(variable, self._raw(placed))
+            return decode(variable, tables.raw(placed))
         return self.components[i].get(variable)
 
     def set(self, path: str, name: str, value: object) -> None:
-        """Set an unconnected input, or a tunable parameter, between steps."""
+        """Set an unconnected input, or a tunable parameter, between steps.
+
+        It counts from the next step on.
+        """
         tables = self._ready()
         value = self.fitted(path, name, value)
         i, variable = self._settable(path, name)
         self.components[i].set(variable, value)
         placed = tables.inputs.get((i, name))
-        if placed is not None:
-            encode(variable, value, self._raw(placed))
+        if placed is not None:  # the loop sets this input in each step, from its slot
+            encode(variable, value, tables.raw(placed))
 
     def fitted(self, path: str, name: str, value: object) -> Any:
         """Return a value in the form that `set` needs, also from nested lists or text with a unit.
@@ -339,7 +337,7 @@ class Master:
             for t in self.plan.transfers
             if (t.target, t.target_variable.name) == (i, name)
         ]
-        if sources and len(self._connected[i, name]) == variable.size:
+        if sources and len(self.plan.connected[i, name]) == variable.size:
             raise InputInvalid(
                 f"{path}.{name}", f"is connected to {sources[0]}", "an unconnected input"
             )
@@ -359,7 +357,7 @@ class Master:
         type_ = Type.of(variable)
         if placed is None or type_.is_blob:
             return None
-        return self._raw(placed).view(type_.dtype)
+        return tables.raw(placed).view(type_.dtype)
 
     @property
     def all_slots(self) -> np.ndarray:
@@ -440,7 +438,7 @@ class Master:
             fresh.free()
             raise
         self._exchange(i, fresh)
-        old.free()
+        old.free()  # after the new instance has taken its place in the tables
         if snapshot is None:
             self.reset()
             return
@@ -504,6 +502,12 @@ class Master:
     # ---- inside: Initialization Mode ------------------------------------------------------
 
     def _leave_initialization(self) -> None:
+        """Solve Initialization Mode, leave it, and read the outputs at the start.
+
+        The order matters. Inputs are set first, because outputs and derivatives depend on them. The
+        tables are made once all components have left the mode: only then does C call them. Slots of
+        unconnected inputs are filled before `begin`, which reads outputs and writes the first row.
+        """
         if self._restart is None:
             propagate(self.plan, self.components, self._times[0])
         elif failed := self._restart.propagate(self._start_tick, self._times[0]):
@@ -514,7 +518,7 @@ class Master:
         if self._tables is None:
             self._build_tables()
         tables = self._ready()
-        show_unconnected(self._unconnected, tables, self.components)
+        tables.show_unconnected(self.components)
         failure = tables.core.begin(self._start_tick)
         self._emit()
         if failure is not None:
@@ -561,7 +565,6 @@ class Master:
             self._tables.core.measure_nothing()
         self._faults = Faults(self._tables, hash_of_seeds(self.plan))
         self._loop_state = LoopState(self._hash, self._tables, self.components, self._faults)
-        self._unconnected = unconnected_inputs(self.plan, self._tables)
         if begin:
             self._watch.begin(columns)
             if self._watch.observers:
@@ -627,10 +630,6 @@ class Master:
     def _variable(self, path: str, name: str) -> tuple[int, Variable]:
         i = self._component(path)
         return i, variable_of(self.components[i], name)
-
-    def _raw(self, placed: Placed) -> np.ndarray:
-        core = self._ready().core
-        return core.slots[placed.slot : placed.slot + placed.variable.size]
 
     def _seconds(self, tick: int) -> float:
         return float(tick * self.plan.tick.numerator) / float(self.plan.tick.denominator)

@@ -106,7 +106,16 @@ class Pace:
             now = self._clock()
             behind = now - (begin + (master.tick - first) * period)
             if behind > 0.0:
-                begin += self._overrun(behind, master.time)
+                self._overruns += 1
+                if self._policy == "fail":
+                    raise Overrun(
+                        f"overrun: t = {master.time:.9g} s was reached {1e3 * behind:.3g} ms late "
+                        f"at {self.factor:g} times real time; expected a smaller factor, a longer "
+                        "step, or another policy than 'fail'"
+                    )
+                if self._policy == "slip":
+                    begin += behind
+                    self._slipped += behind
             self._recent.append((now, master.time))
             while len(self._recent) > 2 and self._recent[1][0] < now - _ROLLING:
                 self._recent.popleft()
@@ -128,17 +137,3 @@ class Pace:
             self.factor, len(self._late), float(median), float(p99), float(late.max()),
             self._overruns, self._slipped,
         )  # fmt: skip
-
-    def _overrun(self, behind: float, reached: float) -> float:
-        """Count an overrun, and return the delay of the schedule; raises Overrun."""
-        self._overruns += 1
-        if self._policy == "fail":
-            raise Overrun(
-                f"overrun: t = {reached:.9g} s was reached {1e3 * behind:.3g} ms late at "
-                f"{self.factor:g} times real time; expected a smaller factor, a longer step, or "
-                "another policy than 'fail'"
-            )
-        if self._policy == "catch-up":
-            return 0.0
-        self._slipped += behind
-        return behind

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
 from dataclasses import replace
 
 from uuvsim_cosim.errors import FmuError, InputInvalid, Problem, SystemInvalid
 from uuvsim_cosim.fmus.component import Component
-from uuvsim_cosim.fmus.description import Description, Variable
 from uuvsim_cosim.fmus.isolation.isolated import RemoteState
+from uuvsim_cosim.orchestrator.master.core_library import decode, encode, read_blob, write_blob
 from uuvsim_cosim.orchestrator.master.core_tables import Tables
-from uuvsim_cosim.orchestrator.master.slots import decode, encode, read_blob, write_blob
 from uuvsim_cosim.orchestrator.plan.algebraic_loops import check_loops
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.system.resolve import resolve
@@ -32,15 +30,14 @@ def transferable_state(old: Component, state: object) -> object:
     """
     if state is None:  # that of a native component is in the image
         return None
-    if isinstance(state, RemoteState):
-        if state.data is not None:
-            return state
-        reason = ""
-    else:
+    reason = ""
+    if not isinstance(state, RemoteState):
         try:
             return old.serialize_fmu_state(state)
         except FmuError as error:
             reason = f" ({error})"
+    elif state.data is not None:
+        return state
     raise InputInvalid(
         f"restart: {old.path} cannot serialise its state{reason}, so what the snapshot holds of "
         'it went with the failed instance; expected a component that can, or snapshot="start"'
@@ -61,7 +58,22 @@ def plan_with(plan: Plan, i: int, source: str) -> Plan:
     old = plan.components[i]
     ends = [t.source_variable for t in plan.transfers if t.source == i]
     ends += [t.target_variable for t in plan.transfers if t.target == i]
-    described = _with_assumed_units(resolved.describe(), ends, old.path)
+    described = resolved.describe()
+    variables = dict(described.variables)
+    for (
+        v
+    ) in ends:  # variables without a unit get that of the replaced ones, as `System.replace` does
+        new = variables.get(v.name)
+        if new is None or not is_float(new) or None not in new.units or new.size != v.size:
+            continue
+        units = tuple(b or a for a, b in zip(v.units, new.units, strict=True))
+        if units != new.units:
+            same = len(set(units)) == 1
+            variables[v.name] = replace(
+                new, unit=units[0] if same else None, element_units=() if same else units
+            )
+            log.warning("%s.%s: names no unit; %s is assumed", old.path, v.name, v.unit_text)
+    described = replace(described, variables=variables)
     problems: dict[str, Problem] = {}
     for v in ends:
         place, new = f"{old.path}.{v.name}", described.variables.get(v.name)
@@ -91,48 +103,26 @@ def plan_with(plan: Plan, i: int, source: str) -> Plan:
     return check_loops(replace(plan, components=components, transfers=tuple(transfers)))
 
 
-def _with_assumed_units(described: Description, ends: Sequence[Variable], path: str) -> Description:
-    """Give variables without a unit the unit of the replaced ones, as `System.replace` does."""
-    variables = dict(described.variables)
-    for old in ends:
-        new = variables.get(old.name)
-        if new is None or not is_float(new) or None not in new.units or new.size != old.size:
-            continue
-        units = tuple(b or a for a, b in zip(old.units, new.units, strict=True))
-        if units != new.units:
-            same = len(set(units)) == 1
-            variables[old.name] = replace(
-                new, unit=units[0] if same else None, element_units=() if same else units
-            )
-            log.warning("%s.%s: names no unit; %s is assumed", path, old.name, old.unit_text)
-    return replace(described, variables=variables)
-
-
 def set_inputs(fresh: Component, tables: Tables, i: int) -> None:
     """Set the inputs that a new component shares with component i to their present values."""
-    slots = tables.core.slots
     for (j, name), p in tables.inputs.items():
         if j == i and name in fresh.description.variables:
-            raw = slots[p.slot : p.slot + p.variable.size]
-            fresh.set(fresh.description.variables[name], decode(p.variable, raw))
+            fresh.set(fresh.description.variables[name], decode(p.variable, tables.raw(p)))
 
 
 def copy_values(before: Tables, after: Tables, i: int, fresh: Component) -> None:
     """Copy the values from the slots before to those after; of component i, read the new values."""
-    places = [(before.inputs, after.inputs), (before.outputs, after.outputs)]
-    for old, new in places:
+    memories = [
+        (before.core.slots, after.core.slots), (before.core.fresh, after.core.fresh)
+    ]  # fmt: skip
+    for old, new in ((before.inputs, after.inputs), (before.outputs, after.outputs)):
         for key, to in new.items():
-            size, a = to.variable.size, to.slot
-            for there, here in (
-                (before.core.slots, after.core.slots),
-                (before.core.fresh, after.core.fresh),
-            ):
+            for there, here in memories:
+                source, target = old[key].view(there), to.view(here)
                 if key[0] == i:
-                    encode(to.variable, fresh.get(to.variable), here[a : a + size])
-                    continue
-                b = old[key].slot
-                if to.variable.type not in ("String", "Binary"):
-                    here[a : a + size] = there[b : b + size]
-                    continue
-                for k in range(size):
-                    write_blob(here[a:], k, read_blob(there[b:], k))
+                    encode(to.variable, fresh.get(to.variable), target)
+                elif to.variable.type in ("String", "Binary"):  # the slots hold pointers
+                    for k in range(to.variable.size):
+                        write_blob(target, k, read_blob(source, k))
+                else:
+                    target[:] = source

@@ -3,23 +3,66 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import final
 
 import numpy as np
 
 from uuvsim_cosim.fmus.component import BindingKind, Component
 from uuvsim_cosim.fmus.description import Variable
-from uuvsim_cosim.orchestrator.master.core import Failure, Outcome, Type
-from uuvsim_cosim.orchestrator.master.core_tables import Placed, Tables
+from uuvsim_cosim.fmus.importer.fmu_binary import FmuBinary
+from uuvsim_cosim.fmus.model_exchange.component import ModelExchange
+from uuvsim_cosim.orchestrator.master.core_library import Failure, Outcome, Type
+from uuvsim_cosim.orchestrator.master.core_tables import Tables
 from uuvsim_cosim.orchestrator.master.initial_values import propagate
-from uuvsim_cosim.orchestrator.master.instance_pool import InstancePool, is_pooled
-from uuvsim_cosim.orchestrator.master.slots import encode
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.plan.seeds import component_seeds
 from uuvsim_cosim.orchestrator.plan.start import Starts, enter_initialization, seed_of
 
-__all__ = ["Restart", "show_unconnected", "unconnected_inputs"]
+__all__ = ["InstancePool", "Restart", "is_pooled"]
+
+
+def is_pooled(component: Component) -> bool:
+    """Return whether a reset replaces the component: an FMU of this process without states.
+
+    Python classes and isolated components have a `reset` that restores their initial state.
+    """
+    able = component.description.can_get_and_set_state
+    return not able and isinstance(component, FmuBinary | ModelExchange)
+
+
+@final
+class InstancePool:
+    """Spare instances of an FMU that cannot copy its state: each reset uses the next one.
+
+    They are also made in advance. A further instance neither unpacks the archive nor loads the
+    library again.
+    """
+
+    def __init__(self, make: Callable[[], Component]) -> None:
+        self._make = make
+        self._spare: list[Component] = []
+
+    def __len__(self) -> int:
+        """Return the number of spare instances."""
+        return len(self._spare)
+
+    def fill(self, n: int, component: Component) -> None:
+        """Make instances until n are spare; none if the FMU can be instantiated only once."""
+        if component.description.can_be_instantiated_only_once:
+            return
+        while len(self._spare) < n:
+            self._spare.append(self._make())
+
+    def exchange(self, used: Component) -> Component:
+        """Free a used instance, and return a new one."""
+        used.free()
+        return self._spare.pop() if self._spare else self._make()
+
+    def free(self) -> None:
+        """Free the spare instances."""
+        while self._spare:
+            self._spare.pop().free()
 
 
 @final
@@ -47,7 +90,6 @@ class Restart:
         self._seeds: dict[int, Variable] = {i: v for i, v in found if v is not None}
         self._paths = [plan.components[i].path for i in self._seeds]
         self._order = _order(plan, tables)
-        self._unconnected = unconnected_inputs(plan, tables)
         # Slots, minima and maxima of the native components' inputs that have limits.
         slots: list[int] = []
         low: list[float] = []
@@ -83,7 +125,9 @@ class Restart:
                 enter_initialization(planned, component, start.get(path, {}), seed, self._times)
                 continue
             component = self._components[i]
-            component.set_fmu_state(state)  # the plan's start values are in it
+            # The state is in Initialization Mode, after the plan's start values were set: only the
+            # values that differ in this run are set again.
+            component.set_fmu_state(state)
             values = start.get(path, {})
             if i in keys and "seed" not in values:
                 component.set(self._seeds[i], keys[i])
@@ -98,7 +142,7 @@ class Restart:
         if self._order is None:
             propagate(self._plan, self._components, time)
             return None
-        show_unconnected(self._unconnected, self._tables, self._components)
+        self._tables.show_unconnected(self._components)
         failure = self._tables.core.propagate(tick, self._order)
         if failure is not None and failure.outcome == Outcome.BAD_STATUS:
             return failure
@@ -123,25 +167,3 @@ def _order(plan: Plan, tables: Tables) -> ctypes.Array[ctypes.c_uint32] | None:
     member_of = {i: member for member, i in enumerate(tables.order)}
     order = [member_of[i] for (i,) in plan.initialization] + list(range(len(tables.order)))
     return (ctypes.c_uint32 * len(order))(*order)
-
-
-def unconnected_inputs(plan: Plan, tables: Tables) -> list[tuple[int, Placed]]:
-    """Return the inputs that the loop sets and of which some elements are not connected."""
-    fed: dict[tuple[int, str], set[int]] = {}
-    for t in plan.transfers:
-        fed.setdefault((t.target, t.target_variable.name), set()).update(t.target_elements)
-    return [
-        (i, placed)
-        for (i, name), placed in tables.inputs.items()
-        if len(fed.get((i, name), ())) < placed.variable.size
-    ]
-
-
-def show_unconnected(
-    unconnected: Sequence[tuple[int, Placed]], tables: Tables, components: Sequence[Component]
-) -> None:
-    """Copy the present values of such inputs into the loop's slots."""
-    slots = tables.core.slots
-    for i, placed in unconnected:
-        value = components[i].get(placed.variable)
-        encode(placed.variable, value, slots[placed.slot : placed.slot + placed.variable.size])

@@ -8,12 +8,10 @@ from typing import final
 
 from uuvsim_cosim.errors import FmuError, UuvsimError
 from uuvsim_cosim.fmus.component import Component
-from uuvsim_cosim.fmus.description import Variable
-from uuvsim_cosim.orchestrator.master.callback import CallbackBinding
-from uuvsim_cosim.orchestrator.master.core import library
+from uuvsim_cosim.orchestrator.master.core_library import library
 from uuvsim_cosim.orchestrator.master.core_tables import Tables, tables_of
 from uuvsim_cosim.orchestrator.master.failure import error_of
-from uuvsim_cosim.orchestrator.master.shared import text_room
+from uuvsim_cosim.orchestrator.master.shared import text_capacity
 from uuvsim_cosim.orchestrator.plan.plan import Group, Plan, PlannedComponent
 
 __all__ = ["Serving", "serve"]
@@ -32,9 +30,9 @@ class Serving:
         read = [[p.variable for p in side.values()] for side in (tables.inputs, tables.outputs)]
         sizes = [sum(v.size for v in variables) for variables in read]
         self._exchange = self._c.uuv_exchange_new()
-        room = text_room([*read[0], *read[1]])
+        capacity = text_capacity([*read[0], *read[1]])
         if not self._exchange or not self._c.uuv_exchange_map(
-            self._exchange, segment, *sizes, room
+            self._exchange, segment, *sizes, capacity
         ):
             raise UuvsimError(f"{component.path}: its shared memory cannot be mapped")
         self._c.uuv_exchange_waits(self._exchange, 0, 0.0, spins)
@@ -45,9 +43,7 @@ class Serving:
 
     def forget(self) -> None:
         """Set every input at the next step, also those that have not changed."""
-        for binding in self._tables.bindings:
-            if isinstance(binding, CallbackBinding):
-                binding.callbacks.forget()
+        self._tables.forget_inputs()
 
     def error(self, time: float) -> BaseException:
         """Return the error of the last step."""
@@ -70,24 +66,17 @@ def serve(
 ) -> Serving:
     """Prepare stepping of a component through the memory `segment`; called in its process."""
     variables = component.description.variables
-    tables = _tables(component, [variables[n] for n in inputs], [variables[n] for n in outputs])
-    return Serving(component, tables, segment, pipe, spins)
-
-
-def _tables(
-    component: Component, inputs: Sequence[Variable], outputs: Sequence[Variable]
-) -> Tables:
-    """Return tables of a plan with this component only."""
     planned = PlannedComponent(component.path, "", component.description)
-    held, live = ([(0, v) for v in group] for group in (inputs, outputs))
+    held, live = ([(0, variables[n]) for n in names] for names in (inputs, outputs))
 
-    def make(group: Group) -> Tables:
+    def serving(group: Group) -> Serving:  # its plan has this component only
         plan = Plan(Fraction(1), (planned,), (), (group,), ((0,),))
-        return tables_of(plan, [component], (), live=live, held=held)
+        tables = tables_of(plan, [component], (), live=live, held=held)
+        return Serving(component, tables, segment, pipe, spins)
 
     if component.description.can_get_and_set_state:  # then the parent may iterate it
         try:
-            return make(Group("iterated", (0,)))
+            return serving(Group("iterated", (0,)))
         except FmuError:
             pass  # its description declares states, but its binary has no functions for them
-    return make(Group("jacobi", (0,)))
+    return serving(Group("jacobi", (0,)))

@@ -12,9 +12,9 @@ from uuvsim_cosim.errors import UuvsimError
 from uuvsim_cosim.fmus.component import Binding, BindingKind, Component
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.isolation.isolated import Isolated
-from uuvsim_cosim.orchestrator.master.core import library
+from uuvsim_cosim.orchestrator.master.core_library import library
 
-__all__ = ["SPINS", "Exchange", "Serve", "SharedBinding", "shared_binding", "text_room"]
+__all__ = ["SPINS", "Exchange", "Serve", "SharedBinding", "shared_binding", "text_capacity"]
 
 SPINS = 2000  # polls of the other side before sleeping; some 60 µs
 _TEXT_BYTES = 64 << 20  # of texts and binaries in one exchange; only used pages are allocated
@@ -48,11 +48,13 @@ class Exchange:
         if segment is None or process is None:
             raise UuvsimError(f"{component.path}: its process is gone, or shares no memory")
         sizes = [sum(v.size for v in group) for group in (inputs, outputs)]
-        room = text_room([*inputs, *outputs])
+        capacity = text_capacity([*inputs, *outputs])
         # The memory gets its size before either side maps it.
-        os.ftruncate(segment, self._c.uuv_exchange_size(*sizes, room))
-        if not self._c.uuv_exchange_map(self.address, segment, *sizes, room):
-            raise UuvsimError(f"{component.path}: {room} bytes of shared memory cannot be mapped")
+        os.ftruncate(segment, self._c.uuv_exchange_size(*sizes, capacity))
+        if not self._c.uuv_exchange_map(self.address, segment, *sizes, capacity):
+            raise UuvsimError(
+                f"{component.path}: {capacity} bytes of shared memory cannot be mapped"
+            )
         affinity = getattr(os, "sched_getaffinity", None)
         cores = len(affinity(0)) if affinity is not None else os.cpu_count() or 1
         spins = SPINS if cores > 1 else 0  # on a single core, polling would block the other side
@@ -118,7 +120,7 @@ def kind_of(component: Component) -> int:
     return int(component.binding().kind)
 
 
-def text_room(variables: Sequence[Variable]) -> int:
+def text_capacity(variables: Sequence[Variable]) -> int:
     """Return the bytes for texts and binaries in each direction."""
     return _TEXT_BYTES if any(v.type in ("String", "Binary") for v in variables) else 0
 

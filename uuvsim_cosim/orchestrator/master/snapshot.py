@@ -6,18 +6,20 @@ import itertools
 import json
 import zipfile
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import final
 
 from uuvsim_cosim.cache import content_hash, whole_file
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.fmus.component import Component
-from uuvsim_cosim.orchestrator.master.faults import Fault, KeptFault
+from uuvsim_cosim.fmus.component import BindingKind, Component
+from uuvsim_cosim.orchestrator.master.core_library import read_blob, write_blob
+from uuvsim_cosim.orchestrator.master.core_tables import Tables
+from uuvsim_cosim.orchestrator.master.faults import Fault, Faults, KeptFault
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 
-__all__ = ["SCHEMA_VERSION", "Snapshot", "load_snapshot", "plan_hash", "save_snapshot"]
+__all__ = ["SCHEMA_VERSION", "LoopState", "Snapshot", "load_snapshot", "plan_hash", "save_snapshot"]
 
 SCHEMA_VERSION = 2
 
@@ -102,7 +104,20 @@ def load_snapshot(path: Path, plan: Plan, components: Sequence[Component]) -> Sn
     try:
         with zipfile.ZipFile(path) as archive:
             header = json.loads(archive.read("snapshot.json"))
-            _check(header, path, plan)
+            if header["schema_version"] != SCHEMA_VERSION:
+                raise InputInvalid(
+                    f"snapshot {path}",
+                    f"has schema version {header['schema_version']}",
+                    f"{SCHEMA_VERSION}, so one written by this version of the package",
+                )
+            if header["plan"] != plan_hash(plan):
+                differing = set(header["components"]) ^ {c.path for c in plan.components}
+                listed = ", ".join(sorted(differing)) or "their variables, steps or connections"
+                raise InputInvalid(
+                    f"snapshot {path}",
+                    f"is of another system (plan {header['plan']}; they differ in {listed})",
+                    f"one of plan {plan_hash(plan)}",
+                )
             joined = archive.read("texts")
             ends = list(itertools.accumulate(header["texts"], initial=0))
             texts = tuple(joined[a:b] for a, b in itertools.pairwise(ends))
@@ -130,19 +145,75 @@ def load_snapshot(path: Path, plan: Plan, components: Sequence[Component]) -> Sn
     return Snapshot(header["plan"], states, image, texts, faults, header["layout"])
 
 
-def _check(header: Mapping[str, Any], path: Path, plan: Plan) -> None:
-    if header["schema_version"] != SCHEMA_VERSION:
-        raise InputInvalid(
-            f"snapshot {path}",
-            f"has schema version {header['schema_version']}",
-            f"{SCHEMA_VERSION}, so one written by this version of the package",
-        )
-    if header["plan"] == plan_hash(plan):
-        return
-    theirs, ours = set(header["components"]), {c.path for c in plan.components}
-    differing = ", ".join(sorted(theirs ^ ours)) or "their variables, steps or connections"
-    raise InputInvalid(
-        f"snapshot {path}",
-        f"is of another system (plan {header['plan']}; they differ in {differing})",
-        f"one of plan {plan_hash(plan)}",
-    )
+@final
+class LoopState:
+    """Snapshots of a running loop; `plan` is the hash of its plan.
+
+    The components whose states are not in the image, and the slots that point to texts, are
+    looked up once, because snapshots may be frequent.
+    """
+
+    def __init__(
+        self, plan: str, tables: Tables, components: list[Component], faults: Faults
+    ) -> None:
+        self._plan = plan
+        self._tables, self._core = tables, tables.core
+        self._components, self._faults = components, faults
+        native = {
+            i
+            for i, b in zip(tables.order, tables.bindings, strict=True)
+            if b.kind == BindingKind.NATIVE
+        }
+        self._others = [i for i in range(len(components)) if i not in native]
+        self._none: tuple[object, ...] = (None,) * len(components)
+        outputs = _texts(tables, outputs_only=True)
+        self._layout = layout_hash(tables)
+        self._texts = [(self._core.slots, s) for s in _texts(tables)]
+        self._texts += [(self._core.fresh, s) for s in outputs]
+
+    def take(self) -> Snapshot:
+        """Copy the whole state; raises FmuError if a component cannot."""
+        states = self._none
+        if self._others:
+            copies = list(states)
+            for i in self._others:
+                copies[i] = self._components[i].get_fmu_state()
+            states = tuple(copies)
+        texts = tuple(read_blob(raw, s) for raw, s in self._texts) if self._texts else ()
+        kept = self._faults.kept() if self._faults.active else ()
+        image = self._core.get_image()
+        return Snapshot(self._plan, states, image, texts, kept, self._layout)
+
+    def restore(self, snapshot: Snapshot, without: int | None = None) -> None:
+        """Go back to a snapshot; a component that is to be replaced is left out."""
+        image = snapshot.image
+        if snapshot.plan != self._plan or image is None:
+            raise InputInvalid("restore", "the snapshot is of another system", "one of this master")
+        if snapshot.layout != self._layout or len(image) != self._core.image_size:
+            raise InputInvalid(
+                "restore",
+                "the snapshot was taken while other variables were recorded or live",
+                "the same `record`, `live` and `held`",
+            )
+        for i in self._others:
+            if i == without:
+                continue
+            self._components[i].set_fmu_state(snapshot.states[i])
+        # Last: if a component refuses its state, the loop's values are still those before.
+        self._core.set_image(image)
+        for (raw, s), text in zip(self._texts, snapshot.texts, strict=True):
+            write_blob(raw, s, text)
+        if self._faults.active or snapshot.faults:
+            self._faults.restore(snapshot.faults)
+        self._tables.forget_inputs()
+
+
+def layout_hash(tables: Tables) -> str:
+    """Hash the slots of the variables: they depend on the plan, on `record`, `live` and `held`."""
+    placed = (*tables.inputs.items(), *tables.outputs.items())
+    return content_hash([str(tables.order), *(f"{key} {p.slot}" for key, p in placed)])
+
+
+def _texts(tables: Tables, outputs_only: bool = False) -> Sequence[int]:
+    placed = [*([] if outputs_only else tables.inputs.values()), *tables.outputs.values()]
+    return [s for p in placed if p.variable.type in ("String", "Binary") for s in p.slots]

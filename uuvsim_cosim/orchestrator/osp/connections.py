@@ -9,17 +9,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from xml.etree.ElementTree import Element as Xml
 
 from uuvsim_cosim.fmus.description import Description
 from uuvsim_cosim.models.declaration.near_names import expected_names
 from uuvsim_cosim.orchestrator.osp.variable_groups import VariableGroup, pairs
-from uuvsim_cosim.orchestrator.osp.xml import Reading, children, local
+from uuvsim_cosim.orchestrator.osp.xml import Reading, children
 from uuvsim_cosim.orchestrator.system.elements import Connection, Element, StepGroup
-from uuvsim_cosim.orchestrator.system.osp_functions import sum_source
+from uuvsim_cosim.orchestrator.system.sources import sum_source
 from uuvsim_cosim.orchestrator.values.endpoints import find_variable
 from uuvsim_cosim.orchestrator.values.values import Misfit
+from uuvsim_cosim.orchestrator.values.xml_values import local_name
 
 __all__ = ["Connections"]
 
@@ -66,13 +67,22 @@ class Connections:
         self._out: dict[str, list[tuple[int, str]]] = {}  # function: (element, endpoint)
         bonds: dict[str, list[Xml]] = {}
         for item in (i for section in children(root, "Connections") for i in children(section)):
-            if not reading.known(local(item), list(_KINDS), "<Connections>", "connection"):
+            if not reading.known(local_name(item), list(_KINDS), "<Connections>", "connection"):
                 continue
             self._read(item)
             if item.get("powerBond") is not None:
                 bonds.setdefault(item.get("powerBond", ""), []).append(item)
         for name, parts in bonds.items():
-            self._bond(name, parts)
+            place = f"power bond {name!r}"  # its connections are transferred as any others
+            if all(local_name(p) == "VariableGroupConnection" for p in parts):
+                continue
+            if len(parts) != 2:
+                reading.wrong(place, f"{len(parts)} connections", "two, one in each direction")
+            for part in parts:
+                given = sorted(v.get("causality", "") for v in children(part, "Variable"))
+                if given not in ([], ["", ""], ["input", "output"]):
+                    read = f"causalities {' and '.join(repr(g) for g in given)}"
+                    reading.wrong(place, read, "one 'input' and one 'output', or neither")
         self.power_bonds = tuple(bonds)
         for function in self.functions.values():
             self._apply(function)
@@ -88,27 +98,23 @@ class Connections:
         """Read the functions, by name."""
         found: dict[str, _Function] = {}
         for item in (i for s in children(root, "Functions") for i in children(s)):
-            tag = local(item)
+            tag = local_name(item)
             known = ["LinearTransformation", "Sum", "VectorSum"]
             if not self.reading.known(tag, known, "<Functions>", "function"):
                 continue
             name = self.reading.required(item, "name", f"<{tag}>", "the name of the function")
-            function = _Function(name, tag)
-            place = function.place()
+            place = _Function(name, tag).place()
             if name in found or name in self.simulators:
                 self.reading.wrong(place, f"a second {name!r}", "a name of its own")
-            number = self.reading.number
+            number, count = self.reading.number, self.reading.count
             if tag == "LinearTransformation":
                 factor = number(item.get("factor"), place, "factor", 1.0)
                 offset = number(item.get("offset"), place, "offset", 0.0)
-                function = replace(function, factor=factor, offset=offset)
+                found[name] = _Function(name, tag, factor=factor, offset=offset)
             else:
-                inputs = self.reading.count(item, "inputCount", place)
-                function = replace(function, inputs=inputs)
-            if tag == "VectorSum":
-                dimension = self.reading.count(item, "dimension", place)
-                function = replace(function, dimension=dimension)
-            found[name] = function
+                inputs = count(item, "inputCount", place)
+                dimension = count(item, "dimension", place) if tag == "VectorSum" else 1
+                found[name] = _Function(name, tag, inputs, dimension)
         return found
 
     def _apply(self, function: _Function) -> None:
@@ -119,7 +125,12 @@ class Connections:
         if len(self.described) < len(self.simulators):
             return  # a simulator that cannot be read is reported already; this is its consequence
         if missing:
-            names = ", ".join(self._input_name(function, i) for i in missing[:3])
+            vectors = [divmod(i, function.dimension) for i in missing[:3]]
+            names = {
+                "LinearTransformation": "in",
+                "Sum": ", ".join(f"in[{v}]" for v, _ in vectors),
+                "VectorSum": ", ".join(f"in[{v}][{e}]" for v, e in vectors),
+            }[function.tag]
             more = ", …" if len(missing) > 3 else ""
             self.reading.wrong(
                 function.place(), f"nothing is connected to {names}{more}",
@@ -152,12 +163,6 @@ class Connections:
                     y = f"{name}.y" if function.dimension == 1 else f"{name}.y[{j + 1}]"
                     self.connections.append(Connection(y, target, convert=False))
 
-    def _input_name(self, function: _Function, i: int) -> str:
-        if function.tag == "LinearTransformation":
-            return "in"
-        vector, element = divmod(i, function.dimension)
-        return f"in[{vector}]" + (f"[{element}]" if function.tag == "VectorSum" else "")
-
     def _owner(self, endpoint: str) -> str:
         return next(n for n in self.simulators if endpoint.startswith(f"{n}."))
 
@@ -165,7 +170,7 @@ class Connections:
 
     def _read(self, item: Xml) -> None:
         """Add the connections of one element."""
-        tag = local(item)
+        tag = local_name(item)
         grouped = "Group" in tag
         ends = list(children(item, "VariableGroup" if grouped else "Variable"))
         signals = list(children(item, "SignalGroup" if grouped else "Signal"))
@@ -179,12 +184,31 @@ class Connections:
                 f"{'one' if wanted[0] == 1 else 'two'} of <{what}>{signal}",
             )  # fmt: skip
             return
-        named = [self._named(e, place) for e in ends]
-        if any(n is None for n in named):
+        known: list[tuple[str, str]] = []  # the simulator and the name of each end
+        for end in ends:
+            simulator = self.reading.required(end, "simulator", place, "the name of a simulator")
+            name = self.reading.required(end, "name", place, "the name of a variable or group")
+            exists = self.reading.known(simulator, list(self.simulators), place, "simulator")
+            if exists and name and simulator in self.described:
+                known.append((simulator, name))
+        if len(known) < len(ends):
             return
-        known = [n for n in named if n is not None]
-        if signals:
-            self._signal(signals[0], known[0], place, grouped)
+        if signals:  # of a function, connected to a variable or a group
+            function = self.reading.required(
+                signals[0], "function", place, "the name of a function"
+            )
+            signal = self.reading.required(signals[0], "name", place, "in, in[0] or out")
+            place = f"{place} {function}.{signal}"
+            if not self.reading.known(function, list(self.functions), place, "function"):
+                return
+            simulator, name = known[0]
+            variables: list[str] | None = [name]
+            if grouped:
+                group = self._group(simulator, name, place)
+                variables = None if group is None else group.listed()
+            if variables is not None:
+                endpoints = [f"{simulator}.{v}" for v in variables]
+                self._signals(self.functions[function], signal, endpoints, place)
             return
         (a, x), (b, y) = known
         place = f"<{tag}> {a}.{x} to {b}.{y}"
@@ -195,15 +219,6 @@ class Connections:
         if groups[0] is not None and groups[1] is not None:
             for v, w in pairs(groups[0], groups[1], place, self.reading):
                 self._join(f"{a}.{v}", f"{b}.{w}", place)
-
-    def _named(self, xml: Xml, place: str) -> tuple[str, str] | None:
-        """Return the simulator and the name; None if there is no such simulator."""
-        simulator = self.reading.required(xml, "simulator", place, "the name of a simulator")
-        name = self.reading.required(xml, "name", place, "the name of a variable or group")
-        known = self.reading.known(simulator, list(self.simulators), place, "simulator")
-        if not known or not name or simulator not in self.described:
-            return None
-        return simulator, name
 
     def _group(self, simulator: str, name: str, place: str) -> VariableGroup | None:
         groups = self.groups.get(simulator)
@@ -242,27 +257,18 @@ class Connections:
             return
         self.connections.append(Connection(a, b))
 
-    def _signal(self, xml: Xml, end: tuple[str, str], place: str, grouped: bool) -> None:
-        """Connect a variable or a group to a signal of a function."""
-        name = self.reading.required(xml, "function", place, "the name of a function")
-        signal = self.reading.required(xml, "name", place, "in, in[0] or out")
-        place = f"{place} {name}.{signal}"
-        if not self.reading.known(name, list(self.functions), place, "function"):
-            return
-        function = self.functions[name]
-        if not grouped:
-            self._signals(function, signal, [f"{end[0]}.{end[1]}"], place)
-            return
-        group = self._group(*end, place)
-        if group is not None:
-            self._signals(function, signal, [f"{end[0]}.{v}" for v in group.listed()], place)
-
     def _signals(self, f: _Function, signal: str, ends: list[str], place: str) -> None:
         """Connect variables to a signal, or to all elements of a signal group."""
-        into = self._input(f, signal)
-        out = self._output(f, signal)
-        places = into if into is not None else out
-        if places is None or len(places) != len(ends):
+        is_input = signal.startswith("in")
+        places: list[int] = []  # flat elements of the function's inputs, or of its output
+        if f.tag == "LinearTransformation" and is_input:
+            places = [0] if signal == "in" else []
+        elif (match := (_INPUT if is_input else _OUTPUT).match(signal)) is not None:
+            vector, element = (int(match[1]), match[2]) if is_input else (0, match[1])
+            inside = range(f.dimension) if element is None else [int(element)]
+            if vector < f.inputs and max(inside) < f.dimension:
+                places = [vector * f.dimension + i for i in inside]
+        if len(places) != len(ends) or not places:
             dim = f"{f.dimension} variables each" if f.tag == "VectorSum" else "one variable each"
             inputs = "in" if f.tag == "LinearTransformation" else f"in[0] to in[{f.inputs - 1}]"
             read = f"{len(ends)} variable{'s' * (len(ends) != 1)} at signal {signal!r}"
@@ -270,50 +276,14 @@ class Connections:
             return
         for i, endpoint in zip(places, ends, strict=True):
             causality = self._causality(endpoint, place)
-            wanted = "output" if into is not None else "input"
+            wanted = "output" if is_input else "input"
             if causality is None:
                 continue
             if causality != wanted:
                 self.reading.wrong(place, f"{endpoint} is {causality}", f"an {wanted}")
-            elif into is None:
+            elif not is_input:
                 self._out.setdefault(f.name, []).append((i, endpoint))
             elif i in self._into.setdefault(f.name, {}):
                 self.reading.wrong(place, "a second connection to this signal", "one")
             else:
                 self._into[f.name][i] = endpoint
-
-    def _input(self, f: _Function, signal: str) -> list[int] | None:
-        """Return the flat input elements of a signal such as ``in[0][2]``; None if it is none."""
-        if f.tag == "LinearTransformation":
-            return [0] if signal == "in" else None
-        match = _INPUT.match(signal)
-        if match is None or int(match[1]) >= f.inputs:
-            return None
-        first = int(match[1]) * f.dimension
-        if match[2] is None:
-            return list(range(first, first + f.dimension))
-        return [first + int(match[2])] if int(match[2]) < f.dimension else None
-
-    def _output(self, f: _Function, signal: str) -> list[int] | None:
-        """Return the output elements of a signal such as ``out[2]``; None if it is none."""
-        match = _OUTPUT.match(signal)
-        if match is None:
-            return None
-        if match[1] is None:
-            return list(range(f.dimension))
-        return [int(match[1])] if int(match[1]) < f.dimension else None
-
-    # ---- power bonds --------------------------------------------------------------------------
-
-    def _bond(self, name: str, parts: list[Xml]) -> None:
-        """Check a power bond; its connections are transferred as any others."""
-        place = f"power bond {name!r}"
-        if all(local(p) == "VariableGroupConnection" for p in parts):
-            return
-        if len(parts) != 2:
-            self.reading.wrong(place, f"{len(parts)} connections", "two, one in each direction")
-        for part in parts:
-            given = sorted(v.get("causality", "") for v in children(part, "Variable"))
-            if given not in ([], ["", ""], ["input", "output"]):
-                read = f"causalities {' and '.join(repr(g) for g in given)}"
-                self.reading.wrong(place, read, "one 'input' and one 'output', or neither")

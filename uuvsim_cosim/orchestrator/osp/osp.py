@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -18,19 +18,24 @@ from uuvsim_cosim.orchestrator.osp.variable_groups import (
     find_model_description,
     read_variable_groups,
 )
-from uuvsim_cosim.orchestrator.osp.xml import Reading, children, local, opened
+from uuvsim_cosim.orchestrator.osp.xml import Reading, children, opened
 from uuvsim_cosim.orchestrator.system.elements import Element, step_text
-from uuvsim_cosim.orchestrator.system.proxyfmu import REMARK, proxy_file
-from uuvsim_cosim.orchestrator.system.resolve import resolve
+from uuvsim_cosim.orchestrator.system.resolve import REMARK, proxy_file, resolve
 from uuvsim_cosim.orchestrator.system.sources import FmuSource
 from uuvsim_cosim.orchestrator.system.system import System
 from uuvsim_cosim.orchestrator.system.validation import as_step, problem_of
 from uuvsim_cosim.orchestrator.values.values import flat
+from uuvsim_cosim.orchestrator.values.xml_values import BOOLEANS, local_name
 
 __all__ = ["read_osp"]
 
+_SECTIONS = ["StartTime", "EndTime", "BaseStepSize", "Algorithm", "Simulators", "Functions",
+             "Connections", "EccoConfiguration", "Description"]  # fmt: skip
 DEFAULT_STEP = "0.1"  # of libcosim, for files without a step
-_TYPES = ("Real", "Integer", "Boolean", "String", "Enumeration")
+_TYPES: dict[str, Callable[[str], float | str]] = {
+    "Real": float, "Integer": int, "Boolean": lambda text: BOOLEANS[text.strip().lower()],
+    "String": str, "Enumeration": int,
+}  # fmt: skip
 
 
 def read_osp(path: Path, tick: str | None = None) -> System:
@@ -41,14 +46,37 @@ def read_osp(path: Path, tick: str | None = None) -> System:
     """
     root = opened(path, "OspSystemStructure")
     reading = Reading(path.name)
-    _check_sections(root, reading)
-    base = _base_step(root, reading, tick)
-    start_time, stop_time = _run_times(root, reading)
+    for child in root:
+        reading.known(local_name(child), _SECTIONS, "<OspSystemStructure>", "section")
+    if next(children(root, "Simulators"), None) is None:
+        reading.wrong("<OspSystemStructure>", "no <Simulators>", "at least one <Simulator>")
+    step = _only(root, "BaseStepSize")
+    if step is None:
+        step = tick or DEFAULT_STEP
+        if tick is None:
+            reading.remark(f"no BaseStepSize: {step} s is taken, as libcosim does")
+    base = _step(step, "<BaseStepSize>", reading) or Fraction(DEFAULT_STEP)
+    start = reading.number(_only(root, "StartTime"), "<StartTime>", "time", 0.0)
+    end_text = _only(root, "EndTime")
+    end = reading.number(end_text, "<EndTime>", "time", start)
+    if end < start:
+        reading.wrong("<EndTime>", f"{end:g} s", f"a time after StartTime, {start:g} s")
+    if start < 0.0:
+        reading.remark(f"StartTime {start:g} s: a run starts at 0 s, the first possible time")
+        start = 0.0
     elements = _simulators(root, reading, base)
     described = _described(elements, path.parent, reading)
     groups = _variable_groups(elements, described, path.parent, reading)
     joined = Connections(root, reading, {e.name: e for e in elements}, described, groups)
-    _note_algorithm(root, reading, base, joined.power_bonds)
+    algorithm = _only(root, "Algorithm") or "fixedStep"
+    if algorithm.lower() == "ecco":
+        reading.remark(
+            f"Algorithm ecco varies the step by the energy that power bonds lose "
+            f"({', '.join(joined.power_bonds) or 'there are none'}); here every step is "
+            f"{step_text(base)} s, and a bond is its two connections"
+        )
+    elif algorithm.lower() != "fixedstep":
+        reading.known(algorithm, ["fixedStep", "ecco"], "<Algorithm>", "algorithm")
     if reading.problems:
         raise SystemInvalid(list(dict.fromkeys(reading.problems)))
     elements = tuple(_without_default_values(e, described.get(e.name)) for e in elements)
@@ -58,14 +86,14 @@ def read_osp(path: Path, tick: str | None = None) -> System:
         return System(
             "".join(c if c.isalnum() or c in "_-" else "_" for c in name),
             base,
-            next((_text(d) for d in children(root, "Description")), ""),
+            _only(root, "Description") or "",
             (*elements, *joined.sums),
             tuple(joined.connections),
             tuple(joined.step_groups()),
             base=path.parent,
             remarks=tuple(dict.fromkeys(reading.remarks)),
-            stop_time=stop_time,
-            start_time=start_time,
+            stop_time=end if end_text is not None and end > start else None,
+            start_time=start,
         )
     except SystemInvalid as error:
         raise SystemInvalid(
@@ -73,23 +101,10 @@ def read_osp(path: Path, tick: str | None = None) -> System:
         ) from None
 
 
-def _text(xml: Xml | None) -> str:
-    return "" if xml is None or xml.text is None else xml.text.strip()
-
-
 def _only(root: Xml, name: str) -> str | None:
     """Return the text of the first child of this name; None if there is none."""
     found = next(children(root, name), None)
-    return None if found is None else _text(found)
-
-
-def _check_sections(root: Xml, reading: Reading) -> None:
-    known = ["StartTime", "EndTime", "BaseStepSize", "Algorithm", "Simulators", "Functions",
-             "Connections", "EccoConfiguration", "Description"]  # fmt: skip
-    for child in root:
-        reading.known(local(child), known, "<OspSystemStructure>", "section")
-    if next(children(root, "Simulators"), None) is None:
-        reading.wrong("<OspSystemStructure>", "no <Simulators>", "at least one <Simulator>")
+    return None if found is None else (found.text or "").strip()
 
 
 # ---- steps --------------------------------------------------------------------------------------
@@ -101,15 +116,6 @@ def _step(text: str, place: str, reading: Reading) -> Fraction | None:
     except UuvsimError as error:
         reading.wrong(place, error.problems[0].read, error.problems[0].expected)
         return None
-
-
-def _base_step(root: Xml, reading: Reading, tick: str | None) -> Fraction:
-    text = _only(root, "BaseStepSize")
-    if text is None:
-        text = tick or DEFAULT_STEP
-        if tick is None:
-            reading.remark(f"no BaseStepSize: {text} s is taken, as libcosim does")
-    return _step(text, "<BaseStepSize>", reading) or Fraction(DEFAULT_STEP)
 
 
 def _rate(text: str | None, base: Fraction, place: str, reading: Reading) -> Fraction | None:
@@ -130,34 +136,6 @@ def _rate(text: str | None, base: Fraction, place: str, reading: Reading) -> Fra
     return None if rounded == base else rounded
 
 
-def _run_times(root: Xml, reading: Reading) -> tuple[float, float | None]:
-    """Return the start time of a run, and its stop time if the file has one [s]."""
-    start = reading.number(_only(root, "StartTime"), "<StartTime>", "time", 0.0)
-    end_text = _only(root, "EndTime")
-    end = reading.number(end_text, "<EndTime>", "time", start)
-    if end < start:
-        reading.wrong("<EndTime>", f"{end:g} s", f"a time after StartTime, {start:g} s")
-    if start < 0.0:
-        reading.remark(f"StartTime {start:g} s: a run starts at 0 s, the first possible time")
-        start = 0.0
-    return start, end if end_text is not None and end > start else None
-
-
-def _note_algorithm(
-    root: Xml, reading: Reading, base: Fraction, power_bonds: tuple[str, ...]
-) -> None:
-    given = _only(root, "Algorithm") or "fixedStep"
-    if given.lower() == "ecco":
-        bonds = ", ".join(power_bonds)
-        reading.remark(
-            f"Algorithm ecco varies the step by the energy that power bonds lose "
-            f"({bonds or 'there are none'}); here every step is {step_text(base)} s, and a bond "
-            "is its two connections"
-        )
-    elif given.lower() != "fixedstep":
-        reading.known(given, ["fixedStep", "ecco"], "<Algorithm>", "algorithm")
-
-
 # ---- simulators ---------------------------------------------------------------------------------
 
 
@@ -166,29 +144,24 @@ def _simulators(root: Xml, reading: Reading, base: Fraction) -> tuple[Element, .
     for section in children(root, "Simulators"):
         for item in children(section):
             place = f"<Simulator name={item.get('name', '')!r}>"
-            if not reading.known(local(item), ["Simulator"], "<Simulators>", "element"):
+            if not reading.known(local_name(item), ["Simulator"], "<Simulators>", "element"):
                 continue
             name = reading.required(item, "name", place, "the name of the simulator")
-            source = _source(reading.required(item, "source", place, "an FMU"), place, reading)
+            source = reading.required(item, "source", place, "an FMU")
+            try:
+                file = proxy_file(source)
+            except InputInvalid as error:
+                problem = error.at(place, "")
+                reading.wrong(place, problem.read, problem.expected)
+            else:
+                if file is not None:  # an FMU in its own process
+                    reading.remark(f"{place}: {REMARK}")
+                source = unquote(source.replace("file:///", "/")) if file is None else file
             rate = _rate(item.get("stepSize"), base, place, reading)
             if name in found:
                 reading.wrong(place, "a second simulator of this name", "a name of its own")
             found[name] = Element(name, source, _initial_values(item, place, reading), rate)
     return tuple(found.values())
-
-
-def _source(text: str, place: str, reading: Reading) -> str:
-    """Return the file of a source; for proxyfmu (an FMU in its own process), the FMU's file."""
-    try:
-        file = proxy_file(text)
-    except InputInvalid as error:
-        problem = error.at(place, "")
-        reading.wrong(place, problem.read, problem.expected)
-        return text
-    if file is None:
-        return unquote(text.replace("file:///", "/"))
-    reading.remark(f"{place}: {REMARK}")
-    return file
 
 
 def _initial_values(xml: Xml, place: str, reading: Reading) -> dict[str, object]:
@@ -200,25 +173,19 @@ def _initial_values(xml: Xml, place: str, reading: Reading) -> dict[str, object]
             typed = next(children(item), None)
             if typed is None:
                 reading.wrong(here, "no value", 'one such as <Real value="1"/>')
-            elif reading.known(local(typed), list(_TYPES), here, "type"):
-                found[name] = _value(typed, here, reading)
+                continue
+            tag, text = local_name(typed), typed.get("value")
+            if not reading.known(tag, list(_TYPES), here, "type"):
+                continue
+            found[name] = None
+            if text is None:
+                reading.wrong(here, f"<{tag}> without value", f'<{tag} value="…"/>')
+                continue
+            try:
+                found[name] = _TYPES[tag](text)
+            except (ValueError, KeyError):
+                reading.wrong(here, f"<{tag} value={text!r}>", f"a value of type {tag}")
     return found
-
-
-def _value(typed: Xml, place: str, reading: Reading) -> float | str | None:
-    text, tag = typed.get("value"), local(typed)
-    if text is None:
-        reading.wrong(place, f"<{tag}> without value", f'<{tag} value="…"/>')
-        return None
-    if tag == "String":
-        return text
-    try:
-        if tag == "Boolean":
-            return {"true": True, "1": True, "false": False, "0": False}[text.strip().lower()]
-        return float(text) if tag == "Real" else int(text)
-    except (ValueError, KeyError):
-        reading.wrong(place, f"<{tag} value={text!r}>", f"a value of type {tag}")
-        return None
 
 
 def _without_default_values(element: Element, description: Description | None) -> Element:

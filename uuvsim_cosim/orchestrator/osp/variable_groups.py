@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element as Xml
 
-from uuvsim_cosim.orchestrator.osp.xml import Reading, children, local, opened
+from uuvsim_cosim.orchestrator.osp.xml import Reading, children, opened
+from uuvsim_cosim.orchestrator.values.xml_values import local_name
 
 __all__ = ["VariableGroup", "find_model_description", "pairs", "read_variable_groups"]
 
@@ -54,14 +55,14 @@ def read_variable_groups(path: Path, reading: Reading) -> tuple[VariableGroup, .
 
 
 def _group(xml: Xml, reading: Reading) -> VariableGroup:
-    tag = local(xml)
+    tag = local_name(xml)
     name = reading.required(xml, "name", f"<{tag}>", "the name of the group")
     place = f"<{tag} name={name!r}>"
     variables = [
         reading.required(v, "ref", f"{place} <Variable>", "the name of a variable")
         for v in children(xml, "Variable")
     ]
-    inner = [_group(g, reading) for g in children(xml) if local(g) not in ("Variable", "")]
+    inner = [_group(g, reading) for g in children(xml) if local_name(g) not in ("Variable", "")]
     return VariableGroup(name, tag, tuple(variables), tuple(inner))
 
 

@@ -12,8 +12,9 @@ from uuvsim_cosim.errors import InputInvalid, Problem
 from uuvsim_cosim.fmus.importer.archive import shown
 from uuvsim_cosim.fmus.importer.safe_xml import read_xml
 from uuvsim_cosim.models.declaration.near_names import expected_names
+from uuvsim_cosim.orchestrator.values.xml_values import local_name
 
-__all__ = ["Reading", "children", "local", "opened"]
+__all__ = ["Reading", "children", "opened"]
 
 
 @dataclass
@@ -73,18 +74,13 @@ class Reading:
 def opened(path: Path, root: str) -> Xml:
     """Parse a file, which must have this root; raises InputInvalid."""
     found = read_xml(path, InputInvalid, shown(path))
-    if local(found) != root:
-        raise InputInvalid(shown(path), f"<{local(found)}>", f"<{root}>")
+    if local_name(found) != root:
+        raise InputInvalid(shown(path), f"<{local_name(found)}>", f"<{root}>")
     return found
-
-
-def local(xml: Xml) -> str:
-    """Return an element's name without its namespace, because several versions are in use."""
-    return xml.tag.rpartition("}")[2] if isinstance(xml.tag, str) else ""
 
 
 def children(xml: Xml | None, *names: str) -> Iterator[Xml]:
     """List the children, or those of some names."""
     for child in xml if xml is not None else ():
-        if not names or local(child) in names:
+        if not names or local_name(child) in names:
             yield child

@@ -10,26 +10,18 @@ from xml.etree.ElementTree import Element, SubElement
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.importer.archive import shown
 from uuvsim_cosim.orchestrator.parameters.ssp_xml import SspVersion, document, q, read_document
-from uuvsim_cosim.orchestrator.values.transformation import read_transformation
-from uuvsim_cosim.orchestrator.values.value_table import Table
+from uuvsim_cosim.orchestrator.values.transformation import Transformation, read_transformation
 
 __all__ = ["MappingEntry", "read_mapping", "read_names", "read_ssm", "write_ssm"]
 
 
 @dataclass(frozen=True)
 class MappingEntry:
-    """Rule by which a target parameter gets its value from a source parameter.
-
-    The target gets factor · source + offset, after conversion into its unit if `convert`. With a
-    `table` (Booleans, integers, items of enumerations) it gets the table's entry.
-    """
+    """Rule by which a target parameter gets its value from a source parameter."""
 
     source: str
     target: str
-    factor: float = 1.0
-    offset: float = 0.0
-    convert: bool = True
-    table: Table = ()
+    change: Transformation
 
 
 def read_ssm(path: Path) -> list[MappingEntry]:
@@ -41,12 +33,13 @@ def read_names(path: Path) -> dict[str, str]:
     """Read a mapping file that only renames; raises InputInvalid if it transforms values."""
     entries = read_ssm(path)
     for entry in entries:
-        if entry.table:
+        change = entry.change
+        if change.table:
             raise InputInvalid(path, f"{entry.source} is mapped by a table of values", "names only")
-        if (entry.factor, entry.offset) != (1.0, 0.0):
+        if change.scales:
             raise InputInvalid(
                 path,
-                f"{entry.source} is transformed by {entry.factor:g} x + {entry.offset:g}",
+                f"{entry.source} is transformed by {change.factor:g} x + {change.offset:g}",
                 "names only (units are converted at the connections)",
             )
     return {e.source: e.target for e in entries}
@@ -61,10 +54,8 @@ def read_mapping(root: Element, place: str) -> list[MappingEntry]:
             continue  # no parameter has this name
         if source is None or not target:
             raise InputInvalid(place, "an entry without source or target", "both")
-        change = read_transformation(item, f"{place}: <ssm:MappingEntry source={source!r}>")
-        found.append(
-            MappingEntry(source, target, change.factor, change.offset, change.convert, change.table)
-        )
+        here = f"{place}: <ssm:MappingEntry source={source!r}>"
+        found.append(MappingEntry(source, target, read_transformation(item, here)))
     targets = [e.target for e in found]
     twice = next((t for t in targets if targets.count(t) > 1), None)
     if twice is not None:

@@ -12,7 +12,7 @@ plain SSP. Steps are repeated in the annotations of other tools (see `ssp/annota
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Literal
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
@@ -32,6 +32,7 @@ __all__ = [
     "SspVersion",
     "add_annotation",
     "add_units",
+    "annotations_of",
     "document",
     "find_annotation",
     "has_arrays",
@@ -72,6 +73,9 @@ def q(name: str) -> str:
     """Expand ``ssd:System`` to the tag that ElementTree reads."""
     prefix, _, local = name.partition(":")
     return f"{{{NAMESPACES[prefix]}}}{local}"
+
+
+_ANNOTATIONS = f"{q('ssd:Annotations')}/{q('ssc:Annotation')}"
 
 
 def document(root: Element, *prefixes: str) -> bytes:
@@ -129,20 +133,24 @@ def read_units(parent: Element, tag: str, place: str = "units") -> dict[str, Uni
     return found
 
 
-def add_annotation(parent: Element, content: Element, tag: str = "ssd:Annotations") -> None:
-    """Add this project's annotation as the last child."""
-    section = parent.find(tag)
+def add_annotation(parent: Element, type_: str = ANNOTATION) -> Element:
+    """Add an empty annotation of a tool, by default of this project, and return it."""
+    section = parent.find("ssd:Annotations")
     if section is None:
-        section = SubElement(parent, tag)
-    SubElement(section, "ssc:Annotation", type=ANNOTATION).append(content)
+        section = SubElement(parent, "ssd:Annotations")
+    return SubElement(section, "ssc:Annotation", type=type_)
 
 
-def find_annotation(parent: Element, tag: str = "ssd:Annotations") -> Element | None:
+def annotations_of(parent: Element | None, type_: str = ANNOTATION) -> Iterator[Element]:
+    """Yield the annotations of a tool."""
+    for item in () if parent is None else parent.iterfind(_ANNOTATIONS):
+        if item.get("type") == type_:
+            yield item
+
+
+def find_annotation(parent: Element) -> Element | None:
     """Find the content of this project's annotation."""
-    for item in parent.iterfind(f"{q(tag)}/{q('ssc:Annotation')}"):
-        if item.get("type") == ANNOTATION and len(item):
-            return item[0]
-    return None
+    return next((item[0] for item in annotations_of(parent) if len(item)), None)
 
 
 def read_document(path: Path, root: str, remarks: list[str] | None = None) -> Element:

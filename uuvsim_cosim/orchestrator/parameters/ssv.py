@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,12 +25,23 @@ from uuvsim_cosim.orchestrator.parameters.ssp_xml import (
     type_name,
 )
 from uuvsim_cosim.orchestrator.values.values import flat, is_float
-from uuvsim_cosim.orchestrator.values.xml_values import int_of, number, text_of
+from uuvsim_cosim.orchestrator.values.xml_values import (
+    BOOLEANS,
+    int_of,
+    local_name,
+    number,
+    text_of,
+)
 
 __all__ = ["EnumerationItem", "Enumerations", "ParameterValue", "parameter_set",
            "read_enumerations", "read_parameter_set", "read_ssv", "write_ssv"]  # fmt: skip
 
 Enumerations = Mapping[str, Mapping[str, int]]
+# Values by the type of a parameter's element; those of any other type are integers.
+_READ: dict[str, Callable[[str], Any]] = {
+    "Real": float, "Float64": float, "Float32": float, "Binary": bytes.fromhex, "String": str,
+    "Boolean": lambda text: BOOLEANS[text.strip()],
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -91,17 +102,14 @@ def _add(
     unit: str | None,
 ) -> None:
     parameter = SubElement(parent, "ssv:Parameter", name=name)
-    attributes: dict[str, str] = {}
-    if unit and is_float(variable):
-        attributes["unit"] = unit
     typed = SubElement(parameter, f"ssv:{type_name(variable.type, version)}")
     if variable.type in ("String", "Binary") and len(values) > 1:
         for value in values:
             SubElement(typed, "ssv:Value", value=_text(variable, value))
     else:
         typed.set("value", " ".join(_text(variable, v) for v in values))
-    for key, text in attributes.items():
-        typed.set(key, text)
+    if unit and is_float(variable):
+        typed.set("unit", unit)
     for extent in shape:
         SubElement(parameter, "ssc:Dimension", size=str(extent))
 
@@ -121,23 +129,26 @@ def read_parameter_set(
     for parameter in root.iterfind(f"{q('ssv:Parameters')}/{q('ssv:Parameter')}"):
         name = parameter.get("name", "")
         here = f"{place}: parameter {name!r}"
-        shape = [int_of(d, "size", here, 0) for d in parameter.iterfind("*")
-                 if _local(d) == "Dimension"]  # fmt: skip
-        typed = next((e for e in parameter if _local(e) not in ("Dimension", "Annotations")), None)
-        if typed is None:
+        children = [(local_name(e), e) for e in parameter]
+        shape = [int_of(e, "size", here, 0) for tag, e in children if tag == "Dimension"]
+        others = [c for c in children if c[0] not in ("Dimension", "Annotations")]
+        if not others:
             raise InputInvalid(place, f"parameter {name!r} has no value", "<ssv:Real …>")
-        texts = [e.get("value", "") for e in typed if _local(e) == "Value"]
+        tag, typed = others[0]
+        texts = [e.get("value", "") for e in typed if local_name(e) == "Value"]
         if not texts:
             text = typed.get("value", "")
-            is_list = bool(shape) and _local(typed) not in ("String", "Binary")
-            texts = text.split() if is_list else [text]
+            texts = text.split() if shape and tag not in ("String", "Binary") else [text]
         try:
-            values = [_value(typed, t, enumerations, here) for t in texts]
+            if tag == "Enumeration":
+                values = [_item(typed, t, enumerations, here) for t in texts]
+            else:
+                values = [_READ.get(tag, int)(t) for t in texts]
         except (ValueError, KeyError):
             raise InputInvalid(
                 place,
                 f"parameter {name!r} is {typed.get('value')!r}",
-                f"a value of type {_local(typed)}",
+                f"a value of type {tag}",
             ) from None
         value = values if shape else values[0]
         found.append(ParameterValue(name, value, typed.get("unit")))
@@ -148,7 +159,7 @@ def read_enumerations(parent: Element, tag: str, place: str) -> Enumerations:
     """Read the enumerations that a file defines: the numbers of their items, by name."""
     return {
         item.get("name", ""): {
-            i.get("name", ""): int_of(i, "value", f"{place}: <{_local(item)}>", 0)
+            i.get("name", ""): int_of(i, "value", f"{place}: <{local_name(item)}>", 0)
             for i in item.iterfind(q("ssc:Item"))
         }
         for item in parent.iterfind(f"{q(tag)}/{q('ssc:Enumeration')}")
@@ -189,22 +200,3 @@ def _item(typed: Element, text: str, enumerations: Enumerations, place: str) -> 
     found = EnumerationItem(numbers.pop())
     found.item = text
     return found
-
-
-def _value(
-    typed: Element, text: str, enumerations: Enumerations, place: str
-) -> float | str | bytes:
-    tag = _local(typed)
-    if tag == "Enumeration":
-        return _item(typed, text, enumerations, place)
-    if tag in ("Real", "Float64", "Float32"):
-        return float(text)
-    if tag == "Boolean":
-        return {"true": True, "1": True, "false": False, "0": False}[text.strip()]
-    if tag == "Binary":
-        return bytes.fromhex(text)
-    return text if tag == "String" else int(text)
-
-
-def _local(element: Element) -> str:
-    return element.tag.rpartition("}")[2] if isinstance(element.tag, str) else ""

@@ -1,4 +1,4 @@
-"""Policy for the algebraic loops of a plan: they are iterated, refused or delayed.
+"""Algebraic loops of a plan: their gain, and the policy that iterates, refuses or delays them.
 
 A loop is algebraic if every hop declares its direct feedthrough. Stepped by Jacobi or
 Gauss-Seidel, some of its connections delay by a step; this changes the system, which diverges if
@@ -9,13 +9,16 @@ delayed, and a warning names it.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
+import numpy as np
+
 from uuvsim_cosim.errors import Problem, SystemInvalid
+from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.orchestrator.plan.graphs import shortest_cycle, strongly_connected
+from uuvsim_cosim.orchestrator.plan.initial_loop import feedthrough, is_singular
 from uuvsim_cosim.orchestrator.plan.initialization import Output, waits_of
-from uuvsim_cosim.orchestrator.plan.loop_gain import estimated_gain, gain_text
 from uuvsim_cosim.orchestrator.plan.plan import (
     AlgebraicLoop,
     Group,
@@ -23,14 +26,21 @@ from uuvsim_cosim.orchestrator.plan.plan import (
     PlannedComponent,
     Transfer,
 )
+from uuvsim_cosim.orchestrator.plan.start import enter_initialization
 from uuvsim_cosim.orchestrator.system.elements import step_text
+from uuvsim_cosim.orchestrator.system.resolve import resolve
 
 __all__ = [
+    "LoopGain",
     "apply_loop_policy",
     "check_loops",
+    "delay_remark",
+    "estimated_gain",
     "found_loops",
+    "gain_text",
     "hops_of",
     "iteration_obstacles",
+    "loop_gain",
     "loop_lines_of",
 ]
 
@@ -44,7 +54,15 @@ def apply_loop_policy(plan: Plan, ungrouped: frozenset[int]) -> Plan:
     `ungrouped` are the components that the user has put into no group. Raises SystemInvalid that
     lists the refused loops: by the policy, or because their members cannot be iterated.
     """
-    sums = {n for n, g in enumerate(plan.groups) if _is_of_sums(plan, g)}
+    # Groups that an OSP file made: sums, then the component that they feed. No user chose their
+    # order, so the policy may change it.
+    sums = {
+        n
+        for n, g in enumerate(plan.groups)
+        if g.algorithm == "gauss-seidel"
+        and len(g.members) > 1
+        and all(plan.components[i].source.startswith("function:") for i in g.members[:-1])
+    }
     free = sums | {n for n, g in enumerate(plan.groups) if ungrouped.issuperset(g.members)}
     group_of = {i: n for n, g in enumerate(plan.groups) for i in g.members}
     together: list[set[int]] = []  # disjoint sets of members to iterate
@@ -118,7 +136,7 @@ def found_loops(plan: Plan) -> list[AlgebraicLoop]:
 
 def hops_of(plan: Plan, loop: AlgebraicLoop) -> str:
     """Name one way around a loop, connection by connection."""
-    return ", ".join(_connection(plan, plan.transfers[k]) for k in loop.cycle)
+    return ", ".join(plan.hop(plan.transfers[k]) for k in loop.cycle)
 
 
 def loop_lines_of(plan: Plan) -> list[str]:
@@ -164,15 +182,6 @@ def iteration_obstacles(
 # ---- inside ---------------------------------------------------------------------------------
 
 
-def _is_of_sums(plan: Plan, group: Group) -> bool:
-    """Whether an OSP file made the group: sums, then the component that they feed.
-
-    No user chose its order, so the loop policy may change it.
-    """
-    sums = [plan.components[i].source.startswith("function:") for i in group.members[:-1]]
-    return group.algorithm == "gauss-seidel" and bool(sums) and all(sums)
-
-
 def _refusal_reasons(
     plan: Plan, loop: AlgebraicLoop, members: Sequence[int], free: bool
 ) -> Iterator[tuple[str, str]]:
@@ -190,7 +199,7 @@ def _refusal_reasons(
     for k in loop.transfers:
         t = plan.transfers[k]
         if t.target_variable.type in ("String", "Binary"):
-            yield f"{_connection(plan, t)} carries text or bytes", "numbers in the loop"
+            yield f"{plan.hop(t)} carries text or bytes", "numbers in the loop"
 
 
 def _refusal(plan: Plan, loop: AlgebraicLoop, why: Sequence[tuple[str, str]]) -> Problem:
@@ -256,6 +265,83 @@ def _source(t: Transfer) -> Output:
     return t.source, t.source_variable.name
 
 
-def _connection(plan: Plan, t: Transfer) -> str:
-    source, target = plan.components[t.source].path, plan.components[t.target].path
-    return f"{source}.{t.source_variable.name} -> {target}.{t.target_variable.name}"
+_REAL = 1e-9  # an imaginary part below it, relative to the magnitude, is rounding
+
+
+@dataclass(frozen=True)
+class LoopGain:
+    """Gain of a loop: the change of one input after one way around the loop.
+
+    With x the inputs inside the loop and G = d(new x)/dx, through the members' direct feedthrough
+    and the connections, x = G x + b has one solution if I - G is regular. A loop whose connections
+    delay by a step follows x_k+1 = G x_k + b, which diverges if an eigenvalue of G exceeds 1.
+    """
+
+    around: float  # gain of one way around the named cycle, with its sign if it is real
+    growth: float  # of an error per step, if every connection of the loop delays
+    is_singular: bool
+
+
+def loop_gain(
+    plan: Plan, loop: AlgebraicLoop, components: Sequence[Component], time: float
+) -> LoopGain | None:
+    """Return the gain at the components' present values; None if the loop carries no numbers.
+
+    The components are in Initialization Mode. Derivatives are their own where they provide them,
+    else finite differences.
+    """
+    transfers = [plan.transfers[k] for k in loop.transfers]
+    matrix, rows = feedthrough(transfers, components, time)
+    places = [rows[loop.transfers.index(k)] for k in loop.cycle]
+    if not all(places):
+        return None
+    around = np.eye(len(places[-1]))
+    for before, here in zip([places[-1], *places], places, strict=False):
+        around = matrix[np.ix_(here, before)] @ around
+    largest = max(np.linalg.eigvals(around), key=abs)
+    real = abs(largest.imag) <= _REAL * abs(largest)
+    return LoopGain(
+        float(largest.real if real else abs(largest)),
+        float(max(abs(np.linalg.eigvals(matrix)))),
+        is_singular(matrix),
+    )
+
+
+def estimated_gain(plan: Plan, loop: AlgebraicLoop) -> LoopGain | None:
+    """Return the gain at the start values of the members; None if it cannot be determined.
+
+    Instances of the members are made for it, and freed.
+    """
+    place = {i: k for k, i in enumerate(loop.members)}
+    planned = tuple(plan.components[i] for i in loop.members)
+    transfers = tuple(
+        replace(t, source=place.get(t.source, -1), target=place.get(t.target, -1))
+        for t in plan.transfers
+    )
+    components: list[Component] = []
+    try:
+        for c in planned:
+            components.append(resolve(c.source).instantiate(c.path, backend="native"))
+            enter_initialization(c, components[-1], {}, None, (0.0, None))
+        alone = replace(plan, components=planned, transfers=transfers)
+        return loop_gain(alone, loop, components, 0.0)
+    except Exception:  # the estimate is for an error message, which its failure must not replace
+        return None
+    finally:
+        for component in components:
+            component.free()
+
+
+def delay_remark(hops: str, gain: LoopGain | None) -> str:
+    """Return a sentence for a loop that does not converge if it is delayed, else nothing."""
+    if gain is None or gain.growth < 1.0 - 1e-9:
+        return ""
+    return (
+        f"algebraic loop {hops}: {gain_text(gain)}, with which its delayed connections do not "
+        "converge; expected --loops iterate, or a gain of magnitude below 1"
+    )
+
+
+def gain_text(gain: LoopGain | None) -> str:
+    """Write an estimated gain."""
+    return "its gain is not known" if gain is None else f"its estimated gain is {gain.around:.4g}"

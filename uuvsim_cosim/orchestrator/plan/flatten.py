@@ -17,7 +17,7 @@ from uuvsim_cosim.orchestrator.system.elements import Loops, step_text
 from uuvsim_cosim.orchestrator.system.resolve import described_by
 from uuvsim_cosim.orchestrator.system.system import System
 from uuvsim_cosim.orchestrator.values.endpoints import Endpoint, resolve_endpoint
-from uuvsim_cosim.orchestrator.values.value_table import Numbers
+from uuvsim_cosim.orchestrator.values.transformation import Numbers
 from uuvsim_cosim.orchestrator.values.values import as_array, flat
 
 __all__ = ["flatten", "plan_to_inspect"]

@@ -94,7 +94,9 @@ class _Loop:
 
     def solve(self) -> None:
         """Set the inputs to the solution; raises LoopNotConverged."""
-        x = self._image()  # if the cycle has no feedthrough, one pass around solves it
+        x = self._outputs(
+            range(len(self.links))
+        )  # if the cycle has no feedthrough, one pass around solves it
         self._set(x)
         best = self._residual(x)
         if not best.any():
@@ -208,15 +210,12 @@ class _Loop:
         self._set(x, only=i)
         return result
 
-    def _image(self) -> np.ndarray:
-        """Return the inputs that follow from the present outputs, T(y(x))."""
-        return self._outputs(range(len(self.links)))
-
     def _residual(self, x: np.ndarray) -> np.ndarray:
-        r: np.ndarray = self._image() - x
+        r: np.ndarray = self._outputs(range(len(self.links))) - x
         return r
 
     def _outputs(self, which: Sequence[int] | range) -> np.ndarray:
+        """Return the inputs of these links that follow from the present outputs, T(y(x))."""
         read: dict[tuple[int, str], np.ndarray] = {}
         values = np.zeros(len(which))
         for n, k in enumerate(which):

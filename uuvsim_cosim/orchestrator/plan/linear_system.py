@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
+from itertools import accumulate
 from math import ceil, lcm
 from typing import TYPE_CHECKING, Any
 
@@ -94,12 +95,12 @@ class _Part:
         self.at = place
         self.y_at = place + len(self.start)
         self.end = self.y_at + sum(v.size for v in self.model.of_kind("output"))
-        self.offset = {}
-        for causality in ("input", "output"):
-            here = 0
-            for v in self.model.of_kind(causality):
-                self.offset[v.name] = here
-                here += v.size
+        self.offset: dict[
+            str, int
+        ] = {}  # of a variable's first element among the inputs, or among the outputs
+        for variables in (self.model.of_kind("input"), self.model.of_kind("output")):
+            sizes = accumulate((v.size for v in variables), initial=0)
+            self.offset |= dict(zip((v.name for v in variables), sizes, strict=False))
 
     def names(self, *causalities: Any) -> list[str]:
         return [
@@ -147,8 +148,6 @@ class _Map:
         self.size = place
         self.names = [n for p in self.parts for n in p.names("state", "discrete", "output")]
         self.outputs = [n for p in self.parts for n in p.names("output")]
-        fed = {(t.target, t.target_variable.name, e) for t in plan.transfers
-               for e in t.target_elements}  # fmt: skip
         self.free: list[tuple[int, int]] = []  # component, element of its inputs
         self.inputs: list[str] = []
         for i, part in enumerate(self.parts):
@@ -156,7 +155,7 @@ class _Map:
             for v in part.model.of_kind("input"):
                 for e in range(v.size):
                     name = next(names)
-                    if (i, v.name, e) not in fed:
+                    if e not in plan.connected.get((i, v.name), ()):
                         self.free.append((i, part.offset[v.name] + e))
                         self.inputs.append(name)
         self.period = 1

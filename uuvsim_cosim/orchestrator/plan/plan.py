@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import cached_property
 from typing import Any
 
 from uuvsim_cosim.fmus.description import Description, Variable
 from uuvsim_cosim.orchestrator.system.elements import Algorithm, Loops, Solver
-from uuvsim_cosim.orchestrator.values.value_table import Numbers
+from uuvsim_cosim.orchestrator.values.transformation import Numbers
 
 __all__ = [
     "AlgebraicLoop",
@@ -105,3 +106,17 @@ class Plan:
     algebraic_loops: tuple[AlgebraicLoop, ...] = ()
     loops: Loops = "delay"
     start: Fraction = Fraction()  # s, time at which a run begins by default
+
+    @cached_property
+    def connected(self) -> Mapping[tuple[int, str], set[int]]:
+        """Connected elements of each input, by (component, name); no entry if it has none."""
+        found: dict[tuple[int, str], set[int]] = {}
+        for t in self.transfers:
+            elements = found.setdefault((t.target, t.target_variable.name), set())
+            elements.update(t.target_elements)
+        return found
+
+    def hop(self, t: Transfer) -> str:
+        """Return the text of a transfer for messages, ``a.y -> b.u``."""
+        source, target = self.components[t.source].path, self.components[t.target].path
+        return f"{source}.{t.source_variable.name} -> {target}.{t.target_variable.name}"

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.plan.algebraic_loops import hops_of
-from uuvsim_cosim.orchestrator.plan.plan import Plan, Transfer
+from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.system.elements import step_text
 
 __all__ = ["format_plan"]
@@ -25,7 +25,21 @@ def format_plan(plan: Plan) -> str:
             )
         )  # fmt: skip
     transfers: list[tuple[str, ...]] = [("from", "to", "size", "unit", "conversion")]
-    transfers += [_row(plan, t) for t in plan.transfers]
+    for t in plan.transfers:
+        unit, target_unit = t.source_variable.unit_text or "-", t.target_variable.unit_text or "-"
+        change = "" if (t.factor, t.offset) == (1.0, 0.0) else f"{t.factor:g} x + {t.offset:g}"
+        if t.table:
+            change = ", ".join(f"{a} to {b}" for a, b in t.table)
+        source, target = plan.components[t.source].path, plan.components[t.target].path
+        transfers.append(
+            (
+                f"{source}.{_part(t.source_variable, t.source_elements)}",
+                f"{target}.{_part(t.target_variable, t.target_elements)}",
+                str(len(t.source_elements)),
+                unit if unit == target_unit else f"{unit} -> {target_unit}",
+                change,
+            )
+        )
     order = [
         " + ".join(plan.components[i].path for i in dict.fromkeys(entry))
         + (" (loop)" if len(entry) > 1 else "")
@@ -40,20 +54,6 @@ def format_plan(plan: Plan) -> str:
         *(f"note: {w}" for w in plan.warnings),
     ]
     return "\n\n".join(parts)
-
-
-def _row(plan: Plan, t: Transfer) -> tuple[str, ...]:
-    """Return the cells of a transfer."""
-    source, target = plan.components[t.source].path, plan.components[t.target].path
-    a, b = t.source_variable.unit_text or "-", t.target_variable.unit_text or "-"
-    change = "" if (t.factor, t.offset) == (1.0, 0.0) else f"{t.factor:g} x + {t.offset:g}"
-    if t.table:
-        change = ", ".join(f"{a} to {b}" for a, b in t.table)
-    return (
-        f"{source}.{_part(t.source_variable, t.source_elements)}",
-        f"{target}.{_part(t.target_variable, t.target_elements)}",
-        str(len(t.source_elements)), a if a == b else f"{a} -> {b}", change,
-    )  # fmt: skip
 
 
 def _part(variable: Variable, elements: tuple[int, ...]) -> str:

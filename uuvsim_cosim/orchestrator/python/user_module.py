@@ -41,7 +41,15 @@ def import_file(path: Path) -> ModuleType:
             sys.modules.pop(other, None)
             del _BESIDE[other]
             _forget_bytecode(source)
-    _search_first(path.parent)
+    # The folder is searched after Python's own, before those of other users.
+    importlib.invalidate_caches()
+    folder = str(path.parent)
+    if folder not in sys.path or folder in _FOLDERS:
+        if folder in sys.path:
+            sys.path.remove(folder)
+        first = next((i for i, p in enumerate(sys.path) if p in _FOLDERS), len(sys.path))
+        sys.path.insert(first, folder)
+        _FOLDERS.add(folder)
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None
     assert spec.loader is not None
@@ -62,18 +70,6 @@ def import_file(path: Path) -> ModuleType:
                 _BESIDE[fresh] = (Path(file), content_hash([Path(file).read_bytes()]))
     _IMPORTED[name] = dict(_BESIDE)
     return module
-
-
-def _search_first(folder: Path) -> None:
-    """Put a user's folder into `sys.path`: after Python's own, before those of other users."""
-    importlib.invalidate_caches()
-    if str(folder) in sys.path:
-        if str(folder) not in _FOLDERS:
-            return
-        sys.path.remove(str(folder))
-    first = next((i for i, p in enumerate(sys.path) if p in _FOLDERS), len(sys.path))
-    sys.path.insert(first, str(folder))
-    _FOLDERS.add(str(folder))
 
 
 def _forget_bytecode(file: Path) -> None:

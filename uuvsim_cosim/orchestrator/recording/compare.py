@@ -64,63 +64,61 @@ def compare_signals(
     """
     if not (math.isfinite(tolerance) and tolerance >= 0):
         raise InputInvalid(f"tolerance {tolerance:g}", "a finite number, 0 or more")
-    left = a if isinstance(a, Signals) else read_signals(a)
-    right = b if isinstance(b, Signals) else read_signals(b)
-    rows, mismatches = _common_rows(left.time, right.time)
-    for one, other, name in ((left, right, "A"), (right, left, "B")):
+    first = a if isinstance(a, Signals) else read_signals(a)
+    second = b if isinstance(b, Signals) else read_signals(b)
+    rows = min(len(first.time), len(second.time))  # leading rows with the same times
+    mismatches: list[str] = []
+    differing = np.flatnonzero(first.time[:rows] != second.time[:rows])
+    if differing.size:
+        rows = int(differing[0])
+        times = f"{first.time[rows]:.9g} s in A, at {second.time[rows]:.9g} s in B"
+        mismatches = [f"time: row {rows + 1} is at {times}"]
+    elif len(first.time) != len(second.time):
+        mismatches = [f"time: {_end(first.time)} in A, {_end(second.time)} in B"]
+    for one, other, name in ((first, second, "A"), (second, first, "B")):
         only = [signal for signal in one if signal not in other]
         mismatches += [f"{signal}: only in {name}" for signal in only]
-    both = [signal for signal in left if signal in right]
+    both = [signal for signal in first if signal in second]
     found: list[Difference] = []
     for signal in both:
-        shapes = left[signal].shape[1:], right[signal].shape[1:]
-        units = left.units.get(signal, ""), right.units.get(signal, "")
+        shapes = first[signal].shape[1:], second[signal].shape[1:]
+        units = first.units.get(signal, ""), second.units.get(signal, "")
         if shapes[0] != shapes[1]:
             sizes = ["x".join(map(str, shape)) or "1" for shape in shapes]
             mismatches.append(f"{signal}: size {sizes[0]} in A, {sizes[1]} in B")
         elif units[0] != units[1]:
             mismatches.append(f"{signal}: in {units[0] or '1'} in A, in {units[1] or '1'} in B")
         else:
-            found += _differences(signal, left, right, rows, tolerance)
+            x, y = first[signal][:rows], second[signal][:rows]
+            names, own = [signal], [units[0]]
+            if x.ndim == 2:
+                indices = first.elements.get(signal) or range(1, x.shape[1] + 1)
+                names = [f"{signal}[{index}]" for index in indices]
+                own = list(first.element_units.get(signal) or units[:1] * x.shape[1])
+            columns = zip(names, own, np.atleast_2d(x.T), np.atleast_2d(y.T), strict=True)
+            for name, unit, p, q in columns:
+                found += _of_element(name, unit, first.time, p, q, tolerance)
     found.sort(key=lambda d: d.time)
     return Comparison(tuple(found), tuple(mismatches), rows, len(both))
-
-
-def _common_rows(a: np.ndarray, b: np.ndarray) -> tuple[int, list[str]]:
-    """Return the number of leading rows with the same times, and the mismatch that ends them."""
-    rows = min(len(a), len(b))
-    other = np.flatnonzero(a[:rows] != b[:rows])
-    if other.size:
-        k = int(other[0])
-        return k, [f"time: row {k + 1} is at {a[k]:.9g} s in A, at {b[k]:.9g} s in B"]
-    if len(a) != len(b):
-        return rows, [f"time: {_end(a)} in A, {_end(b)} in B"]
-    return rows, []
 
 
 def _end(time: np.ndarray) -> str:
     return f"{len(time)} rows up to {time[-1]:.9g} s" if len(time) else "no rows"
 
 
-def _differences(
-    signal: str, a: Signals, b: Signals, rows: int, tolerance: float
-) -> list[Difference]:
-    x, y = a[signal][:rows], b[signal][:rows]
-    if x.ndim == 1:
-        return _of_element(signal, a.units.get(signal, ""), a.time, x, y, tolerance)
-    found: list[Difference] = []
-    indices = a.elements.get(signal) or tuple(range(1, x.shape[1] + 1))
-    units = a.element_units.get(signal) or (a.units.get(signal, ""),) * x.shape[1]
-    for n, (index, unit) in enumerate(zip(indices, units, strict=True)):
-        found += _of_element(f"{signal}[{index}]", unit, a.time, x[:, n], y[:, n], tolerance)
-    return found
-
-
 def _of_element(
     name: str, unit: str, time: np.ndarray, x: np.ndarray, y: np.ndarray, tolerance: float
 ) -> list[Difference]:
     if x.dtype.kind in "fiu" and y.dtype.kind in "fiu":
-        size = _sizes(x, y)
+        if x.dtype.kind in "iu" and y.dtype.kind in "iu":  # exact beyond 2^53 and 2^63
+            exact = x.astype(object) - y.astype(object)
+            size = np.array([float(abs(d)) for d in exact], dtype=np.float64)
+        else:  # 0 for two NaN or equal infinities, infinity where one is not finite
+            p, q = x.astype(np.float64), y.astype(np.float64)
+            same = (p == q) | (np.isnan(p) & np.isnan(q))
+            with np.errstate(invalid="ignore", over="ignore"):
+                size = np.abs(p - q)
+            size = np.where(same, 0.0, np.where(np.isnan(size), math.inf, size))
         differs = size > tolerance
     else:
         size = np.full(len(x), math.nan)
@@ -128,24 +126,12 @@ def _of_element(
     rows = np.flatnonzero(differs)
     if not rows.size:
         return []
-    first = int(rows[0])
+    begin = int(rows[0])
     most = int(rows[np.argmax(size[rows])])
-    p, q = (v.item() if hasattr(v, "item") else v for v in (x[first], y[first]))
+    a, b = (v.item() if hasattr(v, "item") else v for v in (x[begin], y[begin]))
     return [
         Difference(
-            name, unit, float(time[first]), p, q,
-            float(size[first]), float(size[most]), float(time[most]),
+            name, unit, float(time[begin]), a, b,
+            float(size[begin]), float(size[most]), float(time[most]),
         )
     ]  # fmt: skip
-
-
-def _sizes(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return |x - y|: 0 for two NaN or equal infinities, infinity where one is not finite."""
-    if x.dtype.kind in "iu" and y.dtype.kind in "iu":  # exact beyond 2^53 and 2^63
-        exact = x.astype(object) - y.astype(object)
-        return np.array([float(abs(d)) for d in exact], dtype=np.float64)
-    p, q = x.astype(np.float64), y.astype(np.float64)
-    same = (p == q) | (np.isnan(p) & np.isnan(q))
-    with np.errstate(invalid="ignore", over="ignore"):
-        size = np.abs(p - q)
-    return np.where(same, 0.0, np.where(np.isnan(size), math.inf, size))

@@ -52,7 +52,17 @@ def write_mcap(
             channels[path] = writer.register_channel(
                 topic=f"/{path.replace('.', '/')}", message_encoding="json", schema_id=id_
             )
-        lists = {name: _json_values(values) for name, values in signals.items()}
+        lists: dict[str, list[object]] = {}  # rows as JSON's values
+        for name, values in signals.items():
+            kept = values
+            if values.dtype.kind == "f" and not np.isfinite(values).all():
+                kept = values.astype(object)
+                kept[~np.isfinite(values)] = None
+            elif values.dtype.kind == "O":  # bytes are written as base64
+                flat = [base64.b64encode(v).decode() if isinstance(v, bytes) else v
+                        for v in values.flat]  # fmt: skip
+                kept = np.array([*flat, None], object)[:-1].reshape(values.shape)
+            lists[name] = kept.tolist()
         ticks = (signals.ticks & 0xFFFFFFFF).tolist()
         for k, at in enumerate(nanoseconds.tolist()):
             for path, names in groups.items():
@@ -64,18 +74,6 @@ def write_mcap(
         if further is not None:
             further(writer)
         writer.finish()
-
-
-def _json_values(values: np.ndarray) -> list[object]:
-    """Return the rows as JSON's values: bytes as base64, numbers that are not finite as null."""
-    if values.dtype.kind == "f" and not np.isfinite(values).all():
-        kept = values.astype(object)
-        kept[~np.isfinite(values)] = None
-        return list(kept.tolist())
-    if values.dtype.kind == "O":
-        flat = [base64.b64encode(v).decode() if isinstance(v, bytes) else v for v in values.flat]
-        return list(np.array([*flat, None], object)[:-1].reshape(values.shape).tolist())
-    return list(values.tolist())
 
 
 def _json_schema(path: str, names: list[str], signals: Signals) -> dict[str, object]:

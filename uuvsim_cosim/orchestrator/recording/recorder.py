@@ -20,11 +20,19 @@ from typing import TYPE_CHECKING, BinaryIO, final
 import numpy as np
 
 from uuvsim_cosim._version import __version__
+from uuvsim_cosim.cache import whole_file
 from uuvsim_cosim.errors import RecordingError
 from uuvsim_cosim.orchestrator.master.observer import Chunk, Column
 from uuvsim_cosim.orchestrator.master.snapshot import plan_hash
 from uuvsim_cosim.orchestrator.plan.plan import Plan
-from uuvsim_cosim.orchestrator.recording.files import METADATA, PARQUET, STREAM, to_parquet
+from uuvsim_cosim.orchestrator.recording.recording_reader import (
+    METADATA,
+    PARQUET,
+    ROW_GROUP,
+    STREAM,
+    metadata_of,
+    read_batches,
+)
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -119,7 +127,7 @@ class Recorder:
             raise self._failed(error, "room on the disk") from error
         finally:
             self._close()
-        to_parquet(self.folder / STREAM, self.folder / PARQUET)
+        _to_parquet(self.folder / STREAM, self.folder / PARQUET)
 
     # ---- inside ---------------------------------------------------------------------------
 
@@ -138,7 +146,15 @@ class Recorder:
         if chunk is None:
             arrays = [pa.array([], field.type) for field in self._schema]
         else:
-            arrays = self._arrays(chunk)
+            arrays = [pa.array(chunk.time), pa.array(chunk.ticks)]
+            for i, type_ in enumerate(self._types):
+                if pa.types.is_floating(type_) or pa.types.is_integer(type_):
+                    # The memory of the column is used, without a conversion of each number.
+                    column = pa.py_buffer(np.ascontiguousarray(chunk.rows[:, i]))
+                    buffers = [None, column]
+                    arrays.append(pa.Array.from_buffers(type_, len(chunk.ticks), buffers))
+                else:
+                    arrays.append(pa.array(chunk.values(i), type_))
         batch = pa.RecordBatch.from_arrays(arrays, schema=self._schema)
         metadata = {"messages": json.dumps(messages)} if messages else None
         try:
@@ -148,20 +164,6 @@ class Recorder:
             self._close()
             raise self._failed(error, "room on the disk") from error
         self._flushed = time.monotonic()
-
-    def _arrays(self, chunk: Chunk) -> list[pa.Array]:
-        """Return the columns; numbers without a conversion of each element."""
-        import pyarrow as pa
-
-        n = len(chunk.ticks)
-        arrays = [pa.array(chunk.time), pa.array(chunk.ticks)]
-        for i, type_ in enumerate(self._types):
-            if pa.types.is_floating(type_) or pa.types.is_integer(type_):
-                column = pa.py_buffer(np.ascontiguousarray(chunk.rows[:, i]))
-                arrays.append(pa.Array.from_buffers(type_, n, [None, column]))
-            else:
-                arrays.append(pa.array(chunk.values(i), type_))
-        return arrays
 
     def _close(self) -> None:
         self._messages.close()
@@ -222,3 +224,49 @@ class _Messages(logging.Handler):
             logger.removeHandler(self)
         self._loggers = []
         super().close()
+
+
+def _to_parquet(stream: Path, parquet: Path) -> None:
+    """Convert a stream to Parquet, and delete it when the new file is complete.
+
+    Row groups have equal size, whatever the sizes of the batches; memory holds one at a time.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    messages = [m for _, _, texts in read_batches(stream) for m in texts]
+    batches = read_batches(stream)
+    schema, _, _ = next(batches)
+    metadata = metadata_of(schema) | {"messages": messages}
+    schema = schema.with_metadata({METADATA: json.dumps(metadata)})
+    floats = [f.name for f in schema if pa.types.is_float64(f.type)]
+    texts = [f.name for f in schema if pa.types.is_string(f.type) or pa.types.is_binary(f.type)]
+
+    def table(waiting: list[pa.RecordBatch]) -> pa.Table:
+        return pa.Table.from_batches(waiting).replace_schema_metadata(schema.metadata)
+
+    try:
+        # Measured on 50,000 rows of 150 signals, smooth, noisy and held (60 MB): 34 MB in 0.3 s;
+        # without splitting bytes 40 MB, with dictionaries 49 MB.
+        with (
+            whole_file(parquet) as fresh,
+            pq.ParquetWriter(
+                fresh, schema, compression="zstd", use_dictionary=texts,
+                use_byte_stream_split=floats,
+            ) as writer,
+        ):  # fmt: skip
+            waiting: list[pa.RecordBatch] = []
+            for _, batch, _ in batches:
+                waiting.append(batch)
+                if sum(b.num_rows for b in waiting) >= ROW_GROUP:
+                    writer.write_table(table(waiting), ROW_GROUP)
+                    waiting.clear()
+            if any(b.num_rows for b in waiting):
+                writer.write_table(table(waiting), ROW_GROUP)
+        stream.unlink()
+    except OSError as error:
+        raise RecordingError(
+            f"recording {parquet}",
+            error.strerror or error,
+            f"room on the disk; everything is in {stream.name}, which can be read as well",
+        ) from error

@@ -1,21 +1,90 @@
-"""Reader of recordings; the result is `Signals`."""
+"""Reader of recordings (an Arrow stream, Parquet or MCAP); the result is `Signals`."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from uuvsim_cosim.errors import RecordingError
-from uuvsim_cosim.orchestrator.recording.files import file_of, metadata_of, read_batches
 from uuvsim_cosim.orchestrator.recording.mcap import read_mcap
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-__all__ = ["read_signals"]
+__all__ = [
+    "METADATA",
+    "PARQUET",
+    "ROW_GROUP",
+    "STREAM",
+    "Messages",
+    "file_of",
+    "metadata_of",
+    "read_batches",
+    "read_signals",
+]
+
+STREAM, PARQUET = "signals.arrows", "signals.parquet"
+METADATA = b"uuvsim"
+ROW_GROUP = 16384  # rows of a group of the Parquet file
+Messages = Sequence[Sequence[str]]  # of components: path, level, text
+
+
+def file_of(run: Path) -> Path:
+    """Find a recording by its folder or file.
+
+    A stream is looked for first: it is deleted once it is converted, so one that exists belongs
+    to a newer run than the Parquet file beside it.
+    """
+    if run.is_file():
+        return run
+    for name in (STREAM, PARQUET):
+        if (run / name).is_file():
+            return run / name
+    raise RecordingError(
+        run, "no recording here", f"a folder with {PARQUET} or {STREAM}, or such a file"
+    )
+
+
+def metadata_of(schema: pa.Schema) -> dict[str, Any]:
+    """Return the metadata of a recording's schema."""
+    return dict(json.loads((schema.metadata or {}).get(METADATA, b"{}")))
+
+
+def read_batches(file: Path) -> Iterator[tuple[pa.Schema, pa.RecordBatch, Messages]]:
+    """Yield (schema, batch, messages) for each batch; a stream may end anywhere.
+
+    The first batch has no rows, so that a recording without rows still has a schema.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        if file.suffix == ".parquet":
+            with pq.ParquetFile(file) as parquet:
+                schema = parquet.schema_arrow
+                messages = metadata_of(schema).get("messages", [])
+                yield schema, pa.RecordBatch.from_pylist([], schema=schema), messages
+                for batch in parquet.iter_batches(ROW_GROUP):
+                    yield schema, batch, []
+            return
+        with pa.memory_map(str(file)) as source, pa.ipc.open_stream(source) as reader:
+            yield reader.schema, pa.RecordBatch.from_pylist([], schema=reader.schema), []
+            while True:
+                try:
+                    batch, metadata = reader.read_next_batch_with_custom_metadata()
+                except (StopIteration, OSError, ValueError):
+                    return  # the end, or the place where the run was killed
+                text = (metadata or {}).get("messages")
+                yield reader.schema, batch, json.loads(text) if text else []
+    except OSError as error:
+        raise RecordingError(f"{file}: cannot be read ({error.strerror or error})") from error
+    except ValueError as error:  # Arrow's
+        raise RecordingError(f"{file}: is no recording, or damaged ({error})") from error
 
 
 def read_signals(run: Path | str) -> Signals:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import sys
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
@@ -32,25 +32,28 @@ from uuvsim_cosim.orchestrator.master.observer import Observer
 from uuvsim_cosim.orchestrator.master.prepared import Progress, prepare
 from uuvsim_cosim.orchestrator.master.real_time import Pace, Punctuality, Steps
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
-from uuvsim_cosim.orchestrator.plan.plan import Plan, PlannedComponent
+from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.recording.recorder import Recorder
 from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 from uuvsim_cosim.orchestrator.running.library import load
 from uuvsim_cosim.orchestrator.running.mission import duration
-from uuvsim_cosim.orchestrator.running.run_folder import RunFolder, check_room, lock_run_folder
-from uuvsim_cosim.orchestrator.running.run_json import provenance_of, write_run_json
+from uuvsim_cosim.orchestrator.running.run_folder import (
+    RunFolder,
+    check_free_space,
+    lock_run_folder,
+    provenance_of,
+    write_run_json,
+)
 from uuvsim_cosim.orchestrator.scenarios.inputs import Driven, held_by, read_inputs, start_values
 from uuvsim_cosim.orchestrator.scenarios.played import Played
-from uuvsim_cosim.orchestrator.scenarios.scenario import Change, Scenario
-from uuvsim_cosim.orchestrator.scenarios.scenario_file import read_scenario
+from uuvsim_cosim.orchestrator.scenarios.scenario import Change, Scenario, read_scenario
 from uuvsim_cosim.orchestrator.ssp.ssd import write_ssd
 from uuvsim_cosim.orchestrator.system.elements import Loops
 from uuvsim_cosim.orchestrator.system.sources import Backend
 from uuvsim_cosim.orchestrator.system.system import System
 
 if TYPE_CHECKING:
-    from uuvsim_cosim.fmus.component import Component
     from uuvsim_cosim.fmus.tracing.trace import Trace
 __all__ = ["Interrupted", "Run", "run"]
 
@@ -186,16 +189,23 @@ def run(
         provenance = provenance_of(system, plan, seed, backend, record_every, end, about or {})
         provenance["notes"] += [d.note for d in drives]
         instantiate = prepare(plan, backend, progress, isolate, watchdog, trace)
-        master = _initialized(
-            system, plan, folder, instantiate, record_every, provenance, end, observers,
-            held_by(drives, plan),
+        write_ssd(system, folder.path / "system.ssd")
+        recorder = Recorder(folder.path, provenance={k: provenance[k] for k in ("system", "seed")})
+        master = Master(
+            plan, instantiate, observers=[recorder, *observers], record_every=record_every,
+            held=held_by(drives, plan),
         )  # fmt: skip
         try:
+            # The last step of a component with a longer step may end after `end`.
+            longer = [c.step_ticks * plan.tick for c in plan.components]
+            span = Fraction(str(end)) - plan.start
+            last = plan.start + max(math.ceil(span / s) * s for s in longer)
+            master.initialize(None, float(last))
             rows = (end - float(plan.start)) / float(plan.tick) / record_every
             steps: Steps = master if played is None else Played(master, played)
             if drives:
                 steps = Driven(steps, master, drives, folder.path / "inputs.csv")
-            check_room(folder.path, rows * 8.0 * (master.recorded + 2))
+            check_free_space(folder.path, rows * 8.0 * (master.recorded + 2))
         except BaseException:
             master.free()
             raise
@@ -235,30 +245,6 @@ def _end(asked: float | None, system: System, plan: Plan) -> float:
     return end
 
 
-def _initialized(
-    system: System, plan: Plan, folder: RunFolder,
-    instantiate: Callable[[PlannedComponent], Component], record_every: int,
-    provenance: Mapping[str, object], end: float, observers: Sequence[Observer],
-    held: Sequence[tuple[str, str]],
-) -> Master:  # fmt: skip
-    """Write the system, instantiate its components, and pass Initialization Mode."""
-    write_ssd(system, folder.path / "system.ssd")
-    recorder = Recorder(folder.path, provenance={k: provenance[k] for k in ("system", "seed")})
-    master = Master(
-        plan, instantiate, observers=[recorder, *observers], record_every=record_every, held=held
-    )
-    try:
-        # The last step of a component with a longer step may end after `end`.
-        steps = [c.step_ticks * plan.tick for c in plan.components]
-        span = Fraction(str(end)) - plan.start
-        last = plan.start + max(math.ceil(span / s) * s for s in steps)
-        master.initialize(None, float(last))
-    except BaseException:
-        master.free()
-        raise
-    return master
-
-
 def _simulated(
     master: Master, stepped: Steps, plan: Plan, end: float, folder: RunFolder,
     provenance: dict[str, Any], progress: Progress | None, pace: Pace | None,
@@ -285,12 +271,17 @@ def _simulated(
     with AtComponentExit(ended), master:
         try:
             report: Progress = progress or (lambda stage, done, total: None)
-            if pace is None:
-                _advance(stepped, steps, end, report)
-            else:
+            if pace is not None:
                 pace.advance(
                     stepped, steps, float(plan.tick), lambda done: report("simulating", done, end)
                 )
+            piece = 8  # steps between two calls of `report`
+            while stepped.tick < steps:
+                at = time.perf_counter()
+                stepped.step(min(piece, steps - stepped.tick))
+                report("simulating", stepped.time, end)
+                took = time.perf_counter() - at
+                piece = max(1, min(4 * piece, int(piece * _SECONDS / max(took, 1e-6))))
         except KeyboardInterrupt:
             interrupted = True
             stopped = f"interrupted at t = {master.time:.6g} s"
@@ -356,14 +347,3 @@ def _simulated(
     if interrupted:
         raise Interrupted(result)
     return result
-
-
-def _advance(master: Steps, steps: int, end: float, report: Progress) -> None:
-    """Step in pieces that take about a tenth of a second, and report in between."""
-    piece = 8
-    while master.tick < steps:
-        begun = time.perf_counter()
-        master.step(min(piece, steps - master.tick))
-        report("simulating", master.time, end)
-        took = time.perf_counter() - begun
-        piece = max(1, min(4 * piece, int(piece * _SECONDS / max(took, 1e-6))))

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, final
+from typing import final
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from uuvsim_cosim.orchestrator.master.faults import Fault
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.master.real_time import Steps
 from uuvsim_cosim.orchestrator.plan.plan import Plan
-from uuvsim_cosim.orchestrator.scenarios.manipulation import events_of
+from uuvsim_cosim.orchestrator.scenarios.played import SteppedMaster, events_of
 from uuvsim_cosim.orchestrator.scenarios.scenario import Manipulation, SignalFault
 from uuvsim_cosim.orchestrator.scenarios.waveforms import Waveform, waveform
 from uuvsim_cosim.orchestrator.values.endpoints import resolve_endpoint
@@ -124,7 +124,8 @@ def _of_file(path: Path, plan: Plan) -> list[Drive]:
         end = f"{s.time[0]:g} … {s.time[-1]:g} s"
         d = Drive(
             component, variable, s.element, s.variable.name.startswith("+"),
-            lambda t, s=s: _plain(s.at(t)),  # type: ignore[misc]
+            # A number of Python, whose `repr` is the text of the log.
+            lambda t, s=s: np.asarray(s.at(t)).item(),  # type: ignore[misc]
             f"{path.name}, {between} between its rows, held outside {end}",
         )  # fmt: skip
         drives.append(replace(d, note=f"input {d.name} in {_unit(d)}: {d.note}"))
@@ -177,17 +178,12 @@ def _size(
     return pair[0] * value + (pair[1] if absolute else 0.0)
 
 
-def _plain(value: Any) -> float:
-    """Return a number of numpy as Python's, whose `repr` is the text of the log."""
-    return value.item() if hasattr(value, "item") else value  # type: ignore[no-any-return]
-
-
 def _unit(d: Drive) -> str:
     return d.variable.units[d.element] or "1"
 
 
 @final
-class Driven:
+class Driven(SteppedMaster):
     """Steps of a master whose inputs change over time.
 
     With `log`, the applied values are written there as CSV, one row for each communication point.
@@ -197,7 +193,8 @@ class Driven:
     def __init__(
         self, steps: Steps, master: Master, drives: Sequence[Drive], log: Path | None = None
     ) -> None:
-        self._steps, self._master, self._drives = steps, master, tuple(drives)
+        super().__init__(master)
+        self._steps, self._drives = steps, tuple(drives)
         connected = _connected(master.plan)
         self._set: list[tuple[Drive, np.ndarray, float]] = []  # drive, slots, value to add to
         self._biased: list[tuple[Drive, str, float]] = []  # drive, signal, factor
@@ -216,16 +213,6 @@ class Driven:
         self._active: dict[str, tuple[int, float]] = {}  # by signal: number of the fault, value
         self._log = None if log is None else log.open("w", encoding="utf-8", newline="")
         self._row("time", *(f'"{d.name}"' if "," in d.name else d.name for d in self._drives))
-
-    @property
-    def tick(self) -> int:
-        """The communication point that has been reached."""
-        return self._steps.tick
-
-    @property
-    def time(self) -> float:
-        """Time at the communication point that has been reached [s]."""
-        return self._steps.time
 
     def step(self, n: int = 1) -> None:
         """Make n communication steps, with the inputs of each."""

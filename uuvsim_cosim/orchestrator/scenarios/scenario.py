@@ -1,14 +1,20 @@
-"""Scenarios: changes and faults of a system at given times of a run."""
+"""Scenarios: changes and faults at given times of a run, as values and as YAML or JSON files."""
 
 from __future__ import annotations
 
+import json
 import math
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
 
+from uuvsim_cosim.content import content
+from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.declaration.parameter_files import line_of, read_yaml
 from uuvsim_cosim.orchestrator.master.faults import Fault
 
-__all__ = ["Change", "Event", "Manipulation", "Scenario", "SignalFault"]
+__all__ = ["Change", "Event", "Manipulation", "Scenario", "SignalFault", "read_scenario"]
 
 
 @dataclass(frozen=True)
@@ -33,7 +39,7 @@ class SignalFault:
 class Manipulation:
     """From `at` to `until` [s] a variable of any causality is overridden, or biased.
 
-    Its meaning depends on the system (see `manipulation`): a fault of an output, a change of a
+    Its meaning depends on the system (see `played.events_of`): a fault of an output, a change of a
     parameter or an unconnected input, a fault of the output that feeds a connected input.
     """
 
@@ -58,3 +64,104 @@ class Scenario:
     events: tuple[Event, ...]
     description: str = ""
     end: float | None = None
+
+
+_LIBCOSIM: dict[str, Literal["override", "bias"]] = {"override": "override", "bias": "bias"}
+
+
+def read_scenario(path: str | Path) -> Scenario:
+    """Read a scenario; raises InputInvalid with every mistake and its line."""
+    path = Path(path)
+    if not path.is_file():
+        raise InputInvalid(path, "no such file", "a scenario, .yaml or .json")
+    if path.suffix.lower() == ".json":
+        return _libcosim(path)
+    data = read_yaml(path, content("orchestrator", "scenarios", "scenario.schema.json"))
+    events: list[Change | SignalFault] = []
+    wrong: list[str] = []
+    for i, item in enumerate(data["events"]):
+        try:
+            events.append(_event(item))
+        except InputInvalid as error:
+            wrong.append(f"{path}:{line_of(data, ['events', i])}: event {i + 1}: {error}")
+    if wrong:
+        raise InputInvalid.of(wrong)
+    return Scenario(
+        str(data.get("name", path.stem)), tuple(events), str(data.get("description", ""))
+    )
+
+
+def _event(item: Mapping[str, Any]) -> Change | SignalFault:
+    """Read an event of a YAML file; raises InputInvalid."""
+    at = float(item["at"])
+    if "set" in item and "signal" not in item:
+        extra = [k for k in ("fault", "until") if k in item]
+        if extra or "value" not in item:
+            read = f"set with {extra[0]}" if extra else "set without value"
+            raise InputInvalid(read, "at, set and value")
+        return Change(at, str(item["set"]), _plain(item["value"]))
+    if "signal" not in item or "fault" not in item or "set" in item:
+        raise InputInvalid(
+            ", ".join(item), "set with value, or signal with fault (and value, until)"
+        )
+    value = item.get("value", 0.0 if item["fault"] == "freeze" else None)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputInvalid(f"value {value!r}", f"a number for the fault {item['fault']}")
+    fault = Fault(str(item["signal"]), item["fault"], float(value))
+    return SignalFault(at, fault, float(item.get("until", math.inf)))
+
+
+def _plain(value: object) -> object:
+    """Return numbers, texts and plain lists; those of the YAML library know their lines."""
+    return [_plain(v) for v in value] if isinstance(value, list) else value
+
+
+def _libcosim(path: Path) -> Scenario:
+    """Read libcosim's form: overrides and biases of variables of models, each until a reset.
+
+    A new event of a variable ends the one before it.
+    """
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputInvalid(f"{path}: cannot be read as JSON: {error}") from None
+    items = data.get("events") if isinstance(data, dict) else None
+    if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
+        raise InputInvalid(path, "no list of events", "a scenario of libcosim")
+    given: list[tuple[str, Manipulation]] = []  # action, and an event without its end
+    for i, item in enumerate(items, start=1):
+        event, place = {**data.get("defaults", {}), **item}, f"{path}: event {i}"
+        missing = [k for k in ("time", "model", "variable", "action") if k not in event]
+        action = event.get("action")
+        if missing or action not in (*_LIBCOSIM, "reset"):
+            read = f"without {missing[0]}" if missing else f"action {action!r}"
+            raise InputInvalid(
+                f"{place} {read}", "time, model, variable and action (override, bias or reset)"
+            )
+        at = _seconds(event["time"], f"{place}: time")
+        value = event.get("value", 0.0 if action == "reset" else None)
+        if not isinstance(value, int | float):
+            raise InputInvalid(place, f"value {value!r}", "a number or a Boolean")
+        variable, kind = f"{event['model']}.{event['variable']}", _LIBCOSIM.get(action, "override")
+        given.append((action, Manipulation(at, variable, kind, float(value))))
+    open_: dict[str, Manipulation] = {}
+    events: list[Manipulation] = []
+    for action, new in sorted(given, key=lambda g: g[1].at):
+        begun = open_.pop(new.variable, None)
+        if begun is not None and new.at > begun.at:
+            events.append(replace(begun, until=new.at))
+        if action != "reset":
+            open_[new.variable] = new
+    end = data.get("end")
+    return Scenario(
+        path.stem,
+        (*events, *open_.values()),
+        str(data.get("description", "")),
+        None if end is None else _seconds(end, f"{path}: end"),
+    )
+
+
+def _seconds(value: object, place: str) -> float:
+    if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
+        return float(value)
+    raise InputInvalid(f"{place} {value!r}", "seconds")

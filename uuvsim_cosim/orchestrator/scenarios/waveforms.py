@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,7 +53,20 @@ def waveform(text: str, place: str) -> Waveform:
     kind, *items = (part.strip() for part in text.split(","))
     if kind not in KINDS:
         raise InputInvalid(place, f"{kind!r}", f"one of {', '.join(KINDS)}")
-    given = _parameters(kind, items, place)
+    known = KINDS[kind]
+    expected = ",".join(
+        (kind, *(f"{k}=…" if v is None else f"[{k}={v}]" for k, v in known.items()))
+    )
+    found: dict[str, str] = {}
+    for item in items:
+        key, equals, value = (part.strip() for part in item.partition("="))
+        if key not in known or not equals or not value or key in found:
+            raise InputInvalid(place, f"{item!r}", expected)
+        found[key] = value
+    missing = [key for key, default in known.items() if default is None and key not in found]
+    if missing:
+        raise InputInvalid(place, f"without {', '.join(missing)}", expected)
+    given = {**{k: v for k, v in known.items() if v is not None}, **found}
     at, until = (seconds_of(given[key], f"{place}: {key}") for key in ("at", "until"))
     if not (0 <= at < math.inf and until > at):
         raise InputInvalid(place, f"at={given['at']}, until={given['until']}", "0 <= at < until")
@@ -89,25 +102,3 @@ def waveform(text: str, place: str) -> Waveform:
         # A tick that is equal to the time of a change within rounding belongs to the new bit.
         lambda t: float(bits[math.floor(t / hold + 1e-9) % len(bits)]),
     )  # fmt: skip
-
-
-def _parameters(kind: str, items: list[str], place: str) -> dict[str, str]:
-    """Return a waveform's parameters from texts ``key=value``, with defaults."""
-    known = KINDS[kind]
-    found: dict[str, str] = {}
-    for item in items:
-        key, equals, value = (part.strip() for part in item.partition("="))
-        if key not in known or not equals or not value or key in found:
-            raise InputInvalid(place, f"{item!r}", _expected(kind))
-        found[key] = value
-    missing = [key for key, default in known.items() if default is None and key not in found]
-    if missing:
-        raise InputInvalid(place, f"without {', '.join(missing)}", _expected(kind))
-    defaults: Mapping[str, str] = {k: v for k, v in known.items() if v is not None}
-    return {**defaults, **found}
-
-
-def _expected(kind: str) -> str:
-    items = (f"{k}=…" if default is None else f"[{k}={default}]" for k, default in
-             KINDS[kind].items())  # fmt: skip
-    return ",".join((kind, *items))

@@ -5,13 +5,125 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from pathlib import Path
+from string import Template
+from xml.sax.saxutils import quoteattr
 
+from uuvsim_cosim.cache import content_hash
+from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.orchestrator.shipped.scaffold_c import c_files
-from uuvsim_cosim.orchestrator.shipped.scaffold_law import is_controller
+from uuvsim_cosim.models.declaration.element_names import element_names
+from uuvsim_cosim.models.declaration.units import BASE, parse_unit
 from uuvsim_cosim.orchestrator.system.slot import Slot, SlotConnector
 
-__all__ = ["KINDS", "class_name", "files_for", "write_scaffold"]
+__all__ = ["KINDS", "c_files", "class_name", "files_for", "is_controller", "write_scaffold"]
+
+PD_GAINS = {"Kp": (120, 120, 160, 8, 8, 16), "Kd": (90, 90, 110, 3, 3, 6)}
+BUILD_SCRIPT = '''\
+"""Builds {model}.fmu for this machine, with the C compiler that comes with uuvsim-cosim."""
+
+from pathlib import Path
+
+from uuvsim_cosim.fmus.export.fmu_file import fmi_headers, write_archive
+from uuvsim_cosim.fmus.codegen.toolchain import compile_shared, host
+
+here = Path(__file__).parent
+flags = ["-DFMI2_FUNCTION_PREFIX=", "-fvisibility=default"]
+library = compile_shared([here / "{model}.c"], name="{model}", include=[fmi_headers()], flags=flags)
+members = {{
+    "modelDescription.xml": (here / "modelDescription.xml").read_bytes(),
+    f"binaries/{{host().fmi2}}/{model}{{host().suffix}}": library.read_bytes(),
+    "sources/{model}.c": (here / "{model}.c").read_bytes(),
+}}
+write_archive(here / "{model}.fmu", members)
+print(here / "{model}.fmu")
+'''
+
+
+def c_files(slot: Slot) -> dict[str, str]:
+    """Return the C source, the model description, and the script that builds the FMU."""
+    model = f"my_{slot.path.rpartition('.')[2]}"
+    law = is_controller(slot)
+    rows: list[tuple[str, str, int, tuple[str | None, ...]]] = [
+        (c.name, c.direction, c.shape[0] if c.shape else 0, c.units) for c in slot.connectors
+    ]
+    rows += [(name, "parameter", 6, ("1",) * 6) for name in PD_GAINS] if law else []
+    place, places, variables = 0, [], []
+    for name, causality, size, units in rows:
+        places.append(f"{name.upper().replace('.', '_')} = {place}")
+        for i, element in enumerate(element_names(name, (size,) if size else ())):
+            start = float(PD_GAINS[name][i]) if causality == "parameter" else 0.0
+            variables.append((element, place + i, causality, units[i], start))
+        place += max(size, 1)
+    starts = "".join(
+        f"    self->v[{at}] = {start!r};\n"
+        for _, at, causality, _, start in variables
+        if causality == "parameter"
+    )
+    outputs = [name for name, causality, _, _ in rows if causality == "output"]
+    zero = "".join(
+        f"    v[{name.upper().replace('.', '_')}] = 0.0; /* your law here */\n" for name in outputs
+    )
+    template, pd_law = (
+        (content("orchestrator", "templates") / name).read_text(encoding="utf-8")
+        for name in ("component.c", "pd_law.c")
+    )
+    source = Template(template).substitute(
+        path=slot.path,
+        places=",\n       ".join(places) + f", END = {place - 1}",
+        body=pd_law if law else zero,
+        starts=starts,
+    )
+    return {
+        f"{model}/{model}.c": source,
+        f"{model}/modelDescription.xml": _description(model, variables, source),
+        f"{model}/build.py": BUILD_SCRIPT.format(model=model),
+    }
+
+
+def _description(
+    model: str, variables: list[tuple[str, int, str, str | None, float]], source: str
+) -> str:
+    units = sorted({unit for _, _, _, unit, _ in variables if unit})
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        f'<fmiModelDescription fmiVersion="2.0" modelName="{model}" '
+        f'guid="{content_hash([source])}" variableNamingConvention="structured">',
+        f'  <CoSimulation modelIdentifier="{model}" canHandleVariableCommunicationStepSize="true" '
+        'canGetAndSetFMUstate="true"/>',
+        "  <UnitDefinitions>",
+    ]
+    for name in units:
+        unit = parse_unit(name)
+        given = {b: str(e) for b, e in zip(BASE, unit.exponents, strict=True) if e}
+        given |= {"factor": repr(unit.factor)} if unit.factor != 1.0 else {}
+        given |= {"offset": repr(unit.offset)} if unit.offset != 0.0 else {}
+        base = "".join(f' {key}="{value}"' for key, value in given.items())
+        lines.append(f"    <Unit name={quoteattr(name)}><BaseUnit{base}/></Unit>")
+    lines += ["  </UnitDefinitions>", "  <ModelVariables>"]
+    for name, at, causality, named, start in variables:
+        variability = "tunable" if causality == "parameter" else "continuous"
+        begins = "" if causality == "output" else f' start="{start!r}"'
+        united = f" unit={quoteattr(named)}" if named else ""
+        lines.append(
+            f'    <ScalarVariable name="{name}" valueReference="{at}" causality="{causality}" '
+            f'variability="{variability}"><Real{united}{begins}/></ScalarVariable>'
+        )
+    outputs = [
+        f'      <Unknown index="{i}" dependencies=""/>'
+        for i, (_, _, causality, _, _) in enumerate(variables, 1)
+        if causality == "output"
+    ]
+    lines += ["  </ModelVariables>", "  <ModelStructure>"]
+    lines += ["    <Outputs>", *outputs, "    </Outputs>"]
+    lines += ["    <InitialUnknowns>", *outputs, "    </InitialUnknowns>"]
+    return "\n".join([*lines, "  </ModelStructure>", "</fmiModelDescription>", ""])
+
+
+def is_controller(slot: Slot) -> bool:
+    """Return whether the slot has a controller's connectors: eta_d, eta, nu -> tau_d."""
+    inputs = {c.name for c in slot.connectors if c.direction == "input" and c.shape == (6,)}
+    outputs = [c.name for c in slot.connectors if c.direction == "output"]
+    return {"eta_d", "eta", "nu"} <= inputs and outputs == ["tau_d"]
 
 
 def files_for(slot: Slot, kind: str) -> dict[str, str]:

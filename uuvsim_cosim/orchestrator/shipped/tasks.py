@@ -38,12 +38,12 @@ def task_system(
     follow; `disturbances` adds ramps of the current and thrusters that lose thrust. Equal arguments
     return the same object, so that its kernel is made once.
     """
-    for name, given, known in (
+    for what, given, known in (
         ("action", action, get_args(ActedOn)),
         ("observation", observation, get_args(Observed)),
     ):
         if given not in known:
-            raise InputInvalid(f"{name} {given!r}", f"one of {', '.join(known)}")
+            raise InputInvalid(f"{what} {given!r}", f"one of {', '.join(known)}")
     system = System("bluerov2_task", "0.01", "A BlueROV2 Heavy that a policy acts on")
     system = system.add("hull", "model:bluerov2_heavy", start={"eta_0": START})
     system = system.add("wrench", "model:wrench").connect("wrench.tau", "hull.tau")
@@ -51,7 +51,18 @@ def task_system(
     if disturbances:
         system = system.add("ramps", "model:current_ramps").connect("current.v_c", "ramps.v")
     system = system.connect("ramps.v_c" if disturbances else "current.v_c", "hull.v_c")
-    system = _thrusters(system, disturbances)
+    receiver = "wrench.thrust"
+    if disturbances:  # a component weakens the thrust
+        system = system.add("faults", "model:thruster_faults")
+        system = system.connect("faults.thrust", "wrench.thrust")
+        receiver = "faults.thrust_in"
+    for i, name in enumerate(THRUSTERS, 1):
+        system = (
+            system.add(name, "model:thruster_t200")
+            .connect("hull.nu_r", f"{name}.nu_r")
+            .connect(f"{name}.thrust", f"{receiver}[{i}]")
+            .connect(f"{name}.current", f"wrench.current[{i}]")
+        )
     if observation == "navigation":
         system = _navigation(system)
     if action != "thrusters":
@@ -59,40 +70,19 @@ def task_system(
         for i, name in enumerate(THRUSTERS, 1):
             system = system.connect(f"allocation.u[{i}]", f"{name}.u")
     if action == "velocity":
-        system = _velocity(system, "hull" if observation == "truth" else "navigation")
-    return system.add("reference", "model:reference") if reference else system
-
-
-def _thrusters(system: System, faults: bool) -> System:
-    """Add the thrusters, and a component that weakens their thrust if there are `faults`."""
-    target = "wrench.thrust"
-    if faults:
-        system = system.add("faults", "model:thruster_faults")
-        system = system.connect("faults.thrust", "wrench.thrust")
-        target = "faults.thrust_in"
-    for i, name in enumerate(THRUSTERS, 1):
+        # It holds velocities and trim: its desired position is the present one.
+        gains: dict[str, object] = {"Ki": (0.0, 0.0, 0.0, 4.0, 4.0, 0.0)}
+        system = system.add("controller", "model:controller", start=gains)
+        source = "hull" if observation == "truth" else "navigation"
         system = (
-            system.add(name, "model:thruster_t200")
-            .connect("hull.nu_r", f"{name}.nu_r")
-            .connect(f"{name}.thrust", f"{target}[{i}]")
-            .connect(f"{name}.current", f"wrench.current[{i}]")
+            system.connect(f"{source}.eta", "controller.eta")
+            .connect(f"{source}.nu", "controller.nu")
+            .connect(f"{source}.eta[1:3]", "controller.eta_d[1:3]")
+            .connect(f"{source}.eta[6]", "controller.eta_d[6]")
+            .connect("controller.tau_d", "allocation.tau_d")
+            .group(["controller", "allocation"])
         )
-    return system
-
-
-def _velocity(system: System, known: str) -> System:
-    """Add a controller that holds velocities and trim: its desired position is the present one."""
-    system = system.add(
-        "controller", "model:controller", start={"Ki": (0.0, 0.0, 0.0, 4.0, 4.0, 0.0)}
-    )
-    for name in ("eta", "nu"):
-        system = system.connect(f"{known}.{name}", f"controller.{name}")
-    return (
-        system.connect(f"{known}.eta[1:3]", "controller.eta_d[1:3]")
-        .connect(f"{known}.eta[6]", "controller.eta_d[6]")
-        .connect("controller.tau_d", "allocation.tau_d")
-        .group(["controller", "allocation"])
-    )
+    return system.add("reference", "model:reference") if reference else system
 
 
 def _navigation(system: System) -> System:

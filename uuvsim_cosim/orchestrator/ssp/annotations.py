@@ -25,9 +25,15 @@ from xml.etree.ElementTree import Element as Xml
 from xml.etree.ElementTree import SubElement
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.orchestrator.parameters.ssp_xml import find_annotation, q
+from uuvsim_cosim.orchestrator.parameters.ssp_xml import (
+    add_annotation,
+    annotations_of,
+    find_annotation,
+    q,
+)
 from uuvsim_cosim.orchestrator.system.elements import step_text
 from uuvsim_cosim.orchestrator.system.validation import as_step
+from uuvsim_cosim.orchestrator.values.xml_values import local_name
 
 __all__ = [
     "add_component_step",
@@ -49,13 +55,13 @@ def add_default_experiment(
     experiment = SubElement(root, "ssd:DefaultExperiment", startTime=repr(float(start_time)))
     if stop_time is not None:
         experiment.set("stopTime", repr(float(stop_time)))
-    algorithm = SubElement(_annotation(experiment, OSP), "osp:Algorithm")
+    algorithm = SubElement(add_annotation(experiment, OSP), "osp:Algorithm")
     SubElement(algorithm, "osp:FixedStepAlgorithm", baseStepSize=_decimal(step))
 
 
 def add_system_step(system: Xml, step: Fraction) -> None:
     """Add a system's step in OpenModelica's form."""
-    notes = SubElement(_annotation(system, OMS), "oms:Annotations")
+    notes = SubElement(add_annotation(system, OMS), "oms:Annotations")
     SubElement(
         SubElement(notes, "oms:SimulationInformation"),
         "oms:FixedStepMaster",
@@ -68,7 +74,7 @@ def add_system_step(system: Xml, step: Fraction) -> None:
 
 def add_component_step(component: Xml, step: Fraction) -> None:
     """Add a component's step in the form of the Open Simulation Platform."""
-    SubElement(_annotation(component, OSP), "osp:StepSizeHint", value=_decimal(step))
+    SubElement(add_annotation(component, OSP), "osp:StepSizeHint", value=_decimal(step))
 
 
 def system_step(root: Xml, system: Xml, remarks: list[str]) -> str | None:
@@ -78,9 +84,9 @@ def system_step(root: Xml, system: Xml, remarks: list[str]) -> str | None:
     if note is not None and note.get("tick"):
         found.append(("org.uuvsim.cosim", note.get("tick", "")))
     outermost = root.find(q("ssd:System")) is system
-    for item in _named(root.find(q("ssd:DefaultExperiment")), OSP) if outermost else ():
+    for item in annotations_of(root.find(q("ssd:DefaultExperiment")), OSP) if outermost else ():
         found += [(OSP, e.get("baseStepSize", "")) for e in _local(item, "FixedStepAlgorithm")]
-    for item in _named(system, OMS):
+    for item in annotations_of(system, OMS):
         found += [(OMS, e.get("stepSize", "")) for e in _local(item, "FixedStepMaster")]
         for e in _local(item, "VariableStepMaster"):
             given = e.get("initialStepSize", "")
@@ -96,7 +102,7 @@ def component_step(component: Xml, tick: Fraction, remarks: list[str]) -> str | 
     found: list[tuple[str, str]] = []
     if note is not None and note.get("step"):
         found.append(("org.uuvsim.cosim", note.get("step", "")))
-    for item in _named(component, OSP):
+    for item in annotations_of(component, OSP):
         for hint in _local(item, "StepSizeHint"):
             text = hint.get("value", "")
             step = _step(text, f"{place}, {OSP}")
@@ -130,24 +136,10 @@ def _step(text: str, place: str) -> Fraction:
     return step
 
 
-def _annotation(parent: Xml, type_: str) -> Xml:
-    section = parent.find("ssd:Annotations")
-    if section is None:
-        section = SubElement(parent, "ssd:Annotations")
-    return SubElement(section, "ssc:Annotation", type=type_)
-
-
-def _named(parent: Xml | None, type_: str) -> Iterator[Xml]:
-    if parent is not None:
-        for item in parent.iterfind(f"{q('ssd:Annotations')}/{q('ssc:Annotation')}"):
-            if item.get("type") == type_:
-                yield item
-
-
 def _local(parent: Xml, name: str) -> Iterator[Xml]:
     """Yield the elements inside of this name, in any namespace and at any depth."""
     for item in parent.iter():
-        if isinstance(item.tag, str) and item.tag.rpartition("}")[2] == name:
+        if local_name(item) == name:
             yield item
 
 

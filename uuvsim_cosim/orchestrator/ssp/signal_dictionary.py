@@ -29,9 +29,9 @@ _MIME = "application/x-ssp-signal-dictionary"
 
 
 def read_dictionaries(
-    xml: Xml, find: Callable[[str, str], Path], place: str
+    xml: Xml, folder: Path, confine: Callable[[str, str], None], place: str
 ) -> dict[str, Dictionary]:
-    """Read the dictionaries that a system defines, inline or in a file that `find` finds."""
+    """Read the dictionaries that a system defines, inline or in a file, which `confine` checks."""
     found: dict[str, Dictionary] = {}
     for item in xml.iterfind(f"{q('ssd:SignalDictionaries')}/{q('ssd:SignalDictionary')}"):
         name = item.get("name", "")
@@ -44,7 +44,8 @@ def read_dictionaries(
             if inner is None:
                 raise InputInvalid(here, "neither source nor entries", "one of the two")
         else:
-            path = find(unquote(source), here)
+            confine(unquote(source), here)
+            path = folder / unquote(source)
             inner, here = read_document(path, "ssb:SignalDictionary"), shown(path)
         if name in found:
             raise InputInvalid(here, "a second dictionary of this name", "one")

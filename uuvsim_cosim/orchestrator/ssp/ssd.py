@@ -33,13 +33,12 @@ from uuvsim_cosim.orchestrator.ssp.ssd_reader import read_ssd
 from uuvsim_cosim.orchestrator.system.elements import Element, step_text
 from uuvsim_cosim.orchestrator.system.resolve import resolve
 from uuvsim_cosim.orchestrator.system.system import System
-from uuvsim_cosim.orchestrator.system.wiring import Wire
 from uuvsim_cosim.orchestrator.values.endpoints import (
     Endpoint,
     find_variable,
     resolve_endpoint,
 )
-from uuvsim_cosim.orchestrator.values.value_table import add_table
+from uuvsim_cosim.orchestrator.values.transformation import add_table
 from uuvsim_cosim.orchestrator.values.values import is_float
 from uuvsim_cosim.orchestrator.values.xml_values import number
 
@@ -110,7 +109,7 @@ class _Writer:
             note.set("name", system.name)
         if description:
             note.set("description", system.description)
-        add_annotation(xml, note)
+        add_annotation(xml).append(note)
         add_system_step(xml, system.base_step)
         return xml
 
@@ -154,7 +153,7 @@ class _Writer:
             if " " in units:  # a connector has one unit only
                 SubElement(note, "uuvsim:Units", name=name, units=units)
         if len(note) or note.attrib:
-            add_annotation(xml, note)
+            add_annotation(xml).append(note)
         if element.rate is not None:
             add_component_step(xml, element.rate)
         return xml
@@ -209,43 +208,32 @@ class _Writer:
     def _connections(self, parent: Xml, system: System) -> None:
         """Add the connections between elements, then those of exposed connectors."""
         section = Xml("ssd:Connections")
+        described = system.checked.descriptions
         for wire in system.checked.wires:
-            self._wire(section, wire, system)
+            source, target, c = wire.source, wire.target, wire.connection
+            a, b = (has_arrays(described[p.element], self.version) for p in (source, target))
+            for i, j in self._pairs(source, target, a and b):
+                xml = self._connection(section, [(source, i, a), (target, j, b)])
+                if not c.convert:
+                    xml.set("suppressUnitConversion", "true")
+                if c.table:
+                    add_table(xml, c.table)
+                elif (c.factor, c.offset) != (1.0, 0.0):
+                    numbers = {"factor": number(c.factor), "offset": number(c.offset)}
+                    SubElement(xml, "ssc:LinearTransformation", numbers)
         outside = self.version == "2.0"
         interface = system.interface()
         for item in system.exposed:
-            inner = resolve_endpoint(item.path, system.checked.descriptions)
-            owner = inner.element
+            inner = resolve_endpoint(item.path, described)
             outer = Endpoint("", *find_variable(item.name, interface))
-            inside = has_arrays(system.checked.descriptions[owner], self.version)
-            pairs = self._pairs(outer, inner, inside and outside)
-            for a, b in pairs:
-                ends = [(outer, a, outside), (inner, b, inside)]
+            inside = has_arrays(described[inner.element], self.version)
+            for i, j in self._pairs(outer, inner, inside and outside):
+                ends = [(outer, i, outside), (inner, j, inside)]
                 if inner.variable.causality == "output":
                     ends.reverse()
                 self._connection(section, ends)
         if len(section):
             parent.append(section)
-
-    def _wire(self, section: Xml, wire: Wire, system: System) -> None:
-        source, target = wire.source, wire.target
-        described = system.checked.descriptions
-        a = has_arrays(described[source.element], self.version)
-        b = has_arrays(described[target.element], self.version)
-        c = wire.connection
-        for i, j in self._pairs(source, target, a and b):
-            xml = self._connection(section, [(source, i, a), (target, j, b)])
-            if not c.convert:
-                xml.set("suppressUnitConversion", "true")
-            if c.table:
-                add_table(xml, c.table)
-            elif (c.factor, c.offset) != (1.0, 0.0):
-                SubElement(
-                    xml,
-                    "ssc:LinearTransformation",
-                    factor=number(c.factor),
-                    offset=number(c.offset),
-                )
 
     def _pairs(self, a: Endpoint, b: Endpoint, arrays: bool) -> list[tuple[int | None, int | None]]:
         """Return the pairs of elements to connect; (None, None) stands for whole arrays."""

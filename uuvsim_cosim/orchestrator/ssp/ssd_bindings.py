@@ -19,7 +19,7 @@ from uuvsim_cosim.orchestrator.parameters.ssv import (
     read_parameter_set,
     read_ssv,
 )
-from uuvsim_cosim.orchestrator.values.value_table import map_value
+from uuvsim_cosim.orchestrator.values.transformation import map_value
 from uuvsim_cosim.orchestrator.values.values import Quantity
 
 __all__ = ["Bindings"]
@@ -55,16 +55,15 @@ class Bindings:
         if mime != MIME["ssv"]:
             raise InputInvalid(here, f"type {mime!r}", f"{MIME['ssv']!r}")
         source = binding.get("source")
-        definitions: Mapping[str, Unit] = self.units
         if source is not None:
             values, own = read_ssv(self._file(binding, source, owner, here))
-            definitions = {**self.units, **own}
         else:
             inline = binding.find(f"{q('ssd:ParameterValues')}/{q('ssv:ParameterSet')}")
             if inline is None:
                 raise InputInvalid(here, "neither source nor values", "one of the two")
             values = read_parameter_set(inline, place, self.enumerations)
-            definitions = {**self.units, **read_units(inline, "ssv:Units", here)}
+            own = read_units(inline, "ssv:Units", here)
+        definitions = {**self.units, **own}
         prefix = binding.get("prefix", "")  # applied first: a mapping's sources contain it
         found: list[ParameterValue] = []
         for v in values:
@@ -76,12 +75,9 @@ class Bindings:
                 value = Quantity(value, unit, definitions)
             found.append(replace(v, name=f"{prefix}{v.name}", value=value))
         mapping = binding.find(q("ssd:ParameterMapping"))
-        return found if mapping is None else self._mapped(found, mapping, owner, place)
-
-    def _mapped(
-        self, values: list[ParameterValue], mapping: Xml, owner: Xml, place: str
-    ) -> list[ParameterValue]:
-        """Apply a mapping; values that it does not name are dropped."""
+        if mapping is None:
+            return found
+        # Values that the mapping does not name are dropped.
         here = f"{place}: <ssd:ParameterMapping>"
         mime = mapping.get("type", _MAPPING)
         if mime != _MAPPING:
@@ -92,7 +88,7 @@ class Bindings:
         else:
             inline = mapping.find(q("ssm:ParameterMapping"))
             entries = [] if inline is None else read_mapping(inline, here)
-        by_name = {v.name: v for v in values}
+        by_name = {v.name: v for v in found}
         return [_changed(by_name[e.source], e, here) for e in entries if e.source in by_name]
 
     def _file(self, xml: Xml, source: str, owner: Xml, place: str) -> Path:
@@ -115,17 +111,17 @@ class Bindings:
 
 def _changed(value: ParameterValue, entry: MappingEntry, place: str) -> ParameterValue:
     """Return a value with its target's name, transformed by the entry of a mapping."""
-    given = value.value
-    if entry.table:
+    given, change = value.value, entry.change
+    if change.table:
         bare = given.value if isinstance(given, Quantity) else given
-        given = map_value(entry.table, bare, f"{place}: {entry.source}")
-    elif (entry.factor, entry.offset) != (1.0, 0.0) or not entry.convert:
+        given = map_value(change.table, bare, f"{place}: {entry.source}")
+    elif change.scales or not change.convert:
         quantity = given if isinstance(given, Quantity) else Quantity(given, None)
         bare = quantity.value if isinstance(quantity.value, list) else [quantity.value]
-        if (entry.factor, entry.offset) != (1.0, 0.0) and not all(
+        if change.scales and not all(
             isinstance(v, float | int) and not isinstance(v, bool) for v in bare
         ):
             raise InputInvalid(place, f"{entry.source} is {bare[0]!r}", "a number to transform")
-        unit = quantity.unit if entry.convert else None
-        given = replace(quantity, unit=unit, factor=entry.factor, offset=entry.offset)
+        unit = quantity.unit if change.convert else None
+        given = replace(quantity, unit=unit, factor=change.factor, offset=change.offset)
     return replace(value, name=entry.target, value=given)

@@ -27,12 +27,12 @@ from uuvsim_cosim.orchestrator.ssp.signal_dictionary import (
 from uuvsim_cosim.orchestrator.ssp.ssd_bindings import Bindings
 from uuvsim_cosim.orchestrator.ssp.ssd_connections import Border, End, Links, read_links
 from uuvsim_cosim.orchestrator.system.elements import Element, StepGroup
-from uuvsim_cosim.orchestrator.system.proxyfmu import REMARK, proxy_file
+from uuvsim_cosim.orchestrator.system.resolve import REMARK, proxy_file
 from uuvsim_cosim.orchestrator.system.system import System
 from uuvsim_cosim.orchestrator.system.validation import as_step, describe_element, problem_of
 from uuvsim_cosim.orchestrator.values.endpoints import find_variable
 from uuvsim_cosim.orchestrator.values.values import Misfit
-from uuvsim_cosim.orchestrator.values.xml_values import float_of
+from uuvsim_cosim.orchestrator.values.xml_values import float_of, local_name
 
 __all__ = ["read_ssd"]
 
@@ -95,7 +95,14 @@ class _Reader:
         """Read a system; `tick` is the step of the one around it, or the user's."""
         note = find_annotation(xml)
         remarks = remarks if remarks is not None else []
-        step = self._tick(xml, tick, prefix, remarks)
+        try:
+            own_step = system_step(self.root, xml, remarks)
+        except UuvsimError as error:
+            self.wrong(error)
+            own_step = DEFAULT_TICK
+        if own_step is None and tick is None and not prefix:
+            remarks.append(f"gives no step: {DEFAULT_TICK} s is taken")
+        step = own_step or tick or DEFAULT_TICK
         elements, broken = self._elements(xml, step, prefix, remarks)
         links = read_links(xml, self.wrong, prefix)
         connectors = xml.iterfind(f"{q('ssd:Connectors')}/{q('ssd:Connector')}")
@@ -103,7 +110,16 @@ class _Reader:
         border = Border(links.changes, _connector_units(xml), idle)
         self._resolve(xml, elements, links, border, prefix, remarks)
         elements = self._bind_system(xml, elements, links, prefix, remarks)
-        groups = tuple(_group(g) for g in (note if note is not None else ()))
+        groups: list[StepGroup] = []
+        for group in note if note is not None else ():
+            members = tuple(m.get("name", "") for m in group)
+            try:
+                tolerance, limit = float(group.get("tolerance", "1e-10")), group.get("limit", "100")
+                numbers = (tolerance, int(limit))
+            except ValueError:
+                numbers = (math.nan, 0)  # the system's check refuses them
+            algorithm, solver = group.get("algorithm", ""), group.get("solver", "newton")
+            groups.append(StepGroup(members, algorithm, solver, *numbers))  # type: ignore[arg-type]
         own = note.attrib if note is not None else {}
         self.borders[prefix] = border
         known = {e.name for e in elements} - broken
@@ -114,7 +130,7 @@ class _Reader:
                 own.get("description", xml.get("description", "")),
                 tuple(elements),
                 tuple(links.listed()),
-                groups,
+                tuple(groups),
                 tuple(links.exposed),
                 self.folder,
                 tuple(dict.fromkeys(f"{self.path.name}: {r}" for r in remarks)),
@@ -125,16 +141,6 @@ class _Reader:
                 if p.place not in broken or p.place in known:
                     self.problems.append(replace(p, place=prefix + p.place))
             return None
-
-    def _tick(self, xml: Xml, tick: str | None, prefix: str, remarks: list[str]) -> str:
-        try:
-            found = system_step(self.root, xml, remarks)
-        except UuvsimError as error:
-            self.wrong(error)
-            found = DEFAULT_TICK
-        if found is None and tick is None and not prefix:
-            remarks.append(f"gives no step: {DEFAULT_TICK} s is taken")
-        return found or tick or DEFAULT_TICK
 
     def _elements(
         self, xml: Xml, tick: str, prefix: str, remarks: list[str]
@@ -155,7 +161,7 @@ class _Reader:
                 if found[-1].source == _BROKEN:
                     broken.add(name)
             elif child.tag != q("ssd:SignalDictionaryReference"):
-                tag = child.tag.rpartition("}")[2] if isinstance(child.tag, str) else "comment"
+                tag = local_name(child) or "comment"
                 self.problems.append(Problem(place, f"a {tag}", "a Component or a System"))
         return found, broken
 
@@ -283,7 +289,7 @@ class _Reader:
                 return None  # found again, and reported, when the system is checked
 
         try:
-            own = read_dictionaries(xml, self._find, prefix)
+            own = read_dictionaries(xml, self.folder, self._confine, prefix)
             references = read_references(xml)
             wanted, notes = resolve_signals(
                 links, references, own, borders, unit_of, self.bindings.units, prefix
@@ -323,10 +329,6 @@ class _Reader:
 
     # ---- files ----------------------------------------------------------------------------
 
-    def _find(self, source: str, place: str) -> Path:
-        self._confine(source, place)
-        return self.folder / source
-
     def _confine(self, source: str, place: str) -> None:
         """Note a problem for a source outside of the archive."""
         if not self.confined or source.startswith(("model:", "function:")):
@@ -346,14 +348,3 @@ def _connector_units(xml: Xml) -> dict[str, str]:
         if unit:
             given[connector.get("name", "")] = unit
     return given
-
-
-def _group(xml: Xml) -> StepGroup:
-    """Read a group; a text that is no number becomes a number that the system's check refuses."""
-    members = tuple(m.get("name", "") for m in xml)
-    try:
-        tolerance, limit = float(xml.get("tolerance", "1e-10")), int(xml.get("limit", "100"))
-    except ValueError:
-        tolerance, limit = math.nan, 0
-    algorithm, solver = xml.get("algorithm", ""), xml.get("solver", "newton")
-    return StepGroup(members, algorithm, solver, tolerance, limit)  # type: ignore[arg-type]

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from uuvsim_cosim.fmus.description import Description
-from uuvsim_cosim.orchestrator.values.value_table import Table
+from uuvsim_cosim.orchestrator.values.transformation import Table
 
 __all__ = [
     "Algorithm",

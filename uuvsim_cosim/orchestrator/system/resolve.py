@@ -18,21 +18,30 @@ import importlib.metadata
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from urllib.parse import parse_qs, unquote, urlsplit
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.near_names import did_you_mean
 from uuvsim_cosim.orchestrator.system.elements import Structure
-from uuvsim_cosim.orchestrator.system.osp_functions import FunctionSource
 from uuvsim_cosim.orchestrator.system.sources import (
     FmuSource,
+    FunctionSource,
     ModelSource,
     PythonSource,
     Source,
     SystemSource,
+    TableSource,
 )
-from uuvsim_cosim.orchestrator.system.table_source import TableSource
 
-__all__ = ["anchored", "described_by", "nested_structure", "register", "resolve"]
+__all__ = [
+    "REMARK",
+    "anchored",
+    "described_by",
+    "nested_structure",
+    "proxy_file",
+    "register",
+    "resolve",
+]
 
 ENTRY_POINTS = "uuvsim_cosim.sources"
 
@@ -61,7 +70,14 @@ def resolve(source: str, base: Path | None = None) -> Source:
     suffix = Path(source.partition("#")[0]).suffix.lower()
     if suffix == ".fmu":
         file, _, options = source.partition("#")
-        return FmuSource(_file(file, base, "an FMU"), _options(source, options))
+        path = _file(file, base, "an FMU")
+        pairs = [part.partition("=") for part in options.split("&") if part]
+        if any(not (name and equals and value) for name, equals, value in pairs):
+            raise InputInvalid(
+                f"source {source!r}: expected FILE.fmu#interface=ModelExchange, or names and "
+                "values of structural parameters"
+            )
+        return FmuSource(path, tuple((name, value) for name, _, value in pairs))
     if suffix == ".csv":
         return TableSource(_file(source, base, "a table"))
     if suffix in (".ssd", ".ssp"):
@@ -166,12 +182,21 @@ def _file(name: str, base: Path, what: str) -> Path:
     raise InputInvalid(path, f"no such file{did_you_mean(path.name, files)}", what)
 
 
-def _options(source: str, text: str) -> tuple[tuple[str, str], ...]:
-    """Read ``name=value&name=value``."""
-    pairs = [part.partition("=") for part in text.split("&") if part]
-    if any(not (name and equals and value) for name, equals, value in pairs):
+REMARK = "proxyfmu is read as its file; --isolate gives it a process"
+
+
+def proxy_file(source: str) -> str | None:
+    """Return the file that a proxyfmu URI names, None for any other source.
+
+    Raises InputInvalid for one on another machine, or without a file.
+    """
+    if not source.lower().startswith("proxyfmu:"):
+        return None
+    parts = urlsplit(source)
+    file = parse_qs(parts.query).get("file", [""])[0]
+    if (parts.hostname or "localhost") not in ("localhost", "127.0.0.1") or not file:
         raise InputInvalid(
-            f"source {source!r}: expected FILE.fmu#interface=ModelExchange, or names and values "
-            "of structural parameters"
+            f"source {source!r}",
+            "an FMU, or proxyfmu://localhost?file=…: nothing is run on other machines",
         )
-    return tuple((name, value) for name, _, value in pairs)
+    return unquote(file.replace("file:///", "/"))

@@ -265,8 +265,14 @@ class _Fit:
         try:
             found, elements, _ = find_variable(text, self.fresh)
         except Misfit:
-            raise Misfit(f"missing in {self.fresh.name}, which has {self._connectors()}",
-                         self._wanted(variable)) from None  # fmt: skip
+            parts = []
+            for causality in ("input", "output"):
+                names = [f"{v.name}{list(v.shape) if v.shape else ''}"
+                         for v in self.fresh.of(causality)]  # fmt: skip
+                shown = ", ".join(names[:24]) + (", …" if len(names) > 24 else "")
+                parts.append(f"{causality}s {shown}" if names else f"no {causality}s")
+            missing = f"missing in {self.fresh.name}, which has {' and '.join(parts)}"
+            raise Misfit(missing, self._wanted(variable)) from None
         if found.causality != variable.causality:
             raise Misfit(f"{found.name} is of causality {found.causality}", self._wanted(variable))
         if indexed in self.names and variable.shape and len(elements) == 1:
@@ -291,13 +297,3 @@ class _Fit:
         size = f" of {variable.size} elements" if variable.shape else ""
         article = "an input" if variable.causality == "input" else "an output"
         return f"{article}{size}{unit} of this name, or a map {self.path}.{variable.name}=NAME"
-
-    def _connectors(self) -> str:
-        """Return the replacement's inputs and outputs, for an error."""
-        parts = []
-        for causality in ("input", "output"):
-            found = [f"{v.name}{list(v.shape) if v.shape else ''}"
-                     for v in self.fresh.of(causality)]  # fmt: skip
-            shown = ", ".join(found[:24]) + (", …" if len(found) > 24 else "")
-            parts.append(f"{causality}s {shown}" if found else f"no {causality}s")
-        return " and ".join(parts)

@@ -1,18 +1,20 @@
-"""Sources of components: FMUs, Python classes, declarations of this package, nested systems."""
+"""Sources of components: FMUs, Python classes, declarations, sums, tables, nested systems."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, ClassVar, Literal, Protocol
+from urllib.parse import parse_qsl
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.component import Component
-from uuvsim_cosim.fmus.description import Description
+from uuvsim_cosim.fmus.description import Description, Variable
+from uuvsim_cosim.fmus.importer.input_csv import Series, read_input_csv
 from uuvsim_cosim.models.declaration.files_read import shared_until_changed
-from uuvsim_cosim.orchestrator.python.component import load_python_component
+from uuvsim_cosim.orchestrator.python.component import PythonComponent, load_python_component
 from uuvsim_cosim.orchestrator.system.elements import Structure
 from uuvsim_cosim.orchestrator.system.formats import read_structure
 
@@ -22,7 +24,17 @@ if TYPE_CHECKING:
     from uuvsim_cosim.fmus.tracing.trace import Trace
     from uuvsim_cosim.models.declaration.model import Model
 
-__all__ = ["Backend", "FmuSource", "ModelSource", "PythonSource", "Source", "SystemSource"]
+__all__ = [
+    "Backend",
+    "FmuSource",
+    "FunctionSource",
+    "ModelSource",
+    "PythonSource",
+    "Source",
+    "SystemSource",
+    "TableSource",
+    "sum_source",
+]
 
 Backend = Literal["fmu", "native"]
 
@@ -45,7 +57,7 @@ class Source(Protocol):
         """Instantiate the component `path`."""
 
 
-_descriptions: dict[tuple[str, int], Description] = {}
+_classes: dict[tuple[str, int], Description] = {}  # of Python classes
 _systems: dict[tuple[str, int], Structure] = {}
 _archives: dict[tuple[str, int], FmuArchive] = {}
 
@@ -66,7 +78,7 @@ class FmuSource:
 
     def describe(self) -> Description:
         """Read the model description; cached until the file changes."""
-        return _cached(self.path, self.text, lambda: _archive(self).description)
+        return _archive(self).description
 
     def structured(self, start: Mapping[str, object]) -> FmuSource:
         """Return the source with the structural parameters that are among start values."""
@@ -105,8 +117,10 @@ class PythonSource:
     def describe(self) -> Description:
         """Return the interface that the class declares; cached until its file changes."""
         where = self.text.rpartition(":")[0]
-        path = Path(where) if where.endswith(".py") else None
-        return _cached(path, self.text, lambda: self.instantiate("description").description)
+        key = (self.text, _mtime(Path(where)) if where.endswith(".py") else 0)
+        if key not in _classes:
+            _classes[key] = self.instantiate("description").description
+        return _classes[key]
 
     def instantiate(self, path: str, *, backend: Backend = "fmu") -> Component:
         """Make an instance of the class."""
@@ -221,8 +235,97 @@ def _mtime(path: Path) -> int:
     return path.stat().st_mtime_ns
 
 
-def _cached(path: Path | None, text: str, read: Callable[[], Description]) -> Description:
-    key = (text, 0 if path is None else _mtime(path))
-    if key not in _descriptions:
-        _descriptions[key] = read()
-    return _descriptions[key]
+_LIMIT = 10_000
+
+
+def sum_source(inputs: int, dimension: int = 1) -> str:
+    """Return the source of a sum of `inputs` vectors of `dimension` elements."""
+    return f"function:sum?inputs={inputs}&dimension={dimension}"
+
+
+@dataclass(frozen=True)
+class FunctionSource(ModelSource):
+    """Sum of signals: ``function:sum?inputs=3&dimension=2`` is y_j = u_1j + u_2j + u_3j.
+
+    A sum is a component of this package, so it runs natively, is packed as an FMU, and is fused.
+    """
+
+    def declaration(self) -> Model:
+        """Return the declaration of the function."""
+        name, _, query = self.text.removeprefix("function:").partition("?")
+        options = dict(parse_qsl(query, keep_blank_values=True))
+        given = [options.pop("inputs", ""), options.pop("dimension", "1")]
+        inputs, dimension = (int(t) if t.isdecimal() and len(t) < 6 else 0 for t in given)
+        if name != "sum" or options or not 0 < inputs * dimension <= _LIMIT:
+            raise InputInvalid(f"function {self.text!r}", "'function:sum?inputs=3'")
+        from uuvsim_cosim.models.declaration.model import Model
+
+        m = Model(f"sum_{inputs}_{dimension}")
+        shape = inputs * dimension if inputs * dimension > 1 else ()
+        u = m.input("u", shape, unit="1", description="vectors, one after the other")
+        y = u[:dimension]
+        for i in range(1, inputs):
+            y = y + u[i * dimension : (i + 1) * dimension]
+        m.output("y", y, unit="1", description="their sum")
+        return m
+
+
+@dataclass(frozen=True)
+class TableSource:
+    """A table whose first column is the time [s]; the others are Float64 outputs without units.
+
+    Between two times outputs are interpolated linearly; before the first and after the last they
+    are held. Of two rows at one time the later one is used.
+    """
+
+    path: Path
+    kind: str = "table"
+
+    @property
+    def text(self) -> str:
+        """Return the absolute path."""
+        return str(self.path)
+
+    def describe(self) -> Description:
+        """Read the file for its columns; raises InputInvalid by line and column."""
+        return self.instantiate("description").description
+
+    def instantiate(self, path: str, *, backend: Backend = "fmu") -> Component:
+        """Make a component whose outputs are the columns; the stepping loop calls Python for it."""
+        series = _series(self.path)
+
+        class Table:
+            """Columns of a file over time."""
+
+            inputs: ClassVar[dict[str, object]] = {}
+            outputs: ClassVar[dict[str, object]] = dict.fromkeys(s.variable.name for s in series)
+
+            def initialize(self, t: float) -> dict[str, float]:
+                return {s.variable.name: float(s.at(t)) for s in series}
+
+            def step(self, t: float, dt: float, u: dict[str, object]) -> dict[str, float]:
+                return self.initialize(t + dt)
+
+        Table.__name__ = Table.__qualname__ = self.path.stem
+        return PythonComponent(Table, path)
+
+
+def _series(path: Path) -> list[Series]:
+    """Read the columns, named by the file itself."""
+    import csv
+
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            header = next((row for row in csv.reader(file) if any(row)), [])
+    except (OSError, UnicodeDecodeError, csv.Error):
+        header = []  # `read_input_csv` reports it
+    names = [name.strip() for name in header[1:]]
+    if header and not names:
+        raise InputInvalid(path, f"only the column {header[0]!r}", "time and others")
+    unnamed = next((c for c, name in enumerate(names, 2) if not name), None)
+    if unnamed is not None:
+        raise InputInvalid(f"{path}, line 1, column {unnamed}", "no name", "one")
+    variables = {
+        name: Variable(name, "Float64", "input", "continuous") for name in dict.fromkeys(names)
+    }
+    return read_input_csv(path, Description(path.stem, "python", variables))

@@ -11,13 +11,15 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
 
 from uuvsim_cosim.errors import Problem, SystemInvalid, UuvsimError
-from uuvsim_cosim.fmus.description import Description
+from uuvsim_cosim.fmus.description import Description, Variable
+from uuvsim_cosim.fmus.importer.array_folding import fold
 from uuvsim_cosim.models.declaration.near_names import expected_names
 from uuvsim_cosim.orchestrator.system.elements import (
     Algorithm,
@@ -30,17 +32,17 @@ from uuvsim_cosim.orchestrator.system.elements import (
     Structure,
 )
 from uuvsim_cosim.orchestrator.system.formats import write_structure
-from uuvsim_cosim.orchestrator.system.interface import interface_of
-from uuvsim_cosim.orchestrator.system.peers import peer_of
 from uuvsim_cosim.orchestrator.system.resolve import anchored, nested_structure
 from uuvsim_cosim.orchestrator.system.slot import Slot, fitted, slot_at
 from uuvsim_cosim.orchestrator.system.validation import Checked, as_step, check, problem_of
 from uuvsim_cosim.orchestrator.system.wiring import Wire
 from uuvsim_cosim.orchestrator.values.endpoints import find_element, resolve_endpoint
-from uuvsim_cosim.orchestrator.values.value_table import table_of
-from uuvsim_cosim.orchestrator.values.values import Misfit
+from uuvsim_cosim.orchestrator.values.transformation import table_of
+from uuvsim_cosim.orchestrator.values.values import Misfit, flat
 
 __all__ = ["System"]
+
+_NUMBERED = re.compile(r"^(?P<stem>.*?)\{(?P<k>\d+)\}")  # of a peer (see `System._with_peers`)
 
 
 @dataclass(frozen=True)
@@ -207,7 +209,7 @@ class System(Structure):
         `map` maps names of the slot to names of the replacement (``{"tau_d": "Out1"}``,
         ``{"tau_d[3]": "Out3"}``), or is an .ssm file. The slot's step is kept unless `rate` is
         given, and so are start values of variables that the replacement has too. Its peers (see
-        `orchestrator/system/peers.py`) are connected as well.
+        `orchestrator/system/system.py`) are connected as well.
         """
         return self._fitted(path, source, map, rate, start)._with_peers(path)
 
@@ -231,7 +233,13 @@ class System(Structure):
         return fitted(self, path, source, map, rate, start, descriptions=descriptions, wires=wires)
 
     def _with_peers(self, path: str) -> System:
-        """Connect the unconnected inputs of the component at `path` to their peers."""
+        """Connect the unconnected inputs of the component at `path` to their peers.
+
+        A component may name the signals that feed its inputs in the systems that it was made for,
+        by a path from the top: ``target.position``. In ``tracker_{1}.hull.eta``, ``{1}`` stands for
+        the first number, counted from 1, that is not the number of the component's own
+        ``tracker_2``. If the system does not have such a signal, a remark says so.
+        """
         owner, dot, _ = path.partition(".")
         nested = self.nested_or_none(owner) if dot else None
         if nested is None and path not in self.components:
@@ -242,7 +250,12 @@ class System(Structure):
         for name, pattern in self.describe(path).peers.items():
             if (element, name) in fed:
                 continue
-            peer = peer_of(pattern, path)
+            peer = pattern
+            if (m := _NUMBERED.match(pattern)) is not None:
+                own = re.match(re.escape(m["stem"]) + r"(\d+)", path)
+                k = int(m["k"])
+                k += own is not None and int(own[1]) <= k
+                peer = f"{m['stem']}{k}{pattern[m.end() :]}"
             try:
                 source, wider = system._offered(peer)
                 target, wider = wider._offered(f"{path}.{name}")
@@ -318,7 +331,22 @@ class System(Structure):
 
     def interface(self) -> Description:
         """Describe the system as a component: its exposed connectors."""
-        return interface_of(self, self.checked.descriptions)
+        descriptions = self.checked.descriptions
+        variables: dict[str, Variable] = {}
+        for item in self.exposed:
+            point = resolve_endpoint(item.path, descriptions)
+            start = self.components[point.element].start.get(point.variable.name)
+            v = replace(point.variable, name=item.name, dependencies=None)
+            v = replace(v, start=start) if start is not None else v
+            if not point.whole:
+                i = point.elements[0]
+                start = None if v.start is None else flat(v.start)[i]
+                unit = v.unit_of_element(i)
+                v = replace(v, shape=(), start=start, unit=unit, element_units=())
+            variables.setdefault(item.name, v)
+        units = {n: u for d in descriptions.values() for n, u in d.units.items()}
+        folded = fold(list(variables.values()))
+        return Description(self.name, "native", folded, description=self.description, units=units)
 
     # ---- inside ---------------------------------------------------------------------------
 

@@ -93,7 +93,19 @@ def check(system: Structure) -> Checked:
     """Check all that can be checked without a run; see the module's docstring."""
     problems: list[Problem] = []
     notes: list[str] = []
-    descriptions = _described(system, problems)
+    descriptions: dict[str, Description] = {}
+    seen: set[str] = set()
+    for element in system.elements:
+        name = element.name
+        if name in seen:
+            problems.append(Problem(name, "two components of this name", "one"))
+        seen.add(name)
+        if not name or _FORBIDDEN & set(name) or not name.isprintable():
+            problems.append(Problem(repr(name), "not a name", "a name without [ ] / \\"))
+        try:
+            descriptions[name] = describe_element(element, system.base)
+        except UuvsimError as error:
+            problems.append(problem_of(name, error))
     elements = tuple(_element(e, system, descriptions, problems) for e in system.elements)
     names = {e.name for e in elements}
     unknown = names - set(descriptions)
@@ -119,23 +131,6 @@ def check(system: Structure) -> Checked:
     )  # fmt: skip
 
 
-def _described(system: Structure, problems: list[Problem]) -> dict[str, Description]:
-    found: dict[str, Description] = {}
-    seen: set[str] = set()
-    for element in system.elements:
-        name = element.name
-        if name in seen:
-            problems.append(Problem(name, "two components of this name", "one"))
-        seen.add(name)
-        if not name or _FORBIDDEN & set(name) or not name.isprintable():
-            problems.append(Problem(repr(name), "not a name", "a name without [ ] / \\"))
-        try:
-            found[name] = describe_element(element, system.base)
-        except UuvsimError as error:
-            problems.append(problem_of(name, error))
-    return found
-
-
 def _element(
     element: Element,
     system: Structure,
@@ -151,7 +146,7 @@ def _element(
     parts: dict[str, dict[int, object]] = {}  # values of single elements of arrays
     for key, given in element.start.items():
         try:
-            variable, elements, whole = find_variable(key, description)
+            variable, elements, is_whole = find_variable(key, description)
             settable = variable.causality in ("parameter", "structuralParameter", "input")
             has_start = variable.initial in ("exact", "approx")
             if not settable and not (has_start and variable.variability != "constant"):
@@ -160,7 +155,7 @@ def _element(
                     "value",
                     "a parameter or an input",
                 )
-            if whole:
+            if is_whole:
                 start[variable.name] = fit(variable, given, None, description.units)
                 continue
             shape = () if len(elements) == 1 else (len(elements),)
@@ -178,7 +173,14 @@ def _element(
     for name, values in parts.items():
         try:
             variable = description.variables[name]
-            start[name] = _with_elements(variable, values, start.get(name, variable.start))
+            base = start.get(name, variable.start)
+            if base is None and len(values) < variable.size:
+                raise Misfit(
+                    f"some elements of {variable.name}, which has no start value",
+                    f"all {variable.size} elements",
+                )
+            whole = dict(enumerate(flat(base))) if base is not None else {}
+            start[name] = fit(variable, [(whole | values)[i] for i in range(variable.size)])
         except Misfit as misfit:
             problems.append(misfit.at(f"{element.name}.{name}"))
     return replace(element, rate=rate, start=start)
@@ -212,19 +214,6 @@ def _rate(element: Element, tick: Fraction, problems: list[Problem]) -> Fraction
 
 def _article(word: str) -> str:
     return f"an {word}" if word[0] in "aeio" else f"a {word}"
-
-
-def _with_elements(variable: Variable, values: Mapping[int, object], base: object) -> object:
-    """Return a variable's value with other values at some elements; raises Misfit."""
-    if base is None and len(values) < variable.size:
-        raise Misfit(
-            f"some elements of {variable.name}, which has no start value",
-            f"all {variable.size} elements",
-        )
-    whole = flat(base) if base is not None else [None] * variable.size
-    for i, value in values.items():
-        whole[i] = value
-    return fit(variable, whole)
 
 
 def _exposed(

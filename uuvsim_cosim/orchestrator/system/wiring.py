@@ -15,7 +15,7 @@ from uuvsim_cosim.orchestrator.values.endpoints import (
     find_element,
     resolve_endpoint,
 )
-from uuvsim_cosim.orchestrator.values.value_table import Numbers, numbers_of
+from uuvsim_cosim.orchestrator.values.transformation import Numbers, numbers_of
 from uuvsim_cosim.orchestrator.values.values import Misfit, conversion, is_float, unit_named
 
 __all__ = ["Wire", "joined", "single_source", "wire"]

@@ -116,11 +116,31 @@ def fit(
     if isinstance(given, list | tuple | np.generic) is False and not np.isscalar(given):
         raise Misfit(f"a {type(given).__name__}", _type_text(variable))
     elements: list[Any] = [_element(variable, e) for e in flat(given)]
-    _check_shape(variable, given, len(elements))
+    try:
+        shape = () if isinstance(given, bytes) else np.asarray(given).shape
+    except ValueError:
+        raise Misfit("a list of uneven lists", _type_text(variable)) from None
+    if shape != variable.shape and not (len(variable.shape) > 1 and shape == (variable.size,)):
+        read = "a scalar" if shape == () else f"{len(elements)} values"
+        if len(shape) > 1:
+            read = f"values of shape {' x '.join(map(str, shape))}"
+        raise Misfit(read, _type_text(variable) if variable.shape else "a scalar")
     if unit is not None and is_float(variable):
-        elements = _converted(variable, elements, unit, units or {})
+        for i, wanted in enumerate(variable.units):
+            known = units or {}
+            pair = (1.0, 0.0) if wanted is None else conversion(unit, wanted, known, of_value=True)
+            if pair is None:
+                raise Misfit(f"a value in {unit!r}", f"one in {wanted!r} or a unit of its kind")
+            if pair != (1.0, 0.0):
+                elements[i] = pair[0] * elements[i] + pair[1]
     if scale != (1.0, 0.0):
-        elements = [_element(variable, _scaled(e, *scale)) for e in elements]
+        factor, offset = scale
+        for i, e in enumerate(elements):
+            value = factor * e + offset
+            if isinstance(e, int) and abs(e) > 2**53:  # a float would round it
+                exact = Fraction(factor) * e + Fraction(offset)
+                value = int(exact) if exact.denominator == 1 else float(exact)
+            elements[i] = _element(variable, value)
     for e in elements:
         if not isinstance(e, str | bytes | bool) and not is_within(variable, e):
             of_unit = f" {variable.unit}" if variable.unit not in (None, "1") else ""
@@ -129,14 +149,6 @@ def fit(
                 f"{shown}{of_unit} is out of range", f"a value in {range_text(variable)}{of_unit}"
             )
     return _shaped(elements, variable.shape)
-
-
-def _scaled(element: float, factor: float, offset: float) -> float:
-    """Return factor · element + offset."""
-    if isinstance(element, int) and abs(element) > 2**53:  # a float would round it
-        exact = Fraction(factor) * element + Fraction(offset)
-        return int(exact) if exact.denominator == 1 else float(exact)
-    return factor * element + offset
 
 
 def _items(variable: Variable, given: object) -> object:
@@ -188,30 +200,24 @@ def _parsed(variable: Variable, text: str) -> tuple[object, str | None]:
     if variable.type == "Boolean" and words and all(w.lower() in _BOOLEANS for w in words):
         values = [_BOOLEANS[w.lower()] for w in words]
         return (values if variable.shape else values[0]) if len(values) == 1 else values, None
-    match = _NUMBERS.match(text)
-    wrong = _no_number(variable, text)
-    if match is None or wrong:
-        raise Misfit(f"{text!r}{wrong}", expected)
-    numbers = [
-        int(n) if re.fullmatch(r"[-+]?\d+", n) else float(n) for n in re.split(r"[\s,;]+", match[1])
-    ]
-    bare = len(numbers) == 1 and (variable.shape == () or "[" not in text)
-    return (numbers[0] if bare else numbers), match[2] or None
-
-
-def _no_number(variable: Variable, text: str) -> str:
-    """Name the first element of a list that is no number; the last may be followed by a unit."""
     parts = [part.strip(" []") for part in re.split(r"[,;]", text)]
     if len(parts) == 1:  # separated by blanks, where "1 2 m" is two numbers and a unit
         words = text.replace("[", " ").replace("]", " ").split()
         parts = words if len(words) == variable.size > 1 else []
     for place, part in enumerate(parts, 1):
         if not part:
-            return f", where element {place} is empty"
-        unit = r"(?![\w.])" if place < len(parts) else ""
+            raise Misfit(f"{text!r}, where element {place} is empty", expected)
+        unit = r"(?![\w.])" if place < len(parts) else ""  # the last may be followed by a unit
         if variable.type != "Boolean" and not re.match(_NUMBER + unit, part):
-            return f", where element {place}, {part!r}, is no number"
-    return ""
+            raise Misfit(f"{text!r}, where element {place}, {part!r}, is no number", expected)
+    match = _NUMBERS.match(text)
+    if match is None:
+        raise Misfit(f"{text!r}", expected)
+    numbers = [
+        int(n) if re.fullmatch(r"[-+]?\d+", n) else float(n) for n in re.split(r"[\s,;]+", match[1])
+    ]
+    bare = len(numbers) == 1 and (variable.shape == () or "[" not in text)
+    return (numbers[0] if bare else numbers), match[2] or None
 
 
 def _type_text(variable: Variable) -> str:
@@ -260,33 +266,6 @@ def _element(variable: Variable, value: object) -> float | str | bytes:
         if low <= value <= high:
             return int(value)
     raise Misfit(f"{value!r}", f"{_type_text(variable)} such as {_example(variable)}")
-
-
-def _check_shape(variable: Variable, given: object, count: int) -> None:
-    try:
-        shape = () if isinstance(given, bytes) else np.asarray(given).shape
-    except ValueError:
-        raise Misfit("a list of uneven lists", _type_text(variable)) from None
-    if shape == variable.shape or (len(variable.shape) > 1 and shape == (variable.size,)):
-        return
-    read = "a scalar" if shape == () else f"{count} values"
-    if len(shape) > 1:
-        read = f"values of shape {' x '.join(map(str, shape))}"
-    raise Misfit(read, _type_text(variable) if variable.shape else "a scalar")
-
-
-def _converted(
-    variable: Variable, elements: list[float], unit: str, units: Mapping[str, Unit]
-) -> list[float]:
-    """Convert the elements from `unit` to the variable's; raises Misfit."""
-    result = []
-    for element, wanted in zip(elements, variable.units, strict=True):
-        pair = (1.0, 0.0) if wanted is None else conversion(unit, wanted, units, of_value=True)
-        if pair is None:
-            raise Misfit(f"a value in {unit!r}", f"one in {wanted!r} or a unit of its kind")
-        factor, offset = pair
-        result.append(element if pair == (1.0, 0.0) else factor * element + offset)
-    return result
 
 
 def _shaped(elements: list[Any], shape: tuple[int, ...]) -> Any:

@@ -7,7 +7,14 @@ from xml.etree.ElementTree import Element
 
 from uuvsim_cosim.errors import InputInvalid
 
-__all__ = ["boolean", "float_of", "int_of", "number", "text_of"]
+__all__ = ["BOOLEANS", "boolean", "float_of", "int_of", "local_name", "number", "text_of"]
+
+BOOLEANS = {"true": True, "1": True, "false": False, "0": False}  # xs:boolean
+
+
+def local_name(xml: Element) -> str:
+    """Return an element's name without its namespace; "" for a comment."""
+    return xml.tag.rpartition("}")[2] if isinstance(xml.tag, str) else ""
 
 
 def number(value: float) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from uuvsim_cosim.cache import written
 from uuvsim_cosim.errors import InputInvalid, RecordingError
-from uuvsim_cosim.orchestrator.running.run_json import write_run_json
+from uuvsim_cosim.orchestrator.running.run_folder import write_run_json
 from uuvsim_cosim.scene.mapping.mapping import read_map
 from uuvsim_cosim.view.recorded.metrics import Figure, metrics_of
 from uuvsim_cosim.view.recorded.run_folder import provenance_of, traces_of

@@ -10,8 +10,8 @@ from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.master.prepared import prepare
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.running.library import load
-from uuvsim_cosim.orchestrator.ssp.pack import pack
 from uuvsim_cosim.orchestrator.ssp.ssd import read_ssd, write_ssd
+from uuvsim_cosim.orchestrator.ssp.ssp import pack
 from uuvsim_cosim.orchestrator.system.system import System
 
 TABLE = "time,speed,depth\n0.1,1,0\n0.3,2,0\n0.3,5,8\n0.5,5,9\n"

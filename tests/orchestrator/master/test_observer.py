@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from uuvsim_cosim.orchestrator.master.master import Master
-from uuvsim_cosim.orchestrator.master.uninterrupted import uninterrupted
+from uuvsim_cosim.orchestrator.master.observer import uninterrupted
 
 
 class Interrupted:
