@@ -20,8 +20,7 @@ from uuvsim_cosim.kernels.codegen.declaration import declaration_text
 from uuvsim_cosim.kernels.codegen.derivative import Mode
 from uuvsim_cosim.kernels.codegen.driver import driver_text
 from uuvsim_cosim.kernels.codegen.fusible import Fused, fused_of
-from uuvsim_cosim.kernels.derivatives.derivative import Derivative
-from uuvsim_cosim.kernels.derivatives.rollout import Rollout, Values, jvp, vjp
+from uuvsim_cosim.kernels.derivatives.rollout import Derivative, Rollout, Values, jvp, vjp
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.system.system import System
 from uuvsim_cosim.share import compute_in_threads

@@ -6,8 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from uuvsim_cosim.fmus.codegen.toolchain import FLAGS, _ran, compile_shared, compiler
-from uuvsim_cosim.fmus.codegen.windows import linked_lightly
+from uuvsim_cosim.fmus.codegen.toolchain import (
+    FLAGS,
+    _ran,
+    compile_shared,
+    compiler,
+    linked_lightly,
+)
 
 WHOLE = """
 #include <stdio.h>

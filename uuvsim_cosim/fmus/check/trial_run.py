@@ -13,8 +13,12 @@ from pathlib import Path
 import numpy as np
 
 from uuvsim_cosim.errors import ComponentFailed, FmuError
-from uuvsim_cosim.fmus.check.compare_reference import deviations
-from uuvsim_cosim.fmus.check.reference_result import TOLERANCE, default_experiment, references
+from uuvsim_cosim.fmus.check.reference_result import (
+    TOLERANCE,
+    default_experiment,
+    deviations,
+    references,
+)
 from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.importer.input_csv import Series, read_input_csv

@@ -7,8 +7,7 @@ from typing import Any, Literal
 
 import casadi as ca
 
-from uuvsim_cosim.fmus.codegen.equations import Equations
-from uuvsim_cosim.fmus.codegen.layout import Layout
+from uuvsim_cosim.fmus.codegen.equations import Equations, Layout
 
 __all__ = ["KINDS", "derivative_knowns", "direct_kinds", "initial_knowns"]
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uuvsim_cosim._version import __version__
-from uuvsim_cosim.fmus.codegen.equations import Equations, equations
-from uuvsim_cosim.fmus.codegen.layout import Placed
+from uuvsim_cosim.fmus.codegen.equations import Equations, Placed, equations
 from uuvsim_cosim.fmus.description import Causality, Description, Variability, Variable
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.units import parse_unit

@@ -9,8 +9,7 @@ from functools import lru_cache
 
 from uuvsim_cosim.cache import content_hash
 from uuvsim_cosim.fmus.codegen.emit_c import emit_function, emit_networks, emit_tables, literal
-from uuvsim_cosim.fmus.codegen.equations import Equations, equations
-from uuvsim_cosim.fmus.codegen.layout import Layout, Placed
+from uuvsim_cosim.fmus.codegen.equations import Equations, Layout, Placed, equations
 from uuvsim_cosim.fmus.codegen.optimiser_code import emit_optimisers
 from uuvsim_cosim.fmus.codegen.runtime import runtime_files
 from uuvsim_cosim.models.declaration.model import Kind, Model

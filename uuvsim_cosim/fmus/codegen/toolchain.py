@@ -11,15 +11,15 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
 
 from uuvsim_cosim.cache import cache_dir, content_hash, intact, keep
+from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import ToolchainError
-from uuvsim_cosim.fmus.codegen.windows import linked_lightly, windows_files
 
 __all__ = [
     "PLATFORMS",
@@ -29,7 +29,9 @@ __all__ = [
     "component_flags",
     "fmi_headers",
     "host",
+    "linked_lightly",
     "platform_named",
+    "windows_files",
 ]
 
 log = logging.getLogger("uuvsim_cosim.toolchain")
@@ -230,3 +232,42 @@ def _ran(command: list[str]) -> subprocess.CompletedProcess[str]:
 
 def _named(command: Sequence[str]) -> str:
     return "zig" if "ziglang" in command else command[0]
+
+
+_ALWAYS = ("ucrtbase", "kernel32")
+Ran = Callable[[list[str]], "subprocess.CompletedProcess[str]"]
+
+
+def windows_files() -> list[Path]:
+    """List the files that every library for Windows is linked with."""
+    return sorted(content("fmus", "runtime", "windows").iterdir())
+
+
+def linked_lightly(
+    run: Ran, command: Sequence[str], arguments: Sequence[str], includes: Sequence[str],
+    sources: Sequence[Path], scratch: Path, library: Path,
+) -> bool:  # fmt: skip
+    """Compile and link with few imports; return False if the sources need more of C.
+
+    `command` is zig's compiler, `arguments` its target and flags, including `-l`. Errors are not
+    reported: the complete compilation, which then follows, reports them.
+    """
+    folder = windows_files()[0].parent
+    asked = [a[2:] for a in arguments if a.startswith("-l")]
+    definitions = [folder / f"{name}.def" for name in (*_ALWAYS, *asked)]
+    if not all(d.is_file() for d in definitions):
+        return False
+    plain = [a for a in arguments if not a.startswith("-l")]
+    objects, imports = [], []
+    for k, source in enumerate([*sources, folder / "uuv_windows.c"]):
+        objects.append(str(scratch / f"{k}.obj"))
+        if run([*command, *plain, *includes, "-c", str(source), "-o", objects[-1]]).returncode:
+            return False
+    zig = [*command[:-1], "dlltool"]
+    for definition in definitions:
+        imports.append(str(scratch / f"{definition.stem}.lib"))
+        made = [*zig, "-m", "i386:x86-64", "-d", str(definition), "-l", imports[-1]]
+        if run(made).returncode:
+            return False
+    link = [*command, *plain, "-shared", "-nostdlib", *objects, *imports, "-o", str(library)]
+    return run(link).returncode == 0 and library.is_file()

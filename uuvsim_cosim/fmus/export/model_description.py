@@ -3,26 +3,35 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 
 from uuvsim_cosim._version import __version__
 from uuvsim_cosim.errors import ParameterInvalid
+from uuvsim_cosim.fmus.codegen.dependencies import (
+    KINDS,
+    derivative_knowns,
+    direct_kinds,
+    initial_knowns,
+)
 from uuvsim_cosim.fmus.codegen.describe import describe
 from uuvsim_cosim.fmus.codegen.equations import Equations
 from uuvsim_cosim.fmus.description import UNITS_ANNOTATION, Description, Variable
 from uuvsim_cosim.fmus.export.experiment import experiment_of
-from uuvsim_cosim.fmus.export.model_structure import FmiVersion, Places, model_structure
-from uuvsim_cosim.fmus.export.state_derivatives import rate_units, state_derivatives
-from uuvsim_cosim.models.declaration.units import BASE, parse_unit
+from uuvsim_cosim.models.declaration.units import BASE, Unit, parse_unit
 
 __all__ = [
     "FmiVersion",
+    "Places",
     "model_description",
     "model_identifier",
+    "model_structure",
+    "rate_units",
+    "state_derivatives",
     "xml_text",
 ]
 
@@ -229,3 +238,111 @@ def _fmi3_variables(
         if v.causality == "output":
             outputs.append((str(first), range(first, first + v.size)))
     return Places(reference.get, outputs, states, rates)
+
+
+FmiVersion = Literal[2, 3]
+
+
+@dataclass(frozen=True)
+class Places:
+    """References in XML to offsets of the block: by index (FMI 2) or value reference (FMI 3)."""
+
+    reference: Callable[[int], str | None]  # None: the variable is not exposed
+    outputs: list[tuple[str, range]]  # reference and elements of each output
+    states: list[tuple[str, range]]  # and of each continuous state
+    derivatives: list[tuple[str, range]]  # the same elements, as references to derivatives
+
+
+def model_structure(root: Element, fmi: FmiVersion, eq: Equations, places: Places) -> None:
+    """Add the element ModelStructure to `root`."""
+    structure = SubElement(root, "ModelStructure")
+    direct = direct_kinds(eq)
+    first = eq.layout.offset["output"]
+    of_rates: list[dict[int, str]] = [dict.fromkeys(k, "dependent") for k in derivative_knowns(eq)]
+    by_row = [
+        ("Output", [(name, [direct[r - first] for r in rows]) for name, rows in places.outputs]),
+        (
+            "ContinuousStateDerivative",
+            [(name, [of_rates[r] for r in rows]) for name, rows in places.derivatives],
+        ),
+    ]
+    for tag, unknowns in by_row:
+        parent = structure
+        if fmi == 2 and unknowns:
+            parent = SubElement(structure, "Outputs" if tag == "Output" else "Derivatives")
+        for name, found in unknowns:
+            kinds: dict[str, str] = {}
+            for place, kind in (item for row in found for item in row.items()):
+                known = places.reference(place)
+                if known is not None:
+                    kinds[known] = max(kinds.get(known, kind), kind, key=KINDS.index)
+            attributes = {
+                "index" if fmi == 2 else "valueReference": name,
+                "dependencies": " ".join(kinds),
+                "dependenciesKind": " ".join(kinds.values()),
+            }
+            SubElement(parent, "Unknown" if fmi == 2 else tag, attributes)
+    _initial_unknowns(structure, fmi, eq, places)
+
+
+def _initial_unknowns(structure: Element, fmi: FmiVersion, eq: Equations, places: Places) -> None:
+    unknowns: list[tuple[str, list[str]]] = []
+    for listed, rows in (
+        (places.outputs, dict(enumerate(initial_knowns(eq), eq.layout.offset["output"]))),
+        (places.states, dict(enumerate(initial_knowns(eq, "initial")))),
+        (places.derivatives, dict(enumerate(initial_knowns(eq, "rhs")))),
+    ):
+        for name, elements in listed:
+            found = {places.reference(place) for row in elements for place in rows[row]}
+            unknowns.append((name, sorted((k for k in found if k is not None), key=int)))
+    parent = structure
+    if fmi == 2:
+        unknowns.sort(key=lambda u: int(u[0]))  # FMI 2.0 requires this order
+        parent = SubElement(structure, "InitialUnknowns") if unknowns else structure
+    for name, knowns in unknowns:
+        SubElement(
+            parent,
+            "Unknown" if fmi == 2 else "InitialUnknown",
+            {
+                "index" if fmi == 2 else "valueReference": name,
+                "dependencies": " ".join(knowns),
+            },
+        )
+
+
+_PER_TIME = re.compile(r"/s(\d*)$")
+
+
+def state_derivatives(eq: Equations, states: Mapping[str, Variable]) -> dict[str, Variable]:
+    """Return ``der(x)`` for each continuous state, by the state's name; `Layout` places them."""
+    found: dict[str, Variable] = {}
+    for p in eq.layout.placed:
+        if p.variable.kind == "state":
+            v = states[p.variable.name]
+            found[v.name] = Variable(
+                name=f"der({v.name})",
+                type="Float64",
+                causality="local",
+                variability="continuous",
+                shape=v.shape,
+                unit=None if v.unit is None else _rate(v.unit),
+                description=f"derivative of {v.name}",
+                initial="calculated",
+                value_references=(eq.layout.derivative_of(p),),
+                element_units=tuple(None if u is None else _rate(u) for u in v.element_units),
+            )
+    return found
+
+
+def rate_units(derivatives: Mapping[str, Variable]) -> dict[str, Unit]:
+    """Return the units of the derivatives by name."""
+    names = {unit for v in derivatives.values() for unit in v.units}
+    return {name: parse_unit(name) for name in sorted(n for n in names if n is not None)}
+
+
+def _rate(unit: str) -> str:
+    """Return a unit divided by a second: ``m/s`` becomes ``m/s2``."""
+    found = _PER_TIME.search(unit)
+    if found is None:
+        return f"{unit}/s"
+    return f"{unit[: found.start()]}/s{int(found[1] or 1) + 1}"

@@ -12,9 +12,8 @@ from uuvsim_cosim.errors import ComponentFailed
 from uuvsim_cosim.fmus.component import BindingKind
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.importer.fmu_access import Access, NumericAccess, StringAccess
-from uuvsim_cosim.fmus.importer.fmu_binary import FmuBinary, References
+from uuvsim_cosim.fmus.importer.fmu_binary import FmuBinary, Phase, References
 from uuvsim_cosim.fmus.importer.fmu_library import Signatures
-from uuvsim_cosim.fmus.importer.fmu_state import Phase
 
 __all__ = ["Fmu2"]
 

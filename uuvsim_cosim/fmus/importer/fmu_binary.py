@@ -6,6 +6,7 @@ import ctypes
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Sequence
+from enum import Enum
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -17,12 +18,37 @@ from uuvsim_cosim.fmus.component import Binding, BindingKind
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.importer.fmu_access import Access
 from uuvsim_cosim.fmus.importer.fmu_library import FmuLibrary, Signatures
-from uuvsim_cosim.fmus.importer.fmu_state import FmuState, Phase
 from uuvsim_cosim.fmus.importer.message_log import STATUS, MessageLog
 from uuvsim_cosim.fmus.importer.read_description import FmuArchive
 from uuvsim_cosim.fmus.values import flat_array
 
-__all__ = ["FmuBinary", "References", "lives_here"]
+__all__ = ["FmuBinary", "FmuState", "Phase", "References", "lives_here"]
+
+
+class Phase(Enum):
+    """Phase of an instance's life cycle; serialised states contain the value."""
+
+    INSTANTIATED = 1
+    INITIALIZATION = 2
+    STEP = 3
+    TERMINATED = 4
+    FATAL = 5
+    FREED = 6
+    FAILED = 7  # after an error in a step: the instance may be reset, restored or freed
+
+
+class FmuState:
+    """A copy of an instance's state, owned by the FMU; freed after its last reference is gone."""
+
+    def __init__(self, pointer: int, phase: Phase, orphans: list[int]) -> None:
+        self.pointer = pointer
+        self.phase = phase
+        self._orphans = orphans
+
+    def __del__(self) -> None:
+        # The instance frees it in a later call: another thread may be stepping it now.
+        self._orphans.append(self.pointer)
+
 
 References = ctypes.Array[ctypes.c_uint32]
 _OK, _WARNING, _ERROR, _FATAL = 0, 1, 3, 4

@@ -15,18 +15,25 @@ import sys
 import tempfile
 import threading
 from collections.abc import Callable, Sequence
+from threading import TIMEOUT_MAX
 from typing import IO, TYPE_CHECKING, Any, Protocol, final
 
-from uuvsim_cosim.errors import ComponentFailed, FmuError, UuvsimError
+from uuvsim_cosim.errors import ComponentFailed, FmuError, InputInvalid, UuvsimError
 from uuvsim_cosim.fmus.component import Binding, BindingKind, Component
 from uuvsim_cosim.fmus.description import Description, Variable
-from uuvsim_cosim.fmus.isolation.watchdog import check_watchdog
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike
 
-__all__ = ["Isolated"]
+__all__ = ["Isolated", "check_watchdog"]
+
+
+def check_watchdog(seconds: float, what: str = "watchdog") -> None:
+    """Check a time limit; raises InputInvalid."""
+    if not 0.0 < seconds <= TIMEOUT_MAX:
+        raise InputInvalid(f"{what} {seconds:g}: expected more than 0 seconds, such as 30")
+
 
 _GRACE = 2.0  # [s] for a child to end by itself
 _START = 60.0  # [s] at least, for a child to start Python and import its modules

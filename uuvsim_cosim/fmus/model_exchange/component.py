@@ -19,7 +19,7 @@ from uuvsim_cosim.fmus.component import Binding, BindingKind
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.importer.fmu2 import Fmu2
 from uuvsim_cosim.fmus.importer.fmu3 import Fmu3
-from uuvsim_cosim.fmus.importer.fmu_state import FmuState, Phase
+from uuvsim_cosim.fmus.importer.fmu_binary import FmuState, Phase
 from uuvsim_cosim.fmus.model_exchange.calls import Calls, Calls2, Calls3
 from uuvsim_cosim.fmus.model_exchange.solver import Solver
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,17 +12,27 @@ from uuvsim_cosim.content import content
 from uuvsim_cosim.fmus.codegen.runtime import runtime
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.export.model_description import FmiVersion, model_identifier
-from uuvsim_cosim.fmus.export.system_description import Whole, component_table
-from uuvsim_cosim.fmus.export.system_fmu_file import WholeFmu, compiled, sources_of
+from uuvsim_cosim.fmus.export.system_fmu_file import (
+    Whole,
+    WholeFmu,
+    compiled,
+    component_table,
+    sources_of,
+)
 from uuvsim_cosim.kernels.codegen.declaration import declaration_text
 from uuvsim_cosim.kernels.codegen.driver import driver_text
 from uuvsim_cosim.kernels.codegen.fusible import Fused, fused_of
-from uuvsim_cosim.kernels.system_fmu.text import system_text
-from uuvsim_cosim.kernels.system_fmu.variables import Naming, description_of, exposed, placed
+from uuvsim_cosim.kernels.system_fmu.variables import (
+    Exposed,
+    Naming,
+    description_of,
+    exposed,
+    placed,
+)
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.system.system import System
 
-__all__ = ["build_system_fmu"]
+__all__ = ["build_system_fmu", "system_text"]
 
 _PAGE = """This is a whole system of components as one. It makes whole communication steps of its
 own, so that the importer's must be a whole multiple of it. Each makes the same bits as the
@@ -95,3 +105,74 @@ def _declarations(fused: Fused) -> dict[str, str]:
         name = f"declared_{i}_{model_identifier(eq.layout.model.name)}.c"
         texts[name] = f"#define uuv_the_lane_stepper uuv_the_lane_stepper_{i}\n{text}"
     return texts
+
+
+def system_text(fused: Fused, variables: Sequence[Exposed], seed: int) -> str:
+    """Return the C that follows the driver: tables, binding of the declarations, and the runtime.
+
+    `seed` is the place of the system's seed in the block.
+    """
+    inputs: list[str] = []
+    parameters: list[str] = []
+    outputs: list[str] = []
+    for e in variables:
+        m = fused.members[e.component]
+        at = m.layout.offset_of(e.own.name)
+        cell, start = m.cell + at, m.start_cell + at
+        if e.own.causality == "input":
+            inputs += [f"{e.offset + k}, {start + k}, {cell + k}" for k in e.free]
+        elif e.own.causality == "parameter":
+            tunable = int(e.own.variability == "tunable")
+            parameters.append(
+                f"{e.offset}, {e.own.size}, {start}, {cell}, {e.component}, {tunable}"
+            )
+        elif e.own.causality == "output":
+            outputs.append(f"{e.offset}, {cell}, {e.own.size}")
+    lines = ["#define UUV_WHOLE", '#include "shell_hooks.h"', f"enum {{ SEED = {seed} }};"]
+    for name, count, fields, rows in (
+        ("free_inputs", "N_FREE", "uint32_t b, start, cell;", inputs),
+        (
+            "parameters",
+            "N_PARAMETERS",
+            "uint32_t b, size, start, cell, member, tunable;",
+            parameters,
+        ),
+        ("shown_outputs", "N_SHOWN", "uint32_t b, cell, size;", outputs),
+        ("cell_names", "N_NAMES", "uint32_t cell, array; const char *name;", _cell_names(fused)),
+    ):
+        written = [f"    {{{row}}}," for row in rows]
+        lines.append(f"enum {{ {count} = {len(written)} }};")
+        lines.append(f"static const struct {{ {fields} }} {name}[] = {{")
+        lines += [*(written or ["    {0},"]), "};"]
+    numbers = ", ".join(float(x).hex() for x in _start(fused)) or "0"
+    lines.append(f"static const double cell_start[] = {{{numbers}}};")
+    n = len(fused.sources)
+    lines += [f"extern const uuv_lane_stepper uuv_the_lane_stepper_{i};" for i in range(n)]
+    lines.append("/* before anybody can instantiate */")
+    lines.append("__attribute__((constructor)) static void bind_declarations(void) {")
+    lines += [f"    uuv_kernel_bind({i}, &uuv_the_lane_stepper_{i});" for i in range(n)]
+    lines += ["}", '#include "uuv_system.h"', ""]
+    return "\n".join(lines)
+
+
+def _cell_names(fused: Fused) -> Iterator[str]:
+    """Yield the names of the cells, for messages; pending outputs follow a component's values."""
+    for m in fused.members:
+        for p in m.layout.placed:
+            array = int(bool(p.variable.shape))
+            yield f'{m.cell + p.offset}, {array}, "{m.path}.{p.variable.name}"'
+        if m.rate >= 0:
+            yield f'{m.pending}, 0, "an output of {m.path}"'
+
+
+def _start(fused: Fused) -> np.ndarray:
+    """Return the start values of all components: those of the plan, else of the declarations."""
+    start = np.zeros(fused.n_start)
+    for c, m in zip(fused.plan.components, fused.members, strict=True):
+        for p in m.layout.placed:
+            v = p.variable
+            if v.kind in ("input", "parameter"):
+                value = c.start.get(v.name, v.start)
+                at = m.start_cell + p.offset
+                start[at : at + v.size] = np.ravel(np.asarray(value, float))
+    return start

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from uuvsim_cosim.fmus.description import Description, Variable
-from uuvsim_cosim.fmus.importer.array_folding import fold
+from uuvsim_cosim.fmus.importer.variables_fmi2 import fold
 from uuvsim_cosim.orchestrator.system.elements import Structure
 from uuvsim_cosim.orchestrator.values.endpoints import resolve_endpoint
 from uuvsim_cosim.orchestrator.values.values import flat
