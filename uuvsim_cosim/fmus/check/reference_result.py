@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import pairwise
@@ -16,7 +16,7 @@ import numpy as np
 from uuvsim_cosim.errors import ComponentFailed, FmuError
 from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.description import Variable
-from uuvsim_cosim.fmus.importer.input_csv import Series, read_input_csv
+from uuvsim_cosim.fmus.importer.input_csv import apply_series, read_input_csv
 from uuvsim_cosim.fmus.importer.read_description import FmuArchive
 from uuvsim_cosim.fmus.importer.safe_xml import read_xml
 from uuvsim_cosim.fmus.values import checked_start, parse_value
@@ -127,7 +127,10 @@ def _experiment(fmu: FmuArchive, folder: Path, element: Element) -> Iterator[Ref
     first, size = _number(element, "startTime"), _number(element, "stepSize")
     parameters: dict[str, str] = {}
     for file in element.iterfind("{*}Parameters"):
-        parameters |= _parameters(_inside(fmu, folder, file.get("source", "")))
+        path = _inside(fmu, folder, file.get("source", ""))
+        for parameter in read_xml(path, place=path.name).iterfind(".//{*}Parameter"):
+            inner = next(iter(parameter), None)  # it has the value
+            parameters[parameter.get("name", "")] = "" if inner is None else inner.get("value", "")
     for expected in element.iterfind("{*}References"):
         source = expected.get("source", "")
         yield Reference(
@@ -140,16 +143,6 @@ def _experiment(fmu: FmuArchive, folder: Path, element: Element) -> Iterator[Ref
             tuple(s.get("name", "") for s in expected.iterfind("{*}Signal")),
             parameters,
         )
-
-
-def _parameters(path: Path) -> dict[str, str]:
-    """Read an SSV's values as text; a value is on the element inside each parameter."""
-    root = read_xml(path, place=path.name)
-    values: dict[str, str] = {}
-    for parameter in root.iterfind(".//{*}Parameter"):
-        inner = next(iter(parameter), None)
-        values[parameter.get("name", "")] = "" if inner is None else inner.get("value", "")
-    return values
 
 
 def _inside(fmu: FmuArchive, folder: Path, source: str) -> Path:
@@ -183,12 +176,7 @@ _MOST = 100_000  # communication steps
 _TRUE = {"true": 1.0, "false": 0.0}
 
 
-def deviations(
-    fmu: FmuArchive,
-    x: Component,
-    reference: Reference,
-    feed: Callable[[Component, Iterable[Series], float], None],
-) -> tuple[list[str], str]:
+def deviations(fmu: FmuArchive, x: Component, reference: Reference) -> tuple[list[str], str]:
     """Run a new instance; return the deviations of the columns, and a summary of the comparison.
 
     A deviation is the distance of a number, relative to the largest value of its column.
@@ -196,14 +184,19 @@ def deviations(
     texts, columns = result_table(reference.result)
     wanted = {n: c for n, c in columns.items() if not reference.signals or n in reference.signals}
     lost = [f"{reference.name}: has no column {n!r}" for n in reference.signals if n not in columns]
-    targets: dict[str, tuple[Variable, int | None]] = {}
+    variables = fmu.description.variables
+    targets: dict[str, tuple[Variable, int | None]] = {}  # a whole array's cell has many words
     unknown: list[str] = []
     for name in wanted:
-        target = _target(fmu, name)
-        if target is None:
+        variable, element = variables.get(name), None
+        if variable is None:
+            for v in variables.values():
+                if v.shape and v.name == split_element_name(name)[0] and name in v.element_names:
+                    variable, element = v, v.element_names.index(name)
+        if variable is None:
             unknown.append(name)
         else:
-            targets[name] = target
+            targets[name] = variable, element
     if unknown and (reference.signals or not targets):
         lost.append(f"{reference.name}: the FMU has no variable {', '.join(unknown)}")
     start = Fraction(str(reference.start_time))
@@ -223,18 +216,18 @@ def deviations(
                     worst[name] = (error, float(start + k * h))
 
     for name, text in reference.parameters.items():
-        variable = fmu.description.variables.get(name)
+        variable = variables.get(name)
         if variable is None:
             raise FmuError(f"{reference.name}: parameter {name!r} is no variable of the FMU")
         x.set(variable, checked_start(variable, parse_value(variable, text, name), name))
     x.enter_initialization_mode(float(start), None)
-    feed(x, series, float(start))
+    apply_series(x, series, float(start))
     x.exit_initialization_mode()
     compare(0)
     reached = 0
     for k in range(max(rows)):
         if k:
-            feed(x, series, float(start + k * h))
+            apply_series(x, series, float(start + k * h))
         try:
             x.do_step(float(start + k * h), float(h))
         except ComponentFailed as error:
@@ -256,17 +249,6 @@ def deviations(
     if unknown:
         message += f"; not in the FMU, so left out: {', '.join(unknown)}"
     return lost + off, message
-
-
-def _target(fmu: FmuArchive, name: str) -> tuple[Variable, int | None] | None:
-    """Find a variable, or one element of an array; the cells of a whole array have many words."""
-    variables = fmu.description.variables
-    if name in variables:
-        return variables[name], None
-    for v in variables.values():
-        if v.shape and v.name == split_element_name(name)[0] and name in v.element_names:
-            return v, v.element_names.index(name)
-    return None
 
 
 def _grid(

@@ -34,6 +34,11 @@ class Lowered:
         """Return the layout of the block."""
         return self.equations.layout
 
+    @property
+    def files(self) -> dict[str, str]:
+        """Return the generated C file by its name."""
+        return {f"{self.model.name}.c": self.source}
+
 
 @lru_cache
 def _runtime_hash() -> str:

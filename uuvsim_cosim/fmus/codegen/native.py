@@ -12,27 +12,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from uuvsim_cosim.cache import cache_dir, content_hash, intact, keep
 from uuvsim_cosim.errors import ComponentFailed, FmuError
 from uuvsim_cosim.fmus.codegen.describe import describe
 from uuvsim_cosim.fmus.codegen.lowering import Lowered, lower
 from uuvsim_cosim.fmus.codegen.runtime import runtime, runtime_file
-from uuvsim_cosim.fmus.codegen.toolchain import compile_shared, component_flags, fmi_headers, host
+from uuvsim_cosim.fmus.codegen.toolchain import (
+    compile_shared,
+    component_flags,
+    fmi_headers,
+    generated_sources,
+    host,
+)
 from uuvsim_cosim.fmus.component import Binding, BindingKind
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.models.declaration.element_names import element_names
 from uuvsim_cosim.models.declaration.model import Model
 
-__all__ = ["Native", "compile_native", "generated_source"]
-
-
-def generated_source(lowered: Lowered) -> Path:
-    """Write the generated C into the cache, and return its path."""
-    folder = cache_dir("generated", content_hash([lowered.source]))
-    path = folder / f"{lowered.model.name}.c"
-    if not intact(path):
-        keep(path, lowered.source.encode())
-    return path
+__all__ = ["Native", "compile_native"]
 
 
 def compile_native(lowered: Lowered) -> Path:
@@ -41,7 +37,7 @@ def compile_native(lowered: Lowered) -> Path:
     The options are those of its FMU, so that zig compiles the same object for both only once.
     """
     return compile_shared(
-        [runtime_file("uuv_runtime.c"), generated_source(lowered)],
+        [runtime_file("uuv_runtime.c"), *generated_sources(lowered.files)],
         name=lowered.model.name,
         include=[*runtime(), fmi_headers()],
         flags=component_flags(host()),

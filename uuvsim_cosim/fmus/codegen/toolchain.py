@@ -11,7 +11,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.util import find_spec
@@ -28,6 +28,7 @@ __all__ = [
     "compiler",
     "component_flags",
     "fmi_headers",
+    "generated_sources",
     "host",
     "linked_lightly",
     "platform_named",
@@ -111,14 +112,7 @@ def compiler() -> tuple[list[str], str]:
     if override:
         command = shlex.split(override)
         if shutil.which(command[0]) is None:
-            raise ToolchainError(
-                f"CC={override!r}",
-                "no such program",
-                (
-                    "a C compiler, or CC unset (then zig, which is installed with this "
-                    "package, is used)"
-                ),
-            )
+            raise ToolchainError(f"CC={override!r}", "no such program", _EXPECTED)
         return command, f"{override} {_version(tuple(command))}"
     try:
         from importlib.metadata import version
@@ -137,6 +131,15 @@ def compiler() -> tuple[list[str], str]:
 def _version(command: tuple[str, ...]) -> str:
     done = subprocess.run([*command, "--version"], capture_output=True, text=True, check=False)
     return (done.stdout or done.stderr).split("\n", 1)[0]
+
+
+def generated_sources(texts: Mapping[str, str]) -> list[Path]:
+    """Write generated C files, by name, into a folder of the cache; return their paths."""
+    folder = cache_dir("generated", content_hash([*texts.values()]))
+    for name, text in texts.items():
+        if not intact(folder / name):
+            keep(folder / name, text.encode())
+    return [folder / name for name in texts]
 
 
 def compile_shared(

@@ -8,29 +8,32 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 from pathlib import Path
-from xml.etree.ElementTree import Element, SubElement
+from xml.etree.ElementTree import SubElement
 
 import numpy as np
 
 from uuvsim_cosim._version import __version__
-from uuvsim_cosim.cache import cache_dir, content_hash, intact, keep
 from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.codegen.runtime import runtime_file, runtime_files
 from uuvsim_cosim.fmus.codegen.toolchain import (
+    Platform,
     compile_shared,
     component_flags,
     fmi_headers,
+    generated_sources,
     platform_named,
 )
-from uuvsim_cosim.fmus.description import UNITS_ANNOTATION, Description, Variable
-from uuvsim_cosim.fmus.export.fmu_file import _build_description, _licence_of_headers, _packed
+from uuvsim_cosim.fmus.description import Description
+from uuvsim_cosim.fmus.export.fmu_file import packed
 from uuvsim_cosim.fmus.export.model_description import (
     FmiVersion,
-    _common,
-    _number,
-    _units,
-    _value,
+    add_experiment,
+    add_interface,
+    add_units,
+    add_variables,
+    document,
+    number_text,
     xml_text,
 )
 
@@ -43,8 +46,6 @@ __all__ = [
     "sources_of",
     "whole_description",
 ]
-
-_FMI2_TYPES = {"Float64": "Real", "Int32": "Integer", "Boolean": "Boolean", "String": "String"}
 
 
 @dataclass(frozen=True)
@@ -74,35 +75,8 @@ def whole_description(w: Whole, fmi: FmiVersion, sources: Sequence[str] = ()) ->
     in initialization it may depend on all.
     """
     d = w.description
-    root = Element(
-        "fmiModelDescription",
-        {
-            "fmiVersion": "2.0" if fmi == 2 else "3.0",
-            "modelName": d.name,
-            ("guid" if fmi == 2 else "instantiationToken"): w.token,
-            "description": " ".join(d.description.split()),
-            "generationTool": f"uuvsim-cosim {__version__}",
-            "license": "Apache-2.0",
-            "variableNamingConvention": "structured",
-        },
-    )
-    _co_simulation(root, w, fmi, sources)
-    _units(root, d)
-    categories = SubElement(root, "LogCategories")
-    SubElement(categories, "Category", name="logStatusError", description="refused calls")
-    SubElement(
-        root,
-        "DefaultExperiment",
-        startTime="0",
-        stopTime=_number(w.stop_time),
-        stepSize=_number(float(w.tick)),
-    )
-    _variables_and_structure(root, d, fmi)
-    return xml_text(root)
-
-
-def _co_simulation(root: Element, w: Whole, fmi: FmiVersion, sources: Sequence[str]) -> None:
-    attributes = {"modelIdentifier": w.identifier}
+    root = document(fmi, d.name, w.token, d.description, f"uuvsim-cosim {__version__}")
+    attributes = {}
     if w.needs_tool:
         attributes["needsExecutionTool"] = "true"
         # Two instances would control the same co-simulation.
@@ -113,59 +87,23 @@ def _co_simulation(root: Element, w: Whole, fmi: FmiVersion, sources: Sequence[s
     if fmi == 2:
         attributes["canNotUseMemoryManagementFunctions"] = "true"
     else:
-        attributes["fixedInternalStepSize"] = _number(float(w.tick))
-    element = SubElement(root, "CoSimulation", attributes)
-    if fmi == 2 and sources:
-        files = SubElement(element, "SourceFiles")
-        for name in sources:
-            SubElement(files, "File", name=name)
-
-
-def _variables_and_structure(root: Element, d: Description, fmi: FmiVersion) -> None:
-    parent = SubElement(root, "ModelVariables")
-    outputs: list[str] = []
-    if fmi == 3:
-        time = {"name": "time", "valueReference": "0", "causality": "independent"}
-        SubElement(parent, "Float64", {**time, "variability": "continuous", "unit": "s"})
-    index = 0
-    for v in d.variables.values():
-        first = v.value_references[0]
-        if fmi == 3:
-            _fmi3_variable(parent, v)
-            if v.causality == "output":
-                outputs.append(str(first))
-            continue
-        starts = None if v.start is None or v.type == "String" else np.ravel(v.start).tolist()
-        for i, name in enumerate(v.element_names):
-            index += 1
-            start = None if starts is None else [starts[i]]
-            scalar = SubElement(parent, "ScalarVariable", _common(v, name, first + i))
-            values = {"start": str(v.start)}
-            if v.type != "String":
-                values = _value(v, v.unit_of_element(i), start)
-            SubElement(scalar, _FMI2_TYPES[v.type], values)
-            if v.causality == "output":
-                outputs.append(str(index))
+        attributes["fixedInternalStepSize"] = number_text(float(w.tick))
+    add_interface(root, fmi, "CoSimulation", w.identifier, attributes, sources)
+    add_units(root, d.units)
+    add_experiment(root, w.stop_time, float(w.tick))
+    reference = add_variables(root, fmi, d.variables.values())
+    outputs = [  # each element in FMI 2.0
+        reference[v.value_references[0] + i]
+        for v in d.of("output")
+        for i in range(v.size if fmi == 2 else 1)
+    ]
     structure = SubElement(root, "ModelStructure")
     key = "index" if fmi == 2 else "valueReference"
     for tag, more in (("Output", {"dependencies": ""}), ("InitialUnknown", {})):
         inside = SubElement(structure, f"{tag}s") if fmi == 2 and outputs else structure
         for known_as in outputs:
             SubElement(inside, "Unknown" if fmi == 2 else tag, {key: known_as, **more})
-
-
-def _fmi3_variable(parent: Element, v: Variable) -> None:
-    common = _common(v, v.name, v.value_references[0])
-    if v.type == "String":
-        SubElement(SubElement(parent, "String", common), "Start", value=str(v.start))
-        return
-    starts = None if v.start is None else np.ravel(v.start).tolist()
-    element = SubElement(parent, v.type, {**common, **_value(v, v.unit, starts)})
-    if v.element_units:  # FMI 3.0 has one unit for the whole array
-        note = SubElement(SubElement(element, "Annotations"), "Annotation", type=UNITS_ANNOTATION)
-        note.text = " ".join(unit or "1" for unit in v.element_units)
-    for extent in v.shape:
-        SubElement(element, "Dimension", start=str(extent))
+    return xml_text(root)
 
 
 def component_table(w: Whole) -> str:
@@ -258,52 +196,29 @@ def compiled(
     whole = fmu.whole
     if fmi not in (2, 3):
         raise InputInvalid(whole.identifier, f"FMI version {fmi!r}", "2 or 3")
-    members = {k: v.encode() for k, v in _texts(fmu, fmi).items()}
-    for place in map(platform_named, sorted({platform_named(p).fmi2 for p in platforms})):
-        folder = place.fmi2 if fmi == 2 else place.fmi3
-        binary = library(fmu, place.fmi2).read_bytes()
-        members[f"binaries/{folder}/{whole.identifier}{place.suffix}"] = binary
-    return _packed(members, f"{whole.identifier}.fmu", target)
-
-
-def library(fmu: WholeFmu, platform: str = "host") -> Path:
-    """Compile the library, which has both shells; cached."""
-    folder = cache_dir("generated", content_hash([p for kv in fmu.texts.items() for p in kv]))
-    generated = [folder / name for name in fmu.texts]
-    for path, text in zip(generated, fmu.texts.values(), strict=True):
-        if not intact(path):
-            keep(path, text.encode())
-    place = platform_named(platform)
-    shells = [content("fmus", "whole") / f"whole_fmi{fmi}.c" for fmi in (2, 3)]
-    return compile_shared(
-        [*shells, *generated],
-        name=fmu.whole.identifier,
-        platform=platform,
-        include=[*fmu.include, fmi_headers()],
-        flags=[*component_flags(place), *(fmu.libraries or {}).get(place.suffix, ())],
-    )
-
-
-def _texts(fmu: WholeFmu, fmi: FmiVersion) -> dict[str, str]:
-    """Return the members that are text."""
-    whole = fmu.whole
+    wanted = {platform_named(p) for p in platforms}
     shell = f"whole_fmi{fmi}.c"
-    listed = [*fmu.texts, shell] if fmu.portable else []
+    sources = [*fmu.texts, shell] if fmu.portable else []
     texts = {
-        "modelDescription.xml": whole_description(whole, fmi, listed),
+        "modelDescription.xml": whole_description(whole, fmi, sources),
         "documentation/index.html": index_page(whole, fmu.page),
-        "documentation/licenses/fmi_headers.txt": _licence_of_headers(fmi),
-        "resources/README.txt": "This component needs no resources.\n",
     }
-    licence = content("LICENSE")
-    if licence.is_file():
-        texts["documentation/licenses/license.txt"] = licence.read_text()
-    if listed:
+    if sources:
         texts |= {f"sources/{name}": text for name, text in fmu.texts.items()}
         every = [f for folder in fmu.include for f in sorted(folder.glob("*.h"))]
         headers = [f for f in every if not f.name.startswith(_OTHERS)]
-        wanted = [content("fmus", "whole") / shell, runtime_file(f"fmi{fmi}_shell.c"), *headers]
-        texts |= {f"sources/{f.name}": f.read_text() for f in wanted}
-        if fmi == 3:
-            texts["sources/buildDescription.xml"] = _build_description(whole.identifier, listed)
-    return texts
+        files = [content("fmus", "whole") / shell, runtime_file(f"fmi{fmi}_shell.c"), *headers]
+        texts |= {f"sources/{f.name}": f.read_text() for f in files}
+    return packed(texts, whole.identifier, sources, fmi, wanted, lambda p: _library(fmu, p), target)
+
+
+def _library(fmu: WholeFmu, place: Platform) -> Path:
+    """Compile the library, which has both shells; cached."""
+    shells = [content("fmus", "whole") / f"whole_fmi{fmi}.c" for fmi in (2, 3)]
+    return compile_shared(
+        [*shells, *generated_sources(fmu.texts)],
+        name=fmu.whole.identifier,
+        platform=place.fmi2,
+        include=[*fmu.include, fmi_headers()],
+        flags=[*component_flags(place), *(fmu.libraries or {}).get(place.suffix, ())],
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 
 from uuvsim_cosim.errors import InputInvalid, ParameterInvalid
+from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.description import Description, Variable
 from uuvsim_cosim.fmus.description_xml import DTYPES
 from uuvsim_cosim.fmus.values import parse_value
 from uuvsim_cosim.models.declaration.near_names import expected_names
 
-__all__ = ["Series", "find_element", "read_input_csv"]
+__all__ = ["Series", "apply_series", "find_element", "read_input_csv", "series_of"]
 
 
 @dataclass(frozen=True)
@@ -179,3 +180,21 @@ def series_of(columns: Mapping[str, Any], description: Description) -> list[Seri
         table = values.reshape(time.size, len(chosen))
         result += [Series(v, e, time, table[:, i]) for i, (v, e) in enumerate(chosen)]
     return result
+
+
+def apply_series(component: Component, series: Iterable[Series], t: float) -> None:
+    """Set the inputs that have a series; elements of an array without one keep their values."""
+    groups: dict[str, list[Series]] = {}
+    for s in series:
+        groups.setdefault(s.variable.name, []).append(s)
+    for group in groups.values():
+        variable = group[0].variable
+        if not variable.shape:
+            component.set(variable, group[0].at(t))
+            continue
+        flat: np.ndarray = np.empty(variable.size, dtype=DTYPES[variable.type])
+        if len(group) < variable.size:
+            flat[:] = np.asarray(component.get(variable)).ravel()
+        for s in group:
+            flat[s.element] = s.at(t)
+        component.set(variable, flat.reshape(variable.shape))

@@ -6,22 +6,20 @@ import platform
 from functools import lru_cache
 from pathlib import Path
 
-from uuvsim_cosim.cache import cache_dir, content_hash, intact, keep
+from uuvsim_cosim.cache import content_hash
 from uuvsim_cosim.content import content
 from uuvsim_cosim.fmus.codegen.runtime import runtime
-from uuvsim_cosim.fmus.codegen.toolchain import compile_shared, compiler
+from uuvsim_cosim.fmus.codegen.toolchain import compile_shared, compiler, generated_sources
 
 __all__ = ["compiled", "compiled_draws", "processor_flags"]
 
 
 def compiled(name: str, text: str, flags: tuple[str, ...]) -> Path:
     """Compile generated C into a library in the cache, and return its path."""
-    folder = cache_dir("generated", content_hash([text]))
-    path = folder / f"{name}.c"
-    if not intact(path):
-        keep(path, text.encode())
     include = [content("fmus", "kernels"), *runtime()]
-    return compile_shared([path], name=f"{name}_lanes", include=include, flags=flags)
+    return compile_shared(
+        generated_sources({f"{name}.c": text}), name=f"{name}_lanes", include=include, flags=flags
+    )
 
 
 def compiled_draws(flags: tuple[str, ...]) -> Path:
