@@ -14,7 +14,13 @@ from uuvsim_cosim.fmus.codegen.equations import Equations
 from uuvsim_cosim.fmus.codegen.lowering import Lowered, lower
 from uuvsim_cosim.fmus.codegen.native import Native
 from uuvsim_cosim.fmus.codegen.runtime import runtime, runtime_file
-from uuvsim_cosim.fmus.codegen.toolchain import FLAGS, compile_shared, component_flags, host
+from uuvsim_cosim.fmus.codegen.toolchain import (
+    FLAGS,
+    compile_shared,
+    component_flags,
+    generated_sources,
+    host,
+)
 from uuvsim_cosim.models.declaration.library import available, declare
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.philox import normals

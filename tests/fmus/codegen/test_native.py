@@ -14,6 +14,7 @@ from uuvsim_cosim.errors import ComponentFailed, FmuError, ParameterInvalid
 from uuvsim_cosim.fmus.codegen.equations import equations
 from uuvsim_cosim.fmus.codegen.lowering import lower
 from uuvsim_cosim.fmus.codegen.native import Native
+from uuvsim_cosim.fmus.codegen.toolchain import generated_sources
 from uuvsim_cosim.models.declaration.model import Model
 
 

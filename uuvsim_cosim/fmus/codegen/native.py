@@ -17,11 +17,13 @@ from uuvsim_cosim.fmus.codegen.describe import describe
 from uuvsim_cosim.fmus.codegen.lowering import Lowered, lower
 from uuvsim_cosim.fmus.codegen.runtime import runtime, runtime_file
 from uuvsim_cosim.fmus.codegen.toolchain import (
+    Signatures,
     compile_shared,
     component_flags,
     fmi_headers,
     generated_sources,
     host,
+    load_library,
 )
 from uuvsim_cosim.fmus.component import Binding, BindingKind
 from uuvsim_cosim.fmus.description import Variable
@@ -44,6 +46,24 @@ def compile_native(lowered: Lowered) -> Path:
     )
 
 
+_P, _Z, _D = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_double
+_SIGNATURES: Signatures = {  # of uuv_runtime.c
+    "uuv_get_component": (_P, []),
+    "uuv_instantiate": (_P, [_P]),
+    "uuv_free": (None, [_P]),
+    "uuv_reset": (None, [_P]),
+    "uuv_refresh": (None, [_P]),
+    "uuv_enter_initialization": (None, [_P, _D]),
+    "uuv_exit_initialization": (None, [_P]),
+    "uuv_update_outputs": (None, [_P]),
+    "uuv_forward": (None, [_P, _P, _P]),
+    "uuv_do_step": (ctypes.c_int32, [_P, _D, _D]),
+    "uuv_state_size": (_Z, [_P]),
+    "uuv_get_state": (None, [_P, _P]),
+    "uuv_set_state": (None, [_P, ctypes.c_char_p]),
+}
+
+
 class Native:
     """An instance of a declaration: the `Component` protocol over its block of values."""
 
@@ -57,8 +77,7 @@ class Native:
         }
         self._size = lowered.layout.size
         self._layout = lowered.layout
-        self._c = ctypes.CDLL(str(library or compile_native(lowered)))
-        _declare(self._c)
+        self._c = load_library(library or compile_native(lowered), _SIGNATURES)
         self._instantiate(path)
 
     def another(self, path: str) -> Native:
@@ -242,27 +261,3 @@ class _Instance(ctypes.Structure):
         ("outputs_stale", ctypes.c_int),
         ("initialized", ctypes.c_int),
     )
-
-
-def _declare(c: ctypes.CDLL) -> None:
-    """Declare the types of the functions of uuv_runtime.c."""
-    pointer, size, double = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_double
-    signatures: dict[str, tuple[type | None, list[type]]] = {
-        "uuv_get_component": (pointer, []),
-        "uuv_instantiate": (pointer, [pointer]),
-        "uuv_free": (None, [pointer]),
-        "uuv_reset": (None, [pointer]),
-        "uuv_refresh": (None, [pointer]),
-        "uuv_enter_initialization": (None, [pointer, double]),
-        "uuv_exit_initialization": (None, [pointer]),
-        "uuv_update_outputs": (None, [pointer]),
-        "uuv_forward": (None, [pointer, pointer, pointer]),
-        "uuv_do_step": (ctypes.c_int32, [pointer, double, double]),
-        "uuv_state_size": (size, [pointer]),
-        "uuv_get_state": (None, [pointer, pointer]),
-        "uuv_set_state": (None, [pointer, ctypes.c_char_p]),
-    }
-    for name, (result, arguments) in signatures.items():
-        function = getattr(c, name)
-        function.restype = result
-        function.argtypes = arguments

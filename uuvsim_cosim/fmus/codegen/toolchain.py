@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import logging
 import os
 import platform as host_platform
@@ -11,7 +12,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.util import find_spec
@@ -24,6 +25,7 @@ from uuvsim_cosim.errors import ToolchainError
 __all__ = [
     "PLATFORMS",
     "Platform",
+    "Signatures",
     "compile_shared",
     "compiler",
     "component_flags",
@@ -31,6 +33,7 @@ __all__ = [
     "generated_sources",
     "host",
     "linked_lightly",
+    "load_library",
     "platform_named",
     "windows_files",
 ]
@@ -60,6 +63,7 @@ PLATFORMS = (
 FLAGS = ("-std=c11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fvisibility=hidden")
 
 
+_WINDOWS_LIBRARIES = ("ucrtbase", "kernel32")
 _ZIG_CACHES = ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR")
 _DIAGNOSTIC = re.compile(r":\d+:\d+: (fatal )?error: ")
 _EXPECTED = "a C compiler in CC, or CC unset (then zig, which comes with this package, is used)"
@@ -133,6 +137,18 @@ def _version(command: tuple[str, ...]) -> str:
     return (done.stdout or done.stderr).split("\n", 1)[0]
 
 
+Signatures = Mapping[str, tuple[type | None, Sequence[type]]]  # result and arguments by function
+
+
+def load_library(path: Path, signatures: Signatures) -> ctypes.CDLL:
+    """Load a library and declare its functions."""
+    c = ctypes.CDLL(str(path))
+    for name, (result, arguments) in signatures.items():
+        function = getattr(c, name)
+        function.restype, function.argtypes = result, arguments
+    return c
+
+
 def generated_sources(texts: Mapping[str, str]) -> list[Path]:
     """Write generated C files, by name, into a folder of the cache; return their paths."""
     folder = cache_dir("generated", content_hash([*texts.values()]))
@@ -188,8 +204,7 @@ def compile_shared(
         includes = [f"-I{folder}" for folder in include]
         light = zig and target.suffix == ".dll"
         if not (
-            light
-            and linked_lightly(_ran, command, arguments, includes, sources, Path(scratch), fresh)
+            light and linked_lightly(command, arguments, includes, sources, Path(scratch), fresh)
         ):
             _run([*command, *arguments, "-shared", *includes, *map(str, sources), "-o", str(fresh)])
         try:
@@ -237,17 +252,13 @@ def _named(command: Sequence[str]) -> str:
     return "zig" if "ziglang" in command else command[0]
 
 
-_ALWAYS = ("ucrtbase", "kernel32")
-Ran = Callable[[list[str]], "subprocess.CompletedProcess[str]"]
-
-
 def windows_files() -> list[Path]:
     """List the files that every library for Windows is linked with."""
     return sorted(content("fmus", "runtime", "windows").iterdir())
 
 
 def linked_lightly(
-    run: Ran, command: Sequence[str], arguments: Sequence[str], includes: Sequence[str],
+    command: Sequence[str], arguments: Sequence[str], includes: Sequence[str],
     sources: Sequence[Path], scratch: Path, library: Path,
 ) -> bool:  # fmt: skip
     """Compile and link with few imports; return False if the sources need more of C.
@@ -257,20 +268,20 @@ def linked_lightly(
     """
     folder = windows_files()[0].parent
     asked = [a[2:] for a in arguments if a.startswith("-l")]
-    definitions = [folder / f"{name}.def" for name in (*_ALWAYS, *asked)]
+    definitions = [folder / f"{name}.def" for name in (*_WINDOWS_LIBRARIES, *asked)]
     if not all(d.is_file() for d in definitions):
         return False
     plain = [a for a in arguments if not a.startswith("-l")]
     objects, imports = [], []
     for k, source in enumerate([*sources, folder / "uuv_windows.c"]):
         objects.append(str(scratch / f"{k}.obj"))
-        if run([*command, *plain, *includes, "-c", str(source), "-o", objects[-1]]).returncode:
+        if _ran([*command, *plain, *includes, "-c", str(source), "-o", objects[-1]]).returncode:
             return False
     zig = [*command[:-1], "dlltool"]
     for definition in definitions:
         imports.append(str(scratch / f"{definition.stem}.lib"))
         made = [*zig, "-m", "i386:x86-64", "-d", str(definition), "-l", imports[-1]]
-        if run(made).returncode:
+        if _ran(made).returncode:
             return False
     link = [*command, *plain, "-shared", "-nostdlib", *objects, *imports, "-o", str(library)]
-    return run(link).returncode == 0 and library.is_file()
+    return _ran(link).returncode == 0 and library.is_file()

@@ -9,11 +9,11 @@ from typing import ClassVar, final
 import numpy as np
 
 from uuvsim_cosim.errors import ComponentFailed
+from uuvsim_cosim.fmus.codegen.toolchain import Signatures
 from uuvsim_cosim.fmus.component import BindingKind
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.importer.fmu_access import Access, NumericAccess, StringAccess
 from uuvsim_cosim.fmus.importer.fmu_binary import COMMON, FmuBinary, Phase
-from uuvsim_cosim.fmus.importer.fmu_library import Signatures
 
 __all__ = ["Fmu2"]
 

@@ -9,12 +9,12 @@ from typing import ClassVar, final
 import numpy as np
 
 from uuvsim_cosim.errors import ComponentFailed
+from uuvsim_cosim.fmus.codegen.toolchain import Signatures
 from uuvsim_cosim.fmus.component import BindingKind
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.description_xml import DTYPES
 from uuvsim_cosim.fmus.importer.fmu_access import Access, BinaryAccess, NumericAccess, StringAccess
 from uuvsim_cosim.fmus.importer.fmu_binary import COMMON, FmuBinary
-from uuvsim_cosim.fmus.importer.fmu_library import Signatures
 
 __all__ = ["Fmu3"]
 

@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from uuvsim_cosim.errors import ComponentFailed, FmuError
+from uuvsim_cosim.fmus.codegen.toolchain import Signatures
 from uuvsim_cosim.fmus.component import Binding, BindingKind
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.importer.fmu_access import Access
-from uuvsim_cosim.fmus.importer.fmu_library import FmuLibrary, Signatures
+from uuvsim_cosim.fmus.importer.fmu_library import FmuLibrary
 from uuvsim_cosim.fmus.importer.message_log import STATUS, MessageLog
 from uuvsim_cosim.fmus.importer.read_description import FmuArchive
 from uuvsim_cosim.fmus.values import flat_array

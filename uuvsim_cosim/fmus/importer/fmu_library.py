@@ -7,20 +7,18 @@ import contextlib
 import ctypes
 import os
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from uuvsim_cosim.errors import FmuError
-from uuvsim_cosim.fmus.codegen.toolchain import host
+from uuvsim_cosim.fmus.codegen.toolchain import Signatures, host
 from uuvsim_cosim.fmus.importer.read_description import FmuArchive
 from uuvsim_cosim.fmus.importer.source_code import compiled
 from uuvsim_cosim.fmus.isolation.guard import Guarded
 
 __all__ = ["FmuLibrary", "library_of"]
-
-Signatures = Mapping[str, tuple[type | None, Sequence[type]]]
 
 
 class FmuLibrary:

@@ -16,11 +16,12 @@ from typing import Any, final
 
 from uuvsim_cosim.closing import Closing
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.fmus.codegen.toolchain import Signatures
 from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.description import Description
 from uuvsim_cosim.fmus.importer.fmu2 import Fmu2
 from uuvsim_cosim.fmus.importer.fmu3 import Fmu3
-from uuvsim_cosim.fmus.importer.fmu_library import FmuLibrary, Signatures
+from uuvsim_cosim.fmus.importer.fmu_library import FmuLibrary
 from uuvsim_cosim.fmus.importer.message_log import STATUS
 from uuvsim_cosim.fmus.importer.read_description import FmuArchive
 from uuvsim_cosim.fmus.instantiation.instantiate import needs_own_process

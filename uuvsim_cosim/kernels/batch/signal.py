@@ -9,7 +9,7 @@ import numpy as np
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.kernels.batch.memory import Column, Lanes
-from uuvsim_cosim.kernels.batch.program import Program
+from uuvsim_cosim.kernels.codegen.program import Program
 from uuvsim_cosim.models.declaration.near_names import expected_names
 
 __all__ = ["Signal", "signal_of"]

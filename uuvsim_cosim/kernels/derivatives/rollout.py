@@ -5,7 +5,8 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import ceil, sqrt
-from typing import Protocol, final
+from typing import final
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -13,17 +14,17 @@ from uuvsim_cosim.cache import content_hash
 from uuvsim_cosim.errors import InputInvalid, Problem, SystemInvalid
 from uuvsim_cosim.kernels.batch.batch import Batch, Seeds
 from uuvsim_cosim.kernels.batch.memory import Lanes, aligned
-from uuvsim_cosim.kernels.batch.program import Program
 from uuvsim_cosim.kernels.batch.signal import Signal, signal_of
 from uuvsim_cosim.kernels.codegen.compilation import compiled, processor_flags
 from uuvsim_cosim.kernels.codegen.derivative import Mode, derivative_text
 from uuvsim_cosim.kernels.codegen.derivative_driver import derivative_driver_text, tape_cells
+from uuvsim_cosim.kernels.codegen.program import Program
 from uuvsim_cosim.models.hull.hull_contact import HullContact, HullPlace
 from uuvsim_cosim.models.intrinsics.network import NETWORKS, Network
 from uuvsim_cosim.models.intrinsics.table import TABLES
 from uuvsim_cosim.share import compute_in_threads
 
-__all__ = ["Derivative", "Differentiable", "Rollout", "Values", "jvp", "run", "vjp"]
+__all__ = ["Derivative", "Rollout", "Values", "derivative_of", "jvp", "run", "vjp"]
 
 
 @final
@@ -80,11 +81,15 @@ Values = dict[str, np.ndarray]
 KEPT_BYTES = 1 << 25  # of states at the begin of steps; for more, most steps are made twice
 
 
-class Differentiable(Program, Protocol):
-    """A compiled plan that compiles its derivatives at the first use."""
+_compiled: WeakKeyDictionary[Program, dict[Mode, Derivative]] = WeakKeyDictionary()
 
-    def derivative(self, mode: Mode) -> Derivative:
-        """Return the compiled tangents or adjoints of a step."""
+
+def derivative_of(kernel: Program, mode: Mode) -> Derivative:
+    """Return the tangents, or adjoints, of a step; they are compiled at the first call."""
+    known = _compiled.setdefault(kernel, {})
+    if mode not in known:
+        known[mode] = Derivative(kernel, mode)
+    return known[mode]
 
 
 @final
@@ -97,7 +102,7 @@ class Rollout:
 
     def __init__(
         self,
-        kernel: Differentiable,
+        kernel: Program,
         start: Mapping[str, object],
         outputs: Sequence[str],
         *,
@@ -195,7 +200,7 @@ def jvp(rollout: Rollout, tangents: Mapping[str, object]) -> tuple[Values, Value
     `tangents` are perturbations of the rollout's start values and inputs, by name, in the same
     shapes; values that it does not name are constant. Outputs are (steps, n_envs, …).
     """
-    derivative = rollout.kernel.derivative("tangent")
+    derivative = derivative_of(rollout.kernel, "tangent")
     d, d_start = rollout.beside()
     batch = rollout.batch
     moved = {name: signal_of(rollout.kernel, name, d, d_start) for name in rollout.outputs}
@@ -238,7 +243,7 @@ def vjp(rollout: Rollout) -> tuple[Values, Callable[[Mapping[str, object]], Valu
     Its argument is the gradient of a scalar with respect to outputs, (steps, n_envs, …) each. It
     returns the gradient with respect to the rollout's start values and inputs, in their shapes.
     """
-    derivative = rollout.kernel.derivative("adjoint")
+    derivative = derivative_of(rollout.kernel, "adjoint")
     cells, steps = rollout.batch.cells, rollout.steps
     every = 1 if steps * cells.nbytes <= rollout.kept_bytes else ceil(sqrt(steps))
     kept: dict[int, np.ndarray] = {}
