@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uuvsim_cosim._version import __version__
+from uuvsim_cosim.fmus.codegen.dependencies import sparsity_rows
 from uuvsim_cosim.fmus.codegen.equations import Equations, Placed, equations
 from uuvsim_cosim.fmus.description import Causality, Description, Variability, Variable
 from uuvsim_cosim.models.declaration.model import Model
@@ -49,22 +50,18 @@ def describe(model: Model, eq: Equations | None = None) -> Description:
 def direct_dependencies(eq: Equations) -> dict[str, tuple[str, ...]]:
     """Return for each output the inputs that its value depends on directly, by sparsity."""
     layout = eq.layout
-    if layout.count["output"] == 0:
-        return {}
-    rows, columns = eq.outputs.jac_sparsity(0, 0).get_triplet()
-    pairs = np.column_stack([np.array(rows, dtype=int), np.array(columns, dtype=int)])
     inputs = [p for p in layout.placed if p.variable.kind == "input"]
+    rows = sparsity_rows(eq.outputs, 0)
     result: dict[str, tuple[str, ...]] = {}
     for p in layout.placed:
-        if p.variable.kind != "output":
-            continue
-        low = p.offset - layout.offset["output"]
-        columns = pairs[(pairs[:, 0] >= low) & (pairs[:, 0] < low + p.variable.size), 1]
-        result[p.variable.name] = tuple(
-            q.variable.name
-            for q in inputs
-            if np.any((columns >= q.offset) & (columns < q.offset + q.variable.size))
-        )
+        if p.variable.kind == "output":
+            first = p.offset - layout.offset["output"]
+            read = set().union(*rows[first : first + p.variable.size])
+            result[p.variable.name] = tuple(
+                q.variable.name
+                for q in inputs
+                if not read.isdisjoint(range(q.offset, q.offset + q.variable.size))
+            )
     return result
 
 

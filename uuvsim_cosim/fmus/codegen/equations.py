@@ -85,7 +85,12 @@ def equations(model: Model) -> Equations:
         if state.name not in model.derivatives:
             raise ParameterInvalid(f"{model.name}.{state.name}: state without der()")
 
-    derived = [ca.vertcat(*v.start.nonzeros()) for v in model.of_kind("derived")]
+    symbols: list[Any] = []
+    derived: list[Any] = []  # earlier derived values are substituted in later ones
+    for v in model.of_kind("derived"):
+        value = ca.vertcat(*v.start.nonzeros())
+        derived.append(ca.substitute([value], symbols, derived)[0] if symbols else value)
+        symbols.append(ca.vertcat(*v.symbol.nonzeros()))
     start = [ca.vec(ca.densify(ca.SX(v.start))) for v in model.of_kind("state", "discrete")]
     dx = _column([model.derivatives[v.name] for v in model.of_kind("state")])
     y = _column([ca.vec(v.symbol) for v in model.of_kind("output")])
@@ -104,36 +109,22 @@ def equations(model: Model) -> Equations:
             )
         return f
 
+    updates = []
+    for clock in model.clocks:
+        new = {v.name: expression for v, expression in clock.updates}
+        z = _column([new.get(v.name, v.symbol) for v in model.of_kind("discrete")])
+        draws = ca.vertcat(*clock.draws) if clock.draws else ca.SX.sym("no_draws", 0)
+        updates.append(function(f"update_{clock.index}", z, draws))
     return Equations(
         layout,
-        _in_order(layout, function, derived),
+        function("derived", _column(derived)),
         function("initial", _column(start)),
         function("rhs", dx),
         function("outputs", y),
         function("forward", ca.densify(sensitivity), seed),
-        tuple(_update(layout, function, clock) for clock in model.clocks),
+        tuple(updates),
     )
 
 
 def _column(parts: list[Any]) -> Any:
     return ca.densify(ca.vertcat(*parts)) if parts else ca.SX(0, 1)
-
-
-def _in_order(layout: Layout, function: Any, derived: list[Any]) -> Any:
-    """Return the function of derived values; earlier ones are substituted in later ones."""
-    symbols: list[Any] = []
-    values: list[Any] = []
-    for variable, value in zip(layout.model.of_kind("derived"), derived, strict=True):
-        if symbols:
-            value = ca.substitute([value], symbols, values)[0]
-        symbols.append(ca.vertcat(*variable.symbol.nonzeros()))
-        values.append(value)
-    return function("derived", _column(values))
-
-
-def _update(layout: Layout, function: Any, clock: Any) -> Any:
-    """Return the function of the discrete states after a clock's tick."""
-    new = {v.name: expression for v, expression in clock.updates}
-    z = _column([new.get(v.name, v.symbol) for v in layout.model.of_kind("discrete")])
-    draws = ca.vertcat(*clock.draws) if clock.draws else ca.SX.sym("no_draws", 0)
-    return function(f"update_{clock.index}", z, draws)

@@ -146,16 +146,6 @@ def _number(text: str, place: str) -> float:
     return value
 
 
-def _samples(variable: Variable, given: object) -> np.ndarray:
-    """Return samples as an exact array: NumPy would convert large integers to floats."""
-    values = np.asarray(given)
-    if values.dtype.kind in "fO" and DTYPES[variable.type] is not np.object_:
-        whole = np.asarray(given, dtype=object)
-        if all(isinstance(x, (int, np.integer)) for x in whole.ravel()):
-            return whole
-    return values
-
-
 def series_of(columns: Mapping[str, Any], description: Description) -> list[Series]:
     """Read a mapping of arrays, one of them ``time``; arrays of vectors are (samples, n)."""
     time = np.asarray(columns["time"], dtype=float).ravel()
@@ -170,7 +160,12 @@ def series_of(columns: Mapping[str, Any], description: Description) -> list[Seri
             chosen = [(inputs[name], e) for e in range(inputs[name].size)]
         else:
             chosen = [find_element(list(inputs.values()), name, "inputs")]
-        values = _samples(chosen[0][0], given)
+        values = np.asarray(given)
+        if values.dtype.kind in "fO" and DTYPES[chosen[0][0].type] is not np.object_:
+            # NumPy would convert large integers to floats.
+            whole = np.asarray(given, dtype=object)
+            if all(isinstance(x, (int, np.integer)) for x in whole.ravel()):
+                values = whole
         if values.size != time.size * len(chosen):
             raise InputInvalid(
                 "inputs",

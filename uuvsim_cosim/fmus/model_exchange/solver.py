@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any, final
 
 import numpy as np
@@ -107,10 +108,11 @@ class Solver:
 
         self._set(time, x)
         calls, kept = self._calls, _Kept()
+        held = SimpleNamespace(apply=lambda time: None)  # inputs, which are constant
         cvode = CVodeSolver(
             calls.states, calls.indicators, kept.of(calls.get_states), kept.of(calls.set_states),
             kept.of(calls.get_derivatives), kept.of(calls.get_indicators),
-            kept.of(calls.get_nominals), kept.of(calls.set_time), _Held(), time,
+            kept.of(calls.get_nominals), kept.of(calls.set_time), held, time,
             relativeTolerance=self._tolerance * _CVODE_TIGHTER, maxNumSteps=_CVODE_STEPS,
         )  # fmt: skip
         crossed, _, reached = cvode.step(time, until)
@@ -168,10 +170,3 @@ class _Kept:
                     arguments[0][0] = math.nan
 
         return guarded
-
-
-class _Held:
-    """The inputs for CVODE: they are constant, so that there is nothing to apply."""
-
-    def apply(self, time: float) -> None:
-        """Do nothing."""

@@ -110,22 +110,20 @@ class _TracedLibrary(FmuLibrary):
             returned = bound(*given)
             took = time.perf_counter() - begun
             arguments = self._arguments.text(name, types, given)
-            self._trace.end(arguments, _status(result, returned), took)
+            if result is None:
+                status = ""
+            elif result is ctypes.c_void_p:
+                status = "instance" if returned else "NULL"
+            else:
+                known = 0 <= returned < len(STATUS)
+                status = STATUS[returned] if known else f"unknown status {returned}"
+            self._trace.end(arguments, status, took)
             if name == "DoStep":
                 self._time = given[1] + given[2]
             return returned
 
         self._wrapped[name] = call
         return call
-
-
-def _status(result: type | None, returned: Any) -> str:
-    """Return the text for a function's result, whose C type is `result`."""
-    if result is None:
-        return ""
-    if result is ctypes.c_void_p:
-        return "instance" if returned else "NULL"
-    return STATUS[returned] if 0 <= returned < len(STATUS) else f"unknown status {returned}"
 
 
 def _line(*cells: str) -> str:
@@ -162,26 +160,22 @@ class Arguments:
         """Return the arguments after the instance, including the values that the call returned."""
         verb, suffix = function[:3], function[3:]
         if verb in ("Get", "Set") and (suffix in self._types or suffix in ("String", "Binary")):
-            return self._values(suffix, given)
+            references = list(given[1])
+            family = suffix if self._types is _TYPES_2 else ""
+            names = [self._names.get((family, r), f"#{r}") for r in references]
+            if suffix == "Binary":
+                values = [f"{n} bytes" for n in given[3]]
+            elif suffix == "String":
+                values = [repr((text or b"").decode(errors="replace")) for text in given[3]]
+            else:
+                count = given[4] if len(given) > 4 else len(references)
+                values = [repr(x) for x in _array(given[3], self._types[suffix], count)]
+            return f"{' '.join(names)} = {' '.join(values)}"
         if verb in ("Get", "Set") and any(w in function for w in _VECTORS) and len(given) == 3:
             return " ".join(map(repr, _array(given[1], ctypes.c_double, given[2])))
         first = 0 if function.startswith("Instantiate") else 1
         shown = (_plain(x, t) for x, t in zip(given[first:], types[first:], strict=True))
         return " ".join(s for s in shown if s)
-
-    def _values(self, suffix: str, given: Sequence[Any]) -> str:
-        """Return the names and values of a Get or Set function."""
-        references = list(given[1])
-        family = suffix if self._types is _TYPES_2 else ""
-        names = [self._names.get((family, r), f"#{r}") for r in references]
-        if suffix == "Binary":
-            return f"{' '.join(names)} = {' '.join(f'{n} bytes' for n in given[3])}"
-        if suffix == "String":
-            values = [repr((text or b"").decode(errors="replace")) for text in given[3]]
-        else:
-            count = given[4] if len(given) > 4 else len(references)
-            values = [repr(x) for x in _array(given[3], self._types[suffix], count)]
-        return f"{' '.join(names)} = {' '.join(values)}"
 
 
 def _array(place: Any, type_: Any, count: int) -> list[object]:

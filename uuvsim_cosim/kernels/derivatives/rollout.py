@@ -296,7 +296,17 @@ def _pulled_back(
     for k in reversed(range(rollout.steps)):
         if k not in segment:
             spare += [cells for first, cells in segment.items() if first not in kept]
-            segment = _repeated(rollout, kept, k - k % every, k, spare)
+            first = k - k % every
+            segment = {first: kept[first]}
+            if k > first:  # repeat the steps from kept cells on
+                batch.cells[...] = kept[first]
+                for j in range(first, k):
+                    if j > first:
+                        rollout.set_inputs(j)
+                        segment[j] = _copy(batch.cells, spare)
+                    batch.step()
+                rollout.set_inputs(k)
+                segment[k] = _copy(batch.cells, spare)
         for name, signal in observed.items():
             signal.own.write(signal.own.read() + given[name][k])
         back_over(k)
@@ -316,27 +326,6 @@ def _pulled_back(
         if _given(rollout, name).ndim < gradient.ndim:
             axis = 1 if name in rollout.inputs else 0
             found[name] = np.asarray(gradient.sum(axis=axis))
-    return found
-
-
-def _repeated(
-    rollout: Rollout,
-    kept: Mapping[int, np.ndarray],
-    first: int,
-    last: int,
-    spare: list[np.ndarray],
-) -> dict[int, np.ndarray]:
-    """Repeat the steps from kept cells on, and return the cells at the begin of each."""
-    found = {first: kept[first]}
-    if last > first:
-        rollout.batch.cells[...] = kept[first]
-        for k in range(first, last):
-            if k > first:
-                rollout.set_inputs(k)
-                found[k] = _copy(rollout.batch.cells, spare)
-            rollout.batch.step()
-        rollout.set_inputs(last)
-        found[last] = _copy(rollout.batch.cells, spare)
     return found
 
 

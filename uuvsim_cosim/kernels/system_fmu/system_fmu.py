@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -75,7 +75,12 @@ def build_system_fmu(
     every = [*inner, *placed(outputs, 2 + n_before)]
     description = description_of(system.name, system.description, plan, every, [seed])
     identifier = model_identifier(system.name)
-    texts = _declarations(fused)
+    texts = {}  # a file for each distinct declaration, whose steps have a distinct name
+    for i, source in enumerate(fused.sources):
+        eq = fused.equations[source]
+        text = declaration_text(eq, np.dtype(np.float64))
+        name = f"declared_{i}_{model_identifier(eq.layout.model.name)}.c"
+        texts[name] = f"#define uuv_the_lane_stepper uuv_the_lane_stepper_{i}\n{text}"
     driver = driver_text(fused, [content_hash([t]) for t in texts.values()])
     body = system_text(fused, every, seed.value_references[0])
     token = content_hash([*texts.values(), driver, body, repr(description), *sources_of()])
@@ -94,17 +99,6 @@ def build_system_fmu(
         platforms=platforms,
         target=target,
     )
-
-
-def _declarations(fused: Fused) -> dict[str, str]:
-    """Return a file for each distinct declaration; each exports its steps by a distinct name."""
-    texts = {}
-    for i, source in enumerate(fused.sources):
-        eq = fused.equations[source]
-        text = declaration_text(eq, np.dtype(np.float64))
-        name = f"declared_{i}_{model_identifier(eq.layout.model.name)}.c"
-        texts[name] = f"#define uuv_the_lane_stepper uuv_the_lane_stepper_{i}\n{text}"
-    return texts
 
 
 def system_text(fused: Fused, variables: Sequence[Exposed], seed: int) -> str:
@@ -128,6 +122,18 @@ def system_text(fused: Fused, variables: Sequence[Exposed], seed: int) -> str:
             )
         elif e.own.causality == "output":
             outputs.append(f"{e.offset}, {cell}, {e.own.size}")
+    names: list[str] = []  # for messages; pending outputs follow a component's values
+    start_values = np.zeros(fused.n_start)  # of the plan, else of the declarations
+    for c, m in zip(fused.plan.components, fused.members, strict=True):
+        for p in m.layout.placed:
+            v = p.variable
+            names.append(f'{m.cell + p.offset}, {int(bool(v.shape))}, "{m.path}.{v.name}"')
+            if v.kind in ("input", "parameter"):
+                value = c.start.get(v.name, v.start)
+                at = m.start_cell + p.offset
+                start_values[at : at + v.size] = np.ravel(np.asarray(value, float))
+        if m.rate >= 0:
+            names.append(f'{m.pending}, 0, "an output of {m.path}"')
     lines = ["#define UUV_WHOLE", '#include "shell_hooks.h"', f"enum {{ SEED = {seed} }};"]
     for name, count, fields, rows in (
         ("free_inputs", "N_FREE", "uint32_t b, start, cell;", inputs),
@@ -138,13 +144,13 @@ def system_text(fused: Fused, variables: Sequence[Exposed], seed: int) -> str:
             parameters,
         ),
         ("shown_outputs", "N_SHOWN", "uint32_t b, cell, size;", outputs),
-        ("cell_names", "N_NAMES", "uint32_t cell, array; const char *name;", _cell_names(fused)),
+        ("cell_names", "N_NAMES", "uint32_t cell, array; const char *name;", names),
     ):
         written = [f"    {{{row}}}," for row in rows]
         lines.append(f"enum {{ {count} = {len(written)} }};")
         lines.append(f"static const struct {{ {fields} }} {name}[] = {{")
         lines += [*(written or ["    {0},"]), "};"]
-    numbers = ", ".join(float(x).hex() for x in _start(fused)) or "0"
+    numbers = ", ".join(float(x).hex() for x in start_values) or "0"
     lines.append(f"static const double cell_start[] = {{{numbers}}};")
     n = len(fused.sources)
     lines += [f"extern const uuv_lane_stepper uuv_the_lane_stepper_{i};" for i in range(n)]
@@ -153,26 +159,3 @@ def system_text(fused: Fused, variables: Sequence[Exposed], seed: int) -> str:
     lines += [f"    uuv_kernel_bind({i}, &uuv_the_lane_stepper_{i});" for i in range(n)]
     lines += ["}", '#include "uuv_system.h"', ""]
     return "\n".join(lines)
-
-
-def _cell_names(fused: Fused) -> Iterator[str]:
-    """Yield the names of the cells, for messages; pending outputs follow a component's values."""
-    for m in fused.members:
-        for p in m.layout.placed:
-            array = int(bool(p.variable.shape))
-            yield f'{m.cell + p.offset}, {array}, "{m.path}.{p.variable.name}"'
-        if m.rate >= 0:
-            yield f'{m.pending}, 0, "an output of {m.path}"'
-
-
-def _start(fused: Fused) -> np.ndarray:
-    """Return the start values of all components: those of the plan, else of the declarations."""
-    start = np.zeros(fused.n_start)
-    for c, m in zip(fused.plan.components, fused.members, strict=True):
-        for p in m.layout.placed:
-            v = p.variable
-            if v.kind in ("input", "parameter"):
-                value = c.start.get(v.name, v.start)
-                at = m.start_cell + p.offset
-                start[at : at + v.size] = np.ravel(np.asarray(value, float))
-    return start
