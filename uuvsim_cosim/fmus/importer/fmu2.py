@@ -100,16 +100,20 @@ class Fmu2(FmuBinary):
         if self.phase is Phase.INSTANTIATED:
             self._before[variable.name] = (variable, value)
 
-    def _enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
+    def enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
         """Enter; values are set again, as some foreign FMUs lose them in SetupExperiment."""
+        self.time = start_time
         stop = (0, 0.0) if stop_time is None else (1, stop_time)
         self.call("SetupExperiment", 0, 0.0, start_time, *stop)
         for variable, value in self._before.values():
             super().set(variable, value)
         self._before.clear()
         self.call("EnterInitializationMode")
+        self.phase = Phase.INITIALIZATION
 
-    def _do_step(self, time: float, step_size: float) -> None:
+    def do_step(self, current_communication_point: float, step_size: float) -> None:
+        """Advance by one communication step; raises ComponentFailed with the FMU's message."""
+        time = self.time = current_communication_point
         status = self._library.function("DoStep")(
             self._live(), time, step_size, int(self.never_goes_back)
         )

@@ -14,7 +14,7 @@ from uuvsim_cosim.fmus.component import BindingKind
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.description_xml import DTYPES
 from uuvsim_cosim.fmus.importer.fmu_access import Access, BinaryAccess, NumericAccess, StringAccess
-from uuvsim_cosim.fmus.importer.fmu_binary import COMMON, FmuBinary
+from uuvsim_cosim.fmus.importer.fmu_binary import COMMON, FmuBinary, Phase
 
 __all__ = ["Fmu3"]
 
@@ -95,11 +95,16 @@ class Fmu3(FmuBinary):
         )
         return instance
 
-    def _enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
+    def enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
+        """Enter Initialization Mode, after start values have been set."""
+        self.time = start_time
         stop = (False, 0.0) if stop_time is None else (True, stop_time)
         self.call("EnterInitializationMode", False, 0.0, start_time, *stop)
+        self.phase = Phase.INITIALIZATION
 
-    def _do_step(self, time: float, step_size: float) -> None:
+    def do_step(self, current_communication_point: float, step_size: float) -> None:
+        """Advance by one communication step; raises ComponentFailed with the FMU's message."""
+        time = self.time = current_communication_point
         event, end, early = ctypes.c_bool(), ctypes.c_bool(), ctypes.c_bool()
         reached = ctypes.c_double(time + step_size)
         self.call(

@@ -138,10 +138,12 @@ class FmuBinary(ABC):
     def _instantiate(self, logging_on: bool) -> int | None: ...
 
     @abstractmethod
-    def _enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None: ...
+    def enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
+        """Enter Initialization Mode, after start values have been set."""
 
     @abstractmethod
-    def _do_step(self, time: float, step_size: float) -> None: ...
+    def do_step(self, current_communication_point: float, step_size: float) -> None:
+        """Advance by one communication step; raises ComponentFailed with the FMU's message."""
 
     @abstractmethod
     def _access(self, variable: Variable) -> Access: ...
@@ -188,21 +190,10 @@ class FmuBinary(ABC):
 
     # ---- life cycle ---------------------------------------------------------------------------
 
-    def enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
-        """Enter Initialization Mode, after start values have been set."""
-        self.time = start_time
-        self._enter_initialization_mode(start_time, stop_time)
-        self.phase = Phase.INITIALIZATION
-
     def exit_initialization_mode(self) -> None:
         """Leave Initialization Mode; stepping may begin."""
         self.call("ExitInitializationMode")
         self.phase = Phase.STEP
-
-    def do_step(self, current_communication_point: float, step_size: float) -> None:
-        """Advance by one communication step; raises ComponentFailed with the FMU's message."""
-        self.time = current_communication_point
-        self._do_step(current_communication_point, step_size)
 
     def reset(self) -> None:
         """Go back to the state after instantiation; the library stays loaded."""

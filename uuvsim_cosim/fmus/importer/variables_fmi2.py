@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
@@ -38,70 +39,34 @@ def read_variables_fmi2(
     scalars: list[Variable] = []
     enumerations: dict[str, Mapping[int, str]] = {}
     for element in root.iterfind("ModelVariables/ScalarVariable"):
-        scalar, declared = _scalar(source, element, types)
+        name = source.required(element, "name", "a variable")
+        where = f"variable {name!r}"
+        inner = next((e for e in element if e.tag in _TYPES), None)
+        if inner is None:
+            raise source.fault(where, "no type", f"one of {', '.join(_TYPES)}")
+        declared, attributes = source.declared(inner, types, where)
+        type_, start = _TYPES[inner.tag], attributes.get("start")
+        scalar = source.variable(
+            element,
+            attributes,
+            type_,
+            where,
+            start=None if start is None else source.value(type_, start, where),
+            description=element.get("description", ""),
+        )
         scalars.append(scalar)
         if scalar.type == "Enumeration" and declared is not None:
             enumerations[scalar.name] = declared.items
-    for index, names in _dependencies(source, root, scalars).items():
-        scalars[index] = replace(scalars[index], dependencies=names)
+    known = dict(enumerate(scalars, 1))
+    outputs = source.dependencies(root, "ModelStructure/Outputs/Unknown", "index", known, "index")
+    for index, names in outputs.items():
+        scalars[index - 1] = replace(scalars[index - 1], dependencies=names)
     names_seen: set[str] = set()
     for scalar in scalars:
         if scalar.name in names_seen:
             raise source.fault(f"variable {scalar.name!r}", "declared twice", "unique names")
         names_seen.add(scalar.name)
     return fold(scalars), enumerations
-
-
-def _scalar(
-    source: Source, element: Element, types: Mapping[str, SimpleType]
-) -> tuple[Variable, SimpleType | None]:
-    """Read a scalar variable, and the type that it declares."""
-    name = source.required(element, "name", "a variable")
-    where = f"variable {name!r}"
-    inner = next((e for e in element if e.tag in _TYPES), None)
-    if inner is None:
-        raise source.fault(where, "no type", f"one of {', '.join(_TYPES)}")
-    kind = _TYPES[inner.tag]
-    declared_name = inner.get("declaredType")
-    declared = types.get(declared_name) if declared_name is not None else None
-    if declared_name is not None and declared is None:
-        raise source.fault(where, f"unknown type {declared_name!r}", "one of TypeDefinitions")
-    attributes = {**(declared.attributes if declared else {}), **inner.attrib}
-    start = attributes.get("start")
-    causality = source.causality(element, where)
-    variable = Variable(
-        name=name,
-        type=kind,
-        causality=causality,
-        variability=source.variability(element, causality, kind, where),
-        unit=attributes.get("unit"),
-        start=None if start is None else source.value(kind, start, where),
-        min=source.bound(attributes, "min", kind, where),
-        max=source.bound(attributes, "max", kind, where),
-        description=element.get("description", ""),
-        initial=element.get("initial"),
-        value_references=(source.natural(element.get("valueReference"), "valueReference", where),),
-    )
-    return variable, declared
-
-
-def _dependencies(
-    source: Source, root: Element, scalars: list[Variable]
-) -> dict[int, tuple[str, ...]]:
-    """Return by index the inputs on which an output is declared to depend directly."""
-    declared: dict[int, tuple[str, ...]] = {}
-    for unknown in root.iterfind("ModelStructure/Outputs/Unknown"):
-        where = "ModelStructure/Outputs"
-        index = source.natural(unknown.get("index"), "index", where)
-        listed = unknown.get("dependencies")
-        indices = [source.natural(t, "dependency", where) for t in (listed or "").split()]
-        for i in (index, *indices):
-            if not 1 <= i <= len(scalars):
-                raise source.fault(where, f"index {i}", f"1 to {len(scalars)}, as of a variable")
-        if listed is not None:
-            known = (scalars[i - 1] for i in indices)
-            declared[index - 1] = tuple(v.name for v in known if v.causality == "input")
-    return declared
 
 
 def fold(scalars: Sequence[Variable]) -> dict[str, Variable]:
@@ -121,9 +86,14 @@ def fold(scalars: Sequence[Variable]) -> dict[str, Variable]:
     arrays: dict[str, Variable] = {}
     scalar_names = set(folded_name)
     for name, elements in groups.items():
-        shape = _shape(elements)
+        shape = tuple(max(axis) for axis in zip(*elements, strict=False))
+        complete = (
+            len({len(indices) for indices in elements}) == 1
+            and math.prod(shape) == len(elements)
+            and min(min(indices) for indices in elements) == 1
+        )
         alike = len({(v.type, v.causality, v.variability) for v in elements.values()}) == 1
-        if name not in scalar_names and shape is not None and alike:
+        if name not in scalar_names and complete and alike:
             arrays[name] = _array(name, shape, elements)
             folded_name.update({v.name: name for v in elements.values()})
     result: dict[str, Variable] = {}
@@ -135,18 +105,6 @@ def fold(scalars: Sequence[Variable]) -> dict[str, Variable]:
             names = tuple(dict.fromkeys(folded_name[d] for d in v.dependencies))
             result[name] = replace(v, dependencies=names)
     return result
-
-
-def _shape(elements: dict[tuple[int, ...], Variable]) -> tuple[int, ...] | None:
-    """Return the extents of a complete index set, else None."""
-    if len({len(indices) for indices in elements}) != 1:
-        return None
-    extents = tuple(max(axis) for axis in zip(*elements, strict=True))
-    size = 1
-    for extent in extents:
-        size *= extent
-    complete = size == len(elements) and min(min(i) for i in elements) == 1
-    return extents if complete else None
 
 
 def _array(
