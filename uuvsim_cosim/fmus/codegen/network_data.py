@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.fmus.codegen.ray_data import contact_text, frame_call, ray_text
+from uuvsim_cosim.fmus.codegen.scene_data import contact_text, frame_call, ray_text
 from uuvsim_cosim.models.hull.hull_contact import HullContact, HullPlace
 from uuvsim_cosim.models.intrinsics.field import Field
 from uuvsim_cosim.models.intrinsics.network import NETWORKS, Layer, Network
@@ -25,6 +25,7 @@ __all__ = [
     "transformer_text",
 ]
 
+WIDE = 16  # outputs of a block: UUV_WIDE
 HEADER = '#include "uuv_network.h"\n'
 FORWARD, ADJOINT = "fwd1_wrap_", "adj1_wrap_"  # CasADi's names of a called function's derivatives
 
@@ -83,19 +84,24 @@ def network_text(n: Network) -> Iterator[str]:
     yield f"typedef struct {{ V y[{n.n_in}]; }} {n.name}_adjoint_values;\n"
     at = f"{n.name}_layers, {len(n.layers)}"
     for suffix, vectors, given in (("", 2, ["x"]), ("_forward", 4, ["x", "seed"])):
-        yield f"static inline {n.name}_values {n.name}{suffix}("
-        yield f"{', '.join(f'const V *{a}' for a in given)}) {{\n"
-        yield f"    uuv_neuron room[{vectors * n.widest}];\n    {n.name}_values r;\n"
-        yield f"    uuv_network{suffix}({at}, {', '.join(given)}, r.y, room, {n.widest});\n"
-        yield "    return r;\n}\n"
+        call = f"uuv_network{suffix}({at}, {', '.join(given)}, r.y, room, {n.widest})"
+        yield _array_function(n.name, suffix, given, call, f"{vectors * n.widest}")
     every = n.n_in + sum(len(layer.bias) for layer in n.layers)
-    yield f"static inline {n.name}_adjoint_values {n.name}_adjoint(const V *x, const V *seed) {{\n"
-    yield f"    uuv_neuron room[{every + 2 * n.widest}];\n    {n.name}_adjoint_values r;\n"
-    yield f"    uuv_network_adjoint({at}, x, seed, r.y, room, {every}, {n.widest});\n"
-    yield "    return r;\n}\n"
+    call = f"uuv_network_adjoint({at}, x, seed, r.y, room, {every}, {n.widest})"
+    room = f"{every + 2 * n.widest}"
+    yield _array_function(n.name, "_adjoint", ["x", "seed"], call, room, "_adjoint")
 
 
-WIDE = 16  # outputs of a block: UUV_WIDE
+def _array_function(
+    name: str, suffix: str, given: Sequence[str], call: str, room: str = "", kind: str = ""
+) -> str:
+    """Return a C function of arrays; `call` sets its results ``r.y``, in a work space `room`."""
+    arguments = ", ".join(f"const V *{a}" for a in given)
+    return (
+        f"static inline {name}{kind}_values {name}{suffix}({arguments}) {{\n"
+        + (f"    uuv_neuron room[{room}];\n" if room else "")
+        + f"    {name}{kind}_values r;\n    {call};\n    return r;\n}}\n"
+    )
 
 
 def layer_text(name: str, layer: Layer, kind: str = "") -> tuple[str, str]:
@@ -160,10 +166,9 @@ def transformer_text(n: Transformer) -> Iterator[str]:
     yield f"static const uuv_block {n.name}_blocks[] = {{{', '.join(blocks)}}};\n"
     yield f"static const uuv_transformer {n.name}_tensors = {{{', '.join(fields)}}};\n"
     yield f"typedef struct {{ V y[{n.n_out}]; }} {n.name}_values;\n"
-    yield f"static inline {n.name}_values {n.name}(const V *x) {{\n"
     room = f"UUV_TRANSFORMER_ROOM({n.places}, {n.hidden}, {n.widest})"
-    yield f"    uuv_neuron room[{room}];\n    {n.name}_values r;\n"
-    yield f"    uuv_transform(&{n.name}_tensors, x, r.y, room, {n.widest});\n    return r;\n}}\n"
+    call = f"uuv_transform(&{n.name}_tensors, x, r.y, room, {n.widest})"
+    yield _array_function(n.name, "", ["x"], call, room)
 
 
 def field_text(f: Field) -> Iterator[str]:
@@ -179,8 +184,5 @@ def field_text(f: Field) -> Iterator[str]:
     yield f"static const uuv_field {f.name}_field = {{{fields}}};\n"
     yield f"typedef struct {{ V y[{f.n_out}]; }} {f.name}_values;\n"
     for suffix, given in (("", ["x"]), ("_forward", ["x", "seed"])):
-        yield f"static inline {f.name}_values {f.name}{suffix}("
-        yield f"{', '.join(f'const V *{a}' for a in given)}) {{\n"
-        yield f"    {f.name}_values r;\n"
-        yield f"    uuv_field_at{suffix}(&{f.name}_field, {', '.join(given)}, r.y);\n"
-        yield "    return r;\n}\n"
+        call = f"uuv_field_at{suffix}(&{f.name}_field, {', '.join(given)}, r.y)"
+        yield _array_function(f.name, suffix, given, call)

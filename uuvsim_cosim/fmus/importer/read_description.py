@@ -40,7 +40,6 @@ class FmuArchive:
     enumerations: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
     default_start_time: float | None = None
     default_stop_time: float | None = None
-    log_categories: tuple[str, ...] = ()
     interface: Interface = "CoSimulation"  # the one that is used
     interfaces: tuple[Interface, ...] = ("CoSimulation",)  # those that the FMU has
     adjoint_derivatives: bool = False  # of FMI 3.0; not used here
@@ -128,7 +127,6 @@ def read_fmu(
         default_stop_time=(
             None if experiment is None else source.optional_number(experiment, "stopTime", where)
         ),
-        log_categories=tuple(c.get("name", "") for c in root.iterfind("LogCategories/Category")),
         interface=chosen,
         interfaces=tuple(i for i in _INTERFACES if root.find(i) is not None),
         adjoint_derivatives=element.get("providesAdjointDerivatives", "false").strip()

@@ -3,31 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 
 from uuvsim_cosim.fmus.codegen.emit_c import literal
 from uuvsim_cosim.kernels.codegen.derivative import Mode
-from uuvsim_cosim.kernels.codegen.driver import _copies
+from uuvsim_cosim.kernels.codegen.driver import copies, initialization
 from uuvsim_cosim.kernels.codegen.fusible import Fused
 from uuvsim_cosim.orchestrator.plan.plan import Transfer
 
 __all__ = ["derivative_driver_text", "tape_cells"]
 
 
-@dataclass(frozen=True)
-class _Outputs:
-    """Evaluation of a member's outputs during initialization; its block is kept at `tape`."""
-
-    member: int
-    tape: int
-
-
-_Operation = _Outputs | tuple[Transfer, ...]
-
-
 def tape_cells(fused: Fused) -> int:
     """Return the cells of the work space that a block of lanes needs."""
-    _, end = _initialization(fused)
+    evaluated = [fused.members[i] for i in initialization(fused) if isinstance(i, int)]
+    end = fused.n_cells + sum(m.layout.offset["output"] for m in evaluated)
     return max(end, 2 * fused.n_cells)
 
 
@@ -69,11 +58,11 @@ def _tangent_driver(fused: Fused) -> Iterator[str]:
     yield "    const uuv_lane_time now = lane_time(m, 0, 1, tick_num, tick_den);"
     plan = fused.plan
     late = [t for t in plan.transfers if not fused.is_early(t)]
-    yield from _copies(fused, late, stepping=True)
+    yield from copies(fused, late, stepping=True)
     yield from _pushed(fused, late)
     for i in fused.order:
         early = [t for t in plan.transfers if t.target == i and fused.is_early(t)]
-        yield from _copies(fused, early, stepping=True)
+        yield from copies(fused, early, stepping=True)
         yield from _pushed(fused, early)
         m = fused.members[i]
         yield f"    /* {m.path} */"
@@ -90,14 +79,14 @@ def _tangent_driver(fused: Fused) -> Iterator[str]:
         yield f"    memcpy(m + {m.cell}, start + {m.start_cell}, {m.n_start} * sizeof(V));"
         yield f"    memcpy(d + {m.cell}, d_start + {m.start_cell}, {m.n_start} * sizeof(V));"
         yield (f"    derivative_initialize(declared[{m.declaration}], m + {m.cell}, d + {m.cell});")
-    for operation in _initialization(fused)[0]:
-        if isinstance(operation, _Outputs):
-            m = fused.members[operation.member]
+    for operation in initialization(fused):
+        if isinstance(operation, int):
+            m = fused.members[operation]
             yield (
                 f"    derivative_outputs(declared[{m.declaration}], m + {m.cell}, d + {m.cell});"
             )
         else:
-            yield from _copies(fused, operation)
+            yield from copies(fused, operation)
             yield from _pushed(fused, operation)
     yield "}"
     yield ""
@@ -114,10 +103,10 @@ def _adjoint_driver(fused: Fused) -> Iterator[str]:
     yield "static void step_adjoint(V *m, V *kept, V *a) {"
     yield "    const uuv_lane_time now = lane_time(m, 0, 1, tick_num, tick_den);"
     yield "    (void)kept;"
-    yield from _copies(fused, late, stepping=True)
+    yield from copies(fused, late, stepping=True)
     for i in fused.order:
         m = fused.members[i]
-        yield from _copies(fused, early[i], stepping=True)
+        yield from copies(fused, early[i], stepping=True)
         if i in read_early:
             yield f"    memcpy(kept + {m.cell}, m + {m.cell}, {m.size} * sizeof(V));"
             yield (
@@ -144,20 +133,21 @@ def _adjoint_driver(fused: Fused) -> Iterator[str]:
     for m in fused.members:
         yield f"    memcpy(m + {m.cell}, start + {m.start_cell}, {m.n_start} * sizeof(V));"
         yield f"    derivative_initialize(declared[{m.declaration}], m + {m.cell}, NULL);"
-    operations, _ = _initialization(fused)
+    at = 0  # of the blocks that are kept before their outputs are evaluated
+    operations = initialization(fused)
     for operation in operations:
-        if isinstance(operation, _Outputs):
-            m = fused.members[operation.member]
-            at = operation.tape - fused.n_cells
+        if isinstance(operation, int):
+            m = fused.members[operation]
             yield f"    memcpy(kept + {at}, m + {m.cell}, {m.layout.offset['output']} * sizeof(V));"
             yield f"    derivative_outputs(declared[{m.declaration}], m + {m.cell}, NULL);"
+            at += m.layout.offset["output"]
         else:
-            yield from _copies(fused, operation)
+            yield from copies(fused, operation)
     for operation in reversed(operations):
-        if isinstance(operation, _Outputs):
-            m = fused.members[operation.member]
-            at = operation.tape - fused.n_cells
+        if isinstance(operation, int):
+            m = fused.members[operation]
             o, n = m.layout.offset["output"], m.layout.count["output"]
+            at -= o
             yield from _pull_back("outputs", m.declaration, f"kept + {at}", m.cell, o, n)
         else:
             yield from _pulled(fused, operation)
@@ -180,31 +170,6 @@ def _pull_back(
     yield f"    memcpy(seed, a + {cell + first}, {count} * sizeof(V));"
     yield f"    derivative_clear(a + {cell + first}, {count});"
     yield f"    declared[{declaration}]->{function}_adjoint({block}, seed, a + {cell});"
-
-
-def _initialization(fused: Fused) -> tuple[list[_Operation], int]:
-    """Return the operations of initialization after start values, as in `driver_text`.
-
-    The second value is the number of cells up to the end of the tape.
-    """
-    operations: list[_Operation] = []
-    tape = fused.n_cells
-
-    def evaluate(members: Iterable[int]) -> None:
-        nonlocal tape
-        for i in sorted(members):
-            operations.append(_Outputs(i, tape))
-            tape += fused.members[i].layout.offset["output"]
-
-    stale = set(range(len(fused.members)))
-    for entry in [*fused.plan.initialization, tuple(stale)]:
-        into = tuple(t for t in fused.plan.transfers if t.target in entry)
-        evaluate({t.source for t in into} & stale)
-        stale -= {t.source for t in into}
-        operations.append(into)
-        stale |= {t.target for t in into}
-    evaluate(range(len(fused.members)))
-    return operations, tape
 
 
 def _real(fused: Fused, transfers: Iterable[Transfer]) -> Iterator[tuple[int, int, str]]:

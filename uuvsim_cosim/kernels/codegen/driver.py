@@ -9,7 +9,7 @@ from uuvsim_cosim.kernels.codegen.fusible import Fused
 from uuvsim_cosim.orchestrator.plan.plan import Transfer
 from uuvsim_cosim.orchestrator.plan.seeds import path_words
 
-__all__ = ["becoming_visible", "driver_text", "due_now", "slower_steps"]
+__all__ = ["copies", "driver_text", "initialization"]
 
 _SMALL = 4  # states of a component of which several are stepped side by side
 
@@ -99,7 +99,7 @@ def _steps(fused: Fused) -> Iterator[str]:
     Just before its step, a member gets the inputs that come from outputs of the same step.
     """
     plan = fused.plan
-    yield from _copies(fused, (t for t in plan.transfers if not fused.is_early(t)), stepping=True)
+    yield from copies(fused, (t for t in plan.transfers if not fused.is_early(t)), stepping=True)
     for group in _side_by_side(fused):
         m = fused.members[group[0]]
         yield f"    /* {', '.join(fused.members[i].path for i in group)} */"
@@ -111,7 +111,7 @@ def _steps(fused: Fused) -> Iterator[str]:
             continue
         i = group[0]
         early = (t for t in plan.transfers if t.target == i and fused.is_early(t))
-        yield from _copies(fused, early, stepping=True)
+        yield from copies(fused, early, stepping=True)
         if m.rate >= 0:
             yield f"    if (uuv_any(due_{m.rate})) step_{i}(m, due_{m.rate}, scratch);"
             continue
@@ -149,20 +149,18 @@ def _side_by_side(fused: Fused) -> list[list[int]]:
 
 
 def _initialization(fused: Fused) -> Iterator[str]:
-    """Yield the initialization, in the order of orchestrator/master/initial_values.py."""
-    plan = fused.plan
+    """Yield the initialization of a block of lanes."""
     yield "    memset(m, 0, N_WORD_CELLS * sizeof(V));"
     for m in fused.members:
         yield f"    memcpy(m + {m.cell}, start + {m.start_cell}, {m.n_start} * sizeof(V));"
         yield f"    lane_initialize(declared[{m.declaration}], m + {m.cell});"
-    stale = set(range(len(fused.members)))  # members whose outputs do not match their inputs
-    for entry in [*plan.initialization, tuple(stale)]:
-        into = [t for t in plan.transfers if t.target in entry]
-        yield from _outputs(fused, {t.source for t in into} & stale)
-        stale -= {t.source for t in into}
-        yield from _copies(fused, into)
-        stale |= {t.target for t in into}
-    yield from _outputs(fused, set(range(len(fused.members))))
+    for operation in initialization(fused):
+        if isinstance(operation, int):
+            m = fused.members[operation]
+            at = m.cell + m.layout.offset["output"]
+            yield f"    declared[{m.declaration}]->outputs(m + {m.cell}, m + {at});"
+        else:
+            yield from copies(fused, operation)
     for m in fused.members:
         first, last = m.layout.offset["state"], m.layout.size
         yield f"    lane_check(m, m + {m.cell}, {first}, {last});"
@@ -171,16 +169,23 @@ def _initialization(fused: Fused) -> Iterator[str]:
             yield f"    memcpy(m + {m.pending}, m + {m.cell + at}, {n} * sizeof(V));"
 
 
-def _outputs(fused: Fused, members: Iterable[int]) -> Iterator[str]:
-    for i in sorted(members):
-        m = fused.members[i]
-        at = m.cell + m.layout.offset["output"]
-        yield f"    declared[{m.declaration}]->outputs(m + {m.cell}, m + {at});"
+def initialization(fused: Fused) -> list[int | tuple[Transfer, ...]]:
+    """Return what follows the start values: copies, and members whose outputs are evaluated.
+
+    The order is that of orchestrator/master/initial_values.py.
+    """
+    operations: list[int | tuple[Transfer, ...]] = []
+    every = range(len(fused.members))
+    stale = set(every)  # members whose outputs do not match their inputs
+    for entry in [*fused.plan.initialization, tuple(every)]:
+        into = tuple(t for t in fused.plan.transfers if t.target in entry)
+        sources = {t.source for t in into}
+        operations += [*sorted(sources & stale), into]
+        stale = stale - sources | {t.target for t in into}
+    return [*operations, *every]
 
 
-def _copies(
-    fused: Fused, transfers: Iterable[Transfer], *, stepping: bool = False
-) -> Iterator[str]:
+def copies(fused: Fused, transfers: Iterable[Transfer], *, stepping: bool = False) -> Iterator[str]:
     """Yield the copies of transfers; while `stepping`, members with longer steps copy if due."""
     for t in transfers:
         source, target = fused.members[t.source], fused.members[t.target]
@@ -202,13 +207,9 @@ def _copies(
             yield f"    m[{b + j}] = {value};"
 
 
-def _slow_rates(fused: Fused) -> list[int]:
-    return sorted({m.rate for m in fused.members} - {-1})
-
-
 def due_now(fused: Fused) -> Iterator[str]:
     """Yield the masks of the lanes that begin a longer communication step now."""
-    for rate in _slow_rates(fused):
+    for rate in sorted({m.rate for m in fused.members} - {-1}):
         yield f"    const uuv_mask due_{rate} = uuv_mask_of_words(lane_phase_is(m, {rate}, 0));"
 
 
@@ -264,7 +265,7 @@ def slower_steps(fused: Fused) -> Iterator[str]:
 
 def becoming_visible(fused: Fused) -> Iterator[str]:
     """Yield the copies that make outputs visible, of longer steps that end with this tick."""
-    for rate in _slow_rates(fused):
+    for rate in sorted({m.rate for m in fused.members} - {-1}):
         last = fused.periods[rate] - 1
         ends = f"uuv_mask_of_words(lane_phase_is(m, {rate}, {last}))"
         yield f"    const uuv_mask ends_{rate} = {ends};"

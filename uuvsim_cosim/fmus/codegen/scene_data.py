@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,6 @@ def ray_text(r: Rays | Frame) -> Iterator[str]:
     yield '#include "uuv_rays.h"\n'
     yield from scene_text(r.ground)
     place, n_in, n_out = f"&{r.ground.name}", r.n_in, r.n_out
-    forward = not isinstance(r, Frame)
     if isinstance(r, Frame):
         numbers = doubles(r.directions.ravel().tolist())
         yield f"static const double {r.name}_d[] = {{{numbers}}};\n"
@@ -44,23 +43,41 @@ def ray_text(r: Rays | Frame) -> Iterator[str]:
         call = f"uuv_rays({place}, {r.n}, {r.n_moving}, in, SEED, out)"
     yield f"typedef struct {{ V y[{n_out}]; }} {r.name}_values;\n"
     n_w = len(r.directions) if isinstance(r, Frame) else 0
-    one = ["x", "w"] if n_w else ["x"]
-    for suffix, given in (("", one), *([("_forward", ["x", "seed"])] if forward else [])):
-        yield f"static inline {r.name}_values {r.name}{suffix}("
-        yield f"{', '.join(f'const V *{a}' for a in given)}) {{\n"
-        yield f"    {r.name}_values r;\n    double in[{n_in}], out[{n_out}];\n"
-        if suffix:
-            yield f"    double along[{n_in}];\n"
-        yield "    for (int lane = 0; lane < UUV_W; lane++) {\n"
-        yield f"        for (int i = 0; i < {n_in - n_w}; i++) in[i] = uuv_lane(x[i], lane);\n"
-        if n_w:
-            yield f"        for (int i = 0; i < {n_w}; i++) in[{n_in - n_w} + i] = "
-            yield "uuv_lane(w[i], lane);\n"
-        if suffix:
-            yield f"        for (int i = 0; i < {n_in}; i++) along[i] = uuv_lane(seed[i], lane);\n"
-        yield f"        {call.replace('SEED', 'along' if suffix else '0')};\n"
-        yield f"        for (int i = 0; i < {n_out}; i++) UUV_PUT_LANE(r.y[i], lane, out[i]);\n"
-        yield "    }\n    return r;\n}\n"
+    room = f"    double in[{n_in}], out[{n_out}];\n"
+    read = [(n_in - n_w, "in[i]", "x")]
+    if isinstance(r, Frame):
+        read.append((n_w, f"in[{n_in - n_w} + i]", "w"))
+        yield from _lane_function(r.name, "", ["x", "w"], room, read, call, n_out)
+        return
+    value, forward = call.replace("SEED", "0"), call.replace("SEED", "along")
+    yield from _lane_function(r.name, "", ["x"], room, read, value, n_out)
+    room += f"    double along[{n_in}];\n"
+    read.append((n_in, "along[i]", "seed"))
+    yield from _lane_function(r.name, "_forward", ["x", "seed"], room, read, forward, n_out)
+
+
+def _lane_function(
+    name: str,
+    suffix: str,
+    given: Sequence[str],
+    room: str,
+    read: Sequence[tuple[int, str, str]],
+    call: str,
+    n_out: int,
+    kind: str = "",
+) -> Iterator[str]:
+    """Yield a C function of arrays that calls a function of doubles for each lane.
+
+    `read` are counts, targets and sources of the numbers that it gets; `out` has its results.
+    """
+    arguments = ", ".join(f"const V *{a}" for a in given)
+    yield f"static inline {name}{kind}_values {name}{suffix}({arguments}) {{\n"
+    yield f"    {name}{kind}_values r;\n{room}    for (int lane = 0; lane < UUV_W; lane++) {{\n"
+    for n, target, source in read:
+        yield f"        for (int i = 0; i < {n}; i++) {target} = uuv_lane({source}[i], lane);\n"
+    yield f"        {call};\n"
+    yield f"        for (int i = 0; i < {n_out}; i++) UUV_PUT_LANE(r.y[i], lane, out[i]);\n"
+    yield "    }\n    return r;\n}\n"
 
 
 def scene_text(g: Ground) -> Iterator[str]:
@@ -137,21 +154,17 @@ def contact_text(c: HullContact | HullPlace) -> Iterator[str]:
     yield f"{{&{c.ground.name}, {material}, {friction}, {rub}, {shape}}};\n"
     yield f"typedef struct {{ V y[{c.n_out}]; }} {c.name}_values;\n"
     yield f"typedef struct {{ V y[{c.n_in}]; }} {c.name}_adjoint_values;\n"
-    start, end = "    for (int lane = 0; lane < UUV_W; lane++) {\n", "    }\n    return r;\n}\n"
-    n, read = c.n_in, "        for (int i = 0; i < {}; i++) {}[i] = uuv_lane({}[i], lane);\n"
-    write = "        for (int i = 0; i < {}; i++) UUV_PUT_LANE(r.y[i], lane, {}[i]);\n"
-    at = f"&{c.name}_hull, {moving}"
-    value = f"{call}({at if isinstance(c, HullContact) else f'&{c.name}_hull'}"
-    room = f"    double in[{n}], out[{c.n_out}], along[{n}];\n"
-    yield f"static inline {c.name}_values {c.name}(const V *x) {{\n    {c.name}_values r;\n"
-    yield f"    double in[{n}], out[{c.n_out}];\n{start}{read.format(n, 'in', 'x')}"
-    yield f"        {value}, in, out);\n{write.format(c.n_out, 'out')}{end}"
-    both = "(const V *x, const V *seed) {\n"
-    yield f"static inline {c.name}_values {c.name}_forward{both}    {c.name}_values r;\n{room}"
-    yield f"{start}{read.format(n, 'in', 'x')}{read.format(n, 'along', 'seed')}"
-    yield f"        uuv_contact_forward({at}, {n}, in, along, out);\n"
-    yield f"{write.format(c.n_out, 'out')}{end}"
-    yield f"static inline {c.name}_adjoint_values {c.name}_adjoint{both}"
-    yield f"    {c.name}_adjoint_values r;\n    double in[{n}], out[{n}], along[{c.n_out}];\n"
-    yield f"{start}{read.format(n, 'in', 'x')}{read.format(c.n_out, 'along', 'seed')}"
-    yield f"        uuv_contact_adjoint({at}, {n}, in, along, out);\n{write.format(n, 'out')}{end}"
+    n, m, hull = c.n_in, c.n_out, f"&{c.name}_hull"
+    at = f"{hull}, {moving}"
+    value = f"{call}({at if isinstance(c, HullContact) else hull}, in, out)"
+    read = [(n, "in[i]", "x")]
+    yield from _lane_function(c.name, "", ["x"], f"    double in[{n}], out[{m}];\n", read, value, m)
+    given = ["x", "seed"]
+    room = f"    double in[{n}], out[{m}], along[{n}];\n"
+    forward = f"uuv_contact_forward({at}, {n}, in, along, out)"
+    read = [(n, "in[i]", "x"), (n, "along[i]", "seed")]
+    yield from _lane_function(c.name, "_forward", given, room, read, forward, m)
+    room = f"    double in[{n}], out[{n}], along[{m}];\n"
+    adjoint = f"uuv_contact_adjoint({at}, {n}, in, along, out)"
+    read = [(n, "in[i]", "x"), (m, "along[i]", "seed")]
+    yield from _lane_function(c.name, "_adjoint", given, room, read, adjoint, n, "_adjoint")
