@@ -199,7 +199,7 @@ def state(e: _Experiment) -> Iterator[str]:
     """Restore states: of Initialization Mode, of a step, and of a step as bytes."""
     d = e.fmu.description
     if not d.can_get_and_set_state:
-        raise NotApplicable("it does not say that its state can be copied")
+        raise NotApplicable("it does not declare that its state can be copied")
     n = max(1, e.repeated // 2)
     with e.instance() as x:
         x.enter_initialization_mode(e.begin, None)

@@ -93,25 +93,25 @@ def network_text(n: Network) -> Iterator[str]:
 
 
 def _array_function(
-    name: str, suffix: str, given: Sequence[str], call: str, room: str = "", kind: str = ""
+    name: str, suffix: str, given: Sequence[str], call: str, room: str = "", struct: str = ""
 ) -> str:
     """Return a C function of arrays; `call` sets its results ``r.y``, in a work space `room`."""
     arguments = ", ".join(f"const V *{a}" for a in given)
     return (
-        f"static inline {name}{kind}_values {name}{suffix}({arguments}) {{\n"
+        f"static inline {name}{struct}_values {name}{suffix}({arguments}) {{\n"
         + (f"    uuv_neuron room[{room}];\n" if room else "")
-        + f"    {name}{kind}_values r;\n    {call};\n    return r;\n}}\n"
+        + f"    {name}{struct}_values r;\n    {call};\n    return r;\n}}\n"
     )
 
 
-def layer_text(name: str, layer: Layer, kind: str = "") -> tuple[str, str]:
-    """Return the arrays of a layer, and its `uuv_layer` in braces; `kind`: its activation in C."""
+def layer_text(name: str, layer: Layer, activation: str = "") -> tuple[str, str]:
+    """Return the arrays of a layer, and its `uuv_layer` in braces; `activation`: in C."""
     outs, ins = layer.weight.shape
-    kind = kind or f"UUV_{layer.activation.upper()}"
+    activation = activation or f"UUV_{layer.activation.upper()}"
     blocks = _filled(layer.weight).reshape(-1, WIDE, ins)
     arrays = array_text(f"{name}_weight", blocks.transpose(0, 2, 1))  # [block][input][output]
     arrays += array_text(f"{name}_bias", _filled(layer.bias))
-    return arrays, f"{{{ins}, {outs}, {kind}, {name}_weight, {name}_bias}}"
+    return arrays, f"{{{ins}, {outs}, {activation}, {name}_weight, {name}_bias}}"
 
 
 def array_text(name: str, values: NDArray[np.float32]) -> str:
@@ -131,9 +131,9 @@ def transformer_text(n: Transformer) -> Iterator[str]:
     """Yield the tensors of a transformer, and its function of its inputs."""
     arrays: list[str] = []
 
-    def layer(name: str, kind: str = "UUV_LINEAR") -> str:
+    def layer(name: str, activation: str = "UUV_LINEAR") -> str:
         given = Layer(n.tensors[f"{name}.weight"], n.tensors[f"{name}.bias"])
-        text, struct = layer_text(f"{n.name}_{name.replace('.', '_')}", given, kind)
+        text, struct = layer_text(f"{n.name}_{name.replace('.', '_')}", given, activation)
         arrays.append(text)
         return struct
 

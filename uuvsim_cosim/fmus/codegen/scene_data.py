@@ -43,36 +43,37 @@ def ray_text(r: Rays | Frame) -> Iterator[str]:
         call = f"uuv_rays({place}, {r.n}, {r.n_moving}, in, SEED, out)"
     yield f"typedef struct {{ V y[{n_out}]; }} {r.name}_values;\n"
     n_w = len(r.directions) if isinstance(r, Frame) else 0
-    room = f"    double in[{n_in}], out[{n_out}];\n"
+    buffers = f"    double in[{n_in}], out[{n_out}];\n"
     read = [(n_in - n_w, "in[i]", "x")]
     if isinstance(r, Frame):
         read.append((n_w, f"in[{n_in - n_w} + i]", "w"))
-        yield from _lane_function(r.name, "", ["x", "w"], room, read, call, n_out)
+        yield from _lane_function(r.name, "", ["x", "w"], buffers, read, call, n_out)
         return
     value, forward = call.replace("SEED", "0"), call.replace("SEED", "along")
-    yield from _lane_function(r.name, "", ["x"], room, read, value, n_out)
-    room += f"    double along[{n_in}];\n"
+    yield from _lane_function(r.name, "", ["x"], buffers, read, value, n_out)
+    buffers += f"    double along[{n_in}];\n"
     read.append((n_in, "along[i]", "seed"))
-    yield from _lane_function(r.name, "_forward", ["x", "seed"], room, read, forward, n_out)
+    yield from _lane_function(r.name, "_forward", ["x", "seed"], buffers, read, forward, n_out)
 
 
 def _lane_function(
     name: str,
     suffix: str,
     given: Sequence[str],
-    room: str,
+    buffers: str,
     read: Sequence[tuple[int, str, str]],
     call: str,
     n_out: int,
-    kind: str = "",
+    struct: str = "",
 ) -> Iterator[str]:
     """Yield a C function of arrays that calls a function of doubles for each lane.
 
     `read` are counts, targets and sources of the numbers that it gets; `out` has its results.
     """
     arguments = ", ".join(f"const V *{a}" for a in given)
-    yield f"static inline {name}{kind}_values {name}{suffix}({arguments}) {{\n"
-    yield f"    {name}{kind}_values r;\n{room}    for (int lane = 0; lane < UUV_W; lane++) {{\n"
+    yield f"static inline {name}{struct}_values {name}{suffix}({arguments}) {{\n"
+    yield f"    {name}{struct}_values r;\n{buffers}"
+    yield "    for (int lane = 0; lane < UUV_W; lane++) {\n"
     for n, target, source in read:
         yield f"        for (int i = 0; i < {n}; i++) {target} = uuv_lane({source}[i], lane);\n"
     yield f"        {call};\n"
@@ -160,11 +161,11 @@ def contact_text(c: HullContact | HullPlace) -> Iterator[str]:
     read = [(n, "in[i]", "x")]
     yield from _lane_function(c.name, "", ["x"], f"    double in[{n}], out[{m}];\n", read, value, m)
     given = ["x", "seed"]
-    room = f"    double in[{n}], out[{m}], along[{n}];\n"
+    buffers = f"    double in[{n}], out[{m}], along[{n}];\n"
     forward = f"uuv_contact_forward({at}, {n}, in, along, out)"
     read = [(n, "in[i]", "x"), (n, "along[i]", "seed")]
-    yield from _lane_function(c.name, "_forward", given, room, read, forward, m)
-    room = f"    double in[{n}], out[{n}], along[{m}];\n"
+    yield from _lane_function(c.name, "_forward", given, buffers, read, forward, m)
+    buffers = f"    double in[{n}], out[{n}], along[{m}];\n"
     adjoint = f"uuv_contact_adjoint({at}, {n}, in, along, out)"
     read = [(n, "in[i]", "x"), (m, "along[i]", "seed")]
-    yield from _lane_function(c.name, "_adjoint", given, room, read, adjoint, n, "_adjoint")
+    yield from _lane_function(c.name, "_adjoint", given, buffers, read, adjoint, n, "_adjoint")

@@ -215,7 +215,9 @@ def compile_shared(
                 _EXPECTED,
             ) from None
     if contents() != key:  # otherwise the cache would keep a wrong library under this key
-        raise ToolchainError(name, "its C was changed while it was compiled", "files that rest")
+        raise ToolchainError(
+            name, "its C was changed while it was compiled", "files that do not change"
+        )
     keep(library, data)
     return library
 
@@ -231,7 +233,7 @@ def _run(command: list[str]) -> None:
     if done.returncode != 0:
         lines = (done.stderr.strip() or done.stdout.strip()).splitlines()
         reason = (
-            f": {' | '.join(lines[:6])}" if lines else f" and said nothing; expected {_EXPECTED}"
+            f": {' | '.join(lines[:6])}" if lines else f" and printed nothing; expected {_EXPECTED}"
         )
         raise ToolchainError(
             f"the C compiler {_named(command)} failed with status {done.returncode}{reason}"

@@ -257,7 +257,7 @@ class Isolated:
             self._call("why", time)
         except UuvsimError as error:
             return error
-        return ComponentFailed(self.path, time, "it failed, and does not say why")
+        return ComponentFailed(self.path, time, "it failed, and gives no reason")
 
     def lost(self, time: float, *, late: bool) -> ComponentFailed:
         """Return the error for a child that died in a step, or did not answer."""
@@ -322,7 +322,8 @@ class Isolated:
         try:
             if call is not None:
                 _send(child.stdin, call)
-            status, result, messages = _load(child.stdout)
+            assert child.stdout is not None
+            status, result, messages = pickle.load(child.stdout)
         except (EOFError, OSError, pickle.UnpicklingError):
             raise self._died(child, late.is_set()) from None
         except BaseException:  # an interruption: the next call must not read this call's answer
@@ -370,8 +371,3 @@ def _send(pipe: IO[bytes] | None, message: object) -> None:
     assert pipe is not None
     pickle.dump(message, pipe, protocol=pickle.HIGHEST_PROTOCOL)
     pipe.flush()
-
-
-def _load(pipe: IO[bytes] | None) -> Any:
-    assert pipe is not None
-    return pickle.load(pipe)

@@ -68,7 +68,13 @@ class Solver:
 
         rtol = max(self._tolerance, 3e-14)
         atol: Any = self._tolerance * np.abs(self._nominals)  # one for each state, unlike its type
-        rk = RK45(self._rhs, time, x, until, rtol=rtol, atol=atol, first_step=until - time)
+
+        def rhs(time: float, x: Array) -> Array:
+            self._set(time, x)
+            self._calls.get_derivatives(self._dx.ctypes.data, self._dx.size)
+            return self._dx.copy()
+
+        rk = RK45(rhs, time, x, until, rtol=rtol, atol=atol, first_step=until - time)
         stability = 0.0
         with np.errstate(over="ignore", invalid="ignore"):  # in steps that RK45 then rejects
             for n in range(1, _STEPS + 1):
@@ -128,11 +134,6 @@ class Solver:
         if self._x.size:
             self._x[:] = x
             self._calls.set_states(self._x.ctypes.data, self._x.size)
-
-    def _rhs(self, time: float, x: Array) -> Array:
-        self._set(time, x)
-        self._calls.get_derivatives(self._dx.ctypes.data, self._dx.size)
-        return self._dx.copy()
 
     def _signs(self, time: float, x: Array) -> NDArray[np.bool_]:
         if not self._z.size:

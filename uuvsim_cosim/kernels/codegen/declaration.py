@@ -94,8 +94,15 @@ def split(
     text of all these functions, and the number of values in `w`.
     """
     lines = [line.strip() for line in text.splitlines()]
-    if invert:
-        lines = [new for line in lines for new in _inverted(line)]
+    if invert:  # a quotient's line becomes an inverse and a product
+        quotients = [(line, _QUOTIENT.match(line)) for line in lines]
+        lines = []
+        for line, m in quotients:
+            if m is None:
+                lines.append(line)
+                continue
+            lines.append(f"const V {m['name']}_0 = uuv_inv({m['divisor']});")
+            lines.append(f"const V {m['name']} = {m['dividend']} * {m['name']}_0;")
     values = [m for m in map(_LINE.match, lines) if m]
     stores = [m for m in map(_STORE.match, lines) if m]
     moving: set[str] = set()
@@ -143,18 +150,6 @@ def _held_tables(
     for j, m in enumerate(found, first):
         text = text.replace(m[0], f"    const V {m['name']} = w[{j}];")
     return found, text
-
-
-def _inverted(line: str) -> list[str]:
-    """Return a quotient's line as an inverse and a product; any other line as it is."""
-    m = _QUOTIENT.match(line)
-    if m is None:
-        return [line]
-    inverse = f"{m['name']}_0"
-    return [
-        f"const V {inverse} = uuv_inv({m['divisor']});",
-        f"const V {m['name']} = {m['dividend']} * {inverse};",
-    ]
 
 
 def _function(signature: str, arguments: list[str], lines: list[str]) -> Iterator[str]:
