@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike
 from uuvsim_cosim.closing import Closing
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid
 from uuvsim_cosim.fmus.description import Variable
-from uuvsim_cosim.kernels.batch.memory import Lanes, aligned
-from uuvsim_cosim.kernels.batch.signal import Signal, signal_of
+from uuvsim_cosim.kernels.batch.memory import Lanes, Signal, aligned, signal_of
 from uuvsim_cosim.kernels.batch.threads import Threads
 from uuvsim_cosim.kernels.codegen.program import Program
 from uuvsim_cosim.orchestrator.plan.seeds import seed_words

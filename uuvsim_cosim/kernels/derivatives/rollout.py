@@ -13,12 +13,14 @@ import numpy as np
 from uuvsim_cosim.cache import content_hash
 from uuvsim_cosim.errors import InputInvalid, Problem, SystemInvalid
 from uuvsim_cosim.kernels.batch.batch import Batch, Seeds
-from uuvsim_cosim.kernels.batch.memory import Lanes, aligned
-from uuvsim_cosim.kernels.batch.signal import Signal, signal_of
-from uuvsim_cosim.kernels.codegen.compilation import compiled, processor_flags
-from uuvsim_cosim.kernels.codegen.derivative import Mode, derivative_text
-from uuvsim_cosim.kernels.codegen.derivative_driver import derivative_driver_text, tape_cells
-from uuvsim_cosim.kernels.codegen.program import Program
+from uuvsim_cosim.kernels.batch.memory import Lanes, Signal, aligned, signal_of
+from uuvsim_cosim.kernels.codegen.derivative import (
+    Mode,
+    derivative_driver_text,
+    derivative_text,
+    tape_cells,
+)
+from uuvsim_cosim.kernels.codegen.program import Program, compiled, processor_flags
 from uuvsim_cosim.models.hull.hull_contact import HullContact, HullPlace
 from uuvsim_cosim.models.intrinsics.network import NETWORKS, Network
 from uuvsim_cosim.models.intrinsics.table import TABLES
