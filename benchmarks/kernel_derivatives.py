@@ -17,7 +17,7 @@ from kernel_speed import processor, vehicle
 
 import uuvsim_cosim as uuv
 from uuvsim_cosim.kernels import fuse
-from uuvsim_cosim.kernels.derivatives.rollout import Rollout, derivative_of, jvp, run, vjp
+from uuvsim_cosim.kernels.derivatives.rollout import Rollout, jvp, run, vjp
 
 OUTPUTS = ["hull.eta", "hull.nu"]
 
@@ -38,7 +38,7 @@ def measure(name: str, system: uuv.System, options: argparse.Namespace) -> None:
     compiled = {}
     for mode in ("tangent", "adjoint"):
         begin = time.perf_counter()
-        derivative_of(kernel, mode)
+        kernel.derivative(mode)
         compiled[mode] = time.perf_counter() - begin
     rollout = Rollout(kernel, start, OUTPUTS, steps=options.steps, n_envs=n)
     ones = {o: np.ones((options.steps, n, 6)) for o in OUTPUTS}

@@ -9,9 +9,17 @@ import numpy as np
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.kernels.batch.batch import Batch, Seeds
+from uuvsim_cosim.kernels.codegen.derivative import Mode
 from uuvsim_cosim.kernels.codegen.fusible import fused_of
 from uuvsim_cosim.kernels.codegen.program import Program
-from uuvsim_cosim.kernels.derivatives.rollout import Rollout, Values, jvp, vjp
+from uuvsim_cosim.kernels.derivatives.rollout import (
+    Derivative,
+    Rollout,
+    Values,
+    derivative_of,
+    jvp,
+    vjp,
+)
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.system.system import System
 
@@ -85,3 +93,7 @@ class Kernel(Program):
         `start` and `more` (n_envs, inputs, seeds, threads) are arguments of `Rollout`.
         """
         return vjp(Rollout(self, start, outputs, steps=steps, **more))
+
+    def derivative(self, mode: Mode) -> Derivative:
+        """Return the tangents, or adjoints, of a step; they are compiled at the first call."""
+        return derivative_of(self, mode)
