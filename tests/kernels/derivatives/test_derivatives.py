@@ -14,6 +14,7 @@ from uuvsim_cosim.errors import InputInvalid, SystemInvalid
 from uuvsim_cosim.kernels import Kernel, fuse
 from uuvsim_cosim.kernels.codegen.fusible import fused_of
 from uuvsim_cosim.kernels.derivatives import autograd as through_torch
+from uuvsim_cosim.kernels.derivatives.rollout import _compiled
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.plan.plan import Group
 from uuvsim_cosim.orchestrator.system.system import System
