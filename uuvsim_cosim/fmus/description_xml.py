@@ -147,12 +147,18 @@ class Source:
         )
 
     def dependencies(
-        self, root: Element, path: str, attribute: str, known: Mapping[int, Variable], noun: str
+        self,
+        root: Element,
+        path: str,
+        attribute: str,
+        known: Mapping[int, Variable],
+        noun: str,
+        expected: str,
     ) -> dict[int, tuple[str, ...]]:
         """Return the inputs on which outputs are declared to depend directly.
 
         Outputs are the elements at `path`. Their `attribute` and their dependencies are keys of
-        `known`; messages call a key `noun`.
+        `known`; messages call a key `noun`, and describe what is `expected`.
         """
         declared = {}
         where = path.removesuffix("/Unknown")
@@ -162,7 +168,7 @@ class Source:
             numbers = [self.natural(word, "dependency", where) for word in (listed or "").split()]
             for i in (own, *numbers):
                 if i not in known:
-                    raise self.fault(where, f"{noun} {i}", "that of a variable")
+                    raise self.fault(where, f"{noun} {i}", expected)
             if listed is not None:
                 inputs = (known[i] for i in numbers)
                 declared[own] = tuple(v.name for v in inputs if v.causality == "input")

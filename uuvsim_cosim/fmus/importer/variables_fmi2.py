@@ -58,7 +58,8 @@ def read_variables_fmi2(
         if scalar.type == "Enumeration" and declared is not None:
             enumerations[scalar.name] = declared.items
     known = dict(enumerate(scalars, 1))
-    outputs = source.dependencies(root, "ModelStructure/Outputs/Unknown", "index", known, "index")
+    path, expected = "ModelStructure/Outputs/Unknown", f"1 to {len(scalars)}, as of a variable"
+    outputs = source.dependencies(root, path, "index", known, "index", expected)
     for index, names in outputs.items():
         scalars[index - 1] = replace(scalars[index - 1], dependencies=names)
     names_seen: set[str] = set()

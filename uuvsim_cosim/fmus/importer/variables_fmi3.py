@@ -58,9 +58,8 @@ def read_variables_fmi3(
             if v.type == "Enumeration" and declared is not None:
                 enumerations[v.name] = declared.items
     known = {v.value_references[0]: v for v in reversed(list(variables.values()))}
-    outputs = source.dependencies(
-        root, "ModelStructure/Output", "valueReference", known, "value reference"
-    )
+    path, expected = "ModelStructure/Output", "that of a variable"
+    outputs = source.dependencies(root, path, "valueReference", known, "value reference", expected)
     for reference, names in outputs.items():
         name = known[reference].name
         variables[name] = replace(variables[name], dependencies=names)
