@@ -15,8 +15,7 @@ from uuvsim_cosim.fmus.codegen.runtime import runtime
 from uuvsim_cosim.fmus.codegen.table_data import table_call, table_data
 from uuvsim_cosim.fmus.codegen.toolchain import compile_shared
 from uuvsim_cosim.kernels.batch.memory import aligned
-from uuvsim_cosim.kernels.codegen.declaration import declaration_text
-from uuvsim_cosim.kernels.codegen.held_values import split
+from uuvsim_cosim.kernels.codegen.declaration import declaration_text, split
 from uuvsim_cosim.kernels.codegen.tables import tables_in_lanes
 from uuvsim_cosim.models.declaration.library import declare
 from uuvsim_cosim.models.intrinsics.breakpoints import buckets

@@ -195,9 +195,8 @@ def test_layers_that_do_not_fit_are_refused(given_layers: list[Layer], words: st
 
 def test_an_instance_needs_neither_heap_nor_libm(tmp_path: Path, native: Native) -> None:
     """Everything is linked without libc; memcpy and memset are given, and nothing is missing."""
-    from uuvsim_cosim.fmus.codegen.native import generated_source
     from uuvsim_cosim.fmus.codegen.runtime import runtime, runtime_file
-    from uuvsim_cosim.fmus.codegen.toolchain import compile_shared
+    from uuvsim_cosim.fmus.codegen.toolchain import compile_shared, generated_sources
 
     code = tmp_path / "main.c"
     (tmp_path / "string.h").write_text(
@@ -232,7 +231,7 @@ def test_an_instance_needs_neither_heap_nor_libm(tmp_path: Path, native: Native)
     )
     lowered = lower(declared())
     library = compile_shared(
-        [generated_source(lowered), runtime_file("uuv_runtime.c"), code],
+        [generated_sources(lowered.files)[0], runtime_file("uuv_runtime.c"), code],
         name="embedded",
         include=[*runtime(), tmp_path],
         flags=["-DUUV_NO_HEAP", "-nostdlib", "-Wl,-z,defs", "-fno-builtin"],

@@ -11,7 +11,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from uuvsim_cosim.errors import FmuError
-from uuvsim_cosim.fmus.description import Causality, Variability, VariableType
+from uuvsim_cosim.fmus.description import Causality, Variability, Variable, VariableType
 from uuvsim_cosim.models.declaration.units import BASE, Unit, parse_unit
 
 __all__ = ["DTYPES", "SimpleType", "Source", "flag", "read_units"]
@@ -100,25 +100,79 @@ class Source:
         except (ValueError, KeyError):
             raise self.fault(where, f"start {text!r}", f"a value of type {kind}") from None
 
-    def causality(self, element: Element, where: str) -> Causality:
-        """Read the causality; the default is ``local``."""
-        text = element.get("causality", "local")
-        if text not in get_args(Causality):
-            raise self.fault(where, f"causality {text!r}", f"one of {get_args(Causality)}")
-        return text  # type: ignore[return-value]
+    def declared(
+        self, element: Element, types: Mapping[str, SimpleType], where: str
+    ) -> tuple[SimpleType | None, dict[str, str]]:
+        """Return the type that an element declares, and its attributes with those of the type."""
+        name = element.get("declaredType")
+        declared = None if name is None else types.get(name)
+        if name is not None and declared is None:
+            raise self.fault(where, f"unknown type {name!r}", "one of TypeDefinitions")
+        return declared, {**(declared.attributes if declared else {}), **element.attrib}
 
-    def variability(
-        self, element: Element, causality: Causality, kind: VariableType, where: str
-    ) -> Variability:
-        """Read the variability; the default depends on causality and type."""
-        text = element.get("variability")
-        if text is None:
-            if causality in ("parameter", "calculatedParameter", "structuralParameter"):
-                return "fixed"
-            return "continuous" if kind in ("Float32", "Float64") else "discrete"
-        if text not in get_args(Variability):
-            raise self.fault(where, f"variability {text!r}", f"one of {get_args(Variability)}")
-        return text  # type: ignore[return-value]
+    def variable(
+        self,
+        element: Element,
+        attributes: Mapping[str, str],
+        type_: VariableType,
+        where: str,
+        **more: Any,
+    ) -> Variable:
+        """Read what FMI 2.0 and 3.0 have in common; `more` are the other fields of `Variable`.
+
+        `attributes` include those of the declared type.
+        """
+        causality = element.get("causality", "local")
+        if causality not in get_args(Causality):
+            raise self.fault(where, f"causality {causality!r}", f"one of {get_args(Causality)}")
+        default = "continuous" if type_ in ("Float32", "Float64") else "discrete"
+        if causality in ("parameter", "calculatedParameter", "structuralParameter"):
+            default = "fixed"
+        variability = element.get("variability", default)
+        if variability not in get_args(Variability):
+            expected = f"one of {get_args(Variability)}"
+            raise self.fault(where, f"variability {variability!r}", expected)
+        reference = self.natural(element.get("valueReference"), "valueReference", where)
+        return Variable(
+            name=element.get("name", ""),
+            type=type_,
+            causality=causality,  # type: ignore[arg-type]
+            variability=variability,  # type: ignore[arg-type]
+            unit=attributes.get("unit"),
+            min=self.bound(attributes, "min", type_, where),
+            max=self.bound(attributes, "max", type_, where),
+            initial=element.get("initial"),
+            value_references=(reference,),
+            **more,
+        )
+
+    def dependencies(
+        self,
+        root: Element,
+        path: str,
+        attribute: str,
+        known: Mapping[int, Variable],
+        noun: str,
+        expected: str,
+    ) -> dict[int, tuple[str, ...]]:
+        """Return the inputs on which outputs are declared to depend directly.
+
+        Outputs are the elements at `path`. Their `attribute` and their dependencies are keys of
+        `known`; messages call a key `noun`, and describe what is `expected`.
+        """
+        declared = {}
+        where = path.removesuffix("/Unknown")
+        for output in root.iterfind(path):
+            listed = output.get("dependencies")
+            own = self.natural(output.get(attribute), attribute, where)
+            numbers = [self.natural(word, "dependency", where) for word in (listed or "").split()]
+            for i in (own, *numbers):
+                if i not in known:
+                    raise self.fault(where, f"{noun} {i}", expected)
+            if listed is not None:
+                inputs = (known[i] for i in numbers)
+                declared[own] = tuple(v.name for v in inputs if v.causality == "input")
+        return declared
 
 
 def _boolean(text: str) -> bool:

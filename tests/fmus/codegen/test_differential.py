@@ -12,9 +12,15 @@ import pytest
 
 from uuvsim_cosim.fmus.codegen.equations import Equations
 from uuvsim_cosim.fmus.codegen.lowering import Lowered, lower
-from uuvsim_cosim.fmus.codegen.native import Native, generated_source
+from uuvsim_cosim.fmus.codegen.native import Native
 from uuvsim_cosim.fmus.codegen.runtime import runtime, runtime_file
-from uuvsim_cosim.fmus.codegen.toolchain import FLAGS, compile_shared, component_flags, host
+from uuvsim_cosim.fmus.codegen.toolchain import (
+    FLAGS,
+    compile_shared,
+    component_flags,
+    generated_sources,
+    host,
+)
 from uuvsim_cosim.models.declaration.library import available, declare
 from uuvsim_cosim.models.declaration.model import Model
 from uuvsim_cosim.models.declaration.philox import normals
@@ -136,7 +142,7 @@ def test_gcc_and_zig_give_the_same_bits(
     lowered = lower(model)
     zig = started(lowered)
     monkeypatch.setenv("CC", "gcc")
-    parts = [runtime_by_gcc, generated_source(lowered)]
+    parts = [runtime_by_gcc, generated_sources(lowered.files)[0]]
     library = compile_shared(
         parts, name=f"{name}_gcc", include=runtime(), flags=component_flags(host())
     )

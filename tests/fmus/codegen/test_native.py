@@ -13,7 +13,8 @@ import pytest
 from uuvsim_cosim.errors import ComponentFailed, FmuError, ParameterInvalid
 from uuvsim_cosim.fmus.codegen.equations import equations
 from uuvsim_cosim.fmus.codegen.lowering import lower
-from uuvsim_cosim.fmus.codegen.native import Native, generated_source
+from uuvsim_cosim.fmus.codegen.native import Native
+from uuvsim_cosim.fmus.codegen.toolchain import generated_sources
 from uuvsim_cosim.models.declaration.model import Model
 
 
@@ -264,7 +265,7 @@ def test_generated_source_that_was_damaged_is_written_again(
 ) -> None:
     monkeypatch.setenv("UUVSIM_CACHE", str(tmp_path))
     lowered = lower(decay())
-    path = generated_source(lowered)
+    path = generated_sources(lowered.files)[0]
     path.write_bytes(b"\xff junk")
-    assert generated_source(lowered) == path
+    assert generated_sources(lowered.files)[0] == path
     assert path.read_text() == lowered.source

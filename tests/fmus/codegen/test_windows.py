@@ -6,8 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from uuvsim_cosim.fmus.codegen.toolchain import FLAGS, _ran, compile_shared, compiler
-from uuvsim_cosim.fmus.codegen.windows import linked_lightly
+from uuvsim_cosim.fmus.codegen.toolchain import (
+    FLAGS,
+    compile_shared,
+    compiler,
+    linked_lightly,
+)
 
 WHOLE = """
 #include <stdio.h>
@@ -39,4 +43,4 @@ def test_what_needs_more_of_c_is_left_to_the_whole_of_it(tmp_path: Path) -> None
     source.write_text("double cbrt(double); double f(double x) { return cbrt(x); }")
     arguments = ["-target", "x86_64-windows-gnu", *FLAGS]
     made = tmp_path / "more.dll"
-    assert not linked_lightly(_ran, compiler()[0], arguments, [], [source], tmp_path, made)
+    assert not linked_lightly(compiler()[0], arguments, [], [source], tmp_path, made)

@@ -322,7 +322,7 @@ def test_an_fmu_by_pythonfmu_gives_python_up_before_the_process_exits(
     from uuvsim_cosim.fmus.importer import fmu_library
 
     registered: list[Any] = []
-    monkeypatch.setattr(fmu_library, "_left_in_order", set())
+    monkeypatch.setattr(fmu_library, "_finalized_at_exit", set())
     monkeypatch.setattr(atexit, "register", registered.append)
     for _ in range(2):
         Fmu2(read_fmu(pythonfmu2_lag), "lag").free()

@@ -7,7 +7,7 @@ import pytest
 from tests.conftest import FIRST_ORDER, FOREIGN, forget, write_archive
 from uuvsim_cosim.errors import FmuError
 from uuvsim_cosim.fmus.check.check_fmu import examine
-from uuvsim_cosim.fmus.check.reliance import reliance
+from uuvsim_cosim.fmus.check.inspect_fmu import reliance
 from uuvsim_cosim.fmus.check.simulate_fmu import simulate_fmu
 from uuvsim_cosim.fmus.importer.read_description import read_fmu
 from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_fmu

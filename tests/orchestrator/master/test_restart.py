@@ -10,7 +10,7 @@ import fmpy
 import pytest
 
 from uuvsim_cosim.errors import FmuError
-from uuvsim_cosim.fmus.check.reliance import reliance
+from uuvsim_cosim.fmus.check.inspect_fmu import reliance
 from uuvsim_cosim.fmus.codegen.toolchain import compile_shared, host
 from uuvsim_cosim.fmus.importer import archive, fmu_library, read_description
 from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_fmu

@@ -13,8 +13,13 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.codegen.runtime import runtime
 from uuvsim_cosim.fmus.description import Variable, VariableType
 from uuvsim_cosim.fmus.export.model_description import FmiVersion, model_identifier
-from uuvsim_cosim.fmus.export.system_description import Whole, component_table
-from uuvsim_cosim.fmus.export.system_fmu_file import WholeFmu, compiled, sources_of
+from uuvsim_cosim.fmus.export.system_fmu_file import (
+    Whole,
+    WholeFmu,
+    compiled,
+    component_table,
+    sources_of,
+)
 from uuvsim_cosim.kernels.system_fmu.variables import (
     Naming,
     description_of,

@@ -23,7 +23,7 @@ from uuvsim_cosim.commands.shared.run_progress import RunProgress
 from uuvsim_cosim.commands.shared.system_options import MAP, SET, edited_system
 from uuvsim_cosim.commands.shared.terminal import file_line, line, notice, put, remark, tilde
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid, LoopNotConverged
-from uuvsim_cosim.fmus.isolation.watchdog import check_watchdog
+from uuvsim_cosim.fmus.isolation.isolated import check_watchdog
 
 if TYPE_CHECKING:
     from uuvsim_cosim.fmus.tracing.trace import Trace

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from uuvsim_cosim.errors import InputInvalid
 
 if TYPE_CHECKING:
-    from uuvsim_cosim.fmus.export.model_structure import FmiVersion
+    from uuvsim_cosim.fmus.export.model_description import FmiVersion
 
 __all__ = ["fmi_version", "platform_names"]
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Literal
 
 from uuvsim_cosim.errors import FmuError
-from uuvsim_cosim.fmus.check.reliance import reliance
+from uuvsim_cosim.fmus.check.inspect_fmu import reliance
 from uuvsim_cosim.fmus.check.trial_run import LOOKS
 from uuvsim_cosim.fmus.codegen.toolchain import host
 from uuvsim_cosim.fmus.importer.fmu_library import library_of

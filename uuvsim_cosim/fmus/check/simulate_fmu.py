@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -17,10 +17,11 @@ from uuvsim_cosim.cache import whole_file
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid, UuvsimError
 from uuvsim_cosim.fmus.check.row_sinks import ColumnRows, CsvRows, Rows, check_room
 from uuvsim_cosim.fmus.component import Component
-from uuvsim_cosim.fmus.description import Description, Variable
+from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.description_xml import DTYPES
 from uuvsim_cosim.fmus.importer.input_csv import (
     Series,
+    apply_series,
     find_element,
     read_input_csv,
     series_of,
@@ -124,13 +125,12 @@ def simulate_fmu(
     Raises InputInvalid or FmuError before anything runs, ComponentFailed while it runs; the
     values up to then are its attribute `partial`, a SimulationResult.
     """
-    plan = _plan(fmu, until, step, inputs, start, outputs, start_time, interface)
-    rows = ColumnRows(plan.recorded)
-    run = _Run(plan)
+    run = _Simulation(fmu, until, step, inputs, start, outputs, start_time, interface)
+    rows = ColumnRows(run.recorded)
 
     def result() -> SimulationResult:
         return SimulationResult(
-            rows.time, rows.columns, {v.name: v for v in plan.recorded}, run.messages,
+            rows.time, rows.columns, {v.name: v for v in run.recorded}, run.messages,
             run.asked_to_end, run.notes,
         )  # fmt: skip
 
@@ -163,154 +163,184 @@ def simulate_fmu_to_csv(
     before anything runs if the disk has not enough room, RecordingError if it becomes full,
     SimulationInterrupted on Ctrl-C.
     """
-    plan = _plan(fmu, until, step, inputs, start, outputs, start_time, interface)
-    check_room(target, plan.count + 1, plan.recorded)
-    run = _Run(plan)
+    run = _Simulation(fmu, until, step, inputs, start, outputs, start_time, interface)
+    check_room(target, run.count + 1, run.recorded)
+
+    def result() -> SimulationFile:
+        return SimulationFile(
+            target, rows.count, len(run.recorded), float(run.begin), rows.last_time, run.messages,
+            run.asked_to_end, run.notes,
+        )  # fmt: skip
 
     def ended() -> None:
         rows.close()
         if rows.count:
             sys.stderr.write(f"uuvsim: the values up to then are in {target}\n")
 
-    with CsvRows(target, plan.recorded) as rows, AtComponentExit(ended):
+    with CsvRows(target, run.recorded) as rows, AtComponentExit(ended):
         try:
             run.into(rows, trace)
         except ComponentFailed as error:
             if rows.count:
-                error.partial = _file(target, plan, rows, run)
+                error.partial = result()
             raise
         except KeyboardInterrupt:
             if rows.count:
-                raise SimulationInterrupted(_file(target, plan, rows, run)) from None
+                raise SimulationInterrupted(result()) from None
             raise
-    return _file(target, plan, rows, run)
-
-
-def _file(target: Path, plan: _Plan, rows: CsvRows, run: _Run) -> SimulationFile:
-    return SimulationFile(
-        target, rows.count, len(plan.recorded), float(plan.begin), rows.last_time, run.messages,
-        run.asked_to_end, run.notes,
-    )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class _Plan:
-    """A simulation to be run: communication points are ``begin + k tick`` [s], k = 0 … `count`."""
-
-    archive: FmuArchive
-    begin: Fraction
-    tick: Fraction
-    count: int
-    feed: _Feed
-    start: Sequence[tuple[Variable, object]]
-    recorded: Sequence[Variable]
-    notes: tuple[str, ...]
-
-    def time(self, k: int) -> float:
-        """Return communication point k [s]: rounded once, so that errors do not add up."""
-        return float(self.begin + k * self.tick)
-
-
-def _plan(
-    fmu: Path | str | FmuArchive, until: float | None, step: float | str | Fraction | None,
-    inputs: Inputs, start: Mapping[str, object] | None, outputs: Sequence[str] | None,
-    start_time: float | None, interface: str | None,
-) -> _Plan:  # fmt: skip
-    archive, values = _archive(fmu, interface, start or {})
-    description = archive.description
-    if start_time is None:
-        default = archive.default_start_time
-        start_time = default if default is not None and math.isfinite(default) else 0.0
-    try:
-        begin = Fraction(str(start_time))
-    except (ValueError, ZeroDivisionError):
-        raise InputInvalid(f"start time = {start_time}", "seconds") from None
-    notes: list[str] = []
-    size = description.default_step_size
-    if until is None:
-        until, longer = _default_end(archive, begin, step)
-        if longer is not None:
-            size = longer
-            notes.append(
-                f"the FMU gives no step for its experiment of {until - float(begin):g} s: "
-                f"{longer:g} s was chosen"
-            )
-    tick, count = _steps(begin, until, step, size)
-    return _Plan(
-        archive, begin, tick, count, _feed(inputs, description), _start_values(values, archive),
-        _recorded(outputs, description), tuple(notes),
-    )  # fmt: skip
-
-
-def _archive(
-    fmu: Path | str | FmuArchive, interface: str | None, start: Mapping[str, object]
-) -> tuple[FmuArchive, dict[str, object]]:
-    """Read the FMU with its structural parameters; return it and the other start values."""
-    archive = fmu if isinstance(fmu, FmuArchive) else read_fmu(Path(fmu), interface)
-    variables = archive.description.variables
-    structure = {
-        name: value
-        for name, value in start.items()
-        if name in variables and variables[name].causality == "structuralParameter"
-    }
-    if structure or interface not in (None, archive.interface):
-        archive = read_fmu(
-            archive.path, interface or archive.interface, {**archive.structure, **structure}
-        )
-    return archive, {name: value for name, value in start.items() if name not in structure}
+    return result()
 
 
 @final
-class _Run:
-    """One simulation of a plan, with its messages."""
+class _Simulation:
+    """A simulation that runs once; communication points are ``begin + k tick`` [s], k ≤ `count`.
 
-    def __init__(self, plan: _Plan) -> None:
-        self._plan = plan
+    `notes` report automatic choices, before and during the run.
+    """
+
+    def __init__(
+        self, fmu: Path | str | FmuArchive, until: float | None,
+        step: float | str | Fraction | None, inputs: Inputs, start: Mapping[str, object] | None,
+        outputs: Sequence[str] | None, start_time: float | None, interface: str | None,
+    ) -> None:  # fmt: skip
+        archive = fmu if isinstance(fmu, FmuArchive) else read_fmu(Path(fmu), interface)
+        values = dict(start or {})
+        variables = archive.description.variables
+        structure = {
+            name: values.pop(name)
+            for name in list(values)
+            if name in variables and variables[name].causality == "structuralParameter"
+        }
+        if structure or interface not in (None, archive.interface):
+            interface = interface or archive.interface
+            archive = read_fmu(archive.path, interface, {**archive.structure, **structure})
+        self.archive = archive
         self.messages: list[tuple[str, str]] = []
         self.asked_to_end = False
+        self.notes: tuple[str, ...] = ()
+        self._set_times(until, step, start_time)
+        description = archive.description
+        self._given: list[tuple[Variable, object]] = []  # inputs that are constants or functions
+        self._series: list[Series] = []
+        if isinstance(inputs, (str, Path)):
+            self._series = read_input_csv(Path(inputs), description)
+        elif inputs is not None and "time" in inputs:
+            self._series = series_of(inputs, description)
+        else:
+            known = {v.name: v for v in description.of("input")}
+            for name, value in (inputs or {}).items():
+                if name not in known:
+                    expected = expected_names(name, known)
+                    raise InputInvalid("inputs", f"unknown name {name!r}", expected)
+                if not callable(value):
+                    value = checked_start(known[name], value, f"inputs: {name}")
+                self._given.append((known[name], value))
+        self._start = _start_values(values, archive)
+        recorded = description.of("output")
+        for name in outputs or ():
+            if name not in description.variables:
+                expected = expected_names(name, [v.name for v in recorded])
+                raise InputInvalid("outputs", f"unknown name {name!r}", expected)
+        if outputs is not None:
+            recorded = [description.variables[name] for name in dict.fromkeys(outputs)]
+        self.recorded = recorded
 
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Automatic choices, before and during the simulation."""
-        return (*self._plan.notes, *(text for level, text in self.messages if level == "note"))
+    def _set_times(
+        self, until: float | None, step: float | str | Fraction | None, start_time: float | None
+    ) -> None:
+        """Set begin, step and number of steps; an end that is not given is at a whole step."""
+        fmu = self.archive
+        if start_time is None:
+            default = fmu.default_start_time
+            start_time = default if default is not None and math.isfinite(default) else 0.0
+        try:
+            begin = Fraction(str(start_time))
+        except (ValueError, ZeroDivisionError):
+            raise InputInvalid(f"start time = {start_time}", "seconds") from None
+        free_end = until is None
+        if until is None:
+            stop = fmu.default_stop_time
+            given = stop is not None and float(begin) < stop < math.inf
+            until = stop if stop is not None and given else float(begin) + _DEFAULT_SPAN
+        try:
+            end = Fraction(str(until))
+            tick = Fraction(str(step)) if step is not None else None
+        except (ValueError, ZeroDivisionError):
+            raise InputInvalid(f"until = {until}, step = {step}", "seconds") from None
+        size = fmu.description.default_step_size
+        if size is None or not 0 < size < math.inf:
+            size = _DEFAULT_STEP
+            span = until - float(begin)
+            if free_end and tick is None and span > _MANY * _DEFAULT_STEP:
+                size = span / _FEW
+                self.notes = (
+                    f"the FMU gives no step for its experiment of {span:g} s: "
+                    f"{size:g} s was chosen",
+                )
+        if free_end and tick is not None and tick > 0:
+            until = float(begin + math.ceil((end - begin) / tick) * tick)
+            end = Fraction(str(until))
+        if end <= begin and begin:
+            raise InputInvalid(
+                f"until = {until} s, but the start is {float(begin):g} s",
+                "a later end, or another start time",
+            )
+        if end <= begin or (tick is not None and tick <= 0):
+            raise InputInvalid(f"until = {until} s, step = {step} s", "more than 0")
+        if tick is None:
+            count = math.ceil((end - begin) / Fraction(str(size)))
+            tick = (end - begin) / count
+        else:
+            count, rest = divmod(end - begin, tick)
+            if rest:
+                low, high = float(begin + count * tick), float(begin + (count + 1) * tick)
+                after = f" after {float(begin):g} s" if begin else ""
+                raise InputInvalid(
+                    f"until = {until} s is not a whole multiple of step = {step} s{after}",
+                    f"{low:g} s or {high:g} s",
+                )
+        self.begin, self.tick, self.count = begin, tick, int(count)
 
     def into(self, rows: Rows, trace: Trace | None) -> None:
         """Simulate, and add the values of each communication point to the rows."""
-        plan, name = self._plan, self._plan.archive.description.name
+        name = self.archive.description.name
         if trace is None:
-            component = instantiate_fmu(plan.archive, name)
+            component = instantiate_fmu(self.archive, name)
         else:
-            component = instantiate_traced(plan.archive, name, trace)
+            component = instantiate_traced(self.archive, name, trace)
+        # Each point is rounded once, so that errors do not add up.
+        points = (float(self.begin + k * self.tick) for k in range(self.count + 1))
         try:
-            for t in self._points(component):
-                rows.add(t, _values(component, plan.recorded, t))
+            for variable, value in self._start:
+                component.set(variable, value)
+            t = next(points)
+            end = float(self.begin + self.count * self.tick)
+            component.enter_initialization_mode(t, end)
+            self._set_inputs(component, t)
+            component.exit_initialization_mode()
+            rows.add(t, _values(component, self.recorded, t))
+            for after in points:
+                self._set_inputs(component, t)
+                component.do_step(t, float(self.tick))
+                t = after
+                rows.add(t, _values(component, self.recorded, t))
+            component.terminate()
         except ComponentFailed as error:
             if not (rows.count and error.asks_to_end):
                 raise
             self.asked_to_end = True
             if error.time > rows.last_time:
                 with suppress(UuvsimError):  # FMI does not require values in this state
-                    rows.add(error.time, _values(component, plan.recorded, error.time))
+                    rows.add(error.time, _values(component, self.recorded, error.time))
         finally:
             self.messages = list(getattr(component, "messages", []))
+            self.notes += tuple(text for level, text in self.messages if level == "note")
             component.free()
 
-    def _points(self, component: Component) -> Iterator[float]:
-        """Run the component; yield each communication point when its values are valid."""
-        plan = self._plan
-        for variable, value in plan.start:
-            component.set(variable, value)
-        t = plan.time(0)
-        component.enter_initialization_mode(t, plan.time(plan.count))
-        plan.feed.apply(component, t)
-        component.exit_initialization_mode()
-        yield t
-        for k in range(plan.count):
-            plan.feed.apply(component, t)
-            component.do_step(t, float(plan.tick))
-            t = plan.time(k + 1)
-            yield t
-        component.terminate()
+    def _set_inputs(self, component: Component, t: float) -> None:
+        for variable, value in self._given:
+            component.set(variable, value(t) if callable(value) else value)
+        apply_series(component, self._series, t)
 
 
 def _values(component: Component, variables: Sequence[Variable], t: float) -> list[np.ndarray]:
@@ -321,112 +351,6 @@ def _values(component: Component, variables: Sequence[Variable], t: float) -> li
             raise ComponentFailed(component.path, t, f"{variable.name} is not finite: {value}")
         values.append(value)
     return values
-
-
-def _default_end(
-    fmu: FmuArchive, begin: Fraction, step: float | str | Fraction | None
-) -> tuple[float, float | None]:
-    """Return the end of an FMU's default experiment, at a whole step if the user gives a step.
-
-    The second value is the step of a long experiment whose FMU has none, else None.
-    """
-    end = fmu.default_stop_time
-    if end is None or not float(begin) < end < math.inf:
-        end = float(begin) + _DEFAULT_SPAN
-    try:
-        h = Fraction(str(step)) if step is not None else Fraction()
-    except (ValueError, ZeroDivisionError):
-        return end, None  # `_steps` refuses this step
-    if h > 0:
-        return float(begin + math.ceil((Fraction(str(end)) - begin) / h) * h), None
-    span = end - float(begin)
-    given = step is not None or _is_step(fmu.description.default_step_size)
-    return end, None if given or span <= _MANY * _DEFAULT_STEP else span / _FEW
-
-
-def _is_step(size: float | None) -> bool:
-    return size is not None and math.isfinite(size) and size > 0
-
-
-def _steps(
-    begin: Fraction, until: float, step: float | str | Fraction | None, default: float | None
-) -> tuple[Fraction, int]:
-    """Return the step and the number of steps from `begin` to `until` [s]."""
-    try:
-        end = Fraction(str(until))
-        tick = Fraction(str(step)) if step is not None else None
-    except (ValueError, ZeroDivisionError):
-        raise InputInvalid(f"until = {until}, step = {step}", "seconds") from None
-    if end <= begin and begin:
-        raise InputInvalid(
-            f"until = {until} s, but the start is {float(begin):g} s",
-            "a later end, or another start time",
-        )
-    if end <= begin or (tick is not None and tick <= 0):
-        raise InputInvalid(f"until = {until} s, step = {step} s", "more than 0")
-    span = end - begin
-    if tick is None:
-        wanted = Fraction(str(default if _is_step(default) else _DEFAULT_STEP))
-        count = math.ceil(span / wanted)
-        return span / count, count
-    count, rest = divmod(span, tick)
-    if rest:
-        low, high = float(begin + count * tick), float(begin + (count + 1) * tick)
-        after = f" after {float(begin):g} s" if begin else ""
-        raise InputInvalid(
-            f"until = {until} s is not a whole multiple of step = {step} s{after}",
-            f"{low:g} s or {high:g} s",
-        )
-    return tick, int(count)
-
-
-@final
-class _Feed:
-    """The inputs at each communication point: constants, functions and series."""
-
-    def __init__(self) -> None:
-        self.given: dict[str, tuple[Variable, object]] = {}
-        self.series: dict[str, list[Series]] = {}
-
-    def apply(self, component: Component, t: float) -> None:
-        """Set the inputs; elements of an array without a series keep their values."""
-        for variable, value in self.given.values():
-            component.set(variable, value(t) if callable(value) else value)
-        for group in self.series.values():
-            variable = group[0].variable
-            if not variable.shape:
-                component.set(variable, group[0].at(t))
-                continue
-            partial = len(group) < variable.size
-            flat = (
-                np.asarray(component.get(variable)).ravel()
-                if partial
-                else np.empty(variable.size, dtype=DTYPES[variable.type])
-            )
-            for series in group:
-                flat[series.element] = series.at(t)
-            component.set(variable, flat.reshape(variable.shape))
-
-
-def _feed(inputs: Inputs, description: Description) -> _Feed:
-    feed = _Feed()
-    series: list[Series] = []
-    if isinstance(inputs, (str, Path)):
-        series = read_input_csv(Path(inputs), description)
-    elif inputs is not None and "time" in inputs:
-        series = series_of(inputs, description)
-    else:
-        known = {v.name: v for v in description.of("input")}
-        for name, value in (inputs or {}).items():
-            if name not in known:
-                expected = expected_names(name, known)
-                raise InputInvalid("inputs", f"unknown name {name!r}", expected)
-            if not callable(value):
-                value = checked_start(known[name], value, f"inputs: {name}")
-            feed.given[name] = (known[name], value)
-    for one in series:
-        feed.series.setdefault(one.variable.name, []).append(one)
-    return feed
 
 
 def _start_values(
@@ -460,13 +384,3 @@ def _start_values(
         value = parse_value(scalar, value, place) if isinstance(value, str) else value
         whole[variable.name].flat[element] = checked_start(scalar, value, place)
     return [(variables[name], value) for name, value in whole.items()]
-
-
-def _recorded(outputs: Sequence[str] | None, description: Description) -> list[Variable]:
-    if outputs is None:
-        return description.of("output")
-    for name in outputs:
-        if name not in description.variables:
-            names = [v.name for v in description.of("output")]
-            raise InputInvalid("outputs", f"unknown name {name!r}", expected_names(name, names))
-    return [description.variables[name] for name in dict.fromkeys(outputs)]

@@ -13,11 +13,14 @@ from pathlib import Path
 import numpy as np
 
 from uuvsim_cosim.errors import ComponentFailed, FmuError
-from uuvsim_cosim.fmus.check.compare_reference import deviations
-from uuvsim_cosim.fmus.check.reference_result import TOLERANCE, default_experiment, references
+from uuvsim_cosim.fmus.check.reference_result import (
+    TOLERANCE,
+    default_experiment,
+    deviations,
+    references,
+)
 from uuvsim_cosim.fmus.component import Component
-from uuvsim_cosim.fmus.description import Variable
-from uuvsim_cosim.fmus.importer.input_csv import Series, read_input_csv
+from uuvsim_cosim.fmus.importer.input_csv import Series, apply_series, read_input_csv
 from uuvsim_cosim.fmus.importer.read_description import FmuArchive, read_fmu
 from uuvsim_cosim.fmus.instantiation.instantiate import instantiate_fmu
 
@@ -43,7 +46,7 @@ def trial(
     findings: list[Entry] = []
     looks = list(looks or LOOKS)
     if "run" not in looks:
-        list(_run(experiment))  # to find out how many steps the FMU makes
+        list(run(experiment))  # to find out how many steps the FMU makes
     for name in looks:
         report({"check": name, "result": "begun", "text": ""})
         try:
@@ -105,7 +108,7 @@ class _Experiment:
 
     def feed(self, x: Component, k: int) -> None:
         """Set the inputs of a step."""
-        feed(x, self.series, self.time(k))
+        apply_series(x, self.series, self.time(k))
 
     def step(self, x: Component, first: int, n: int) -> Rows:
         """Make steps; return the outputs after each."""
@@ -132,22 +135,7 @@ class _Experiment:
                     break
 
 
-def feed(x: Component, series: Iterable[Series], t: float) -> None:
-    """Set the inputs that have a series."""
-    whole: dict[str, tuple[Variable, np.ndarray]] = {}
-    for s in series:
-        v = s.variable
-        if not v.shape:
-            x.set(v, s.at(t))
-            continue
-        if v.name not in whole:
-            whole[v.name] = v, np.array(x.get(v))
-        whole[v.name][1].flat[s.element] = s.at(t)
-    for v, array in whole.values():
-        x.set(v, array)
-
-
-def _run(e: _Experiment) -> Iterator[str]:
+def run(e: _Experiment) -> Iterator[str]:
     """Simulate the default experiment with the start values."""
     with e.instance() as x:
         e.start(x)
@@ -173,7 +161,7 @@ def _run(e: _Experiment) -> Iterator[str]:
     e.summary = f"{e.count} steps of {e.h:g} s{end}"
 
 
-def _determinism(e: _Experiment) -> Iterator[str]:
+def determinism(e: _Experiment) -> Iterator[str]:
     """Step two instances in turn, or one after the other if only one may exist at a time."""
     n = e.repeated
     rows: tuple[Rows, Rows] = ([], [])
@@ -195,7 +183,7 @@ def _determinism(e: _Experiment) -> Iterator[str]:
     yield from e.differences(*rows, "between two instances side by side")
 
 
-def _reset(e: _Experiment) -> Iterator[str]:
+def reset(e: _Experiment) -> Iterator[str]:
     """Reset, and run again."""
     with e.instance() as x:
         e.start(x)
@@ -207,11 +195,11 @@ def _reset(e: _Experiment) -> Iterator[str]:
     yield from e.differences(first, again, "after a reset")
 
 
-def _state(e: _Experiment) -> Iterator[str]:
+def state(e: _Experiment) -> Iterator[str]:
     """Restore states: of Initialization Mode, of a step, and of a step as bytes."""
     d = e.fmu.description
     if not d.can_get_and_set_state:
-        raise NotApplicable("it does not say that its state can be copied")
+        raise NotApplicable("it does not declare that its state can be copied")
     n = max(1, e.repeated // 2)
     with e.instance() as x:
         x.enter_initialization_mode(e.begin, None)
@@ -237,16 +225,16 @@ def _state(e: _Experiment) -> Iterator[str]:
     e.summary = f"restored {kinds}: the same bits over {n} steps"
 
 
-def _reference(e: _Experiment) -> Iterator[str]:
+def reference(e: _Experiment) -> Iterator[str]:
     """Repeat the results that the archive carries."""
     carried = references(e.fmu)
     if not carried:
         raise NotApplicable("it carries no result (documentation/reference.csv, fmi-ls-ref)")
     summaries = []
-    for reference in carried:
+    for one in carried:
         with e.instance() as x:
-            texts, summary = deviations(e.fmu, x, reference, feed)
-        if texts and e.fmu.interface == "ModelExchange" and reference.tolerance == TOLERANCE:
+            texts, summary = deviations(e.fmu, x, one)
+        if texts and e.fmu.interface == "ModelExchange" and one.tolerance == TOLERANCE:
             # The tolerance and the solver of the reference are unknown.
             raise NotApplicable(f"{texts[0]}, but a result follows from its solver, not named here")
         yield from texts
@@ -255,11 +243,7 @@ def _reference(e: _Experiment) -> Iterator[str]:
 
 
 LOOKS: dict[str, Callable[[_Experiment], Iterator[str]]] = {
-    "run": _run,
-    "determinism": _determinism,
-    "reset": _reset,
-    "state": _state,
-    "reference": _reference,
+    look.__name__: look for look in (run, determinism, reset, state, reference)
 }
 
 

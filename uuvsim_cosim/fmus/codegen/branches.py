@@ -8,6 +8,7 @@ bit. Blocks nest. A block that is too small for a jump is dissolved.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -54,29 +55,19 @@ def nodes_of(f: Any) -> list[Node]:
         if op != ca.OP_OUTPUT:
             for place, o in enumerate(f.instruction_output(k)):
                 holds[o] = (k, place)
-    for node in nodes:
-        _become_selection(nodes, node)
+    for node in nodes:  # (c ? a : 0) + (not c ? b : 0)  becomes  c ? a : b
+        node.selects = node.op == ca.OP_IF_ELSE_ZERO
+        if node.op != ca.OP_ADD:
+            continue
+        first, second = (nodes[i] for i, _ in node.inputs)
+        if not first.op == second.op == ca.OP_IF_ELSE_ZERO:
+            continue
+        c, d = first.inputs[0], second.inputs[0]
+        if any(nodes[i].op == ca.OP_NOT and nodes[i].inputs[0] == e
+               for (i, _), e in ((d, c), (c, d))):  # fmt: skip
+            node.inputs = [c, first.inputs[1], second.inputs[1]]
+            node.selects = True
     return nodes
-
-
-def _become_selection(nodes: list[Node], node: Node) -> None:
-    """Change  (c ? a : 0) + (not c ? b : 0)  to  c ? a : b."""
-    if node.op == ca.OP_IF_ELSE_ZERO:
-        node.selects = True
-        return
-    if node.op != ca.OP_ADD:
-        return
-    first, second = (nodes[i] for i, _ in node.inputs)
-    if not first.op == second.op == ca.OP_IF_ELSE_ZERO:
-        return
-    c, d = first.inputs[0], second.inputs[0]
-    if _negates(nodes, d, c) or _negates(nodes, c, d):
-        node.inputs = [c, first.inputs[1], second.inputs[1]]
-        node.selects = True
-
-
-def _negates(nodes: list[Node], c: tuple[int, int], d: tuple[int, int]) -> bool:
-    return nodes[c[0]].op == ca.OP_NOT and nodes[c[0]].inputs[0] == d
 
 
 def flat(nodes: list[Node]) -> list[int | Block]:
@@ -94,12 +85,18 @@ def scheduled(nodes: list[Node]) -> list[int | Block]:
         for n in nodes:
             if n.op not in FREE:
                 own[region[n.k]] += 20 if n.op in DEAR else 1
-        small = [g for g in grouped if _cost(own, parent, g) < WORTH]
+        cost = dict.fromkeys(grouped, 0)  # of each block with the blocks inside it
+        for g in grouped:
+            around = g
+            while around != ROOT:
+                cost[around] += own[g]
+                around = parent[around]
+        small = [g for g in grouped if cost[g] < WORTH]
         if not small:
-            order = _Order(nodes, used, grouped, region, parent)
-            if order.stuck is None:
-                return order.items
-            small = [order.stuck]
+            items, stuck = _ordered(nodes, used, grouped, region, parent)
+            if stuck is None:
+                return items
+            small = [stuck]
         for g in small:
             del grouped[g]
     return flat(nodes)
@@ -195,97 +192,77 @@ def _regions(
         parent = found
 
 
-def _cost(own: Counter[int | None], parent: dict[int, int], block: int) -> int:
-    """Return the cost of a block with the blocks inside it."""
-    cost = own[block]
-    for g in parent:
-        seen = g
-        while seen not in (ROOT, block):
-            seen = parent[seen]
-        if seen == block and g != block:
-            cost += own[g]
-    return cost
+def _ordered(
+    nodes: list[Node],
+    used: list[bool],
+    groups: dict[int, list[int]],
+    region: list[int | None],
+    parent: dict[int, int],
+) -> tuple[list[int | Block], int | None]:
+    """Return a computing order in which each instruction follows its inputs.
 
+    It is close to the original one. The second value is a block that depends on itself, and
+    therefore cannot be a block, else None.
+    """
+    group_of = {k: g for g, selections in groups.items() for k in selections}
+    done = [not u for u in used]
+    begun: set[int] = set()
+    members: dict[int, list[int]] = {g: [] for g in [ROOT, *groups]}
+    outside: dict[int, set[int]] = {g: set() for g in groups}  # instructions that a block reads
+    for n in nodes:
+        where = region[n.k]
+        if not used[n.k]:
+            continue
+        if where is not None:
+            members[where].append(n.k)
+        inside = {*_around(region[n.k], parent)}
+        own = group_of.get(n.k)
+        for g in inside if own is None else inside | {own}:
+            outside[g].update(
+                i for i, _ in n.inputs if i >= 0 and g not in _around(region[i], parent)
+            )
+    stuck: int | None = None
 
-class _Order:
-    """A computing order in which each instruction follows its inputs, close to the original one."""
-
-    def __init__(
-        self,
-        nodes: list[Node],
-        used: list[bool],
-        groups: dict[int, list[int]],
-        region: list[int | None],
-        parent: dict[int, int],
-    ) -> None:
-        self.nodes, self.region, self.parent, self.groups = nodes, region, parent, groups
-        self.group_of = {k: g for g, members in groups.items() for k in members}
-        self.done = [not u for u in used]
-        self.begun: set[int] = set()
-        self.stuck: int | None = None
-        self.members: dict[int, list[int]] = {g: [] for g in [ROOT, *groups]}
-        for n in nodes:
-            where = region[n.k]
-            if used[n.k] and where is not None:
-                self.members[where].append(n.k)
-        self.outside = {g: sorted(self._needs(g)) for g in groups}
-        self.items: list[int | Block] = []
-        self._fill(ROOT, self.members[ROOT], self.items)
-
-    def _within(self, k: int, g: int) -> bool:
-        where = self.region[k]
-        while where is not None and where not in (ROOT, g):
-            where = self.parent[where]
-        return where == g
-
-    def _needs(self, g: int) -> set[int]:
-        """Return the instructions outside of a block that are read within it."""
-        needs: set[int] = set()
-        for k in self.groups[g]:
-            needs.update(i for i, _ in self.nodes[k].inputs if i >= 0 and not self._within(i, g))
-        inside = [k for k in range(len(self.nodes)) if not self.done[k] and self._within(k, g)]
-        for k in inside:
-            needs.update(i for i, _ in self.nodes[k].inputs if i >= 0 and not self._within(i, g))
-        return needs
-
-    def _fill(self, where: int, members: list[int], items: list[int | Block]) -> None:
-        for k in members:
-            self._need(k, where, items)
-
-    def _need(self, k: int, where: int, items: list[int | Block]) -> None:
+    def need(k: int, where: int, items: list[int | Block]) -> None:
         """Append all instructions in region `where` that instruction k needs, then k."""
-        for j in [*self._missing(k, where), k]:
-            if self.done[j] or self.stuck is not None:
-                continue
-            g = self.group_of.get(j)
-            if g is None:
-                self.done[j] = True
-                items.append(j)
-            else:
-                self._block(g, where, items)
-
-    def _missing(self, k: int, where: int) -> list[int]:
-        """List the instructions in `where` that k still needs, in their original order."""
+        nonlocal stuck
         found: set[int] = set()
         todo = [k]
         while todo:
-            for i, _ in self.nodes[todo.pop()].inputs:
-                if i >= 0 and not self.done[i] and i not in found and self.region[i] == where:
+            for i, _ in nodes[todo.pop()].inputs:
+                if i >= 0 and not done[i] and i not in found and region[i] == where:
                     found.add(i)
                     todo.append(i)
-        return sorted(found)
+        for j in [*sorted(found), k]:
+            if done[j] or stuck is not None:
+                continue
+            g = group_of.get(j)
+            if g is None:
+                done[j] = True
+                items.append(j)
+                continue
+            if g in begun:
+                stuck = g
+                continue
+            begun.add(g)
+            for i in sorted(outside[g]):
+                if not done[i] and region[i] == where:
+                    need(i, where, items)
+            block = Block(nodes[groups[g][0]].inputs[0], groups[g])
+            for i in members[g]:
+                need(i, g, block.body)
+            for i in groups[g]:
+                done[i] = True
+            items.append(block)
 
-    def _block(self, g: int, where: int, items: list[int | Block]) -> None:
-        if g in self.begun:
-            self.stuck = g  # it depends on itself: it cannot be a block
-            return
-        self.begun.add(g)
-        for i in self.outside[g]:
-            if not self.done[i] and self.region[i] == where:
-                self._need(i, where, items)
-        members = self.groups[g]
-        block = Block(self.nodes[members[0]].inputs[0], members)
-        self._fill(g, self.members[g], block.body)
-        for k in members:
-            self.done[k] = True
-        items.append(block)
+    items: list[int | Block] = []
+    for k in members[ROOT]:
+        need(k, ROOT, items)
+    return items, stuck
+
+
+def _around(block: int | None, parent: dict[int, int]) -> Iterator[int]:
+    """Yield a block, and the blocks around it."""
+    while block is not None and block != ROOT:
+        yield block
+        block = parent[block]

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Literal
 
 import casadi as ca
 
-from uuvsim_cosim.fmus.codegen.equations import Equations
-from uuvsim_cosim.fmus.codegen.layout import Layout
+from uuvsim_cosim.fmus.codegen.equations import Equations, Layout
 
-__all__ = ["KINDS", "derivative_knowns", "direct_kinds", "initial_knowns"]
+__all__ = ["KINDS", "derivative_knowns", "direct_kinds", "initial_knowns", "sparsity_rows"]
 
 # FMI's dependenciesKind, from the strongest to the weakest statement about a partial derivative.
 KINDS = ("constant", "fixed", "tunable", "dependent")
@@ -30,7 +29,8 @@ def direct_kinds(eq: Equations) -> list[dict[int, str]]:
     first, count = layout.offset["input"], layout.count["input"]
     known = _known(layout)
     kinds: list[dict[int, str]] = [
-        dict.fromkeys(sorted(filter(known, row)), "dependent") for row in _rows(eq.outputs, 0)
+        dict.fromkeys(sorted(filter(known, row)), "dependent")
+        for row in sparsity_rows(eq.outputs, 0)
     ]
     smooth = _smooth_rows(eq) if count else set()
     fixed: set[int] = set()
@@ -53,7 +53,7 @@ def direct_kinds(eq: Equations) -> list[dict[int, str]]:
 def derivative_knowns(eq: Equations) -> list[list[int]]:
     """Return for each state's derivative the inputs, states and time (0) that it depends on."""
     known = _known(eq.layout)
-    return [sorted(filter(known, row)) for row in _rows(eq.rhs, 0)]
+    return [sorted(filter(known, row)) for row in sparsity_rows(eq.rhs, 0)]
 
 
 def _known(layout: Layout) -> Callable[[int], bool]:
@@ -75,28 +75,21 @@ def initial_knowns(
     through: dict[int, set[int]] = {}
     for function, kind in ((eq.derived, "derived"), (eq.initial, "state")):
         at = layout.offset["derived" if kind == "derived" else "state"]
-        through.update({at + i: known for i, known in enumerate(_rows(function, 0))})
-    return [sorted(_closed(known, through)) for known in _rows(getattr(eq, of), 0)]
+        through.update({at + i: known for i, known in enumerate(sparsity_rows(function, 0))})
+    found = []
+    for known in sparsity_rows(getattr(eq, of), 0):
+        seen: set[int] = set()
+        waiting = list(known)
+        while waiting:
+            k = waiting.pop()
+            if k not in seen:
+                seen.add(k)
+                waiting.extend(through.get(k, ()))
+        found.append(sorted(seen - through.keys()))
+    return found
 
 
-def _closed(known: set[int], through: Mapping[int, set[int]]) -> set[int]:
-    """Replace computed variables by the variables that they are computed from."""
-    ends: set[int] = set()
-    seen: set[int] = set()
-    waiting = list(known)
-    while waiting:
-        k = waiting.pop()
-        if k in seen:
-            continue
-        seen.add(k)
-        if k in through:
-            waiting.extend(through[k])
-        else:
-            ends.add(k)
-    return ends
-
-
-def _rows(function: Any, argument: int) -> list[set[int]]:
+def sparsity_rows(function: Any, argument: int) -> list[set[int]]:
     """Return the columns of each row in a function's Jacobian to one argument."""
     rows: list[set[int]] = [set() for _ in range(function.numel_out(0))]
     if rows:
@@ -128,6 +121,6 @@ def _factors(eq: Equations) -> dict[tuple[int, int], set[int]]:
     entries = ca.vertcat(*jacobian.nonzeros())
     if entries.numel() == 0:
         return {}
-    depends = _rows(ca.Function("factors", [b], [ca.densify(entries)]), 0)
+    depends = sparsity_rows(ca.Function("factors", [b], [ca.densify(entries)]), 0)
     places: Sequence[tuple[int, int]] = list(zip(*jacobian.sparsity().get_triplet(), strict=True))
     return dict(zip(places, depends, strict=True))

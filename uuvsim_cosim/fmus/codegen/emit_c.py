@@ -7,8 +7,8 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
-from typing import Any
+from functools import lru_cache, wraps
+from typing import Any, Concatenate, ParamSpec
 
 import casadi as ca
 
@@ -43,6 +43,9 @@ def literal(value: float) -> str:
     return repr(float(value))
 
 
+P = ParamSpec("P")
+
+
 @dataclass(frozen=True)
 class _Same:
     """A key for a function: functions with equal contents have equal instructions."""
@@ -51,20 +54,26 @@ class _Same:
     f: Any = field(compare=False)
 
 
-def _once(write: Callable[..., str], f: Any, *more: object) -> str:
-    """Return a function's text from a cache: masters, kernels and FMUs need the same texts.
+def _cached(write: Callable[Concatenate[Any, P], str]) -> Callable[Concatenate[Any, P], str]:
+    """Keep the texts of a function: masters, kernels and FMUs need the same ones.
 
     The contents include the names of called functions; the name of a table or network includes a
     hash of its data.
     """
-    return _written(write, _Same(content_hash([f.name(), f.serialize()]), f), *more)
+
+    @lru_cache(maxsize=1024)
+    def written(same: _Same, *more: P.args, **options: P.kwargs) -> str:
+        return write(same.f, *more, **options)
+
+    @wraps(write)
+    def cached(f: Any, /, *more: P.args, **options: P.kwargs) -> str:
+        same = _Same(content_hash([f.name(), f.serialize()]), f)
+        return written(same, *more, **options)  # type: ignore[arg-type]
+
+    return cached
 
 
-@lru_cache(maxsize=1024)
-def _written(write: Callable[..., str], same: _Same, *more: object) -> str:
-    return write(same.f, *more)
-
-
+@_cached
 def emit_function(
     f: Any, signature: str, targets: tuple[str, ...], *, branches: bool = True
 ) -> str:
@@ -75,10 +84,6 @@ def emit_function(
     from constant values out of it. Without `branches`, which take long to find in a large function,
     nothing is skipped.
     """
-    return _once(_function_text, f, signature, targets, branches)
-
-
-def _function_text(f: Any, signature: str, targets: tuple[str, ...], branches: bool) -> str:
     *sources, result = targets
     nodes = nodes_of(f)
     items = scheduled(nodes) if branches and f.name() != "rhs" else flat(nodes)
@@ -99,7 +104,10 @@ def _looped(stores: Sequence[str]) -> Iterator[str]:
     k = 0
     while k < len(stores):
         m, n = read[k], 1
-        while m and k + n < len(stores) and (o := read[k + n]) and _follows(m, o, n):
+        while m and k + n < len(stores) and (o := read[k + n]):
+            source = m[4] and str(int(m[4]) + n)
+            if (o[1], int(o[2]), o[3], o[4]) != (m[1], int(m[2]) + n, m[3], source):
+                break
             n += 1
         if m and n >= _LONG:
             source = m[3] if m[4] is None else f"{m[3]}[{m[4]} + i]"
@@ -109,12 +117,7 @@ def _looped(stores: Sequence[str]) -> Iterator[str]:
         k += n
 
 
-def _follows(m: re.Match[str], o: re.Match[str], n: int) -> bool:
-    if (o[1], int(o[2]), o[3]) != (m[1], int(m[2]) + n, m[3]):
-        return False
-    return o[4] is None if m[4] is None else o[4] is not None and int(o[4]) == int(m[4]) + n
-
-
+@_cached
 def emit_update(f: Any, signature: str, first: int) -> str:
     """Return the C text of an update in place:  ``(V *b, const V *draws, uuv_mask due)``.
 
@@ -122,10 +125,6 @@ def emit_update(f: Any, signature: str, first: int) -> str:
     have been computed. Cells that keep their value are not written. Cells that only one branch
     changes are not written if no lane takes this branch.
     """
-    return _once(_update_text, f, signature, first)
-
-
-def _update_text(f: Any, signature: str, first: int) -> str:
     nodes = nodes_of(f)
     items = scheduled(nodes)
     text = _Text(f, nodes, ["b", "draws"], "b")
@@ -180,10 +179,20 @@ class _Text:
     def lines(self, items: Sequence[int | Block]) -> Iterator[str]:
         """Yield the lines of instructions and blocks, in this order."""
         for item in items:
-            if isinstance(item, Block):
-                yield from self._block(item)
-            else:
+            if not isinstance(item, Block):
                 yield from self._instruction(item)
+                continue
+            # The values of the `else` branch, then a block for lanes in which the condition holds.
+            for k in item.selections:
+                otherwise = self._arguments(k)[2:] or ["uuv_const(0.0)"]
+                yield f"V t{k} = {otherwise[0]};"
+            yield f"if (uuv_any(uuv_mask_true({self.value[item.condition]}))) {{"
+            yield from (f"    {line}" for line in self.lines(item.body))
+            for k in item.selections:
+                c, a = self._arguments(k)[:2]
+                yield f"    t{k} = uuv_if_else({c}, {a}, t{k});"
+                self.value[k, 0] = f"t{k}"
+            yield "}"
 
     def _arguments(self, k: int) -> list[str]:
         return [self.value.get(source, "") for source in self.nodes[k].inputs]
@@ -228,23 +237,6 @@ class _Text:
             return f"{NAMED[op]}({', '.join(a)})"
         raise UuvsimError(f"{self.f.name()}: CasADi operation {op} has no lowering to C")
 
-    def _block(self, block: Block) -> Iterator[str]:
-        """Yield the values of the `else` branch, then a block for lanes in which `c` holds."""
-        for k in block.selections:
-            otherwise = self._arguments(k)[2:] or ["uuv_const(0.0)"]
-            yield f"V t{k} = {otherwise[0]};"
-        yield f"if (uuv_any(uuv_mask_true({self.value[block.condition]}))) {{"
-        for line in self.lines(block.body):
-            yield f"    {line}"
-        for k in block.selections:
-            c, a = self._arguments(k)[:2]
-            yield f"    t{k} = uuv_if_else({c}, {a}, t{k});"
-            self.value[k, 0] = f"t{k}"
-        yield "}"
-
-
-Lowering = Callable[[list[str]], str]
-
 
 def _call(f: Any, a: list[str]) -> list[str]:
     """Lower a call of a table, or of its partial, forward or adjoint derivative."""
@@ -254,22 +246,16 @@ def _call(f: Any, a: list[str]) -> list[str]:
     for suffix in ("_dx", "_dy", "_d"):
         if name.endswith(suffix) and name[: -len(suffix)] in TABLES:
             return [table_call(name[: -len(suffix)], suffix, a)]
-    wrapped = name.removeprefix("adj1_wrap_")
-    if wrapped != name and wrapped in TABLES:
-        x, seed = a[: TABLES[wrapped].n_in], a[-1]
-        suffixes = ("_d",) if len(x) == 1 else ("_dx", "_dy")
-        return [f"{table_call(wrapped, s, x)} * {seed}" for s in suffixes]
-    wrapped = name.removeprefix("fwd1_wrap_")
-    if wrapped in TABLES:
-        n = TABLES[wrapped].n_in
-        x, seeds = a[:n], a[-n:]
-        suffixes = ("_d",) if n == 1 else ("_dx", "_dy")
-        terms = [
-            f"{table_call(wrapped, s, x)} * {seed}"
-            for s, seed in zip(suffixes, seeds, strict=True)
-            if seed
-        ]
-        return [" + ".join(terms)]
+    for prefix in ("adj1_wrap_", "fwd1_wrap_"):
+        wrapped = name.removeprefix(prefix)
+        if wrapped != name and wrapped in TABLES:
+            n = TABLES[wrapped].n_in
+            suffixes = ("_d",) if n == 1 else ("_dx", "_dy")
+            slopes = [table_call(wrapped, s, a[:n]) for s in suffixes]
+            if prefix == "adj1_wrap_":
+                return [f"{slope} * {a[-1]}" for slope in slopes]
+            seeds = zip(slopes, a[-n:], strict=True)
+            return [" + ".join(f"{slope} * {seed}" for slope, seed in seeds if seed)]
     raise UuvsimError(f"{name}: this function is called in equations, but is no known intrinsic")
 
 

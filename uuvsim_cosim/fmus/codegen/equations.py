@@ -1,17 +1,67 @@
-"""The equations of a declaration as CasADi functions of the block, which are lowered to C."""
+"""The equations of a declaration as CasADi functions of a block of values, and its layout."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
 
 from uuvsim_cosim.errors import ParameterInvalid
-from uuvsim_cosim.fmus.codegen.layout import Layout
-from uuvsim_cosim.models.declaration.model import Model
+from uuvsim_cosim.models.declaration.model import Declared, Kind, Model
 
-__all__ = ["Equations", "equations"]
+__all__ = ["Equations", "Layout", "Placed", "equations"]
+
+ORDER: tuple[Kind, ...] = ("input", "parameter", "derived", "state", "discrete", "output")
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A declared variable and the offset of its first element."""
+
+    variable: Declared
+    offset: int
+
+
+class Layout:
+    """The block: time, then inputs, parameters, derived, states, discrete states, outputs."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.placed: list[Placed] = []
+        self.offset: dict[Kind, int] = {}
+        self.count: dict[Kind, int] = {}
+        n = 1
+        for kind in ORDER:
+            self.offset[kind] = n
+            for variable in model.of_kind(kind):
+                self.placed.append(Placed(variable, n))
+                n += variable.size
+            self.count[kind] = n - self.offset[kind]
+        self.size = n
+
+    def offset_of(self, name: str) -> int:
+        """Return the offset of a variable's first element: its value reference."""
+        return next(p.offset for p in self.placed if p.variable.name == name)
+
+    def derivative_of(self, state: Placed) -> int:
+        """Return the value reference of a state's derivative; these follow the block."""
+        return self.size + state.offset - self.offset["state"]
+
+    @cached_property
+    def block(self) -> Any:
+        """The symbols of all variables before the outputs, as one SX column."""
+        parts = [self.model.t]
+        for p in self.placed:
+            if p.variable.kind != "output":
+                symbol = p.variable.symbol
+                parts += symbol.nonzeros() if p.variable.kind == "derived" else [symbol]
+        return ca.vertcat(*parts)
+
+    def symbols(self, kind: Kind) -> Any:
+        """Return all symbols of a kind (not of outputs), as one SX column."""
+        return self.block[ca.Slice(self.offset[kind], self.offset[kind] + self.count[kind])]
 
 
 @dataclass(frozen=True)
@@ -35,7 +85,12 @@ def equations(model: Model) -> Equations:
         if state.name not in model.derivatives:
             raise ParameterInvalid(f"{model.name}.{state.name}: state without der()")
 
-    derived = [ca.vertcat(*v.start.nonzeros()) for v in model.of_kind("derived")]
+    symbols: list[Any] = []
+    derived: list[Any] = []  # earlier derived values are substituted in later ones
+    for v in model.of_kind("derived"):
+        value = ca.vertcat(*v.start.nonzeros())
+        derived.append(ca.substitute([value], symbols, derived)[0] if symbols else value)
+        symbols.append(ca.vertcat(*v.symbol.nonzeros()))
     start = [ca.vec(ca.densify(ca.SX(v.start))) for v in model.of_kind("state", "discrete")]
     dx = _column([model.derivatives[v.name] for v in model.of_kind("state")])
     y = _column([ca.vec(v.symbol) for v in model.of_kind("output")])
@@ -54,36 +109,22 @@ def equations(model: Model) -> Equations:
             )
         return f
 
+    updates = []
+    for clock in model.clocks:
+        new = {v.name: expression for v, expression in clock.updates}
+        z = _column([new.get(v.name, v.symbol) for v in model.of_kind("discrete")])
+        draws = ca.vertcat(*clock.draws) if clock.draws else ca.SX.sym("no_draws", 0)
+        updates.append(function(f"update_{clock.index}", z, draws))
     return Equations(
         layout,
-        _in_order(layout, function, derived),
+        function("derived", _column(derived)),
         function("initial", _column(start)),
         function("rhs", dx),
         function("outputs", y),
         function("forward", ca.densify(sensitivity), seed),
-        tuple(_update(layout, function, clock) for clock in model.clocks),
+        tuple(updates),
     )
 
 
 def _column(parts: list[Any]) -> Any:
     return ca.densify(ca.vertcat(*parts)) if parts else ca.SX(0, 1)
-
-
-def _in_order(layout: Layout, function: Any, derived: list[Any]) -> Any:
-    """Return the function of derived values; earlier ones are substituted in later ones."""
-    symbols: list[Any] = []
-    values: list[Any] = []
-    for variable, value in zip(layout.model.of_kind("derived"), derived, strict=True):
-        if symbols:
-            value = ca.substitute([value], symbols, values)[0]
-        symbols.append(ca.vertcat(*variable.symbol.nonzeros()))
-        values.append(value)
-    return function("derived", _column(values))
-
-
-def _update(layout: Layout, function: Any, clock: Any) -> Any:
-    """Return the function of the discrete states after a clock's tick."""
-    new = {v.name: expression for v, expression in clock.updates}
-    z = _column([new.get(v.name, v.symbol) for v in layout.model.of_kind("discrete")])
-    draws = ca.vertcat(*clock.draws) if clock.draws else ca.SX.sym("no_draws", 0)
-    return function(f"update_{clock.index}", z, draws)

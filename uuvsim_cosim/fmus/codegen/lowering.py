@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -9,8 +10,7 @@ from functools import lru_cache
 
 from uuvsim_cosim.cache import content_hash
 from uuvsim_cosim.fmus.codegen.emit_c import emit_function, emit_networks, emit_tables, literal
-from uuvsim_cosim.fmus.codegen.equations import Equations, equations
-from uuvsim_cosim.fmus.codegen.layout import Layout, Placed
+from uuvsim_cosim.fmus.codegen.equations import Equations, Layout, equations
 from uuvsim_cosim.fmus.codegen.optimiser_code import emit_optimisers
 from uuvsim_cosim.fmus.codegen.runtime import runtime_files
 from uuvsim_cosim.models.declaration.model import Kind, Model
@@ -34,6 +34,11 @@ class Lowered:
     def layout(self) -> Layout:
         """Return the layout of the block."""
         return self.equations.layout
+
+    @property
+    def files(self) -> dict[str, str]:
+        """Return the generated C file by its name."""
+        return {f"{self.model.name}.c": self.source}
 
 
 @lru_cache
@@ -128,7 +133,20 @@ def _tables_of(eq: Equations, token: str) -> str:
         if p.variable.kind in ("input", "parameter"):
             for i, value in enumerate(p.variable.start):
                 start[p.offset + i] = literal(float(value))
-    rows = [_row(p) for p in layout.placed if p.variable.kind != "derived"]
+    rows = []  # of variables, for the FMI shells
+    for p in layout.placed:
+        v = p.variable
+        if v.kind == "derived":
+            continue
+        kind = {"input": "INPUT", "output": "OUTPUT", "parameter": v.variability.upper()}.get(
+            v.kind, "LOCAL"
+        )
+        low = literal(-math.inf if v.min is None else v.min)
+        high = literal(math.inf if v.max is None else v.max)
+        rows.append(
+            f'    {{"{v.name}", {p.offset}, {v.size}, UUV_{v.type.upper()}, UUV_{kind}, '
+            f"{1 if v.shape else 0}, {low}, {high}}},"
+        )
     rows += [  # a state's derivative has its references after the block
         f'    {{"der({p.variable.name})", {layout.derivative_of(p)}, {p.variable.size}, '
         f"UUV_FLOAT64, UUV_DERIVATIVE, {1 if p.variable.shape else 0}, -__builtin_inf(), "
@@ -164,21 +182,3 @@ def _tables_of(eq: Equations, token: str) -> str:
         "};",
     ]
     return "\n".join(lines) + "\n"
-
-
-def _row(p: Placed) -> str:
-    """Return the row of a variable in the table that the FMI shells read."""
-    v = p.variable
-    kind = {
-        "input": "UUV_INPUT",
-        "parameter": "UUV_TUNABLE" if v.variability == "tunable" else "UUV_FIXED",
-        "state": "UUV_LOCAL",
-        "discrete": "UUV_LOCAL",
-        "output": "UUV_OUTPUT",
-    }[v.kind]
-    low = literal(-float("inf") if v.min is None else v.min)
-    high = literal(float("inf") if v.max is None else v.max)
-    return (
-        f'    {{"{v.name}", {p.offset}, {v.size}, UUV_{v.type.upper()}, {kind}, '
-        f"{1 if v.shape else 0}, {low}, {high}}},"
-    )

@@ -12,27 +12,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from uuvsim_cosim.cache import cache_dir, content_hash, intact, keep
 from uuvsim_cosim.errors import ComponentFailed, FmuError
 from uuvsim_cosim.fmus.codegen.describe import describe
 from uuvsim_cosim.fmus.codegen.lowering import Lowered, lower
 from uuvsim_cosim.fmus.codegen.runtime import runtime, runtime_file
-from uuvsim_cosim.fmus.codegen.toolchain import compile_shared, component_flags, fmi_headers, host
+from uuvsim_cosim.fmus.codegen.toolchain import (
+    Signatures,
+    compile_shared,
+    component_flags,
+    fmi_headers,
+    generated_sources,
+    host,
+    load_library,
+)
 from uuvsim_cosim.fmus.component import Binding, BindingKind
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.models.declaration.element_names import element_names
 from uuvsim_cosim.models.declaration.model import Model
 
-__all__ = ["Native", "compile_native", "generated_source"]
-
-
-def generated_source(lowered: Lowered) -> Path:
-    """Write the generated C into the cache, and return its path."""
-    folder = cache_dir("generated", content_hash([lowered.source]))
-    path = folder / f"{lowered.model.name}.c"
-    if not intact(path):
-        keep(path, lowered.source.encode())
-    return path
+__all__ = ["Native", "compile_native"]
 
 
 def compile_native(lowered: Lowered) -> Path:
@@ -41,11 +39,29 @@ def compile_native(lowered: Lowered) -> Path:
     The options are those of its FMU, so that zig compiles the same object for both only once.
     """
     return compile_shared(
-        [runtime_file("uuv_runtime.c"), generated_source(lowered)],
+        [runtime_file("uuv_runtime.c"), *generated_sources(lowered.files)],
         name=lowered.model.name,
         include=[*runtime(), fmi_headers()],
         flags=component_flags(host()),
     )
+
+
+_P, _Z, _D = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_double
+_SIGNATURES: Signatures = {  # of uuv_runtime.c
+    "uuv_get_component": (_P, []),
+    "uuv_instantiate": (_P, [_P]),
+    "uuv_free": (None, [_P]),
+    "uuv_reset": (None, [_P]),
+    "uuv_refresh": (None, [_P]),
+    "uuv_enter_initialization": (None, [_P, _D]),
+    "uuv_exit_initialization": (None, [_P]),
+    "uuv_update_outputs": (None, [_P]),
+    "uuv_forward": (None, [_P, _P, _P]),
+    "uuv_do_step": (ctypes.c_int32, [_P, _D, _D]),
+    "uuv_state_size": (_Z, [_P]),
+    "uuv_get_state": (None, [_P, _P]),
+    "uuv_set_state": (None, [_P, ctypes.c_char_p]),
+}
 
 
 class Native:
@@ -61,8 +77,7 @@ class Native:
         }
         self._size = lowered.layout.size
         self._layout = lowered.layout
-        self._c = ctypes.CDLL(str(library or compile_native(lowered)))
-        _declare(self._c)
+        self._c = load_library(library or compile_native(lowered), _SIGNATURES)
         self._instantiate(path)
 
     def another(self, path: str) -> Native:
@@ -246,27 +261,3 @@ class _Instance(ctypes.Structure):
         ("outputs_stale", ctypes.c_int),
         ("initialized", ctypes.c_int),
     )
-
-
-def _declare(c: ctypes.CDLL) -> None:
-    """Declare the types of the functions of uuv_runtime.c."""
-    pointer, size, double = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_double
-    signatures: dict[str, tuple[type | None, list[type]]] = {
-        "uuv_get_component": (pointer, []),
-        "uuv_instantiate": (pointer, [pointer]),
-        "uuv_free": (None, [pointer]),
-        "uuv_reset": (None, [pointer]),
-        "uuv_refresh": (None, [pointer]),
-        "uuv_enter_initialization": (None, [pointer, double]),
-        "uuv_exit_initialization": (None, [pointer]),
-        "uuv_update_outputs": (None, [pointer]),
-        "uuv_forward": (None, [pointer, pointer, pointer]),
-        "uuv_do_step": (ctypes.c_int32, [pointer, double, double]),
-        "uuv_state_size": (size, [pointer]),
-        "uuv_get_state": (None, [pointer, pointer]),
-        "uuv_set_state": (None, [pointer, ctypes.c_char_p]),
-    }
-    for name, (result, arguments) in signatures.items():
-        function = getattr(c, name)
-        function.restype = result
-        function.argtypes = arguments

@@ -60,7 +60,9 @@ def _text(name: str) -> str:
     generator.add(f)
     text = _KEPT.sub("static _Thread_local ", generator.dump())
     text = _FUNCTION.sub("static ", text)
-    arg, res, iw, w = (_size(text, kind) for kind in ("arg", "res", "iw", "w"))
+    # Sizes of work spaces that CasADi's text requires.
+    sizes_of = (re.findall(_SIZE.format(s), text, re.M) for s in ("arg", "res", "iw", "w"))
+    arg, res, iw, w = (max(int(found[0]), 1) for found in sizes_of)
     sizes = [f.numel_in(i) for i in range(f.n_in())]
     inputs = ", ".join(f"x + {sum(sizes[:i])}" for i in range(len(sizes)))
     outputs = ", ".join(f"r.y + {_size_out(f, i)}" for i in range(f.n_out()))
@@ -90,13 +92,6 @@ def _text(name: str) -> str:
         "}",
     ]
     return "\n".join(lines) + "\n"
-
-
-def _size(text: str, kind: str) -> int:
-    """Read the size of a work space that CasADi's text requires."""
-    found = re.search(_SIZE.format(kind), text, re.M)
-    assert found is not None
-    return max(int(found[1]), 1)
 
 
 def _size_out(f: Any, until: int | None = None) -> int:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 
-from uuvsim_cosim.models.intrinsics.breakpoints import Buckets, buckets
-from uuvsim_cosim.models.intrinsics.table import TABLES, Table
-from uuvsim_cosim.models.intrinsics.uniform_grids import UniformGrid, uniform_grid
+from uuvsim_cosim.models.intrinsics.breakpoints import buckets
+from uuvsim_cosim.models.intrinsics.table import TABLES
+from uuvsim_cosim.models.intrinsics.uniform_grids import uniform_grid
 
 __all__ = ["table_call", "table_data"]
 
@@ -33,38 +33,32 @@ def table_data(name: str) -> str:
     if table.n_in == 2:
         arrays["y"] = table.y
     text = [
-        f"static const double {name}_{part}[] = {{{_numbers(numbers)}}};\n"
-        for part, numbers in arrays.items()
+        f"static const double {name}_{part}[] = {{{_numbers(values)}}};\n"
+        for part, values in arrays.items()
     ]
     e, b = uniform_grid(table), buckets(table)
     if e is not None:
-        text += _uniform(table, e)
+        for i, row in enumerate(e.rows):
+            text.append(f"static const uuv_line {name}_lines_{i}[] = {{{_structs(row)}}};\n")
+        numbers = _numbers((e.first, e.last, e.scale, e.start, e.per_unit, e.low, e.high))
+        lines = ", ".join(f"{name}_lines_{i}" for i in range(len(e.rows)))
+        text.append(f"static const uuv_uniform {name}_uniform = {{{numbers}, {{{lines}}}}};\n")
     elif b is not None:
-        text += _buckets(table, b)
+        for i, (row, at) in enumerate(zip(b.rows, b.at, strict=True)):
+            places = ", ".join(str(int(k)) for k in at)
+            text += [
+                f"static const uuv_breakpoint {name}_breakpoints_{i}[] = {{{_structs(row)}}};\n",
+                f"static const unsigned short {name}_at_{i}[] = {{{places}}};\n",
+            ]
+        numbers = _numbers((b.first, b.last, b.scale, b.low, b.high))
+        ats, rows = (
+            ", ".join(f"{name}_{what}_{i}" for i in range(len(b.rows)))
+            for what in ("at", "breakpoints")
+        )
+        text.append(
+            f"static const uuv_buckets {name}_buckets = {{{numbers}, {{{ats}}}, {{{rows}}}}};\n"
+        )
     return "".join(text)
-
-
-def _uniform(table: Table, e: UniformGrid) -> Iterator[str]:
-    name = table.name
-    for i, row in enumerate(e.rows):
-        yield f"static const uuv_line {name}_lines_{i}[] = {{{_structs(row)}}};\n"
-    numbers = _numbers((e.first, e.last, e.scale, e.start, e.per_unit, e.low, e.high))
-    lines = ", ".join(f"{name}_lines_{i}" for i in range(len(e.rows)))
-    yield f"static const uuv_uniform {name}_uniform = {{{numbers}, {{{lines}}}}};\n"
-
-
-def _buckets(table: Table, b: Buckets) -> Iterator[str]:
-    name = table.name
-    for i, (row, at) in enumerate(zip(b.rows, b.at, strict=True)):
-        yield f"static const uuv_breakpoint {name}_breakpoints_{i}[] = {{{_structs(row)}}};\n"
-        places = ", ".join(str(int(k)) for k in at)
-        yield f"static const unsigned short {name}_at_{i}[] = {{{places}}};\n"
-    numbers = _numbers((b.first, b.last, b.scale, b.low, b.high))
-    ats, rows = (
-        ", ".join(f"{name}_{what}_{i}" for i in range(len(b.rows)))
-        for what in ("at", "breakpoints")
-    )
-    yield f"static const uuv_buckets {name}_buckets = {{{numbers}, {{{ats}}}, {{{rows}}}}};\n"
 
 
 def _structs(rows: Iterable[Iterable[float]]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import logging
 import os
 import platform as host_platform
@@ -11,25 +12,30 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
 
 from uuvsim_cosim.cache import cache_dir, content_hash, intact, keep
+from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import ToolchainError
-from uuvsim_cosim.fmus.codegen.windows import linked_lightly, windows_files
 
 __all__ = [
     "PLATFORMS",
     "Platform",
+    "Signatures",
     "compile_shared",
     "compiler",
     "component_flags",
     "fmi_headers",
+    "generated_sources",
     "host",
+    "linked_lightly",
+    "load_library",
     "platform_named",
+    "windows_files",
 ]
 
 log = logging.getLogger("uuvsim_cosim.toolchain")
@@ -57,6 +63,7 @@ PLATFORMS = (
 FLAGS = ("-std=c11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fvisibility=hidden")
 
 
+_WINDOWS_LIBRARIES = ("ucrtbase", "kernel32")
 _ZIG_CACHES = ("ZIG_GLOBAL_CACHE_DIR", "ZIG_LOCAL_CACHE_DIR")
 _DIAGNOSTIC = re.compile(r":\d+:\d+: (fatal )?error: ")
 _EXPECTED = "a C compiler in CC, or CC unset (then zig, which comes with this package, is used)"
@@ -109,14 +116,7 @@ def compiler() -> tuple[list[str], str]:
     if override:
         command = shlex.split(override)
         if shutil.which(command[0]) is None:
-            raise ToolchainError(
-                f"CC={override!r}",
-                "no such program",
-                (
-                    "a C compiler, or CC unset (then zig, which is installed with this "
-                    "package, is used)"
-                ),
-            )
+            raise ToolchainError(f"CC={override!r}", "no such program", _EXPECTED)
         return command, f"{override} {_version(tuple(command))}"
     try:
         from importlib.metadata import version
@@ -135,6 +135,27 @@ def compiler() -> tuple[list[str], str]:
 def _version(command: tuple[str, ...]) -> str:
     done = subprocess.run([*command, "--version"], capture_output=True, text=True, check=False)
     return (done.stdout or done.stderr).split("\n", 1)[0]
+
+
+Signatures = Mapping[str, tuple[type | None, Sequence[type]]]  # result and arguments by function
+
+
+def load_library(path: Path, signatures: Signatures) -> ctypes.CDLL:
+    """Load a library and declare its functions."""
+    c = ctypes.CDLL(str(path))
+    for name, (result, arguments) in signatures.items():
+        function = getattr(c, name)
+        function.restype, function.argtypes = result, arguments
+    return c
+
+
+def generated_sources(texts: Mapping[str, str]) -> list[Path]:
+    """Write generated C files, by name, into a folder of the cache; return their paths."""
+    folder = cache_dir("generated", content_hash([*texts.values()]))
+    for name, text in texts.items():
+        if not intact(folder / name):
+            keep(folder / name, text.encode())
+    return [folder / name for name in texts]
 
 
 def compile_shared(
@@ -183,8 +204,7 @@ def compile_shared(
         includes = [f"-I{folder}" for folder in include]
         light = zig and target.suffix == ".dll"
         if not (
-            light
-            and linked_lightly(_ran, command, arguments, includes, sources, Path(scratch), fresh)
+            light and linked_lightly(command, arguments, includes, sources, Path(scratch), fresh)
         ):
             _run([*command, *arguments, "-shared", *includes, *map(str, sources), "-o", str(fresh)])
         try:
@@ -195,7 +215,9 @@ def compile_shared(
                 _EXPECTED,
             ) from None
     if contents() != key:  # otherwise the cache would keep a wrong library under this key
-        raise ToolchainError(name, "its C was changed while it was compiled", "files that rest")
+        raise ToolchainError(
+            name, "its C was changed while it was compiled", "files that do not change"
+        )
     keep(library, data)
     return library
 
@@ -211,7 +233,7 @@ def _run(command: list[str]) -> None:
     if done.returncode != 0:
         lines = (done.stderr.strip() or done.stdout.strip()).splitlines()
         reason = (
-            f": {' | '.join(lines[:6])}" if lines else f" and said nothing; expected {_EXPECTED}"
+            f": {' | '.join(lines[:6])}" if lines else f" and printed nothing; expected {_EXPECTED}"
         )
         raise ToolchainError(
             f"the C compiler {_named(command)} failed with status {done.returncode}{reason}"
@@ -230,3 +252,38 @@ def _ran(command: list[str]) -> subprocess.CompletedProcess[str]:
 
 def _named(command: Sequence[str]) -> str:
     return "zig" if "ziglang" in command else command[0]
+
+
+def windows_files() -> list[Path]:
+    """List the files that every library for Windows is linked with."""
+    return sorted(content("fmus", "runtime", "windows").iterdir())
+
+
+def linked_lightly(
+    command: Sequence[str], arguments: Sequence[str], includes: Sequence[str],
+    sources: Sequence[Path], scratch: Path, library: Path,
+) -> bool:  # fmt: skip
+    """Compile and link with few imports; return False if the sources need more of C.
+
+    `command` is zig's compiler, `arguments` its target and flags, including `-l`. Errors are not
+    reported: the complete compilation, which then follows, reports them.
+    """
+    folder = windows_files()[0].parent
+    asked = [a[2:] for a in arguments if a.startswith("-l")]
+    definitions = [folder / f"{name}.def" for name in (*_WINDOWS_LIBRARIES, *asked)]
+    if not all(d.is_file() for d in definitions):
+        return False
+    plain = [a for a in arguments if not a.startswith("-l")]
+    objects, imports = [], []
+    for k, source in enumerate([*sources, folder / "uuv_windows.c"]):
+        objects.append(str(scratch / f"{k}.obj"))
+        if _ran([*command, *plain, *includes, "-c", str(source), "-o", objects[-1]]).returncode:
+            return False
+    zig = [*command[:-1], "dlltool"]
+    for definition in definitions:
+        imports.append(str(scratch / f"{definition.stem}.lib"))
+        made = [*zig, "-m", "i386:x86-64", "-d", str(definition), "-l", imports[-1]]
+        if _ran(made).returncode:
+            return False
+    link = [*command, *plain, "-shared", "-nostdlib", *objects, *imports, "-o", str(library)]
+    return _ran(link).returncode == 0 and library.is_file()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
@@ -13,12 +13,13 @@ from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.codegen.describe import describe
 from uuvsim_cosim.fmus.codegen.lowering import Lowered, lower
-from uuvsim_cosim.fmus.codegen.native import generated_source
 from uuvsim_cosim.fmus.codegen.runtime import runtime, runtime_file, runtime_files
 from uuvsim_cosim.fmus.codegen.toolchain import (
+    Platform,
     compile_shared,
     component_flags,
     fmi_headers,
+    generated_sources,
     platform_named,
 )
 from uuvsim_cosim.fmus.export.documentation import csv_text, index_html, variables_markdown
@@ -33,7 +34,7 @@ from uuvsim_cosim.fmus.peers import PEERS, peers_text
 from uuvsim_cosim.models.declaration.library import declare_source
 from uuvsim_cosim.models.declaration.model import Model
 
-__all__ = ["build_fmu", "build_many", "compile_fmu", "fmi_headers", "write_archive"]
+__all__ = ["build_fmu", "build_many", "compile_fmu", "fmi_headers", "packed", "write_archive"]
 
 
 def build_fmu(
@@ -51,22 +52,30 @@ def build_fmu(
     declared = model.model if isinstance(model, Lowered) else model
     if fmi not in (2, 3):
         raise InputInvalid(declared.name, f"FMI version {fmi!r}", "2 or 3")
-    wanted = sorted({platform_named(p).fmi2 for p in platforms})
+    wanted = {platform_named(p) for p in platforms}
     lowered = model if isinstance(model, Lowered) else lower(model)
     identifier = model_identifier(declared.name)
-    members = {k: v.encode() for k, v in _texts(lowered, fmi).items()}
-    for place in map(platform_named, wanted):
-        folder = place.fmi2 if fmi == 2 else place.fmi3
-        binary = f"{identifier}{place.suffix}"
-        members[f"binaries/{folder}/{binary}"] = compile_fmu(lowered, place.fmi2).read_bytes()
     description = describe(declared, lowered.equations)
     given, results = reference_result(lowered, compile_fmu(lowered))
-    rows = {
+    sources = [f"{identifier}.c", "uuv_runtime.c", f"fmi{fmi}_shell.c"]
+    texts = {
+        "modelDescription.xml": model_description(
+            lowered.equations, fmi=fmi, token=lowered.token, sources=sources
+        ),
+        f"sources/{identifier}.c": lowered.source,
+        "documentation/index.html": index_html(description),
+        "documentation/variables.md": variables_markdown(description),
         "documentation/input.csv": csv_text(description.of("input"), given),
         "documentation/reference.csv": csv_text(description.of("output"), results),
     }
-    members |= {k: v.encode() for k, v in rows.items()}
-    return _packed(members, f"{identifier}.fmu", target)
+    for file in runtime_files():
+        if file.suffix == ".h" or file.name in sources:
+            texts[f"sources/{file.name}"] = file.read_text()
+    if declared.peers:
+        texts[PEERS] = peers_text(declared.peers)
+    return packed(
+        texts, identifier, sources, fmi, wanted, lambda p: compile_fmu(lowered, p.fmi2), target
+    )
 
 
 def build_many(
@@ -92,7 +101,7 @@ def compile_fmu(lowered: Lowered, platform: str = "host") -> Path:
     """
     shells = [runtime_file(f"fmi{fmi}_shell.c") for fmi in (2, 3)]
     return compile_shared(
-        [runtime_file("uuv_runtime.c"), *shells, generated_source(lowered)],
+        [runtime_file("uuv_runtime.c"), *shells, *generated_sources(lowered.files)],
         name=model_identifier(lowered.model.name),
         platform=platform,
         include=[*runtime(), fmi_headers()],
@@ -105,15 +114,50 @@ def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
     _write(path, _archive(members))
 
 
-def _packed(members: Mapping[str, bytes], name: str, target: Path | None) -> Path:
-    """Return the path of an archive: `target` (a file, or a folder), else in the cache."""
+def packed(
+    texts: Mapping[str, str],
+    identifier: str,
+    sources: Sequence[str],
+    fmi: FmiVersion,
+    platforms: Collection[Platform],
+    library: Callable[[Platform], Path],
+    target: Path | None,
+) -> Path:
+    """Return the path of an .fmu: `target` (a file, or a folder), else in the cache.
+
+    `texts` are members by name. Added to them are the libraries, the licences, and in FMI 3.0 the
+    list of the `sources`, if the FMU can be compiled from them.
+    """
+    # This notice must accompany a binary that was made with FMI's headers.
+    notice = (fmi_headers() / f"fmi{fmi}FunctionTypes.h").read_text(encoding="utf-8")
+    notice = notice[notice.index("Copyright") :].partition("*/")[0].strip()
+    texts = {
+        **texts,
+        "resources/README.txt": "This component needs no resources.\n",
+        "documentation/licenses/fmi_headers.txt": "The binaries were compiled with the headers of "
+        f"FMI {fmi}.0:\n\n{notice}\n",
+    }
+    if content("LICENSE").is_file():
+        texts["documentation/licenses/license.txt"] = content("LICENSE").read_text()
+    if fmi == 3 and sources:
+        root = Element("fmiBuildDescription", fmiVersion="3.0")
+        configuration = SubElement(root, "BuildConfiguration", modelIdentifier=identifier)
+        options = "-O2 -ffp-contract=off -fno-math-errno"
+        files = SubElement(configuration, "SourceFileSet", language="C11", compilerOptions=options)
+        for source in sources:
+            SubElement(files, "SourceFile", name=source)
+        texts["sources/buildDescription.xml"] = xml_text(root)
+    members = {k: v.encode() for k, v in texts.items()}
+    for place in sorted(platforms, key=lambda p: p.fmi2):
+        folder = place.fmi2 if fmi == 2 else place.fmi3
+        members[f"binaries/{folder}/{identifier}{place.suffix}"] = library(place).read_bytes()
     parts = [part for k in sorted(members) for part in (k, members[k])]
-    cached = cache_dir("fmus", content_hash(parts)) / name
+    cached = cache_dir("fmus", content_hash(parts)) / f"{identifier}.fmu"
     if not intact(cached):
         keep(cached, _archive(members))
     if target is None:
         return cached
-    file = target if target.suffix == ".fmu" else target / name
+    file = target if target.suffix == ".fmu" else target / cached.name
     _write(file, cached.read_bytes())
     return file
 
@@ -138,53 +182,3 @@ def _write(path: Path, data: bytes) -> None:
         raise InputInvalid(
             path, f"cannot be written ({error.strerror})", "a folder that can be written"
         ) from error
-
-
-def _texts(lowered: Lowered, fmi: FmiVersion) -> dict[str, str]:
-    """Return the members that are text, except the reference result."""
-    identifier = model_identifier(lowered.model.name)
-    description = describe(lowered.model, lowered.equations)
-    compiled = [f"{identifier}.c", "uuv_runtime.c", f"fmi{fmi}_shell.c"]
-    texts = {
-        "modelDescription.xml": model_description(
-            lowered.equations, fmi=fmi, token=lowered.token, sources=compiled
-        ),
-        f"sources/{identifier}.c": lowered.source,
-        "documentation/index.html": index_html(description),
-        "documentation/variables.md": variables_markdown(description),
-        "resources/README.txt": "This component needs no resources.\n",
-    }
-    for file in runtime_files():
-        if file.suffix == ".h" or file.name in compiled:
-            texts[f"sources/{file.name}"] = file.read_text()
-    if fmi == 3:
-        texts["sources/buildDescription.xml"] = _build_description(identifier, compiled)
-    if lowered.model.peers:
-        texts[PEERS] = peers_text(lowered.model.peers)
-    licence = content("LICENSE")
-    if licence.is_file():
-        texts["documentation/licenses/license.txt"] = licence.read_text()
-    texts["documentation/licenses/fmi_headers.txt"] = _licence_of_headers(fmi)
-    return texts
-
-
-def _licence_of_headers(fmi: FmiVersion) -> str:
-    """Return the notice of FMI's headers, which must accompany a binary made with them."""
-    text = (fmi_headers() / f"fmi{fmi}FunctionTypes.h").read_text(encoding="utf-8")
-    begin = text.index("Copyright")
-    notice = text[begin : text.index("*/", begin)].strip()
-    return f"The binaries were compiled with the headers of FMI {fmi}.0:\n\n{notice}\n"
-
-
-def _build_description(identifier: str, compiled: Sequence[str]) -> str:
-    root = Element("fmiBuildDescription", fmiVersion="3.0")
-    configuration = SubElement(root, "BuildConfiguration", modelIdentifier=identifier)
-    files = SubElement(
-        configuration,
-        "SourceFileSet",
-        language="C11",
-        compilerOptions="-O2 -ffp-contract=off -fno-math-errno",
-    )
-    for name in compiled:
-        SubElement(files, "SourceFile", name=name)
-    return xml_text(root)

@@ -4,30 +4,42 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from typing import Literal
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 
 from uuvsim_cosim._version import __version__
 from uuvsim_cosim.errors import ParameterInvalid
+from uuvsim_cosim.fmus.codegen.dependencies import (
+    KINDS,
+    derivative_knowns,
+    direct_kinds,
+    initial_knowns,
+)
 from uuvsim_cosim.fmus.codegen.describe import describe
 from uuvsim_cosim.fmus.codegen.equations import Equations
 from uuvsim_cosim.fmus.description import UNITS_ANNOTATION, Description, Variable
 from uuvsim_cosim.fmus.export.experiment import experiment_of
-from uuvsim_cosim.fmus.export.model_structure import FmiVersion, Places, model_structure
-from uuvsim_cosim.fmus.export.state_derivatives import rate_units, state_derivatives
-from uuvsim_cosim.models.declaration.units import BASE, parse_unit
+from uuvsim_cosim.models.declaration.units import BASE, Unit, parse_unit
 
 __all__ = [
     "FmiVersion",
+    "add_experiment",
+    "add_interface",
+    "add_units",
+    "add_variables",
+    "document",
     "model_description",
     "model_identifier",
+    "number_text",
     "xml_text",
 ]
 
+FmiVersion = Literal[2, 3]
 _NAME = re.compile(r"[A-Za-z_][A-Za-z_0-9]*(\.[A-Za-z_][A-Za-z_0-9]*)*$")
-_FMI2_TYPES = {"Float64": "Real", "Int32": "Integer", "Boolean": "Boolean"}
+_FMI2_TYPES = {"Float64": "Real", "Int32": "Integer", "Boolean": "Boolean", "String": "String"}
+_PER_TIME = re.compile(r"/s(\d*)$")
 
 
 def model_identifier(name: str) -> str:
@@ -50,35 +62,30 @@ def model_description(
                 "a name of letters, digits, '_' and '.', other than 'time'",
             )
     tool = f"uuvsim-cosim {__version__}" if release else "uuvsim-cosim"
-    root = Element(
-        "fmiModelDescription",
-        {
-            "fmiVersion": "2.0" if fmi == 2 else "3.0",
-            "modelName": model.name,
-            ("guid" if fmi == 2 else "instantiationToken"): token,
-            "description": " ".join(model.description.split()),
-            "generationTool": tool,
-            "license": "Apache-2.0",
-            "variableNamingConvention": "structured",
-        },
-    )
+    root = document(fmi, model.name, token, model.description, tool)
     for interface in ("ModelExchange", "CoSimulation"):  # FMI 3.0 requires this order
-        _interface(root, fmi, interface, model_identifier(model.name), sources)
-    derivatives = state_derivatives(eq, description.variables)
-    _units(root, replace(description, units={**description.units, **rate_units(derivatives)}))
-    categories = SubElement(root, "LogCategories")
-    SubElement(categories, "Category", name="logStatusError", description="refused calls")
+        state = "FMUstate" if fmi == 2 else "FMUState"
+        capable = [f"canGetAndSet{state}", f"canSerialize{state}"]
+        if interface == "CoSimulation":
+            capable.insert(0, "canHandleVariableCommunicationStepSize")
+        capable += (
+            ["providesDirectionalDerivative", "canNotUseMemoryManagementFunctions"]
+            if fmi == 2
+            else ["providesDirectionalDerivatives", "providesAdjointDerivatives"]
+        )
+        attributes = dict.fromkeys(capable, "true")
+        add_interface(root, fmi, interface, model_identifier(model.name), attributes, sources)
+    derivatives = _state_derivatives(eq, description.variables)
+    names = {unit for v in derivatives.values() for unit in v.units if unit is not None}
+    units = {**description.units, **{name: parse_unit(name) for name in sorted(names)}}
+    add_units(root, units)
     experiment = experiment_of(model)
-    SubElement(
-        root,
-        "DefaultExperiment",
-        startTime="0",
-        stopTime=_number(experiment.stop_time),
-        stepSize=_number(experiment.step_size),
-        tolerance="1e-06",
-    )
-    variables = _fmi2_variables if fmi == 2 else _fmi3_variables
-    model_structure(root, fmi, eq, variables(root, description, derivatives))
+    add_experiment(root, experiment.stop_time, experiment.step_size, tolerance="1e-06")
+    variables = description.variables
+    state_of = {d.name: variables[x] for x, d in derivatives.items()}
+    every = [*variables.values(), *derivatives.values()]
+    reference = add_variables(root, fmi, every, state_of, "simulation time")
+    _model_structure(root, fmi, eq, description, derivatives, reference)
     return xml_text(root)
 
 
@@ -89,40 +96,62 @@ def xml_text(root: Element) -> str:
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'
 
 
-def _interface(
-    root: Element, fmi: FmiVersion, interface: str, identifier: str, sources: Sequence[str]
+def document(fmi: FmiVersion, name: str, token: str, description: str, tool: str) -> Element:
+    """Return the root of a model description."""
+    return Element(
+        "fmiModelDescription",
+        {
+            "fmiVersion": "2.0" if fmi == 2 else "3.0",
+            "modelName": name,
+            ("guid" if fmi == 2 else "instantiationToken"): token,
+            "description": " ".join(description.split()),
+            "generationTool": tool,
+            "license": "Apache-2.0",
+            "variableNamingConvention": "structured",
+        },
+    )
+
+
+def add_interface(
+    root: Element,
+    fmi: FmiVersion,
+    interface: str,
+    identifier: str,
+    capabilities: Mapping[str, str],
+    sources: Sequence[str],
 ) -> None:
-    capabilities = {
-        2: "canGetAndSetFMUstate canSerializeFMUstate providesDirectionalDerivative "
-        "canNotUseMemoryManagementFunctions",
-        3: "canGetAndSetFMUState canSerializeFMUState providesDirectionalDerivatives "
-        "providesAdjointDerivatives",
-    }[fmi].split()
-    names = [*capabilities]
-    if interface == "CoSimulation":
-        names.insert(0, "canHandleVariableCommunicationStepSize")
-    attributes = {"modelIdentifier": identifier, **dict.fromkeys(names, "true")}
-    element = SubElement(root, interface, attributes)
+    """Add CoSimulation or ModelExchange; FMI 3.0 lists the sources in a file of their own."""
+    element = SubElement(root, interface, {"modelIdentifier": identifier, **capabilities})
     if fmi == 2 and sources:
         files = SubElement(element, "SourceFiles")
         for name in sources:
             SubElement(files, "File", name=name)
 
 
-def _units(root: Element, description: Description) -> None:
-    units = SubElement(root, "UnitDefinitions")
-    known = {**description.units, "s": parse_unit("s")}  # of the independent variable
+def add_units(root: Element, units: Mapping[str, Unit]) -> None:
+    """Add the definitions of the units."""
+    element = SubElement(root, "UnitDefinitions")
+    known = {**units, "s": parse_unit("s")}  # of the independent variable
     for name in sorted(known):
         unit = known[name]
         base = {b: str(e) for b, e in zip(BASE, unit.exponents, strict=True) if e}
         if unit.factor != 1.0:
-            base["factor"] = _number(unit.factor)
+            base["factor"] = number_text(unit.factor)
         if unit.offset != 0.0:
-            base["offset"] = _number(unit.offset)
-        SubElement(SubElement(units, "Unit", name=name), "BaseUnit", base)
+            base["offset"] = number_text(unit.offset)
+        SubElement(SubElement(element, "Unit", name=name), "BaseUnit", base)
 
 
-def _common(v: Variable, name: str, reference: int) -> dict[str, str]:
+def add_experiment(root: Element, stop_time: float, step_size: float, **more: str) -> None:
+    """Add the categories of log messages, and the default experiment; times in s."""
+    categories = SubElement(root, "LogCategories")
+    SubElement(categories, "Category", name="logStatusError", description="refused calls")
+    times = {"stopTime": number_text(stop_time), "stepSize": number_text(step_size)}
+    SubElement(root, "DefaultExperiment", {"startTime": "0", **times, **more})
+
+
+def _variable_attributes(v: Variable, name: str, reference: int) -> dict[str, str]:
+    """Return the attributes that variables of all types have."""
     attributes = {"name": name, "valueReference": str(reference)}
     if v.description:
         attributes["description"] = " ".join(v.description.split())
@@ -132,92 +161,76 @@ def _common(v: Variable, name: str, reference: int) -> dict[str, str]:
     return attributes
 
 
-def _value(v: Variable, unit: str | None, starts: Iterable[float] | None) -> dict[str, str]:
+def _value_attributes(
+    v: Variable, unit: str | None, starts: Iterable[float] | None
+) -> dict[str, str]:
     """Return the attributes for unit, bounds and start."""
+    if v.type == "String":
+        return {"start": str(v.start)}
     attributes = {}
     if unit is not None:
         attributes["unit"] = unit
     if v.type != "Boolean":
         for key, bound in (("min", v.min), ("max", v.max)):
             if bound is not None:
-                attributes[key] = str(int(bound)) if v.type == "Int32" else _number(bound)
+                attributes[key] = str(int(bound)) if v.type == "Int32" else number_text(bound)
     if starts is not None:
         attributes["start"] = " ".join(
             ("true" if s else "false") if v.type == "Boolean"
             else str(int(s)) if v.type == "Int32"
-            else _number(float(s))
+            else number_text(float(s))
             for s in starts
         )  # fmt: skip
     return attributes
 
 
-def _number(value: float) -> str:
+def number_text(value: float) -> str:
+    """Return a number as short text that reads back to the same bits."""
     return repr(int(value)) if value == int(value) and abs(value) < 1e15 else repr(float(value))
 
 
-def _fmi2_variables(
-    root: Element, description: Description, derivatives: Mapping[str, Variable]
-) -> Places:
-    parent = SubElement(root, "ModelVariables")
-    index: dict[int, str] = {}
-    outputs: list[tuple[str, range]] = []
-    state_of = {d.name: description.variables[x] for x, d in derivatives.items()}
-    for v in [*description.variables.values(), *derivatives.values()]:
-        first = v.value_references[0]
-        starts = None if v.start is None else np.ravel(v.start)
-        for i, name in enumerate(v.element_names):
-            index[first + i] = str(len(index) + 1)
-            element = SubElement(parent, "ScalarVariable", _common(v, name, first + i))
-            start = None if starts is None else [starts[i]]
-            real = SubElement(element, _FMI2_TYPES[v.type], _value(v, v.unit_of_element(i), start))
-            if v.name in state_of:
-                real.set("derivative", index[state_of[v.name].value_references[0] + i])
-            if v.causality == "output":
-                outputs.append((index[first + i], range(first + i, first + i + 1)))
-    pairs = [
-        (index[x.value_references[0] + i], index[d.value_references[0] + i])
-        for d, x in ((d, description.variables[name]) for name, d in derivatives.items())
-        for i in range(x.size)
-    ]
-    numbers = [range(k, k + 1) for k in range(len(pairs))]
-    return Places(
-        index.get,
-        outputs,
-        [(x, n) for (x, _), n in zip(pairs, numbers, strict=True)],
-        [(d, n) for (_, d), n in zip(pairs, numbers, strict=True)],
-    )
+def add_variables(
+    root: Element,
+    fmi: FmiVersion,
+    variables: Iterable[Variable],
+    state_of: Mapping[str, Variable] = {},
+    time_text: str = "",
+) -> dict[int, str]:
+    """Add the variables; return how the model structure refers to the value at each offset.
 
-
-def _fmi3_variables(
-    root: Element, description: Description, derivatives: Mapping[str, Variable]
-) -> Places:
+    That is by an index in FMI 2.0, by a value reference in FMI 3.0. `state_of` are the states by
+    the names of their derivatives, which come after them.
+    """
     parent = SubElement(root, "ModelVariables")
-    reference: dict[int, str] = {0: "0"}
-    outputs: list[tuple[str, range]] = []
-    SubElement(
-        parent,
-        "Float64",
-        name="time",
-        valueReference="0",
-        description="simulation time",
-        causality="independent",
-        variability="continuous",
-        unit="s",
-    )
-    state_of = {d.name: description.variables[x] for x, d in derivatives.items()}
-    states: list[tuple[str, range]] = []
-    rates: list[tuple[str, range]] = []
-    k = 0
-    for v in [*description.variables.values(), *derivatives.values()]:
+    reference: dict[int, str] = {}
+    if fmi == 3:
+        reference[0] = "0"
+        text = {"description": time_text} if time_text else {}
+        time = {"name": "time", "valueReference": "0", **text, "causality": "independent"}
+        SubElement(parent, "Float64", {**time, "variability": "continuous", "unit": "s"})
+    for v in variables:
         first = v.value_references[0]
-        starts = None if v.start is None else np.ravel(v.start)
-        attributes = {**_common(v, v.name, first), **_value(v, v.unit, starts)}
-        if v.name in state_of:
-            state = str(state_of[v.name].value_references[0])
-            attributes["derivative"] = state
-            states.append((state, range(k, k + v.size)))
-            rates.append((str(first), range(k, k + v.size)))
-            k += v.size
+        state = state_of[v.name].value_references[0] if v.name in state_of else None
+        starts = None if v.start is None or v.type == "String" else np.ravel(v.start).tolist()
+        if fmi == 2:
+            for i, name in enumerate(v.element_names):
+                reference[first + i] = str(len(reference) + 1)
+                attributes = _variable_attributes(v, name, first + i)
+                scalar = SubElement(parent, "ScalarVariable", attributes)
+                start = None if starts is None else [starts[i]]
+                attributes = _value_attributes(v, v.unit_of_element(i), start)
+                if state is not None:
+                    attributes["derivative"] = reference[state + i]
+                SubElement(scalar, _FMI2_TYPES[v.type], attributes)
+            continue
+        reference.update(dict.fromkeys(range(first, first + v.size), str(first)))
+        attributes = _variable_attributes(v, v.name, first)
+        if v.type == "String":
+            SubElement(SubElement(parent, "String", attributes), "Start", value=str(v.start))
+            continue
+        attributes |= _value_attributes(v, v.unit, starts)
+        if state is not None:
+            attributes["derivative"] = reference[state]
         element = SubElement(parent, v.type, attributes)
         if v.element_units:  # FMI 3.0 has one unit for the whole array
             notes = SubElement(element, "Annotations")
@@ -225,7 +238,90 @@ def _fmi3_variables(
             note.text = " ".join(unit or "1" for unit in v.element_units)
         for extent in v.shape:
             SubElement(element, "Dimension", start=str(extent))
-        reference.update(dict.fromkeys(range(first, first + v.size), str(first)))
-        if v.causality == "output":
-            outputs.append((str(first), range(first, first + v.size)))
-    return Places(reference.get, outputs, states, rates)
+    return reference
+
+
+def _model_structure(
+    root: Element,
+    fmi: FmiVersion,
+    eq: Equations,
+    description: Description,
+    derivatives: Mapping[str, Variable],
+    reference: Mapping[int, str],
+) -> None:
+    def unknowns(variables: Iterable[Variable], first: int) -> list[tuple[str, range]]:
+        """List references and rows; row 0 is at the offset `first`. FMI 2.0 has single elements."""
+        return [
+            (reference[k], range(k - first, k - first + size))
+            for v in variables
+            for size in (1 if fmi == 2 else v.size,)
+            for k in range(v.value_references[0], v.value_references[0] + v.size, size)
+        ]
+
+    outputs = unknowns(description.of("output"), eq.layout.offset["output"])
+    states = unknowns([description.variables[x] for x in derivatives], eq.layout.offset["state"])
+    of_states = unknowns(derivatives.values(), eq.layout.size)
+    structure = SubElement(root, "ModelStructure")
+    key = "index" if fmi == 2 else "valueReference"
+    rates: list[dict[int, str]] = [dict.fromkeys(k, "dependent") for k in derivative_knowns(eq)]
+    for tag, group, listed, direct in (
+        ("Output", "Outputs", outputs, direct_kinds(eq)),
+        ("ContinuousStateDerivative", "Derivatives", of_states, rates),
+    ):
+        parent = SubElement(structure, group) if fmi == 2 and listed else structure
+        for name, rows in listed:
+            kinds: dict[str, str] = {}
+            for k, kind in (item for row in rows for item in direct[row].items()):
+                if k in reference:  # else the variable is not exposed
+                    known = reference[k]
+                    kinds[known] = max(kinds.get(known, kind), kind, key=KINDS.index)
+            depends = {
+                "dependencies": " ".join(kinds),
+                "dependenciesKind": " ".join(kinds.values()),
+            }
+            SubElement(parent, "Unknown" if fmi == 2 else tag, {key: name, **depends})
+    initial: list[tuple[str, list[str]]] = []
+    for listed, knowns in (
+        (outputs, initial_knowns(eq)),
+        (states, initial_knowns(eq, "initial")),
+        (of_states, initial_knowns(eq, "rhs")),
+    ):
+        for name, rows in listed:
+            names = {reference[k] for row in rows for k in knowns[row] if k in reference}
+            initial.append((name, sorted(names, key=int)))
+    parent = structure
+    if fmi == 2 and initial:
+        initial.sort(key=lambda u: int(u[0]))  # FMI 2.0 requires this order
+        parent = SubElement(structure, "InitialUnknowns")
+    for name, depends_on in initial:
+        attributes = {key: name, "dependencies": " ".join(depends_on)}
+        SubElement(parent, "Unknown" if fmi == 2 else "InitialUnknown", attributes)
+
+
+def _state_derivatives(eq: Equations, states: Mapping[str, Variable]) -> dict[str, Variable]:
+    """Return ``der(x)`` for each continuous state, by the state's name; `Layout` places them."""
+    found: dict[str, Variable] = {}
+    for p in eq.layout.placed:
+        if p.variable.kind == "state":
+            v = states[p.variable.name]
+            found[v.name] = Variable(
+                name=f"der({v.name})",
+                type="Float64",
+                causality="local",
+                variability="continuous",
+                shape=v.shape,
+                unit=None if v.unit is None else _rate(v.unit),
+                description=f"derivative of {v.name}",
+                initial="calculated",
+                value_references=(eq.layout.derivative_of(p),),
+                element_units=tuple(None if u is None else _rate(u) for u in v.element_units),
+            )
+    return found
+
+
+def _rate(unit: str) -> str:
+    """Return a unit divided by a second: ``m/s`` becomes ``m/s2``."""
+    found = _PER_TIME.search(unit)
+    if found is None:
+        return f"{unit}/s"
+    return f"{unit[: found.start()]}/s{int(found[1] or 1) + 1}"

@@ -36,7 +36,15 @@ def unpack(path: Path, *, must_contain: str | None = None) -> Path:
     if must_contain is None:
         is_ssp = path.suffix.lower() == ".ssp"
         must_contain = "SystemStructure.ssd" if is_ssp else "modelDescription.xml"
-    data_hash = content_hash([_read(path)])
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        missing = isinstance(error, FileNotFoundError)
+        read = "no such file" if missing else f"cannot be read ({error.strerror})"
+        raise FmuError(shown(path), read, "an .fmu or .ssp archive") from None
+    if not data.startswith((b"PK\x03\x04", b"PK\x05\x06")):
+        raise FmuError(shown(path), "not a zip archive", "an .fmu or .ssp, which are zip files")
+    data_hash = content_hash([data])
     folder = cache_dir("archives") / data_hash
     _came_from[folder] = path
     try:
@@ -58,20 +66,6 @@ def shown(path: Path) -> str:
         if folder in _came_from:
             return f"{shown(_came_from[folder])}/{path.relative_to(folder).as_posix()}"
     return str(path)
-
-
-def _read(path: Path) -> bytes:
-    try:
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise FmuError(shown(path), "no such file", "an .fmu or .ssp archive") from None
-    except OSError as error:
-        raise FmuError(
-            shown(path), f"cannot be read ({error.strerror})", "an .fmu or .ssp archive"
-        ) from None
-    if not data.startswith((b"PK\x03\x04", b"PK\x05\x06")):
-        raise FmuError(shown(path), "not a zip archive", "an .fmu or .ssp, which are zip files")
-    return data
 
 
 def _checked(archive: zipfile.ZipFile, path: Path, must_contain: str) -> Iterator[zipfile.ZipInfo]:
@@ -182,9 +176,8 @@ def _extract_member(
             while chunk := source.read(_CHUNK):
                 remaining -= len(chunk)
                 if remaining < 0:
-                    raise FmuError(
-                        f"{shown(path)}: member {member.filename!r} is larger than the archive says"
-                    )
+                    read = f"member {member.filename!r} is larger than the archive declares"
+                    raise FmuError(f"{shown(path)}: {read}")
                 sink.write(chunk)
     except RuntimeError as error:
         raise FmuError(f"{shown(path)}: member {member.filename!r}: {error}") from error

@@ -9,12 +9,11 @@ from typing import ClassVar, final
 import numpy as np
 
 from uuvsim_cosim.errors import ComponentFailed
+from uuvsim_cosim.fmus.codegen.toolchain import Signatures
 from uuvsim_cosim.fmus.component import BindingKind
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.importer.fmu_access import Access, NumericAccess, StringAccess
-from uuvsim_cosim.fmus.importer.fmu_binary import FmuBinary, References
-from uuvsim_cosim.fmus.importer.fmu_library import Signatures
-from uuvsim_cosim.fmus.importer.fmu_state import Phase
+from uuvsim_cosim.fmus.importer.fmu_binary import COMMON, FmuBinary, Phase
 
 __all__ = ["Fmu2"]
 
@@ -50,14 +49,12 @@ class Fmu2(FmuBinary):
     kind = BindingKind.FMI2
     state_word = "FMUstate"
     deserialize = "DeSerializeFMUstate"
+    counts_values = False
     signatures: ClassVar[Signatures] = {
+        **COMMON,
         "Instantiate": (_P, (_S, _I, _S, _S, _P, _I, _I)),
-        "FreeInstance": (None, (_P,)),
         "SetupExperiment": (_I, (_P, _I, _D, _D, _I, _D)),
         "EnterInitializationMode": (_I, (_P,)),
-        "ExitInitializationMode": (_I, (_P,)),
-        "Terminate": (_I, (_P,)),
-        "Reset": (_I, (_P,)),
         **{f"Get{t}": _VALUES for t in ("Real", "Integer", "Boolean", "String")},
         **{f"Set{t}": _VALUES for t in ("Real", "Integer", "Boolean", "String")},
         "GetFMUstate": (_I, (_P, _P)),
@@ -70,14 +67,7 @@ class Fmu2(FmuBinary):
         "DoStep": (_I, (_P, _D, _D, _I)),
         "GetBooleanStatus": (_I, (_P, _I, _P)),
         "GetRealStatus": (_I, (_P, _I, _P)),
-        "SetTime": (_I, (_P, _D)),
-        "GetContinuousStates": (_I, (_P, _P, _Z)),
-        "SetContinuousStates": (_I, (_P, _P, _Z)),
         "GetDerivatives": (_I, (_P, _P, _Z)),
-        "GetEventIndicators": (_I, (_P, _P, _Z)),
-        "GetNominalsOfContinuousStates": (_I, (_P, _P, _Z)),
-        "EnterEventMode": (_I, (_P,)),
-        "EnterContinuousTimeMode": (_I, (_P,)),
         "NewDiscreteStates": (_I, (_P, _P)),
         "CompletedIntegratorStep": (_I, (_P, _I, _P, _P)),
     }
@@ -107,19 +97,23 @@ class Fmu2(FmuBinary):
     def set(self, variable: Variable, value: object) -> None:
         """Set a value; before Initialization Mode, it is set again on entering that mode."""
         super().set(variable, value)
-        if self._phase is Phase.INSTANTIATED:
+        if self.phase is Phase.INSTANTIATED:
             self._before[variable.name] = (variable, value)
 
-    def _enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
+    def enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
         """Enter; values are set again, as some foreign FMUs lose them in SetupExperiment."""
+        self.time = start_time
         stop = (0, 0.0) if stop_time is None else (1, stop_time)
-        self._call("SetupExperiment", 0, 0.0, start_time, *stop)
+        self.call("SetupExperiment", 0, 0.0, start_time, *stop)
         for variable, value in self._before.values():
             super().set(variable, value)
         self._before.clear()
-        self._call("EnterInitializationMode")
+        self.call("EnterInitializationMode")
+        self.phase = Phase.INITIALIZATION
 
-    def _do_step(self, time: float, step_size: float) -> None:
+    def do_step(self, current_communication_point: float, step_size: float) -> None:
+        """Advance by one communication step; raises ComponentFailed with the FMU's message."""
+        time = self.time = current_communication_point
         status = self._library.function("DoStep")(
             self._live(), time, step_size, int(self.never_goes_back)
         )
@@ -153,19 +147,6 @@ class Fmu2(FmuBinary):
             return StringAccess(variable, "String", counts_values=False)
         suffix, dtype = _NUMERIC[variable.type]
         return NumericAccess(variable, suffix, dtype, counts_values=False)
-
-    def _differentiate(
-        self, unknowns: References, knowns: References, seed: np.ndarray, result: np.ndarray
-    ) -> None:
-        self._call(
-            "GetDirectionalDerivative",
-            unknowns,
-            len(unknowns),
-            knowns,
-            len(knowns),
-            seed.ctypes.data,
-            result.ctypes.data,
-        )
 
 
 _NUMERIC: Mapping[str, tuple[str, type]] = {

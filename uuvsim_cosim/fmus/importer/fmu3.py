@@ -9,12 +9,12 @@ from typing import ClassVar, final
 import numpy as np
 
 from uuvsim_cosim.errors import ComponentFailed
+from uuvsim_cosim.fmus.codegen.toolchain import Signatures
 from uuvsim_cosim.fmus.component import BindingKind
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.description_xml import DTYPES
 from uuvsim_cosim.fmus.importer.fmu_access import Access, BinaryAccess, NumericAccess, StringAccess
-from uuvsim_cosim.fmus.importer.fmu_binary import FmuBinary, References
-from uuvsim_cosim.fmus.importer.fmu_library import Signatures
+from uuvsim_cosim.fmus.importer.fmu_binary import COMMON, FmuBinary, Phase
 
 __all__ = ["Fmu3"]
 
@@ -41,16 +41,14 @@ class Fmu3(FmuBinary):
     kind = BindingKind.FMI3
     state_word = "FMUState"
     deserialize = "DeserializeFMUState"
+    counts_values = True
     signatures: ClassVar[Signatures] = {
+        **COMMON,
         "InstantiateCoSimulation": (_P, (_S, _S, _S, _B, _B, _B, _B, _P, _Z, _P, _P, _P)),
         "InstantiateModelExchange": (_P, (_S, _S, _S, _B, _B, _P, _P)),
-        "FreeInstance": (None, (_P,)),
         "EnterInitializationMode": (_I, (_P, _B, _D, _D, _B, _D)),
-        "ExitInitializationMode": (_I, (_P,)),
         "EnterConfigurationMode": (_I, (_P,)),
         "ExitConfigurationMode": (_I, (_P,)),
-        "Terminate": (_I, (_P,)),
-        "Reset": (_I, (_P,)),
         **{f"Get{t}": _VALUES for t in _TYPES},
         **{f"Set{t}": _VALUES for t in _TYPES},
         "GetBinary": (_I, (_P, _P, _Z, _P, _P, _Z)),
@@ -65,16 +63,9 @@ class Fmu3(FmuBinary):
         "DeserializeFMUState": (_I, (_P, _P, _Z, _P)),
         "GetDirectionalDerivative": (_I, (_P, _P, _Z, _P, _Z, _P, _Z, _P, _Z)),
         "DoStep": (_I, (_P, _D, _D, _B, _P, _P, _P, _P)),
-        "SetTime": (_I, (_P, _D)),
         "GetNumberOfContinuousStates": (_I, (_P, _P)),
         "GetNumberOfEventIndicators": (_I, (_P, _P)),
-        "GetContinuousStates": (_I, (_P, _P, _Z)),
-        "SetContinuousStates": (_I, (_P, _P, _Z)),
         "GetContinuousStateDerivatives": (_I, (_P, _P, _Z)),
-        "GetEventIndicators": (_I, (_P, _P, _Z)),
-        "GetNominalsOfContinuousStates": (_I, (_P, _P, _Z)),
-        "EnterEventMode": (_I, (_P,)),
-        "EnterContinuousTimeMode": (_I, (_P,)),
         "UpdateDiscreteStates": (_I, (_P, _P, _P, _P, _P, _P, _P)),
         "CompletedIntegratorStep": (_I, (_P, _B, _P, _P)),
     }
@@ -104,14 +95,19 @@ class Fmu3(FmuBinary):
         )
         return instance
 
-    def _enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
+    def enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
+        """Enter Initialization Mode, after start values have been set."""
+        self.time = start_time
         stop = (False, 0.0) if stop_time is None else (True, stop_time)
-        self._call("EnterInitializationMode", False, 0.0, start_time, *stop)
+        self.call("EnterInitializationMode", False, 0.0, start_time, *stop)
+        self.phase = Phase.INITIALIZATION
 
-    def _do_step(self, time: float, step_size: float) -> None:
+    def do_step(self, current_communication_point: float, step_size: float) -> None:
+        """Advance by one communication step; raises ComponentFailed with the FMU's message."""
+        time = self.time = current_communication_point
         event, end, early = ctypes.c_bool(), ctypes.c_bool(), ctypes.c_bool()
         reached = ctypes.c_double(time + step_size)
-        self._call(
+        self.call(
             "DoStep",
             time,
             step_size,
@@ -137,18 +133,3 @@ class Fmu3(FmuBinary):
             return NumericAccess(variable, "Clock", np.bool_, counts_values=False)
         suffix = "Int64" if variable.type == "Enumeration" else variable.type
         return NumericAccess(variable, suffix, DTYPES[variable.type], counts_values=True)
-
-    def _differentiate(
-        self, unknowns: References, knowns: References, seed: np.ndarray, result: np.ndarray
-    ) -> None:
-        self._call(
-            "GetDirectionalDerivative",
-            unknowns,
-            len(unknowns),
-            knowns,
-            len(knowns),
-            seed.ctypes.data,
-            seed.size,
-            result.ctypes.data,
-            result.size,
-        )

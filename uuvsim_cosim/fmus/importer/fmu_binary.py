@@ -6,6 +6,7 @@ import ctypes
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Sequence
+from enum import Enum
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -13,19 +14,58 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from uuvsim_cosim.errors import ComponentFailed, FmuError
+from uuvsim_cosim.fmus.codegen.toolchain import Signatures
 from uuvsim_cosim.fmus.component import Binding, BindingKind
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.importer.fmu_access import Access
-from uuvsim_cosim.fmus.importer.fmu_library import FmuLibrary, Signatures
-from uuvsim_cosim.fmus.importer.fmu_state import FmuState, Phase
+from uuvsim_cosim.fmus.importer.fmu_library import FmuLibrary
 from uuvsim_cosim.fmus.importer.message_log import STATUS, MessageLog
 from uuvsim_cosim.fmus.importer.read_description import FmuArchive
 from uuvsim_cosim.fmus.values import flat_array
 
-__all__ = ["FmuBinary", "References", "lives_here"]
+__all__ = ["FmuBinary", "FmuState", "Phase", "lives_here"]
 
-References = ctypes.Array[ctypes.c_uint32]
+
+class Phase(Enum):
+    """Phase of an instance's life cycle; serialised states contain the value."""
+
+    INSTANTIATED = 1
+    INITIALIZATION = 2
+    STEP = 3
+    TERMINATED = 4
+    FATAL = 5
+    FREED = 6
+    FAILED = 7  # after an error in a step: the instance may be reset, restored or freed
+
+
+class FmuState:
+    """A copy of an instance's state, owned by the FMU; freed after its last reference is gone."""
+
+    def __init__(self, pointer: int, phase: Phase, orphans: list[int]) -> None:
+        self.pointer = pointer
+        self.phase = phase
+        self._orphans = orphans
+
+    def __del__(self) -> None:
+        # The instance frees it in a later call: another thread may be stepping it now.
+        self._orphans.append(self.pointer)
+
+
 _OK, _WARNING, _ERROR, _FATAL = 0, 1, 3, 4
+_P, _I, _Z = ctypes.c_void_p, ctypes.c_int, ctypes.c_size_t
+# Functions whose arguments are the same in FMI 2.0 and FMI 3.0.
+COMMON: Signatures = {
+    **dict.fromkeys(
+        ("ExitInitializationMode", "Terminate", "Reset", "EnterEventMode",
+         "EnterContinuousTimeMode"), (_I, (_P,)),
+    ),
+    **dict.fromkeys(
+        ("GetContinuousStates", "SetContinuousStates", "GetEventIndicators",
+         "GetNominalsOfContinuousStates"), (_I, (_P, _P, _Z)),
+    ),
+    "FreeInstance": (None, (_P,)),
+    "SetTime": (_I, (_P, ctypes.c_double)),
+}  # fmt: skip
 _living: Counter[Path] = Counter()  # instances in this process, by library
 
 
@@ -42,6 +82,7 @@ class FmuBinary(ABC):
     signatures: ClassVar[Signatures]
     state_word: ClassVar[str]  # FMUstate or FMUState
     deserialize: ClassVar[str]
+    counts_values: ClassVar[bool]  # whether a number of values follows their addresses
 
     def __init__(
         self,
@@ -54,8 +95,8 @@ class FmuBinary(ABC):
         self.path = path
         self.description = archive.description
         self.archive = archive
-        self._time = 0.0
-        self._phase = Phase.FREED
+        self.time = 0.0  # [s] of the last call that has one; named by errors
+        self.phase = Phase.FREED
         self._instance: int | None = None
         self._accesses: dict[str, Access] = {}
         self._states: set[int] = set()
@@ -84,7 +125,7 @@ class FmuBinary(ABC):
             )
         _living[self._library.file] += 1
         self._instance = instance
-        self._phase = Phase.INSTANTIATED
+        self.phase = Phase.INSTANTIATED
         try:
             self._configure()
         except BaseException:
@@ -97,25 +138,22 @@ class FmuBinary(ABC):
     def _instantiate(self, logging_on: bool) -> int | None: ...
 
     @abstractmethod
-    def _enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None: ...
+    def enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
+        """Enter Initialization Mode, after start values have been set."""
 
     @abstractmethod
-    def _do_step(self, time: float, step_size: float) -> None: ...
+    def do_step(self, current_communication_point: float, step_size: float) -> None:
+        """Advance by one communication step; raises ComponentFailed with the FMU's message."""
 
     @abstractmethod
     def _access(self, variable: Variable) -> Access: ...
-
-    @abstractmethod
-    def _differentiate(
-        self, unknowns: References, knowns: References, seed: np.ndarray, result: np.ndarray
-    ) -> None: ...
 
     # ---- values -------------------------------------------------------------------------------
 
     def get(self, variable: Variable) -> Any:
         """Read a value; an array is a new one of the variable's shape."""
         access = self._accessed(variable)
-        self._call(f"Get{access.suffix}", *access.arguments())
+        self.call(f"Get{access.suffix}", *access.arguments())
         return access.value()
 
     def set(self, variable: Variable, value: object) -> None:
@@ -133,16 +171,16 @@ class FmuBinary(ABC):
     def _fill(self, variable: Variable, value: object) -> None:
         access = self._accessed(variable)
         access.fill(flat_array(variable, value, f"{self.path}.{variable.name}"))
-        self._call(f"Set{access.suffix}", *access.arguments())
+        self.call(f"Set{access.suffix}", *access.arguments())
 
     def _configure(self) -> None:
         """Set the structural parameters, in Configuration Mode."""
         if not self.archive.structure:
             return
-        self._call("EnterConfigurationMode")
+        self.call("EnterConfigurationMode")
         for name, value in self.archive.structure.items():
             self._fill(self.description.variables[name], value)
-        self._call("ExitConfigurationMode")
+        self.call("ExitConfigurationMode")
 
     def _accessed(self, variable: Variable) -> Access:
         access = self._accesses.get(variable.name)
@@ -152,43 +190,32 @@ class FmuBinary(ABC):
 
     # ---- life cycle ---------------------------------------------------------------------------
 
-    def enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
-        """Enter Initialization Mode, after start values have been set."""
-        self._time = start_time
-        self._enter_initialization_mode(start_time, stop_time)
-        self._phase = Phase.INITIALIZATION
-
     def exit_initialization_mode(self) -> None:
         """Leave Initialization Mode; stepping may begin."""
-        self._call("ExitInitializationMode")
-        self._phase = Phase.STEP
-
-    def do_step(self, current_communication_point: float, step_size: float) -> None:
-        """Advance by one communication step; raises ComponentFailed with the FMU's message."""
-        self._time = current_communication_point
-        self._do_step(current_communication_point, step_size)
+        self.call("ExitInitializationMode")
+        self.phase = Phase.STEP
 
     def reset(self) -> None:
         """Go back to the state after instantiation; the library stays loaded."""
-        self._call("Reset")
-        self._phase = Phase.INSTANTIATED
+        self.call("Reset")
+        self.phase = Phase.INSTANTIATED
         self._configure()
 
     def terminate(self) -> None:
         """End stepping; does nothing if stepping never began, has ended or has failed."""
-        if self._phase is Phase.STEP:
-            self._phase = Phase.TERMINATED
-            self._call("Terminate")
+        if self.phase is Phase.STEP:
+            self.phase = Phase.TERMINATED
+            self.call("Terminate")
 
     def free(self) -> None:
         """Free the instance and its states; a second call does nothing."""
-        if self._phase is Phase.FREED:
+        if self.phase is Phase.FREED:
             return
         instance, self._instance = self._instance, None
-        if self._phase is not Phase.FATAL:  # then FMI allows no further call
+        if self.phase is not Phase.FATAL:  # then FMI allows no further call
             self._free_states(instance, list(self._states))
             self._library.function("FreeInstance")(instance)
-        self._phase = Phase.FREED
+        self.phase = Phase.FREED
         _living[self._library.file] -= 1
         self._log.free()
 
@@ -204,23 +231,23 @@ class FmuBinary(ABC):
         self._require(self.description.can_get_and_set_state, "copy its state")
         self._free_states(self._instance, self._orphans)
         pointer = ctypes.c_void_p()
-        self._call(f"Get{self.state_word}", ctypes.byref(pointer))
-        return self._state(pointer, self._phase)
+        self.call(f"Get{self.state_word}", ctypes.byref(pointer))
+        return self._state(pointer, self.phase)
 
     def set_fmu_state(self, state: FmuState) -> None:
         """Restore a state of this instance, and the phase in which it was copied."""
         if state.pointer not in self._states:
             raise FmuError(f"{self.path}: the state is of another instance")
-        self._call(f"Set{self.state_word}", state.pointer)
-        self._phase = state.phase
+        self.call(f"Set{self.state_word}", state.pointer)
+        self.phase = state.phase
 
     def serialize_fmu_state(self, state: FmuState) -> bytes:
         """Convert a state to bytes, which another instance of this FMU can read."""
         self._require(self.description.can_serialize_state, "serialise its state")
         size = ctypes.c_size_t()
-        self._call(f"Serialized{self.state_word}Size", state.pointer, ctypes.byref(size))
+        self.call(f"Serialized{self.state_word}Size", state.pointer, ctypes.byref(size))
         buffer = ctypes.create_string_buffer(size.value)
-        self._call(f"Serialize{self.state_word}", state.pointer, buffer, size.value)
+        self.call(f"Serialize{self.state_word}", state.pointer, buffer, size.value)
         return bytes([state.phase.value]) + buffer.raw
 
     def deserialize_fmu_state(self, data: bytes) -> FmuState:
@@ -230,7 +257,7 @@ class FmuBinary(ABC):
             raise FmuError(f"{self.path}: {len(data)} bytes that are no serialised state")
         pointer = ctypes.c_void_p()
         body = ctypes.create_string_buffer(data[1:], len(data) - 1)
-        self._call(self.deserialize, body, len(data) - 1, ctypes.byref(pointer))
+        self.call(self.deserialize, body, len(data) - 1, ctypes.byref(pointer))
         return self._state(pointer, Phase(data[0]))
 
     def _state(self, pointer: ctypes.c_void_p, phase: Phase) -> FmuState:
@@ -251,24 +278,6 @@ class FmuBinary(ABC):
 
     # ---- the rest -----------------------------------------------------------------------------
 
-    @property
-    def phase(self) -> Phase:
-        """The phase of the life cycle."""
-        return self._phase
-
-    @property
-    def time(self) -> float:
-        """The time of the last call that has one [s]; named by errors."""
-        return self._time
-
-    @time.setter
-    def time(self, time: float) -> None:
-        self._time = time
-
-    def call(self, name: str, *arguments: object) -> None:
-        """Call a function of the FMU by its name without prefix; raises for a bad status."""
-        self._call(name, *arguments)
-
     def directional_derivative(
         self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: ArrayLike
     ) -> np.ndarray:
@@ -281,7 +290,13 @@ class FmuBinary(ABC):
         if flat.size != expected:
             raise FmuError(self.path, f"a seed of {flat.size} numbers", expected)
         result = np.zeros(sum(v.size for v in unknowns))
-        self._differentiate(_references(unknowns), _references(knowns), flat, result)
+        arguments: list[object] = []
+        for variables in (unknowns, knowns):
+            references = [r for v in variables for r in v.value_references]
+            arguments += [(ctypes.c_uint32 * len(references))(*references), len(references)]
+        for values in (flat, result):
+            arguments += [values.ctypes.data, *([values.size] if self.counts_values else [])]
+        self.call("GetDirectionalDerivative", *arguments)
         return result
 
     def binding(self) -> Binding:
@@ -308,20 +323,20 @@ class FmuBinary(ABC):
         """Return the error for a status that the stepping loop in C got from a function."""
         messages = self._log.drain()
         if status == _FATAL:
-            self._phase = Phase.FATAL
-        elif status == _ERROR and self._phase is Phase.STEP:
-            self._phase = Phase.FAILED
+            self.phase = Phase.FATAL
+        elif status == _ERROR and self.phase is Phase.STEP:
+            self.phase = Phase.FAILED
         name = STATUS[status] if 0 <= status < len(STATUS) else f"the unknown status {status}"
         text = self._log.last(messages)
         reason = f"{self.prefix}{function} returned {name}" + (f": {text}" if text else "")
         return ComponentFailed(self.path, time, reason)
 
-    def _call(self, name: str, *arguments: object) -> None:
-        """Call a function of the FMU; raises if its status is neither ok nor warning."""
+    def call(self, name: str, *arguments: object) -> None:
+        """Call a function by its name without prefix; raises unless its status is ok or warning."""
         status = self._library.function(name)(self._live(), *arguments)
         if status not in (_OK, _WARNING):
-            failed = self.failure(name, status, self._time)
-            if self._phase in (Phase.INSTANTIATED, Phase.INITIALIZATION):
+            failed = self.failure(name, status, self.time)
+            if self.phase in (Phase.INSTANTIATED, Phase.INITIALIZATION):
                 raise FmuError(f"{self.path}: {failed.reason}")
             raise failed
         self._log.drain()
@@ -329,7 +344,7 @@ class FmuBinary(ABC):
     def _live(self) -> int:
         if self._instance is None:
             raise FmuError(f"{self.path}: used after it was freed")
-        if self._phase is Phase.FATAL:
+        if self.phase is Phase.FATAL:
             raise FmuError(self.path, "used after a fatal error", "a new instance")
         return self._instance
 
@@ -345,8 +360,3 @@ class FmuBinary(ABC):
             if v.type in types.get(letter, ("String",)) and reference in v.value_references:
                 return v.element_name(v.value_references.index(reference))
         return None
-
-
-def _references(variables: Sequence[Variable]) -> References:
-    flat = [r for v in variables for r in v.value_references]
-    return (ctypes.c_uint32 * len(flat))(*flat)

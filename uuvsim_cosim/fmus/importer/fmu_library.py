@@ -7,20 +7,22 @@ import contextlib
 import ctypes
 import os
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from uuvsim_cosim.errors import FmuError
-from uuvsim_cosim.fmus.codegen.toolchain import host
+from uuvsim_cosim.fmus.codegen.toolchain import Signatures, host
 from uuvsim_cosim.fmus.importer.read_description import FmuArchive
 from uuvsim_cosim.fmus.importer.source_code import compiled
 from uuvsim_cosim.fmus.isolation.guard import Guarded
 
 __all__ = ["FmuLibrary", "library_of"]
 
-Signatures = Mapping[str, tuple[type | None, Sequence[type]]]
+
+_addresses: dict[ctypes.CDLL, dict[str, int]] = {}
+_finalized_at_exit: set[Path] = set()
 
 
 class FmuLibrary:
@@ -43,7 +45,14 @@ class FmuLibrary:
                 f"its library {self.file.name} cannot be loaded ({error})",
                 "one that this machine can load",
             ) from None
-        _leave_in_order(self._c, self.file)
+        # The libraries of pythonfmu and pythonfmu3 clear a global from a destructor that runs after
+        # that global's own: freed memory is written, and the process may abort at its end. If the
+        # same function is called earlier, it is harmless, and so is the destructor then.
+        finalize = getattr(self._c, "finalizePythonInterpreter", None)
+        if finalize is not None and self.file not in _finalized_at_exit:
+            _finalized_at_exit.add(self.file)
+            finalize.restype, finalize.argtypes = None, ()
+            atexit.register(finalize)
 
     def function(self, name: str) -> Callable[..., Any]:
         """Bind a function at its first use; raises FmuError if the FMU does not export it."""
@@ -84,9 +93,6 @@ class FmuLibrary:
         return dict(_addresses[self._c])
 
 
-_addresses: dict[ctypes.CDLL, dict[str, int]] = {}
-
-
 @cache
 def _loaded(file: Path, inode: int) -> ctypes.CDLL:
     """Load a library once; it stays loaded until the process ends."""
@@ -112,20 +118,3 @@ def library_of(archive: FmuArchive) -> Path:
         return compiled(archive.path, archive.folder, archive.model_identifier, archive.sources)
     there = ", ".join(archive.binaries) or "none, and no sources that are listed"
     raise FmuError(f"{archive.path}: no binary for this platform, {folders[0]}; there are: {there}")
-
-
-_left_in_order: set[Path] = set()
-
-
-def _leave_in_order(library: ctypes.CDLL, file: Path) -> None:
-    """Let an FMU by pythonfmu or pythonfmu3 release Python before the process exits.
-
-    Their libraries clear a global from a destructor that runs after that global's own: freed
-    memory is written, and the process may abort at its end. If the same function is called
-    earlier, it is harmless, and so is the destructor then.
-    """
-    finalize = getattr(library, "finalizePythonInterpreter", None)
-    if finalize is not None and file not in _left_in_order:
-        _left_in_order.add(file)
-        finalize.restype, finalize.argtypes = None, ()
-        atexit.register(finalize)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 
 from uuvsim_cosim.errors import InputInvalid, ParameterInvalid
+from uuvsim_cosim.fmus.component import Component
 from uuvsim_cosim.fmus.description import Description, Variable
 from uuvsim_cosim.fmus.description_xml import DTYPES
 from uuvsim_cosim.fmus.values import parse_value
 from uuvsim_cosim.models.declaration.near_names import expected_names
 
-__all__ = ["Series", "find_element", "read_input_csv"]
+__all__ = ["Series", "apply_series", "find_element", "read_input_csv", "series_of"]
 
 
 @dataclass(frozen=True)
@@ -145,16 +146,6 @@ def _number(text: str, place: str) -> float:
     return value
 
 
-def _samples(variable: Variable, given: object) -> np.ndarray:
-    """Return samples as an exact array: NumPy would convert large integers to floats."""
-    values = np.asarray(given)
-    if values.dtype.kind in "fO" and DTYPES[variable.type] is not np.object_:
-        whole = np.asarray(given, dtype=object)
-        if all(isinstance(x, (int, np.integer)) for x in whole.ravel()):
-            return whole
-    return values
-
-
 def series_of(columns: Mapping[str, Any], description: Description) -> list[Series]:
     """Read a mapping of arrays, one of them ``time``; arrays of vectors are (samples, n)."""
     time = np.asarray(columns["time"], dtype=float).ravel()
@@ -169,7 +160,12 @@ def series_of(columns: Mapping[str, Any], description: Description) -> list[Seri
             chosen = [(inputs[name], e) for e in range(inputs[name].size)]
         else:
             chosen = [find_element(list(inputs.values()), name, "inputs")]
-        values = _samples(chosen[0][0], given)
+        values = np.asarray(given)
+        if values.dtype.kind in "fO" and DTYPES[chosen[0][0].type] is not np.object_:
+            # NumPy would convert large integers to floats.
+            whole = np.asarray(given, dtype=object)
+            if all(isinstance(x, (int, np.integer)) for x in whole.ravel()):
+                values = whole
         if values.size != time.size * len(chosen):
             raise InputInvalid(
                 "inputs",
@@ -179,3 +175,21 @@ def series_of(columns: Mapping[str, Any], description: Description) -> list[Seri
         table = values.reshape(time.size, len(chosen))
         result += [Series(v, e, time, table[:, i]) for i, (v, e) in enumerate(chosen)]
     return result
+
+
+def apply_series(component: Component, series: Iterable[Series], t: float) -> None:
+    """Set the inputs that have a series; elements of an array without one keep their values."""
+    groups: dict[str, list[Series]] = {}
+    for s in series:
+        groups.setdefault(s.variable.name, []).append(s)
+    for group in groups.values():
+        variable = group[0].variable
+        if not variable.shape:
+            component.set(variable, group[0].at(t))
+            continue
+        flat: np.ndarray = np.empty(variable.size, dtype=DTYPES[variable.type])
+        if len(group) < variable.size:
+            flat[:] = np.asarray(component.get(variable)).ravel()
+        for s in group:
+            flat[s.element] = s.at(t)
+        component.set(variable, flat.reshape(variable.shape))

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from functools import lru_cache
 
 from uuvsim_cosim.content import content
-from uuvsim_cosim.fmus.codegen.toolchain import compile_shared
+from uuvsim_cosim.fmus.codegen.toolchain import Signatures, compile_shared, load_library
 
 __all__ = ["STATUS", "MessageLog", "logger_library"]
 
@@ -23,14 +23,15 @@ _VARIABLE = re.compile(r"#([ribs])(\d+)#")
 def logger_library() -> ctypes.CDLL:
     """Load the C side of the log; compiled at first use."""
     source = content("fmus", "runtime", "fmi", "uuv_logger.c")
-    c = ctypes.CDLL(str(compile_shared([source], name="uuv_logger")))
     pointer = ctypes.c_void_p
-    c.uuv_log_new.restype, c.uuv_log_new.argtypes = pointer, []
-    c.uuv_log_free.restype, c.uuv_log_free.argtypes = None, [pointer]
-    c.uuv_log_take.restype, c.uuv_log_take.argtypes = ctypes.c_int32, [pointer] * 4
-    c.uuv_log_lost.restype, c.uuv_log_lost.argtypes = ctypes.c_uint64, [pointer]
-    c.uuv_release.restype, c.uuv_release.argtypes = None, [pointer]
-    return c
+    signatures: Signatures = {
+        "uuv_log_new": (pointer, []),
+        "uuv_log_free": (None, [pointer]),
+        "uuv_log_take": (ctypes.c_int32, [pointer] * 4),
+        "uuv_log_lost": (ctypes.c_uint64, [pointer]),
+        "uuv_release": (None, [pointer]),
+    }
+    return load_library(compile_shared([source], name="uuv_logger"), signatures)
 
 
 class MessageLog:

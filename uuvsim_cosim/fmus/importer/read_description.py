@@ -40,7 +40,6 @@ class FmuArchive:
     enumerations: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
     default_start_time: float | None = None
     default_stop_time: float | None = None
-    log_categories: tuple[str, ...] = ()
     interface: Interface = "CoSimulation"  # the one that is used
     interfaces: tuple[Interface, ...] = ("CoSimulation",)  # those that the FMU has
     adjoint_derivatives: bool = False  # of FMI 3.0; not used here
@@ -76,20 +75,40 @@ def read_fmu(
     version = next((v for v in ("2.0", "3.0") if text == v or text.startswith(f"{v}.")), None)
     if version is None:
         raise source.fault("fmiVersion", f"{text!r}", "an FMU of FMI 2.0 or 3.0")
-    chosen, element = _interface(path, root, interface)
+    there = {i: e for i in _INTERFACES if (e := root.find(i)) is not None}
+    chosen = next((i for i in there if interface in (None, i)), None)
+    if chosen is None and interface is not None:
+        raise FmuError(shown(path), f"has no {interface}", f"one of {', '.join(there) or 'none'}")
+    if chosen is None:
+        scheduled = root.find("ScheduledExecution") is not None
+        only = "ScheduledExecution" if scheduled else "nothing that FMI knows"
+        raise FmuError(shown(path), f"is for {only} only", "Co-Simulation or Model Exchange")
+    element = there[chosen]
     read = read_variables_fmi2 if version == "2.0" else read_variables_fmi3
     variables, enumerations = read(source, root)
-    given = {
-        n: _structural_value(n, v, variables, shown(path)) for n, v in (structure or {}).items()
-    }
+    given: dict[str, object] = {}
+    for name, value in (structure or {}).items():
+        place = f"{shown(path)}: structural parameter {name}"
+        variable = variables.get(name)
+        if variable is None or variable.causality != "structuralParameter":
+            known = [v.name for v in variables.values() if v.causality == "structuralParameter"]
+            expected = f"one of {', '.join(known) or 'none'}"
+            raise ParameterInvalid(place, "there is none of this name", expected)
+        read_value = parse_value(variable, value, place) if isinstance(value, str) else value
+        given[name] = checked_start(variable, read_value, place)
     if given:
         _restructure(root, given, variables)
         variables, enumerations = read(source, root)
     for name in variables.keys() & enumerations.keys():
         items = tuple((item, number) for number, item in enumerations[name].items())
         variables[name] = replace(variables[name], items=items)
-    experiment = root.find("DefaultExperiment")
-    where = "DefaultExperiment"
+
+    def of_experiment(attribute: str) -> float | None:
+        experiment = root.find("DefaultExperiment")
+        if experiment is None:
+            return None
+        return source.optional_number(experiment, attribute, "DefaultExperiment")
+
     description = Description(
         name=source.required(root, "modelName", "the document"),
         kind="FMI 2.0" if version == "2.0" else "FMI 3.0",
@@ -100,9 +119,7 @@ def read_fmu(
         description=root.get("description", ""),
         generation_tool=root.get("generationTool", ""),
         units=read_units(source, root),
-        default_step_size=(
-            None if experiment is None else source.optional_number(experiment, "stepSize", where)
-        ),
+        default_step_size=of_experiment("stepSize"),
         can_get_and_set_state=flag(element, "canGetAndSetFMUstate", "canGetAndSetFMUState"),
         can_serialize_state=flag(element, "canSerializeFMUstate", "canSerializeFMUState"),
         can_be_instantiated_only_once=flag(element, "canBeInstantiatedOnlyOncePerProcess"),
@@ -122,61 +139,20 @@ def read_fmu(
         model_identifier=identifier,
         binaries=tuple(sorted(platforms)),
         enumerations=enumerations,
-        default_start_time=(
-            None if experiment is None else source.optional_number(experiment, "startTime", where)
-        ),
-        default_stop_time=(
-            None if experiment is None else source.optional_number(experiment, "stopTime", where)
-        ),
-        log_categories=tuple(c.get("name", "") for c in root.iterfind("LogCategories/Category")),
+        default_start_time=of_experiment("startTime"),
+        default_stop_time=of_experiment("stopTime"),
         interface=chosen,
-        interfaces=tuple(i for i in _INTERFACES if root.find(i) is not None),
+        interfaces=tuple(there),
         adjoint_derivatives=element.get("providesAdjointDerivatives", "false").strip()
         in ("true", "1"),
         n_states=len(root.findall("ModelStructure/Derivatives/Unknown")),
         n_event_indicators=source.natural(
             root.get("numberOfEventIndicators", "0"), "numberOfEventIndicators", "the document"
         ),
-        tolerance=(
-            None if experiment is None else source.optional_number(experiment, "tolerance", where)
-        )
-        or 1e-6,
+        tolerance=of_experiment("tolerance") or 1e-6,
         sources=read_sources(folder, element, identifier, shown(path)),
         structure=given,
     )
-
-
-def _interface(path: Path, root: Element, wanted: str | None) -> tuple[Interface, Element]:
-    """Return the interface that is used, and its element; raises FmuError if there is none."""
-    there = [i for i in _INTERFACES if root.find(i) is not None]
-    for interface in there:
-        found = root.find(interface)
-        if found is not None and wanted in (None, interface):
-            return interface, found
-    if wanted is not None:
-        raise FmuError(shown(path), f"has no {wanted}", f"one of {', '.join(there) or 'none'}")
-    only = "ScheduledExecution" if root.find("ScheduledExecution") is not None else ""
-    raise FmuError(
-        shown(path),
-        f"is for {only or 'nothing that FMI knows'} only",
-        "Co-Simulation or Model Exchange",
-    )
-
-
-def _structural_value(
-    name: str, value: object, variables: Mapping[str, Variable], place: str
-) -> object:
-    """Convert the value of a structural parameter to its type; raises ParameterInvalid."""
-    where = f"{place}: structural parameter {name}"
-    variable = variables.get(name)
-    if variable is None or variable.causality != "structuralParameter":
-        known = [v.name for v in variables.values() if v.causality == "structuralParameter"]
-        raise ParameterInvalid(
-            where, "there is none of this name", f"one of {', '.join(known) or 'none'}"
-        )
-    if isinstance(value, str):
-        value = parse_value(variable, value, where)
-    return checked_start(variable, value, where)
 
 
 def _restructure(

@@ -5,13 +5,12 @@ from __future__ import annotations
 import contextlib
 import shutil
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
 from uuvsim_cosim.cache import content_hash, whole_file
 from uuvsim_cosim.errors import FmuError, ToolchainError
-from uuvsim_cosim.fmus.codegen.toolchain import compile_shared, host
+from uuvsim_cosim.fmus.codegen.toolchain import compile_shared, fmi_headers, host
 from uuvsim_cosim.fmus.importer.safe_xml import read_xml
 
 __all__ = ["Sources", "compiled", "read_sources"]
@@ -46,28 +45,23 @@ def read_sources(folder: Path, interface: Element, identifier: str, place: str) 
     root = read_xml(build, place=f"{place}/sources/buildDescription.xml")
     for configuration in root.iterfind("BuildConfiguration"):
         platform = configuration.get("platform")
-        if configuration.get("modelIdentifier") == identifier and platform in (None, host().fmi3):
-            return _configured(configuration)
+        if configuration.get("modelIdentifier") != identifier:
+            continue
+        if platform not in (None, host().fmi3):
+            continue
+        names = {
+            tag: tuple(e.get("name", "") for e in configuration.iterfind(tag))
+            for tag in ("SourceFileSet/SourceFile", "SourceFileSet/IncludeDirectory", "Library")
+        }
+        files, includes, external = names.values()
+        definitions = tuple(
+            d.get("name", "") + ("" if d.get("value") is None else f"={d.get('value')}")
+            for d in configuration.iterfind("SourceFileSet/PreprocessorDefinition")
+            if d.get("optional") != "true"
+        )
+        libraries = tuple(name for name in external if name not in ("m", "libm"))
+        return Sources(files, definitions, includes, libraries)
     return None
-
-
-def _configured(xml: Element) -> Sources:
-    def names(tag: str) -> tuple[str, ...]:
-        return tuple(e.get("name", "") for e in xml.iterfind(tag))
-
-    definitions = [
-        f"{d.get('name', '')}={d.get('value')}" if d.get("value") is not None
-        else d.get("name", "")
-        for d in xml.iterfind("SourceFileSet/PreprocessorDefinition")
-        if d.get("optional") != "true"
-    ]  # fmt: skip
-    external = [e.get("name", "") for e in xml.iterfind("Library")]
-    return Sources(
-        names("SourceFileSet/SourceFile"),
-        tuple(definitions),
-        names("SourceFileSet/IncludeDirectory"),
-        tuple(name for name in external if name not in ("m", "libm")),
-    )
 
 
 def compiled(archive: Path, folder: Path, identifier: str, sources: Sources) -> Path:
@@ -95,10 +89,7 @@ def compiled(archive: Path, folder: Path, identifier: str, sources: Sources) -> 
             f".c files, or a binary for {machine.fmi2}",
         )
     includes = [root, *(_inside(root, name, archive) for name in sources.includes)]
-    spec = find_spec("fmpy")  # its FMI headers serve sources without their own
-    if spec is None or spec.origin is None:
-        raise FmuError("the package 'fmpy' is missing", "`pip install fmpy`")
-    includes.append(Path(spec.origin).parent / "c-code")
+    includes.append(fmi_headers())  # for sources without their own
     # Sources include each other: the key of the cache depends on all files in the folder.
     every = sorted(f for f in root.rglob("*") if f.is_file())
     key = content_hash([str(f.relative_to(root)) for f in every] + [f.read_bytes() for f in every])

@@ -30,7 +30,19 @@ def read_variables_fmi3(
         for e in root.iterfind("TypeDefinitions/*")
     }
     elements = [e for e in root.iterfind("ModelVariables/*") if e.tag in get_args(VariableType)]
-    extents = _structural(source, elements)
+    # Start values of structural parameters, by value reference. Those of other types, for example a
+    # Boolean that selects equations, cannot be a dimension.
+    extents: dict[int, int] = {}
+    for e in elements:
+        if e.get("causality") != "structuralParameter" or e.find("Dimension") is not None:
+            continue
+        where = f"structural parameter {e.get('name')!r}"
+        start = e.get("start")
+        if start is None:
+            raise source.fault(where, "no start", "a start value")
+        value = source.value(e.tag, start, where)  # type: ignore[arg-type]
+        if e.tag in _WHOLE:
+            extents[source.natural(e.get("valueReference"), "valueReference", where)] = value
     variables: dict[str, Variable] = {}
     enumerations: dict[str, Mapping[int, str]] = {}
     for element in elements:
@@ -45,29 +57,13 @@ def read_variables_fmi3(
             variables[v.name] = v
             if v.type == "Enumeration" and declared is not None:
                 enumerations[v.name] = declared.items
-    for name, names in _dependencies(source, root, variables).items():
+    known = {v.value_references[0]: v for v in reversed(list(variables.values()))}
+    path, expected = "ModelStructure/Output", "that of a variable"
+    outputs = source.dependencies(root, path, "valueReference", known, "value reference", expected)
+    for reference, names in outputs.items():
+        name = known[reference].name
         variables[name] = replace(variables[name], dependencies=names)
     return variables, enumerations
-
-
-def _structural(source: Source, elements: list[Element]) -> dict[int, int]:
-    """Return the whole start values of structural parameters, by value reference.
-
-    Those of other types, for example a Boolean that selects equations, cannot be a dimension.
-    """
-    extents: dict[int, int] = {}
-    for e in elements:
-        if e.get("causality") != "structuralParameter" or e.find("Dimension") is not None:
-            continue
-        where = f"structural parameter {e.get('name')!r}"
-        start = e.get("start")
-        if start is None:
-            raise source.fault(where, "no start", "a start value")
-        value = source.value(e.tag, start, where)  # type: ignore[arg-type]
-        if e.tag in _WHOLE:
-            reference = source.natural(e.get("valueReference"), "valueReference", where)
-            extents[reference] = value
-    return extents
 
 
 def _variable(
@@ -75,55 +71,46 @@ def _variable(
 ) -> tuple[Variable, SimpleType | None]:
     name = source.required(element, "name", "a variable")
     where = f"variable {name!r}"
-    kind: VariableType = element.tag  # type: ignore[assignment]
-    declared_name = element.get("declaredType")
-    declared = types.get(declared_name) if declared_name is not None else None
-    if declared_name is not None and declared is None:
-        raise source.fault(where, f"unknown type {declared_name!r}", "one of TypeDefinitions")
-    attributes = {**(declared.attributes if declared else {}), **element.attrib}
-    shape = tuple(_extent(source, d, extents, where) for d in element.iterfind("Dimension"))
+    type_: VariableType = element.tag  # type: ignore[assignment]
+    declared, attributes = source.declared(element, types, where)
+    extent: list[int] = []
+    for dimension in element.iterfind("Dimension"):
+        if dimension.get("start") is not None:
+            extent.append(source.natural(dimension.get("start"), "Dimension start", where))
+            continue
+        text = dimension.get("valueReference")
+        reference = source.natural(text, "Dimension valueReference", where)
+        if reference not in extents:
+            raise source.fault(
+                where,
+                f"a dimension by value reference {reference}",
+                "that of a whole structural parameter",
+            )
+        extent.append(source.natural(str(extents[reference]), "Dimension", where))
+    shape = tuple(extent)
     size = math.prod(shape)
     if size > MAX_SIZE:
         raise source.fault(where, f"{size} elements", f"at most {MAX_SIZE}")
-    causality = source.causality(element, where)
     # FMI 3.0 has one unit for an array; if those of elements differ, our annotation lists them.
     note = element.find(f"Annotations/Annotation[@type='{UNITS_ANNOTATION}']")
     units = tuple((note.text or "").split()) if note is not None else ()
-    variable = Variable(
-        name=name,
-        type=kind,
-        causality=causality,
-        variability=source.variability(element, causality, kind, where),
+    variable = source.variable(
+        element,
+        attributes,
+        type_,
+        where,
         shape=shape,
-        unit=attributes.get("unit"),
         element_units=units if len(units) == size else (),
-        start=_start(source, element, kind, shape, where),
-        min=source.bound(attributes, "min", kind, where),
-        max=source.bound(attributes, "max", kind, where),
+        start=_start(source, element, type_, shape, where),
         description=attributes.get("description", ""),
-        initial=element.get("initial"),
-        value_references=(source.natural(element.get("valueReference"), "valueReference", where),),
     )
     return variable, declared
 
 
-def _extent(source: Source, dimension: Element, extents: Mapping[int, int], where: str) -> int:
-    if dimension.get("start") is not None:
-        return source.natural(dimension.get("start"), "Dimension start", where)
-    reference = source.natural(dimension.get("valueReference"), "Dimension valueReference", where)
-    if reference not in extents:
-        raise source.fault(
-            where,
-            f"a dimension by value reference {reference}",
-            "that of a whole structural parameter",
-        )
-    return source.natural(str(extents[reference]), "Dimension", where)
-
-
 def _start(
-    source: Source, element: Element, kind: VariableType, shape: tuple[int, ...], where: str
+    source: Source, element: Element, type_: VariableType, shape: tuple[int, ...], where: str
 ) -> Any:
-    if kind in ("String", "Binary"):
+    if type_ in ("String", "Binary"):
         texts = [e.get("value", "") for e in element.iterfind("Start")]
     elif shape:
         texts = element.get("start", "").split()
@@ -131,7 +118,7 @@ def _start(
         texts = [element.get("start", "")] if element.get("start") is not None else []
     if not texts:
         return None
-    values = [source.value(kind, text, where) for text in texts]
+    values = [source.value(type_, text, where) for text in texts]
     if not shape:
         return values[0]
     size = math.prod(shape)
@@ -139,29 +126,9 @@ def _start(
         values = values * size
     if len(values) != size:
         raise source.fault(where, f"{len(values)} start values", f"1 or {size}")
-    flat = np.empty(size, dtype=DTYPES[kind])
+    flat = np.empty(size, dtype=DTYPES[type_])
     try:
         flat[:] = values
     except OverflowError:
-        raise source.fault(where, "a start value out of range", f"values of {kind}") from None
+        raise source.fault(where, "a start value out of range", f"values of {type_}") from None
     return flat.reshape(shape)
-
-
-def _dependencies(
-    source: Source, root: Element, variables: Mapping[str, Variable]
-) -> dict[str, tuple[str, ...]]:
-    by_reference = {v.value_references[0]: v for v in reversed(list(variables.values()))}
-    declared: dict[str, tuple[str, ...]] = {}
-    for output in root.iterfind("ModelStructure/Output"):
-        where = "ModelStructure/Output"
-        listed = output.get("dependencies")
-        own = source.natural(output.get("valueReference"), "valueReference", where)
-        references = [source.natural(t, "dependency", where) for t in (listed or "").split()]
-        for r in (own, *references):
-            if r not in by_reference:
-                raise source.fault(where, f"value reference {r}", "that of a variable")
-        if listed is not None:
-            known = (by_reference[r] for r in references)
-            inputs = tuple(v.name for v in known if v.causality == "input")
-            declared[by_reference[own].name] = inputs
-    return declared

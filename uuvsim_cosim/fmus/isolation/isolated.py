@@ -15,18 +15,25 @@ import sys
 import tempfile
 import threading
 from collections.abc import Callable, Sequence
+from threading import TIMEOUT_MAX
 from typing import IO, TYPE_CHECKING, Any, Protocol, final
 
-from uuvsim_cosim.errors import ComponentFailed, FmuError, UuvsimError
+from uuvsim_cosim.errors import ComponentFailed, FmuError, InputInvalid, UuvsimError
 from uuvsim_cosim.fmus.component import Binding, BindingKind, Component
 from uuvsim_cosim.fmus.description import Description, Variable
-from uuvsim_cosim.fmus.isolation.watchdog import check_watchdog
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike
 
-__all__ = ["Isolated"]
+__all__ = ["Isolated", "check_watchdog"]
+
+
+def check_watchdog(seconds: float, what: str = "watchdog") -> None:
+    """Check a time limit; raises InputInvalid."""
+    if not 0.0 < seconds <= TIMEOUT_MAX:
+        raise InputInvalid(f"{what} {seconds:g}: expected more than 0 seconds, such as 30")
+
 
 _GRACE = 2.0  # [s] for a child to end by itself
 _START = 60.0  # [s] at least, for a child to start Python and import its modules
@@ -250,7 +257,7 @@ class Isolated:
             self._call("why", time)
         except UuvsimError as error:
             return error
-        return ComponentFailed(self.path, time, "it failed, and does not say why")
+        return ComponentFailed(self.path, time, "it failed, and gives no reason")
 
     def lost(self, time: float, *, late: bool) -> ComponentFailed:
         """Return the error for a child that died in a step, or did not answer."""
@@ -315,7 +322,8 @@ class Isolated:
         try:
             if call is not None:
                 _send(child.stdin, call)
-            status, result, messages = _load(child.stdout)
+            assert child.stdout is not None
+            status, result, messages = pickle.load(child.stdout)
         except (EOFError, OSError, pickle.UnpicklingError):
             raise self._died(child, late.is_set()) from None
         except BaseException:  # an interruption: the next call must not read this call's answer
@@ -363,8 +371,3 @@ def _send(pipe: IO[bytes] | None, message: object) -> None:
     assert pipe is not None
     pickle.dump(message, pipe, protocol=pickle.HIGHEST_PROTOCOL)
     pipe.flush()
-
-
-def _load(pipe: IO[bytes] | None) -> Any:
-    assert pipe is not None
-    return pickle.load(pipe)

@@ -12,6 +12,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, Protocol
 
 from uuvsim_cosim.errors import ComponentFailed, UuvsimError
@@ -68,7 +69,13 @@ class Served:
         if method in ("get_fmu_state", "deserialize_fmu_state"):
             number = next(self._numbers)
             self._states[number] = result
-            return (number, self._serialized(result)) if method == "get_fmu_state" else number
+            if method == "deserialize_fmu_state":
+                return number
+            data = None
+            if self.component is not None and self.component.description.can_serialize_state:
+                with suppress(Exception):  # such a state can still be restored in this process
+                    data = self.component.serialize_fmu_state(result)
+            return number, data
         return result
 
     def _stepping(self, method: str, arguments: tuple[Any, ...]) -> object:
@@ -87,15 +94,6 @@ class Served:
             drain = getattr(component, "drain_messages", None)
             return None if drain is None else drain()
         return None
-
-    def _serialized(self, state: object) -> bytes | None:
-        component = self.component
-        if component is None or not component.description.can_serialize_state:
-            return None
-        try:
-            return component.serialize_fmu_state(state)
-        except Exception:  # such a state can still be restored in this process
-            return None
 
     def _resolved(self, method: str, arguments: tuple[Any, ...]) -> tuple[object, ...]:
         """Replace names by variables; the parent sends names, as they are shorter."""

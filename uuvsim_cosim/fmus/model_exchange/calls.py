@@ -6,6 +6,7 @@ import ctypes
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar, final
 
 from uuvsim_cosim.fmus.importer.fmu2 import Fmu2
@@ -26,48 +27,32 @@ class Event:
 class Calls(ABC):
     """The calls of one instance; arrays are passed as pointers to double, with their size."""
 
-    fmu: Fmu2 | Fmu3
     states: int
     indicators: int
     derivatives: ClassVar[str]
-    nominals: ClassVar[str]
+    boolean: ClassVar[type[ctypes.c_int | ctypes.c_bool]]
 
-    def set_time(self, time: float) -> None:
-        """Set the independent variable [s]."""
-        self.fmu.call("SetTime", time)
-
-    def get_states(self, pointer: object, n: int) -> None:
-        """Read the continuous states."""
-        self.fmu.call("GetContinuousStates", pointer, n)
-
-    def set_states(self, pointer: object, n: int) -> None:
-        """Set the continuous states."""
-        self.fmu.call("SetContinuousStates", pointer, n)
-
-    def get_derivatives(self, pointer: object, n: int) -> None:
-        """Read the states' derivatives."""
-        self.fmu.call(self.derivatives, pointer, n)
+    def __init__(self, fmu: Fmu2 | Fmu3) -> None:
+        self.fmu = fmu
+        self.set_time = partial(fmu.call, "SetTime")
+        self.get_states = partial(fmu.call, "GetContinuousStates")
+        self.set_states = partial(fmu.call, "SetContinuousStates")
+        self.get_derivatives = partial(fmu.call, self.derivatives)
+        self.get_nominals = partial(fmu.call, "GetNominalsOfContinuousStates")
+        self.enter_continuous_time_mode = partial(fmu.call, "EnterContinuousTimeMode")
+        self.enter_event_mode = partial(fmu.call, "EnterEventMode")
 
     def get_indicators(self, pointer: object, n: int) -> None:
         """Read the event indicators."""
         if n:
             self.fmu.call("GetEventIndicators", pointer, n)
 
-    def get_nominals(self, pointer: object, n: int) -> None:
-        """Read the states' nominal values."""
-        self.fmu.call(self.nominals, pointer, n)
-
-    def enter_continuous_time_mode(self) -> None:
-        """Leave Event Mode."""
-        self.fmu.call("EnterContinuousTimeMode")
-
-    def enter_event_mode(self) -> None:
-        """Leave Continuous-Time Mode."""
-        self.fmu.call("EnterEventMode")
-
-    @abstractmethod
     def completed_integrator_step(self) -> tuple[bool, bool]:
         """Return whether the FMU wants an event, and whether it ends the simulation."""
+        event, end = self.boolean(), self.boolean()
+        last = self.fmu.never_goes_back
+        self.fmu.call("CompletedIntegratorStep", last, ctypes.byref(event), ctypes.byref(end))
+        return bool(event.value), bool(end.value)
 
     @abstractmethod
     def update_discrete_states(self) -> Event:
@@ -92,19 +77,12 @@ class Calls2(Calls):
     """FMI 2.0."""
 
     derivatives = "GetDerivatives"
-    nominals = "GetNominalsOfContinuousStates"
+    boolean = ctypes.c_int
 
     def __init__(self, fmu: Fmu2) -> None:
-        self.fmu = fmu
+        super().__init__(fmu)
         self.states = fmu.archive.n_states
         self.indicators = fmu.archive.n_event_indicators
-
-    def completed_integrator_step(self) -> tuple[bool, bool]:
-        """Return whether the FMU wants an event, and whether it ends the simulation."""
-        event, end = ctypes.c_int(), ctypes.c_int()
-        last = int(self.fmu.never_goes_back)
-        self.fmu.call("CompletedIntegratorStep", last, ctypes.byref(event), ctypes.byref(end))
-        return bool(event.value), bool(end.value)
 
     def update_discrete_states(self) -> Event:
         """Make one round of event iteration."""
@@ -119,19 +97,15 @@ class Calls3(Calls):
     """FMI 3.0."""
 
     derivatives = "GetContinuousStateDerivatives"
-    nominals = "GetNominalsOfContinuousStates"
+    boolean = ctypes.c_bool
 
     def __init__(self, fmu: Fmu3) -> None:
-        self.fmu = fmu
-        self.states = self._count("GetNumberOfContinuousStates")
-        self.indicators = self._count("GetNumberOfEventIndicators")
-
-    def completed_integrator_step(self) -> tuple[bool, bool]:
-        """Return whether the FMU wants an event, and whether it ends the simulation."""
-        event, end = ctypes.c_bool(), ctypes.c_bool()
-        last = self.fmu.never_goes_back
-        self.fmu.call("CompletedIntegratorStep", last, ctypes.byref(event), ctypes.byref(end))
-        return event.value, end.value
+        super().__init__(fmu)
+        count = ctypes.c_size_t()
+        fmu.call("GetNumberOfContinuousStates", ctypes.byref(count))
+        self.states = count.value
+        fmu.call("GetNumberOfEventIndicators", ctypes.byref(count))
+        self.indicators = count.value
 
     def update_discrete_states(self) -> Event:
         """Make one round of event iteration."""
@@ -140,8 +114,3 @@ class Calls3(Calls):
         flags = (again, end, nominals, values, defined)
         self.fmu.call("UpdateDiscreteStates", *map(ctypes.byref, flags), ctypes.byref(next_time))
         return Event(again.value, end.value, next_time.value if defined.value else math.inf)
-
-    def _count(self, function: str) -> int:
-        n = ctypes.c_size_t()
-        self.fmu.call(function, ctypes.byref(n))
-        return n.value

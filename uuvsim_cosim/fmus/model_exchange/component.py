@@ -8,18 +8,14 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Sequence
-from typing import Any, final
-
-import numpy as np
-from numpy.typing import ArrayLike
+from typing import final
 
 from uuvsim_cosim.errors import ComponentFailed, FmuError
 from uuvsim_cosim.fmus.component import Binding, BindingKind
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.importer.fmu2 import Fmu2
 from uuvsim_cosim.fmus.importer.fmu3 import Fmu3
-from uuvsim_cosim.fmus.importer.fmu_state import FmuState, Phase
+from uuvsim_cosim.fmus.importer.fmu_binary import FmuState, Phase
 from uuvsim_cosim.fmus.model_exchange.calls import Calls, Calls2, Calls3
 from uuvsim_cosim.fmus.model_exchange.solver import Solver
 
@@ -40,16 +36,15 @@ class ModelExchange:
         self.description = fmu.description
         self.messages = fmu.messages
         self._fmu = fmu
+        self.get, self.directional_derivative = fmu.get, fmu.directional_derivative
+        self.enter_initialization_mode = fmu.enter_initialization_mode
+        self.terminate, self.drain_messages = fmu.terminate, fmu.drain_messages
         self._calls: Calls | None = None
         self._solver: Solver | None = None
         self._next_event = math.inf
         self._stiff_before = False  # and this has been reported
 
     # ---- values and life cycle ----------------------------------------------------------------
-
-    def get(self, variable: Variable) -> Any:
-        """Read a value."""
-        return self._fmu.get(variable)
 
     def set(self, variable: Variable, value: object) -> None:
         """Set a value; between steps, only continuous inputs are set outside of Event Mode."""
@@ -63,10 +58,6 @@ class ModelExchange:
         self._fmu.set(variable, value)
         self._iterate_event(self._fmu.time)
 
-    def enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
-        """Enter Initialization Mode, after start values have been set."""
-        self._fmu.enter_initialization_mode(start_time, stop_time)
-
     def exit_initialization_mode(self) -> None:
         """Leave Initialization Mode, which ends in Event Mode; stepping may begin."""
         self._fmu.exit_initialization_mode()
@@ -78,10 +69,6 @@ class ModelExchange:
         """Go back to the state after instantiation."""
         self._solver = self._calls = None
         self._fmu.reset()
-
-    def terminate(self) -> None:
-        """End stepping."""
-        self._fmu.terminate()
 
     def free(self) -> None:
         """Free the instance; a second call does nothing."""
@@ -106,16 +93,6 @@ class ModelExchange:
         if len(data) < 8:
             raise FmuError(f"{self.path}: {len(data)} bytes that are no serialised state")
         return self._fmu.deserialize_fmu_state(data[8:]), struct.unpack("<d", data[:8])[0]
-
-    def directional_derivative(
-        self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: ArrayLike
-    ) -> np.ndarray:
-        """Return d(unknowns)/d(knowns) · seed, flat."""
-        return self._fmu.directional_derivative(unknowns, knowns, seed)
-
-    def drain_messages(self) -> None:
-        """Fetch the FMU's new messages."""
-        self._fmu.drain_messages()
 
     def binding(self) -> Binding:
         """Return that the stepping loop in C has to call Python."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any, final
 
 import numpy as np
@@ -67,7 +68,13 @@ class Solver:
 
         rtol = max(self._tolerance, 3e-14)
         atol: Any = self._tolerance * np.abs(self._nominals)  # one for each state, unlike its type
-        rk = RK45(self._rhs, time, x, until, rtol=rtol, atol=atol, first_step=until - time)
+
+        def rhs(time: float, x: Array) -> Array:
+            self._set(time, x)
+            self._calls.get_derivatives(self._dx.ctypes.data, self._dx.size)
+            return self._dx.copy()
+
+        rk = RK45(rhs, time, x, until, rtol=rtol, atol=atol, first_step=until - time)
         stability = 0.0
         with np.errstate(over="ignore", invalid="ignore"):  # in steps that RK45 then rejects
             for n in range(1, _STEPS + 1):
@@ -107,10 +114,11 @@ class Solver:
 
         self._set(time, x)
         calls, kept = self._calls, _Kept()
+        held = SimpleNamespace(apply=lambda time: None)  # inputs, which are constant
         cvode = CVodeSolver(
             calls.states, calls.indicators, kept.of(calls.get_states), kept.of(calls.set_states),
             kept.of(calls.get_derivatives), kept.of(calls.get_indicators),
-            kept.of(calls.get_nominals), kept.of(calls.set_time), _Held(), time,
+            kept.of(calls.get_nominals), kept.of(calls.set_time), held, time,
             relativeTolerance=self._tolerance * _CVODE_TIGHTER, maxNumSteps=_CVODE_STEPS,
         )  # fmt: skip
         crossed, _, reached = cvode.step(time, until)
@@ -126,11 +134,6 @@ class Solver:
         if self._x.size:
             self._x[:] = x
             self._calls.set_states(self._x.ctypes.data, self._x.size)
-
-    def _rhs(self, time: float, x: Array) -> Array:
-        self._set(time, x)
-        self._calls.get_derivatives(self._dx.ctypes.data, self._dx.size)
-        return self._dx.copy()
 
     def _signs(self, time: float, x: Array) -> NDArray[np.bool_]:
         if not self._z.size:
@@ -168,10 +171,3 @@ class _Kept:
                     arguments[0][0] = math.nan
 
         return guarded
-
-
-class _Held:
-    """The inputs for CVODE: they are constant, so that there is nothing to apply."""
-
-    def apply(self, time: float) -> None:
-        """Do nothing."""

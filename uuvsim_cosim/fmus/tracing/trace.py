@@ -9,24 +9,25 @@ import csv
 import ctypes
 import io
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, final
 
 from uuvsim_cosim.closing import Closing
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.fmus.codegen.toolchain import Signatures
 from uuvsim_cosim.fmus.component import Component
+from uuvsim_cosim.fmus.description import Description
 from uuvsim_cosim.fmus.importer.fmu2 import Fmu2
 from uuvsim_cosim.fmus.importer.fmu3 import Fmu3
-from uuvsim_cosim.fmus.importer.fmu_library import FmuLibrary, Signatures
+from uuvsim_cosim.fmus.importer.fmu_library import FmuLibrary
 from uuvsim_cosim.fmus.importer.message_log import STATUS
 from uuvsim_cosim.fmus.importer.read_description import FmuArchive
 from uuvsim_cosim.fmus.instantiation.instantiate import needs_own_process
 from uuvsim_cosim.fmus.model_exchange.component import ModelExchange
-from uuvsim_cosim.fmus.tracing.trace_arguments import Arguments
 
-__all__ = ["Trace", "instantiate_traced"]
+__all__ = ["Arguments", "Trace", "instantiate_traced"]
 
 COLUMNS = ("wall_s", "t_s", "component", "function", "arguments", "status", "took_us")
 
@@ -109,7 +110,14 @@ class _TracedLibrary(FmuLibrary):
             returned = bound(*given)
             took = time.perf_counter() - begun
             arguments = self._arguments.text(name, types, given)
-            self._trace.end(arguments, _status(result, returned), took)
+            if result is None:
+                status = ""
+            elif result is ctypes.c_void_p:
+                status = "instance" if returned else "NULL"
+            else:
+                known = 0 <= returned < len(STATUS)
+                status = STATUS[returned] if known else f"unknown status {returned}"
+            self._trace.end(arguments, status, took)
             if name == "DoStep":
                 self._time = given[1] + given[2]
             return returned
@@ -118,16 +126,74 @@ class _TracedLibrary(FmuLibrary):
         return call
 
 
-def _status(result: type | None, returned: Any) -> str:
-    """Return the text for a function's result, whose C type is `result`."""
-    if result is None:
-        return ""
-    if result is ctypes.c_void_p:
-        return "instance" if returned else "NULL"
-    return STATUS[returned] if 0 <= returned < len(STATUS) else f"unknown status {returned}"
-
-
 def _line(*cells: str) -> str:
     text = io.StringIO()
     csv.writer(text, lineterminator="").writerow(cells)
     return text.getvalue()
+
+
+_TYPES_2 = {"Real": ctypes.c_double, "Integer": ctypes.c_int, "Boolean": ctypes.c_int}
+_TYPES_3 = {
+    "Float64": ctypes.c_double, "Float32": ctypes.c_float, "Boolean": ctypes.c_bool,
+    "Int8": ctypes.c_int8, "Int16": ctypes.c_int16, "Int32": ctypes.c_int32,
+    "Int64": ctypes.c_int64, "UInt8": ctypes.c_uint8, "UInt16": ctypes.c_uint16,
+    "UInt32": ctypes.c_uint32, "UInt64": ctypes.c_uint64,
+}  # fmt: skip
+_VECTORS = ("ContinuousStates", "Derivatives", "EventIndicators")  # of doubles
+_FAMILY = {"Float64": "Real", "Int32": "Integer", "Enumeration": "Integer"}
+
+
+@final
+class Arguments:
+    """The arguments of calls of one FMU as text."""
+
+    def __init__(self, description: Description) -> None:
+        self._types: Mapping[str, type] = _TYPES_2 if description.kind == "FMI 2.0" else _TYPES_3
+        self._names: dict[tuple[str, int], str] = {}
+        for v in description.variables.values():
+            family = _FAMILY.get(v.type, v.type) if description.kind == "FMI 2.0" else ""
+            for i, reference in enumerate(v.value_references):
+                name = v.element_name(i) if len(v.value_references) > 1 else v.name
+                self._names.setdefault((family, reference), name)  # the first of several aliases
+
+    def text(self, function: str, types: Sequence[type], given: Sequence[Any]) -> str:
+        """Return the arguments after the instance, including the values that the call returned."""
+        verb, suffix = function[:3], function[3:]
+        if verb in ("Get", "Set") and (suffix in self._types or suffix in ("String", "Binary")):
+            references = list(given[1])
+            family = suffix if self._types is _TYPES_2 else ""
+            names = [self._names.get((family, r), f"#{r}") for r in references]
+            if suffix == "Binary":
+                values = [f"{n} bytes" for n in given[3]]
+            elif suffix == "String":
+                values = [repr((text or b"").decode(errors="replace")) for text in given[3]]
+            else:
+                count = given[4] if len(given) > 4 else len(references)
+                values = [repr(x) for x in _array(given[3], self._types[suffix], count)]
+            return f"{' '.join(names)} = {' '.join(values)}"
+        if verb in ("Get", "Set") and any(w in function for w in _VECTORS) and len(given) == 3:
+            return " ".join(map(repr, _array(given[1], ctypes.c_double, given[2])))
+        first = 0 if function.startswith("Instantiate") else 1
+        shown = (_plain(x, t) for x, t in zip(given[first:], types[first:], strict=True))
+        return " ".join(s for s in shown if s)
+
+
+def _array(place: Any, type_: Any, count: int) -> list[object]:
+    """Read an array at an address or pointer."""
+    address = place if isinstance(place, int) else ctypes.cast(place, ctypes.c_void_p).value
+    return list((type_ * count).from_address(address or 0)) if address else []
+
+
+def _plain(value: object, type_: type) -> str:
+    """Return a number or text, also one that `ctypes.byref` points to; empty for other pointers."""
+    if isinstance(value, bytes):
+        return repr(value.decode(errors="replace"))
+    pointed = getattr(value, "_obj", None)
+    if pointed is None:
+        return "" if type_ is ctypes.c_void_p else repr(value)
+    if isinstance(pointed, ctypes.c_void_p):
+        return ""
+    if hasattr(pointed, "value"):
+        return f"-> {pointed.value!r}"
+    fields = getattr(pointed, "_fields_", ())
+    return "-> " + " ".join(f"{name}={getattr(pointed, name)!r}" for name, *_ in fields)

@@ -14,10 +14,9 @@ from numpy.typing import ArrayLike
 from uuvsim_cosim.closing import Closing
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid
 from uuvsim_cosim.fmus.description import Variable
-from uuvsim_cosim.kernels.batch.memory import Lanes, aligned
-from uuvsim_cosim.kernels.batch.program import Program
-from uuvsim_cosim.kernels.batch.signal import Signal, signal_of
+from uuvsim_cosim.kernels.batch.memory import Lanes, Signal, aligned, signal_of
 from uuvsim_cosim.kernels.batch.threads import Threads
+from uuvsim_cosim.kernels.codegen.program import Program
 from uuvsim_cosim.orchestrator.plan.seeds import seed_words
 
 __all__ = ["Batch", "Seeds"]
@@ -64,7 +63,15 @@ class Batch(Closing):
         self._step = kernel.c.uuv_kernel_step
         self._address, self._n_blocks = self._memory.address, self._memory.n_blocks
         self._tick_length = fused.plan.tick.numerator, float(fused.plan.tick.denominator)
-        self._set_plan_start()
+        # Start values of the declarations, then those of the plan.
+        for planned, m in zip(fused.plan.components, fused.members, strict=True):
+            for v in (p.variable for p in m.layout.placed):
+                if v.kind in ("input", "parameter"):
+                    value = np.reshape(np.asarray(v.start, float), v.shape)
+                    self._signal(f"{m.path}.{v.name}").start.write(value)
+            for name, given in planned.start.items():
+                signal = self._signal(f"{m.path}.{name}")
+                signal.start.write(signal.checked_start(given))
         self.reset(seeds=0 if seeds is None else seeds, start=start)
 
     def close(self) -> None:
@@ -193,20 +200,6 @@ class Batch(Closing):
         if name not in self._signals:
             self._signals[name] = signal_of(self.kernel, name, self._memory, self._start)
         return self._signals[name]
-
-    def _set_plan_start(self) -> None:
-        """Set the start values of the declarations, then those of the plan."""
-        for planned, m in zip(
-            self.kernel.fused.plan.components, self.kernel.fused.members, strict=True
-        ):
-            for p in m.layout.placed:
-                if p.variable.kind in ("input", "parameter"):
-                    signal = self._signal(f"{m.path}.{p.variable.name}")
-                    value = np.reshape(np.asarray(p.variable.start, float), p.variable.shape)
-                    signal.start.write(value)
-            for name, value in planned.start.items():
-                signal = self._signal(f"{m.path}.{name}")
-                signal.start.write(signal.checked_start(value))
 
     def _seeds(self, seeds: Seeds) -> np.ndarray:
         """Return one seed for each lane; a single seed s stands for s, s + 1, …."""

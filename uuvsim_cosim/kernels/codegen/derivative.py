@@ -1,17 +1,21 @@
-"""C text of a declaration's tangents or adjoints on lanes; CasADi derives them."""
+"""C text of tangents or adjoints: of declarations (CasADi derives them), and of the driver."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
 
-from uuvsim_cosim.fmus.codegen.emit_c import emit_function, emit_networks
+from uuvsim_cosim.fmus.codegen.emit_c import emit_function, emit_networks, literal
 from uuvsim_cosim.fmus.codegen.equations import Equations
+from uuvsim_cosim.kernels.codegen.driver import copies, initialization
+from uuvsim_cosim.kernels.codegen.fusible import Fused
 from uuvsim_cosim.kernels.codegen.tables import tables_in_lanes
+from uuvsim_cosim.orchestrator.plan.plan import Transfer
 
-__all__ = ["Mode", "derivative_text"]
+__all__ = ["Mode", "derivative_driver_text", "derivative_text", "tape_cells"]
 
 Mode = Literal["tangent", "adjoint"]
 _LARGE = 5000  # operations; the search for branches in 40,000 takes two minutes
@@ -115,3 +119,186 @@ def _emitted(g: Any, signature: str, arrays: tuple[str, ...]) -> str:
 
 def _function(name: str, arguments: list[Any], value: Any) -> Any:
     return ca.Function(name, arguments, [ca.densify(value)], {"cse": True})
+
+
+def tape_cells(fused: Fused) -> int:
+    """Return the cells of the work space that a block of lanes needs."""
+    evaluated = [fused.members[i] for i in initialization(fused) if isinstance(i, int)]
+    end = fused.n_cells + sum(m.layout.offset["output"] for m in evaluated)
+    return max(end, 2 * fused.n_cells)
+
+
+def derivative_driver_text(fused: Fused, mode: Mode, tokens: Sequence[str]) -> str:
+    """Return the C that steps and initializes tangents, or adjoints, of a block of lanes."""
+    tick = fused.plan.tick
+    named = zip(fused.sources, tokens, strict=True)
+    body = _tangent_driver(fused) if mode == "tangent" else _adjoint_driver(fused)
+    periods = (", ".join(map(str, m.periods)) or "0" for m in fused.members)
+    return "\n".join(
+        [
+            f"/* Generated from a plan: do not edit. Its {mode}s call",
+            *(f" * {i}: {name} {token}" for i, (name, token) in enumerate(named)),
+            " */",
+            *(["#define UUV_TANGENT"] if mode == "tangent" else []),
+            '#include "uuv_lane_derivative.h"',
+            "",
+            f"enum {{ N_CELLS = {fused.n_cells}, N_START = {fused.n_start}, "
+            f"N_PERIODS = {len(fused.periods)}, N_WORD_CELLS = {fused.members[0].cell},",
+            f"       N_TAPE = {tape_cells(fused)} }};",
+            f"static const uint64_t tick_num = {tick.numerator}u, tick_den = {tick.denominator}u;",
+            f"static const uuv_lane_derivative *declared[{len(fused.sources)}];",
+            *(f"static const uint8_t periods_{i}[] = {{{p}}};" for i, p in enumerate(periods)),
+            "",
+            "UUV_KERNEL_API void uuv_derivative_bind(uint32_t i, const uuv_lane_derivative *d) {",
+            "    declared[i] = d;",
+            "}",
+            "",
+            *body,
+            '#include "uuv_lane_derivative_blocks.h"',
+            "",
+        ]
+    )
+
+
+def _tangent_driver(fused: Fused) -> Iterator[str]:
+    yield "/* m and its perturbation d make one step. */"
+    yield "static void step_tangent(V *m, V *d) {"
+    yield "    const uuv_lane_time now = lane_time(m, 0, 1, tick_num, tick_den);"
+    plan = fused.plan
+    late = [t for t in plan.transfers if not fused.is_early(t)]
+    yield from copies(fused, late, stepping=True)
+    yield from _pushed(fused, late)
+    for i in fused.order:
+        early = [t for t in plan.transfers if t.target == i and fused.is_early(t)]
+        yield from copies(fused, early, stepping=True)
+        yield from _pushed(fused, early)
+        m = fused.members[i]
+        yield f"    /* {m.path} */"
+        yield (
+            f"    declared[{m.declaration}]->step_tangent(m, m + {m.cell}, d + {m.cell}, "
+            f"{m.cuts[0].pieces}, periods_{i}, N_PERIODS, &now);"
+        )
+    yield "}"
+    yield ""
+    yield "static void initialize_tangent(V *m, const V *start, V *d, const V *d_start) {"
+    yield "    memset(m, 0, N_WORD_CELLS * sizeof(V));"
+    yield "    memset(d, 0, N_CELLS * sizeof(V));"
+    for m in fused.members:
+        yield f"    memcpy(m + {m.cell}, start + {m.start_cell}, {m.n_start} * sizeof(V));"
+        yield f"    memcpy(d + {m.cell}, d_start + {m.start_cell}, {m.n_start} * sizeof(V));"
+        yield (f"    derivative_initialize(declared[{m.declaration}], m + {m.cell}, d + {m.cell});")
+    for operation in initialization(fused):
+        if isinstance(operation, int):
+            m = fused.members[operation]
+            yield (
+                f"    derivative_outputs(declared[{m.declaration}], m + {m.cell}, d + {m.cell});"
+            )
+        else:
+            yield from copies(fused, operation)
+            yield from _pushed(fused, operation)
+    yield "}"
+    yield ""
+
+
+def _adjoint_driver(fused: Fused) -> Iterator[str]:
+    plan = fused.plan
+    late = [t for t in plan.transfers if not fused.is_early(t)]
+    early = {
+        i: [t for t in plan.transfers if t.target == i and fused.is_early(t)] for i in fused.order
+    }
+    read_early = {t.source for transfers in early.values() for t in transfers}
+    yield "/* From m before a step, which is overwritten: the gradient a goes back over it. */"
+    yield "static void step_adjoint(V *m, V *kept, V *a) {"
+    yield "    const uuv_lane_time now = lane_time(m, 0, 1, tick_num, tick_den);"
+    yield "    (void)kept;"
+    yield from copies(fused, late, stepping=True)
+    for i in fused.order:
+        m = fused.members[i]
+        yield from copies(fused, early[i], stepping=True)
+        if i in read_early:
+            yield f"    memcpy(kept + {m.cell}, m + {m.cell}, {m.size} * sizeof(V));"
+            yield (
+                f"    declared[{m.declaration}]->step(m, m + {m.cell}, {m.cuts[0].pieces}, "
+                f"periods_{i}, N_PERIODS, &now);"
+            )
+    for i in reversed(fused.order):
+        m = fused.members[i]
+        place = "kept" if i in read_early else "m"
+        yield f"    /* {m.path} */"
+        yield (
+            f"    declared[{m.declaration}]->step_adjoint(m, {place} + {m.cell}, a + {m.cell}, "
+            f"{m.cuts[0].pieces}, periods_{i}, N_PERIODS, &now);"
+        )
+        yield from _pulled(fused, early[i])
+    yield from _pulled(fused, late)
+    yield "}"
+    yield ""
+    yield "/* The gradient a of the initialized block is added to that of the start values. */"
+    yield "static void initialize_adjoint(V *m, const V *start, V *a, V *a_start, V *kept) {"
+    yield "    V seed[N_CELLS];"
+    yield "    (void)kept;"
+    yield "    memset(m, 0, N_WORD_CELLS * sizeof(V));"
+    for m in fused.members:
+        yield f"    memcpy(m + {m.cell}, start + {m.start_cell}, {m.n_start} * sizeof(V));"
+        yield f"    derivative_initialize(declared[{m.declaration}], m + {m.cell}, NULL);"
+    at = 0  # of the blocks that are kept before their outputs are evaluated
+    operations = initialization(fused)
+    for operation in operations:
+        if isinstance(operation, int):
+            m = fused.members[operation]
+            yield f"    memcpy(kept + {at}, m + {m.cell}, {m.layout.offset['output']} * sizeof(V));"
+            yield f"    derivative_outputs(declared[{m.declaration}], m + {m.cell}, NULL);"
+            at += m.layout.offset["output"]
+        else:
+            yield from copies(fused, operation)
+    for operation in reversed(operations):
+        if isinstance(operation, int):
+            m = fused.members[operation]
+            o, n = m.layout.offset["output"], m.layout.count["output"]
+            at -= o
+            yield from _pull_back("outputs", m.declaration, f"kept + {at}", m.cell, o, n)
+        else:
+            yield from _pulled(fused, operation)
+    for m in fused.members:
+        first, count = m.layout.offset, m.layout.count
+        own, i = f"m + {m.cell}", m.declaration
+        states = count["state"] + count["discrete"]
+        yield from _pull_back("initial", i, own, m.cell, first["state"], states)
+        yield from _pull_back("derived", i, own, m.cell, first["derived"], count["derived"])
+        yield f"    for (uint32_t i = 0; i < {m.n_start}; i++)"
+        yield f"        a_start[{m.start_cell} + i] += a[{m.cell} + i];"
+    yield "}"
+    yield ""
+
+
+def _pull_back(
+    function: str, declaration: int, block: str, cell: int, first: int, count: int
+) -> Iterator[str]:
+    """Yield the adjoint of a function: the gradient of its results goes to its arguments."""
+    yield f"    memcpy(seed, a + {cell + first}, {count} * sizeof(V));"
+    yield f"    derivative_clear(a + {cell + first}, {count});"
+    yield f"    declared[{declaration}]->{function}_adjoint({block}, seed, a + {cell});"
+
+
+def _real(fused: Fused, transfers: Iterable[Transfer]) -> Iterator[tuple[int, int, str]]:
+    """Yield source cell, target cell and factor of every real number that is copied."""
+    for t in transfers:
+        source, target = fused.members[t.source], fused.members[t.target]
+        if not t.source_variable.type == t.target_variable.type == "Float64":
+            continue
+        a = source.cell + source.layout.offset_of(t.source_variable.name)
+        b = target.cell + target.layout.offset_of(t.target_variable.name)
+        factor = "" if t.factor == 1.0 else f"uuv_const({literal(t.factor)}) * "
+        for i, j in zip(t.source_elements, t.target_elements, strict=True):
+            yield a + i, b + j, factor
+
+
+def _pushed(fused: Fused, transfers: Iterable[Transfer]) -> Iterator[str]:
+    for source, target, factor in _real(fused, transfers):
+        yield f"    d[{target}] = {factor}d[{source}];"
+
+
+def _pulled(fused: Fused, transfers: Iterable[Transfer]) -> Iterator[str]:
+    for source, target, factor in _real(fused, transfers):
+        yield f"    a[{source}] += {factor}a[{target}];"
+        yield f"    a[{target}] = uuv_const(0);"

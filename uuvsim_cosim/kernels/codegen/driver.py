@@ -6,11 +6,10 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from uuvsim_cosim.fmus.codegen.emit_c import literal
 from uuvsim_cosim.kernels.codegen.fusible import Fused
-from uuvsim_cosim.kernels.codegen.slower_components import becoming_visible, due_now, slower_steps
 from uuvsim_cosim.orchestrator.plan.plan import Transfer
 from uuvsim_cosim.orchestrator.plan.seeds import path_words
 
-__all__ = ["driver_text"]
+__all__ = ["copies", "driver_text", "initialization"]
 
 _SMALL = 4  # states of a component of which several are stepped side by side
 
@@ -100,7 +99,7 @@ def _steps(fused: Fused) -> Iterator[str]:
     Just before its step, a member gets the inputs that come from outputs of the same step.
     """
     plan = fused.plan
-    yield from _copies(fused, (t for t in plan.transfers if not fused.is_early(t)), stepping=True)
+    yield from copies(fused, (t for t in plan.transfers if not fused.is_early(t)), stepping=True)
     for group in _side_by_side(fused):
         m = fused.members[group[0]]
         yield f"    /* {', '.join(fused.members[i].path for i in group)} */"
@@ -112,7 +111,7 @@ def _steps(fused: Fused) -> Iterator[str]:
             continue
         i = group[0]
         early = (t for t in plan.transfers if t.target == i and fused.is_early(t))
-        yield from _copies(fused, early, stepping=True)
+        yield from copies(fused, early, stepping=True)
         if m.rate >= 0:
             yield f"    if (uuv_any(due_{m.rate})) step_{i}(m, due_{m.rate}, scratch);"
             continue
@@ -150,20 +149,18 @@ def _side_by_side(fused: Fused) -> list[list[int]]:
 
 
 def _initialization(fused: Fused) -> Iterator[str]:
-    """Yield the initialization, in the order of orchestrator/master/initial_values.py."""
-    plan = fused.plan
+    """Yield the initialization of a block of lanes."""
     yield "    memset(m, 0, N_WORD_CELLS * sizeof(V));"
     for m in fused.members:
         yield f"    memcpy(m + {m.cell}, start + {m.start_cell}, {m.n_start} * sizeof(V));"
         yield f"    lane_initialize(declared[{m.declaration}], m + {m.cell});"
-    stale = set(range(len(fused.members)))  # members whose outputs do not match their inputs
-    for entry in [*plan.initialization, tuple(stale)]:
-        into = [t for t in plan.transfers if t.target in entry]
-        yield from _outputs(fused, {t.source for t in into} & stale)
-        stale -= {t.source for t in into}
-        yield from _copies(fused, into)
-        stale |= {t.target for t in into}
-    yield from _outputs(fused, set(range(len(fused.members))))
+    for operation in initialization(fused):
+        if isinstance(operation, int):
+            m = fused.members[operation]
+            at = m.cell + m.layout.offset["output"]
+            yield f"    declared[{m.declaration}]->outputs(m + {m.cell}, m + {at});"
+        else:
+            yield from copies(fused, operation)
     for m in fused.members:
         first, last = m.layout.offset["state"], m.layout.size
         yield f"    lane_check(m, m + {m.cell}, {first}, {last});"
@@ -172,16 +169,23 @@ def _initialization(fused: Fused) -> Iterator[str]:
             yield f"    memcpy(m + {m.pending}, m + {m.cell + at}, {n} * sizeof(V));"
 
 
-def _outputs(fused: Fused, members: Iterable[int]) -> Iterator[str]:
-    for i in sorted(members):
-        m = fused.members[i]
-        at = m.cell + m.layout.offset["output"]
-        yield f"    declared[{m.declaration}]->outputs(m + {m.cell}, m + {at});"
+def initialization(fused: Fused) -> list[int | tuple[Transfer, ...]]:
+    """Return what follows the start values: copies, and members whose outputs are evaluated.
+
+    The order is that of orchestrator/master/initial_values.py.
+    """
+    operations: list[int | tuple[Transfer, ...]] = []
+    every = range(len(fused.members))
+    stale = set(every)  # members whose outputs do not match their inputs
+    for entry in [*fused.plan.initialization, tuple(every)]:
+        into = tuple(t for t in fused.plan.transfers if t.target in entry)
+        sources = {t.source for t in into}
+        operations += [*sorted(sources & stale), into]
+        stale = stale - sources | {t.target for t in into}
+    return [*operations, *every]
 
 
-def _copies(
-    fused: Fused, transfers: Iterable[Transfer], *, stepping: bool = False
-) -> Iterator[str]:
+def copies(fused: Fused, transfers: Iterable[Transfer], *, stepping: bool = False) -> Iterator[str]:
     """Yield the copies of transfers; while `stepping`, members with longer steps copy if due."""
     for t in transfers:
         source, target = fused.members[t.source], fused.members[t.target]
@@ -201,3 +205,73 @@ def _copies(
             if stepping and target.rate >= 0:
                 value = f"uuv_select(due_{target.rate}, {value}, m[{b + j}])"
             yield f"    m[{b + j}] = {value};"
+
+
+def due_now(fused: Fused) -> Iterator[str]:
+    """Yield the masks of the lanes that begin a longer communication step now."""
+    for rate in sorted({m.rate for m in fused.members} - {-1}):
+        yield f"    const uuv_mask due_{rate} = uuv_mask_of_words(lane_phase_is(m, {rate}, 0));"
+
+
+def slower_steps(fused: Fused) -> Iterator[str]:
+    """Yield the functions that make a longer communication step; its outputs stay pending."""
+    for i, m in enumerate(fused.members):
+        if m.rate < 0:
+            continue
+        o, n = m.layout.offset, m.layout.count
+        n_kept = n["state"] + n["discrete"]
+        call = f"stepper[{m.declaration}]"
+        yield f"/* {m.path} */"
+        yield f"static void step_{i}(V *m, uuv_mask due, V *scratch) {{"
+        yield f"    V *b = m + {m.cell}, *x = b + {o['state']}, *pending = m + {m.pending};"
+        yield f"    V kept[{n_kept + 1}], fresh[{n['output'] + 1}];"
+        yield f"    for (uint32_t i = 0; i < {n_kept}; i++) kept[i] = x[i];"
+        ticks = fused.periods[m.rate]
+        yield f"    const V end = lane_time(m, 0, {ticks}, tick_num, tick_den).end;"
+        yield "    V t;"
+        for cut in m.cuts:
+            length = cut.end - cut.begin
+            yield f"    t = lane_time(m, {cut.begin}, 0, tick_num, tick_den).t;"
+            for clock in cut.clocks:
+                period = m.periods[clock]
+                yield "    {"
+                yield f"        const uuv_words sample = *lane_words(m, WORD_PHASES + {period} + "
+                yield f"            N_PERIODS) + (uint64_t){cut.begin // fused.periods[period]};"
+                also = (
+                    ""
+                    if fused.periods[period] <= ticks
+                    else (f" & uuv_mask_of_words(lane_phase_is(m, {period}, 0))")
+                )
+                yield f"        {call}->sample(b, {clock}, due{also}, sample, t, scratch);"
+                yield "    }"
+            last = cut.end == ticks
+            to = "end" if last else f"lane_time(m, {cut.end}, 0, tick_num, tick_den).t"
+            exact = f"lane_time(m, 0, {length}, tick_num, tick_den).length"
+            yield "#if defined(UUV_FLOAT32)"
+            yield f"    {call}->integrate(b, t, {exact}, {cut.pieces}, scratch);"
+            yield "#else"
+            yield f"    {call}->integrate(b, t, {to} - t, {cut.pieces}, scratch);"
+            yield "#endif"
+        yield "    b[0] = end;"
+        yield f"    declared[{m.declaration}]->outputs(b, fresh);"
+        yield f"    for (uint32_t i = 0; i < {n_kept}; i++) x[i] = uuv_select(due, x[i], kept[i]);"
+        yield f"    for (uint32_t i = 0; i < {n['output']}; i++)"
+        yield "        pending[i] = uuv_select(due, fresh[i], pending[i]);"
+        yield f"    lane_check(m, b, {o['state']}, {o['state'] + n_kept});"
+        yield f"    lane_check(m, b, {m.layout.size}, {m.size});"
+        yield "}"
+        yield ""
+
+
+def becoming_visible(fused: Fused) -> Iterator[str]:
+    """Yield the copies that make outputs visible, of longer steps that end with this tick."""
+    for rate in sorted({m.rate for m in fused.members} - {-1}):
+        last = fused.periods[rate] - 1
+        ends = f"uuv_mask_of_words(lane_phase_is(m, {rate}, {last}))"
+        yield f"    const uuv_mask ends_{rate} = {ends};"
+        for m in fused.members:
+            if m.rate == rate:
+                at = m.cell + m.layout.offset["output"]
+                yield f"    for (uint32_t i = 0; i < {m.layout.count['output']}; i++)"
+                new, old = f"m[{m.pending} + i]", f"m[{at} + i]"
+                yield f"        {old} = uuv_select(ends_{rate}, {new}, {old});"

@@ -10,8 +10,7 @@ from itertools import pairwise
 from math import ceil
 
 from uuvsim_cosim.errors import Problem, SystemInvalid
-from uuvsim_cosim.fmus.codegen.equations import Equations, equations
-from uuvsim_cosim.fmus.codegen.layout import Layout
+from uuvsim_cosim.fmus.codegen.equations import Equations, Layout, equations
 from uuvsim_cosim.fmus.codegen.optimiser_code import optimisers_of
 from uuvsim_cosim.orchestrator.plan.plan import Plan, Transfer
 from uuvsim_cosim.orchestrator.system.resolve import resolve

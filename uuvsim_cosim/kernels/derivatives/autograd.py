@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.kernels.derivatives.rollout import Differentiable, Rollout, run, vjp
+from uuvsim_cosim.kernels.codegen.program import Program
+from uuvsim_cosim.kernels.derivatives.rollout import Rollout, run, vjp
 
 if TYPE_CHECKING:
     import torch
@@ -20,7 +21,7 @@ _Names = tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]  # of start, i
 
 
 def rollout(
-    kernel: Differentiable,
+    kernel: Program,
     start: Mapping[str, object],
     outputs: Sequence[str],
     *,
@@ -59,7 +60,7 @@ def _through() -> tuple[Any, Any]:
         @staticmethod
         def forward(
             ctx: Any,
-            kernel: Differentiable,
+            kernel: Program,
             names: _Names,
             options: dict[str, Any],
             *tensors: torch.Tensor,

@@ -2,31 +2,96 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import ceil, sqrt
-from typing import Protocol, final
+from typing import final
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.cache import content_hash
+from uuvsim_cosim.errors import InputInvalid, Problem, SystemInvalid
 from uuvsim_cosim.kernels.batch.batch import Batch, Seeds
-from uuvsim_cosim.kernels.batch.memory import Lanes, aligned
-from uuvsim_cosim.kernels.batch.program import Program
-from uuvsim_cosim.kernels.batch.signal import Signal, signal_of
-from uuvsim_cosim.kernels.codegen.derivative import Mode
-from uuvsim_cosim.kernels.derivatives.derivative import Derivative
+from uuvsim_cosim.kernels.batch.memory import Lanes, Signal, aligned, signal_of
+from uuvsim_cosim.kernels.codegen.derivative import (
+    Mode,
+    derivative_driver_text,
+    derivative_text,
+    tape_cells,
+)
+from uuvsim_cosim.kernels.codegen.program import Program, compiled, processor_flags
+from uuvsim_cosim.models.hull.contact import HullContact, HullPlace
+from uuvsim_cosim.models.intrinsics.network import NETWORKS, Network
+from uuvsim_cosim.models.intrinsics.table import TABLES
+from uuvsim_cosim.share import compute_in_threads
 
-__all__ = ["Differentiable", "Rollout", "Values", "jvp", "run", "vjp"]
+__all__ = ["Derivative", "Rollout", "Values", "derivative_of", "jvp", "run", "vjp"]
+
+
+@final
+class Derivative:
+    """Compiled tangents, or adjoints, of a kernel's initialization and step."""
+
+    def __init__(self, kernel: Program, mode: Mode) -> None:
+        fused = kernel.fused
+        problems = [*_undifferentiable(kernel)]
+        if problems:
+            raise SystemInvalid(problems)
+        flags = (f"-DUUV_W={kernel.lanes}", "-Wno-psabi", *processor_flags(kernel.baseline))
+        texts = [derivative_text(fused.equations[s], mode) for s in fused.sources]
+        driver = derivative_driver_text(fused, mode, [content_hash([t, *flags]) for t in texts])
+        names = [f"{fused.equations[s].layout.model.name}_{mode}" for s in fused.sources]
+        jobs = [*zip([*names, f"kernel_{mode}"], [*texts, driver], strict=True)]
+        built = dict(compute_in_threads(lambda job: compiled(*job, flags), jobs, 2))
+        *libraries, self.c = (ctypes.CDLL(str(built[job])) for job in jobs)
+        self._libraries = libraries
+        pointer, u64 = ctypes.c_void_p, ctypes.c_uint64
+        self.c.uuv_derivative_bind.argtypes = [ctypes.c_uint32, pointer]
+        self.c.uuv_derivative_reset.argtypes = [pointer] * 4 + [u64, u64]
+        self.c.uuv_derivative_step.argtypes = [pointer] * 3 + [u64, u64]
+        for i, library in enumerate(libraries):
+            table = ctypes.c_char.in_dll(library, "uuv_the_lane_derivative")
+            self.c.uuv_derivative_bind(i, ctypes.addressof(table))
+        self.tape_cells = tape_cells(fused)
+
+
+def _undifferentiable(kernel: Program) -> Iterator[Problem]:
+    if kernel.dtype != np.float64:
+        yield Problem("kernel", f"derivatives in {kernel.dtype}", "a kernel of float64")
+    for m in kernel.fused.members:
+        e = kernel.fused.equations[m.source]
+        called = {g.name() for f in (e.rhs, e.outputs, *e.updates) for g in f.find_functions()}
+        known = {
+            n for n in called if isinstance(NETWORKS.get(n), Network | HullContact | HullPlace)
+        }
+        if not called <= TABLES.keys() | known:
+            yield Problem(
+                m.path,
+                "an optimiser, a transformer, a field or rays, in a derivative",
+                "equations, tables, multilayer perceptrons and contact",
+            )
+        if m.rate >= 0:
+            yield Problem(
+                m.path,
+                "a communication step longer than the system's, in a derivative",
+                "components that all make the system's step",
+            )
+
 
 Values = dict[str, np.ndarray]
 KEPT_BYTES = 1 << 25  # of states at the begin of steps; for more, most steps are made twice
 
 
-class Differentiable(Program, Protocol):
-    """A compiled plan that compiles its derivatives at the first use."""
+_compiled: WeakKeyDictionary[Program, dict[Mode, Derivative]] = WeakKeyDictionary()
 
-    def derivative(self, mode: Mode) -> Derivative:
-        """Return the compiled tangents or adjoints of a step."""
+
+def derivative_of(kernel: Program, mode: Mode) -> Derivative:
+    """Return the tangents, or adjoints, of a step; they are compiled at the first call."""
+    known = _compiled.setdefault(kernel, {})
+    if mode not in known:
+        known[mode] = Derivative(kernel, mode)
+    return known[mode]
 
 
 @final
@@ -39,7 +104,7 @@ class Rollout:
 
     def __init__(
         self,
-        kernel: Differentiable,
+        kernel: Program,
         start: Mapping[str, object],
         outputs: Sequence[str],
         *,
@@ -137,7 +202,7 @@ def jvp(rollout: Rollout, tangents: Mapping[str, object]) -> tuple[Values, Value
     `tangents` are perturbations of the rollout's start values and inputs, by name, in the same
     shapes; values that it does not name are constant. Outputs are (steps, n_envs, …).
     """
-    derivative = rollout.kernel.derivative("tangent")
+    derivative = derivative_of(rollout.kernel, "tangent")
     d, d_start = rollout.beside()
     batch = rollout.batch
     moved = {name: signal_of(rollout.kernel, name, d, d_start) for name in rollout.outputs}
@@ -180,7 +245,7 @@ def vjp(rollout: Rollout) -> tuple[Values, Callable[[Mapping[str, object]], Valu
     Its argument is the gradient of a scalar with respect to outputs, (steps, n_envs, …) each. It
     returns the gradient with respect to the rollout's start values and inputs, in their shapes.
     """
-    derivative = rollout.kernel.derivative("adjoint")
+    derivative = derivative_of(rollout.kernel, "adjoint")
     cells, steps = rollout.batch.cells, rollout.steps
     every = 1 if steps * cells.nbytes <= rollout.kept_bytes else ceil(sqrt(steps))
     kept: dict[int, np.ndarray] = {}
@@ -233,7 +298,17 @@ def _pulled_back(
     for k in reversed(range(rollout.steps)):
         if k not in segment:
             spare += [cells for first, cells in segment.items() if first not in kept]
-            segment = _repeated(rollout, kept, k - k % every, k, spare)
+            first = k - k % every
+            segment = {first: kept[first]}
+            if k > first:  # repeat the steps from kept cells on
+                batch.cells[...] = kept[first]
+                for j in range(first, k):
+                    if j > first:
+                        rollout.set_inputs(j)
+                        segment[j] = _copy(batch.cells, spare)
+                    batch.step()
+                rollout.set_inputs(k)
+                segment[k] = _copy(batch.cells, spare)
         for name, signal in observed.items():
             signal.own.write(signal.own.read() + given[name][k])
         back_over(k)
@@ -253,27 +328,6 @@ def _pulled_back(
         if _given(rollout, name).ndim < gradient.ndim:
             axis = 1 if name in rollout.inputs else 0
             found[name] = np.asarray(gradient.sum(axis=axis))
-    return found
-
-
-def _repeated(
-    rollout: Rollout,
-    kept: Mapping[int, np.ndarray],
-    first: int,
-    last: int,
-    spare: list[np.ndarray],
-) -> dict[int, np.ndarray]:
-    """Repeat the steps from kept cells on, and return the cells at the begin of each."""
-    found = {first: kept[first]}
-    if last > first:
-        rollout.batch.cells[...] = kept[first]
-        for k in range(first, last):
-            if k > first:
-                rollout.set_inputs(k)
-                found[k] = _copy(rollout.batch.cells, spare)
-            rollout.batch.step()
-        rollout.set_inputs(last)
-        found[last] = _copy(rollout.batch.cells, spare)
     return found
 
 

@@ -12,17 +12,27 @@ from uuvsim_cosim.content import content
 from uuvsim_cosim.fmus.codegen.runtime import runtime
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.fmus.export.model_description import FmiVersion, model_identifier
-from uuvsim_cosim.fmus.export.system_description import Whole, component_table
-from uuvsim_cosim.fmus.export.system_fmu_file import WholeFmu, compiled, sources_of
+from uuvsim_cosim.fmus.export.system_fmu_file import (
+    Whole,
+    WholeFmu,
+    compiled,
+    component_table,
+    sources_of,
+)
 from uuvsim_cosim.kernels.codegen.declaration import declaration_text
 from uuvsim_cosim.kernels.codegen.driver import driver_text
 from uuvsim_cosim.kernels.codegen.fusible import Fused, fused_of
-from uuvsim_cosim.kernels.system_fmu.text import system_text
-from uuvsim_cosim.kernels.system_fmu.variables import Naming, description_of, exposed, placed
+from uuvsim_cosim.kernels.system_fmu.variables import (
+    Exposed,
+    Naming,
+    description_of,
+    exposed,
+    placed,
+)
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.system.system import System
 
-__all__ = ["build_system_fmu"]
+__all__ = ["build_system_fmu", "system_text"]
 
 _PAGE = """This is a whole system of components as one. It makes whole communication steps of its
 own, so that the importer's must be a whole multiple of it. Each makes the same bits as the
@@ -65,7 +75,12 @@ def build_system_fmu(
     every = [*inner, *placed(outputs, 2 + n_before)]
     description = description_of(system.name, system.description, plan, every, [seed])
     identifier = model_identifier(system.name)
-    texts = _declarations(fused)
+    texts = {}  # a file for each distinct declaration, whose steps have a distinct name
+    for i, source in enumerate(fused.sources):
+        eq = fused.equations[source]
+        text = declaration_text(eq, np.dtype(np.float64))
+        name = f"declared_{i}_{model_identifier(eq.layout.model.name)}.c"
+        texts[name] = f"#define uuv_the_lane_stepper uuv_the_lane_stepper_{i}\n{text}"
     driver = driver_text(fused, [content_hash([t]) for t in texts.values()])
     body = system_text(fused, every, seed.value_references[0])
     token = content_hash([*texts.values(), driver, body, repr(description), *sources_of()])
@@ -86,12 +101,61 @@ def build_system_fmu(
     )
 
 
-def _declarations(fused: Fused) -> dict[str, str]:
-    """Return a file for each distinct declaration; each exports its steps by a distinct name."""
-    texts = {}
-    for i, source in enumerate(fused.sources):
-        eq = fused.equations[source]
-        text = declaration_text(eq, np.dtype(np.float64))
-        name = f"declared_{i}_{model_identifier(eq.layout.model.name)}.c"
-        texts[name] = f"#define uuv_the_lane_stepper uuv_the_lane_stepper_{i}\n{text}"
-    return texts
+def system_text(fused: Fused, variables: Sequence[Exposed], seed: int) -> str:
+    """Return the C that follows the driver: tables, binding of the declarations, and the runtime.
+
+    `seed` is the place of the system's seed in the block.
+    """
+    inputs: list[str] = []
+    parameters: list[str] = []
+    outputs: list[str] = []
+    for e in variables:
+        m = fused.members[e.component]
+        at = m.layout.offset_of(e.own.name)
+        cell, start = m.cell + at, m.start_cell + at
+        if e.own.causality == "input":
+            inputs += [f"{e.offset + k}, {start + k}, {cell + k}" for k in e.free]
+        elif e.own.causality == "parameter":
+            tunable = int(e.own.variability == "tunable")
+            parameters.append(
+                f"{e.offset}, {e.own.size}, {start}, {cell}, {e.component}, {tunable}"
+            )
+        elif e.own.causality == "output":
+            outputs.append(f"{e.offset}, {cell}, {e.own.size}")
+    names: list[str] = []  # for messages; pending outputs follow a component's values
+    start_values = np.zeros(fused.n_start)  # of the plan, else of the declarations
+    for c, m in zip(fused.plan.components, fused.members, strict=True):
+        for p in m.layout.placed:
+            v = p.variable
+            names.append(f'{m.cell + p.offset}, {int(bool(v.shape))}, "{m.path}.{v.name}"')
+            if v.kind in ("input", "parameter"):
+                value = c.start.get(v.name, v.start)
+                at = m.start_cell + p.offset
+                start_values[at : at + v.size] = np.ravel(np.asarray(value, float))
+        if m.rate >= 0:
+            names.append(f'{m.pending}, 0, "an output of {m.path}"')
+    lines = ["#define UUV_WHOLE", '#include "shell_hooks.h"', f"enum {{ SEED = {seed} }};"]
+    for name, count, fields, rows in (
+        ("free_inputs", "N_FREE", "uint32_t b, start, cell;", inputs),
+        (
+            "parameters",
+            "N_PARAMETERS",
+            "uint32_t b, size, start, cell, member, tunable;",
+            parameters,
+        ),
+        ("shown_outputs", "N_SHOWN", "uint32_t b, cell, size;", outputs),
+        ("cell_names", "N_NAMES", "uint32_t cell, array; const char *name;", names),
+    ):
+        written = [f"    {{{row}}}," for row in rows]
+        lines.append(f"enum {{ {count} = {len(written)} }};")
+        lines.append(f"static const struct {{ {fields} }} {name}[] = {{")
+        lines += [*(written or ["    {0},"]), "};"]
+    numbers = ", ".join(float(x).hex() for x in start_values) or "0"
+    lines.append(f"static const double cell_start[] = {{{numbers}}};")
+    n = len(fused.sources)
+    lines += [f"extern const uuv_lane_stepper uuv_the_lane_stepper_{i};" for i in range(n)]
+    lines.append("/* before anybody can instantiate */")
+    lines.append("__attribute__((constructor)) static void bind_declarations(void) {")
+    lines += [f"    uuv_kernel_bind({i}, &uuv_the_lane_stepper_{i});" for i in range(n)]
+    lines += ["}", '#include "uuv_system.h"', ""]
+    return "\n".join(lines)

@@ -25,7 +25,7 @@ from uuvsim_cosim.errors import (
     UuvsimError,
 )
 from uuvsim_cosim.fmus.isolation.guard import AtComponentExit, calling_component
-from uuvsim_cosim.fmus.isolation.watchdog import check_watchdog
+from uuvsim_cosim.fmus.isolation.isolated import check_watchdog
 from uuvsim_cosim.orchestrator.master.coupling import Residual
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.master.observer import Observer

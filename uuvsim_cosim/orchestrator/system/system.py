@@ -19,7 +19,7 @@ from pathlib import Path
 
 from uuvsim_cosim.errors import Problem, SystemInvalid, UuvsimError
 from uuvsim_cosim.fmus.description import Description, Variable
-from uuvsim_cosim.fmus.importer.array_folding import fold
+from uuvsim_cosim.fmus.importer.variables_fmi2 import fold
 from uuvsim_cosim.models.declaration.near_names import expected_names
 from uuvsim_cosim.orchestrator.system.elements import (
     Algorithm,

@@ -1,17 +1,18 @@
-"""A scene in C: terrain, solids, meshes and their tree, and the functions that read them."""
+"""A scene in C: terrain, solids and meshes, and the functions of rays and of hull contact."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uuvsim_cosim.models.hull.contact import HullContact, HullPlace
 from uuvsim_cosim.models.worlds.ground import Ground
 from uuvsim_cosim.models.worlds.rays import Frame, Rays
 
-__all__ = ["doubles", "frame_call", "ray_text", "scene_text"]
+__all__ = ["contact_text", "doubles", "frame_call", "ray_text", "scene_text"]
 
 
 def frame_call(k: int, f: Frame, a: list[str]) -> str:
@@ -32,7 +33,6 @@ def ray_text(r: Rays | Frame) -> Iterator[str]:
     yield '#include "uuv_rays.h"\n'
     yield from scene_text(r.ground)
     place, n_in, n_out = f"&{r.ground.name}", r.n_in, r.n_out
-    forward = not isinstance(r, Frame)
     if isinstance(r, Frame):
         numbers = doubles(r.directions.ravel().tolist())
         yield f"static const double {r.name}_d[] = {{{numbers}}};\n"
@@ -43,23 +43,42 @@ def ray_text(r: Rays | Frame) -> Iterator[str]:
         call = f"uuv_rays({place}, {r.n}, {r.n_moving}, in, SEED, out)"
     yield f"typedef struct {{ V y[{n_out}]; }} {r.name}_values;\n"
     n_w = len(r.directions) if isinstance(r, Frame) else 0
-    one = ["x", "w"] if n_w else ["x"]
-    for suffix, given in (("", one), *([("_forward", ["x", "seed"])] if forward else [])):
-        yield f"static inline {r.name}_values {r.name}{suffix}("
-        yield f"{', '.join(f'const V *{a}' for a in given)}) {{\n"
-        yield f"    {r.name}_values r;\n    double in[{n_in}], out[{n_out}];\n"
-        if suffix:
-            yield f"    double along[{n_in}];\n"
-        yield "    for (int lane = 0; lane < UUV_W; lane++) {\n"
-        yield f"        for (int i = 0; i < {n_in - n_w}; i++) in[i] = uuv_lane(x[i], lane);\n"
-        if n_w:
-            yield f"        for (int i = 0; i < {n_w}; i++) in[{n_in - n_w} + i] = "
-            yield "uuv_lane(w[i], lane);\n"
-        if suffix:
-            yield f"        for (int i = 0; i < {n_in}; i++) along[i] = uuv_lane(seed[i], lane);\n"
-        yield f"        {call.replace('SEED', 'along' if suffix else '0')};\n"
-        yield f"        for (int i = 0; i < {n_out}; i++) UUV_PUT_LANE(r.y[i], lane, out[i]);\n"
-        yield "    }\n    return r;\n}\n"
+    buffers = f"    double in[{n_in}], out[{n_out}];\n"
+    read = [(n_in - n_w, "in[i]", "x")]
+    if isinstance(r, Frame):
+        read.append((n_w, f"in[{n_in - n_w} + i]", "w"))
+        yield from _lane_function(r.name, "", ["x", "w"], buffers, read, call, n_out)
+        return
+    value, forward = call.replace("SEED", "0"), call.replace("SEED", "along")
+    yield from _lane_function(r.name, "", ["x"], buffers, read, value, n_out)
+    buffers += f"    double along[{n_in}];\n"
+    read.append((n_in, "along[i]", "seed"))
+    yield from _lane_function(r.name, "_forward", ["x", "seed"], buffers, read, forward, n_out)
+
+
+def _lane_function(
+    name: str,
+    suffix: str,
+    given: Sequence[str],
+    buffers: str,
+    read: Sequence[tuple[int, str, str]],
+    call: str,
+    n_out: int,
+    struct: str = "",
+) -> Iterator[str]:
+    """Yield a C function of arrays that calls a function of doubles for each lane.
+
+    `read` are counts, targets and sources of the numbers that it gets; `out` has its results.
+    """
+    arguments = ", ".join(f"const V *{a}" for a in given)
+    yield f"static inline {name}{struct}_values {name}{suffix}({arguments}) {{\n"
+    yield f"    {name}{struct}_values r;\n{buffers}"
+    yield "    for (int lane = 0; lane < UUV_W; lane++) {\n"
+    for n, target, source in read:
+        yield f"        for (int i = 0; i < {n}; i++) {target} = uuv_lane({source}[i], lane);\n"
+    yield f"        {call};\n"
+    yield f"        for (int i = 0; i < {n_out}; i++) UUV_PUT_LANE(r.y[i], lane, out[i]);\n"
+    yield "    }\n    return r;\n}\n"
 
 
 def scene_text(g: Ground) -> Iterator[str]:
@@ -113,3 +132,40 @@ def _whole(name: str, values: NDArray[np.int32]) -> str:
 def doubles(values: Iterable[float]) -> str:
     """Write numbers with commas, so that C reads the same bits."""
     return ", ".join(repr(float(v)) for v in values)
+
+
+def contact_text(c: HullContact | HullPlace) -> Iterator[str]:
+    """Yield the scene, once in a file, the hull, and the functions of the intrinsic's arguments."""
+    yield '#include "uuv_contact.h"\n'
+    yield from scene_text(c.ground)
+    material, friction, rub, call, moving = "0", "0", "0", "uuv_place", "UUV_NO_FORCE"
+    if isinstance(c, HullContact):
+        call, moving = "uuv_contact", str(c.n_moving)
+        if any(mu != 1.0 for mu in c.rub):
+            rub = f"{c.name}_rub"
+            yield f"static const double {rub}[] = {{{doubles(c.rub)}}};\n"
+    if isinstance(c, HullContact) and c.material is not None:
+        material, friction = f"{c.name}_material", f"{c.name}_friction"
+        numbers = ",".join(map(str, c.material.ravel().tolist()))
+        yield f"static const unsigned char {material}[] = {{{numbers}}};\n"
+        yield f"static const double {friction}[] = {{{doubles(c.friction)}}};\n"
+    h = c.hull
+    shape = f"{{{doubles(h.middle)}}}, {{{doubles(h.half)}}}, {h.n}, {h.radius!r}"
+    yield f"static const uuv_hull {c.name}_hull = "
+    yield f"{{&{c.ground.name}, {material}, {friction}, {rub}, {shape}}};\n"
+    yield f"typedef struct {{ V y[{c.n_out}]; }} {c.name}_values;\n"
+    yield f"typedef struct {{ V y[{c.n_in}]; }} {c.name}_adjoint_values;\n"
+    n, m, hull = c.n_in, c.n_out, f"&{c.name}_hull"
+    at = f"{hull}, {moving}"
+    value = f"{call}({at if isinstance(c, HullContact) else hull}, in, out)"
+    read = [(n, "in[i]", "x")]
+    yield from _lane_function(c.name, "", ["x"], f"    double in[{n}], out[{m}];\n", read, value, m)
+    given = ["x", "seed"]
+    buffers = f"    double in[{n}], out[{m}], along[{n}];\n"
+    forward = f"uuv_contact_forward({at}, {n}, in, along, out)"
+    read = [(n, "in[i]", "x"), (n, "along[i]", "seed")]
+    yield from _lane_function(c.name, "_forward", given, buffers, read, forward, m)
+    buffers = f"    double in[{n}], out[{n}], along[{m}];\n"
+    adjoint = f"uuv_contact_adjoint({at}, {n}, in, along, out)"
+    read = [(n, "in[i]", "x"), (m, "along[i]", "seed")]
+    yield from _lane_function(c.name, "_adjoint", given, buffers, read, adjoint, n, "_adjoint")

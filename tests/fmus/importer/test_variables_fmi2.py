@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uuvsim_cosim.fmus.description import Variable
-from uuvsim_cosim.fmus.importer.array_folding import fold
+from uuvsim_cosim.fmus.importer.variables_fmi2 import fold
 
 
 def scalar(name: str, reference: int = 0, **changes: Any) -> Variable:

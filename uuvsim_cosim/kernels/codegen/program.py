@@ -1,0 +1,124 @@
+"""A plan compiled for one communication step over lanes of environments."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import platform
+from collections.abc import Callable, Mapping
+from functools import cached_property, lru_cache, partial
+from pathlib import Path
+
+import numpy as np
+
+from uuvsim_cosim.cache import content_hash
+from uuvsim_cosim.content import content
+from uuvsim_cosim.fmus.codegen.runtime import runtime
+from uuvsim_cosim.fmus.codegen.toolchain import (
+    Signatures,
+    compile_shared,
+    compiler,
+    generated_sources,
+    load_library,
+)
+from uuvsim_cosim.fmus.description import Variable
+from uuvsim_cosim.kernels.codegen.declaration import declaration_text
+from uuvsim_cosim.kernels.codegen.driver import driver_text
+from uuvsim_cosim.kernels.codegen.fusible import Fused
+from uuvsim_cosim.share import compute_in_threads
+
+__all__ = ["Program", "compiled", "compiled_draws", "processor_flags"]
+
+
+def compiled(name: str, text: str, flags: tuple[str, ...]) -> Path:
+    """Compile generated C into a library in the cache, and return its path."""
+    include = [content("fmus", "kernels"), *runtime()]
+    return compile_shared(
+        generated_sources({f"{name}.c": text}), name=f"{name}_lanes", include=include, flags=flags
+    )
+
+
+def compiled_draws(flags: tuple[str, ...]) -> Path:
+    """Compile the random draws of float32 kernels, which are computed in float64."""
+    source = content("fmus", "kernels") / "float_draws.c"
+    include = [content("fmus", "kernels"), *runtime()]
+    return compile_shared([source], name="float_draws", include=include, flags=flags)
+
+
+@lru_cache
+def _processor() -> str:
+    """Return an id of this machine's processor: code compiled for it does not run on others."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().split("\n\n", 1)[0].splitlines()
+    except OSError:
+        return content_hash([platform.machine(), platform.processor(), platform.node()])[:16]
+    wanted = ("model name", "flags", "Features", "CPU part", "CPU implementer", "isa")
+    return content_hash([line for line in lines if line.startswith(wanted)])[:16]
+
+
+def processor_flags(baseline: bool) -> tuple[str, ...]:
+    """Return the compiler's options for this machine's processor, or none for every one."""
+    if baseline:
+        return ()
+    zig = "ziglang" in compiler()[0]
+    arm = platform.machine().lower() in ("aarch64", "arm64")
+    option = "-mcpu=native" if zig or arm else "-march=native"
+    # GCC 12 contracts expressions that look like a product of complex numbers (a rotated box),
+    # which changes bits, although contraction is off.
+    options = (option,) if zig else (option, "-fno-tree-slp-vectorize")
+    return *options, f"-DUUV_PROCESSOR=0x{_processor()}"  # the latter only for the cache's key
+
+
+class Program:
+    """One communication step of a plan, in the functions ``uuv_kernel_…`` of the library `c`."""
+
+    def __init__(self, fused: Fused, lanes: int, dtype: np.dtype, baseline: bool) -> None:
+        self.fused = fused
+        self.lanes = lanes  # environments that one instruction processes
+        self.dtype = dtype  # of the numbers: float64 or float32
+        self.baseline = baseline  # the code runs on every processor of this architecture
+        single = dtype == np.float32
+        flags = (f"-DUUV_W={lanes}", "-Wno-psabi", *processor_flags(baseline))
+        draws_flags = ("-DUUV_W=8", "-Wno-psabi", *flags[2:])
+        if single:
+            flags = (*flags, "-DUUV_FLOAT32", "-ffp-contract=fast")
+        texts = [declaration_text(fused.equations[s], dtype) for s in fused.sources]
+        names = [fused.equations[s].layout.model.name for s in fused.sources]
+        driver = driver_text(fused, [content_hash([t, *flags]) for t in texts])
+        jobs: dict[int | str, Callable[[], Path]] = {
+            i: partial(compiled, names[i], texts[i], flags) for i in range(len(texts))
+        }
+        jobs["driver"] = partial(compiled, "kernel", driver, flags)
+        if single:
+            jobs["draws"] = partial(compiled_draws, draws_flags)
+        # The longest first, so that the compiler's threads end at about the same time.
+        longest_first = sorted(jobs, key=lambda i: -len(texts[i]) if isinstance(i, int) else 0)
+        built = dict(compute_in_threads(lambda i: jobs[i](), longest_first, os.cpu_count() or 1))
+        pointer, u32, u64 = ctypes.c_void_p, ctypes.c_uint32, ctypes.c_uint64
+        signatures: Signatures = {
+            "uuv_kernel_bind": (None, [u32, pointer]),
+            "uuv_kernel_step": (ctypes.c_int32, [pointer, u64, u64, u64]),
+            "uuv_kernel_reset": (ctypes.c_int32, [pointer, pointer, pointer, pointer, u64, u64]),
+            "uuv_kernel_seed": (None, [pointer, pointer, pointer, u64, u64]),
+            "uuv_kernel_derive": (None, [pointer, u32, u64, u64]),
+        }
+        self.c = load_library(built["driver"], signatures)
+        self._libraries = [ctypes.CDLL(str(built[i])) for i in range(len(texts))]
+        if single:  # the declarations call the draws of a library that computes in float64
+            draws = ctypes.CDLL(str(built["draws"]))
+            for library in self._libraries:
+                place = ctypes.c_void_p.in_dll(library, "uuv_the_lane_draws")
+                place.value = ctypes.cast(draws.uuv_float_draws, ctypes.c_void_p).value
+            self._libraries.append(draws)
+        for i in range(len(texts)):
+            table = ctypes.c_char.in_dll(self._libraries[i], "uuv_the_lane_stepper")
+            self.c.uuv_kernel_bind(i, ctypes.addressof(table))
+
+    @cached_property
+    def variables(self) -> Mapping[str, Variable]:
+        """Return every variable by its full name, "hull.eta"."""
+        return {
+            f"{c.path}.{name}": v
+            for c in self.fused.plan.components
+            for name, v in c.description.variables.items()
+        }
