@@ -14,18 +14,19 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
 from uuvsim_cosim.models.worlds.terrain import Terrain, save_terrain
-from uuvsim_cosim.scene.mapping.height_grid import HeightGrid, Window
 from uuvsim_cosim.scene.mapping.map_files import write_geotiff, write_las, write_ply
 from uuvsim_cosim.scene.mapping.mapping import (
+    HeightGrid,
     SeabedMap,
     Track,
+    Window,
     map_seabed,
     read_map,
     run_points,
     write_map,
 )
 from uuvsim_cosim.scene.mapping.scans import Sonde, frames, points, rotation, sonde
-from uuvsim_cosim.scene.mapping.survey_settings import read_settings, settings_of_system
+from uuvsim_cosim.scene.mapping.survey import read_settings, settings_of_system
 from uuvsim_cosim.scene.shared.ray_casting import Caster
 
 Array = NDArray[np.float64]
@@ -347,8 +348,7 @@ def test_readings_of_a_component_in_the_loop_make_the_map(tmp_path: Path) -> Non
     """A camera that moves with its hull: its recorded frames, not others, and its own mounting."""
     from uuvsim_cosim.orchestrator.running.run import run
     from uuvsim_cosim.orchestrator.system.system import System
-    from uuvsim_cosim.scene.mapping.survey import survey_of
-    from uuvsim_cosim.scene.mapping.survey_settings import SurveySettings
+    from uuvsim_cosim.scene.mapping.survey import SurveySettings, survey_of
 
     save_terrain(plane(), tmp_path / "plane.npz")
     camera = f"model:depth_camera?scene={tmp_path}/plane.npz&period=0.25&columns=24&rows=18"

@@ -9,7 +9,7 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.worlds.obstacles import Box, Capsule, Cylinder, Sphere
 from uuvsim_cosim.scene.chart.read import read_chart
 from uuvsim_cosim.scene.terrain.chart import Made, chart_terrain
-from uuvsim_cosim.scene.terrain.piece import piece_of
+from uuvsim_cosim.scene.terrain.grid import piece_of
 
 WEST, SOUTH, SIZE = 10.0, 54.0, 0.02
 SHORE = WEST + 0.1 * SIZE
@@ -391,7 +391,7 @@ def test_a_piece_beside_the_chart_is_refused_with_where_the_chart_is(tmp_path: P
 def test_tiles_are_the_terrain_as_a_whole(tmp_path: Path) -> None:
     import rasterio
 
-    from uuvsim_cosim.scene.terrain.large_charts import write_large
+    from uuvsim_cosim.scene.terrain.chart import write_large
 
     chart = slope().write(tmp_path / "A.000")
     target = tmp_path / "a.tif"

@@ -9,8 +9,8 @@ from rasterio.transform import Affine
 from scipy.ndimage import map_coordinates
 
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.scene.terrain.grid import piece_of
 from uuvsim_cosim.scene.terrain.make import Wishes, make_terrain
-from uuvsim_cosim.scene.terrain.piece import piece_of
 from uuvsim_cosim.scene.terrain.raster import raster_terrain
 
 WEST, NORTH, CELL = 500_000.0, 5_300_000.0, 5.0

@@ -11,9 +11,11 @@ with the unit direction d in the sensor's axes, r_s and R_bs its place and attit
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import exp, sqrt
+from pathlib import Path
 from typing import Any
+from urllib.parse import parse_qsl
 from zlib import crc32
 
 import numpy as np
@@ -21,12 +23,14 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.preset import preset
-from uuvsim_cosim.models.sensors.beams import beams_of
+from uuvsim_cosim.models.sensors.beams import PRESETS, beams_of
+from uuvsim_cosim.orchestrator.recording.signals import Signals
 from uuvsim_cosim.scene.shared.ray_casting import SEABED, SOLID, Caster
 
-__all__ = ["Frame", "Sonde", "Taken", "frames", "points", "rotation", "sonde"]
+__all__ = ["Frame", "Sonde", "Taken", "frames", "points", "recorded_sonde", "rotation", "sonde"]
 
 Array = NDArray[np.float64]
+OUTPUTS = {"multibeam": "range", "depth_camera": "image"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +103,46 @@ def sonde(kind: str, preset_id: str, period: float, **options: Any) -> Sonde:
     )  # fmt: skip
 
 
+def recorded_sonde(run: Path, component: str, signals: Signals) -> Sonde:
+    """Return a multibeam or depth camera of a run's system, with its recorded frames.
+
+    The directions of its beams follow from its source and its mounting in the run's `system.ssd`.
+    Raises InputInvalid if there is no such instrument, or its readings were not recorded.
+    """
+    from uuvsim_cosim.orchestrator.plan.flatten import flatten
+    from uuvsim_cosim.orchestrator.running.library import load
+
+    components = {c.path: c for c in flatten(load(run / "system.ssd"), loops="delay").components}
+    planned = components.get(component)
+    if planned is None:
+        known = ", ".join(components)
+        raise InputInvalid(run, f"its system has no component {component!r}", f"one of {known}")
+    name, _, query = planned.source.removeprefix("model:").partition("?")
+    kind, _, preset = name.partition("@")
+    options = dict(parse_qsl(query))
+    if kind not in OUTPUTS:
+        raise InputInvalid(
+            run, f"{component} is {planned.source}", f"model:{' or model:'.join(OUTPUTS)}"
+        )
+    size = {k: options[k] for k in ("beams", "columns", "rows") if k in options}
+    found = sonde(kind, preset or options.get("id", PRESETS[kind]), 1.0, **size)
+    if "r_s" in planned.start:
+        found = replace(found, r_s=np.array(planned.start["r_s"], float))
+    if "Theta_s" in planned.start:
+        found = replace(found, R_bs=rotation(*np.array(planned.start["Theta_s"], float)))
+    reading, sample = f"{component}.{OUTPUTS[kind]}", f"{component}.t_sample"
+    if reading not in signals or sample not in signals:
+        raise InputInvalid(run, f"{reading} was not recorded", "a run of this system")
+    t, first = np.unique(signals[sample], return_index=True)
+    first, t = first[t >= 0], t[t >= 0]  # before the first sample it is -1
+    ranges = np.asarray(signals[reading], float)[first]
+    ranges = np.where(ranges > 0, ranges, np.nan)  # NaN without an echo
+    if kind == "depth_camera" and options.get("reading", "depth") == "depth":
+        ranges = ranges / found.directions[:, 2]
+    period = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
+    return replace(found, name=f"{component}, in the loop", period=period, taken=Taken(t, ranges))
+
+
 @dataclass(frozen=True, eq=False)
 class Frame:
     """One sample: `row` of the recording, and the range of each beam [m], NaN without an echo."""
@@ -126,8 +170,17 @@ def frames(
 
     Its error is drawn from `seed` and the number of the frame: a frame alone has the same bits.
     """
-    if sonde.taken is not None:
-        yield from _taken(sonde, sonde.taken, time, every)
+    if (taken := sonde.taken) is not None:
+        rows = np.clip(np.searchsorted(time, taken.t - 1e-9), 0, len(time) - 1)
+        seen = np.abs(time[rows] - taken.t) < 1e-6
+        if len(taken.t) and not seen.any():
+            raise InputInvalid(
+                sonde.name,
+                f"no pose was recorded when it took a sample (every {sonde.period:g} s)",
+                "a run without --record-every",
+            )
+        for k in np.flatnonzero(seen)[::every].tolist():
+            yield Frame(int(rows[k]), taken.range[k])
         return
     wanted = np.arange(0.0, time[-1] + 1e-9, sonde.period)
     rows = np.clip(np.searchsorted(time, wanted - 1e-9), 0, len(time) - 1)
@@ -148,20 +201,6 @@ def frames(
             r[random.random(n, np.float32) < sonde.dropout] = np.nan
         r[~((r >= sonde.near) & (r <= sonde.far))] = np.nan
         yield Frame(row, r)
-
-
-def _taken(sonde: Sonde, taken: Taken, time: Array, every: int) -> Iterator[Frame]:
-    """Yield every n-th frame of a component, with its row of the recording."""
-    rows = np.clip(np.searchsorted(time, taken.t - 1e-9), 0, len(time) - 1)
-    seen = np.abs(time[rows] - taken.t) < 1e-6
-    if len(taken.t) and not seen.any():
-        raise InputInvalid(
-            sonde.name,
-            f"no pose was recorded when it took a sample (every {sonde.period:g} s)",
-            "a run without --record-every",
-        )
-    for k in np.flatnonzero(seen)[::every].tolist():
-        yield Frame(int(rows[k]), taken.range[k])
 
 
 def _random(seed: int, name: str, k: int) -> np.random.Generator:

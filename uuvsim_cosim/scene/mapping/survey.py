@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.content import content
+from uuvsim_cosim.errors import InputInvalid, UuvsimError
+from uuvsim_cosim.models.declaration.parameter_files import read_yaml
 from uuvsim_cosim.models.worlds.ground import scene_named
 from uuvsim_cosim.scene.mapping.map_files import check_target, write_geotiff, write_las, write_ply
 from uuvsim_cosim.scene.mapping.mapping import (
@@ -16,13 +19,83 @@ from uuvsim_cosim.scene.mapping.mapping import (
     run_points,
     track_of_run,
 )
-from uuvsim_cosim.scene.mapping.recorded_scans import recorded_sonde
-from uuvsim_cosim.scene.mapping.survey_settings import FILE, SurveySettings, read_settings
+from uuvsim_cosim.scene.mapping.scans import Sonde, recorded_sonde, sonde
 from uuvsim_cosim.scene.shared.ray_casting import Caster
 
-__all__ = ["FORMATS", "Survey", "survey_of"]
+__all__ = [
+    "FILE",
+    "FORMATS",
+    "Survey",
+    "SurveySettings",
+    "keep_settings",
+    "read_settings",
+    "settings_of_system",
+    "survey_of",
+]
 
+FILE = "mapping.yaml"
 FORMATS = (".tif", ".tiff", ".laz", ".las", ".ply")
+
+
+@dataclass(frozen=True, eq=False)
+class SurveySettings:
+    """The scene (id or path), the map's cell [m], its sensors, and sensors of the system itself."""
+
+    scene: str
+    cell: float
+    sondes: tuple[Sonde, ...]
+    components: tuple[str, ...] = ()
+
+    def changed(self, scene: str = "", cell: float | None = None) -> SurveySettings:
+        """Return settings with another scene or cell."""
+        return replace(self, scene=scene or self.scene, cell=self.cell if cell is None else cell)
+
+
+def read_settings(file: Path) -> SurveySettings:
+    """Read settings; raises ParameterInvalid with every mistake by its line."""
+    data = read_yaml(file, "mapping.schema.json")
+    sondes, components = [], []
+    for i, given in enumerate(data["sensors"]):
+        if "component" in given:
+            components.append(str(given["component"]))
+            continue
+        sensor = str(given["kind"])
+        options = {k: int(given[k]) for k in ("columns", "rows", "beams") if k in given}
+        known = ("columns", "rows") if sensor == "depth_camera" else ("beams",)
+        if foreign := [k for k in options if k not in known]:
+            raise InputInvalid(
+                file, f"sensors.{i}: a {sensor} has no {foreign[0]}", " and ".join(known)
+            )
+        try:
+            made = sonde(sensor, str(given["preset"]), float(given["period"]), **options)
+        except UuvsimError as error:
+            raise InputInvalid(f"{file}: sensors.{i}: {error}") from None
+        sondes.append(made)
+    scene = str(data["scene"])
+    beside = file.parent / scene
+    return SurveySettings(
+        str(beside) if "/" in scene or scene.endswith(".npz") else scene,
+        float(data.get("cell", 0.1)),
+        tuple(sondes),
+        tuple(components),
+    )
+
+
+def settings_of_system(system: str) -> Path | None:
+    """Return the file of settings of a system, by its name or its .ssd; None if it has none."""
+    path = Path(system)
+    beside = path.parent if path.suffix.lower() in (".ssd", ".ssp") else None
+    folder = beside or content("orchestrator", "systems") / system
+    file = folder / FILE
+    return file if file.is_file() else None
+
+
+def keep_settings(file: Path, run: Path) -> None:
+    """Copy settings into the folder of a run, so that its map can be made again."""
+    try:
+        shutil.copyfile(file, run / FILE)
+    except OSError as error:
+        raise InputInvalid(f"{run / FILE}: cannot be written ({error.strerror})") from None
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,13 +11,11 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.near_names import did_you_mean
 from uuvsim_cosim.models.worlds.scene import load_scene, scene_ids
 from uuvsim_cosim.models.worlds.terrain import Terrain, load_terrain
-from uuvsim_cosim.scene.terrain.chart import Made, chart_terrain
-from uuvsim_cosim.scene.terrain.large_charts import Large, write_large
-from uuvsim_cosim.scene.terrain.piece import piece_of
+from uuvsim_cosim.scene.terrain.chart import Large, Made, chart_terrain, write_large
+from uuvsim_cosim.scene.terrain.grid import piece_of
 from uuvsim_cosim.scene.terrain.raster import raster_terrain
 
 __all__ = ["Wishes", "make_large", "make_terrain"]
-
 
 CHART_RESOLUTION = 10.0  # m
 
@@ -37,6 +35,26 @@ class Wishes:
     fill: float = 0.0  # m, reach of bridges over a grid's holes
     crs: str | None = None  # of a grid that states none
     local: bool = False  # a grid's x and y are E and N of the local frame
+
+    @property
+    def chart_resolution(self) -> float:
+        """The spacing of nodes of a chart [m]."""
+        return CHART_RESOLUTION if self.resolution is None else self.resolution
+
+    @property
+    def land_height(self) -> float | None:
+        """The height of land above the datum [m], NaN if unknown; raises InputInvalid."""
+        if self.land is None or self.land == "unknown":
+            return None if self.land is None else float("nan")
+        try:
+            height = float(self.land)
+            if not (np.isfinite(height) and 0 < height < 9000):
+                raise ValueError
+        except ValueError:
+            raise InputInvalid(
+                f"--land {self.land}", "metres above the datum, more than 0, or unknown"
+            ) from None
+        return height
 
 
 def make_terrain(file: Path, wishes: Wishes) -> Made:
@@ -73,7 +91,9 @@ def make_terrain(file: Path, wishes: Wishes) -> Made:
     if _is_chart(file):
         _refuse_for(file, "a chart", {"--unit": wishes.unit, "--positive": wishes.positive,
                                       "--fill": wishes.fill or None, **placing})  # fmt: skip
-        made = chart_terrain(file, _of_chart(wishes), piece, _height(wishes.land), wishes.relief)
+        made = chart_terrain(
+            file, wishes.chart_resolution, piece, wishes.land_height, wishes.relief
+        )
     else:
         _refuse_for(file, "a grid", {"--land": wishes.land, "--relief": wishes.relief})
         made = raster_terrain(
@@ -91,7 +111,7 @@ def make_large(file: Path, target: Path, wishes: Wishes) -> Large | None:
     if wishes.relief is not None or wishes.datum is not None:
         return None  # of a terrain as a whole
     piece = piece_of(wishes.around, wishes.size)
-    return write_large(file, target, _of_chart(wishes), piece, _height(wishes.land))
+    return write_large(file, target, wishes.chart_resolution, piece, wishes.land_height)
 
 
 def _is_chart(file: Path) -> bool:
@@ -100,26 +120,6 @@ def _is_chart(file: Path) -> bool:
     with file.open("rb") as opened:
         head = opened.read(24)
     return len(head) == 24 and head[:5].isdigit() and head[6:7] == b"L"
-
-
-def _of_chart(wishes: Wishes) -> float:
-    return CHART_RESOLUTION if wishes.resolution is None else wishes.resolution
-
-
-def _height(land: str | None) -> float | None:
-    if land is None:
-        return None
-    if land == "unknown":
-        return float("nan")
-    try:
-        height = float(land)
-        if not (np.isfinite(height) and 0 < height < 9000):
-            raise ValueError
-    except ValueError:
-        raise InputInvalid(
-            f"--land {land}", "metres above the datum, more than 0, or unknown"
-        ) from None
-    return height
 
 
 def _refuse_for(file: Path, what: str, options: dict[str, object]) -> None:
@@ -134,8 +134,6 @@ def _checked(made: Made, wishes: Wishes) -> Made:
     if expected is None or found.lower() == expected.lower():
         return made
     if not found:
-        from dataclasses import replace
-
         return replace(
             made,
             terrain=replace(made.terrain, vertical_datum=expected),
