@@ -7,12 +7,14 @@ import re
 import select
 import socket
 import ssl
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from uuvsim_cosim.bridge.access.access_file import Tls
 from uuvsim_cosim.errors import InputInvalid
 
 __all__ = [
+    "Tls",
     "certificate_problem",
     "client_context",
     "common_name",
@@ -26,6 +28,16 @@ __all__ = [
 
 _CN = b"\x06\x03\x55\x04\x03"  # object identifier 2.5.4.3 (common name), encoded in DER
 _TLS_HANDSHAKE = b"\x16"
+
+
+@dataclass(frozen=True)
+class Tls:
+    """Certificates; with `ca`, a client needs one as well (mutual TLS)."""
+
+    certificate: Path
+    key: Path
+    ca: Path | None = None
+    roles: Mapping[str, str] = field(default_factory=dict)  # common name: role
 
 
 def server_context(tls: Tls) -> ssl.SSLContext:

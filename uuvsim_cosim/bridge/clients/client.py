@@ -15,7 +15,7 @@ from uuvsim_cosim.bridge.calls.call_table import checked
 from uuvsim_cosim.bridge.calls.service import Moment, SignalInfo
 from uuvsim_cosim.bridge.calls.zenoh_keys import call_key, client_key, master_key
 from uuvsim_cosim.bridge.clients.access import Credentials, Reply
-from uuvsim_cosim.bridge.clients.queries import Asking
+from uuvsim_cosim.bridge.clients.queries import QuerySender
 from uuvsim_cosim.bridge.clients.subscription import Subscription
 from uuvsim_cosim.bridge.zenoh.codec import PROTOCOL, error_of, packed, read_message, unpacked
 from uuvsim_cosim.bridge.zenoh.session import PORT, Disconnected, WrappedSession
@@ -94,7 +94,7 @@ class Connection(Closing):
         self._address = address
         self._states: WrappedSession | None = None
         self._proof: dict[str, str] = {}
-        self._asking = Asking(session, lambda: self._credentials.opened(*address))
+        self._asking = QuerySender(session, lambda: self._credentials.opened(*address))
         self._schema: tuple[SignalInfo, ...] | None = None
         self._subscriptions: list[Subscription] = []
         self._id = secrets.token_hex(8)

@@ -98,7 +98,7 @@ class Sessions:
             ]  # fmt: skip
             gone = [self._open.pop(token) for token in silent]
         for session in gone:
-            getattr(self._service, "lost", self._service.leave)(session.calls.client)
+            self._service.lost(session.calls.client)
 
     def close(self) -> None:
         """End all sessions."""

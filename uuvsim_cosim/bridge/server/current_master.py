@@ -6,17 +6,16 @@ from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from math import ceil, isfinite
 from pathlib import Path
-from typing import final
+from typing import Any, final
 
 from uuvsim_cosim._version import __version__
 from uuvsim_cosim.bridge.calls.service import Moment
 from uuvsim_cosim.bridge.server.active_run import Record, Running
 from uuvsim_cosim.bridge.server.call_queue import Answer
-from uuvsim_cosim.bridge.server.playback import Replay, is_recording
-from uuvsim_cosim.bridge.server.row_taps import Tap
+from uuvsim_cosim.bridge.server.playback import Playback, Stepped, is_recording
+from uuvsim_cosim.bridge.server.row_distributor import RowDistributor
 from uuvsim_cosim.bridge.server.signal_names import Names
 from uuvsim_cosim.bridge.server.snapshots import Snapshots
-from uuvsim_cosim.bridge.server.stepped import Stepped
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.master.prepared import prepare
@@ -35,23 +34,23 @@ class CurrentMaster:
 
     def __init__(
         self,
-        system: System | Plan | Master | Replay | str | Path,
+        system: System | Plan | Master | Playback | str | Path,
         seed: int,
         backend: Backend,
         record: Path | None,
     ) -> None:
         if isinstance(system, str | Path) and is_recording(system):
-            system = Replay(system)
+            system = Playback(system)
         elif isinstance(system, str | Path):
             from uuvsim_cosim.orchestrator.running.library import load
 
             system = load(system)
         self._system = system if isinstance(system, System) else None
         self._seed, self._backend = seed, backend
-        self._replay = system if isinstance(system, Replay) else None
+        self._replay = system if isinstance(system, Playback) else None
         self.name = "plan" if isinstance(system, Plan | Master) else system.name
         record = None if self._replay else record  # there is a recording already
-        self.tap = Tap(record, {"system": self.name, "seed": seed})
+        self.tap = RowDistributor(record, {"system": self.name, "seed": seed})
         self.running: Running | None = None
         self.failed: UuvsimError | None = None
         self.is_closed = False
@@ -60,7 +59,7 @@ class CurrentMaster:
         self._overruns, self._busy = 0, 0.0  # of the last run, once it has ended
         self._components: list[dict[str, object]] | None = None
         self.master: Stepped
-        if isinstance(system, Replay):
+        if isinstance(system, Playback):
             system.initialize([self.tap])
             self.master = system
         else:
@@ -264,7 +263,7 @@ class CurrentMaster:
     def restore(self, name: str) -> None:
         """Restore a snapshot; in a recording, also the time ``t=SECONDS``."""
         sought = None if self._replay is None else self._replay.sought(name)
-        state = self.snapshots.find(name) if sought is None else sought
+        state: Any = self.snapshots.find(name) if sought is None else sought
         self.pause()
         self.tap.fresh()
         self.master.restore(state)

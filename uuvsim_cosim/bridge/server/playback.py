@@ -17,13 +17,14 @@ import numpy as np
 
 from uuvsim_cosim.errors import InputInvalid, RecordingError
 from uuvsim_cosim.fmus.description import Description, Variable, VariableType
+from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.master.observer import Chunk, Column, Observer
 from uuvsim_cosim.orchestrator.plan.plan import Plan, PlannedComponent
 from uuvsim_cosim.orchestrator.recording.files import PARQUET, STREAM
 from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 
-__all__ = ["Replay", "is_recording"]
+__all__ = ["Playback", "Stepped", "is_recording"]
 
 _ENDINGS = (".mcap", ".parquet", ".arrows")
 _TYPES: dict[str, VariableType] = {"f": "Float64", "i": "Int64", "u": "UInt64", "b": "Boolean"}
@@ -40,8 +41,8 @@ def is_recording(system: object) -> bool:
 
 
 @final
-class Replay:
-    """A recording instead of a master (`Stepped`); raises RecordingError for other data."""
+class Playback:
+    """A recording instead of a master; raises RecordingError for other data."""
 
     def __init__(self, recording: Signals | Path | str) -> None:
         if isinstance(recording, Signals):
@@ -193,6 +194,10 @@ class Replay:
         chunk = Chunk(self.columns, self.plan.tick, ticks, rows, self._texts)
         for observer in self._observers:
             observer.observe(chunk)
+
+
+Stepped = Master | Playback
+"""A master, or a recording that is stepped like one."""
 
 
 def _plan(signals: Signals, where: str) -> Plan:

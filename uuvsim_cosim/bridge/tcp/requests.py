@@ -10,7 +10,7 @@ from fractions import Fraction
 from typing import Any, TypeVar
 
 from uuvsim_cosim.bridge.calls.call_table import arguments
-from uuvsim_cosim.bridge.calls.service import Client, Moment, Schema, Service, SignalInfo
+from uuvsim_cosim.bridge.calls.service import Client, Moment, Service, SignalInfo
 from uuvsim_cosim.bridge.calls.values import json_of
 from uuvsim_cosim.bridge.tcp.framing import Disconnected
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
@@ -57,10 +57,8 @@ class Calls:
 
     def waited(self, call: str, *arguments: object) -> Any:
         """Carry out a call that may take long; raises Disconnected if its client disconnects."""
-        gone, ask = getattr(self._asking, "gone", None), getattr(self.service, "ask", None)
-        if gone is None or ask is None:
-            return getattr(self.service, call)(self.client, *arguments)
-        answer = ask(call, self.client, *arguments)
+        gone = getattr(self._asking, "gone", lambda: False)
+        answer = self.service.ask(call, self.client, *arguments)
         while True:
             try:
                 return answer.result(_LOOK)
@@ -68,7 +66,7 @@ class Calls:
                 if answer.done():  # the call itself has raised TimeoutError
                     raise
             if gone():
-                self.service.abandon(answer)  # type: ignore[attr-defined]
+                self.service.abandon(answer)
                 raise Disconnected(f"{call}: who asked is gone")
 
     @property
@@ -88,7 +86,7 @@ class Calls:
         before, schema = getattr(self, "_schema", None), self.service.schema()
         if schema is before:
             return False
-        self._schema = schema if isinstance(schema, Schema) else Schema(schema)
+        self._schema = schema
         return before is not None and list(before) != list(self._schema)
 
     def knowing(self, work: Callable[[], _T]) -> _T:

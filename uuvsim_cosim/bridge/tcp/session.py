@@ -16,9 +16,8 @@ from uuvsim_cosim._version import __version__
 from uuvsim_cosim.bridge.access.authentication import Admission, everybody
 from uuvsim_cosim.bridge.calls.call_table import CALLS, checked, whole
 from uuvsim_cosim.bridge.calls.connection_limits import Limits
-from uuvsim_cosim.bridge.calls.service import Client, Service, SignalInfo
-from uuvsim_cosim.bridge.calls.signal_hash import entry, interface_hash
-from uuvsim_cosim.bridge.calls.time_sharing import READS, Pace, share_of
+from uuvsim_cosim.bridge.calls.service import Client, Service, SignalInfo, entry, interface_hash
+from uuvsim_cosim.bridge.calls.time_sharing import READS, RateLimit, share_of
 from uuvsim_cosim.bridge.calls.values import (
     columns_of,
     find,
@@ -111,7 +110,7 @@ def serve(
         send(frame({"ok": True, **header, "system": json_of(service.describe())}))
         _answer_all(calls, reader, send, limits)
     except (Disconnected, OSError):  # without `bye`: in lockstep the fail-safe decides
-        getattr(service, "lost", service.leave)(client)
+        service.lost(client)
         raise
     except BaseException:
         service.leave(client)
@@ -154,7 +153,7 @@ def _answer_all(
 ) -> None:
     """Answer frames until the client sends `bye`."""
     layout: _Layout | None = None
-    pace, share, mark = Pace(limits.calls_per_s), share_of(calls.service), time.thread_time()
+    pace, share, mark = RateLimit(limits.calls_per_s), share_of(calls.service), time.thread_time()
     while True:
         header, payload = reader.frame()
         name = "step" if header is None else header.get("call")

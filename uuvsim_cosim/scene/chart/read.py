@@ -15,7 +15,7 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.scene.chart.codes import UNITS, VERTICAL_DATUMS
 from uuvsim_cosim.scene.chart.files import ChartFiles, chart_files, in_sequence
 from uuvsim_cosim.scene.chart.projection import Projection, projection_at
-from uuvsim_cosim.scene.shared.extra import wanted
+from uuvsim_cosim.scene.shared.extra import import_extra
 
 __all__ = ["Areas", "Chart", "Features", "Shapes", "read_chart"]
 
@@ -87,8 +87,8 @@ class _Cell:
 
     def __init__(self, path: Path, name: Path) -> None:
         self.path, self.name = path, name
-        self.gdal = wanted("pyogrio", "reading a chart")
-        self.shapely = wanted("shapely", "reading a chart")
+        self.gdal = import_extra("pyogrio", "reading a chart")
+        self.shapely = import_extra("shapely", "reading a chart")
         # None until the extent is known; up to then layers are read in degrees.
         self.projection: Projection | None = None
         self.warnings: dict[str, None] = {}  # of GDAL, each once, in their order
@@ -258,7 +258,7 @@ def _areas(cell: _Cell, metre: float, notes: list[str]) -> Areas:
 
 
 def _polygons(shapes: Shapes) -> Shapes:
-    shapely = wanted("shapely", "reading a chart")
+    shapely = import_extra("shapely", "reading a chart")
     return shapes[np.isin(shapely.get_type_id(shapes), (3, 6))] if len(shapes) else shapes
 
 

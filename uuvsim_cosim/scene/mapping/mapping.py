@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.cache import whole_file
 from uuvsim_cosim.errors import InputInvalid, RecordingError
-from uuvsim_cosim.scene.mapping.scans import Sonde, frames, points
+from uuvsim_cosim.scene.mapping.scans import RangeSensor, frames, points
 from uuvsim_cosim.scene.shared.ray_casting import SEABED, SOLID, Caster
 
 __all__ = [
@@ -200,7 +200,7 @@ def track_of_run(folder: Path) -> Track:
 
 
 def map_seabed(
-    track: Track, caster: Caster, sondes: Sequence[Sonde], cell: float = 0.1,
+    track: Track, caster: Caster, sensors: Sequence[RangeSensor], cell: float = 0.1,
     scene: str = "", progress: Progress | None = None, least: int = 1,
 ) -> SeabedMap:  # fmt: skip
     """Map the seabed along a track by all sensors, in cells of `cell` [m].
@@ -209,15 +209,15 @@ def map_seabed(
     is then outside of the terrain, or too high above it.
     """
     begun = clock.process_time()
-    window = _window(track, caster, sondes, cell)
+    window = _window(track, caster, sensors, cell)
     grids = {pose: HeightGrid(window) for pose in track.poses}
     n_frames = n_points = 0
-    for pose, xyz, made in _placed(track, caster, sondes, progress):
+    for pose, xyz, made in _placed(track, caster, sensors, progress):
         grids[pose].add(xyz[:, 0], xyz[:, 1], xyz[:, 2])
         if pose == "true":
             n_frames, n_points = n_frames + made, n_points + len(xyz)
     if n_points == 0:
-        ranges = ", ".join(f"{s.name} {s.near:g} to {s.far:g} m" for s in sondes)
+        ranges = ", ".join(f"{s.name} {s.near:g} to {s.far:g} m" for s in sensors)
         raise InputInvalid(
             f"nothing of the seabed was seen ({ranges})",
             f"a track above the terrain{f' of scene {scene}' if scene else ''}, within reach",
@@ -235,24 +235,24 @@ def map_seabed(
     figures = tuple(Figures.of(pose, z, truth) for pose, z in depth.items())
     return SeabedMap(
         window, depth, truth, figures, n_frames, n_points, clock.process_time() - begun,
-        tuple(f"{s.name}: {len(s.directions):,} beams at {1 / s.period:g} Hz" for s in sondes),
+        tuple(f"{s.name}: {len(s.directions):,} beams at {1 / s.period:g} Hz" for s in sensors),
         scene,
     )  # fmt: skip
 
 
 def run_points(
-    track: Track, caster: Caster, sondes: Sequence[Sonde], pose: str = "true", every: int = 1
+    track: Track, caster: Caster, sensors: Sequence[RangeSensor], pose: str = "true", every: int = 1
 ) -> Iterator[Array]:
     """Yield the points (n, 3) N E D [m] of every n-th frame of a run, batch by batch."""
     if pose not in track.poses:
         raise InputInvalid(f"pose {pose!r}", f"one of {', '.join(track.poses)}")
     one = Track(track.time, {"true": track.poses["true"], pose: track.poses[pose]}, track.seed)
-    for which, xyz, _ in _placed(one, caster, sondes, None, every):
+    for which, xyz, _ in _placed(one, caster, sensors, None, every):
         if which == pose:
             yield xyz
 
 
-def _window(track: Track, caster: Caster, sondes: Sequence[Sonde], cell: float) -> Window:
+def _window(track: Track, caster: Caster, sensors: Sequence[RangeSensor], cell: float) -> Window:
     """Return the area that the sensors may reach: the track, and the reach of the widest beam."""
     places = np.concatenate([eta[:, :2] for eta in track.poses.values()])
     true = track.poses["true"]
@@ -269,7 +269,7 @@ def _window(track: Track, caster: Caster, sondes: Sequence[Sonde], cell: float) 
         )
     high = float(np.nanmax(altitude[altitude > 0]))
     aside = 0.0
-    for s in sondes:
+    for s in sensors:
         d = s.in_body
         level = np.hypot(d[:, 0], d[:, 1])
         reach = level * np.minimum(s.far, 1.3 * high / np.maximum(d[:, 2], 1e-3))
@@ -278,22 +278,22 @@ def _window(track: Track, caster: Caster, sondes: Sequence[Sonde], cell: float) 
 
 
 def _placed(
-    track: Track, caster: Caster, sondes: Sequence[Sonde], progress: Progress | None,
+    track: Track, caster: Caster, sensors: Sequence[RangeSensor], progress: Progress | None,
     every: int = 1,
 ) -> Iterator[tuple[str, Array, int]]:  # fmt: skip
     """Yield points in batches: pose, (n, 3), and the number of their frames."""
     true = track.poses["true"]
-    end = float(track.time[-1]) * len(sondes)
-    for number, sonde in enumerate(sondes):
-        in_body = sonde.in_body
+    end = float(track.time[-1]) * len(sensors)
+    for number, range_sensor in enumerate(sensors):
+        in_body = range_sensor.in_body
         waiting: dict[str, list[Array]] = {pose: [] for pose in track.poses}
         size = made = 0
-        seen = frames(sonde, track.time, true, caster, track.seed, every)
+        seen = frames(range_sensor, track.time, true, caster, track.seed, every)
         for k, frame in enumerate(seen):
             heard = np.isfinite(frame.range)
             r, beams = frame.range[heard], in_body[heard]
             for pose, eta in track.poses.items():
-                waiting[pose].append(points(sonde, beams, r, eta[frame.row]))
+                waiting[pose].append(points(range_sensor, beams, r, eta[frame.row]))
             size, made = size + len(r), made + 1
             if size >= BATCH:
                 yield from ((p, np.concatenate(w), made) for p, w in waiting.items())

@@ -19,7 +19,7 @@ from uuvsim_cosim.scene.mapping.mapping import (
     run_points,
     track_of_run,
 )
-from uuvsim_cosim.scene.mapping.scans import Sonde, recorded_sonde, sonde
+from uuvsim_cosim.scene.mapping.scans import RangeSensor, range_sensor, recorded_sensor
 from uuvsim_cosim.scene.shared.ray_casting import Caster
 
 __all__ = [
@@ -43,7 +43,7 @@ class SurveySettings:
 
     scene: str
     cell: float
-    sondes: tuple[Sonde, ...]
+    sensors: tuple[RangeSensor, ...]
     components: tuple[str, ...] = ()
 
     def changed(self, scene: str = "", cell: float | None = None) -> SurveySettings:
@@ -54,7 +54,7 @@ class SurveySettings:
 def read_settings(file: Path) -> SurveySettings:
     """Read settings; raises ParameterInvalid with every mistake by its line."""
     data = read_yaml(file, "mapping.schema.json")
-    sondes, components = [], []
+    sensors, components = [], []
     for i, given in enumerate(data["sensors"]):
         if "component" in given:
             components.append(str(given["component"]))
@@ -67,16 +67,16 @@ def read_settings(file: Path) -> SurveySettings:
                 file, f"sensors.{i}: a {sensor} has no {foreign[0]}", " and ".join(known)
             )
         try:
-            made = sonde(sensor, str(given["preset"]), float(given["period"]), **options)
+            made = range_sensor(sensor, str(given["preset"]), float(given["period"]), **options)
         except UuvsimError as error:
             raise InputInvalid(f"{file}: sensors.{i}: {error}") from None
-        sondes.append(made)
+        sensors.append(made)
     scene = str(data["scene"])
     beside = file.parent / scene
     return SurveySettings(
         str(beside) if "/" in scene or scene.endswith(".npz") else scene,
         float(data.get("cell", 0.1)),
-        tuple(sondes),
+        tuple(sensors),
         tuple(components),
     )
 
@@ -113,7 +113,7 @@ class Survey:
     def map(self, progress: Progress | None = None) -> SeabedMap:
         """Make the map, by each pose of the track."""
         s = self.settings
-        made = map_seabed(self.track, self.caster, s.sondes, s.cell, s.scene, progress)
+        made = map_seabed(self.track, self.caster, s.sensors, s.cell, s.scene, progress)
         return replace(made, crs=self.crs, northing=self.northing, easting=self.easting,
                        vertical_datum=self.vertical_datum)  # fmt: skip
 
@@ -126,7 +126,7 @@ class Survey:
         if kind in (".tif", ".tiff"):
             write_geotiff(made, file, pose)
             return made.window.rows * made.window.columns
-        batches = run_points(self.track, self.caster, self.settings.sondes, pose, every)
+        batches = run_points(self.track, self.caster, self.settings.sensors, pose, every)
         if kind == ".ply":
             return write_ply(batches, file)
         return write_las(batches, file, self.crs, (self.northing, self.easting))
@@ -144,8 +144,8 @@ def survey_of(run: Path, settings: SurveySettings | None = None) -> Survey:
         from uuvsim_cosim.orchestrator.recording.recording_reader import read_signals
 
         signals = read_signals(run)
-        recorded = [recorded_sonde(run, component, signals) for component in settings.components]
-        settings = replace(settings, sondes=(*settings.sondes, *recorded))
+        recorded = [recorded_sensor(run, component, signals) for component in settings.components]
+        settings = replace(settings, sensors=(*settings.sensors, *recorded))
     scene = scene_named(settings.scene)
     terrain = scene.terrain
     if terrain is None:

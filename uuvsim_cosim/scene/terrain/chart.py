@@ -15,22 +15,22 @@ from uuvsim_cosim.models.worlds.obstacles import Obstacle
 from uuvsim_cosim.models.worlds.placed_mesh import PlacedMesh
 from uuvsim_cosim.models.worlds.terrain import Terrain
 from uuvsim_cosim.scene.chart.read import Chart, read_chart
-from uuvsim_cosim.scene.shared.extra import wanted
-from uuvsim_cosim.scene.terrain.grid import MOST_NODES, Grid, Piece, grid_over, shrunk
+from uuvsim_cosim.scene.shared.extra import import_extra
+from uuvsim_cosim.scene.terrain.grid import MOST_NODES, Grid, Piece, cropped_terrain, grid_over
 from uuvsim_cosim.scene.terrain.material import materials_of
 from uuvsim_cosim.scene.terrain.obstacles import obstacles_of
 from uuvsim_cosim.scene.terrain.surface import prepared, surface_on
 from uuvsim_cosim.scene.terrain.tin import HoldOut
 from uuvsim_cosim.scene.terrain.write import elevation_geotiff
 
-__all__ = ["Large", "Made", "chart_terrain", "write_large"]
+__all__ = ["DescribedTerrain", "TiledTerrain", "chart_terrain", "write_large"]
 
 _MOST = 4_000_000_000  # nodes; 32 GB before compression
 _TILE = 3072  # nodes along a side; a multiple of the file's blocks
 
 
 @dataclass(frozen=True, eq=False)
-class Made:
+class DescribedTerrain:
     """A terrain with its obstacles, facts and notes."""
 
     terrain: Terrain
@@ -48,7 +48,7 @@ def chart_terrain(
     piece: Piece | None = None,
     land: float | None = None,
     relief: int | None = None,
-) -> Made:
+) -> DescribedTerrain:
     """Make a terrain of an S-57 cell and its updates.
 
     `land` is the height of land above the datum (m; NaN leaves it unknown), by default that of the
@@ -66,7 +66,7 @@ def chart_terrain(
     in_band = found.held.sum() / found.charted.sum() if found.charted.any() else float("nan")
     material, names = materials_of(chart, grid, found.land, np.isnan(z))
     source = source_of(chart, relief)
-    terrain = shrunk(z, sigma, material, names, grid, chart.projection.code,
+    terrain = cropped_terrain(z, sigma, material, names, grid, chart.projection.code,
                      chart.vertical_datum, source)  # fmt: skip
     obstacles, left_out = obstacles_of(chart, terrain)
     notes += left_out
@@ -91,14 +91,14 @@ def chart_terrain(
         "seabed's nature": ", ".join(terrain.materials) or "not charted",
         "obstacles": str(len(obstacles)),
     }
-    return Made(terrain, obstacles, facts, tuple(notes), of.hold_out, in_band)
+    return DescribedTerrain(terrain, obstacles, facts, tuple(notes), of.hold_out, in_band)
 
 
 def chart_grid(
     chart: Chart, resolution: float, piece: Piece | None, most: int = MOST_NODES
 ) -> Grid:
     """Return the grid over a chart's depth areas, or a piece of it."""
-    shapely = wanted("shapely", "gridding a chart")
+    shapely = import_extra("shapely", "gridding a chart")
     whole = shapely.total_bounds(chart.depth_areas.shapes)
     bounds = tuple(float(v) for v in whole)
     if piece is not None:
@@ -120,7 +120,7 @@ def source_of(chart: Chart, relief: int | None) -> str:
 
 
 @dataclass(frozen=True)
-class Large:
+class TiledTerrain:
     """Facts and notes on a chart that was written in tiles."""
 
     facts: dict[str, str]
@@ -135,7 +135,7 @@ def write_large(
     land: float | None,
     tile: int = _TILE,
     above: int = MOST_NODES,
-) -> Large | None:
+) -> TiledTerrain | None:
     """Write a chart's GeoTIFF in tiles; return None without writing for `above` nodes or fewer.
 
     The file equals that of the terrain as a whole, plus a margin without data where the chart has
@@ -145,7 +145,7 @@ def write_large(
     grid = chart_grid(chart, resolution, piece, _MOST)
     if grid.rows * grid.columns <= above:
         return None
-    rasterio = wanted("rasterio", "writing a GeoTIFF")
+    rasterio = import_extra("rasterio", "writing a GeoTIFF")
     of = prepared(chart, resolution, land)
     # Nodes around a tile that are interpolated with it, so that its nearest data are among them.
     far = of.hold_out.distances
@@ -183,7 +183,7 @@ def write_large(
         "in charted band": f"{100 * held / charted:.1f} % of nodes before clipping",
         "soundings left out": str(of.hold_out),
     }
-    return Large(facts, of.notes)
+    return TiledTerrain(facts, of.notes)
 
 
 def _edition(chart: Chart) -> str:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.worlds.terrain import Terrain
 from uuvsim_cosim.scene.chart.projection import Projection
-from uuvsim_cosim.scene.shared.extra import wanted
+from uuvsim_cosim.scene.shared.extra import import_extra
 
 if TYPE_CHECKING:
     from rasterio import Affine
@@ -27,9 +27,9 @@ __all__ = [
     "Grid",
     "Piece",
     "TooManyNodes",
+    "cropped_terrain",
     "grid_over",
     "piece_of",
-    "shrunk",
 ]
 
 Bounds = tuple[float, float, float, float]
@@ -88,7 +88,7 @@ def piece_of(around: str | None, size: str | None) -> Piece | None:
     return Piece(latitude, longitude, north, east)
 
 
-def shrunk(
+def cropped_terrain(
     z: NDArray[np.floating],
     sigma: NDArray[np.floating] | None,
     material: NDArray[np.uint8] | None,
@@ -178,7 +178,7 @@ class Grid:
     @property
     def transform(self) -> Affine:
         """The affine from (column, row from the north) of pixels centred on the nodes to E, N."""
-        affine = wanted("rasterio", "gridding a chart").Affine
+        affine = import_extra("rasterio", "gridding a chart").Affine
         h = self.spacing
         north = self.south + h * (self.rows - 1)
         return affine(h, 0, self.west - h / 2, 0, -h, north + h / 2)
@@ -198,7 +198,7 @@ class Grid:
             return np.full(self.shape, -1, np.int32)
         if numbers is None:
             numbers = range(len(shapes))
-        features = wanted("rasterio.features", "gridding a chart")
+        features = import_extra("rasterio.features", "gridding a chart")
         burnt: NDArray[np.int32] = features.rasterize(
             [(shape, int(n)) for shape, n in zip(shapes, numbers, strict=True)],
             out_shape=self.shape,

@@ -11,17 +11,22 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.near_names import did_you_mean
 from uuvsim_cosim.models.worlds.scene import load_scene, scene_ids
 from uuvsim_cosim.models.worlds.terrain import Terrain, load_terrain
-from uuvsim_cosim.scene.terrain.chart import Large, Made, chart_terrain, write_large
+from uuvsim_cosim.scene.terrain.chart import (
+    DescribedTerrain,
+    TiledTerrain,
+    chart_terrain,
+    write_large,
+)
 from uuvsim_cosim.scene.terrain.grid import piece_of
 from uuvsim_cosim.scene.terrain.raster import raster_terrain
 
-__all__ = ["Wishes", "make_large", "make_terrain"]
+__all__ = ["TerrainOptions", "make_large", "make_terrain"]
 
 CHART_RESOLUTION = 10.0  # m
 
 
 @dataclass(frozen=True)
-class Wishes:
+class TerrainOptions:
     """Options of a terrain; with None, the file decides."""
 
     resolution: float | None = None  # m; None: 10 m of a chart, a grid's own cells
@@ -57,13 +62,13 @@ class Wishes:
         return height
 
 
-def make_terrain(file: Path, wishes: Wishes) -> Made:
+def make_terrain(file: Path, options: TerrainOptions) -> DescribedTerrain:
     """Read a file and make its terrain; raises `InputInvalid`."""
     if not file.exists() and str(file) not in scene_ids():
         beside = file.parent.iterdir() if file.parent.is_dir() else ()
         hint = did_you_mean(file.name, [p.name for p in beside])
         raise InputInvalid(file, f"no such file{hint}", "a chart (.000) or a grid")
-    placing: dict[str, object] = {"--crs": wishes.crs, "--local": wishes.local or None}
+    placing: dict[str, object] = {"--crs": options.crs, "--local": options.local or None}
     if str(file) in scene_ids() or (file / "scene.yaml").is_file() or file.name == "scene.yaml":
         _refuse_for(file, "a scene", placing)
         scene = load_scene(str(file) if str(file) in scene_ids() else file)
@@ -72,7 +77,9 @@ def make_terrain(file: Path, wishes: Wishes) -> Made:
         facts = {"scene": scene.description, **_terrain_facts(scene.terrain),
                  "obstacles": str(len(scene.obstacles))}  # fmt: skip
         facts |= {f"mesh {m.name or m.file.name}": m.facts for m in scene.meshes}
-        return _checked(Made(scene.terrain, scene.obstacles, facts, meshes=scene.meshes), wishes)
+        return _checked(
+            DescribedTerrain(scene.terrain, scene.obstacles, facts, meshes=scene.meshes), options
+        )
     if file.is_dir():
         cells = sorted(file.rglob("*.000"))
         if len(cells) != 1:
@@ -84,34 +91,34 @@ def make_terrain(file: Path, wishes: Wishes) -> Made:
     if file.suffix == ".npz":
         _refuse_for(file, "a terrain", placing)
         terrain = load_terrain(file)
-        return _checked(Made(terrain, (), _terrain_facts(terrain)), wishes)
+        return _checked(DescribedTerrain(terrain, (), _terrain_facts(terrain)), options)
     if file.suffix == ".zip":
         raise InputInvalid(f"{file}: unpack it first; the updates lie beside the base cell (.000)")
-    piece = piece_of(wishes.around, wishes.size)
+    piece = piece_of(options.around, options.size)
     if _is_chart(file):
-        _refuse_for(file, "a chart", {"--unit": wishes.unit, "--positive": wishes.positive,
-                                      "--fill": wishes.fill or None, **placing})  # fmt: skip
+        _refuse_for(file, "a chart", {"--unit": options.unit, "--positive": options.positive,
+                                      "--fill": options.fill or None, **placing})  # fmt: skip
         made = chart_terrain(
-            file, wishes.chart_resolution, piece, wishes.land_height, wishes.relief
+            file, options.chart_resolution, piece, options.land_height, options.relief
         )
     else:
-        _refuse_for(file, "a grid", {"--land": wishes.land, "--relief": wishes.relief})
+        _refuse_for(file, "a grid", {"--land": options.land, "--relief": options.relief})
         made = raster_terrain(
-            file, wishes.resolution, piece,
-            unit=wishes.unit, positive=wishes.positive, fill=wishes.fill, crs=wishes.crs,
-            local=wishes.local,
+            file, options.resolution, piece,
+            unit=options.unit, positive=options.positive, fill=options.fill, crs=options.crs,
+            local=options.local,
         )  # fmt: skip
-    return _checked(made, wishes)
+    return _checked(made, options)
 
 
-def make_large(file: Path, target: Path, wishes: Wishes) -> Large | None:
+def make_large(file: Path, target: Path, options: TerrainOptions) -> TiledTerrain | None:
     """Write a chart's GeoTIFF in tiles if it has too many nodes; else return None."""
     if target.suffix.lower() not in (".tif", ".tiff") or not file.is_file() or not _is_chart(file):
         return None
-    if wishes.relief is not None or wishes.datum is not None:
+    if options.relief is not None or options.datum is not None:
         return None  # of a terrain as a whole
-    piece = piece_of(wishes.around, wishes.size)
-    return write_large(file, target, wishes.chart_resolution, piece, wishes.land_height)
+    piece = piece_of(options.around, options.size)
+    return write_large(file, target, options.chart_resolution, piece, options.land_height)
 
 
 def _is_chart(file: Path) -> bool:
@@ -128,9 +135,9 @@ def _refuse_for(file: Path, what: str, options: dict[str, object]) -> None:
             raise InputInvalid(f"{name} {given}: not for {what}, which {file.name} is")
 
 
-def _checked(made: Made, wishes: Wishes) -> Made:
+def _checked(made: DescribedTerrain, options: TerrainOptions) -> DescribedTerrain:
     """Refuse depths from another datum than the option's: heights are not converted."""
-    found, expected = made.terrain.vertical_datum, wishes.datum
+    found, expected = made.terrain.vertical_datum, options.datum
     if expected is None or found.lower() == expected.lower():
         return made
     if not found:

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.scene.chart.projection import Projection, utm_code
-from uuvsim_cosim.scene.shared.extra import wanted
-from uuvsim_cosim.scene.terrain.chart import Made
-from uuvsim_cosim.scene.terrain.grid import Bounds, Grid, Piece, grid_over, shrunk
+from uuvsim_cosim.scene.shared.extra import import_extra
+from uuvsim_cosim.scene.terrain.chart import DescribedTerrain
+from uuvsim_cosim.scene.terrain.grid import Bounds, Grid, Piece, cropped_terrain, grid_over
 from uuvsim_cosim.scene.terrain.relief_lost import place, relief_lost
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def raster_terrain(
     fill: float = 0.0,
     crs: str | None = None,
     local: bool = False,
-) -> Made:
+) -> DescribedTerrain:
     """Make a terrain of the first band of a grid that GDAL reads.
 
     Without `resolution` [m], the nodes are the centres of the grid's own cells. Relief that is lost
@@ -76,8 +76,8 @@ def raster_terrain(
     A grid without a coordinate reference system needs `crs` ("EPSG:32632") or `local`: x is east
     and y is north [m] in the local frame. Raises `InputInvalid`.
     """
-    rasterio = wanted("rasterio", "reading a grid")
-    wanted("rasterio.warp", "reading a grid")
+    rasterio = import_extra("rasterio", "reading a grid")
+    import_extra("rasterio.warp", "reading a grid")
     notes: list[str] = []
     with _opened(file, resolution, notes) as source:
         reference = _reference(file, source, crs, local, notes)
@@ -88,7 +88,7 @@ def raster_terrain(
         if piece is not None:
             if local:
                 raise InputInvalid("--around with --local; a local grid has no latitude, longitude")
-            pyproj = wanted("pyproj", "placing a grid on Earth")
+            pyproj = import_extra("pyproj", "placing a grid on Earth")
             to = pyproj.Transformer.from_crs("EPSG:4326", code, always_xy=True)
             bounds = piece.within(Projection(code, to), bounds)
         spacing = own if resolution is None else resolution
@@ -134,7 +134,7 @@ def raster_terrain(
         )
     z, sigma = _without_holes(z, sigma, grid.spacing, fill, notes)
     origin_note = f"{file.name}; not for navigation"
-    terrain = shrunk(z, sigma, None, (), grid, code, convention.datum, origin_note)
+    terrain = cropped_terrain(z, sigma, None, (), grid, code, convention.datum, origin_note)
     if local:
         origin = terrain.northing + terrain.origin[0], terrain.easting + terrain.origin[1]
         terrain = replace(terrain, origin=origin, crs="", northing=0.0, easting=0.0)
@@ -151,12 +151,12 @@ def raster_terrain(
         "known": f"{100 * len(z) / terrain.z.size:.1f} % of nodes",
         "uncertainty": doubt,
     }
-    return Made(terrain, (), facts, tuple(notes))
+    return DescribedTerrain(terrain, (), facts, tuple(notes))
 
 
 def _opened(file: Path, resolution: float | None, notes: list[str]) -> DatasetReader:
     """Open a grid; a BAG of variable resolution with refined cells, not their coarse summary."""
-    rasterio = wanted("rasterio", "reading a grid")
+    rasterio = import_extra("rasterio", "reading a grid")
     try:
         source: DatasetReader = rasterio.open(file)
         tags = source.tags()
@@ -198,7 +198,7 @@ def _reference(
     file: Path, source: DatasetReader, crs: str | None, local: bool, notes: list[str]
 ) -> CRS:
     """Return the coordinate reference system that the file or the user states."""
-    rasterio = wanted("rasterio", "reading a grid")
+    rasterio = import_extra("rasterio", "reading a grid")
     if crs is not None and local:
         raise InputInvalid(f"--crs {crs} with --local", "one of the two")
     given = _LOCAL if local else crs
@@ -237,7 +237,7 @@ def _placement(
     centres of the cells, between which nothing is extrapolated. The first node is the centre of a
     cell if all of them can be nodes, else None.
     """
-    warp = wanted("rasterio.warp", "reading a grid")
+    warp = import_extra("rasterio.warp", "reading a grid")
     name = crs.to_wkt()[:200].lower()
     true = crs.is_projected and crs.linear_units_factor[1] == 1.0 and "mercator" not in (
         name.replace("transverse", "").replace("transverse_mercator", "")
@@ -347,7 +347,7 @@ def _layers(
     way: Resampling,
     convention: _Convention,
 ) -> tuple[Floats, Floats | None]:
-    vrt = wanted("rasterio.vrt", "reading a grid")
+    vrt = import_extra("rasterio.vrt", "reading a grid")
     layers: list[Floats | None] = []
     try:
         with vrt.WarpedVRT(
@@ -384,7 +384,7 @@ def _without_holes(
     if fill > 0:
         distance, at = distance_transform_edt(~known, sampling=spacing, return_indices=True)
         bridged = holes & (distance <= fill)
-        filled = wanted("rasterio.fill", "filling holes").fillnodata(
+        filled = import_extra("rasterio.fill", "filling holes").fillnodata(
             np.where(known, z, 0).astype(np.float32), mask=known.astype(np.uint8),
             max_search_distance=fill / spacing + 1,
         )  # fmt: skip

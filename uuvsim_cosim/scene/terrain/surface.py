@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.scene.chart.codes import ZONES_OF_CONFIDENCE
 from uuvsim_cosim.scene.chart.read import Chart
-from uuvsim_cosim.scene.shared.extra import wanted
+from uuvsim_cosim.scene.shared.extra import import_extra
 from uuvsim_cosim.scene.terrain.grid import Grid
 from uuvsim_cosim.scene.terrain.points import known_points
 from uuvsim_cosim.scene.terrain.tin import HoldOut, Triangulation
@@ -191,7 +191,7 @@ def _distance_and_filled(grid: Grid, xy: Floats, raw: Floats, wet: Mask) -> tupl
 
 def _charted(chart: Chart, xy: Floats) -> tuple[Floats, Floats]:
     """Return the least and greatest depth charted at places (inf, -inf: nothing is)."""
-    shapely = wanted("shapely", "gridding a chart")
+    shapely = import_extra("shapely", "gridding a chart")
     areas = chart.depth_areas
     at, area = shapely.STRtree(areas.shapes).query(shapely.points(xy), predicate="intersects")
     low, high = np.full(len(xy), np.inf), np.full(len(xy), -np.inf)

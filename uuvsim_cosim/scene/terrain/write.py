@@ -20,7 +20,7 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.worlds.obstacles import Box, Cylinder, Obstacle, Sphere
 from uuvsim_cosim.models.worlds.scene import Scene, save_scene
 from uuvsim_cosim.models.worlds.terrain import Terrain, save_terrain
-from uuvsim_cosim.scene.shared.extra import wanted
+from uuvsim_cosim.scene.shared.extra import import_extra
 
 if TYPE_CHECKING:
     from rasterio import Affine
@@ -62,7 +62,7 @@ def surface(terrain: Terrain) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
 
 def write_glb(scene: Scene, terrain: Terrain, target: Path) -> None:
     """Write the seabed, coloured by depth, and obstacles, and meshes; y is up, -z north (glTF)."""
-    trimesh = wanted("trimesh", "writing a mesh")
+    trimesh = import_extra("trimesh", "writing a mesh")
     vertices, triangles = surface(terrain)
     z = vertices[:, 2]
     part = np.clip(z / max(float(z.max()), 1e-6), 0, 1)[:, None] ** 0.6
@@ -227,7 +227,7 @@ def elevation_geotiff(
 
     Pixels are centred on the nodes. Raises `OSError` if it cannot be written whole.
     """
-    rasterio = wanted("rasterio", "writing a GeoTIFF")
+    rasterio = import_extra("rasterio", "writing a GeoTIFF")
     with rasterio.open(
         target, "w", driver="GTiff", height=shape[0], width=shape[1], count=len(names),
         dtype="float32", crs=crs or None, nodata=np.nan, transform=transform,
@@ -244,7 +244,7 @@ def elevation_geotiff(
 
 def check_whole(file: Path) -> None:
     """Read a GeoTIFF back and raise `OSError` if that fails: GDAL reports no full disk."""
-    rasterio = wanted("rasterio", "writing a GeoTIFF")
+    rasterio = import_extra("rasterio", "writing a GeoTIFF")
     try:
         with rasterio.open(file) as written:
             for band in written.indexes:
@@ -256,7 +256,7 @@ def check_whole(file: Path) -> None:
 
 def write_tif(scene: Scene, terrain: Terrain, target: Path) -> None:
     """Write elevation (= -depth) and its standard deviation."""
-    rasterio = wanted("rasterio", "writing a GeoTIFF")
+    rasterio = import_extra("rasterio", "writing a GeoTIFF")
     h = terrain.spacing
     west = terrain.easting + terrain.origin[1]
     north = terrain.northing + terrain.origin[0] + h * (terrain.z.shape[0] - 1)

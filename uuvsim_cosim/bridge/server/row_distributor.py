@@ -16,11 +16,11 @@ from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.recording.recorder import Recorder
 from uuvsim_cosim.orchestrator.running.run_folder import lock_run_folder
 
-__all__ = ["Tap"]
+__all__ = ["RowDistributor"]
 
 
 @final
-class Tap:
+class RowDistributor:
     """The only observer of each master in turn, which passes rows to other observers.
 
     `record` is the folder for recordings: each gets the first of NAME, NAME-2, … that is free.
