@@ -156,10 +156,12 @@ def build_client_fmu(
     # The order in the block: inputs and tunable parameters, settings, outputs.
     before = placed([e for e in found if e.own.causality != "output"], 1)
     at = 1 + sum(e.shown.size for e in before)
-    settings = _settings(at, port)
+    numbers = {"port": port, "restart": True, "seed": -1, "lag": 60.0, "timeout": 60.0}
+    settings = _parameters(numbers, at)
     outputs = placed([e for e in found if e.own.causality == "output"], at + len(settings))
     last = outputs[-1].shown if outputs else settings[-1]
-    texts = _texts(host, last.value_references[0] + last.size)
+    texts_at = last.value_references[0] + last.size
+    texts = _parameters({"host": host, "user": "", "password": ""}, texts_at)
     description = description_of(
         f"{system.name}_client", f"client of {system.name}: {system.description}", plan,
         [*before, *outputs], [*settings, *texts],
@@ -193,39 +195,35 @@ _HEAD = """/* Generated from a system: do not edit. */
 """
 
 
-def _settings(at: int, port: int) -> list[Variable]:
-    """Return the numeric parameters of the connection, from offset `at` on."""
-    rows: Sequence[tuple[str, VariableType, float, str, str | None, float | None, float | None]] = (
-        ("port", "Int32", port, "TCP port that `uuvsim serve` names", None, 1, 65535),
-        (
-            "restart", "Boolean", True, "go back to the start, with the values given here, when "
-            "initialization ends; false: go on from where the co-simulation is", None, None, None,
-        ),
-        ("seed", "Int32", -1, "seed of a restart; -1: that of the server", None, -1, None),
-        ("lag", "Float64", 60.0, "how long others in lockstep wait for this one", "s", 0.001, 3600),
-        ("timeout", "Float64", 60.0, "how long this one waits for an answer", "s", 0.001, 86400),
-    )  # fmt: skip
+_PARAMETERS: tuple[tuple[str, VariableType, str, str | None, float | None, float | None], ...] = (
+    ("port", "Int32", "TCP port that `uuvsim serve` names", None, 1, 65535),
+    (
+        "restart", "Boolean", "go back to the start, with the values given here, when "
+        "initialization ends; false: go on from where the co-simulation is", None, None, None,
+    ),
+    ("seed", "Int32", "seed of a restart; -1: that of the server", None, -1, None),
+    ("lag", "Float64", "how long others in lockstep wait for this one", "s", 0.001, 3600),
+    ("timeout", "Float64", "how long this one waits for an answer", "s", 0.001, 86400),
+    (
+        "host", "String", "name or address of the machine where `uuvsim serve` runs",
+        None, None, None,
+    ),
+    ("user", "String", "user's name, where the server asks for one", None, None, None),
+    (
+        "password", "String",
+        "password; where it is empty, the environment variable UUVSIM_PASSWORD", None, None, None,
+    ),
+)  # fmt: skip
+
+
+def _parameters(start: Mapping[str, str | float], at: int) -> list[Variable]:
+    """Return the parameters of the connection that have start values, from offset `at` on."""
+    rows = [row for row in _PARAMETERS if row[0] in start]
     return [
         Variable(
-            name=name, type=type_, causality="parameter", variability="fixed", start=start,
+            name=name, type=type_, causality="parameter", variability="fixed", start=start[name],
             unit=unit, min=low, max=high, description=text, initial="exact",
             value_references=(at + i,),
         )
-        for i, (name, type_, start, text, unit, low, high) in enumerate(rows)
-    ]  # fmt: skip
-
-
-def _texts(host: str, at: int) -> list[Variable]:
-    """Return the text parameters of the connection, which follow the block."""
-    rows = (
-        ("host", host, "name or address of the machine where `uuvsim serve` runs"),
-        ("user", "", "user's name, where the server asks for one"),
-        ("password", "", "password; where it is empty, the environment variable UUVSIM_PASSWORD"),
-    )
-    return [
-        Variable(
-            name=name, type="String", causality="parameter", variability="fixed", start=start,
-            description=text, initial="exact", value_references=(at + i,),
-        )
-        for i, (name, start, text) in enumerate(rows)
+        for i, (name, type_, text, unit, low, high) in enumerate(rows)
     ]  # fmt: skip

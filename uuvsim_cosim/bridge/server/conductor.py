@@ -90,7 +90,7 @@ class Conductor(Service, Closing):
     @property
     def folders(self) -> tuple[Path, ...]:
         """The folders of the recordings so far."""
-        return () if self._current is None else tuple(self._current.tap.folders)
+        return () if self._current is None else tuple(self._current.rows.folders)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -145,11 +145,11 @@ class Conductor(Service, Closing):
 
     def watch(self, observer: Observer) -> None:
         """Pass the rows of every communication point to an observer, in the conductor's thread."""
-        self._now(lambda: self._on.tap.listen(observer))
+        self._now(lambda: self._on.rows.add(observer))
 
     def unwatch(self, observer: Observer) -> None:
         """Stop passing rows to an observer."""
-        self._now(lambda: self._on.tap.leave(observer))
+        self._now(lambda: self._on.rows.remove(observer))
 
     def close(self) -> None:
         """End the co-simulation and complete its recordings; a second call does nothing."""

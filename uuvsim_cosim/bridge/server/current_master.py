@@ -50,7 +50,7 @@ class CurrentMaster:
         self._replay = system if isinstance(system, Playback) else None
         self.name = "plan" if isinstance(system, Plan | Master) else system.name
         record = None if self._replay else record  # there is a recording already
-        self.tap = RowDistributor(record, {"system": self.name, "seed": seed})
+        self.rows = RowDistributor(record, {"system": self.name, "seed": seed})
         self.running: Running | None = None
         self.failed: UuvsimError | None = None
         self.is_closed = False
@@ -60,7 +60,7 @@ class CurrentMaster:
         self._components: list[dict[str, object]] | None = None
         self.master: Stepped
         if isinstance(system, Playback):
-            system.initialize([self.tap])
+            system.initialize([self.rows])
             self.master = system
         else:
             self.master = self._begun(
@@ -105,7 +105,7 @@ class CurrentMaster:
             "warnings": list(self.warned()),
             "overruns": running.overruns if running and running.factor else self._overruns,
             "busy": running.busy if running else self._busy,
-            "recordings": [folder.name for folder in self.tap.folders],
+            "recordings": [folder.name for folder in self.rows.folders],
             **({} if self._replay is None else self._replay.described),
             "components": self._components,
         }
@@ -169,9 +169,9 @@ class CurrentMaster:
             answer.set_result({})
             return
         rows = end - self.master.tick + 1
-        kept = Record(places, self.tap.columns, self.names.read, self.master, rows, most)
+        kept = Record(places, self.rows.columns, self.names.read, self.master, rows, most)
         self._begin(Running(self.master, last, factor, answer, kept, kept.result))
-        self.tap.listen(kept)
+        self.rows.add(kept)
         assert self.running is not None
         if self.running.is_over:  # `until` is the current time
             self.pause()
@@ -193,7 +193,7 @@ class CurrentMaster:
             return
         self.moment()
         if running.record is not None:
-            self.tap.leave(running.record)
+            self.rows.remove(running.record)
         if running.answer is not None:
             try:
                 running.answer.set_result(running.finish())
@@ -231,7 +231,7 @@ class CurrentMaster:
             self._ended()
             self.moment()
             if running.record is not None:
-                self.tap.leave(running.record)
+                self.rows.remove(running.record)
             if running.answer is not None:
                 running.answer.set_exception(error)
         else:
@@ -246,7 +246,7 @@ class CurrentMaster:
             raise InputInvalid("reset", f"seed {seed}", "none, for this replays a recording")
         starts = self.names.starts(start)  # before anything changes, as it may raise
         self.pause()
-        self.tap.fresh()
+        self.rows.fresh()
         try:
             self.master.reset(seed, starts)
         except UuvsimError as error:
@@ -265,7 +265,7 @@ class CurrentMaster:
         sought = None if self._replay is None else self._replay.sought(name)
         state: Any = self.snapshots.find(name) if sought is None else sought
         self.pause()
-        self.tap.fresh()
+        self.rows.fresh()
         self.master.restore(state)
         self.failed = None
 
@@ -281,7 +281,7 @@ class CurrentMaster:
         plan = flatten(system, self._seed)
         instantiate = prepare(plan, self._backend)
         self.pause()
-        old, master = self.master, Master(plan, instantiate, observers=[self.tap])
+        old, master = self.master, Master(plan, instantiate, observers=[self.rows])
         try:
             master.initialize()
         except BaseException:
@@ -308,7 +308,7 @@ class CurrentMaster:
             try:
                 self.master.free()
             finally:
-                self.tap.close()
+                self.rows.close()
 
     def _check_ahead(self, tick: int, call: str) -> None:
         if self._replay is not None:
@@ -319,17 +319,17 @@ class CurrentMaster:
         try:
             if isinstance(given, Master):
                 master = given
-                master.attach(self.tap)
+                master.attach(self.rows)
             else:
-                master = Master(given, prepare(given, self._backend), observers=[self.tap])
+                master = Master(given, prepare(given, self._backend), observers=[self.rows])
         except BaseException:
-            self.tap.close()
+            self.rows.close()
             raise
         try:
             master.initialize()
         except BaseException:
             master.free()
-            self.tap.close()
+            self.rows.close()
             raise
         return master
 

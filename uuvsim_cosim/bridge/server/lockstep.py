@@ -48,28 +48,23 @@ class Barrier:
     """The holders and their requests."""
 
     def __init__(self) -> None:
-        self._holders: dict[str, Holder] = {}
+        self.holders: dict[str, Holder] = {}  # by the name of their client
         self._since: float | None = None  # time of the first request of this round
-
-    @property
-    def holders(self) -> Mapping[str, Holder]:
-        """The holders by the name of their client."""
-        return self._holders
 
     def hold(self, client: Client, lag: float) -> None:
         """Add a client to the holders."""
-        self._holders[client.name] = Holder(client, lag)
+        self.holders[client.name] = Holder(client, lag)
 
     def release(self, name: str) -> Holder | None:
         """Remove a holder; return it, with its request."""
-        holder = self._holders.pop(name, None)
-        if not any(h.request for h in self._holders.values()):
+        holder = self.holders.pop(name, None)
+        if not any(h.request for h in self.holders.values()):
             self._since = None
         return holder
 
     def ask(self, name: str, request: Request, now: float) -> None:
         """Add the request of a holder."""
-        holder = self._holders[name]
+        holder = self.holders[name]
         holder.request, holder.behind = request, False
         if self._since is None:
             self._since = now
@@ -77,7 +72,7 @@ class Barrier:
     @property
     def is_ready(self) -> bool:
         """Whether there is a request of every holder that is not behind, and of at least one."""
-        expected = [h for h in self._holders.values() if not h.behind]
+        expected = [h for h in self.holders.values() if not h.behind]
         return bool(expected) and all(h.request is not None for h in expected)
 
     def asked(self) -> list[tuple[str, Request]]:
@@ -85,7 +80,7 @@ class Barrier:
 
         The result therefore does not depend on the order in which the requests arrived.
         """
-        return [(n, h.request) for n, h in sorted(self._holders.items()) if h.request is not None]
+        return [(n, h.request) for n, h in sorted(self.holders.items()) if h.request is not None]
 
     def made(self, n: int, now: float) -> list[tuple[str, Request]]:
         """Count n steps as made; return the requests that are complete."""
@@ -94,14 +89,14 @@ class Barrier:
             request.n -= n
             if request.n <= 0:
                 done.append((name, request))
-                self._holders[name].request = None
+                self.holders[name].request = None
         self._since = now if self.asked() else None
         return done
 
     def clear(self) -> list[Request]:
         """Remove all requests; return them, to be answered."""
         waiting = [request for _, request in self.asked()]
-        for holder in self._holders.values():
+        for holder in self.holders.values():
             holder.request = None
         self._since = None
         return waiting
@@ -120,7 +115,7 @@ class Barrier:
         return [h for h in self._missing() if now >= self._since + h.lag]
 
     def _missing(self) -> list[Holder]:
-        return [h for h in self._holders.values() if h.request is None and not h.behind]
+        return [h for h in self.holders.values() if h.request is None and not h.behind]
 
 
 _DROPPED = 64  # dropped clients whose reason is kept, for the error of their next step

@@ -1,4 +1,4 @@
-"""Replay of a recording like a running system: it is stepped, paused and read, and can be sought.
+"""Playback of a recording like a running system: it is stepped, paused and read, and can be sought.
 
 Signals have a value at each communication point; between two recorded points, the earlier value
 holds. Nothing can be set. The whole recording is kept in memory.
@@ -67,19 +67,10 @@ class Playback:
         self._observers: Sequence[Observer] = ()
         self._rows, self._texts = _rows(signals, self.columns)
         self._ticks = signals.ticks
+        self.first_tick, self.last_tick = int(self._ticks[0]), int(self._ticks[-1])
         self._tick = self.first_tick
 
     # ---- position -------------------------------------------------------------------------
-
-    @property
-    def first_tick(self) -> int:
-        """Communication point of the first recorded values."""
-        return int(self.signals.ticks[0])
-
-    @property
-    def last_tick(self) -> int:
-        """Communication point of the last recorded values."""
-        return int(self.signals.ticks[-1])
 
     @property
     def tick(self) -> int:

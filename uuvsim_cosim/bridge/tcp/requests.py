@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from fractions import Fraction
 from typing import Any, TypeVar
 
 from uuvsim_cosim.bridge.calls.call_table import arguments
-from uuvsim_cosim.bridge.calls.service import Client, Moment, Service, SignalInfo
+from uuvsim_cosim.bridge.calls.service import Client, Service, SignalInfo
 from uuvsim_cosim.bridge.calls.values import json_of
 from uuvsim_cosim.bridge.tcp.framing import Disconnected
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
@@ -108,28 +108,28 @@ class Calls:
         match name:
             case "describe":
                 described = json_of(self.service.describe())
-                return Answer({"system": described, **_at(self.service.moment())}, {})
+                return Answer({"system": described, **asdict(self.service.moment())}, {})
             case "schema":
                 self.refresh()
                 return Answer({}, {}, f'"signals": {self._schema.text}')
             case "step":
                 moment, found = self.waited("step", *given)
-                return Answer(_at(moment), found)
+                return Answer(asdict(moment), found)
             case "run":
                 found = self.waited("run", *given)
-                return Answer(_at(self.service.moment()), found)
+                return Answer(asdict(self.service.moment()), found)
             case "get":
                 found = self.service.get(self.client, *given)
-                return Answer(_at(self.service.moment()), found)
+                return Answer(asdict(self.service.moment()), found)
             case "snapshot":
                 kept = self.service.snapshot(self.client)
-                return Answer({"snapshot": kept, **_at(self.service.moment())}, {})
+                return Answer({"snapshot": kept, **asdict(self.service.moment())}, {})
             case "join" | "leave":
                 raise InputInvalid(name, "this connection has joined", "another call")
         moment = getattr(self.service, name)(self.client, *given)
         if name == "replace":
             self.refresh()
-        return Answer(_at(moment), {})
+        return Answer(asdict(moment), {})
 
 
 def failure(error: BaseException) -> dict[str, object]:
@@ -142,7 +142,3 @@ def failure(error: BaseException) -> dict[str, object]:
         "uuvsim-cosim, please report it with the output of `uuvsim doctor`",
         "kind": "Unexpected",
     }
-
-
-def _at(moment: Moment) -> dict[str, object]:
-    return {"tick": moment.tick, "time": moment.time, "running": moment.running}

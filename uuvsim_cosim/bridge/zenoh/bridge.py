@@ -23,6 +23,7 @@ from uuvsim_cosim.bridge.access.zenoh_permissions import guarded
 from uuvsim_cosim.bridge.calls.call_table import CALLS, arguments, checked, read_object
 from uuvsim_cosim.bridge.calls.service import Client, Moment, Schema
 from uuvsim_cosim.bridge.calls.time_sharing import READS
+from uuvsim_cosim.bridge.calls.values import json_of
 from uuvsim_cosim.bridge.calls.zenoh_keys import (
     call_key,
     certificate_key,
@@ -37,7 +38,6 @@ from uuvsim_cosim.bridge.zenoh.codec import (
     PROTOCOL,
     message_of,
     packed,
-    plain,
     unpacked,
 )
 from uuvsim_cosim.bridge.zenoh.joined_clients import MOST_BYTES, JoinedClients
@@ -329,7 +329,7 @@ class Bridge(Owner):
         elif message.get("binary"):
             answer["values"], block = packed(result)
         else:
-            answer["values"] = plain(result)
+            answer["values"] = json_of(result)
         return json.dumps(answer), block
 
 
