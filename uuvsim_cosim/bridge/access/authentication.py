@@ -96,7 +96,7 @@ class Authenticator:
             is_right = matches(password, self._nobody if user is None else user.password)
             if user is None or not is_right:
                 raise InputInvalid(
-                    f"user {name[:64]!r} or the password is wrong", "those of who serves"
+                    f"user {name[:64]!r} or the password is wrong", "those in the access file"
                 )
             if len(self._right) >= _REMEMBERED:
                 self._right.clear()

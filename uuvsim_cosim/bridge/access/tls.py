@@ -186,7 +186,7 @@ def reason_of(error: ssl.SSLError, host: str) -> str:
             return "its certificate is not valid yet; expected clocks that agree"
         return (
             f"its certificate is not signed by the CA that is trusted here ({message}); expected "
-            "ca=, the file ca.pem of who serves"
+            "ca=, the file ca.pem of the server"
         )
     text = str(error).lower()
     if "certificate_required" in text or "certificate required" in text:

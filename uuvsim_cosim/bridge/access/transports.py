@@ -40,8 +40,8 @@ class ServerSettings:
         return self.hosts if self.hosts != LOOPBACK else LOOPBACK[:1]
 
     @property
-    def words(self) -> str:
-        """One line that says who has access."""
+    def summary(self) -> str:
+        """Who has access, in one line."""
         if self.authenticator is None:
             return "to anybody who can reach it, who may do everything"
         access = self.authenticator.access

@@ -106,8 +106,12 @@ class Handler(BaseHTTPRequestHandler):
     def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
         """Refuse an invalid request in JSON, like all other errors."""
         self.close_connection = True
-        kinds = "; expected GET or POST" if code == 501 else "; expected a request of HTTP/1.1"
-        self._send(405 if code == 501 else code, b"application/json", _error(f"{message}{kinds}"))
+        expected = "GET or POST" if code == 501 else "a request of HTTP/1.1"
+        self._send(
+            405 if code == 501 else code,
+            b"application/json",
+            _error(f"{message}; expected {expected}"),
+        )
 
     def do_GET(self) -> None:
         """Answer a GET: a page, or a call that changes nothing."""
@@ -123,7 +127,7 @@ class Handler(BaseHTTPRequestHandler):
         limits, length = self.endpoint.limits, self.headers.get("Content-Length", "0")
         try:
             if not length.isascii() or not length.isdigit() or "Transfer-Encoding" in self.headers:
-                raise _Refused(411, "the body's length must be said in Content-Length")
+                raise _Refused(411, "a body needs its length in Content-Length")
             if int(length) > limits.payload_bytes:
                 raise _Refused(
                     413,
@@ -138,11 +142,11 @@ class Handler(BaseHTTPRequestHandler):
             self._send(refused.status, b"application/json", _error(str(refused)))
             return
         token = self.headers.get(HEADER)
-        self.endpoint.sessions.waiting(token, begins=True)
+        self.endpoint.sessions.note_request(token, begins=True)
         try:
             self._answered(lambda: self._called(urlsplit(self.path).path.strip("/"), body))
         finally:
-            self.endpoint.sessions.waiting(token, begins=False)
+            self.endpoint.sessions.note_request(token, begins=False)
 
     def _answered(self, answer: Callable[[], _Content | None]) -> None:
         """Send what `answer` returns, or the error that it raises; None has been sent already."""
@@ -186,18 +190,18 @@ class Handler(BaseHTTPRequestHandler):
 
     def _page(self, path: str, query: dict[str, list[str]]) -> _Content | None:
         """Return a page; an address with the token is redirected, with a cookie instead."""
-        kind = b"text/html; charset=utf-8"
+        media_type = b"text/html; charset=utf-8"
         text = Path(__file__).with_name(_PAGES[path]).read_bytes()
         if self.endpoint.token is None:
-            return kind, text
+            return media_type, text
         shown = query.get("token", [None])[0]
         try:
             self.endpoint.admit(None, None, None, shown or self._token())
         except UuvsimError as error:
-            self._send(401, kind, _ASKING.format(html.escape(str(error))).encode())
+            self._send(401, media_type, _ASKING.format(html.escape(str(error))).encode())
             return None
         if shown is None:
-            return kind, text
+            return media_type, text
         # Lax, not Strict, so that a link in a terminal that is itself a web page works. That is
         # safe: a GET changes nothing, and other sites cannot read its answer.
         secure = "; Secure" if isinstance(self.connection, ssl.SSLSocket) else ""
@@ -219,8 +223,8 @@ class Handler(BaseHTTPRequestHandler):
 
     def _token(self) -> str | None:
         """Return the token that a request has in its header or by its cookie."""
-        kind, _, shown = self.headers.get("Authorization", "").partition(" ")
-        if kind.lower() == "bearer":
+        scheme, _, shown = self.headers.get("Authorization", "").partition(" ")
+        if scheme.lower() == "bearer":
             return shown.strip()
         for pair in self.headers.get("Cookie", "").split(";"):
             name, _, value = pair.strip().partition("=")
@@ -234,8 +238,8 @@ class Handler(BaseHTTPRequestHandler):
     def _allowed(self) -> tuple[str | None, frozenset[str]]:
         """Authenticate the client; return its user's name and its permissions."""
         user = password = None
-        kind, _, code = self.headers.get("Authorization", "").partition(" ")
-        if kind.lower() == "basic":
+        scheme, _, code = self.headers.get("Authorization", "").partition(" ")
+        if scheme.lower() == "basic":
             try:
                 user, _, password = base64.b64decode(code, validate=True).decode().partition(":")
             except (binascii.Error, UnicodeDecodeError):
@@ -302,9 +306,9 @@ class Handler(BaseHTTPRequestHandler):
         """Return the answer of a POST."""
         if path not in POST:
             raise _Refused(405 if path in (*GET, "") else 404, _no_path(path, "POST"))
-        kind = self.headers.get("Content-Type", "").partition(";")[0].strip().lower()
-        if body and kind != "application/json":
-            raise _Refused(415, f"Content-Type is {kind!r}; expected application/json")
+        media_type = self.headers.get("Content-Type", "").partition(";")[0].strip().lower()
+        if body and media_type != "application/json":
+            raise _Refused(415, f"Content-Type is {media_type!r}; expected application/json")
         if not body and self.headers.get("Origin") is None and "Sec-Fetch-Site" in self.headers:
             raise _Refused(403, "a browser's form asks; expected a script of this page")
         read = read_object(body.strip(), "body")
@@ -357,10 +361,10 @@ class Handler(BaseHTTPRequestHandler):
         finally:
             self.endpoint.streams.release()
 
-    def _send(self, status: int, kind: bytes, data: bytes | Iterator[str]) -> None:
+    def _send(self, status: int, media_type: bytes, data: bytes | Iterator[str]) -> None:
         """Send an answer; between two pieces of a large one, other clients step."""
         headers = {
-            "Content-Type": kind.decode(),
+            "Content-Type": media_type.decode(),
             "X-Content-Type-Options": "nosniff",
             "X-Frame-Options": "DENY",  # no other page may overlay ours (clickjacking)
             "Referrer-Policy": "no-referrer",

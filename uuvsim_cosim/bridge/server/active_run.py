@@ -58,7 +58,7 @@ class Store:
                         f"its recording takes {size} bytes of a temporary file, and {free} "
                         f"are free in {tempfile.gettempdir()}"
                     ),
-                    "twice as many: record fewer signals, or run in pieces",
+                    "twice that number: record fewer signals, or run in pieces",
                 )
             self._file = tempfile.TemporaryFile(buffering=0)  # noqa: SIM115
             weakref.finalize(self, self._file.close)  # mapped arrays stay valid

@@ -115,7 +115,7 @@ class JoinedClients:
         with self._lock:
             joined = self._joined.get(token)
         if joined is None and token:
-            raise InputInvalid(call, "this client has not joined, or was let go", "to join first")
+            raise InputInvalid(call, "this client has not joined, or was removed", "to join first")
         if joined is None:
             shown = _text(call, message, "token")
             return Client("zenoh", "zenoh", self._admit(None, None, self._shown, shown))

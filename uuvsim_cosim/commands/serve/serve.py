@@ -198,7 +198,7 @@ def _open_servers(
             anyone=opened.authenticator is None,
         )
     )  # fmt: skip
-    lines = [f"{conductor.describe()['system']} is served {opened.words}:"]
+    lines = [f"{conductor.describe()['system']} is served {opened.summary}:"]
     if opened.authenticator is None:
         sys.stderr.write(
             "uuvsim: --anyone: everybody who reaches these ports may do everything, which includes "

@@ -100,10 +100,10 @@ class _Cell:
 
     @contextmanager
     def _listening(self) -> Iterator[None]:
-        with warnings.catch_warnings(record=True) as heard:
+        with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             yield
-        self.warnings.update(dict.fromkeys(" ".join(str(w.message).split()) for w in heard))
+        self.warnings.update(dict.fromkeys(" ".join(str(w.message).split()) for w in caught))
 
     def read(self, layer: str, columns: Sequence[str] = ()) -> tuple[Shapes, dict[str, Column]]:
         """Return (geometries, columns): empty without the layer, NaN without the column."""

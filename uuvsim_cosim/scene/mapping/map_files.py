@@ -29,12 +29,12 @@ def check_target(file: Path, crs: str = "") -> None:
     """
     if not file.absolute().parent.is_dir():
         raise InputInvalid(file, "its folder does not exist", "a file in a folder")
-    kind = file.suffix.lower()
-    if kind in (".tif", ".tiff"):
+    ending = file.suffix.lower()
+    if ending in (".tif", ".tiff"):
         import_extra("rasterio", f"{file}: writing a GeoTIFF")
-    if kind in (".las", ".laz"):
+    if ending in (".las", ".laz"):
         import_extra("laspy", f"{file}: writing points")
-        if kind == ".laz":
+        if ending == ".laz":
             import_extra("lazrs", f"{file}: compressing points (.las needs nothing more)")
         if crs:
             import_extra("pyproj", f"{file}: a CRS")

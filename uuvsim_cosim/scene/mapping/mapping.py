@@ -290,8 +290,8 @@ def _placed(
         size = made = 0
         seen = frames(range_sensor, track.time, true, caster, track.seed, every)
         for k, frame in enumerate(seen):
-            heard = np.isfinite(frame.range)
-            r, beams = frame.range[heard], in_body[heard]
+            echoes = np.isfinite(frame.range)
+            r, beams = frame.range[echoes], in_body[echoes]
             for pose, eta in track.poses.items():
                 waiting[pose].append(points(range_sensor, beams, r, eta[frame.row]))
             size, made = size + len(r), made + 1

@@ -118,16 +118,16 @@ class Survey:
                        vertical_datum=self.vertical_datum)  # fmt: skip
 
     def write(self, file: Path, made: SeabedMap, pose: str = "true", every: int = 1) -> int:
-        """Write the map (.tif) or the points (.laz, .las, .ply); gives cells or points written."""
-        kind = file.suffix.lower()
-        if kind not in FORMATS:
+        """Write the map (.tif) or the points (.laz, .las, .ply); return the number of either."""
+        ending = file.suffix.lower()
+        if ending not in FORMATS:
             raise InputInvalid(f"{file}: expected a name that ends with {', '.join(FORMATS)}")
         check_target(file, self.crs)
-        if kind in (".tif", ".tiff"):
+        if ending in (".tif", ".tiff"):
             write_geotiff(made, file, pose)
             return made.window.rows * made.window.columns
         batches = run_points(self.track, self.caster, self.settings.sensors, pose, every)
-        if kind == ".ply":
+        if ending == ".ply":
             return write_ply(batches, file)
         return write_las(batches, file, self.crs, (self.northing, self.easting))
 

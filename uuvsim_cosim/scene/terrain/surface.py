@@ -46,7 +46,7 @@ class Prepared:
         if against := int((self.beyond > 0).sum()):
             notes += (
                 f"{against} soundings lie outside the depths charted for their area, by up to "
-                f"{self.beyond.max():.1f} m: clipped like the rest, and sigma says so",
+                f"{self.beyond.max():.1f} m: clipped like the rest, and included in sigma",
             )
         return notes
 
