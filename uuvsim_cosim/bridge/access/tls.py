@@ -143,14 +143,14 @@ def secured(plain: socket.socket, context: ssl.SSLContext, patience: float) -> s
 
 
 def why_refused(
-    host: str, port: int, context: ssl.SSLContext, *, listen: float = 0.5, timeout: float = 1.5
+    host: str, port: int, context: ssl.SSLContext, *, listen: float = 0.5
 ) -> str | None:
     """Try a handshake, and return one sentence why it fails; None if it succeeds.
 
     `listen` is the time [s] to wait for the server to refuse this client's certificate.
     """
     try:
-        connection = socket.create_connection((host, port), timeout=timeout)
+        connection = socket.create_connection((host, port), timeout=1.5)
     except OSError:
         return None  # no server, which the caller reports
     try:

@@ -85,12 +85,12 @@ class Connection(Closing):
         name: str,
         lockstep: bool,
         lag: float,
-        credentials: Credentials | None = None,
-        address: tuple[str, int] = ("127.0.0.1", PORT),
+        credentials: Credentials,
+        address: tuple[str, int],
     ) -> None:
         self.system = system
         self._session = session
-        self._credentials = credentials or Credentials()
+        self._credentials = credentials
         self._address = address
         self._states: WrappedSession | None = None
         self._proof: dict[str, str] = {}

@@ -12,7 +12,6 @@ import ssl
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from functools import partial
 from http.server import BaseHTTPRequestHandler
 from itertools import chain
 from pathlib import Path
@@ -33,7 +32,6 @@ from uuvsim_cosim.bridge.http.manual_axes import pilots, steer
 from uuvsim_cosim.bridge.http.sessions import HEADER, Sessions
 from uuvsim_cosim.bridge.tcp.framing import Disconnected
 from uuvsim_cosim.bridge.tcp.requests import Calls, failure
-from uuvsim_cosim.bridge.tcp.server import hung_up
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
 from uuvsim_cosim.models.declaration.near_names import did_you_mean
 
@@ -261,14 +259,14 @@ class Handler(BaseHTTPRequestHandler):
         token = self.headers.get(HEADER)
         if token is not None:
             calls = self.endpoint.sessions.calls(token, allowed)
-            calls.attended(partial(hung_up, self.connection))
+            calls.attended(self.connection)
             return calls
         if self._calls is None or self._calls.client.allowed != allowed:
             most = self.endpoint.limits.answer_bytes
             self._calls = Calls(
                 self.endpoint.service, Client(user or "http", "http", allowed, most)
             )
-            self._calls.attended(partial(hung_up, self.connection))
+            self._calls.attended(self.connection)
         return self._calls
 
     def _needs(self, call: str, needed: str | None, allowed: frozenset[str]) -> None:

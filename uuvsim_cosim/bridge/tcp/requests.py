@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import select
+import socket
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
@@ -48,16 +50,16 @@ class Calls:
         self.service = service
         self.client = client
         self._tick: Fraction | None = None
-        self._asking = threading.local()
+        self._thread = threading.local()
         self.refresh()
 
-    def attended(self, gone: Callable[[], bool]) -> None:
-        """Abort later calls of this thread once `gone` returns that the client has disconnected."""
-        self._asking.gone = gone
+    def attended(self, connection: socket.socket) -> None:
+        """Abort later calls of this thread once the other end closes its connection."""
+        self._thread.connection = connection
 
     def waited(self, call: str, *arguments: object) -> Any:
         """Carry out a call that may take long; raises Disconnected if its client disconnects."""
-        gone = getattr(self._asking, "gone", lambda: False)
+        connection: socket.socket | None = getattr(self._thread, "connection", None)
         answer = self.service.ask(call, self.client, *arguments)
         while True:
             try:
@@ -65,7 +67,7 @@ class Calls:
             except TimeoutError:
                 if answer.done():  # the call itself has raised TimeoutError
                     raise
-            if gone():
+            if connection is not None and _hung_up(connection):
                 self.service.abandon(answer)
                 raise Disconnected(f"{call}: who asked is gone")
 
@@ -142,3 +144,18 @@ def failure(error: BaseException) -> dict[str, object]:
         "uuvsim-cosim, please report it with the output of `uuvsim doctor`",
         "kind": "Unexpected",
     }
+
+
+def _hung_up(client: socket.socket) -> bool:
+    """Return whether the other end has closed its connection; received data stays unread."""
+    try:
+        poll = select.poll() if hasattr(select, "poll") else None
+        if poll is not None:
+            poll.register(client, select.POLLIN)
+            if not poll.poll(0):
+                return False
+        elif not select.select([client], [], [], 0.0)[0]:
+            return False
+        return not socket.socket.recv(client, 1, socket.MSG_PEEK)  # below TLS, which cannot peek
+    except (OSError, ValueError):
+        return True

@@ -4,28 +4,25 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import select
 import socket
 import ssl
 import threading
 import time
 from collections.abc import Sequence
-from functools import partial
 
 from uuvsim_cosim.bridge.access.access_file import LOOPBACK
-from uuvsim_cosim.bridge.access.tls import common_name, secured
+from uuvsim_cosim.bridge.access.authentication import Admission
+from uuvsim_cosim.bridge.access.tls import secured
 from uuvsim_cosim.bridge.access.token import TokenFile, guarded_by_token
 from uuvsim_cosim.bridge.calls.connection_limits import ConnectionSlots, Limits
 from uuvsim_cosim.bridge.calls.service import Service
 from uuvsim_cosim.bridge.tcp.framing import TCP_PORT, Disconnected, frame
 from uuvsim_cosim.bridge.tcp.requests import failure
-from uuvsim_cosim.bridge.tcp.session import Admission, serve
+from uuvsim_cosim.bridge.tcp.session import Session, full
 from uuvsim_cosim.closing import Owner, started
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
 
-__all__ = ["LOOPBACK", "TcpServer", "hung_up", "listening"]
-
-_PIECE = 1 << 20
+__all__ = ["LOOPBACK", "TcpServer", "listening"]
 
 
 class TcpServer(Owner):
@@ -94,13 +91,8 @@ class TcpServer(Owner):
             else:
                 client.setblocking(False)
                 with client, contextlib.suppress(OSError):
-                    client.send(frame(failure(self._full())))
+                    client.send(frame(failure(full(self._limits))))
             time.sleep(pause)
-
-    def _full(self) -> InputInvalid:
-        return InputInvalid(
-            f"{self._limits.clients} clients are connected, which is all that may be; close one"
-        )
 
     def _serve(self, plain: socket.socket) -> None:
         """Serve one connection in its thread, and report the error that ends it to the client."""
@@ -117,7 +109,7 @@ class TcpServer(Owner):
                 client = secured(plain, self._tls, self._limits.hello_s)
                 if not self._slots.swap(plain, client):
                     return  # a newer connection has displaced it
-            self._talk(client)
+            Session(self._service, self._admit, self._limits, self._slots, client).serve()
         except (Disconnected, OSError):
             pass  # the client has disconnected
         except UuvsimError as error:
@@ -130,49 +122,6 @@ class TcpServer(Owner):
                 self._slots.free(one)
             client.close()
             self._serving.discard(threading.current_thread())
-
-    def _talk(self, client: socket.socket) -> None:
-        """Run the protocol with a client, with time limits for authentication and frames."""
-        limits = self._limits
-        entered = False
-        deadline = time.monotonic() + limits.hello_s
-
-        def receive(size: int, begun: bool) -> bytes:
-            if not entered:  # a client that sends byte by byte gets no more time to authenticate
-                client.settimeout(max(deadline - time.monotonic(), 0.001))
-            else:
-                client.settimeout(limits.frame_s if begun else None)
-            return client.recv(size)
-
-        def send(data: bytes) -> None:
-            client.settimeout(limits.frame_s)  # a client that does not read is disconnected
-            for begin in range(0, len(data), _PIECE):
-                client.sendall(data[begin : begin + _PIECE] if len(data) > _PIECE else data)
-
-        def admitted() -> None:
-            nonlocal entered
-            entered = True
-            if not self._slots.admit(client):
-                raise self._full()
-
-        name = common_name(client)
-        gone = partial(hung_up, client)
-        serve(self._service, self._admit, self._limits, receive, send, admitted, name, gone)
-
-
-def hung_up(client: socket.socket) -> bool:
-    """Return whether the other end has closed its connection; received data stays unread."""
-    try:
-        poll = select.poll() if hasattr(select, "poll") else None
-        if poll is not None:
-            poll.register(client, select.POLLIN)
-            if not poll.poll(0):
-                return False
-        elif not select.select([client], [], [], 0.0)[0]:
-            return False
-        return not socket.socket.recv(client, 1, socket.MSG_PEEK)  # below TLS, which cannot peek
-    except (OSError, ValueError):
-        return True
 
 
 def listening(hosts: Sequence[str], port: int, what: str) -> list[socket.socket]:

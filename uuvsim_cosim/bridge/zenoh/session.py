@@ -183,7 +183,7 @@ def listening(
     endpoints = endpoints_of(hosts, port, tls=tls)
     pending = {"transport/unicast/accept_pending": _half_open()}
     try:
-        config = _config("router", listen=endpoints, settings={**_LISTENING, **pending, **settings})
+        config = _config("router", endpoints, {**_LISTENING, **pending, **settings})
         return WrappedSession(zenoh.open(config))
     except zenoh.ZError as error:
         if "in use" in str(error):
@@ -202,7 +202,7 @@ def connecting(
     import zenoh
 
     try:
-        config = _config("client", connect=endpoints_of([host], port, tls=tls), settings=settings)
+        config = _config("client", endpoints_of([host], port, tls=tls), settings)
         return WrappedSession(zenoh.open(config))
     except zenoh.ZError:
         try:
@@ -218,12 +218,8 @@ def connecting(
         ) from None
 
 
-def _config(
-    mode: str,
-    listen: Sequence[str] = (),
-    connect: Sequence[str] = (),
-    settings: Mapping[str, object] = _NONE,
-) -> zenoh.Config:
+def _config(mode: str, endpoints: Sequence[str], settings: Mapping[str, object]) -> zenoh.Config:
+    """Return the settings of a "router", which listens, or of a "client", which connects."""
     import zenoh
 
     # Zenoh closes silent connections one after another, in 4 ms each, in the threads that open
@@ -232,8 +228,8 @@ def _config(
     config = zenoh.Config()
     every: dict[str, object] = {
         "mode": mode,
-        "listen/endpoints": list(listen),
-        "connect/endpoints": list(connect),
+        "listen/endpoints": list(endpoints) if mode == "router" else [],
+        "connect/endpoints": list(endpoints) if mode == "client" else [],
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
         "scouting/delay": 0,

@@ -103,10 +103,10 @@ class HeightGrid:
         self.total[part] += np.bincount(flat, weights=depth, minlength=size)
         self.count[part] += np.bincount(flat, minlength=size)
 
-    def mean(self, least: int = 1) -> Array:
-        """Return the mean depth (rows, columns) [m]; NaN with less than `least` points."""
+    def mean(self) -> Array:
+        """Return the mean depth (rows, columns) [m]; NaN without points."""
         with np.errstate(invalid="ignore", divide="ignore"):
-            z = np.where(self.count >= least, self.total / self.count, np.nan)
+            z = np.where(self.count > 0, self.total / self.count, np.nan)
         return z.reshape(self.window.rows, self.window.columns)
 
 
@@ -201,11 +201,11 @@ def track_of_run(folder: Path) -> Track:
 
 def map_seabed(
     track: Track, caster: Caster, sensors: Sequence[RangeSensor], cell: float = 0.1,
-    scene: str = "", progress: Progress | None = None, least: int = 1,
+    scene: str = "", progress: Progress | None = None,
 ) -> SeabedMap:  # fmt: skip
     """Map the seabed along a track by all sensors, in cells of `cell` [m].
 
-    A cell needs at least `least` points. Raises InputInvalid if no ray meets the seabed: the track
+    Raises InputInvalid if no ray meets the seabed: the track
     is then outside of the terrain, or too high above it.
     """
     begun = clock.process_time()
@@ -231,7 +231,7 @@ def map_seabed(
     far, kind = caster.cast(from_surface, down)
     met = (kind == SEABED) | (kind >= SOLID)
     truth: Array = np.where(met, at + far, np.nan).reshape(window.rows, window.columns)
-    depth = {pose: grid.mean(least) for pose, grid in grids.items()}
+    depth = {pose: grid.mean() for pose, grid in grids.items()}
     figures = tuple(Figures.of(pose, z, truth) for pose, z in depth.items())
     return SeabedMap(
         window, depth, truth, figures, n_frames, n_points, clock.process_time() - begun,
