@@ -23,6 +23,13 @@ from uuvsim_cosim.orchestrator.plan.plan import Plan
 
 __all__ = ["Record", "Running", "Store"]
 
+_SECONDS = 0.01  # of wall time between two checks of the queue, in a run as fast as possible
+_WAKES = 1000.0  # [1/s] at most: shorter communication steps are made several at a time
+_MOST = 1000  # steps that are made at once at most; calls wait meanwhile
+_MEMORY = 8 << 20  # bytes of recorded signals that are kept in memory
+_IN_PROCESS = 1 << 30  # bytes of `time` that a run without signals keeps for this process
+_HOPELESS = 1.0  # [s] of delay behind the clock beyond which the schedule is shifted instead
+
 
 @final
 class Store:
@@ -48,7 +55,12 @@ class Store:
                 self._places[name] = size
                 size += rows * dtype.itemsize * int(np.prod(shape, dtype=int))
             else:
-                self._arrays[name] = _allocated(rows, dtype, shape)
+                try:
+                    self._arrays[name] = np.empty((rows, *shape), dtype)
+                except (MemoryError, ValueError):  # ValueError: more than an array may have
+                    raise InputInvalid(
+                        "run", f"there is no memory for {rows} rows", "a shorter run, in pieces"
+                    ) from None
         if size:
             free = shutil.disk_usage(tempfile.gettempdir()).free
             if size > free // 2:
@@ -98,23 +110,6 @@ class Store:
                 at = self._places[name]
                 given[name] = np.memmap(self._file, dtype, "r", at, (rows, *shape))
         return given
-
-
-def _allocated(rows: int, dtype: np.dtype, shape: tuple[int, ...]) -> np.ndarray:
-    try:
-        return np.empty((rows, *shape), dtype)
-    except (MemoryError, ValueError):  # ValueError: more than an array may have
-        raise InputInvalid(
-            "run", f"there is no memory for {rows} rows", "a shorter run, in pieces"
-        ) from None
-
-
-_SECONDS = 0.01  # of wall time between two checks of the queue, in a run as fast as possible
-_WAKES = 1000.0  # [1/s] at most: shorter communication steps are made several at a time
-_MOST = 1000  # steps that are made at once at most; calls wait meanwhile
-_MEMORY = 8 << 20  # bytes of recorded signals that are kept in memory
-_IN_PROCESS = 1 << 30  # bytes of `time` that a run without signals keeps for this process
-_HOPELESS = 1.0  # [s] of delay behind the clock beyond which the schedule is shifted instead
 
 
 @final
