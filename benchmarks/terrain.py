@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from uuvsim_cosim.scene.terrain.make import Wishes, make_terrain
+from uuvsim_cosim.scene.terrain.make import TerrainOptions, make_terrain
 
 
 def main() -> None:
@@ -23,8 +23,8 @@ def main() -> None:
     said.add_argument("--resolution", type=float, default=10.0)
     said.add_argument("--scipy", action="store_true", help="time scipy's interpolator as well")
     options = said.parse_args()
-    wishes = Wishes(resolution=options.resolution)
-    make_terrain(options.charts[0], Wishes(resolution=20 * options.resolution))  # imports
+    wishes = TerrainOptions(resolution=options.resolution)
+    make_terrain(options.charts[0], TerrainOptions(resolution=20 * options.resolution))  # imports
     head = ("chart", "nodes", "CPU [s]", "ns a node", "left out: median [m]", "mean [m]", "in band")
     print(" | ".join(head))
     for chart in options.charts:

@@ -3,11 +3,11 @@ classdef CosimBlock < matlab.System
   %
   %   uuvsim serve open.ssd --paused      then System object name: uuvsim.CosimBlock
   %
-  % A lockstep client of `uuvsim serve`: each sample of the block is one step of so many seconds.
+  % A lockstep client of `uuvsim serve`: each sample of the block is one step of that length.
   % Input u: the signals of `Inputs` one after another; output y: those of `Outputs`. y does not
   % depend on u in the same sample, so a loop through a controller is no algebraic loop. The run
-  % starts anew with each simulation. Interpreted only: it opens a connection. Texts may be given in
-  % quotes or without, however this release's dialog takes them.
+  % starts anew with each simulation. The block is interpreted only, as it opens a connection. Texts
+  % may have quotes or not, as the dialog of your release requires.
   properties (Nontunable)
     Inputs = 'allocation.tau_d'    % Inputs: names, separated by commas
     Outputs = 'hull.eta, hull.nu'  % Outputs: names, separated by commas

@@ -49,7 +49,7 @@ classdef Session < handle
 
     function list = signals(self, pattern)
       % All signals (struct array: name, type, shape, unit, causality, settable, description), or
-      % those whose name has `pattern` (a regular expression) in it. Without output: a table.
+      % those whose name matches `pattern` (a regular expression). Without output: print a table.
       if isempty(self.known)
         answer = self.transport.request(struct('call', 'schema'), []);
         self.known = answer.signals(:);
@@ -73,7 +73,7 @@ classdef Session < handle
     end
 
     function varargout = get(self, varargin)
-      % The value of a signal; of several, as many values, or a struct of all.
+      % Return the value of a signal; of several signals, one output each, or a struct of all.
       names = cellstr_of(varargin);
       header = struct('call', 'get', 'names', {names}, 'integers', true);
       [answer, numbers] = self.transport.request(header, []);
@@ -89,7 +89,7 @@ classdef Session < handle
     end
 
     function set(self, varargin)
-      % s.set('name', value, ...) or s.set(struct): unconnected inputs and tunable parameters.
+      % Set unconnected inputs and tunable parameters: s.set('name', value, ...) or s.set(struct).
       header = struct('call', 'set');
       if numel(varargin) == 1
         [names, values] = pairs_of(varargin{1});
@@ -101,8 +101,8 @@ classdef Session < handle
     end
 
     function previous = layout(self, inputs, outputs)
-      % Agree on what the vectors of s.step(u, dt) hold; the fastest way to step. Without names:
-      % forget it, and step with structs again. Gives what was agreed on before, as {in, out}.
+      % Define the signals in the vectors of s.step(u, dt); the fastest way to step. Without names,
+      % steps use structs again. Returns the definition so far, as {in, out}.
       previous = self.vector;
       if nargin < 2
         self.vector = {};
@@ -114,7 +114,7 @@ classdef Session < handle
     end
 
     function y = step(self, u, dt, outputs)
-      % Set inputs u, go on by dt seconds (one communication step if left out), and give outputs:
+      % Set inputs u, step by dt seconds (default: one communication step), and return outputs:
       % those named, else all. With a vector u: the outputs of the layout, as a vector.
       n = 1;
       if nargin > 2 && ~isempty(dt)
@@ -144,8 +144,8 @@ classdef Session < handle
     end
 
     function results = run(self, duration, names, patience)
-      % Run for so many seconds of simulated time, as fast as can be; give time and signals (all
-      % outputs if none are named), one row a communication point. `patience`: seconds to wait.
+      % Run for a simulated time [s], as fast as possible; return time and signals (by default all
+      % outputs), one row for each communication point. `patience`: longest time to wait [s].
       if nargin < 2 || ~isnumeric(duration) || ~isscalar(duration)
         error('uuvsim:InputInvalid', ...
               'uuvsim: run needs a number of seconds, as in r = s.run(20, {''hull.eta''}).');
@@ -165,7 +165,7 @@ classdef Session < handle
     end
 
     function stream(self, factor)
-      % Go on against the wall clock, at a factor of real time (1), until s.pause().
+      % Run in real time, or at a factor of it (default: 1), until s.pause().
       if nargin < 2
         factor = 1;
       end
@@ -178,7 +178,7 @@ classdef Session < handle
     end
 
     function reset(self, seed, varargin)
-      % Back to the start; with a seed, and start values as in s.set.
+      % Go back to the start, with a seed and with start values as in s.set.
       header = struct('call', 'reset');
       if nargin > 1 && ~isempty(seed)
         header.seed = seed;
@@ -195,7 +195,7 @@ classdef Session < handle
     end
 
     function id = snapshot(self)
-      % Keep the whole state; give the name to restore it by.
+      % Store the whole state; return the name of the snapshot.
       answer = self.transport.request(struct('call', 'snapshot'), []);
       id = answer.snapshot;
     end
@@ -210,7 +210,7 @@ classdef Session < handle
     end
 
     function discard(self, id)
-      % Forget a snapshot; a client keeps 256.
+      % Delete a snapshot; a client can keep 256.
       if nargin < 2
         error('uuvsim:InputInvalid', ...
               'uuvsim: discard needs what s.snapshot gave, as in s.discard(id).');
@@ -219,7 +219,7 @@ classdef Session < handle
     end
 
     function dismiss(self, client)
-      % Take the lockstep barrier from another client, as s.describe names it.
+      % Remove another client from the lockstep barrier, by its name in s.describe.
       if nargin < 2
         error('uuvsim:InputInvalid', ...
               'uuvsim: dismiss needs the name of a client, as in s.dismiss(''python'').');
@@ -228,7 +228,7 @@ classdef Session < handle
     end
 
     function replace(self, component, source)
-      % Put another source in a component's place; the run begins anew.
+      % Replace the source of a component; the run starts again.
       if nargin < 3
         error('uuvsim:InputInvalid', ['uuvsim: replace needs a component and a source, as in ' ...
               's.replace(''controller'', ''my.fmu'').']);
@@ -241,14 +241,14 @@ classdef Session < handle
     end
 
     function what = describe(self)
-      % What the server says of the system now.
+      % Return the server's description of the running system.
       answer = self.transport.request(struct('call', 'describe'), []);
       self.now(answer);
       what = answer.system;
     end
 
     function close(self)
-      % Let the co-simulation go; it runs on without this client.
+      % Disconnect; the co-simulation continues without this client.
       if ~isempty(self.transport) && self.transport.isopen()
         try
           self.transport.request(struct('call', 'bye'), []);
@@ -272,7 +272,7 @@ classdef Session < handle
     end
 
     function count = agree(self, wanted, integers)
-      % With `integers`, those of 64 bits are sent as such; a vector of the user's holds doubles.
+      % With `integers`, 64-bit integers are sent unchanged; a vector from the user holds doubles.
       header = struct('call', 'layout', 'inputs', {wanted{1}}, 'outputs', {wanted{2}}, ...
                       'integers', integers);
       answer = self.transport.request(header, []);
@@ -329,7 +329,7 @@ classdef Session < handle
     end
 
     function [header, numbers] = with_values(self, header, names, values)
-      % Numbers go as columns, each checked against its variable; texts go in the header.
+      % Numbers are sent as columns, each checked against its variable; texts in the header.
       numbers = [];
       columns = {};
       texts = containers.Map();
@@ -353,7 +353,7 @@ classdef Session < handle
     end
 
     function info = info_of(self, name)
-      % What is known of a signal; [] for a name that is not known, which the server refuses.
+      % Return the description of a signal; [] for an unknown name, which the server refuses.
       list = self.signals();
       info = list(strcmp(name, {list.name}));
     end
@@ -401,7 +401,7 @@ classdef Session < handle
 end
 
 function names = cellstr_of(given)
-  % A cell of names out of names and cells of names.
+  % Return a cell of names from names and cells of names.
   names = {};
   for k = 1:numel(given)
     if iscell(given{k})
@@ -419,7 +419,7 @@ function names = cellstr_of(given)
 end
 
 function [names, values] = pairs_of(given)
-  % Names and values out of a struct of arrays, a containers.Map or a cell {name, value, ...}.
+  % Return names and values of a struct of arrays, a containers.Map or a cell {name, value, ...}.
   names = {};
   values = {};
   if isempty(given)
@@ -462,7 +462,7 @@ function [names, values] = flattened(given, prefix)
 end
 
 function row = row_major(value)
-  % A value's numbers, the last index fastest, as the server has them.
+  % Return the numbers of a value in the order of the server: the last index changes fastest.
   if ndims(value) > 2 || ~isvector(value)
     value = permute(value, ndims(value):-1:1);
   end
@@ -470,14 +470,14 @@ function row = row_major(value)
 end
 
 function row = bits_of(row)
-  % Numbers as the doubles that are sent: integers of 64 bits as their bits.
+  % Return numbers as the doubles that are sent: 64-bit integers keep their bits.
   if isinteger(row)
     row = typecast(row, 'double');
   end
 end
 
 function row = integers_of(name, row, kind)
-  % Doubles as the integers that a layout has.
+  % Convert doubles to the integers of a layout.
   exact = cast(row, kind);
   if ~isequal(double(exact), row)
     error('uuvsim:InputInvalid', 'uuvsim: %s: %.17g was given; expected whole numbers of %s.', ...
@@ -487,7 +487,7 @@ function row = integers_of(name, row, kind)
 end
 
 function value = shaped(numbers, shape)
-  % Numbers with the last index fastest as an array; a vector is a column.
+  % Return an array from numbers whose last index changes fastest; a vector is a column.
   if numel(shape) < 2
     value = reshape(numbers, [], 1);
   else
@@ -510,7 +510,7 @@ function count = total(infos)
 end
 
 function path = path_of(name)
-  % The fields under which a signal stands: 'hull.eta' is {'hull', 'eta'}.
+  % Return the fields of a signal in a struct: 'hull.eta' is {'hull', 'eta'}.
   path = matlab.lang.makeValidName(strsplit(name, '.'));
 end
 

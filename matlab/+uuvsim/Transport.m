@@ -1,6 +1,6 @@
 classdef Transport < handle
   % One connection to a co-simulation: frames of a JSON header and float64 numbers.
-  % All that knows of sockets, and all that differs between MATLAB and Octave there, is here.
+  % Only this file uses sockets, which differ between MATLAB and Octave.
   properties (SetAccess = private)
     host = '';
     port = 0;
@@ -25,7 +25,7 @@ classdef Transport < handle
     end
 
     function [header, numbers] = request(self, header, numbers, patience)
-      % Send a header (a struct) and numbers, and wait for the answer, `patience` seconds if given.
+      % Send a header (a struct) and numbers, and wait for the answer at most `patience` seconds.
       self.check_in_step();
       self.send(unicode2native(jsonencode(header), 'UTF-8'), numbers);
       if nargin > 3
@@ -36,7 +36,7 @@ classdef Transport < handle
     end
 
     function numbers = exchange(self, numbers)
-      % The compact step: numbers there, numbers back, as the layout says.
+      % Make a compact step: send and receive the numbers that the layout defines.
       if isempty(self.socket)
         self.gone();
       end
@@ -131,7 +131,7 @@ classdef Transport < handle
     end
 
     function check_in_step(self)
-      % After Ctrl-C the answer of the call before would be taken for that of this one.
+      % After Ctrl-C, the answer to the previous call would be read as the answer to this one.
       if self.pending && ~isempty(self.socket)
         self.socket = [];
         error('uuvsim:interrupted', ...

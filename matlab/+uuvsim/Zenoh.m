@@ -1,10 +1,10 @@
 classdef Zenoh < handle
-  % A running co-simulation straight over Zenoh:  z = uuvsim.Zenoh();  z.step(10);  z.close();
+  % A running co-simulation directly over Zenoh:  z = uuvsim.Zenoh();  z.step(10);  z.close();
   %
-  % An option for those who want states as a stream beside their calls, or other keys on the same
-  % network; uuvsim.connect() needs nothing compiled and does the rest. This needs uuvsim_zenoh,
+  % Use it to receive states as a stream beside your calls, or other keys on the same network. For
+  % all else use uuvsim.connect(), which needs no compiled code. This class needs uuvsim_zenoh,
   % which matlab/mex/build_zenoh.m compiles, and `uuvsim serve --anyone`, because zenoh-pico cannot
-  % say who it is. Options, as name and value: 'host', 'port' (7470),
+  % authenticate itself. Options, as name and value: 'host', 'port' (7470),
   % 'system' where there are several, 'name', 'lockstep', 'lag' and 'timeout' [s].
   properties (SetAccess = private)
     system = '';        % its name
@@ -42,20 +42,20 @@ classdef Zenoh < handle
     end
 
     function varargout = get(self, varargin)
-      % The value of a signal; of several, as many values.
+      % Return the value of a signal; of several signals, one output each.
       names = varargin;
       [~, values] = self.call('get', {'names', listed(names)});
       varargout = values(1:max(1, min(nargout, numel(names))));
     end
 
     function set(self, varargin)
-      % z.set('name', value, ...): unconnected inputs and tunable parameters, all or none.
+      % Set unconnected inputs and tunable parameters, all or none: z.set('name', value, ...).
       [held, block] = packed(varargin);
       self.asked('set', ['"values":' held], block);
     end
 
     function varargout = step(self, n, inputs, outputs)
-      % Set inputs {'name', value, ...}, make n communication steps, and give outputs {'name', ...}.
+      % Set inputs {'name', value, ...}, make n communication steps, return outputs {'name', ...}.
       if nargin < 2
         n = 1;
       end
@@ -73,7 +73,7 @@ classdef Zenoh < handle
     end
 
     function watch(self, component, keep)
-      % Let the states of a component come; the newest `keep` (1000) blocks wait to be taken.
+      % Subscribe to the states of a component; the newest `keep` (1000) blocks wait to be read.
       if nargin < 3
         keep = 1000;
       end
@@ -88,7 +88,7 @@ classdef Zenoh < handle
     end
 
     function block = take(self, component)
-      % The oldest block of a watched component that waits: tick, time, and its variables; or [].
+      % Return the oldest block that waits: tick, time and variables of its component; or [].
       chosen = [];
       if ~isempty(self.watched)
         chosen = find(strcmp({self.watched.component}, component), 1);
@@ -105,7 +105,7 @@ classdef Zenoh < handle
     end
 
     function [told, values] = call(self, what, fields)
-      % Any call by name and fields, {'name', value, ...}; the answer, and its values in order.
+      % Make any call by name and fields {'name', value, ...}; return the answer and its values.
       texts = cell(1, numel(fields) / 2);
       for k = 1:numel(texts)
         texts{k} = [jsonencode(fields{2 * k - 1}) ':' jsonencode(fields{2 * k})];
@@ -114,7 +114,7 @@ classdef Zenoh < handle
     end
 
     function close(self)
-      % Let the co-simulation go; it runs on without this client.
+      % Disconnect; the co-simulation continues without this client.
       if ~isempty(self.session)
         session = self.session;
         if ~isempty(self.name)
@@ -206,7 +206,7 @@ function list = listed(names)
 end
 
 function [held, block] = packed(pairs)
-  % Values as JSON says where they lie, and their bytes.
+  % Return values as JSON, which holds their places, and their bytes.
   block = uint8([]);
   if mod(numel(pairs), 2) ~= 0
     error('uuvsim:InputInvalid', 'uuvsim: values come in pairs, as in ''hull.v_c'', [0.3 0 0].');

@@ -5,16 +5,16 @@ function model = build_simulink(fmus, varargin)
   %   uuvsim.build_simulink({'plant.fmu', 'controller.fmu'}, 'connect', ...
   %                         {'plant.hull_eta', 'controller.eta'; 'controller.tau_d', 'plant.tau_d'})
   %
-  % Each FMU becomes a block of its file's name; each input that nothing is connected to a Constant
-  % of the variable's start value; each output a To Workspace block (a timeseries of the variable's
-  % name). The solver is fixed-step and discrete, its step that of the co-simulation. Options:
+  % Each FMU becomes a block with the name of its file. Each unconnected input gets a Constant block
+  % with the start value, each output a To Workspace block (a timeseries with the variable's name).
+  % The solver is discrete, with the fixed step of the co-simulation. Options:
   %   'name'     of the model ('uuvsim_model')
   %   'step'     fixed step [s] (the first FMU's default experiment, else 0.01)
   %   'stop'     stop time [s] (60)
-  %   'connect'  cell of two columns, from output to input; each such wire delays by one step
-  %   'record'   regular expression of the outputs that are kept ('.')
-  % Written after MathWorks' documentation; nobody has run it so far (uuvsim.selftest says what to
-  % send in). Ports are taken to be in the order of modelDescription.xml.
+  %   'connect'  cell of two columns, from output to input; each connection delays by one step
+  %   'record'   regular expression of the outputs that are recorded ('.')
+  % Written from MathWorks' documentation and not yet run in MATLAB (uuvsim.selftest prints what to
+  % send in). Ports are assumed to have the order of modelDescription.xml.
   options = struct('name', 'uuvsim_model', 'step', [], 'stop', 60, 'connect', {cell(0, 2)}, ...
                    'record', '.');
   for k = 1:2:numel(varargin)
@@ -68,7 +68,7 @@ function part = placed(model, part, file, number)
 end
 
 function variables = ports(variables, handles, name, what)
-  % One port a number, or one a variable, as this release draws them.
+  % One port for each number, or one for each variable, as this release draws them.
   if numel(handles) ~= numel(variables)
     variables = uuvsim.group_elements(variables);
   end
@@ -83,7 +83,7 @@ function variables = ports(variables, handles, name, what)
 end
 
 function targets = wired(model, parts, from, to)
-  % A delay and two lines for each pair of ports; a vector may be drawn as one port or as many.
+  % A delay and two lines for each pair of ports; a vector may have one port or one per element.
   sources = found(parts, from, 'outputs');
   sinks = found(parts, to, 'inputs');
   if numel(sources) ~= numel(sinks)
@@ -103,7 +103,7 @@ function targets = wired(model, parts, from, to)
 end
 
 function chosen = found(parts, name, kind)
-  % The variable of this name, or the elements of the vector of this name.
+  % Return the variable of this name, or the elements of the vector of this name.
   known = {};
   chosen = [];
   for k = 1:numel(parts)

@@ -5,12 +5,12 @@ function session = connect(varargin)
   % Options, as name and value, in MATLAB also as uuvsim.connect(port=7448):
   %   'host'      '127.0.0.1'
   %   'port'      7448
-  %   'timeout'   how long to wait for an answer [s], 10
-  %   'name'      what others see of this client, 'matlab' or 'octave'
+  %   'timeout'   longest time to wait for an answer [s], 10
+  %   'name'      name of this client for others, 'matlab' or 'octave'
   %   'lockstep'  true: others wait for this client's steps, and it for theirs; false
-  %   'lag'       how long others wait for it in lockstep [s], 5
-  %   'user', 'password'   where the server asks for them
-  %   'token'     of a server that is not found by itself: of another user or machine
+  %   'lag'       longest time that others wait for it in lockstep [s], 5
+  %   'user', 'password'   if the server asks for them
+  %   'token'     of a server of another user or on another machine; else it is found
   %
   % See also uuvsim.Session, uuvsim.selftest, uuvsim.linearize.
   name = 'matlab';

@@ -1,5 +1,5 @@
 function grouped = group_elements(variables)
-  % Put tau[1], tau[2], ... of read_fmu's inputs or outputs together as one variable tau.
+  % Join tau[1], tau[2], ... of read_fmu's inputs or outputs to one variable tau.
   %
   %   part = uuvsim.read_fmu(file);  inputs = uuvsim.group_elements(part.inputs);
   grouped = [];

@@ -1,26 +1,26 @@
 function model = linearize(session, inputs, outputs, varargin)
-  % A, B, C, D around the present state, in discrete time, by finite differences over snapshots:
+  % Return A, B, C, D in discrete time around the present state, by finite differences:
   %
   %   m = uuvsim.linearize(s, {'hull.tau'}, {'hull.nu'})
   %
-  % x and y are deviations from the present trajectory, inputs held over dt, a communication step
-  % unless 'dt' says more:
+  % x and y are deviations from the present trajectory. Inputs are held over 'dt', by default one
+  % communication step:
   %
   %   x(k+1) = A x(k) + B u(k),    y(k+1) = C x(k+1) + D u(k)
   %
-  % The state x is made of the signals named by 'states' (the outputs, if left out). Each input is
-  % pushed up and down for one step, the system then goes on by itself, and A is the best fit. It
-  % is exact for a linear system whose named states are all there are and all can be excited:
-  % model.residual (relative, of the fit) and model.rank (of numel(model.state_names)) say how near
-  % that is. Sensor noise cancels, for it is the same in every run from one snapshot. The session
-  % is left as it was found.
+  % The state x consists of the signals in 'states' (by default the outputs). Each input is changed
+  % up and down for one step, the free motion after it is recorded, and A is the least-squares fit.
+  % The fit is exact for a linear system whose states are all named and can all be excited:
+  % model.residual (relative) and model.rank (of numel(model.state_names)) measure this. Sensor
+  % noise cancels, as it is the same in every run from one snapshot. The session returns to its
+  % state at the end.
   %
   % Options, as name and value:
-  %   'states'   names of the signals that make x
-  %   'step'     size of the push, a number or one for each input element (1e-4)
-  %   'dt'       from one sample of the model to the next [s]: the period of the controller to be,
-  %              long enough for what lies between command and force (one communication step)
-  %   'steps'    samples that are watched (twice the states, at least 20)
+  %   'states'   names of the signals in x
+  %   'step'     change of the inputs, one number or one for each input element (1e-4)
+  %   'dt'       sample time of the model [s]: that of the planned controller, longer than the
+  %              delay from command to force (one communication step)
+  %   'steps'    samples that are recorded (twice the states, at least 20)
   %
   % With MATLAB's Control System Toolbox or Octave's control: ss(m.A, m.B, m.C, m.D, m.dt).
   inputs = reshape(cellstr(inputs), 1, []);

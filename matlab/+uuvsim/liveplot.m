@@ -1,8 +1,8 @@
 function figure_handle = liveplot(session, names, duration, varargin)
-  % Plot signals while the co-simulation goes on:  uuvsim.liveplot(s, {'hull.nu'}, 20)
+  % Plot signals while the co-simulation runs:  uuvsim.liveplot(s, {'hull.nu'}, 20)
   %
   % `duration` is in seconds of simulated time. This client steps, unless the co-simulation streams
-  % or 'watch' is true: then it only looks. Options, as name and value:
+  % or 'watch' is true: then it only reads. Options, as name and value:
   %   'every'   communication steps from one point of the plot to the next (10)
   %   'watch'   false
   names = cellstr(names);

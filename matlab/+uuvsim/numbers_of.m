@@ -1,7 +1,7 @@
 function value = numbers_of(name, value, info)
-  % A value as double, checked against the variable that it is for; raises an error that names it.
+  % Return a value as double, checked against its variable; raises an error that names it.
   %
-  % `info` has the variable's shape, [] where that is not known here. A variable with one index
+  % `info` has the variable's shape, [] if that is unknown. A variable with one index
   % takes a row or a column; one with more takes an array of exactly its size. Integers for a
   % variable of type Int64 or UInt64 stay integers of its class, which are exact.
   expected = 'real numbers';

@@ -1,5 +1,5 @@
 function options = options_of(options, given, what)
-  % Options given as name and value, over defaults; also as MATLAB passes f(port=7448).
+  % Return defaults updated by options as name and value, also as MATLAB passes f(port=7448).
   %
   % `options` is a struct of defaults, `given` a cell of names and values, `what` the function's
   % name for messages. A text of MATLAB's class string becomes one of class char.

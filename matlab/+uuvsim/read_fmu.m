@@ -1,5 +1,5 @@
 function part = read_fmu(file)
-  % Read what ports an FMU has: name, step [s], inputs and outputs (name, start); FMI 2 and 3.
+  % Read the ports of an FMU: name, step [s], inputs and outputs (name, start); FMI 2 and 3.
   %
   %   part = uuvsim.read_fmu('bluerov2_hold.fmu');  {part.inputs.name}
   if exist(file, 'file') ~= 2

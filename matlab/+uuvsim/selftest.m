@@ -1,10 +1,10 @@
 function passed = selftest(varargin)
-  % Try the client against a running co-simulation and print a report to send in.
+  % Test the client against a running co-simulation, and print a report to send in.
   %
-  %   uuvsim.selftest                     as uuvsim.connect() would
+  %   uuvsim.selftest                     connects as uuvsim.connect()
   %   uuvsim.selftest('port', 7448, ...)  with options of uuvsim.connect
   %
-  % The co-simulation is left as it was found, if its components can keep their state.
+  % At the end the co-simulation has its former state, if its components can store their state.
   fprintf('uuvsim.selftest\n');
   if exist('OCTAVE_VERSION', 'builtin') ~= 0
     fprintf('  GNU Octave %s, %s\n', OCTAVE_VERSION, computer());

@@ -1,12 +1,12 @@
 function passed = selftest_simulink(fmu, port)
-  % Try what only Simulink can, and print a report to send in (MATLAB with Simulink only):
+  % Test the parts that need Simulink, and print a report to send in (MATLAB with Simulink only):
   %
   %   uuvsim fmu client bluerov2_hold             (in a terminal; and then:)
   %   uuvsim serve bluerov2_hold --paused
   %   uuvsim.selftest_simulink('bluerov2_hold_client.fmu')
   %
   % Builds a model around the FMU and simulates one second, then a model around uuvsim.CosimBlock,
-  % which sets the current and reads where the hull is.
+  % which sets the current and reads the position of the hull.
   if nargin < 2
     port = 7448;
   end

@@ -1,5 +1,5 @@
 function result = to_timetable(results)
-  % A run's results as a timetable, one variable a signal (MATLAB only; Octave has no timetable).
+  % Return the results of a run as a timetable with a variable for each signal (MATLAB only).
   %
   %   T = uuvsim.to_timetable(s.run(10));
   if exist('OCTAVE_VERSION', 'builtin') ~= 0

@@ -1,5 +1,5 @@
 function token = token(host, port)
-  % The token of a server of the same user on this machine, or '' if this user has none for it.
+  % Return the token of a server of the same user on this machine, or '' if there is none.
   %
   % `uuvsim serve` writes it to a file that only its user can read, and uuvsim.connect() calls this
   % function. The folder of the files is UUVSIM_TOKENS if that is set; the token for a server
@@ -45,7 +45,7 @@ function name = machine()
 end
 
 function refuse_others(file)
-  % MATLAB tells the mode of a file and not its owner; Octave tells both. Windows has no mode.
+  % MATLAB returns the mode of a file but not its owner; Octave returns both. Windows has no mode.
   if ispc()
     return
   end

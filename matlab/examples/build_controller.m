@@ -1,11 +1,11 @@
 function model = build_controller(design, name)
-  % A Simulink model of the controller alone, to be exported as an FMU (MATLAB with Simulink only):
+  % Build a Simulink model of the controller alone, for export as an FMU (MATLAB with Simulink):
   %
   %   build_controller(design, 'hold_controller');
   %   exportToFMU('hold_controller', 'FMIVersion', '2.0', 'FMUType', 'CS')
   %
-  % Its ports are those that `uuvsim systems slot bluerov2_hold controller` prints. Written after
-  % MathWorks' documentation; nobody has run it so far.
+  % Its ports are those that `uuvsim systems slot bluerov2_hold controller` prints. Written from
+  % MathWorks' documentation and not yet run in MATLAB.
   if nargin < 2
     name = 'hold_controller';
   end

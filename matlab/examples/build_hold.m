@@ -1,10 +1,10 @@
 function model = build_hold(design, eta_d, name)
-  % The loop in Simulink: uuvsim.CosimBlock, the controller, To Workspace (MATLAB only).
+  % Build the loop in Simulink: uuvsim.CosimBlock, the controller, To Workspace (MATLAB only).
   %
   %   build_hold(design, [0; 0; 1; 0; 0; 0]);  out = sim('hold');  plot(out.y)
   %
-  % `uuvsim serve open.ssd --paused` must run meanwhile. The model is that of build_controller with
-  % the co-simulation closed around it. Nobody has run it so far.
+  % `uuvsim serve open.ssd --paused` must run meanwhile. The model is that of build_controller in a
+  % closed loop with the co-simulation. It has not yet been run in MATLAB.
   if nargin < 3
     name = 'hold';
   end

@@ -1,5 +1,5 @@
 function design = design_hold(s, varargin)
-  % Design a controller that holds a station, on the linear model of what is served:
+  % Design a controller that holds a station, from the linear model of a served system:
   %
   %   s = uuvsim.connect();                      % uuvsim serve open.ssd --paused
   %   design = design_hold(s);
@@ -7,7 +7,7 @@ function design = design_hold(s, varargin)
   % The state is position and attitude, velocity, the thrusters' force, and the integral of the
   % error of position and attitude, which takes up an unknown current. One sample is 0.1 s. The
   % vehicle should lie at psi = 0, at rest, as it does after s.reset(). hold_law.m is the law.
-  % Give names of another system's signals as options: 'force', 'eta', 'nu', 'input'.
+  % For another system, pass the names of its signals as options: 'force', 'eta', 'nu', 'input'.
   names = struct('input', 'allocation.tau_d', 'eta', 'hull.eta', 'nu', 'hull.nu', ...
                  'force', 'wrench.tau', 'dt', 0.1);
   for k = 1:2:numel(varargin)
@@ -23,7 +23,7 @@ function design = design_hold(s, varargin)
   % Deviations of x and, summed over time, of eta: z(k+1) = z(k) + dt eta(k).
   A = [m.A, zeros(18, 6); m.dt * [eye(6), zeros(6, 12)], eye(6)];
   B = [m.B; zeros(6, 6)];
-  % Bryson's rule: one over the square of what is bearable, of each state and force.
+  % Bryson's rule: one over the square of the largest acceptable value of each state and force.
   eta = [0.1; 0.1; 0.1; 0.1; 0.1; 0.05];    % m, rad
   nu = [0.3; 0.3; 0.3; 0.5; 0.5; 0.3];      % m/s, rad/s
   sum_of_eta = [0.1; 0.1; 0.1; 1; 1; 0.1];  % m.s, rad.s

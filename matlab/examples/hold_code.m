@@ -1,9 +1,9 @@
 function code = hold_code(design)
-  % The controller of a design as the text of one function without anything around it:
+  % Return the controller of a design as the text of one function that needs no other code:
   %
-  %   tau_d = station(eta_d, nu_d, eta, nu)     % one sample; it remembers what it must
+  %   tau_d = station(eta_d, nu_d, eta, nu)     % one sample; it keeps its own state
   %
-  % For a MATLAB Function block (build_controller.m), or anything else that takes MATLAB code.
+  % For a MATLAB Function block (build_controller.m), or any other use of MATLAB code.
   lines = {
     'function tau_d = station(eta_d, nu_d, eta, nu) %#ok<INUSL>'
     '% Designed by design_hold; see docs/connections/connect_simulink.md of uuvsim-cosim.'

@@ -1,9 +1,9 @@
 function [u, memory] = hold_law(design, memory, eta, nu, eta_d)
-  % One sample of the controller that design_hold designs:  u = -K [e; nu; f; z].
+  % Compute one sample of the controller that design_hold designs:  u = -K [e; nu; f; z].
   %
-  % e is the error of position and attitude, ahead and to starboard rather than north and east, for
-  % the model was made at psi = 0. f is the thrusters' force as the model foretells it from what
-  % was commanded, z the integral of e. `memory` is [f; z]; begin with zeros(12, 1).
+  % e is the error of position and attitude, ahead and to starboard instead of north and east, as
+  % the model is linearised at psi = 0. f is the thrusters' force that the model predicts from the
+  % commands, z the integral of e. `memory` is [f; z]; begin with zeros(12, 1).
   e = eta(:) - eta_d(:);
   c = cos(eta(6));
   s = sin(eta(6));

@@ -1,9 +1,9 @@
 function r = hold_station(s, design, eta_d, duration)
-  % Close the loop from here: read, one sample of hold_law, step, for so many seconds.
+  % Close the loop in MATLAB for a time [s]: read, compute one sample of hold_law, step.
   %
   %   r = hold_station(s, design, [0; 0; 1; 0; 0; 0], 60);  plot(r.time, r.error(:, 1:3))
   %
-  % eta_d is N E D phi theta psi in m and rad. r has time, eta, error, tau: one row a sample.
+  % eta_d is N E D phi theta psi in m and rad. r has time, eta, error, tau: one row per sample.
   names = design.names;
   previous = s.layout(names.input, {names.eta, names.nu});
   again = onCleanup(@() s.layout(previous{:}));

@@ -1,11 +1,11 @@
 function [K, P] = lqr_gain(A, B, Q, R)
-  % The gain of u = -K x that minimises the sum of x'Qx + u'Ru over x(k+1) = A x + B u.
+  % Return the gain of u = -K x that minimises the sum of x'Qx + u'Ru over x(k+1) = A x + B u.
   %
   %   K = lqr_gain(A, B, Q, R)
   %
-  % As dlqr of MATLAB's Control System Toolbox and Octave's control give it; for those who have
-  % neither. P solves P = A'P A - A'P B (R + B'P B)^-1 B'P A + Q, by doubling: what n iterations
-  % give here takes 2^n of the plain recursion (Anderson 1978; Chu, Fan, Lin 2005).
+  % The result is that of dlqr in MATLAB's Control System Toolbox and Octave's control package. P
+  % solves P = A'P A - A'P B (R + B'P B)^-1 B'P A + Q by doubling: n iterations correspond to 2^n
+  % of the plain recursion (Anderson 1978; Chu, Fan, Lin 2005).
   n = size(A, 1);
   if ~isequal(size(A), [n, n], size(Q)) || size(B, 1) ~= n || ~isequal(size(R), size(B, 2) * [1, 1])
     error('uuvsim:InputInvalid', ['uuvsim: A is %d x %d, B %d x %d, Q %d x %d, R %d x %d; ' ...

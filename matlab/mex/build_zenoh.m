@@ -4,7 +4,7 @@ function file = build_zenoh(zenoh_pico, target)
   %   build_zenoh('/path/where/zenoh-pico/is/installed')
   %
   % It needs include/zenoh-pico.h and lib/libzenohpico.a there, and a C compiler that `mex` knows
-  % (in Octave: mkoctfile and gcc). Gives the file; `target` is its folder, this one if left out.
+  % (in Octave: mkoctfile and gcc). Returns the file; `target` is its folder, by default this one.
   here = fileparts(mfilename('fullpath'));
   if nargin < 2
     target = here;

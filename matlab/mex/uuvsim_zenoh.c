@@ -1,11 +1,11 @@
-/* MATLAB and Octave straight on Zenoh: sessions, queries, liveliness and streams over zenoh-pico.
+/* Zenoh for MATLAB and Octave: sessions, queries, liveliness and streams over zenoh-pico.
  *
  *   h = uuvsim_zenoh('open', 'tcp/127.0.0.1:7470')
  *   keys = uuvsim_zenoh('alive', h, 'uuvsim/ * /live/master', timeout)           (without spaces)
  *   uuvsim_zenoh('token', h, key)
  *   [payload, attachment, ok] = uuvsim_zenoh('get', h, key, payload, attachment, timeout)
  *   w = uuvsim_zenoh('watch', h, key, keep)
- *   block = uuvsim_zenoh('take', h, w)                            [] if nothing has come
+ *   block = uuvsim_zenoh('take', h, w)                            [] if none has arrived
  *   uuvsim_zenoh('close', h)
  *
  * Payloads are uint8, keys are text, timeouts are in seconds. +uuvsim/Zenoh.m calls it. */
@@ -112,7 +112,7 @@ static mxArray *bytes_of(const z_loaned_bytes_t *bytes) {
     return out;
 }
 
-/* Copy a uint8 array, if there is one with anything in it; gives whether there is. */
+/* Copy a uint8 array that is not empty; return whether there is one. */
 static int copied(int n, const mxArray *in[], int k, z_owned_bytes_t *bytes) {
     if (k >= n || mxIsEmpty(in[k])) {
         return 0;
@@ -148,7 +148,7 @@ static void open_session(int nout, mxArray *out[], int n, const mxArray *in[]) {
     }
     client->is_open = 1;
     if (!at_exit) {
-        mexLock(); /* its threads run on: never unload the code under them */
+        mexLock(); /* its threads continue: the code must never be unloaded */
         mexAtExit(close_all);
         at_exit = 1;
     }

@@ -1,10 +1,10 @@
 function control(port)
-  % Hold a station against a current from here, with a controller designed on what is served at
-  % `port` (bluerov2_hold without guidance and controller), and print how well:
+  % Hold a station against a current, with a controller designed for the system that is served at
+  % `port` (bluerov2_hold without guidance and controller), and print the errors:
   %
   %   residual R poles P rms E max M final F code D
   %
-  % E, M, F are distances from the station [m]; D is what the exported code differs by [N].
+  % E, M, F are distances from the station [m]; D is the difference of the exported code [N].
   s = uuvsim.connect('port', port, 'lockstep', true, 'lag', 60);
   s.reset();
   design = design_hold(s);

@@ -1,5 +1,5 @@
 function gains()
-  % lqr_gain against a closed form, and against the plain recursion; and what it refuses.
+  % Test lqr_gain against a closed form and the plain recursion, and its errors.
   % One state: P = 1 + P - P^2/(1 + P), so P is the golden ratio and K = P/(1 + P).
   K = lqr_gain(1, 1, 1, 1);
   golden = (1 + sqrt(5)) / 2;

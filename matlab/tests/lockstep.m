@@ -1,5 +1,5 @@
 function lockstep(port, count)
-  % Hold the barrier of a co-simulation for so many steps, and print where that ended.
+  % Hold the barrier of a co-simulation for a number of steps, and print the final state.
   s = uuvsim.connect('port', port, 'lockstep', true, 'lag', 60, 'timeout', 60);
   s.layout('hull.tau', 'hull.nu');
   for k = 1:count

@@ -1,6 +1,6 @@
 function models(fmu2, fmu3, port)
-  % Run what builds Simulink models against a double of Simulink, and CosimBlock against a double
-  % of matlab.System: what they do is checked, not what Simulink makes of it.
+  % Run the functions that build Simulink models against a double of Simulink, and CosimBlock
+  % against a double of matlab.System: their calls are checked, not the reaction of Simulink.
   addpath(fullfile(fileparts(mfilename('fullpath')), 'simulink_double'));
   s = uuvsim.connect('port', port);
   s.reset();

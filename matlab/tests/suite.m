@@ -4,7 +4,7 @@ function failed = suite(port)
   %   uuvsim serve <a system with a component hull of model:bluerov2_heavy, nothing else>
   %   addpath matlab matlab/tests; suite(7448)
   %
-  % Prints one line a test, and gives the number of those that failed.
+  % Prints one line for each test, and returns the number of tests that failed.
   tests = {
     'a value that is set is read back',               @sets_and_gets
     'several values are read at once',                @gets_several

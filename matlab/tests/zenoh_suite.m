@@ -1,5 +1,5 @@
 function failed = zenoh_suite(port)
-  % The Zenoh client's own tests, against a co-simulation of one hull, served at Zenoh's `port`.
+  % Tests of the Zenoh client against a co-simulation of one hull, served at Zenoh's `port`.
   tests = {
     'a value that is set is read back',         @sets_and_gets
     'outputs come in the order of their names', @steps

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Future
 from typing import Any
 
 import numpy as np
 
 from uuvsim_cosim.bridge.access.roles import check
-from uuvsim_cosim.bridge.calls.service import Client, Moment, SignalInfo
+from uuvsim_cosim.bridge.calls.service import Client, Moment, Schema, Service, SignalInfo
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.orchestrator.values.values import Misfit, as_array, fit
@@ -25,9 +26,10 @@ SIGNALS = (
     SignalInfo("plant.on", "Boolean", (), "1", "parameter", True),
     SignalInfo("plant.mode", "String", (), "1", "parameter", True),
 )
+SCHEMA = Schema(SIGNALS)
 
 
-class FakeService:
+class FakeService(Service):
     def __init__(self) -> None:
         self.lock = threading.RLock()
         self.tick = 0
@@ -55,8 +57,22 @@ class FakeService:
     def describe(self) -> Mapping[str, Any]:
         return {"system": "fake", "version": "1", "tick": STEP, "mode": "free"}
 
-    def schema(self) -> Sequence[SignalInfo]:
-        return SIGNALS
+    def schema(self) -> Schema:
+        return SCHEMA
+
+    def ask(self, call: str, client: Client, *arguments: Any) -> Future[Any]:
+        answer: Future[Any] = Future()
+        try:
+            answer.set_result(getattr(self, call)(client, *arguments))
+        except Exception as error:
+            answer.set_exception(error)
+        return answer
+
+    def abandon(self, answer: Future[Any]) -> None:
+        raise AssertionError("each call is answered at once")
+
+    def lost(self, client: Client) -> None:
+        self.leave(client)
 
     def _info(self, name: str) -> SignalInfo:
         for info in SIGNALS:

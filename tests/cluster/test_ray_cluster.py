@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from uuvsim_cosim.cli import status_of
-from uuvsim_cosim.cluster import versions as cluster_versions
+from uuvsim_cosim.cluster import ray_cluster as cluster_versions
 from uuvsim_cosim.cluster.ray_cluster import Cluster
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
 from uuvsim_cosim.learn.data.collect import collect

@@ -53,7 +53,7 @@ C_TESTS = {
     "fmus/runtime/worlds/uuv_touch": ("models/hull/test_contact kernels/test_contact"),
     "fmus/runtime/worlds/uuv_t(ree|errain)": (
         "scene/test_tree scene/shared/test_ray_casting models/hull/test_contact "
-        "kernels/test_scene models/sensors/test_range_sensors scene/test_outside_terrain"
+        "kernels/test_scene models/sensors/test_range_sensors scene/test_run_warnings"
     ),
     "fmus/runtime/worlds/uuv_(cast|rays)": (
         "scene/shared/test_ray_casting scene/test_tree kernels/test_scene "

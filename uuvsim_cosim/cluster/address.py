@@ -75,7 +75,15 @@ def connect(address: str, workers: int | None = None) -> tuple[ModuleType, Calla
         options["log_to_driver"] = False
     before = signal.getsignal(signal.SIGTERM)
     try:
-        _init(ray, options)
+        # gRPC's fork handlers sometimes kill the process that answers ray://, on a head without
+        # GRPC_ENABLE_FORK_SUPPORT=0: then it is tried again.
+        for remaining in reversed(range(TRIES)):
+            try:
+                ray.init(**options)
+                break
+            except ConnectionError as error:
+                if not remaining or not _of_the_head(error):
+                    raise
     except BaseException as error:
         refused = _refused(ray, address, error)
         if guard is not None:
@@ -167,20 +175,6 @@ def _read_token_again() -> None:
     raylet = importlib.import_module("ray._raylet")
     raylet.Config.initialize("")
     raylet.AuthenticationTokenLoader.instance().reset_cache()
-
-
-def _init(ray: ModuleType, options: dict[str, object]) -> None:
-    """Connect; try again if a head could not start the process that answers ray://.
-
-    gRPC's fork handlers sometimes kill it, on a head without GRPC_ENABLE_FORK_SUPPORT=0.
-    """
-    for remaining in reversed(range(TRIES)):
-        try:
-            ray.init(**options)
-            return
-        except ConnectionError as error:
-            if not remaining or not _of_the_head(error):
-                raise
 
 
 def _of_the_head(error: BaseException) -> bool:

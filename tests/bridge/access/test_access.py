@@ -9,12 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.bridge.guarded import PASSWORDS, access_file
-from uuvsim_cosim.bridge.access.access_file import LOOPBACK, is_loopback
-from uuvsim_cosim.bridge.access.access_text import read_access
+from uuvsim_cosim.bridge.access.access_file import LOOPBACK, is_loopback, read_access
 from uuvsim_cosim.bridge.access.authentication import Authenticator
 from uuvsim_cosim.bridge.access.passwords import hashed, is_hash, matches
 from uuvsim_cosim.bridge.access.roles import ROLES
-from uuvsim_cosim.bridge.access.transports import opening
+from uuvsim_cosim.bridge.access.transports import server_settings
 from uuvsim_cosim.cli import status_of
 from uuvsim_cosim.errors import InputInvalid
 
@@ -201,13 +200,15 @@ def test_loopback_is_what_only_this_machine_reaches(host: str, loopback: bool) -
 def test_endpoints_do_not_open_unguarded_beyond_this_machine(tmp_path: Path) -> None:
     file = access_file(tmp_path)
     with pytest.raises(InputInvalid, match="expected --access FILE that says who may"):
-        opening(None, ["0.0.0.0"])
+        server_settings(None, ["0.0.0.0"])
     with pytest.raises(InputInvalid, match="has no tls"):
-        opening(file, ["0.0.0.0"])
+        server_settings(file, ["0.0.0.0"])
     with pytest.raises(InputInvalid, match="expected one"):
-        opening(file, anyone=True)
-    assert opening(None, ["0.0.0.0"], anyone=True).authenticator is None
-    assert opening(access_file(tmp_path, "tls: none"), ["0.0.0.0"]).authenticator is not None
+        server_settings(file, anyone=True)
+    assert server_settings(None, ["0.0.0.0"], anyone=True).authenticator is None
+    assert (
+        server_settings(access_file(tmp_path, "tls: none"), ["0.0.0.0"]).authenticator is not None
+    )
 
 
 def test_the_command_refuses_in_one_sentence(

@@ -16,7 +16,7 @@ import pytest
 from tests.bridge import guarded
 from tests.bridge.guarded import PASSWORDS, access_file
 from tests.bridge.peer import Peer
-from uuvsim_cosim.bridge.access.access_text import read_access
+from uuvsim_cosim.bridge.access.access_file import read_access
 from uuvsim_cosim.bridge.access.authentication import Authenticator
 from uuvsim_cosim.bridge.access.roles import NEEDS, ROLES
 from uuvsim_cosim.bridge.access.zenoh_permissions import GUEST, READER, client_settings
@@ -118,14 +118,14 @@ def at_http(endpoints: Endpoints, user: str | None, call: str, code: str | None 
         connection.close()
 
 
-Asking = Callable[[Endpoints, str | None, str], str]
+QuerySender = Callable[[Endpoints, str | None, str], str]
 DOORS = pytest.mark.parametrize("ask", [at_zenoh, at_tcp, at_http])
 
 
 @DOORS
 @pytest.mark.parametrize("user", list(guarded.ROLES))
 def test_a_role_allows_what_it_allows_and_a_refusal_says_what_it_needs(
-    endpoints: Endpoints, ask: Asking, user: str
+    endpoints: Endpoints, ask: QuerySender, user: str
 ) -> None:
     for call in ("get", "set", "step", "replace", "reset"):
         said = ask(endpoints, user, call)
@@ -138,7 +138,7 @@ def test_a_role_allows_what_it_allows_and_a_refusal_says_what_it_needs(
 
 @DOORS
 def test_every_call_needs_a_permission_that_an_observer_lacks_or_has(
-    endpoints: Endpoints, ask: Asking
+    endpoints: Endpoints, ask: QuerySender
 ) -> None:
     before = endpoints.conductor.moment()
     for call in [call for call, needed in NEEDS.items() if needed != "read"]:
@@ -150,7 +150,7 @@ def test_every_call_needs_a_permission_that_an_observer_lacks_or_has(
 @pytest.mark.parametrize("user", [None, "bob", "cy", "dee"])
 def test_no_code_is_loaded_for_who_is_not_an_owner(
     endpoints: Endpoints,
-    ask: Asking,
+    ask: QuerySender,
     user: str | None,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -165,7 +165,7 @@ def test_no_code_is_loaded_for_who_is_not_an_owner(
 
 
 @DOORS
-def test_who_does_not_say_who_he_is_may_do_nothing(endpoints: Endpoints, ask: Asking) -> None:
+def test_who_does_not_say_who_he_is_may_do_nothing(endpoints: Endpoints, ask: QuerySender) -> None:
     for call in ("get", "set", "step"):
         said = ask(endpoints, None, call)
         assert said == "this co-simulation asks who you are; expected user and password"
@@ -173,14 +173,14 @@ def test_who_does_not_say_who_he_is_may_do_nothing(endpoints: Endpoints, ask: As
 
 @DOORS
 def test_a_wrong_password_is_said(
-    endpoints: Endpoints, ask: Asking, monkeypatch: pytest.MonkeyPatch
+    endpoints: Endpoints, ask: QuerySender, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(PASSWORDS, "dee", "guess")
     assert "user 'dee' or the password is wrong" in ask(endpoints, "dee", "get")
 
 
 @DOORS
-def test_where_anyone_may_look_he_may_look_only(open_to_look: Endpoints, ask: Asking) -> None:
+def test_where_anyone_may_look_he_may_look_only(open_to_look: Endpoints, ask: QuerySender) -> None:
     assert ask(open_to_look, None, "get") == ""
     assert "this needs 'step'" in ask(open_to_look, None, "step")
     assert "this needs 'set'" in ask(open_to_look, None, "set")

@@ -16,10 +16,10 @@ from typing import Any
 import pytest
 
 from tests.bridge.guarded import PASSWORDS, access_file
-from uuvsim_cosim.bridge.access.access_text import read_access
+from uuvsim_cosim.bridge.access.access_file import read_access
 from uuvsim_cosim.bridge.access.certificates import make_certificates
 from uuvsim_cosim.bridge.access.tls import client_context, common_names
-from uuvsim_cosim.bridge.access.transports import Opening, opening
+from uuvsim_cosim.bridge.access.transports import ServerSettings, server_settings
 from uuvsim_cosim.bridge.calls.service import Client
 from uuvsim_cosim.bridge.clients.client import connect
 from uuvsim_cosim.bridge.http.server import HttpServer
@@ -71,7 +71,7 @@ class Endpoints:
     http: HttpServer
 
 
-def endpoints_of(said: Opening) -> Iterator[Endpoints]:
+def endpoints_of(said: ServerSettings) -> Iterator[Endpoints]:
     with (
         Conductor(System("sums", "0.1").add("sum", f"{PARTS}:Sum")) as conductor,
         Bridge(conductor, port=0, host=said.zenoh_hosts, access=said.authenticator) as bridge,
@@ -83,12 +83,12 @@ def endpoints_of(said: Opening) -> Iterator[Endpoints]:
 
 @pytest.fixture(scope="module")
 def tls(pki: Pki) -> Iterator[Endpoints]:
-    yield from endpoints_of(opening(access_file(pki.folder, PEM % "", users=("ann",))))
+    yield from endpoints_of(server_settings(access_file(pki.folder, PEM % "", users=("ann",))))
 
 
 @pytest.fixture(scope="module")
 def mutual(pki: Pki) -> Iterator[Endpoints]:
-    yield from endpoints_of(opening(access_file(pki.folder, PEM % MUTUAL, users=("ann",))))
+    yield from endpoints_of(server_settings(access_file(pki.folder, PEM % MUTUAL, users=("ann",))))
 
 
 ANN: dict[str, Any] = {"user": "ann", "password": PASSWORDS["ann"]}
@@ -178,7 +178,7 @@ def test_a_servers_certificate_that_does_not_fit_is_said(
     tmp_path: Path, hosts: list[str], days: float, words: str
 ) -> None:
     make_certificates(tmp_path, hosts, days=days)
-    said = opening(access_file(tmp_path, PEM % "", users=("ann",)))
+    said = server_settings(access_file(tmp_path, PEM % "", users=("ann",)))
     with (
         Bridge(
             System("sums", "0.1").add("sum", f"{PARTS}:Sum"), port=0, access=said.authenticator

@@ -132,13 +132,13 @@ def at_http(endpoints: Endpoints, token: str, call: str, said: dict[str, Any]) -
     return "" if told["ok"] else str(told["error"])
 
 
-Asking = Callable[[Endpoints, str, str, dict[str, Any]], str]
+QuerySender = Callable[[Endpoints, str, str, dict[str, Any]], str]
 EVERY = pytest.mark.parametrize("ask", [at_zenoh, at_zenoh_without_joining, at_tcp, at_http])
 
 
 @EVERY
 def test_without_the_token_nothing_is_answered_and_where_it_is_is_said(
-    endpoints: Endpoints, folder: Path, ask: Asking
+    endpoints: Endpoints, folder: Path, ask: QuerySender
 ) -> None:
     for call in ("describe", "get", "step", "replace"):
         if ask is at_http and call in ("describe", "get"):
@@ -162,7 +162,7 @@ def test_no_session_is_opened_without_the_token(endpoints: Endpoints) -> None:
 
 @EVERY
 def test_no_code_is_loaded_for_a_client_without_the_token(
-    endpoints: Endpoints, tmp_path: Path, ask: Asking
+    endpoints: Endpoints, tmp_path: Path, ask: QuerySender
 ) -> None:
     mark = tmp_path / "was_here"
     (tmp_path / "evil.py").write_text(f"import pathlib; pathlib.Path({str(mark)!r}).touch()\n")
@@ -177,7 +177,7 @@ def test_no_code_is_loaded_for_a_client_without_the_token(
 
 
 @EVERY
-def test_with_the_token_a_client_is_the_owner(endpoints: Endpoints, ask: Asking) -> None:
+def test_with_the_token_a_client_is_the_owner(endpoints: Endpoints, ask: QuerySender) -> None:
     token = known_token("127.0.0.1", endpoints.tcp.port)
     assert token is not None
     assert ask(endpoints, token, "step", {}) == ""

@@ -51,7 +51,7 @@ def server(first_order_fmi3: Path) -> Iterator[Server]:
 # Each asks a call with fields in JSON, and returns (refused, message or answer).
 
 Asked = tuple[bool, Any]
-Asking = Callable[[Server, str, Any], Asked]
+QuerySender = Callable[[Server, str, Any], Asked]
 
 
 def over_tcp(server: Server, call: str, fields: Any) -> Asked:
@@ -84,7 +84,7 @@ def over_http(server: Server, call: str, fields: Any, raw: bytes | None = None) 
         link.close()
 
 
-EACH: tuple[Asking, ...] = (over_tcp, over_http, over_zenoh)
+EACH: tuple[QuerySender, ...] = (over_tcp, over_http, over_zenoh)
 
 WRONG: list[tuple[str, Any, str]] = [
     ("step", {"m": 5}, "field 'm' does not exist"),
@@ -234,7 +234,7 @@ def test_every_call_is_offered_over_each_transport(server: Server) -> None:
     [*(("int64", v) for v in LARGE), *(("uint64", v) for v in (2**53 + 1, 2**63, 2**64 - 1))],
 )
 def test_an_integer_of_64_bits_is_exact_in_json(
-    server: Server, ask: Asking, name: str, value: int
+    server: Server, ask: QuerySender, name: str, value: int
 ) -> None:
     server.conductor.reset(ME)
     refused, told = ask(server, "step", {"inputs": {f"a.{name}_in": value}})

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from uuvsim_cosim.bridge.calls.connection_limits import Limits, Places
+from uuvsim_cosim.bridge.calls.connection_limits import ConnectionSlots, Limits
 
 
 @pytest.fixture
@@ -20,19 +20,19 @@ def sockets() -> Iterator[list[socket.socket]]:
 
 
 def test_each_idle_client_makes_room_for_one(sockets: list[socket.socket]) -> None:
-    places = Places(Limits(clients=2, patience_s=0.0))
+    slots = ConnectionSlots(Limits(clients=2, patience_s=0.0))
 
     def comes(k: int) -> bool:
-        return places.enter(sockets[k]) and places.let_in(sockets[k])
+        return slots.add(sockets[k]) and slots.admit(sockets[k])
 
     assert comes(0)
     assert comes(1)
     assert not comes(2)  # neither is idle
-    places.idle(sockets[0])
+    slots.idle(sockets[0])
     assert comes(3)
     assert not comes(4)  # the idle one has gone already
-    assert places.let_in(sockets[1])
-    places.idle(sockets[3])
-    places.idle(sockets[1])
+    assert slots.admit(sockets[1])
+    slots.idle(sockets[3])
+    slots.idle(sockets[1])
     assert comes(5)  # in the place of the one that was idle for longer
-    assert [places.let_in(s) for s in (sockets[1], sockets[3], sockets[5])] == [True, False, True]
+    assert [slots.admit(s) for s in (sockets[1], sockets[3], sockets[5])] == [True, False, True]

@@ -16,7 +16,7 @@ import pytest
 
 from tests.bridge.guarded import PASSWORDS, ROLES, access_file
 from tests.bridge.peer import Peer
-from uuvsim_cosim.bridge.access.access_text import read_access
+from uuvsim_cosim.bridge.access.access_file import read_access
 from uuvsim_cosim.bridge.access.authentication import Authenticator
 from uuvsim_cosim.bridge.calls.call_table import CALLS
 from uuvsim_cosim.bridge.calls.service import Client

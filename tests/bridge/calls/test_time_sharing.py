@@ -15,7 +15,7 @@ from tests.bridge.peer import Peer
 from uuvsim_cosim.bridge.access.authentication import everybody
 from uuvsim_cosim.bridge.calls.connection_limits import Limits
 from uuvsim_cosim.bridge.calls.service import Client
-from uuvsim_cosim.bridge.calls.time_sharing import Pace, Share
+from uuvsim_cosim.bridge.calls.time_sharing import RateLimit, Share
 from uuvsim_cosim.bridge.http.server import HttpServer
 from uuvsim_cosim.bridge.server.conductor import Conductor
 from uuvsim_cosim.bridge.tcp.server import TcpServer
@@ -46,7 +46,7 @@ class Clock:
 
 def test_calls_beyond_the_rate_wait_until_the_rate_is_kept() -> None:
     clock = Clock()
-    pace = Pace(10.0, clock, clock.sleep)
+    pace = RateLimit(10.0, clock, clock.sleep)
     for _ in range(10):
         pace.wait()
     assert clock.slept == []
@@ -57,7 +57,7 @@ def test_calls_beyond_the_rate_wait_until_the_rate_is_kept() -> None:
 
 def test_a_pause_gives_no_more_than_one_second_of_calls() -> None:
     clock = Clock()
-    pace = Pace(10.0, clock, clock.sleep)
+    pace = RateLimit(10.0, clock, clock.sleep)
     clock.now += 3600.0
     for _ in range(11):
         pace.wait()
@@ -91,7 +91,7 @@ def test_each_connection_is_slowed_to_the_rate_of_calls(
     monkeypatch: pytest.MonkeyPatch, transport: str
 ) -> None:
     noted = _Slept()
-    monkeypatch.setattr(Pace.__init__, "__defaults__", (time.monotonic, noted.sleep))
+    monkeypatch.setattr(RateLimit.__init__, "__defaults__", (time.monotonic, noted.sleep))
     limits = Limits(calls_per_s=0.001)  # one call, and the next after 1,000 s
     service = FakeService()
     with _both(service, limits) as (tcp, web):

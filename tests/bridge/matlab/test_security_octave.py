@@ -10,7 +10,7 @@ import pytest
 from tests.bridge.guarded import PASSWORDS, access_file
 from tests.bridge.in_octave import NEEDS_OCTAVE, said
 from uuvsim_cosim.bridge.access.certificates import make_certificates
-from uuvsim_cosim.bridge.access.transports import opening
+from uuvsim_cosim.bridge.access.transports import server_settings
 from uuvsim_cosim.bridge.server.conductor import Conductor
 from uuvsim_cosim.bridge.tcp.server import TcpServer
 from uuvsim_cosim.orchestrator.system.system import System
@@ -22,9 +22,9 @@ pytestmark = NEEDS_OCTAVE
 @pytest.fixture
 def ports(tmp_path: Path) -> Iterator[tuple[int, int]]:
     make_certificates(tmp_path)
-    plain = opening(access_file(tmp_path, users=("bob",)))
+    plain = server_settings(access_file(tmp_path, users=("bob",)))
     lines = "tls: {certificate: server.pem, key: server-key.pem}"
-    tls = opening(access_file(tmp_path, lines, users=("bob",)))
+    tls = server_settings(access_file(tmp_path, lines, users=("bob",)))
     with (
         Conductor(System("sums", "0.1").add("sum", f"{PARTS}:Sum")) as conductor,
         TcpServer(conductor, 0, admit=plain.admit) as endpoint,

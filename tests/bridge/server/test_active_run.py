@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from uuvsim_cosim.bridge.server.active_run import Record
-from uuvsim_cosim.bridge.server.recorded_rows import Store
+from uuvsim_cosim.bridge.server.active_run import Record, Store
 from uuvsim_cosim.fmus.description import Variable
 
 

@@ -32,7 +32,7 @@ from uuvsim_cosim.orchestrator.system.system import System
 
 PARTS = Path(__file__).parents[1] / "parts.py"
 ME = Client("me", "local")
-FEW = Limits(clients=3, strangers=3)
+FEW = Limits(clients=3, unauthenticated=3)
 
 
 @dataclass

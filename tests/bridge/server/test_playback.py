@@ -11,7 +11,7 @@ import pytest
 from uuvsim_cosim.bridge.calls.service import Client
 from uuvsim_cosim.bridge.clients.client import connect
 from uuvsim_cosim.bridge.server.conductor import Conductor
-from uuvsim_cosim.bridge.server.playback import Replay, is_recording
+from uuvsim_cosim.bridge.server.playback import Playback, is_recording
 from uuvsim_cosim.bridge.zenoh.bridge import Bridge
 from uuvsim_cosim.errors import InputInvalid, RecordingError
 from uuvsim_cosim.orchestrator.recording.export import export
@@ -146,12 +146,12 @@ def test_a_file_cut_off_or_of_another_kind_is_refused_in_a_sentence(
     for cut in (0, 7, 100, len(whole) // 2, len(whole) - 9):
         (tmp_path / "cut.mcap").write_bytes(whole[:cut])
         with pytest.raises(RecordingError, match="cut off or damaged"):
-            Replay(tmp_path / "cut.mcap")
+            Playback(tmp_path / "cut.mcap")
     damaged = bytearray(whole)
     damaged[len(whole) // 3] ^= 0xFF
     (tmp_path / "bad.mcap").write_bytes(damaged)
     with pytest.raises(RecordingError, match="cut off or damaged"):
-        Replay(tmp_path / "bad.mcap")
+        Playback(tmp_path / "bad.mcap")
 
 
 def test_an_mcap_file_of_another_program_is_refused(tmp_path: Path) -> None:
@@ -162,7 +162,7 @@ def test_an_mcap_file_of_another_program_is_refused(tmp_path: Path) -> None:
         writer.start(profile="ros2", library="other")
         writer.finish()
     with pytest.raises(RecordingError, match=r"of 'other'; expected one that `uuvsim export"):
-        Replay(tmp_path / "other.mcap")
+        Playback(tmp_path / "other.mcap")
     with pytest.raises(RecordingError, match="no recording here"):
-        Replay(tmp_path / "none.mcap")
+        Playback(tmp_path / "none.mcap")
     assert not is_recording("bluerov2_hold")

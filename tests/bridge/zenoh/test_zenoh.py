@@ -179,9 +179,9 @@ def test_a_wrong_call_is_answered_in_words_and_nothing_moves(
 
 
 def test_what_is_not_finite_is_null_in_json_alone(session: WrappedSession, bridge: Bridge) -> None:
-    from uuvsim_cosim.bridge.zenoh.codec import plain
+    from uuvsim_cosim.bridge.calls.values import json_of
 
-    told = json.dumps(plain({"x": np.array([1.0, np.nan, np.inf])}), allow_nan=False)
+    told = json.dumps(json_of({"x": np.array([1.0, np.nan, np.inf])}), allow_nan=False)
     assert json.loads(told) == {"x": [1.0, None, None]}
 
 

@@ -14,18 +14,19 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
 from uuvsim_cosim.models.worlds.terrain import Terrain, save_terrain
-from uuvsim_cosim.scene.mapping.height_grid import HeightGrid, Window
 from uuvsim_cosim.scene.mapping.map_files import write_geotiff, write_las, write_ply
 from uuvsim_cosim.scene.mapping.mapping import (
+    HeightGrid,
     SeabedMap,
     Track,
+    Window,
     map_seabed,
     read_map,
     run_points,
     write_map,
 )
-from uuvsim_cosim.scene.mapping.scans import Sonde, frames, points, rotation, sonde
-from uuvsim_cosim.scene.mapping.survey_settings import read_settings, settings_of_system
+from uuvsim_cosim.scene.mapping.scans import RangeSensor, frames, points, range_sensor, rotation
+from uuvsim_cosim.scene.mapping.survey import read_settings, settings_of_system
 from uuvsim_cosim.scene.shared.ray_casting import Caster
 
 Array = NDArray[np.float64]
@@ -46,8 +47,8 @@ def caster() -> Caster:
 
 
 @pytest.fixture(scope="module")
-def camera() -> Sonde:
-    quiet = sonde("depth_camera", "camera_class", 1.0, columns=32, rows=24)
+def camera() -> RangeSensor:
+    quiet = range_sensor("depth_camera", "camera_class", 1.0, columns=32, rows=24)
     return replace(quiet, sigma=0.0, bias_sigma=0.0)
 
 
@@ -62,21 +63,21 @@ def track(seconds: float = 20.0, **poses: Array) -> Track:
 
 
 @pytest.fixture(scope="module")
-def made(caster: Caster, camera: Sonde) -> SeabedMap:
+def made(caster: Caster, camera: RangeSensor) -> SeabedMap:
     aside = np.array([0.0, 0.0, 0.1, 0, 0, 0])
     found = map_seabed(track(navigation=aside), caster, [camera], 0.25, "plane")
     return replace(found, crs="EPSG:32610", northing=5.2e6, easting=5.4e5, vertical_datum="MLLW")
 
 
-def test_points_of_a_true_pose_lie_on_the_seabed(caster: Caster, camera: Sonde) -> None:
+def test_points_of_a_true_pose_lie_on_the_seabed(caster: Caster, camera: RangeSensor) -> None:
     """Z = 20 + a N + b E, of every point, whatever the attitude and the lever arm."""
     way = track()
     eta = way.poses["true"]
     for frame in frames(camera, way.time, eta, caster):
         heard = np.isfinite(frame.range)
         p = points(camera, camera.in_body[heard], frame.range[heard], eta[frame.row])
-        wanted = 20.0 + SLOPE[0] * p[:, 0] + SLOPE[1] * p[:, 1]
-        np.testing.assert_allclose(p[:, 2], wanted, atol=2e-6)  # float32 nodes
+        expected = 20.0 + SLOPE[0] * p[:, 0] + SLOPE[1] * p[:, 1]
+        np.testing.assert_allclose(p[:, 2], expected, atol=2e-6)  # float32 nodes
 
 
 def test_a_map_of_perfect_ranges_leaves_the_cells_alone_and_an_error_of_depth_passes(
@@ -89,13 +90,13 @@ def test_a_map_of_perfect_ranges_leaves_the_cells_alone_and_an_error_of_depth_pa
     assert made.points == 21 * 32 * 24
 
 
-def test_an_error_aside_costs_the_slope_times_it(caster: Caster, camera: Sonde) -> None:
+def test_an_error_aside_costs_the_slope_times_it(caster: Caster, camera: RangeSensor) -> None:
     aside = np.array([0.5, 0.0, 0.0, 0, 0, 0])
     found = map_seabed(track(navigation=aside), caster, [camera], 0.25)
     assert found.figures[1].bias == pytest.approx(-0.5 * SLOPE[0], abs=1e-3)
 
 
-def test_noise_averages_out_over_the_points_of_a_cell(caster: Caster, camera: Sonde) -> None:
+def test_noise_averages_out_over_the_points_of_a_cell(caster: Caster, camera: RangeSensor) -> None:
     noisy = replace(camera, sigma=0.1)
     found = map_seabed(track(5.0), caster, [noisy], 2.0)
     clean = map_seabed(track(5.0), caster, [camera], 2.0)
@@ -103,7 +104,7 @@ def test_noise_averages_out_over_the_points_of_a_cell(caster: Caster, camera: So
     assert abs(found.figures[0].bias) < 0.02
 
 
-def test_a_bias_is_gauss_markov_and_of_the_seed_alone(camera: Sonde) -> None:
+def test_a_bias_is_gauss_markov_and_of_the_seed_alone(camera: RangeSensor) -> None:
     drifting = replace(camera, bias_sigma=0.2, bias_tau=5.0)
     b = drifting.biases(20000, seed=1)
     assert b.std() == pytest.approx(0.2, rel=0.1)
@@ -112,7 +113,9 @@ def test_a_bias_is_gauss_markov_and_of_the_seed_alone(camera: Sonde) -> None:
     assert not np.array_equal(b[:50], drifting.biases(50, seed=2))
 
 
-def test_a_frame_alone_has_the_bits_that_it_has_among_others(caster: Caster, camera: Sonde) -> None:
+def test_a_frame_alone_has_the_bits_that_it_has_among_others(
+    caster: Caster, camera: RangeSensor
+) -> None:
     noisy = replace(camera, sigma=0.02, bias_sigma=0.01, dropout=0.1)
     way = track()
     whole = list(frames(noisy, way.time, way.poses["true"], caster, 7))
@@ -184,7 +187,7 @@ def test_a_geotiff_lies_where_the_scene_does_with_elevations_up(
 
 @pytest.mark.parametrize("ending", ["laz", "las"])
 def test_points_lie_where_the_scene_does(
-    ending: str, caster: Caster, camera: Sonde, tmp_path: Path
+    ending: str, caster: Caster, camera: RangeSensor, tmp_path: Path
 ) -> None:
     import laspy
 
@@ -213,7 +216,7 @@ def test_a_ply_says_how_many_points_follow(tmp_path: Path) -> None:
 
 
 def test_a_vehicle_beside_or_far_above_its_terrain_is_refused(
-    caster: Caster, camera: Sonde
+    caster: Caster, camera: RangeSensor
 ) -> None:
     way = track()
     beside = Track(way.time, {"true": way.poses["true"] + [500, 0, 0, 0, 0, 0]})
@@ -251,7 +254,7 @@ def test_the_survey_that_ships_maps_and_other_systems_do_not() -> None:
     file = settings_of_system("seabed_mapping")
     assert file is not None
     found = read_settings(file)
-    assert [len(s.directions) for s in found.sondes] == [160 * 120]
+    assert [len(s.directions) for s in found.sensors] == [160 * 120]
     assert found.components == ("multibeam",)
     assert settings_of_system("bluerov2_survey") is None
 
@@ -347,8 +350,7 @@ def test_readings_of_a_component_in_the_loop_make_the_map(tmp_path: Path) -> Non
     """A camera that moves with its hull: its recorded frames, not others, and its own mounting."""
     from uuvsim_cosim.orchestrator.running.run import run
     from uuvsim_cosim.orchestrator.system.system import System
-    from uuvsim_cosim.scene.mapping.survey import survey_of
-    from uuvsim_cosim.scene.mapping.survey_settings import SurveySettings
+    from uuvsim_cosim.scene.mapping.survey import SurveySettings, survey_of
 
     save_terrain(plane(), tmp_path / "plane.npz")
     camera = f"model:depth_camera?scene={tmp_path}/plane.npz&period=0.25&columns=24&rows=18"
@@ -364,9 +366,9 @@ def test_readings_of_a_component_in_the_loop_make_the_map(tmp_path: Path) -> Non
     made = survey.map()
     assert made.points == 8 * 24 * 18  # t = 0 to 1.75 s
     assert made.figures[0].rmse < 0.02  # of cells half a metre wide on a slope of 9 %
-    for xyz in run_points(survey.track, survey.caster, survey.settings.sondes):
-        wanted = 20.0 + SLOPE[0] * xyz[:, 0] + SLOPE[1] * xyz[:, 1]
-        np.testing.assert_allclose(xyz[:, 2], wanted, atol=3e-6)
+    for xyz in run_points(survey.track, survey.caster, survey.settings.sensors):
+        expected = 20.0 + SLOPE[0] * xyz[:, 0] + SLOPE[1] * xyz[:, 1]
+        np.testing.assert_allclose(xyz[:, 2], expected, atol=3e-6)
     for component, words in (("hull", "hull is model:sphere; expected"), ("x", "component 'x'")):
         with pytest.raises(InputInvalid, match=words):
             survey_of(folder, SurveySettings("hills", 0.5, (), (component,)))
@@ -439,7 +441,7 @@ def test_a_frame_is_what_the_component_measures_at_the_same_pose() -> None:
     c.exit_initialization_mode()
     c.do_step(0.0, 0.1)
     measured = np.asarray(c.get(v["range"]))
-    own = sonde("multibeam", "p900", 0.1, beams=24)
+    own = range_sensor("multibeam", "p900", 0.1, beams=24)
     own = replace(own, sigma=0.0, bias_sigma=0.0, dropout=0.0)
     time, way = np.array([0.0, 0.1]), np.array([eta, eta])
     frame = next(frames(own, time, way, Caster("hills")))

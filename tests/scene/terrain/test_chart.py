@@ -8,8 +8,8 @@ from tests.scene.s57_cell import Cell, rectangle, slope
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.worlds.obstacles import Box, Capsule, Cylinder, Sphere
 from uuvsim_cosim.scene.chart.read import read_chart
-from uuvsim_cosim.scene.terrain.chart import Made, chart_terrain
-from uuvsim_cosim.scene.terrain.piece import piece_of
+from uuvsim_cosim.scene.terrain.chart import DescribedTerrain, chart_terrain
+from uuvsim_cosim.scene.terrain.grid import piece_of
 
 WEST, SOUTH, SIZE = 10.0, 54.0, 0.02
 SHORE = WEST + 0.1 * SIZE
@@ -22,7 +22,7 @@ def depth_at(longitude: np.ndarray) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
+def made(tmp_path_factory: pytest.TempPathFactory) -> DescribedTerrain:
     cell = slope()
     cell.point("WRECKS", (10.01, 54.01), VALSOU=5.5, OBJNAM="Erna")
     cell.point("BOYLAT", (10.012, 54.012))
@@ -36,7 +36,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
     return chart_terrain(cell.write(tmp_path_factory.mktemp("chart") / "XX5SLOPE.000"))
 
 
-def _degrees(made: Made) -> tuple[np.ndarray, np.ndarray]:
+def _degrees(made: DescribedTerrain) -> tuple[np.ndarray, np.ndarray]:
     from pyproj import Transformer
 
     t = made.terrain
@@ -48,7 +48,7 @@ def _degrees(made: Made) -> tuple[np.ndarray, np.ndarray]:
     return longitude, latitude
 
 
-def test_a_charted_plane_comes_back_as_the_plane(made: Made) -> None:
+def test_a_charted_plane_comes_back_as_the_plane(made: DescribedTerrain) -> None:
     longitude, latitude = _degrees(made)
     inside = (longitude > SHORE + 0.0002) & (longitude < EAST - 0.001)
     inside &= (latitude > SOUTH + 0.001) & (latitude < SOUTH + SIZE - 0.001)
@@ -92,7 +92,7 @@ def test_a_sounding_against_its_charted_area_is_clipped_and_doubted_and_said(
     assert any("1 soundings lie outside" in n and "16.0 m" in n for n in made.notes)
 
 
-def test_land_stands_above_the_datum_and_is_not_measured(made: Made) -> None:
+def test_land_stands_above_the_datum_and_is_not_measured(made: DescribedTerrain) -> None:
     longitude, latitude = _degrees(made)
     t = made.terrain
     assert t.sigma is not None
@@ -105,7 +105,7 @@ def test_land_stands_above_the_datum_and_is_not_measured(made: Made) -> None:
     assert (t.z[islet] == -2.0).all()
 
 
-def test_doubt_joins_the_hold_out_and_the_zone_of_confidence(made: Made) -> None:
+def test_doubt_joins_the_hold_out_and_the_zone_of_confidence(made: DescribedTerrain) -> None:
     t = made.terrain
     assert t.sigma is not None
     water = np.isfinite(t.sigma)
@@ -116,7 +116,7 @@ def test_doubt_joins_the_hold_out_and_the_zone_of_confidence(made: Made) -> None
     assert made.hold_out.median < 0.06
 
 
-def test_what_stands_in_the_water_becomes_obstacles(made: Made) -> None:
+def test_what_stands_in_the_water_becomes_obstacles(made: DescribedTerrain) -> None:
     found = {o.name: o for o in made.obstacles}
     wreck = found["Erna WRECKS"]
     assert isinstance(wreck, Cylinder)
@@ -137,7 +137,7 @@ def test_what_stands_in_the_water_becomes_obstacles(made: Made) -> None:
     assert any("1 foul areas" in n for n in made.notes)
 
 
-def test_the_seabeds_nature_is_that_of_the_nearest_statement(made: Made) -> None:
+def test_the_seabeds_nature_is_that_of_the_nearest_statement(made: DescribedTerrain) -> None:
     assert made.terrain.materials == ("unknown", "sand")
     assert made.terrain.material is not None
     assert made.terrain.material.max() == 1
@@ -391,7 +391,7 @@ def test_a_piece_beside_the_chart_is_refused_with_where_the_chart_is(tmp_path: P
 def test_tiles_are_the_terrain_as_a_whole(tmp_path: Path) -> None:
     import rasterio
 
-    from uuvsim_cosim.scene.terrain.large_charts import write_large
+    from uuvsim_cosim.scene.terrain.chart import write_large
 
     chart = slope().write(tmp_path / "A.000")
     target = tmp_path / "a.tif"

@@ -9,8 +9,8 @@ from rasterio.transform import Affine
 from scipy.ndimage import map_coordinates
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.scene.terrain.make import Wishes, make_terrain
-from uuvsim_cosim.scene.terrain.piece import piece_of
+from uuvsim_cosim.scene.terrain.grid import piece_of
+from uuvsim_cosim.scene.terrain.make import TerrainOptions, make_terrain
 from uuvsim_cosim.scene.terrain.raster import raster_terrain
 
 WEST, NORTH, CELL = 500_000.0, 5_300_000.0, 5.0
@@ -122,40 +122,40 @@ def test_a_grid_without_a_reference_system_is_taken_with_crs_or_local(tmp_path: 
     values = rough()
     file = grid(tmp_path / "a.tif", values, crs=None)
     with pytest.raises(InputInvalid, match=r"no coordinate reference system.*--crs EPSG.*--local"):
-        make_terrain(file, Wishes())
-    t = make_terrain(file, Wishes(crs="EPSG:32632")).terrain
+        make_terrain(file, TerrainOptions())
+    t = make_terrain(file, TerrainOptions(crs="EPSG:32632")).terrain
     np.testing.assert_array_equal(t.z, -values[::-1])
     assert (t.crs, t.easting + t.origin[1]) == ("EPSG:32632", WEST + CELL / 2)
     pool = grid(tmp_path / "b.tif", values, crs=None, transform=Affine(0.5, 0, -4, 0, -0.5, 10))
-    t = make_terrain(pool, Wishes(local=True)).terrain
+    t = make_terrain(pool, TerrainOptions(local=True)).terrain
     np.testing.assert_array_equal(t.z, -values[::-1])
     assert (t.crs, t.northing, t.easting) == ("", 0.0, 0.0)
     assert t.origin == pytest.approx((10 - 39.5 * 0.5, -3.75))
     bare = make_terrain(grid(tmp_path / "c.tif", values, crs=None, transform=Affine.identity()),
-                        Wishes(local=True))  # fmt: skip
+                        TerrainOptions(local=True))  # fmt: skip
     assert any("the file has no positions" in n for n in bare.notes)
 
 
 @pytest.mark.parametrize(
     ("wishes", "said"),
     [
-        (Wishes(crs="EPSG:32632", local=True), "expected one of the two"),
-        (Wishes(crs="EPSG:25832"), "the file states EPSG:32632"),
-        (Wishes(crs="UTM 32"), "expected a code such as EPSG:32632"),
-        (Wishes(local=True), "--local: the file states EPSG:32632"),
-        (Wishes(resolution=0.0), "resolution 0 m; expected more than 0"),
-        (Wishes(resolution=float("nan")), "resolution nan m"),
+        (TerrainOptions(crs="EPSG:32632", local=True), "expected one of the two"),
+        (TerrainOptions(crs="EPSG:25832"), "the file states EPSG:32632"),
+        (TerrainOptions(crs="UTM 32"), "expected a code such as EPSG:32632"),
+        (TerrainOptions(local=True), "--local: the file states EPSG:32632"),
+        (TerrainOptions(resolution=0.0), "resolution 0 m; expected more than 0"),
+        (TerrainOptions(resolution=float("nan")), "resolution nan m"),
     ],
 )
 def test_a_wrong_reference_or_resolution_is_refused(
-    tmp_path: Path, wishes: Wishes, said: str
+    tmp_path: Path, wishes: TerrainOptions, said: str
 ) -> None:
     with pytest.raises(InputInvalid, match=said):
         make_terrain(grid(tmp_path / "a.tif"), wishes)
 
 
-@pytest.mark.parametrize("wishes", [Wishes(crs="EPSG:32632"), Wishes(local=True)])
-def test_a_scene_takes_no_other_place(wishes: Wishes) -> None:
+@pytest.mark.parametrize("wishes", [TerrainOptions(crs="EPSG:32632"), TerrainOptions(local=True)])
+def test_a_scene_takes_no_other_place(wishes: TerrainOptions) -> None:
     with pytest.raises(InputInvalid, match="not for a scene, which tacoma is"):
         make_terrain(Path("tacoma"), wishes)
 
@@ -287,7 +287,7 @@ def test_an_s102_coverage_is_read_with_its_datum_and_grows_down(tmp_path: Path) 
         values["uncertainty"] = 0.4
         group.createVariable("values", kind, ("y", "x"))[:] = values
         root.createGroup("Group_F")
-    t = make_terrain(file, Wishes(resolution=5.0)).terrain
+    t = make_terrain(file, TerrainOptions(resolution=5.0)).terrain
     np.testing.assert_allclose(t.z, np.broadcast_to(20 + np.arange(20)[:, None], (20, 30)))
     assert t.vertical_datum == "MLLW"
     assert t.sigma is not None
@@ -351,12 +351,12 @@ def test_a_grid_that_is_none_is_refused_in_words(tmp_path: Path, file: Any, said
     path = tmp_path / "a.tif"
     file(path)
     with pytest.raises(InputInvalid, match=said):
-        make_terrain(path, Wishes())
+        make_terrain(path, TerrainOptions())
 
 
 def test_depths_from_another_datum_are_refused_and_a_silent_grid_believed(tmp_path: Path) -> None:
     said = grid(tmp_path / "a.tif", tags={"VERTICAL_DATUM": "LAT"})
     with pytest.raises(InputInvalid, match="from LAT, not from MSL"):
-        make_terrain(said, Wishes(datum="MSL"))
-    silent = make_terrain(grid(tmp_path / "b.tif"), Wishes(datum="MSL"))
+        make_terrain(said, TerrainOptions(datum="MSL"))
+    silent = make_terrain(grid(tmp_path / "b.tif"), TerrainOptions(datum="MSL"))
     assert silent.terrain.vertical_datum == "MSL"

@@ -14,8 +14,7 @@ from uuvsim_cosim.models.worlds.obstacles import Box, Capsule, Cylinder, Sphere
 from uuvsim_cosim.models.worlds.placed_mesh import placed_mesh
 from uuvsim_cosim.models.worlds.scene import Scene, load_scene
 from uuvsim_cosim.models.worlds.terrain import Terrain, load_terrain
-from uuvsim_cosim.scene.terrain.mesh import surface
-from uuvsim_cosim.scene.terrain.write import check_whole, write_terrain
+from uuvsim_cosim.scene.terrain.write import check_whole, surface, write_terrain
 
 
 @pytest.fixture

@@ -5,7 +5,8 @@ from __future__ import annotations
 import hmac
 import secrets
 import threading
-from typing import Protocol, final
+from collections.abc import Callable
+from typing import final
 
 from uuvsim_cosim.bridge.access.access_file import Access
 from uuvsim_cosim.bridge.access.passwords import hashed, matches
@@ -17,27 +18,15 @@ __all__ = ["Admission", "Authenticator", "everybody"]
 _REMEMBERED = 256  # correct passwords that skip scrypt: HTTP sends them with each request
 
 
-class Admission(Protocol):
-    """A function that returns the permissions of a client; raises UuvsimError to refuse it."""
+Admission = Callable[[str | None, str | None, str | None, str | None], frozenset[str]]
+"""A function that returns the permissions of a client; raises UuvsimError to refuse it.
 
-    def __call__(
-        self,
-        user: str | None,
-        password: str | None,
-        certificate: str | None = None,
-        token: str | None = None,
-        /,
-    ) -> frozenset[str]:
-        """`certificate` is the common name of a certificate that TLS has verified."""
+Its arguments are the user, the password, the common name of a certificate that TLS has verified,
+and the token, each None if the client has not sent it.
+"""
 
 
-def everybody(
-    user: str | None,
-    password: str | None,
-    certificate: str | None = None,
-    token: str | None = None,
-    /,
-) -> frozenset[str]:
+def everybody(*credentials: str | None) -> frozenset[str]:
     """Allow everything, which includes running code as the user who runs the server."""
     return permissions("owner")
 
@@ -107,7 +96,7 @@ class Authenticator:
             is_right = matches(password, self._nobody if user is None else user.password)
             if user is None or not is_right:
                 raise InputInvalid(
-                    f"user {name[:64]!r} or the password is wrong", "those of who serves"
+                    f"user {name[:64]!r} or the password is wrong", "those in the access file"
                 )
             if len(self._right) >= _REMEMBERED:
                 self._right.clear()

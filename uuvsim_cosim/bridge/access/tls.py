@@ -7,12 +7,14 @@ import re
 import select
 import socket
 import ssl
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from uuvsim_cosim.bridge.access.access_file import Tls
 from uuvsim_cosim.errors import InputInvalid
 
 __all__ = [
+    "Tls",
     "certificate_problem",
     "client_context",
     "common_name",
@@ -26,6 +28,16 @@ __all__ = [
 
 _CN = b"\x06\x03\x55\x04\x03"  # object identifier 2.5.4.3 (common name), encoded in DER
 _TLS_HANDSHAKE = b"\x16"
+
+
+@dataclass(frozen=True)
+class Tls:
+    """Certificates; with `ca`, a client needs one as well (mutual TLS)."""
+
+    certificate: Path
+    key: Path
+    ca: Path | None = None
+    roles: Mapping[str, str] = field(default_factory=dict)  # common name: role
 
 
 def server_context(tls: Tls) -> ssl.SSLContext:
@@ -131,14 +143,14 @@ def secured(plain: socket.socket, context: ssl.SSLContext, patience: float) -> s
 
 
 def why_refused(
-    host: str, port: int, context: ssl.SSLContext, *, listen: float = 0.5, timeout: float = 1.5
+    host: str, port: int, context: ssl.SSLContext, *, listen: float = 0.5
 ) -> str | None:
     """Try a handshake, and return one sentence why it fails; None if it succeeds.
 
     `listen` is the time [s] to wait for the server to refuse this client's certificate.
     """
     try:
-        connection = socket.create_connection((host, port), timeout=timeout)
+        connection = socket.create_connection((host, port), timeout=1.5)
     except OSError:
         return None  # no server, which the caller reports
     try:
@@ -174,7 +186,7 @@ def reason_of(error: ssl.SSLError, host: str) -> str:
             return "its certificate is not valid yet; expected clocks that agree"
         return (
             f"its certificate is not signed by the CA that is trusted here ({message}); expected "
-            "ca=, the file ca.pem of who serves"
+            "ca=, the file ca.pem of the server"
         )
     text = str(error).lower()
     if "certificate_required" in text or "certificate required" in text:

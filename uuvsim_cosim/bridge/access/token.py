@@ -20,9 +20,8 @@ from typing import final
 
 from uuvsim_cosim.bridge.access.access_file import Access, is_loopback
 from uuvsim_cosim.bridge.access.authentication import Admission, Authenticator
-from uuvsim_cosim.bridge.calls.at_exit import close_at_exit
 from uuvsim_cosim.cache import whole_file
-from uuvsim_cosim.closing import Closing
+from uuvsim_cosim.closing import Closing, close_at_exit
 from uuvsim_cosim.errors import InputInvalid
 
 __all__ = ["TokenFile", "guarded_by_token", "known_token", "token_file", "token_folder"]
@@ -101,7 +100,13 @@ class TokenFile(Closing):
         try:
             self._file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
             _refuse_others(self._file.parent, self._file.parent.lstat())
-            _write(self._file, self._token)
+            # A new file of this user, then renamed, so that a link at its place is replaced.
+            flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0)
+            with (
+                whole_file(self._file) as scratch,
+                open(os.open(scratch, flags, 0o600), "w", encoding="ascii") as opened,
+            ):
+                opened.write(f"{self._token}\n")
         except OSError as error:
             raise InputInvalid(
                 f"token file {self._file}",
@@ -121,16 +126,6 @@ class TokenFile(Closing):
         with contextlib.suppress(OSError, InputInvalid):
             if hmac.compare_digest(_read(self._file), token):
                 self._file.unlink()
-
-
-def _write(file: Path, token: str) -> None:
-    """Write a new file of this user, then rename it, so that a link at its place is replaced."""
-    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0)
-    with (
-        whole_file(file) as scratch,
-        open(os.open(scratch, flags, 0o600), "w", encoding="ascii") as opened,
-    ):
-        opened.write(f"{token}\n")
 
 
 def _read(file: Path) -> str:

@@ -7,18 +7,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from uuvsim_cosim.bridge.access.access_file import LOOPBACK, Access, is_loopback
-from uuvsim_cosim.bridge.access.access_text import read_access
+from uuvsim_cosim.bridge.access.access_file import LOOPBACK, Access, is_loopback, read_access
 from uuvsim_cosim.bridge.access.authentication import Admission, Authenticator, everybody
 from uuvsim_cosim.bridge.access.tls import server_context
 from uuvsim_cosim.bridge.access.token import guarded_by_token
 from uuvsim_cosim.errors import InputInvalid
 
-__all__ = ["Opening", "opening"]
+__all__ = ["ServerSettings", "server_settings"]
 
 
 @dataclass(frozen=True)
-class Opening:
+class ServerSettings:
     """Addresses and authentication of the servers; without `authenticator` all is allowed."""
 
     hosts: tuple[str, ...]
@@ -41,8 +40,8 @@ class Opening:
         return self.hosts if self.hosts != LOOPBACK else LOOPBACK[:1]
 
     @property
-    def words(self) -> str:
-        """One line that says who has access."""
+    def summary(self) -> str:
+        """Who has access, in one line."""
         if self.authenticator is None:
             return "to anybody who can reach it, who may do everything"
         access = self.authenticator.access
@@ -54,9 +53,9 @@ class Opening:
         return "to " + ", ".join([*named, f"others: {access.anyone or 'nothing'}"])
 
 
-def opening(
+def server_settings(
     access: str | Path | None = None, hosts: Sequence[str] = (), *, anyone: bool = False
-) -> Opening:
+) -> ServerSettings:
     """Read an access file; raises InputInvalid for servers that would be open without protection.
 
     Without a file, clients need the token that only this user can read. `hosts` replace those of
@@ -87,5 +86,5 @@ def opening(
             "tls there, or `tls: none` to do it nevertheless",
         )
     if anyone:
-        return Opening(chosen, None)
-    return Opening(chosen, guarded_by_token() if read is None else Authenticator(read))
+        return ServerSettings(chosen, None)
+    return ServerSettings(chosen, guarded_by_token() if read is None else Authenticator(read))

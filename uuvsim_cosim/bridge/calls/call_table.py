@@ -28,13 +28,14 @@ NAME_MAX = 64  # letters of a client's name
 class Field:
     """One field of a call: how its value is read, and whether it is required.
 
-    `read` returns the value, or raises ValueError. `expected` completes the error message. MATLAB's
-    JSON writes a number that is not given as an empty list.
+    `read` returns the value, or raises ValueError; `valid` checks what it returns. `expected`
+    completes the error message. MATLAB's JSON writes a number that is not given as an empty list.
     """
 
     read: Callable[[object], object]
     expected: str
     required: bool = False
+    valid: Callable[[Any], bool] = lambda value: True
 
 
 @dataclass(frozen=True)
@@ -82,32 +83,16 @@ def _text(value: object) -> str:
     return value
 
 
-def _client_name(value: object) -> str:
-    if not 0 < len(_text(value)) <= NAME_MAX:
-        raise ValueError
-    return _text(value)
-
-
 def _boolean(value: object) -> bool:
     if not isinstance(value, bool):
         raise ValueError
     return value
 
 
-def _lag(value: object) -> float:
-    if not 0 < _number(value) <= LAG_MAX:
-        raise ValueError
-    return _number(value)
-
-
 def _values(value: object) -> dict[str, object]:
     if not isinstance(value, Mapping) or not all(isinstance(name, str) for name in value):
         raise ValueError
     return dict(value)
-
-
-def _mapping(value: object) -> dict[str, str]:
-    return {name: _text(other) for name, other in _values(value).items()}
 
 
 NAMES = Field(_names, "a list of names")
@@ -149,16 +134,26 @@ CALLS: dict[str, Call] = {
         {
             "component": Field(_text, "the name of a component", required=True),
             "source": Field(_text, "a source, such as a file", required=True),
-            "mapping": Field(_mapping, "an object of name: name"),
+            "mapping": Field(
+                _values,
+                "an object of name: name",
+                valid=lambda names: all(isinstance(name, str) for name in names.values()),
+            ),
         },
     ),
     "dismiss": Call("manage", {"name": Field(_text, "a client's name", required=True)}),
     "join": Call(
         None,
         {
-            "name": Field(_client_name, NAME),
-            "lockstep": Field(_boolean, "true or false"),
-            "lag": Field(_lag, f"seconds, more than 0 and at most {LAG_MAX:g}"),
+            "name": Field(_text, NAME, valid=lambda name: 0 < len(name) <= NAME_MAX),
+            "lockstep": Field(
+                lambda value: value, "true or false", valid=lambda v: isinstance(v, bool)
+            ),
+            "lag": Field(
+                _number,
+                f"seconds, more than 0 and at most {LAG_MAX:g}",
+                valid=lambda lag: 0 < lag <= LAG_MAX,
+            ),
         },
     ),
     "leave": Call(),
@@ -195,6 +190,8 @@ def checked(name: object, request: Mapping[str, object]) -> dict[str, Any]:
             continue
         try:
             found[key] = expectation.read(value)
+            if not expectation.valid(found[key]):
+                raise ValueError
         except (ValueError, OverflowError):
             raise InputInvalid(
                 name, f"{key} {shown(value)} was read", expectation.expected

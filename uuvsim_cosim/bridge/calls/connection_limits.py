@@ -1,8 +1,8 @@
 """Limits of the connections of one transport: silent connections cannot displace clients.
 
-A connection is a stranger until it is authenticated. Strangers have places of their own; when all
-of these are occupied, a new stranger displaces the oldest. An authenticated client keeps its place,
-and gives it up only while the transport calls it idle.
+Connections that are not authenticated have slots of their own. When all of these are in use, a new
+connection displaces the oldest. An authenticated client keeps its slot, and gives it up only while
+the transport reports it as idle.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import time
 from dataclasses import dataclass
 from typing import final
 
-__all__ = ["Limits", "Places"]
+__all__ = ["ConnectionSlots", "Limits"]
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Limits:
     """Limits of one client at a server, so that no client can slow down or block the others."""
 
     clients: int = 32
-    strangers: int = 128  # connections that are not authenticated yet
+    unauthenticated: int = 128  # connections that are not authenticated yet
     hello_s: float = 5.0  # time in which a client must authenticate, else it is disconnected
     frame_s: float = 10.0  # time in which a frame that has begun must end, in both directions
     header_bytes: int = 1 << 20
@@ -31,41 +31,41 @@ class Limits:
     answer_bytes: int = 512 << 20  # of numbers: a longer run is refused before it begins
     calls_per_s: float = 5000.0  # of calls that do not step; faster clients are delayed
     connections_per_s: float = 200.0
-    patience_s: float = 1.0  # idle time after which an HTTP client can lose its place to another
+    patience_s: float = 1.0  # idle time after which an HTTP client can lose its slot to another
 
 
 @final
-class Places:
+class ConnectionSlots:
     """The connections of one transport; all methods may be called from any thread."""
 
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
         self._lock = threading.Lock()
-        self._strangers: dict[socket.socket, None] = {}  # the oldest first
+        self._unauthenticated: dict[socket.socket, None] = {}  # the oldest first
         self._clients: set[socket.socket] = set()
         self._idle: dict[socket.socket, float] = {}  # idle client -> since when, the oldest first
 
-    def enter(self, connection: socket.socket) -> bool:
-        """Give a connection a stranger's place; return False if all clients' places are in use."""
+    def add(self, connection: socket.socket) -> bool:
+        """Add an unauthenticated connection; return False if all clients' slots are in use."""
         with self._lock:
             if self._full():
                 return False
-            if len(self._strangers) >= self._limits.strangers:
-                oldest = next(iter(self._strangers))
-                del self._strangers[oldest]
+            if len(self._unauthenticated) >= self._limits.unauthenticated:
+                oldest = next(iter(self._unauthenticated))
+                del self._unauthenticated[oldest]
                 _end(oldest)
-            self._strangers[connection] = None
+            self._unauthenticated[connection] = None
             return True
 
-    def let_in(self, connection: socket.socket) -> bool:
-        """Move a connection to a client's place; return False if none is free, or it has ended."""
+    def admit(self, connection: socket.socket) -> bool:
+        """Move a connection to a client's slot; return False if none is free, or it has ended."""
         with self._lock:
             if connection in self._clients:
                 self._idle.pop(connection, None)
                 return True
-            if connection not in self._strangers or self._full():
+            if connection not in self._unauthenticated or self._full():
                 return False
-            del self._strangers[connection]
+            del self._unauthenticated[connection]
             if len(self._clients) >= self._limits.clients:
                 longest = next(iter(self._idle))
                 self._clients.discard(longest)
@@ -75,7 +75,7 @@ class Places:
             return True
 
     def idle(self, connection: socket.socket) -> None:
-        """Note that a client has no request now: others may get its place after `patience_s`."""
+        """Note that a client has no request now: others may get its slot after `patience_s`."""
         with self._lock:
             if connection in self._clients:
                 self._idle.pop(connection, None)
@@ -84,23 +84,23 @@ class Places:
     def swap(self, plain: socket.socket, secured: socket.socket) -> bool:
         """Replace a connection by its TLS connection; return False if it was ended meanwhile."""
         with self._lock:
-            here = plain in self._strangers
-            self._strangers.pop(plain, None)
+            here = plain in self._unauthenticated
+            self._unauthenticated.pop(plain, None)
             if here:
-                self._strangers[secured] = None
+                self._unauthenticated[secured] = None
             return here
 
-    def leave(self, connection: socket.socket) -> None:
-        """Free the place of a connection that has ended."""
+    def free(self, connection: socket.socket) -> None:
+        """Free the slot of a connection that has ended."""
         with self._lock:
-            self._strangers.pop(connection, None)
+            self._unauthenticated.pop(connection, None)
             self._clients.discard(connection)
             self._idle.pop(connection, None)
 
     def close(self) -> None:
         """End all connections."""
         with self._lock:
-            every = [*self._strangers, *self._clients]
+            every = [*self._unauthenticated, *self._clients]
         for connection in every:
             _end(connection)
 

@@ -8,14 +8,32 @@ variable's shape and type, in its unit.
 from __future__ import annotations
 
 import json
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import Future
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import Any, Protocol, final, overload
+from typing import Any, final, overload
 
 import numpy as np
 
-__all__ = ["Client", "Moment", "Schema", "Service", "SignalInfo"]
+from uuvsim_cosim.cache import content_hash
+
+__all__ = ["Client", "Moment", "Schema", "Service", "SignalInfo", "entry", "interface_hash"]
+
+
+def entry(info: SignalInfo) -> Mapping[str, object]:
+    """Return the entry of a signal in a layout."""
+    return {"name": info.name, "type": info.type, "shape": list(info.shape)}
+
+
+def interface_hash(inputs: Iterable[SignalInfo], outputs: Iterable[SignalInfo]) -> str:
+    """Hash names, types, shapes and units, in this order."""
+    parts = []
+    for what, infos in (("inputs", inputs), ("outputs", outputs)):
+        parts.append(what)
+        parts += [repr((i.name, i.type, tuple(i.shape), i.unit)) for i in infos]
+    return content_hash(parts)
 
 
 @dataclass(frozen=True)
@@ -84,7 +102,7 @@ class Moment:
     running: bool  # streaming against the wall clock
 
 
-class Service(Protocol):
+class Service(ABC):
     """The calls. Each may come from any thread; they are carried out one after another.
 
     A call that cannot be carried out, or that the client's role does not allow, raises UuvsimError.
@@ -92,20 +110,33 @@ class Service(Protocol):
     an unknown one).
     """
 
+    @abstractmethod
+    def ask(self, call: str, client: Client, *arguments: object) -> Future[Any]:
+        """Put a call in the queue, without waiting for its answer."""
+
+    @abstractmethod
+    def abandon(self, answer: Future[Any]) -> None:
+        """End the run of an answer that its client does not wait for any more."""
+
+    @abstractmethod
     def moment(self) -> Moment:
         """Return the current communication point."""
 
+    @abstractmethod
+    def schema(self) -> Schema:
+        """List all variables; the same object until a component is replaced."""
+
     def describe(self) -> Mapping[str, Any]:
         """Return the system: name, version, tick, components with kind and step, clients, mode."""
-
-    def schema(self) -> Sequence[SignalInfo]:
-        """List all variables."""
+        return dict(self.ask("describe", Client("anybody", "local", frozenset())).result())
 
     def get(self, client: Client, names: Sequence[str]) -> Mapping[str, Any]:
         """Read variables at the current communication point."""
+        return dict(self.ask("get", client, names).result())
 
     def set(self, client: Client, values: Mapping[str, object]) -> Moment:
         """Set unconnected inputs and tunable parameters, all or none."""
+        return self._moment_after("set", client, values)
 
     def step(
         self,
@@ -120,6 +151,8 @@ class Service(Protocol):
         requested a step. The smallest number of steps is made for all; a client that requested
         more keeps waiting.
         """
+        moment, values = self.ask("step", client, n, inputs, outputs).result()
+        return moment, values
 
     def run(
         self,
@@ -132,35 +165,54 @@ class Service(Protocol):
 
         Returns the time and the recorded signals, one row for each communication point. Without
         `until` it streams until `pause`, and returns nothing.
-        """  # fmt: skip
+        """
+        return dict(self.ask("run", client, until, factor, record).result())
 
     def pause(self, client: Client) -> Moment:
         """Stop streaming at a communication point."""
+        return self._moment_after("pause", client)
 
     def reset(
         self, client: Client, seed: int | None = None, start: Mapping[str, object] | None = None
     ) -> Moment:
         """Go back to the start, with another seed or other start values."""
+        return self._moment_after("reset", client, seed, start)
 
     def snapshot(self, client: Client) -> str:
         """Store the whole state until it is discarded; return the name of the snapshot."""
+        return str(self.ask("snapshot", client).result())
 
     def restore(self, client: Client, snapshot: str) -> Moment:
         """Go back to a snapshot."""
+        return self._moment_after("restore", client, snapshot)
 
     def discard(self, client: Client, snapshot: str) -> Moment:
         """Delete a snapshot."""
+        return self._moment_after("discard", client, snapshot)
 
     def replace(
         self, client: Client, component: str, source: str, mapping: Mapping[str, str] | None = None
     ) -> Moment:
         """Replace the source of a component; the run begins again from the start."""
+        return self._moment_after("replace", client, component, source, mapping)
 
     def join(self, client: Client, *, lockstep: bool = False, lag: float = 5.0) -> Client:
         """Add a client; with `lockstep` it holds the barrier, and is dropped after `lag` s."""
+        joined: Client = self.ask("join", client, lockstep, lag).result()
+        return joined
 
     def leave(self, client: Client) -> None:
         """Remove a client; the barrier no longer waits for it."""
+        self.ask("leave", client).result()
+
+    def lost(self, client: Client) -> None:
+        """Remove a client that has disconnected; if it held the barrier, the fail-safe decides."""
+        self.ask("lost", client).result()
 
     def dismiss(self, client: Client, name: str) -> Moment:
         """Remove another client from the barrier; its next step raises an error."""
+        return self._moment_after("dismiss", client, name)
+
+    def _moment_after(self, call: str, client: Client, *arguments: object) -> Moment:
+        moment: Moment = self.ask(call, client, *arguments).result()
+        return moment

@@ -14,7 +14,7 @@ from typing import final
 from uuvsim_cosim.bridge.calls.call_table import CALLS
 from uuvsim_cosim.bridge.calls.service import Client, Service
 
-__all__ = ["READS", "Pace", "Share", "share_of"]
+__all__ = ["READS", "RateLimit", "Share", "share_of"]
 
 READS = frozenset(name for name, call in CALLS.items() if call.needs == "read") | {
     "describe",
@@ -30,7 +30,7 @@ _LEAST, _LOOK = 0.0005, 0.05  # [s] shortest and longest sleep of a call that wa
 
 
 @final
-class Pace:
+class RateLimit:
     """A limit of calls per second for one connection; calls beyond it wait (a token bucket)."""
 
     def __init__(

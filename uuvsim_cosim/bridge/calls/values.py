@@ -129,7 +129,13 @@ def unpacked(
         if name in values:
             raise InputInvalid("columns", f"{name} is given twice", "each name once")
         info = find(schema, name)
-        size = _size(entry, info)
+        shape = entry.get("shape", list(info.shape))
+        shape = [shape] if isinstance(shape, int | float) else shape
+        if not isinstance(shape, list) or not all(
+            isinstance(n, int) and not isinstance(n, bool) and 0 <= n < 1 << 32 for n in shape
+        ):
+            raise InputInvalid(name, f"shape {shape!r} was read", list(info.shape))
+        size = math.prod(shape)
         if at + size > count:
             raise InputInvalid(name, f"{count - at} numbers are left in the payload", size)
         format_ = entry.get("format", "float64")
@@ -143,17 +149,6 @@ def unpacked(
     if at != count:
         raise InputInvalid(f"payload: {count} numbers were read; the columns name {at}")
     return values
-
-
-def _size(entry: Mapping[str, object], info: SignalInfo) -> int:
-    """Return the number of elements of a column, as its `shape` declares them."""
-    shape = entry.get("shape", list(info.shape))
-    shape = [shape] if isinstance(shape, int | float) else shape
-    if not isinstance(shape, list) or not all(
-        isinstance(n, int) and not isinstance(n, bool) and 0 <= n < 1 << 32 for n in shape
-    ):
-        raise InputInvalid(info.name, f"shape {shape!r} was read", list(info.shape))
-    return math.prod(shape)
 
 
 def shaped(info: SignalInfo, numbers: np.ndarray) -> np.ndarray:

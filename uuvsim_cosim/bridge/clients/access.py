@@ -125,6 +125,6 @@ def _wants_tls(host: str, port: int) -> str | None:
             socket.create_connection((host, port), timeout=2.0) as plain,
             context.wrap_socket(plain, server_hostname=host),
         ):
-            return "it speaks TLS; expected ca=, the file ca.pem of who serves"
+            return "it speaks TLS; expected ca=, the file ca.pem of the server"
     except (OSError, ValueError):
         return None

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Coroutine, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
+from functools import partial, wraps
 from types import TracebackType
-from typing import Any, Self, TypeVar, final
-
-import numpy as np
+from typing import Any, Concatenate, ParamSpec, Self, TypeVar, final
 
 from uuvsim_cosim.bridge.calls.service import Moment, SignalInfo
 from uuvsim_cosim.bridge.clients.client import Connection, connect
@@ -17,6 +15,7 @@ from uuvsim_cosim.bridge.clients.subscription import Block
 
 __all__ = ["AsyncConnection", "connect_async"]
 
+P = ParamSpec("P")
 T = TypeVar("T")
 
 
@@ -30,6 +29,18 @@ async def connect_async(system: str | None = None, **options: Any) -> AsyncConne
         calls.shutdown(wait=False)
         raise
     return AsyncConnection(connection, calls)
+
+
+def _coroutine(
+    call: Callable[Concatenate[Connection, P], T],
+) -> Callable[Concatenate[AsyncConnection, P], Coroutine[Any, Any, T]]:
+    """Return a call of `Connection` as a coroutine of `AsyncConnection`."""
+
+    @wraps(call)
+    async def made(self: AsyncConnection, /, *args: P.args, **options: P.kwargs) -> T:
+        return await self._made(lambda: call(self.connection, *args, **options))
+
+    return made
 
 
 @final
@@ -73,10 +84,6 @@ class AsyncConnection:
         """List the names of all variables."""
         return await self._made(lambda: self.connection.signals)
 
-    async def describe(self) -> dict[str, Any]:
-        """Return system, version, tick, components, clients and mode."""
-        return await self._made(self.connection.describe)
-
     async def get(self, names: str | Sequence[str]) -> Any:
         """Read a variable, or several by name."""
         return await self._made(partial(self.connection.get, names))
@@ -86,55 +93,19 @@ class AsyncConnection:
         values = {name: value} if isinstance(name, str) else name
         return await self._made(partial(self.connection.set, values))
 
-    async def step(
-        self,
-        n: int = 1,
-        inputs: Mapping[str, object] | None = None,
-        outputs: str | Sequence[str] = (),
-    ) -> dict[str, Any]:
-        """Set inputs, make n communication steps, and return outputs."""
-        return await self._made(partial(self.connection.step, n, inputs, outputs))
-
-    async def run(
-        self,
-        until: float | None = None,
-        factor: float | None = None,
-        record: str | Sequence[str] = (),
-    ) -> dict[str, np.ndarray]:
-        """Run to a time [s], or stream until `pause`."""
-        return await self._made(partial(self.connection.run, until, factor, record))
-
     async def pause(self) -> Moment:
         """Stop streaming at a communication point; also stops a run that another task awaits."""
         return await asyncio.to_thread(self.connection.pause)
 
-    async def reset(
-        self, seed: int | None = None, start: Mapping[str, object] | None = None
-    ) -> Moment:
-        """Go back to the start, with another seed or other start values."""
-        return await self._made(partial(self.connection.reset, seed, start))
-
-    async def snapshot(self) -> str:
-        """Store the whole state; return the name of the snapshot."""
-        return await self._made(self.connection.snapshot)
-
-    async def restore(self, snapshot: str) -> Moment:
-        """Go back to a snapshot."""
-        return await self._made(partial(self.connection.restore, snapshot))
-
-    async def discard(self, snapshot: str) -> Moment:
-        """Delete a snapshot."""
-        return await self._made(partial(self.connection.discard, snapshot))
-
-    async def dismiss(self, name: str) -> Moment:
-        """Remove another client from the lockstep barrier."""
-        return await self._made(partial(self.connection.dismiss, name))
-
-    async def replace(
-        self, component: str, source: str, mapping: Mapping[str, str] | None = None
-    ) -> Moment:
-        """Replace the source of a component; the run begins again from the start."""
-        return await self._made(partial(self.connection.replace, component, source, mapping))
+    describe = _coroutine(Connection.describe)
+    step = _coroutine(Connection.step)
+    run = _coroutine(Connection.run)
+    reset = _coroutine(Connection.reset)
+    snapshot = _coroutine(Connection.snapshot)
+    restore = _coroutine(Connection.restore)
+    discard = _coroutine(Connection.discard)
+    dismiss = _coroutine(Connection.dismiss)
+    replace = _coroutine(Connection.replace)
 
     async def subscribe(self, *names: str, keep: int = 1024) -> AsyncIterator[Block]:
         """Yield the blocks of states as they arrive."""

@@ -15,7 +15,7 @@ from uuvsim_cosim.bridge.calls.call_table import checked
 from uuvsim_cosim.bridge.calls.service import Moment, SignalInfo
 from uuvsim_cosim.bridge.calls.zenoh_keys import call_key, client_key, master_key
 from uuvsim_cosim.bridge.clients.access import Credentials, Reply
-from uuvsim_cosim.bridge.clients.queries import Asking
+from uuvsim_cosim.bridge.clients.queries import QuerySender
 from uuvsim_cosim.bridge.clients.subscription import Subscription
 from uuvsim_cosim.bridge.zenoh.codec import PROTOCOL, error_of, packed, read_message, unpacked
 from uuvsim_cosim.bridge.zenoh.session import PORT, Disconnected, WrappedSession
@@ -85,16 +85,16 @@ class Connection(Closing):
         name: str,
         lockstep: bool,
         lag: float,
-        credentials: Credentials | None = None,
-        address: tuple[str, int] = ("127.0.0.1", PORT),
+        credentials: Credentials,
+        address: tuple[str, int],
     ) -> None:
         self.system = system
         self._session = session
-        self._credentials = credentials or Credentials()
+        self._credentials = credentials
         self._address = address
         self._states: WrappedSession | None = None
         self._proof: dict[str, str] = {}
-        self._asking = Asking(session, lambda: self._credentials.opened(*address))
+        self._asking = QuerySender(session, lambda: self._credentials.opened(*address))
         self._schema: tuple[SignalInfo, ...] | None = None
         self._subscriptions: list[Subscription] = []
         self._id = secrets.token_hex(8)
@@ -121,19 +121,14 @@ class Connection(Closing):
     # ---- state and schema -----------------------------------------------------------------
 
     @property
-    def moment(self) -> Moment:
-        """The communication point at the last answer."""
-        return self._moment
-
-    @property
     def time(self) -> float:
         """Time at the last answer [s]."""
-        return self._moment.time
+        return self.moment.time
 
     @property
     def tick(self) -> int:
         """Communication point at the last answer."""
-        return self._moment.tick
+        return self.moment.tick
 
     def describe(self) -> dict[str, Any]:
         """Return system, version, tick, components, clients and mode."""
@@ -172,7 +167,7 @@ class Connection(Closing):
         """Set unconnected inputs and tunable parameters, all or none."""
         values = {name: value} if isinstance(name, str) else name
         self._ask("set", {"values": _values("set", values)})
-        return self._moment
+        return self.moment
 
     # ---- time -----------------------------------------------------------------------------
 
@@ -201,12 +196,12 @@ class Connection(Closing):
     def pause(self) -> Moment:
         """Stop streaming at a communication point."""
         self._ask("pause")
-        return self._moment
+        return self.moment
 
     def reset(self, seed: int | None = None, start: Mapping[str, object] | None = None) -> Moment:
         """Go back to the start, with another seed or other start values."""
         self._ask("reset", {"start": _values("reset", start or {})}, seed=seed)
-        return self._moment
+        return self.moment
 
     def snapshot(self) -> str:
         """Store the whole state until it is discarded; return the name of the snapshot.
@@ -218,12 +213,12 @@ class Connection(Closing):
     def restore(self, snapshot: str) -> Moment:
         """Go back to a snapshot."""
         self._ask("restore", snapshot=snapshot)
-        return self._moment
+        return self.moment
 
     def discard(self, snapshot: str) -> Moment:
         """Delete a snapshot."""
         self._ask("discard", snapshot=snapshot)
-        return self._moment
+        return self.moment
 
     def replace(
         self, component: str, source: str, mapping: Mapping[str, str] | None = None
@@ -232,12 +227,12 @@ class Connection(Closing):
         given = None if mapping is None else dict(mapping)
         self._ask("replace", component=component, source=source, mapping=given)
         self._schema = None
-        return self._moment
+        return self.moment
 
     def dismiss(self, name: str) -> Moment:
         """Remove another client, by its name in `describe`, from the lockstep barrier."""
         self._ask("dismiss", name=name)
-        return self._moment
+        return self.moment
 
     def subscribe(self, *names: str, keep: int = 1024) -> Subscription:
         """Return an iterator of the blocks of states; the newest `keep` wait to be read."""
@@ -307,7 +302,7 @@ class Connection(Closing):
         answer = read_message(reply.ok.payload.to_bytes())
         attached = reply.ok.attachment
         if "moment" in answer:
-            self._moment = Moment(**answer["moment"])
+            self.moment = Moment(**answer["moment"])  # the communication point at the last answer
         values_of_it = answer.get("values", {})
         return answer, unpacked(values_of_it, b"" if attached is None else attached.to_bytes())
 

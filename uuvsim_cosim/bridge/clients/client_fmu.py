@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
 from pathlib import Path
 
-from uuvsim_cosim.bridge.clients.client_fmu_text import client_text, layout_of
-from uuvsim_cosim.bridge.tcp.framing import TCP_PORT
+from uuvsim_cosim.bridge.calls.service import SignalInfo, entry, interface_hash
+from uuvsim_cosim.bridge.server.signal_names import _unit as unit_of
+from uuvsim_cosim.bridge.tcp.framing import PROTOCOL, TCP_PORT
 from uuvsim_cosim.cache import content_hash
 from uuvsim_cosim.content import content
 from uuvsim_cosim.errors import InputInvalid
@@ -21,15 +25,105 @@ from uuvsim_cosim.fmus.export.system_fmu_file import (
     sources_of,
 )
 from uuvsim_cosim.kernels.system_fmu.variables import (
+    Exposed,
     Naming,
     description_of,
     exposed,
     placed,
 )
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
+from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.system.system import System
 
-__all__ = ["build_client_fmu"]
+__all__ = ["Layout", "build_client_fmu", "client_text", "layout_of"]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The signals of a client in the order of its block, each as the server describes it."""
+
+    inputs: tuple[SignalInfo, ...]
+    tunables: tuple[SignalInfo, ...]
+    outputs: tuple[SignalInfo, ...]
+    sizes: tuple[int, int, int]
+
+
+def layout_of(plan: Plan, variables: Sequence[Exposed]) -> Layout:
+    """Return the layout of a client's variables."""
+    infos: dict[str, list[SignalInfo]] = {"input": [], "parameter": [], "output": []}
+    sizes = dict.fromkeys(infos, 0)
+    for e in variables:
+        v = e.own
+        info = SignalInfo(e.full_name, v.type, v.shape, unit_of(v), v.causality, False)
+        infos[v.causality].append(info)
+        sizes[v.causality] += v.size
+    return Layout(
+        tuple(infos["input"]), tuple(infos["parameter"]), tuple(infos["output"]),
+        (sizes["input"], sizes["parameter"], sizes["output"]),
+    )  # fmt: skip
+
+
+def client_text(
+    system: str,
+    tick: Fraction,
+    layout: Layout,
+    settings: Sequence[Variable],
+    texts: Sequence[Variable],
+) -> str:
+    """Return the C code after the component's table: constants, requests, and the runtime."""
+    n_in, n_tunable, n_out = layout.sizes
+    every = (*layout.inputs, *layout.tunables)
+    inputs, tunables, outputs = (
+        [i.name for i in infos] for infos in (layout.inputs, layout.tunables, layout.outputs)
+    )
+    places = ", ".join(f"{v.name.upper()} = {v.value_references[0]}" for v in settings)
+    first = settings[-1].value_references[0] + 1
+    both = [*inputs, *tunables]
+    requests = {
+        "LAYOUT": {"call": "layout", "inputs": both, "outputs": outputs},
+        "STEPS": {"call": "layout", "inputs": inputs, "outputs": outputs},
+        "GET_OUTPUTS": {"call": "get", "names": outputs},
+        "SET_TUNABLES": {"call": "set", "columns": _columns(tunables)},
+    }
+    signals = [f"    {{{_c(i.name)}, {_c(_json(entry(i)))}}}," for i in (*every, *layout.outputs)]
+    return "\n".join(
+        [
+            f"enum {{ N_INPUTS = {n_in}, N_TUNABLES = {n_tunable}, N_OUTPUTS = {n_out},",
+            f"       TUNABLES = {1 + n_in}, OUTPUTS = {first}, {places},",
+            f"       N_SIGNALS = {len(signals)}, PROTOCOL = {PROTOCOL} }};",
+            f"static const uint64_t tick_num = {tick.numerator}u, tick_den = {tick.denominator}u;",
+            f"static const char SYSTEM_NAME[] = {_c(system)};",
+            f"static const char INTERFACE_HASH[] = {_c(interface_hash(every, layout.outputs))};",
+            *(f"static const char {k}[] = {_c(_json(v))};" for k, v in requests.items()),
+            # It continues the request with the call and the seed.
+            f"static const char START_COLUMNS[] = "
+            f"{_c(', ' + _json({'columns': _columns(both)})[1:])};",
+            f"static const char *const text_start[] = {{{', '.join(_c(v.start) for v in texts)}}};",
+            "static const struct { const char *name, *entry; } signals[] = {",
+            *(signals or ["    {0, 0},"]),
+            "};",
+            '#include "uuv_client.h"',
+            "",
+        ]
+    )
+
+
+def _columns(names: Sequence[str]) -> list[Mapping[str, str]]:
+    return [{"name": n} for n in names]
+
+
+def _json(value: object) -> str:
+    return json.dumps(value, ensure_ascii=False)
+
+
+def _c(text: str) -> str:
+    """Return a text as a C string, with bytes beyond ASCII in octal."""
+    out = []
+    for byte in text.encode():
+        plain = 32 <= byte < 127 and chr(byte) not in '"\\?'
+        out.append(chr(byte) if plain else f"\\{byte:03o}")
+    return f'"{"".join(out)}"'
+
 
 _PAGE = """This is a client of a co-simulation that runs elsewhere: start it there with
 `uuvsim serve`. It connects to the parameters host and port when initialization ends, takes the
@@ -67,10 +161,12 @@ def build_client_fmu(
     # The order in the block: inputs and tunable parameters, settings, outputs.
     before = placed([e for e in found if e.own.causality != "output"], 1)
     at = 1 + sum(e.shown.size for e in before)
-    settings = _settings(at, port)
+    numbers = {"port": port, "restart": True, "seed": -1, "lag": 60.0, "timeout": 60.0}
+    settings = _parameters(numbers, at)
     outputs = placed([e for e in found if e.own.causality == "output"], at + len(settings))
     last = outputs[-1].shown if outputs else settings[-1]
-    texts = _texts(host, last.value_references[0] + last.size)
+    texts_at = last.value_references[0] + last.size
+    texts = _parameters({"host": host, "user": "", "password": ""}, texts_at)
     description = description_of(
         f"{system.name}_client", f"client of {system.name}: {system.description}", plan,
         [*before, *outputs], [*settings, *texts],
@@ -104,39 +200,35 @@ _HEAD = """/* Generated from a system: do not edit. */
 """
 
 
-def _settings(at: int, port: int) -> list[Variable]:
-    """Return the numeric parameters of the connection, from offset `at` on."""
-    rows: Sequence[tuple[str, VariableType, float, str, str | None, float | None, float | None]] = (
-        ("port", "Int32", port, "TCP port that `uuvsim serve` names", None, 1, 65535),
-        (
-            "restart", "Boolean", True, "go back to the start, with the values given here, when "
-            "initialization ends; false: go on from where the co-simulation is", None, None, None,
-        ),
-        ("seed", "Int32", -1, "seed of a restart; -1: that of the server", None, -1, None),
-        ("lag", "Float64", 60.0, "how long others in lockstep wait for this one", "s", 0.001, 3600),
-        ("timeout", "Float64", 60.0, "how long this one waits for an answer", "s", 0.001, 86400),
-    )  # fmt: skip
+_PARAMETERS: tuple[tuple[str, VariableType, str, str | None, float | None, float | None], ...] = (
+    ("port", "Int32", "TCP port that `uuvsim serve` names", None, 1, 65535),
+    (
+        "restart", "Boolean", "go back to the start, with the values given here, when "
+        "initialization ends; false: go on from where the co-simulation is", None, None, None,
+    ),
+    ("seed", "Int32", "seed of a restart; -1: that of the server", None, -1, None),
+    ("lag", "Float64", "how long others in lockstep wait for this one", "s", 0.001, 3600),
+    ("timeout", "Float64", "how long this one waits for an answer", "s", 0.001, 86400),
+    (
+        "host", "String", "name or address of the machine where `uuvsim serve` runs",
+        None, None, None,
+    ),
+    ("user", "String", "user's name, where the server asks for one", None, None, None),
+    (
+        "password", "String",
+        "password; where it is empty, the environment variable UUVSIM_PASSWORD", None, None, None,
+    ),
+)  # fmt: skip
+
+
+def _parameters(start: Mapping[str, str | float], at: int) -> list[Variable]:
+    """Return the parameters of the connection that have start values, from offset `at` on."""
+    rows = [row for row in _PARAMETERS if row[0] in start]
     return [
         Variable(
-            name=name, type=type_, causality="parameter", variability="fixed", start=start,
+            name=name, type=type_, causality="parameter", variability="fixed", start=start[name],
             unit=unit, min=low, max=high, description=text, initial="exact",
             value_references=(at + i,),
         )
-        for i, (name, type_, start, text, unit, low, high) in enumerate(rows)
-    ]  # fmt: skip
-
-
-def _texts(host: str, at: int) -> list[Variable]:
-    """Return the text parameters of the connection, which follow the block."""
-    rows = (
-        ("host", host, "name or address of the machine where `uuvsim serve` runs"),
-        ("user", "", "user's name, where the server asks for one"),
-        ("password", "", "password; where it is empty, the environment variable UUVSIM_PASSWORD"),
-    )
-    return [
-        Variable(
-            name=name, type="String", causality="parameter", variability="fixed", start=start,
-            description=text, initial="exact", value_references=(at + i,),
-        )
-        for i, (name, start, text) in enumerate(rows)
+        for i, (name, type_, text, unit, low, high) in enumerate(rows)
     ]  # fmt: skip

@@ -14,22 +14,22 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, final
 
-from uuvsim_cosim.bridge.zenoh.session import Disconnected, Querier, WrappedSession
+from uuvsim_cosim.bridge.zenoh.session import Disconnected, WrappedSession
 
 if TYPE_CHECKING:
     import zenoh
 
-__all__ = ["CALLS_OF_A_SESSION", "Asking"]
+__all__ = ["CALLS_OF_A_SESSION", "QuerySender"]
 
 CALLS_OF_A_SESSION = 4096  # about 4 MB
 
 
 @dataclass(eq=False)
-class _Line:
+class _QuerySession:
     """A session, the number of its calls so far, and of those that run now."""
 
     session: WrappedSession
-    queriers: dict[str, Querier] = field(default_factory=dict)
+    queriers: dict[str, zenoh.Querier] = field(default_factory=dict)
     made: int = 0
     running: int = 0
     closes: bool = True  # false for the first session, which its owner closes
@@ -43,13 +43,13 @@ class _Line:
 
 
 @final
-class Asking:
+class QuerySender:
     """Sender of queries, from any thread; `opened` opens another session to the same server."""
 
     def __init__(self, session: WrappedSession, opened: Callable[[], WrappedSession]) -> None:
         self._opened = opened
         self._lock = threading.Lock()
-        self._line = _Line(session, closes=False)
+        self._line = _QuerySession(session, closes=False)
         self._closed = False
 
     def ask(self, key: str, message: str, block: bytes) -> zenoh.Reply | None:
@@ -61,7 +61,7 @@ class Asking:
 
         with self._lock:
             if self._line.made >= CALLS_OF_A_SESSION and not self._closed:
-                old, self._line = self._line, _Line(self._opened())
+                old, self._line = self._line, _QuerySession(self._opened())
                 if old.closes and not old.running:
                     old.end()
             line = self._line

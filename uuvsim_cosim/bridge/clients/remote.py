@@ -15,7 +15,7 @@ import threading
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, final
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -30,13 +30,16 @@ from uuvsim_cosim.bridge.clients.remote_serving import (
     serve_component,
 )
 from uuvsim_cosim.bridge.zenoh.codec import PROTOCOL, error_of, packed, read_message
-from uuvsim_cosim.bridge.zenoh.session import Disconnected, Querier, WrappedSession
+from uuvsim_cosim.bridge.zenoh.session import Disconnected, WrappedSession
 from uuvsim_cosim.errors import ComponentFailed, FmuError, InputInvalid
 from uuvsim_cosim.fmus.component import Binding, BindingKind, Component
 from uuvsim_cosim.fmus.description import Description, Variable
 from uuvsim_cosim.models.declaration.near_names import expected_names
 from uuvsim_cosim.orchestrator.python.component import pickled, unpickled
 from uuvsim_cosim.orchestrator.system.sources import Backend
+
+if TYPE_CHECKING:
+    import zenoh
 
 __all__ = ["ComponentServer", "RemoteComponent", "RemoteSource", "serve_component", "source"]
 
@@ -90,7 +93,7 @@ class RemoteSource:
         return {} if token is None else {"token": token}
 
     def describe(self) -> Description:
-        """Query the interface."""
+        """zenoh.Query the interface."""
         answer, _ = _Server(self).ask("describe", self.shown)
         if answer.get("protocol") != PROTOCOL:
             raise InputInvalid(
@@ -264,7 +267,7 @@ class _Server:
     def __init__(self, source: RemoteSource) -> None:
         self._source = source
         self._session = _session(source)
-        self._queriers: dict[str, Querier] = {}
+        self._queriers: dict[str, zenoh.Querier] = {}
 
     def ask(
         self, call: str, message: Mapping[str, object], block: bytes = b""
@@ -287,7 +290,16 @@ class _Server:
         except (zenoh.ZError, Disconnected):
             reply = None
         if reply is None:
-            raise Disconnected(self._absent())
+            session = self._session
+            live = session.alive(remote_component_key(call="live")) if session.is_open else ()
+            served = sorted(key.split("/")[1] for key in live)
+            expected = f"serve_component(…, {source.name!r}) to run there"
+            if served:
+                expected = expected_names(source.name, served)
+            raise Disconnected(
+                f"{source.text}: no component {source.name!r} is served at {source.host}, port "
+                f"{source.port}; expected {expected}"
+            )
         if reply.ok is not None:
             attached = reply.ok.attachment
             answer = read_message(reply.ok.payload.to_bytes())
@@ -299,25 +311,6 @@ class _Server:
                 "sooner, or a longer ?timeout="
             )
         raise error_of(read_message(data))
-
-    def _absent(self) -> str:
-        """Return the message for a component without a server."""
-        source = self._source
-        keys = (
-            []
-            if not self._session.is_open
-            else self._session.alive(remote_component_key(call="live"))
-        )
-        served = sorted(key.split("/")[1] for key in keys)
-        missing = (
-            expected_names(source.name, served)
-            if served
-            else f"serve_component(…, {source.name!r}) to run there"
-        )
-        return (
-            f"{source.text}: no component {source.name!r} is served at {source.host}, port "
-            f"{source.port}; expected {missing}"
-        )
 
 
 def _session(source: RemoteSource) -> WrappedSession:

@@ -7,7 +7,7 @@ import json
 import secrets
 import threading
 from contextlib import AbstractContextManager, nullcontext
-from typing import Any, final
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
@@ -17,11 +17,14 @@ from uuvsim_cosim.bridge.access.token import TokenFile, guarded_by_token
 from uuvsim_cosim.bridge.access.zenoh_permissions import guarded_component
 from uuvsim_cosim.bridge.calls.zenoh_keys import remote_component_key
 from uuvsim_cosim.bridge.zenoh.codec import PROTOCOL, message_of, read_message, unpacked
-from uuvsim_cosim.bridge.zenoh.session import Query, listening
-from uuvsim_cosim.closing import Closing
+from uuvsim_cosim.bridge.zenoh.session import listening
+from uuvsim_cosim.closing import Owner
 from uuvsim_cosim.errors import FmuError, InputInvalid
 from uuvsim_cosim.orchestrator.python.class_file import load
 from uuvsim_cosim.orchestrator.python.component import PythonComponent
+
+if TYPE_CHECKING:
+    import zenoh
 
 __all__ = ["COMPONENT_PORT", "ComponentServer", "serve_component"]
 
@@ -48,7 +51,7 @@ def serve_component(
 
 
 @final
-class ComponentServer(Closing):
+class ComponentServer(Owner):
     """Server of a Python class, from construction to `close`; `wait` waits for Ctrl-C."""
 
     def __init__(
@@ -68,15 +71,13 @@ class ComponentServer(Closing):
         token = None if authenticator is None else authenticator.access.token
         guard: AbstractContextManager[dict[str, object]]
         guard = nullcontext({}) if token is None else guarded_component(token)
-        with guard as settings:
-            self._session = listening(self.port, [host], settings)
-        try:
-            self._token_file = TokenFile(self._admit, self.port)
-        except BaseException:
-            self._session.close()
-            raise
-        self._answering = self._session.answer(remote_component_key(name), self._asked)
-        self._token = self._session.token(remote_component_key(name, "live"))
+        with self.opening() as opened:
+            with guard as settings:
+                session = opened.enter_context(listening(self.port, [host], settings))
+            opened.enter_context(TokenFile(self._admit, self.port))
+            opened.callback(self._over.set)
+            self._answering = session.answer(remote_component_key(name), self._asked)
+            self._token = session.token(remote_component_key(name, "live"))
 
     @property
     def source(self) -> str:
@@ -89,15 +90,9 @@ class ComponentServer(Closing):
             self._over.wait()
         self.close()
 
-    def close(self) -> None:
-        """Stop serving."""
-        self._over.set()
-        self._session.close()
-        self._token_file.close()
-
     # ---- inside ---------------------------------------------------------------------------
 
-    def _asked(self, query: Query) -> None:
+    def _asked(self, query: zenoh.Query) -> None:
         """Answer a query, in Zenoh's thread: one after another."""
         call = str(query.key_expr).rpartition("/")[2]
         try:

@@ -10,16 +10,18 @@ and a policy's outputs follow: a = k_u (u_d - u), omega = r_d. Without input it 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import cos, hypot, pi, sin
 from pathlib import Path
-from typing import Any
+from typing import Any, final
 
-from uuvsim_cosim.bridge.http.keyboard_pilot import Over
+import numpy as np
+from numpy.typing import ArrayLike
+
 from uuvsim_cosim.bridge.http.manual_axes import ManualAxes, manual_axes_of
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.fmus.component import Component
-from uuvsim_cosim.fmus.description import Description
+from uuvsim_cosim.fmus.component import Binding, BindingKind, Component
+from uuvsim_cosim.fmus.description import Description, Variable
 from uuvsim_cosim.orchestrator.plan.flatten import flatten
 from uuvsim_cosim.orchestrator.plan.plan import PlannedComponent
 from uuvsim_cosim.orchestrator.python.component import PythonComponent
@@ -27,7 +29,104 @@ from uuvsim_cosim.orchestrator.system.resolve import register, resolve
 from uuvsim_cosim.orchestrator.system.sources import Backend, Source
 from uuvsim_cosim.orchestrator.system.system import System
 
-__all__ = ["KeyboardSource", "piloted", "source", "with_keyboards"]
+__all__ = ["KeyboardSource", "ManualOverlay", "piloted", "source", "with_keyboards"]
+
+SPEED = 0.3  # [m/s] that the surge axis asks for, a helm's speed_max
+YAW_RATE = 1.5  # [rad/s] that the yaw axis asks for, a helm's omega_max
+A_MAX = 0.4  # [m/s2] a helm's a_max
+K_U = 2.0  # [1/s] a helm's k_u
+_State = tuple[object, dict[str, float], bool]  # inner state, inputs, whether it moves
+
+
+@final
+class ManualOverlay:
+    """The `Component` protocol around another component."""
+
+    def __init__(self, inner: Component, manual_axes: ManualAxes) -> None:
+        self.path, self.description = inner.path, self.described(inner.description)
+        self._inner, self._manual_axes = inner, manual_axes
+        self._given = dict.fromkeys(("a", "omega"), 0.0)
+        self._nu_d = inner.description.variables["nu_d"]
+        self._moved = False
+
+    @staticmethod
+    def described(inner: Description) -> Description:
+        """Return the interface of the inner component, which is now called by Python."""
+        return replace(inner, kind="python", provides_directional_derivatives=False)
+
+    def get(self, variable: Variable) -> Any:
+        """Read a value; `a` and `omega` are without the share of the axes."""
+        if variable.name in self._given:
+            return self._given[variable.name]
+        return self._inner.get(variable)
+
+    def set(self, variable: Variable, value: Any) -> None:
+        """Set a value."""
+        if variable.name in self._given:
+            self._given[variable.name] = float(value)
+        self._inner.set(variable, value)
+
+    def do_step(self, current_communication_point: float, step_size: float) -> None:
+        """Step with the share of the axes; after its release, the surge axis brakes first."""
+        surge, _, _, yaw = self._manual_axes.now()
+        u_d = float(self._inner.get(self._nu_d)[0])
+        self._moved = surge != 0.0 or (self._moved and abs(u_d) > 1e-3)
+        brake = K_U * (surge * SPEED - u_d) if self._moved else 0.0
+        share = {"a": max(-A_MAX, min(A_MAX, brake)), "omega": yaw * YAW_RATE}
+        for name, added in share.items():
+            variable = self.description.variables[name]
+            self._inner.set(variable, self._given[name] + added)
+        self._inner.do_step(current_communication_point, step_size)
+
+    def get_fmu_state(self) -> _State:
+        """Copy the state."""
+        return self._inner.get_fmu_state(), dict(self._given), self._moved
+
+    def set_fmu_state(self, state: _State) -> None:
+        """Restore a copy."""
+        inner, given, self._moved = state
+        self._inner.set_fmu_state(inner)
+        self._given = dict(given)
+
+    def serialize_fmu_state(self, state: _State) -> bytes:
+        """Convert a copy to bytes, without the inputs and the use of the axes."""
+        return self._inner.serialize_fmu_state(state[0])
+
+    def deserialize_fmu_state(self, data: bytes) -> _State:
+        """Convert bytes to a copy."""
+        return self._inner.deserialize_fmu_state(data), {"a": 0.0, "omega": 0.0}, False
+
+    def reset(self) -> None:
+        """Go back to the start."""
+        self._given, self._moved = {"a": 0.0, "omega": 0.0}, False
+        self._inner.reset()
+
+    def enter_initialization_mode(self, start_time: float, stop_time: float | None) -> None:
+        """Begin initialization."""
+        self._inner.enter_initialization_mode(start_time, stop_time)
+
+    def exit_initialization_mode(self) -> None:
+        """End initialization."""
+        self._inner.exit_initialization_mode()
+
+    def terminate(self) -> None:
+        """End the simulation."""
+        self._inner.terminate()
+
+    def free(self) -> None:
+        """Free the inner component."""
+        self._inner.free()
+
+    def directional_derivative(
+        self, unknowns: list[Variable], knowns: list[Variable], seed: ArrayLike
+    ) -> np.ndarray:
+        """Return the derivative of the inner component."""
+        return self._inner.directional_derivative(unknowns, knowns, seed)
+
+    def binding(self) -> Binding:
+        """Return that the stepping loop in C has to call Python."""
+        return Binding(BindingKind.CALLBACK, 0, {})
+
 
 _ETA = (6, ("m", "m", "m", "rad", "rad", "rad"))
 _NU = (6, ("m/s", "m/s", "m/s", "rad/s", "rad/s", "rad/s"))
@@ -122,12 +221,12 @@ class KeyboardSource:
         """Return the interface."""
         if self.over is None:
             return PythonComponent(Piloted, "keyboard").description
-        return Over.described(self.over.describe())
+        return ManualOverlay.described(self.over.describe())
 
     def instantiate(self, path: str, *, backend: Backend = "fmu") -> Component:
         """Let the page pilot the component `path`."""
         if self.over is not None:
-            return Over(self.over.instantiate(path, backend=backend), manual_axes_of(path))
+            return ManualOverlay(self.over.instantiate(path, backend=backend), manual_axes_of(path))
         return PythonComponent(
             type("Piloted", (Piloted,), {"manual_axes": manual_axes_of(path)}), path
         )

@@ -12,9 +12,9 @@ import ssl
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from functools import partial
 from http.server import BaseHTTPRequestHandler
 from itertools import chain
+from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
@@ -24,16 +24,14 @@ from uuvsim_cosim.bridge.access.authentication import Admission, Authenticator
 from uuvsim_cosim.bridge.access.roles import NEEDS
 from uuvsim_cosim.bridge.access.tls import common_name
 from uuvsim_cosim.bridge.calls.call_table import CALLS, checked, read_object
-from uuvsim_cosim.bridge.calls.connection_limits import Limits, Places
+from uuvsim_cosim.bridge.calls.connection_limits import ConnectionSlots, Limits
 from uuvsim_cosim.bridge.calls.service import Client, Service
-from uuvsim_cosim.bridge.calls.time_sharing import READS, Pace, share_of
+from uuvsim_cosim.bridge.calls.time_sharing import READS, RateLimit, share_of
 from uuvsim_cosim.bridge.calls.values import json_of, json_texts
-from uuvsim_cosim.bridge.http.page import page
-from uuvsim_cosim.bridge.http.pilot_page import pilot_page, pilots, steered
+from uuvsim_cosim.bridge.http.manual_axes import pilots, steer
 from uuvsim_cosim.bridge.http.sessions import HEADER, Sessions
 from uuvsim_cosim.bridge.tcp.framing import Disconnected
 from uuvsim_cosim.bridge.tcp.requests import Calls, failure
-from uuvsim_cosim.bridge.tcp.server import hung_up
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
 from uuvsim_cosim.models.declaration.near_names import did_you_mean
 
@@ -48,7 +46,8 @@ _SMALL = 1 << 14  # numbers of an answer that is sent whole; a larger one is sen
 _Content = tuple[bytes, bytes | Iterator[str]]  # media type, and text whole or in pieces
 
 _NOBODY = Client("http", "http", frozenset())
-_PAGES = {"/": page, "/index.html": page, "/pilot": pilot_page}
+# Each page is one file of HTML that loads nothing else.
+_PAGES = {"/": "page.html", "/index.html": "page.html", "/pilot": "pilot.html"}
 _ASKING = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>uuvsim</title></head>
 <body><p>{}</p><p>`uuvsim serve` prints an address with the token, and `uuvsim access token` prints
@@ -66,7 +65,7 @@ class Endpoint:
         self.limits = limits
         self.local = local  # reached by loopback only
         self.closed = threading.Event()
-        self.places = Places(limits)
+        self.slots = ConnectionSlots(limits)
         self.streams = threading.BoundedSemaphore(STREAMS)
         self.sessions = Sessions(service, limits.answer_bytes)
         self.share = share_of(service)
@@ -94,7 +93,7 @@ class Handler(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
     server_version = f"uuvsim-cosim/{__version__}"
     sys_version = ""
-    _pace: Pace | None = None
+    _pace: RateLimit | None = None
     _mark: float = 0.0  # [s] of this thread's processor time at the end of the last answer
     _reader: Client | None = None  # the client that has waited for its turn
     _calls: Calls | None = None
@@ -105,8 +104,12 @@ class Handler(BaseHTTPRequestHandler):
     def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
         """Refuse an invalid request in JSON, like all other errors."""
         self.close_connection = True
-        kinds = "; expected GET or POST" if code == 501 else "; expected a request of HTTP/1.1"
-        self._send(405 if code == 501 else code, b"application/json", _error(f"{message}{kinds}"))
+        expected = "GET or POST" if code == 501 else "a request of HTTP/1.1"
+        self._send(
+            405 if code == 501 else code,
+            b"application/json",
+            _error(f"{message}; expected {expected}"),
+        )
 
     def do_GET(self) -> None:
         """Answer a GET: a page, or a call that changes nothing."""
@@ -119,41 +122,45 @@ class Handler(BaseHTTPRequestHandler):
 
     def do_POST(self) -> None:
         """Answer a POST: a call with a JSON object as body."""
-        body = b""
+        limits, length = self.endpoint.limits, self.headers.get("Content-Length", "0")
         try:
-            body = self._body()
+            if not length.isascii() or not length.isdigit() or "Transfer-Encoding" in self.headers:
+                raise _Refused(411, "a body needs its length in Content-Length")
+            if int(length) > limits.payload_bytes:
+                raise _Refused(
+                    413,
+                    f"a body of {length} bytes was announced; at most {limits.payload_bytes} are "
+                    "read",
+                )
+            if int(length) > limits.unknown_bytes:  # only from a client that is authenticated
+                self._allowed()
+            body = self.rfile.read(int(length))
         except _Refused as refused:
             self.close_connection = True
             self._send(refused.status, b"application/json", _error(str(refused)))
             return
         token = self.headers.get(HEADER)
-        self.endpoint.sessions.waiting(token, begins=True)
+        self.endpoint.sessions.note_request(token, begins=True)
         try:
             self._answered(lambda: self._called(urlsplit(self.path).path.strip("/"), body))
         finally:
-            self.endpoint.sessions.waiting(token, begins=False)
-
-    def _body(self) -> bytes:
-        """Read the body; a large one only from a client that is authenticated."""
-        length = self.headers.get("Content-Length", "0")
-        if not length.isascii() or not length.isdigit() or "Transfer-Encoding" in self.headers:
-            raise _Refused(411, "the body's length must be said in Content-Length")
-        if int(length) > self.endpoint.limits.payload_bytes:
-            most = self.endpoint.limits.payload_bytes
-            raise _Refused(413, f"a body of {length} bytes was announced; at most {most} are read")
-        if int(length) > self.endpoint.limits.unknown_bytes:
-            self._allowed()
-        return self.rfile.read(int(length))
+            self.endpoint.sessions.note_request(token, begins=False)
 
     def _answered(self, answer: Callable[[], _Content | None]) -> None:
         """Send what `answer` returns, or the error that it raises; None has been sent already."""
         if self._pace is None:
-            self._pace = Pace(self.endpoint.limits.calls_per_s)
+            self._pace = RateLimit(self.endpoint.limits.calls_per_s)
         self._pace.wait()
         try:
-            self._check_origin()
-            found = answer()
-            if found is not None:
+            # Refuse requests that other web sites make a browser send (CSRF and DNS rebinding).
+            host = self.headers.get("Host", "")
+            name = host.rsplit(":", 1)[0] if not host.endswith("]") else host
+            if self.endpoint.local and name not in ("localhost", "127.0.0.1", "[::1]"):
+                raise _Refused(403, f"host {host!r} was asked for; expected localhost or 127.0.0.1")
+            origin = self.headers.get("Origin")
+            if origin is not None and urlsplit(origin).netloc != host:
+                raise _Refused(403, f"a page of {origin} asks; expected one of http://{host}")
+            if (found := answer()) is not None:
                 self._send(200, *found)
         except _Refused as refused:
             self._send(refused.status, b"application/json", _error(str(refused)))
@@ -179,42 +186,33 @@ class Handler(BaseHTTPRequestHandler):
         before, self._mark = self._mark, time.thread_time()
         self.endpoint.share.took(client, self._mark - before)
 
-    def _check_origin(self) -> None:
-        """Refuse requests that other web sites make a browser send (CSRF and DNS rebinding)."""
-        host = self.headers.get("Host", "")
-        name = host.rsplit(":", 1)[0] if not host.endswith("]") else host
-        if self.endpoint.local and name not in ("localhost", "127.0.0.1", "[::1]"):
-            raise _Refused(403, f"host {host!r} was asked for; expected localhost or 127.0.0.1")
-        origin = self.headers.get("Origin")
-        if origin is not None and urlsplit(origin).netloc != host:
-            raise _Refused(403, f"a page of {origin} asks; expected one of http://{host}")
-
     def _page(self, path: str, query: dict[str, list[str]]) -> _Content | None:
         """Return a page; an address with the token is redirected, with a cookie instead."""
-        kind, text = b"text/html; charset=utf-8", _PAGES[path]().encode()
+        media_type = b"text/html; charset=utf-8"
+        text = Path(__file__).with_name(_PAGES[path]).read_bytes()
         if self.endpoint.token is None:
-            return kind, text
+            return media_type, text
         shown = query.get("token", [None])[0]
         try:
             self.endpoint.admit(None, None, None, shown or self._token())
         except UuvsimError as error:
-            self._send(401, kind, _ASKING.format(html.escape(str(error))).encode())
+            self._send(401, media_type, _ASKING.format(html.escape(str(error))).encode())
             return None
         if shown is None:
-            return kind, text
+            return media_type, text
         # Lax, not Strict, so that a link in a terminal that is itself a web page works. That is
         # safe: a GET changes nothing, and other sites cannot read its answer.
         secure = "; Secure" if isinstance(self.connection, ssl.SSLSocket) else ""
-        self.send_response(303)
-        self.send_header("Location", path)
-        self.send_header(
-            "Set-Cookie",
-            f"{self._cookie_name()}={self.endpoint.cookie}; HttpOnly; SameSite=Lax; Path=/{secure}",
+        cookie = f"{self._cookie_name()}={self.endpoint.cookie}"
+        self._send_head(
+            303,
+            {
+                "Location": path,
+                "Set-Cookie": f"{cookie}; HttpOnly; SameSite=Lax; Path=/{secure}",
+                "Content-Length": "0",
+                "Referrer-Policy": "no-referrer",
+            },
         )
-        self.send_header("Content-Length", "0")
-        self.send_header("Cache-Control", "no-store")
-        self.send_header("Referrer-Policy", "no-referrer")
-        self.end_headers()
         return None
 
     def _cookie_name(self) -> str:
@@ -223,8 +221,8 @@ class Handler(BaseHTTPRequestHandler):
 
     def _token(self) -> str | None:
         """Return the token that a request has in its header or by its cookie."""
-        kind, _, shown = self.headers.get("Authorization", "").partition(" ")
-        if kind.lower() == "bearer":
+        scheme, _, shown = self.headers.get("Authorization", "").partition(" ")
+        if scheme.lower() == "bearer":
             return shown.strip()
         for pair in self.headers.get("Cookie", "").split(";"):
             name, _, value = pair.strip().partition("=")
@@ -238,8 +236,8 @@ class Handler(BaseHTTPRequestHandler):
     def _allowed(self) -> tuple[str | None, frozenset[str]]:
         """Authenticate the client; return its user's name and its permissions."""
         user = password = None
-        kind, _, code = self.headers.get("Authorization", "").partition(" ")
-        if kind.lower() == "basic":
+        scheme, _, code = self.headers.get("Authorization", "").partition(" ")
+        if scheme.lower() == "basic":
             try:
                 user, _, password = base64.b64decode(code, validate=True).decode().partition(":")
             except (binascii.Error, UnicodeDecodeError):
@@ -249,7 +247,7 @@ class Handler(BaseHTTPRequestHandler):
             allowed = self.endpoint.admit(user, password, name, self._token())
         except UuvsimError as error:
             raise _Refused(401, str(error)) from None
-        if not self.endpoint.places.let_in(self.connection):
+        if not self.endpoint.slots.admit(self.connection):
             self.close_connection = True
             raise _Refused(503, self.endpoint.full)
         return user, allowed
@@ -261,14 +259,14 @@ class Handler(BaseHTTPRequestHandler):
         token = self.headers.get(HEADER)
         if token is not None:
             calls = self.endpoint.sessions.calls(token, allowed)
-            calls.attended(partial(hung_up, self.connection))
+            calls.attended(self.connection)
             return calls
         if self._calls is None or self._calls.client.allowed != allowed:
             most = self.endpoint.limits.answer_bytes
             self._calls = Calls(
                 self.endpoint.service, Client(user or "http", "http", allowed, most)
             )
-            self._calls.attended(partial(hung_up, self.connection))
+            self._calls.attended(self.connection)
         return self._calls
 
     def _needs(self, call: str, needed: str | None, allowed: frozenset[str]) -> None:
@@ -306,9 +304,9 @@ class Handler(BaseHTTPRequestHandler):
         """Return the answer of a POST."""
         if path not in POST:
             raise _Refused(405 if path in (*GET, "") else 404, _no_path(path, "POST"))
-        kind = self.headers.get("Content-Type", "").partition(";")[0].strip().lower()
-        if body and kind != "application/json":
-            raise _Refused(415, f"Content-Type is {kind!r}; expected application/json")
+        media_type = self.headers.get("Content-Type", "").partition(";")[0].strip().lower()
+        if body and media_type != "application/json":
+            raise _Refused(415, f"Content-Type is {media_type!r}; expected application/json")
         if not body and self.headers.get("Origin") is None and "Sec-Fetch-Site" in self.headers:
             raise _Refused(403, "a browser's form asks; expected a script of this page")
         read = read_object(body.strip(), "body")
@@ -317,7 +315,7 @@ class Handler(BaseHTTPRequestHandler):
         answer: object = {"ok": True}
         if path == "pilot":
             self._needs("pilot", "set", calls.client.allowed)
-            answer = json_of({"ok": True, **steered(calls.service, calls.client, read)})
+            answer = json_of({"ok": True, **steer(calls.service, calls.client, read)})
         elif path == "join":
             answer = {"ok": True, **self.endpoint.sessions.join(calls.client, read)}
         elif path == "leave":
@@ -343,10 +341,7 @@ class Handler(BaseHTTPRequestHandler):
             raise _Refused(503, f"{STREAMS} live streams are open, which is all that may be")
         self.close_connection = True
         try:
-            self.send_response(200)
-            self.send_header("Content-Type", "text/event-stream")
-            self.send_header("Cache-Control", "no-store")
-            self.end_headers()
+            self._send_head(200, {"Content-Type": "text/event-stream"})
             last, sent = None, 0.0
             while not self.endpoint.closed.is_set():
                 moment = (found.header["tick"], found.header["running"])
@@ -364,24 +359,24 @@ class Handler(BaseHTTPRequestHandler):
         finally:
             self.endpoint.streams.release()
 
-    def _send(self, status: int, kind: bytes, data: bytes | Iterator[str]) -> None:
+    def _send(self, status: int, media_type: bytes, data: bytes | Iterator[str]) -> None:
         """Send an answer; between two pieces of a large one, other clients step."""
-        self.send_response(status)
+        headers = {
+            "Content-Type": media_type.decode(),
+            "X-Content-Type-Options": "nosniff",
+            "X-Frame-Options": "DENY",  # no other page may overlay ours (clickjacking)
+            "Referrer-Policy": "no-referrer",
+        }
         if status == 401:
             how = "Basic" if self.endpoint.token is None else "Bearer"
-            self.send_header("WWW-Authenticate", f'{how} realm="uuvsim"')
-        self.send_header("Content-Type", kind.decode())
+            headers["WWW-Authenticate"] = f'{how} realm="uuvsim"'
         if isinstance(data, bytes):
-            self.send_header("Content-Length", str(len(data)))
+            headers["Content-Length"] = str(len(data))
         elif self.request_version == "HTTP/1.1":
-            self.send_header("Transfer-Encoding", "chunked")
+            headers["Transfer-Encoding"] = "chunked"
         else:
             self.close_connection = True
-        self.send_header("Cache-Control", "no-store")
-        self.send_header("X-Content-Type-Options", "nosniff")
-        self.send_header("X-Frame-Options", "DENY")  # no other page may overlay ours (clickjacking)
-        self.send_header("Referrer-Policy", "no-referrer")
-        self.end_headers()
+        self._send_head(status, headers)
         if isinstance(data, bytes):
             self.wfile.write(data)
             return
@@ -394,6 +389,12 @@ class Handler(BaseHTTPRequestHandler):
             self._wait_for_turn(client)
         if chunked:
             self.wfile.write(b"0\r\n\r\n")
+
+    def _send_head(self, status: int, headers: Mapping[str, str]) -> None:
+        self.send_response(status)
+        for name, value in {**headers, "Cache-Control": "no-store"}.items():
+            self.send_header(name, value)
+        self.end_headers()
 
 
 def _json(calls: Calls, call: str, request: Mapping[str, object]) -> _Content:

@@ -7,9 +7,9 @@ import io
 import json
 import socket
 import ssl
-import threading
 import time
 from collections.abc import Sequence
+from http import HTTPStatus
 from http.server import ThreadingHTTPServer
 from typing import TYPE_CHECKING
 
@@ -22,7 +22,7 @@ from uuvsim_cosim.bridge.calls.service import Service
 from uuvsim_cosim.bridge.http.request_handler import Endpoint, Handler
 from uuvsim_cosim.bridge.tcp.framing import HTTP_PORT
 from uuvsim_cosim.bridge.tcp.server import LOOPBACK, listening
-from uuvsim_cosim.closing import Closing
+from uuvsim_cosim.closing import Owner, started
 from uuvsim_cosim.errors import UuvsimError
 
 if TYPE_CHECKING:
@@ -32,17 +32,8 @@ __all__ = ["HttpServer"]
 
 _Request = socket.socket | tuple[bytes, socket.socket]  # as the base class has it, also for UDP
 
-_PLAIN = (
-    b"HTTP/1.1 400 Bad Request\r\nContent-Type: application/json\r\n"
-    b"Content-Length: %d\r\nConnection: close\r\n\r\n%s"
-)
-_FULL = (
-    b"HTTP/1.1 503 Service Unavailable\r\nContent-Type: application/json\r\n"
-    b"Content-Length: %d\r\nConnection: close\r\n\r\n%s"
-)
 
-
-class HttpServer(Closing):
+class HttpServer(Owner):
     """The HTTP server: it listens from construction to `close`; each connection has a thread.
 
     Without `admit`, clients need the token of this user.
@@ -63,22 +54,16 @@ class HttpServer(Closing):
         endpoint = Endpoint(service, admit, limits or Limits(), local=local)
         self._tls = tls
         self._endpoint = endpoint
-        self._servers = [_Server(one, endpoint, tls) for one in listening(hosts, port, "HTTP")]
-        self.port: int = self._servers[0].server_address[1]
-        try:
-            self._token_file = TokenFile(admit, self.port)
-        except BaseException:
+        with self.opening() as opened:
+            self._servers = [_Server(one, endpoint, tls) for one in listening(hosts, port, "HTTP")]
             for server in self._servers:
-                server.server_close()
-            raise
-        self._threads = [
-            threading.Thread(
-                target=server.serve_forever, args=(0.05,), name="uuvsim-http", daemon=True
-            )
-            for server in self._servers
-        ]
-        for thread in self._threads:
-            thread.start()
+                opened.callback(server.server_close)
+            self.port: int = self._servers[0].server_address[1]
+            opened.enter_context(TokenFile(admit, self.port))
+            self._threads = [
+                started("uuvsim-http", server.serve_forever, 0.05) for server in self._servers
+            ]
+            opened.callback(self._end)
 
     @property
     def addresses(self) -> tuple[str, ...]:
@@ -88,16 +73,14 @@ class HttpServer(Closing):
         kind = "http" if self._tls is None else "https"
         return tuple(f"{kind}://{host}:{self.port}/" for host in shown)
 
-    def close(self) -> None:
+    def _end(self) -> None:
         """Disconnect all clients and stop listening."""
         self._endpoint.closed.set()
-        self._token_file.close()
         with contextlib.suppress(UuvsimError):  # the service may have ended before
             self._endpoint.sessions.close()
         for server in self._servers:
             server.shutdown()
-            server.server_close()
-        self._endpoint.places.close()
+        self._endpoint.slots.close()
         for thread in self._threads:
             thread.join(timeout=2.0)
 
@@ -128,23 +111,29 @@ class _Server(ThreadingHTTPServer):
         if pause > 0:
             time.sleep(pause)
         self._accepted = time.monotonic()
-        if endpoint.places.enter(request):
+        if endpoint.slots.add(request):
             super().process_request(request, client_address)
             return
-        text = json.dumps({"ok": False, "error": endpoint.full}).encode()
         request.setblocking(False)
         with contextlib.suppress(OSError):
-            request.send(_FULL % (len(text), text))
+            request.send(_last_answer(HTTPStatus.SERVICE_UNAVAILABLE, endpoint.full))
         self.shutdown_request(request)
 
     def shutdown_request(self, request: _Request) -> None:
         """Free the place of a connection that has ended."""
         assert isinstance(request, socket.socket)
-        self.endpoint.places.leave(request)
+        self.endpoint.slots.free(request)
         super().shutdown_request(request)
 
     def handle_error(self, request: _Request, client_address: object) -> None:
         """Print nothing: a client that disconnects is no error of the server."""
+
+
+def _last_answer(status: HTTPStatus, message: str) -> bytes:
+    """Return an answer to a connection that no handler serves, and that is closed after it."""
+    text = json.dumps({"ok": False, "error": message})
+    head = f"HTTP/1.1 {status.value} {status.phrase}\r\nContent-Type: application/json\r\n"
+    return f"{head}Content-Length: {len(text)}\r\nConnection: close\r\n\r\n{text}".encode()
 
 
 class _Connection(Handler):
@@ -154,8 +143,16 @@ class _Connection(Handler):
         assert isinstance(self.server, _Server)
         self.endpoint = self.server.endpoint
         self.request.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        if self.server.tls is not None:
-            self._secure(self.request, self.server.tls)
+        if (context := self.server.tls) is not None:
+            plain = self.request
+            try:
+                self.request = secured(plain, context, self.endpoint.limits.hello_s)
+            except UuvsimError as error:
+                plain.sendall(_last_answer(HTTPStatus.BAD_REQUEST, f"{error}: https://"))
+                raise
+            if not self.endpoint.slots.swap(plain, self.request):
+                self._forget(self.request)
+                raise ConnectionAbortedError
         super().setup()
         self._raw = _Timed(self.connection, self.endpoint.limits)
         self.rfile = io.BufferedReader(self._raw)
@@ -163,7 +160,7 @@ class _Connection(Handler):
     def handle_one_request(self) -> None:
         """Answer a request; its time limit begins with its first byte."""
         self._raw.end = None
-        self.endpoint.places.idle(self.connection)
+        self.endpoint.slots.idle(self.connection)
         super().handle_one_request()
 
     def finish(self) -> None:
@@ -172,20 +169,8 @@ class _Connection(Handler):
         if isinstance(self.request, ssl.SSLSocket):
             self._forget(self.request)
 
-    def _secure(self, plain: socket.socket, context: ssl.SSLContext) -> None:
-        """Make the TLS handshake; a client that does not speak TLS gets a plain answer."""
-        try:
-            self.request = secured(plain, context, self.endpoint.limits.hello_s)
-        except UuvsimError as error:
-            text = json.dumps({"ok": False, "error": f"{error}: https://"}).encode()
-            plain.sendall(_PLAIN % (len(text), text))
-            raise
-        if not self.endpoint.places.swap(plain, self.request):
-            self._forget(self.request)
-            raise ConnectionAbortedError
-
     def _forget(self, client: socket.socket) -> None:
-        self.endpoint.places.leave(client)
+        self.endpoint.slots.free(client)
         client.close()
 
 

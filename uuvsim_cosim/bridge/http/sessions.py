@@ -25,8 +25,8 @@ IDLE = 60.0  # [s] without a request after which a session is lost; its lag budg
 class _Session:
     calls: Calls
     idle: float
-    heard: float
-    waits: int = 0  # requests that are being answered
+    last_request: float
+    pending: int = 0  # requests that are being answered
 
 
 @final
@@ -66,7 +66,7 @@ class Sessions:
         with self._lock:
             session = self._open.get(token)
             if session is not None:
-                session.heard = self._clock()
+                session.last_request = self._clock()
         if session is None or session.calls.client.allowed != allowed:
             raise InputInvalid(
                 f"session {token[:40]!r} is not known here, or has ended",
@@ -74,13 +74,13 @@ class Sessions:
             )
         return session.calls
 
-    def waiting(self, token: str | None, *, begins: bool) -> None:
+    def note_request(self, token: str | None, *, begins: bool) -> None:
         """Note that the answer to a request of a session begins or ends: it is not silent."""
         with self._lock:
             session = self._open.get(token or "")
             if session is not None:
-                session.waits += 1 if begins else -1
-                session.heard = self._clock()
+                session.pending += 1 if begins else -1
+                session.last_request = self._clock()
 
     def leave(self, token: str) -> None:
         """End a session."""
@@ -94,11 +94,11 @@ class Sessions:
         now = self._clock()
         with self._lock:
             silent = [
-                t for t, s in self._open.items() if not s.waits and now - s.heard > s.idle
+                t for t, s in self._open.items() if not s.pending and now - s.last_request > s.idle
             ]  # fmt: skip
             gone = [self._open.pop(token) for token in silent]
         for session in gone:
-            getattr(self._service, "lost", self._service.leave)(session.calls.client)
+            self._service.lost(session.calls.client)
 
     def close(self) -> None:
         """End all sessions."""

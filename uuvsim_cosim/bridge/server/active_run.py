@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import io
+import shutil
+import tempfile
 import time
+import weakref
 from collections.abc import Callable, Mapping, Sequence
 from math import ceil
 from typing import Any, final
@@ -10,15 +14,14 @@ from typing import Any, final
 import numpy as np
 
 from uuvsim_cosim.bridge.server.call_queue import Answer
-from uuvsim_cosim.bridge.server.recorded_rows import Store
+from uuvsim_cosim.bridge.server.playback import Stepped
 from uuvsim_cosim.bridge.server.signal_names import Place
-from uuvsim_cosim.bridge.server.stepped import Stepped
-from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.errors import InputInvalid, RecordingError
 from uuvsim_cosim.orchestrator.master.core_library import Type
 from uuvsim_cosim.orchestrator.master.observer import Chunk, Column
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 
-__all__ = ["Record", "Running"]
+__all__ = ["Record", "Running", "Store"]
 
 _SECONDS = 0.01  # of wall time between two checks of the queue, in a run as fast as possible
 _WAKES = 1000.0  # [1/s] at most: shorter communication steps are made several at a time
@@ -26,6 +29,87 @@ _MOST = 1000  # steps that are made at once at most; calls wait meanwhile
 _MEMORY = 8 << 20  # bytes of recorded signals that are kept in memory
 _IN_PROCESS = 1 << 30  # bytes of `time` that a run without signals keeps for this process
 _HOPELESS = 1.0  # [s] of delay behind the clock beyond which the schedule is shifted instead
+
+
+@final
+class Store:
+    """Arrays of `rows` rows by name, each with a type and the shape of a row.
+
+    The file has no name; the system deletes it with the last array that is mapped from it.
+    """
+
+    def __init__(
+        self,
+        rows: int,
+        formats: Mapping[str, tuple[np.dtype, tuple[int, ...]]],
+        *,
+        in_file: bool,
+    ) -> None:
+        self._formats = formats
+        self._places: dict[str, int] = {}  # in the file [bytes]
+        self._arrays: dict[str, np.ndarray] = {}
+        self._file: io.FileIO | None = None
+        size = 0
+        for name, (dtype, shape) in formats.items():
+            if in_file and not dtype.hasobject:
+                self._places[name] = size
+                size += rows * dtype.itemsize * int(np.prod(shape, dtype=int))
+            else:
+                try:
+                    self._arrays[name] = np.empty((rows, *shape), dtype)
+                except (MemoryError, ValueError):  # ValueError: more than an array may have
+                    raise InputInvalid(
+                        "run", f"there is no memory for {rows} rows", "a shorter run, in pieces"
+                    ) from None
+        if size:
+            free = shutil.disk_usage(tempfile.gettempdir()).free
+            if size > free // 2:
+                raise InputInvalid(
+                    "run",
+                    (
+                        f"its recording takes {size} bytes of a temporary file, and {free} "
+                        f"are free in {tempfile.gettempdir()}"
+                    ),
+                    "twice that number: record fewer signals, or run in pieces",
+                )
+            self._file = tempfile.TemporaryFile(buffering=0)  # noqa: SIM115
+            weakref.finalize(self, self._file.close)  # mapped arrays stay valid
+
+    def put(self, row: int, values: Mapping[str, np.ndarray]) -> None:
+        """Store values from a row on, each of shape (n, …); raises RecordingError if it cannot."""
+        for name, given in values.items():
+            dtype, shape = self._formats[name]
+            rows = given.astype(dtype, copy=False).reshape(len(given), *shape)
+            if name in self._arrays:
+                self._arrays[name][row : row + len(rows)] = rows
+                continue
+            size = dtype.itemsize * int(np.prod(shape, dtype=int))
+            assert self._file is not None
+            try:
+                self._file.seek(self._places[name] + row * size)
+                data = memoryview(np.ascontiguousarray(rows).tobytes())
+                while data:
+                    data = data[self._file.write(data) :]
+            except OSError as error:
+                raise RecordingError(
+                    "run",
+                    f"its temporary file cannot be written: {error.strerror}",
+                    f"room in {tempfile.gettempdir()}",
+                ) from None
+
+    def first_rows(self, rows: int) -> dict[str, np.ndarray]:
+        """Return the first rows of all arrays; those in the file are mapped."""
+        given: dict[str, np.ndarray] = {}
+        for name, (dtype, shape) in self._formats.items():
+            if name in self._arrays:
+                given[name] = self._arrays[name][:rows]
+            elif 0 in shape:
+                given[name] = np.zeros((rows, *shape), dtype)
+            else:
+                assert self._file is not None
+                at = self._places[name]
+                given[name] = np.memmap(self._file, dtype, "r", at, (rows, *shape))
+        return given
 
 
 @final

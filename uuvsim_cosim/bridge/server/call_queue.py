@@ -6,7 +6,6 @@ import queue
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
-from dataclasses import dataclass, field
 from typing import Any, final
 
 from uuvsim_cosim.errors import InputInvalid
@@ -16,12 +15,8 @@ __all__ = ["Answer", "Calls"]
 Answer = Future[Any]
 
 
-@dataclass(frozen=True)
-class _Call:
-    """A call: `work(answer)` sets the result of its answer, or keeps the answer for later."""
-
-    work: Callable[[Answer], None]
-    answer: Answer = field(default_factory=Future)
+# `work(answer)` sets the result of its answer, or keeps the answer for later.
+_Call = tuple[Callable[[Answer], None], Answer]
 
 
 @final
@@ -35,44 +30,44 @@ class Calls:
 
     def put(self, work: Callable[[Answer], None]) -> Answer:
         """Put work in the queue; the future has its answer, or the error that it raised."""
-        call = _Call(work)
+        answer: Answer = Future()
         with self._lock:
             if self._closed:
                 raise InputInvalid("the co-simulation has ended", "one that is served")
-            self._queue.put(call)
-        return call.answer
+            self._queue.put((work, answer))
+        return answer
 
     def carry_out(self, timeout: float | None) -> bool:
         """Carry out the next call, if one comes within `timeout` s; return whether one came."""
         try:
             if timeout is None:
-                call = self._queue.get()
+                work, answer = self._queue.get()
             elif timeout <= 0.0:
-                call = self._queue.get_nowait()
+                work, answer = self._queue.get_nowait()
             else:
-                call = self._queue.get(timeout=timeout)
+                work, answer = self._queue.get(timeout=timeout)
         except queue.Empty:
             return False
         try:
-            call.work(call.answer)
+            work(answer)
         except BaseException as error:  # raised again in the thread that waits for the answer
-            if not call.answer.done():
-                call.answer.set_exception(error)
+            if not answer.done():
+                answer.set_exception(error)
         return True
 
     def close(self, work: Callable[[Answer], None]) -> Answer:
         """Put the last work in the queue, and refuse all later calls."""
-        call = _Call(work)
+        answer: Answer = Future()
         with self._lock:
             self._closed = True
-            self._queue.put(call)
-        return call.answer
+            self._queue.put((work, answer))
+        return answer
 
     def drain(self) -> None:
         """Answer the calls that still wait by the error that the co-simulation has ended."""
         while True:
             try:
-                call = self._queue.get_nowait()
+                _, answer = self._queue.get_nowait()
             except queue.Empty:
                 return
-            call.answer.set_exception(InputInvalid("the co-simulation has ended meanwhile"))
+            answer.set_exception(InputInvalid("the co-simulation has ended meanwhile"))

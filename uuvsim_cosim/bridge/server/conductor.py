@@ -9,19 +9,14 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, final
 
-import numpy as np
-
 from uuvsim_cosim.bridge.access.roles import check
-from uuvsim_cosim.bridge.calls.at_exit import close_at_exit
-from uuvsim_cosim.bridge.calls.service import Client, Moment, Schema
+from uuvsim_cosim.bridge.calls.service import Client, Moment, Schema, Service
 from uuvsim_cosim.bridge.calls.time_sharing import READS, Share
-from uuvsim_cosim.bridge.server.barrier import FailSafe
-from uuvsim_cosim.bridge.server.call_handlers import CallHandlers
 from uuvsim_cosim.bridge.server.call_queue import Answer, Calls
 from uuvsim_cosim.bridge.server.current_master import CurrentMaster
-from uuvsim_cosim.bridge.server.lockstep import Lockstep
-from uuvsim_cosim.bridge.server.playback import Replay
-from uuvsim_cosim.closing import Closing
+from uuvsim_cosim.bridge.server.lockstep import FailSafe, Lockstep
+from uuvsim_cosim.bridge.server.playback import Playback
+from uuvsim_cosim.closing import Closing, close_at_exit, started
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.master.observer import Observer
@@ -31,12 +26,15 @@ from uuvsim_cosim.orchestrator.system.system import System
 
 __all__ = ["Conductor"]
 
-_ANYBODY = Client("anybody", "local", frozenset())
+_AT_ONCE = 1000  # steps; more are made in pieces, so that other calls are answered meanwhile
+
+
+_LATER = object()  # result of a call whose answer is set later
 _CALLS = 16  # calls that are carried out at most before steps that are due
 
 
 @final
-class Conductor(Closing):
+class Conductor(Service, Closing):
     """`Service` of one running co-simulation, or of a recording; all transports pass calls to it.
 
     A given master must not be initialized; from now on only the conductor may use it. `record` is a
@@ -47,7 +45,7 @@ class Conductor(Closing):
 
     def __init__(
         self,
-        system: System | Plan | Master | Replay | str | Path,
+        system: System | Plan | Master | Playback | str | Path,
         seed: int = 0,
         backend: Backend = "native",
         *,
@@ -55,7 +53,7 @@ class Conductor(Closing):
         fail_safe: FailSafe = "drop",
         loads_code: bool = True,
     ) -> None:
-        if not isinstance(system, System | Plan | Master | Replay | str | Path):
+        if not isinstance(system, System | Plan | Master | Playback | str | Path):
             kind = type(system).__name__
             raise InputInvalid(
                 f"a {kind} was given", "a system, its plan, a master, a recording or a path"
@@ -66,14 +64,12 @@ class Conductor(Closing):
         self._ending = threading.Lock()
         self._current: CurrentMaster | None = None
         self.share = Share(self._hurries)
-        self._thread = threading.Thread(target=self._conduct, name="uuvsim-conductor", daemon=True)
-        self._thread.start()
+        self._thread = started("uuvsim-conductor", self._conduct)
         folder = None if record is None else Path(record)
 
         def begin(answer: Answer) -> None:
             current = CurrentMaster(system, seed, backend, folder)
             self._lockstep = Lockstep(current, fail_safe)
-            self._handlers = CallHandlers(current, self._lockstep)
             self._current = current  # last, as other threads use it once it is set
             current.moment()
             answer.set_result(None)
@@ -94,7 +90,7 @@ class Conductor(Closing):
     @property
     def folders(self) -> tuple[Path, ...]:
         """The folders of the recordings so far."""
-        return () if self._current is None else tuple(self._current.tap.folders)
+        return () if self._current is None else tuple(self._current.rows.folders)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -108,90 +104,9 @@ class Conductor(Closing):
 
     # ---- the service -------------------------------------------------------------------------
 
-    def describe(self) -> Mapping[str, Any]:
-        """Return the system: name, version, tick, components, clients, mode."""
-        return dict(self.ask("describe", _ANYBODY).result())
-
     def schema(self) -> Schema:
         """List all variables; the same object until a component is replaced."""
         return self._on.names.schema
-
-    def get(self, client: Client, names: Sequence[str]) -> Mapping[str, Any]:
-        """Read variables at the current communication point."""
-        return dict(self.ask("get", client, names).result())
-
-    def set(self, client: Client, values: Mapping[str, object]) -> Moment:
-        """Set unconnected inputs and tunable parameters, all or none."""
-        return _moment(self.ask("set", client, values).result())
-
-    def step(
-        self,
-        client: Client,
-        n: int = 1,
-        inputs: Mapping[str, object] | None = None,
-        outputs: Sequence[str] = (),
-    ) -> tuple[Moment, Mapping[str, Any]]:
-        """Set inputs, make n communication steps, and return outputs; in lockstep, with others."""
-        moment, values = self.ask("step", client, n, inputs, outputs).result()
-        return moment, values
-
-    def run(
-        self,
-        client: Client,
-        until: float | None = None,
-        factor: float | None = None,
-        record: Sequence[str] = (),
-    ) -> Mapping[str, np.ndarray]:
-        """Run to a time [s], or stream without `until`; return the time and recorded signals."""
-        return dict(self.ask("run", client, until, factor, record).result())
-
-    def pause(self, client: Client) -> Moment:
-        """Stop streaming at a communication point."""
-        return _moment(self.ask("pause", client).result())
-
-    def reset(
-        self, client: Client, seed: int | None = None, start: Mapping[str, object] | None = None
-    ) -> Moment:
-        """Go back to the start, with another seed or other start values."""
-        return _moment(self.ask("reset", client, seed, start).result())
-
-    def snapshot(self, client: Client) -> str:
-        """Store the whole state; return the name of the snapshot."""
-        return str(self.ask("snapshot", client).result())
-
-    def restore(self, client: Client, snapshot: str) -> Moment:
-        """Go back to a snapshot."""
-        return _moment(self.ask("restore", client, snapshot).result())
-
-    def discard(self, client: Client, snapshot: str) -> Moment:
-        """Delete a snapshot."""
-        return _moment(self.ask("discard", client, snapshot).result())
-
-    def replace(
-        self, client: Client, component: str, source: str, mapping: Mapping[str, str] | None = None
-    ) -> Moment:
-        """Replace the source of a component; the run begins again from the start."""
-        return _moment(self.ask("replace", client, component, source, mapping).result())
-
-    def join(self, client: Client, *, lockstep: bool = False, lag: float = 5.0) -> Client:
-        """Add a client; with `lockstep` it holds the barrier."""
-        joined = self.ask("join", client, lockstep, lag).result()
-        assert isinstance(joined, Client)
-        return joined
-
-    def leave(self, client: Client) -> None:
-        """Remove a client; the barrier no longer waits for it."""
-        self.ask("leave", client).result()
-
-    def dismiss(self, client: Client, name: str) -> Moment:
-        """Remove another client from the barrier."""
-        return _moment(self.ask("dismiss", client, name).result())
-
-    # ---- more than the service ---------------------------------------------------------------
-
-    def lost(self, client: Client) -> None:
-        """Remove a client that has disconnected; if it held the barrier, the fail-safe decides."""
-        self.ask("lost", client).result()
 
     def ask(self, call: str, client: Client, *arguments: object) -> Answer:
         """Put a call in the queue, without waiting for its answer."""
@@ -210,7 +125,9 @@ class Conductor(Closing):
             if call == "step":
                 self.share.steps(client)
             begun = time.thread_time() if call in READS else 0.0
-            self._handlers.carry_out(call, client, answer, *arguments)
+            result = self._carried_out(call, client, answer, *arguments)
+            if result is not _LATER:
+                answer.set_result(result)
             if begun:
                 self.share.also_took(client, time.thread_time() - begun)
 
@@ -228,11 +145,11 @@ class Conductor(Closing):
 
     def watch(self, observer: Observer) -> None:
         """Pass the rows of every communication point to an observer, in the conductor's thread."""
-        self._now(lambda: self._on.tap.listen(observer))
+        self._now(lambda: self._on.rows.add(observer))
 
     def unwatch(self, observer: Observer) -> None:
         """Stop passing rows to an observer."""
-        self._now(lambda: self._on.tap.leave(observer))
+        self._now(lambda: self._on.rows.remove(observer))
 
     def close(self) -> None:
         """End the co-simulation and complete its recordings; a second call does nothing."""
@@ -270,6 +187,86 @@ class Conductor(Closing):
             current.advance()
             lockstep.advance()
 
+    def _carried_out(self, call: str, client: Client, answer: Answer, *arguments: Any) -> object:
+        """Carry out a call; return its result, or `_LATER` if the answer is set later."""
+        current, lockstep = self._on, self._lockstep
+        match call:
+            case "describe":
+                return {**current.describe(), **lockstep.describe()}
+            case "get":
+                return current.names.get(*arguments)
+            case "set":
+                current.names.set(current.names.fit(*arguments))
+            case "step":
+                return self._step(client, answer, *arguments)
+            case "run":
+                current.check_idle("run")
+                lockstep.check_free(client, "run")
+                until, factor, record = arguments
+                current.run(until, factor, record, answer, client.answer_bytes)
+                return _LATER
+            case "pause":
+                current.pause()
+            case "reset":
+                seed, start = arguments
+                if seed is not None and (isinstance(seed, bool) or not isinstance(seed, int)):
+                    raise InputInvalid("reset", f"seed {seed!r}", "a whole number")
+                current.reset(seed, start or {})
+                lockstep.end(f"the co-simulation was reset by {client.name!r} meanwhile")
+            case "snapshot":
+                return current.snapshot(client.name)
+            case "discard":
+                current.snapshots.discard(*arguments)
+            case "restore":
+                current.restore(*arguments)
+                lockstep.end(f"a snapshot was restored by {client.name!r} meanwhile")
+            case "replace":
+                current.replace(*arguments)
+                lockstep.end(f"{arguments[0]} was replaced by {client.name!r} meanwhile")
+            case "join":
+                return lockstep.join(client, *arguments)
+            case "leave" | "lost":
+                lockstep.leave(client) if call == "leave" else lockstep.lost(client)
+                current.snapshots.client_left(client.name)
+                return None
+            case "dismiss":
+                (name,) = arguments
+                lockstep.dismiss(name, client)
+            case "schema":
+                return current.names.schema
+            case _:
+                raise KeyError(call)
+        return current.moment()
+
+    def _step(
+        self,
+        client: Client,
+        answer: Answer,
+        n: int,
+        inputs: Mapping[str, object] | None,
+        outputs: Sequence[str],
+    ) -> object:
+        if isinstance(n, bool) or not isinstance(n, int) or n < 1:
+            raise InputInvalid("step", f"{n!r} steps", "a whole number from 1")
+        current = self._on
+        current.check_idle("step")
+        if self._lockstep.holds(client):
+            self._lockstep.ask(client, n, inputs or {}, outputs, answer)
+            return _LATER
+        self._lockstep.check_free(client, "step")
+        for name in outputs:  # before anything changes, as it may raise
+            current.names.find(name)
+        current.names.set(current.names.fit(inputs or {}))
+
+        def result() -> tuple[Moment, dict[str, Any]]:
+            return current.moment(), current.names.get(outputs)
+
+        if n > _AT_ONCE:
+            current.run_for(n, answer, result)
+            return _LATER
+        current.step(n)
+        return result()
+
     def _end(self, answer: Answer) -> None:
         try:
             if self._current is not None:
@@ -292,8 +289,3 @@ class Conductor(Closing):
     def _now(self, call: Callable[[], object]) -> None:
         """Make a call in the conductor's thread, and wait for its end."""
         self._calls.put(lambda answer: answer.set_result(call())).result()
-
-
-def _moment(answer: object) -> Moment:
-    assert isinstance(answer, Moment)
-    return answer

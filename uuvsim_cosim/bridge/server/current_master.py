@@ -6,17 +6,16 @@ from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from math import ceil, isfinite
 from pathlib import Path
-from typing import final
+from typing import Any, final
 
 from uuvsim_cosim._version import __version__
 from uuvsim_cosim.bridge.calls.service import Moment
 from uuvsim_cosim.bridge.server.active_run import Record, Running
 from uuvsim_cosim.bridge.server.call_queue import Answer
-from uuvsim_cosim.bridge.server.playback import Replay, is_recording
-from uuvsim_cosim.bridge.server.row_taps import Tap
+from uuvsim_cosim.bridge.server.playback import Playback, Stepped, is_recording
+from uuvsim_cosim.bridge.server.row_distributor import RowDistributor
 from uuvsim_cosim.bridge.server.signal_names import Names
 from uuvsim_cosim.bridge.server.snapshots import Snapshots
-from uuvsim_cosim.bridge.server.stepped import Stepped
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.master.prepared import prepare
@@ -35,23 +34,23 @@ class CurrentMaster:
 
     def __init__(
         self,
-        system: System | Plan | Master | Replay | str | Path,
+        system: System | Plan | Master | Playback | str | Path,
         seed: int,
         backend: Backend,
         record: Path | None,
     ) -> None:
         if isinstance(system, str | Path) and is_recording(system):
-            system = Replay(system)
+            system = Playback(system)
         elif isinstance(system, str | Path):
             from uuvsim_cosim.orchestrator.running.library import load
 
             system = load(system)
         self._system = system if isinstance(system, System) else None
         self._seed, self._backend = seed, backend
-        self._replay = system if isinstance(system, Replay) else None
+        self._replay = system if isinstance(system, Playback) else None
         self.name = "plan" if isinstance(system, Plan | Master) else system.name
         record = None if self._replay else record  # there is a recording already
-        self.tap = Tap(record, {"system": self.name, "seed": seed})
+        self.rows = RowDistributor(record, {"system": self.name, "seed": seed})
         self.running: Running | None = None
         self.failed: UuvsimError | None = None
         self.is_closed = False
@@ -60,8 +59,8 @@ class CurrentMaster:
         self._overruns, self._busy = 0, 0.0  # of the last run, once it has ended
         self._components: list[dict[str, object]] | None = None
         self.master: Stepped
-        if isinstance(system, Replay):
-            system.initialize([self.tap])
+        if isinstance(system, Playback):
+            system.initialize([self.rows])
             self.master = system
         else:
             self.master = self._begun(
@@ -106,7 +105,7 @@ class CurrentMaster:
             "warnings": list(self.warned()),
             "overruns": running.overruns if running and running.factor else self._overruns,
             "busy": running.busy if running else self._busy,
-            "recordings": [folder.name for folder in self.tap.folders],
+            "recordings": [folder.name for folder in self.rows.folders],
             **({} if self._replay is None else self._replay.described),
             "components": self._components,
         }
@@ -170,9 +169,9 @@ class CurrentMaster:
             answer.set_result({})
             return
         rows = end - self.master.tick + 1
-        kept = Record(places, self.tap.columns, self.names.read, self.master, rows, most)
+        kept = Record(places, self.rows.columns, self.names.read, self.master, rows, most)
         self._begin(Running(self.master, last, factor, answer, kept, kept.result))
-        self.tap.listen(kept)
+        self.rows.add(kept)
         assert self.running is not None
         if self.running.is_over:  # `until` is the current time
             self.pause()
@@ -194,7 +193,7 @@ class CurrentMaster:
             return
         self.moment()
         if running.record is not None:
-            self.tap.leave(running.record)
+            self.rows.remove(running.record)
         if running.answer is not None:
             try:
                 running.answer.set_result(running.finish())
@@ -232,7 +231,7 @@ class CurrentMaster:
             self._ended()
             self.moment()
             if running.record is not None:
-                self.tap.leave(running.record)
+                self.rows.remove(running.record)
             if running.answer is not None:
                 running.answer.set_exception(error)
         else:
@@ -247,7 +246,7 @@ class CurrentMaster:
             raise InputInvalid("reset", f"seed {seed}", "none, for this replays a recording")
         starts = self.names.starts(start)  # before anything changes, as it may raise
         self.pause()
-        self.tap.fresh()
+        self.rows.fresh()
         try:
             self.master.reset(seed, starts)
         except UuvsimError as error:
@@ -264,9 +263,9 @@ class CurrentMaster:
     def restore(self, name: str) -> None:
         """Restore a snapshot; in a recording, also the time ``t=SECONDS``."""
         sought = None if self._replay is None else self._replay.sought(name)
-        state = self.snapshots.find(name) if sought is None else sought
+        state: Any = self.snapshots.find(name) if sought is None else sought
         self.pause()
-        self.tap.fresh()
+        self.rows.fresh()
         self.master.restore(state)
         self.failed = None
 
@@ -282,7 +281,7 @@ class CurrentMaster:
         plan = flatten(system, self._seed)
         instantiate = prepare(plan, self._backend)
         self.pause()
-        old, master = self.master, Master(plan, instantiate, observers=[self.tap])
+        old, master = self.master, Master(plan, instantiate, observers=[self.rows])
         try:
             master.initialize()
         except BaseException:
@@ -309,7 +308,7 @@ class CurrentMaster:
             try:
                 self.master.free()
             finally:
-                self.tap.close()
+                self.rows.close()
 
     def _check_ahead(self, tick: int, call: str) -> None:
         if self._replay is not None:
@@ -320,17 +319,17 @@ class CurrentMaster:
         try:
             if isinstance(given, Master):
                 master = given
-                master.attach(self.tap)
+                master.attach(self.rows)
             else:
-                master = Master(given, prepare(given, self._backend), observers=[self.tap])
+                master = Master(given, prepare(given, self._backend), observers=[self.rows])
         except BaseException:
-            self.tap.close()
+            self.rows.close()
             raise
         try:
             master.initialize()
         except BaseException:
             master.free()
-            self.tap.close()
+            self.rows.close()
             raise
         return master
 

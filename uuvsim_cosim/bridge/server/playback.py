@@ -1,4 +1,4 @@
-"""Replay of a recording like a running system: it is stepped, paused and read, and can be sought.
+"""Playback of a recording like a running system: it is stepped, paused and read, and can be sought.
 
 Signals have a value at each communication point; between two recorded points, the earlier value
 holds. Nothing can be set. The whole recording is kept in memory.
@@ -17,12 +17,13 @@ import numpy as np
 
 from uuvsim_cosim.errors import InputInvalid, RecordingError
 from uuvsim_cosim.fmus.description import Description, Variable, VariableType
+from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.master.observer import Chunk, Column, Observer
 from uuvsim_cosim.orchestrator.plan.plan import Plan, PlannedComponent
 from uuvsim_cosim.orchestrator.recording.recording_reader import PARQUET, STREAM, read_signals
 from uuvsim_cosim.orchestrator.recording.signals import Signals
 
-__all__ = ["Replay", "is_recording"]
+__all__ = ["Playback", "Stepped", "is_recording"]
 
 _ENDINGS = (".mcap", ".parquet", ".arrows")
 _TYPES: dict[str, VariableType] = {"f": "Float64", "i": "Int64", "u": "UInt64", "b": "Boolean"}
@@ -39,8 +40,8 @@ def is_recording(system: object) -> bool:
 
 
 @final
-class Replay:
-    """A recording instead of a master (`Stepped`); raises RecordingError for other data."""
+class Playback:
+    """A recording instead of a master; raises RecordingError for other data."""
 
     def __init__(self, recording: Signals | Path | str) -> None:
         if isinstance(recording, Signals):
@@ -65,19 +66,10 @@ class Replay:
         self._observers: Sequence[Observer] = ()
         self._rows, self._texts = _rows(signals, self.columns)
         self._ticks = signals.ticks
+        self.first_tick, self.last_tick = int(self._ticks[0]), int(self._ticks[-1])
         self._tick = self.first_tick
 
     # ---- position -------------------------------------------------------------------------
-
-    @property
-    def first_tick(self) -> int:
-        """Communication point of the first recorded values."""
-        return int(self.signals.ticks[0])
-
-    @property
-    def last_tick(self) -> int:
-        """Communication point of the last recorded values."""
-        return int(self.signals.ticks[-1])
 
     @property
     def tick(self) -> int:
@@ -192,6 +184,10 @@ class Replay:
         chunk = Chunk(self.columns, self.plan.tick, ticks, rows, self._texts)
         for observer in self._observers:
             observer.observe(chunk)
+
+
+Stepped = Master | Playback
+"""A master, or a recording that is stepped like one."""
 
 
 def _plan(signals: Signals, where: str) -> Plan:

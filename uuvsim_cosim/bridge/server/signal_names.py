@@ -9,7 +9,7 @@ from typing import Any, final
 import numpy as np
 
 from uuvsim_cosim.bridge.calls.service import Schema, SignalInfo
-from uuvsim_cosim.bridge.server.stepped import Stepped
+from uuvsim_cosim.bridge.server.playback import Stepped
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.fmus.description import Variable
 from uuvsim_cosim.models.declaration.element_names import split_element_name

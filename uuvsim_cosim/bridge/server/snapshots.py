@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import final
+from typing import Any, final
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.near_names import expected_names
@@ -16,7 +16,7 @@ ALL = 1024  # that all clients keep together, those that have left included
 
 @dataclass
 class _Kept:
-    state: object
+    state: Any  # of a `Master`, or the communication point of a recording
     owner: str | None  # None: its client has left
 
 
@@ -60,7 +60,7 @@ class Snapshots:
         self._kept[name] = _Kept(state, owner)
         return name
 
-    def find(self, name: str) -> object:
+    def find(self, name: str) -> Any:
         """Return the state; raises InputInvalid with the reason if there is none."""
         if name in self._kept:
             return self._kept[name].state

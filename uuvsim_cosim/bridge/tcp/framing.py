@@ -79,16 +79,7 @@ class Reader:
         end = time.monotonic() + self.limits.frame_s
         self._fill(_PREFIX.size, end)
         head, payload = _PREFIX.unpack_from(self._buffer)
-        self._check(head, payload)  # before waiting for its bytes
-        total = _PREFIX.size + head + payload
-        self._fill(total, end)
-        data = bytes(self._buffer[:total])
-        del self._buffer[:total]
-        body = data[_PREFIX.size + head :]
-        text = data[_PREFIX.size : _PREFIX.size + head]
-        return (read_object(text, "frame: its header") if head else None), body
-
-    def _check(self, head: int, payload: int) -> None:
+        # Refused before its bytes have arrived:
         for what, read, most in (
             ("header", head, self.limits.header_bytes),
             ("payload", payload, self.limits.payload_bytes),
@@ -97,15 +88,20 @@ class Reader:
                 raise InputInvalid(
                     "frame",
                     f"a {what} of {read} bytes was announced",
-                    (
-                        f"at most {most} (a frame begins with two little-endian uint32, see "
-                        "docs/connections/connect_matlab.md)"
-                    ),
+                    f"at most {most} (a frame begins with two little-endian uint32, see "
+                    "docs/connections/connect_matlab.md)",
                 )
         if payload % 8:
             raise InputInvalid(
                 "frame", f"a payload of {payload} bytes was announced", "a multiple of 8"
             )
+        total = _PREFIX.size + head + payload
+        self._fill(total, end)
+        data = bytes(self._buffer[:total])
+        del self._buffer[:total]
+        body = data[_PREFIX.size + head :]
+        text = data[_PREFIX.size : _PREFIX.size + head]
+        return (read_object(text, "frame: its header") if head else None), body
 
     def _fill(self, size: int, end: float) -> None:
         while len(self._buffer) < size:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
+import select
+import socket
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from fractions import Fraction
 from typing import Any, TypeVar
 
 from uuvsim_cosim.bridge.calls.call_table import arguments
-from uuvsim_cosim.bridge.calls.service import Client, Moment, Schema, Service, SignalInfo
+from uuvsim_cosim.bridge.calls.service import Client, Service, SignalInfo
 from uuvsim_cosim.bridge.calls.values import json_of
 from uuvsim_cosim.bridge.tcp.framing import Disconnected
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
@@ -48,27 +50,25 @@ class Calls:
         self.service = service
         self.client = client
         self._tick: Fraction | None = None
-        self._asking = threading.local()
+        self._thread = threading.local()
         self.refresh()
 
-    def attended(self, gone: Callable[[], bool]) -> None:
-        """Abort later calls of this thread once `gone` returns that the client has disconnected."""
-        self._asking.gone = gone
+    def attended(self, connection: socket.socket) -> None:
+        """Abort later calls of this thread once the other end closes its connection."""
+        self._thread.connection = connection
 
     def waited(self, call: str, *arguments: object) -> Any:
         """Carry out a call that may take long; raises Disconnected if its client disconnects."""
-        gone, ask = getattr(self._asking, "gone", None), getattr(self.service, "ask", None)
-        if gone is None or ask is None:
-            return getattr(self.service, call)(self.client, *arguments)
-        answer = ask(call, self.client, *arguments)
+        connection: socket.socket | None = getattr(self._thread, "connection", None)
+        answer = self.service.ask(call, self.client, *arguments)
         while True:
             try:
                 return answer.result(_LOOK)
             except TimeoutError:
                 if answer.done():  # the call itself has raised TimeoutError
                     raise
-            if gone():
-                self.service.abandon(answer)  # type: ignore[attr-defined]
+            if connection is not None and _hung_up(connection):
+                self.service.abandon(answer)
                 raise Disconnected(f"{call}: who asked is gone")
 
     @property
@@ -88,7 +88,7 @@ class Calls:
         before, schema = getattr(self, "_schema", None), self.service.schema()
         if schema is before:
             return False
-        self._schema = schema if isinstance(schema, Schema) else Schema(schema)
+        self._schema = schema
         return before is not None and list(before) != list(self._schema)
 
     def knowing(self, work: Callable[[], _T]) -> _T:
@@ -110,28 +110,28 @@ class Calls:
         match name:
             case "describe":
                 described = json_of(self.service.describe())
-                return Answer({"system": described, **_at(self.service.moment())}, {})
+                return Answer({"system": described, **asdict(self.service.moment())}, {})
             case "schema":
                 self.refresh()
                 return Answer({}, {}, f'"signals": {self._schema.text}')
             case "step":
                 moment, found = self.waited("step", *given)
-                return Answer(_at(moment), found)
+                return Answer(asdict(moment), found)
             case "run":
                 found = self.waited("run", *given)
-                return Answer(_at(self.service.moment()), found)
+                return Answer(asdict(self.service.moment()), found)
             case "get":
                 found = self.service.get(self.client, *given)
-                return Answer(_at(self.service.moment()), found)
+                return Answer(asdict(self.service.moment()), found)
             case "snapshot":
                 kept = self.service.snapshot(self.client)
-                return Answer({"snapshot": kept, **_at(self.service.moment())}, {})
+                return Answer({"snapshot": kept, **asdict(self.service.moment())}, {})
             case "join" | "leave":
                 raise InputInvalid(name, "this connection has joined", "another call")
         moment = getattr(self.service, name)(self.client, *given)
         if name == "replace":
             self.refresh()
-        return Answer(_at(moment), {})
+        return Answer(asdict(moment), {})
 
 
 def failure(error: BaseException) -> dict[str, object]:
@@ -146,5 +146,16 @@ def failure(error: BaseException) -> dict[str, object]:
     }
 
 
-def _at(moment: Moment) -> dict[str, object]:
-    return {"tick": moment.tick, "time": moment.time, "running": moment.running}
+def _hung_up(client: socket.socket) -> bool:
+    """Return whether the other end has closed its connection; received data stays unread."""
+    try:
+        poll = select.poll() if hasattr(select, "poll") else None
+        if poll is not None:
+            poll.register(client, select.POLLIN)
+            if not poll.poll(0):
+                return False
+        elif not select.select([client], [], [], 0.0)[0]:
+            return False
+        return not socket.socket.recv(client, 1, socket.MSG_PEEK)  # below TLS, which cannot peek
+    except (OSError, ValueError):
+        return True

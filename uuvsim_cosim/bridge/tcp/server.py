@@ -4,31 +4,28 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import select
 import socket
 import ssl
 import threading
 import time
 from collections.abc import Sequence
-from functools import partial
 
 from uuvsim_cosim.bridge.access.access_file import LOOPBACK
-from uuvsim_cosim.bridge.access.tls import common_name, secured
+from uuvsim_cosim.bridge.access.authentication import Admission
+from uuvsim_cosim.bridge.access.tls import secured
 from uuvsim_cosim.bridge.access.token import TokenFile, guarded_by_token
-from uuvsim_cosim.bridge.calls.connection_limits import Limits, Places
+from uuvsim_cosim.bridge.calls.connection_limits import ConnectionSlots, Limits
 from uuvsim_cosim.bridge.calls.service import Service
 from uuvsim_cosim.bridge.tcp.framing import TCP_PORT, Disconnected, frame
 from uuvsim_cosim.bridge.tcp.requests import failure
-from uuvsim_cosim.bridge.tcp.session import Admission, serve
-from uuvsim_cosim.closing import Closing
+from uuvsim_cosim.bridge.tcp.session import Session, full
+from uuvsim_cosim.closing import Owner, started
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
 
-__all__ = ["LOOPBACK", "TcpServer", "hung_up", "listening"]
-
-_PIECE = 1 << 20
+__all__ = ["LOOPBACK", "TcpServer", "listening"]
 
 
-class TcpServer(Closing):
+class TcpServer(Owner):
     """The TCP server: it listens from construction to `close`; each client has its own thread.
 
     Without `admit`, clients need the token of this user.
@@ -48,23 +45,16 @@ class TcpServer(Closing):
         self._admit = admit or guarded_by_token()
         self._limits = limits or Limits()
         self._tls = tls
-        self._places = Places(self._limits)
+        self._slots = ConnectionSlots(self._limits)
         self._serving: set[threading.Thread] = set()
         self._closed = False
-        self._listeners = listening(hosts, port, "TCP")
-        self.port: int = self._listeners[0].getsockname()[1]
-        try:
-            self._token_file = TokenFile(self._admit, self.port)
-        except BaseException:
+        with self.opening() as opened:
+            self._listeners = listening(hosts, port, "TCP")
+            opened.callback(self._end)
+            self.port: int = self._listeners[0].getsockname()[1]
+            opened.enter_context(TokenFile(self._admit, self.port))
             for one in self._listeners:
-                one.close()
-            raise
-        self._threads = [
-            threading.Thread(target=self._accept, args=(one,), name="uuvsim-tcp", daemon=True)
-            for one in self._listeners
-        ]
-        for thread in self._threads:
-            thread.start()
+                self._serving.add(started("uuvsim-tcp", self._accept, one))
 
     @property
     def addresses(self) -> tuple[str, ...]:
@@ -74,16 +64,15 @@ class TcpServer(Closing):
             for host, port, *_ in (one.getsockname() for one in self._listeners)
         )
 
-    def close(self) -> None:
+    def _end(self) -> None:
         """Disconnect all clients and stop listening."""
         self._closed = True
-        self._token_file.close()
-        self._places.close()
+        self._slots.close()
         for one in self._listeners:
             with contextlib.suppress(OSError):
                 one.shutdown(socket.SHUT_RDWR)
             one.close()
-        for thread in (*self._threads, *list(self._serving)):
+        for thread in list(self._serving):
             thread.join(timeout=2.0)
 
     def _accept(self, listener: socket.socket) -> None:
@@ -97,26 +86,18 @@ class TcpServer(Closing):
                 time.sleep(0.05)  # too many open files, for example: other clients continue
                 continue
             client.settimeout(self._limits.hello_s)
-            if self._places.enter(client):
-                thread = threading.Thread(
-                    target=self._serve, args=(client,), name="uuvsim-tcp-client", daemon=True
-                )
-                self._serving.add(thread)
-                thread.start()
+            if self._slots.add(client):
+                started("uuvsim-tcp-client", self._serve, client)
             else:
                 client.setblocking(False)
                 with client, contextlib.suppress(OSError):
-                    client.send(frame(failure(self._full())))
+                    client.send(frame(failure(full(self._limits))))
             time.sleep(pause)
-
-    def _full(self) -> InputInvalid:
-        return InputInvalid(
-            f"{self._limits.clients} clients are connected, which is all that may be; close one"
-        )
 
     def _serve(self, plain: socket.socket) -> None:
         """Serve one connection in its thread, and report the error that ends it to the client."""
         client = plain
+        self._serving.add(threading.current_thread())
         try:
             client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             # The system detects within a minute that a client's machine is gone.
@@ -126,9 +107,9 @@ class TcpServer(Closing):
                     client.setsockopt(socket.IPPROTO_TCP, getattr(socket, option), value)
             if self._tls is not None:
                 client = secured(plain, self._tls, self._limits.hello_s)
-                if not self._places.swap(plain, client):
+                if not self._slots.swap(plain, client):
                     return  # a newer connection has displaced it
-            self._talk(client)
+            Session(self._service, self._admit, self._limits, self._slots, client).serve()
         except (Disconnected, OSError):
             pass  # the client has disconnected
         except UuvsimError as error:
@@ -138,52 +119,9 @@ class TcpServer(Closing):
                 client.shutdown(socket.SHUT_WR)
         finally:
             for one in (plain, client):
-                self._places.leave(one)
+                self._slots.free(one)
             client.close()
             self._serving.discard(threading.current_thread())
-
-    def _talk(self, client: socket.socket) -> None:
-        """Run the protocol with a client, with time limits for authentication and frames."""
-        limits = self._limits
-        entered = False
-        deadline = time.monotonic() + limits.hello_s
-
-        def receive(size: int, begun: bool) -> bytes:
-            if not entered:  # a client that sends byte by byte gets no more time to authenticate
-                client.settimeout(max(deadline - time.monotonic(), 0.001))
-            else:
-                client.settimeout(limits.frame_s if begun else None)
-            return client.recv(size)
-
-        def send(data: bytes) -> None:
-            client.settimeout(limits.frame_s)  # a client that does not read is disconnected
-            for begin in range(0, len(data), _PIECE):
-                client.sendall(data[begin : begin + _PIECE] if len(data) > _PIECE else data)
-
-        def admitted() -> None:
-            nonlocal entered
-            entered = True
-            if not self._places.let_in(client):
-                raise self._full()
-
-        name = common_name(client)
-        gone = partial(hung_up, client)
-        serve(self._service, self._admit, self._limits, receive, send, admitted, name, gone)
-
-
-def hung_up(client: socket.socket) -> bool:
-    """Return whether the other end has closed its connection; received data stays unread."""
-    try:
-        poll = select.poll() if hasattr(select, "poll") else None
-        if poll is not None:
-            poll.register(client, select.POLLIN)
-            if not poll.poll(0):
-                return False
-        elif not select.select([client], [], [], 0.0)[0]:
-            return False
-        return not socket.socket.recv(client, 1, socket.MSG_PEEK)  # below TLS, which cannot peek
-    except (OSError, ValueError):
-        return True
 
 
 def listening(hosts: Sequence[str], port: int, what: str) -> list[socket.socket]:

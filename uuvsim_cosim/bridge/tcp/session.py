@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+import socket
 import struct
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from itertools import chain
@@ -13,12 +14,12 @@ from itertools import chain
 import numpy as np
 
 from uuvsim_cosim._version import __version__
-from uuvsim_cosim.bridge.access.authentication import Admission, everybody
+from uuvsim_cosim.bridge.access.authentication import Admission
+from uuvsim_cosim.bridge.access.tls import common_name
 from uuvsim_cosim.bridge.calls.call_table import CALLS, checked, whole
-from uuvsim_cosim.bridge.calls.connection_limits import Limits
-from uuvsim_cosim.bridge.calls.service import Client, Service, SignalInfo
-from uuvsim_cosim.bridge.calls.signal_hash import entry, interface_hash
-from uuvsim_cosim.bridge.calls.time_sharing import READS, Pace, share_of
+from uuvsim_cosim.bridge.calls.connection_limits import ConnectionSlots, Limits
+from uuvsim_cosim.bridge.calls.service import Client, Service, SignalInfo, entry, interface_hash
+from uuvsim_cosim.bridge.calls.time_sharing import READS, RateLimit, share_of
 from uuvsim_cosim.bridge.calls.values import (
     columns_of,
     find,
@@ -34,8 +35,9 @@ from uuvsim_cosim.bridge.tcp.framing import PROTOCOL, Disconnected, Reader, begu
 from uuvsim_cosim.bridge.tcp.requests import Calls, failure
 from uuvsim_cosim.errors import InputInvalid
 
-__all__ = ["Admission", "everybody", "serve"]
+__all__ = ["Session", "full"]
 
+_PIECE = 1 << 20  # bytes that are sent at once
 _SMALL = 1 << 16  # bytes of numbers that are sent at once with their header
 _HELLO = ("call", "protocol", "user", "password", "token")  # in addition to the fields of `join`
 
@@ -81,109 +83,131 @@ class _Layout:
         return b"".join(parts[name] for name in self.names)
 
 
-def serve(
-    service: Service,
-    admit: Admission,
-    limits: Limits,
-    receive: Callable[[int, bool], bytes],
-    send: Callable[[bytes], None],
-    admitted: Callable[[], None],
-    certificate: str | None = None,
-    gone: Callable[[], bool] = lambda: False,
-) -> None:
-    """Answer one client until it leaves; raises Disconnected if it disconnects before.
+class Session:
+    """One client at a socket, with time limits for its authentication and for each frame."""
 
-    `receive` and `send` transfer bytes, `admitted` is called once the client is authenticated, and
-    `gone` returns whether it has disconnected. Raises InputInvalid for data that is no frame.
-    """
-    moment = service.moment()
-    greeting = {"uuvsim": __version__, "protocol": PROTOCOL, "tick": moment.tick}
-    send(frame({"ok": True, **greeting, "time": moment.time}))
-    least = limits.unknown_bytes
-    reader = Reader(receive, replace(limits, header_bytes=least, payload_bytes=0))
-    client = _hello(service, admit, reader, certificate, limits, admitted)
-    reader.limits = limits
-    try:
-        calls = Calls(service, client)
-        calls.attended(gone)
-        allowed = sorted(client.allowed)
-        header = {"client": client.name, "allowed": allowed, "step_size": float(calls.tick)}
-        send(frame({"ok": True, **header, "system": json_of(service.describe())}))
-        _answer_all(calls, reader, send, limits)
-    except (Disconnected, OSError):  # without `bye`: in lockstep the fail-safe decides
-        getattr(service, "lost", service.leave)(client)
-        raise
-    except BaseException:
-        service.leave(client)
-        raise
-    service.leave(client)
-    # Only after `leave`: once its `bye` is answered, no other client waits for this one.
-    send(frame({"ok": True}))
+    def __init__(
+        self,
+        service: Service,
+        admit: Admission,
+        limits: Limits,
+        slots: ConnectionSlots,
+        connection: socket.socket,
+    ) -> None:
+        self._service, self._admit, self._limits = service, admit, limits
+        self._slots, self._connection = slots, connection
+        self._deadline: float | None = time.monotonic() + limits.hello_s  # of the authentication
+        least = limits.unknown_bytes
+        self._reader = Reader(self._receive, replace(limits, header_bytes=least, payload_bytes=0))
 
+    def serve(self) -> None:
+        """Answer the client until it leaves; raises Disconnected if it disconnects before.
 
-def _hello(
-    service: Service,
-    admit: Admission,
-    reader: Reader,
-    certificate: str | None,
-    limits: Limits,
-    admitted: Callable[[], None],
-) -> Client:
-    """Authenticate a client by its first frame, and let it join."""
-    header, _ = reader.frame()
-    if header is None or header.get("call") != "hello":
-        raise InputInvalid('the first frame must be {"call": "hello", "protocol": 1}')
-    if header.get("protocol") != PROTOCOL:
-        raise InputInvalid(
-            f"protocol {header.get('protocol')!r} was read; this is uuvsim-cosim {__version__}, "
-            f"protocol {PROTOCOL}: use the client that `uuvsim matlab` of this version names"
-        )
-    user, password, token = (header.get(k) or None for k in ("user", "password", "token"))
-    for what, read in (("user", user), ("password", password), ("token", token)):
-        if read is not None and not isinstance(read, str):
-            raise InputInvalid(f"hello: {what} must be a text")
-    allowed = admit(user, password, certificate, token)
-    admitted()
-    fields = checked("join", {k: v for k, v in header.items() if k not in _HELLO})
-    wanted = Client(fields.get("name", "matlab"), "tcp", allowed, limits.answer_bytes)
-    return service.join(wanted, lockstep=fields.get("lockstep", False), lag=fields.get("lag", 5.0))
-
-
-def _answer_all(
-    calls: Calls, reader: Reader, send: Callable[[bytes], None], limits: Limits
-) -> None:
-    """Answer frames until the client sends `bye`."""
-    layout: _Layout | None = None
-    pace, share, mark = Pace(limits.calls_per_s), share_of(calls.service), time.thread_time()
-    while True:
-        header, payload = reader.frame()
-        name = "step" if header is None else header.get("call")
-        if name != "step":
-            pace.wait()  # steps have no limit of their rate; all other calls do
-        reads = isinstance(name, str) and name in READS
-        if reads:
-            share.wait(calls.client, share.turn(calls.client))
+        Raises InputInvalid for data that is no frame, and for a client that is refused.
+        """
+        service, moment = self._service, self._service.moment()
+        greeting = {"uuvsim": __version__, "protocol": PROTOCOL, "tick": moment.tick}
+        self._send(frame({"ok": True, **greeting, "time": moment.time}))
+        client = self._joined()
         try:
-            if header is None:
-                data: Iterable[bytes] = (_compact(calls, layout, payload),)
-            elif header.get("call") == "layout":
-                layout = calls.knowing(partial(_Layout, calls, header))
-                data = (frame({"ok": True, **layout.header()}),)
-            elif header.get("call") == "bye":
-                return
-            else:
-                if header.get("call") == "replace":
-                    layout = None  # its variables may no longer exist
-                data = _called(calls, header, payload)
-        except Disconnected:
+            calls = Calls(service, client)
+            calls.attended(self._connection)
+            allowed = sorted(client.allowed)
+            header = {"client": client.name, "allowed": allowed, "step_size": float(calls.tick)}
+            self._send(frame({"ok": True, **header, "system": json_of(service.describe())}))
+            self._answer_all(calls)
+        except (Disconnected, OSError):  # without `bye`: in lockstep the fail-safe decides
+            service.lost(client)
             raise
-        except Exception as error:  # also an internal error: it must not end the server
-            data = (frame(failure(error)),)
-        for part in data:
-            send(part)
-        before, mark = mark, time.thread_time()
-        if reads:
-            share.took(calls.client, mark - before)
+        except BaseException:
+            service.leave(client)
+            raise
+        service.leave(client)
+        # Only after `leave`: once its `bye` is answered, no other client waits for this one.
+        self._send(frame({"ok": True}))
+
+    def _receive(self, size: int, begun: bool) -> bytes:
+        if self._deadline is not None:  # a client that sends byte by byte gets no more time
+            self._connection.settimeout(max(self._deadline - time.monotonic(), 0.001))
+        else:
+            self._connection.settimeout(self._limits.frame_s if begun else None)
+        return self._connection.recv(size)
+
+    def _send(self, data: bytes) -> None:
+        self._connection.settimeout(self._limits.frame_s)  # one that does not read is disconnected
+        for begin in range(0, len(data), _PIECE):
+            self._connection.sendall(data[begin : begin + _PIECE] if len(data) > _PIECE else data)
+
+    def _joined(self) -> Client:
+        """Authenticate the client by its first frame, and let it join."""
+        header, _ = self._reader.frame()
+        if header is None or header.get("call") != "hello":
+            raise InputInvalid('the first frame must be {"call": "hello", "protocol": 1}')
+        if header.get("protocol") != PROTOCOL:
+            raise InputInvalid(
+                f"protocol {header.get('protocol')!r} was read; this is uuvsim-cosim "
+                f"{__version__}, protocol {PROTOCOL}: use the client that `uuvsim matlab` of this "
+                "version names"
+            )
+        user, password, token = (header.get(k) or None for k in ("user", "password", "token"))
+        for what, read in (("user", user), ("password", password), ("token", token)):
+            if read is not None and not isinstance(read, str):
+                raise InputInvalid(f"hello: {what} must be a text")
+        allowed = self._admit(user, password, common_name(self._connection), token)
+        self._deadline = None
+        if not self._slots.admit(self._connection):
+            raise full(self._limits)
+        fields = checked("join", {k: v for k, v in header.items() if k not in _HELLO})
+        wanted = Client(fields.get("name", "matlab"), "tcp", allowed, self._limits.answer_bytes)
+        lockstep, lag = fields.get("lockstep", False), fields.get("lag", 5.0)
+        client = self._service.join(wanted, lockstep=lockstep, lag=lag)
+        self._reader.limits = self._limits
+        return client
+
+    def _answer_all(self, calls: Calls) -> None:
+        """Answer frames until the client sends `bye`."""
+        layout: _Layout | None = None
+        pace, share, mark = (
+            RateLimit(self._limits.calls_per_s),
+            share_of(calls.service),
+            time.thread_time(),
+        )
+        while True:
+            header, payload = self._reader.frame()
+            name = "step" if header is None else header.get("call")
+            if name != "step":
+                pace.wait()  # steps have no limit of their rate; all other calls do
+            reads = isinstance(name, str) and name in READS
+            if reads:
+                share.wait(calls.client, share.turn(calls.client))
+            try:
+                if header is None:
+                    data: Iterable[bytes] = (_compact(calls, layout, payload),)
+                elif header.get("call") == "layout":
+                    layout = calls.knowing(partial(_Layout, calls, header))
+                    data = (frame({"ok": True, **layout.header()}),)
+                elif header.get("call") == "bye":
+                    return
+                else:
+                    if header.get("call") == "replace":
+                        layout = None  # its variables may no longer exist
+                    data = _called(calls, header, payload)
+            except Disconnected:
+                raise
+            except Exception as error:  # also an internal error: it must not end the server
+                data = (frame(failure(error)),)
+            for part in data:
+                self._send(part)
+            before, mark = mark, time.thread_time()
+            if reads:
+                share.took(calls.client, mark - before)
+
+
+def full(limits: Limits) -> InputInvalid:
+    """Return the error for a client beyond the limit."""
+    return InputInvalid(
+        f"{limits.clients} clients are connected, which is all that may be; close one"
+    )
 
 
 def _request(calls: Calls, header: Mapping[str, object], payload: bytes) -> dict[str, object]:

@@ -9,21 +9,21 @@ import concurrent.futures
 import contextlib
 import json
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
-from typing import Any, final
+from typing import TYPE_CHECKING, Any, final
 
 from uuvsim_cosim._version import __version__
 from uuvsim_cosim.bridge.access.authentication import Authenticator
 from uuvsim_cosim.bridge.access.token import TokenFile, guarded_by_token
 from uuvsim_cosim.bridge.access.zenoh_permissions import guarded
-from uuvsim_cosim.bridge.calls.at_exit import close_at_exit
 from uuvsim_cosim.bridge.calls.call_table import CALLS, arguments, checked, read_object
 from uuvsim_cosim.bridge.calls.service import Client, Moment, Schema
 from uuvsim_cosim.bridge.calls.time_sharing import READS
+from uuvsim_cosim.bridge.calls.values import json_of
 from uuvsim_cosim.bridge.calls.zenoh_keys import (
     call_key,
     certificate_key,
@@ -38,18 +38,20 @@ from uuvsim_cosim.bridge.zenoh.codec import (
     PROTOCOL,
     message_of,
     packed,
-    plain,
     unpacked,
 )
-from uuvsim_cosim.bridge.zenoh.joined_clients import MOST_BYTES, JoinedClients, Lane
-from uuvsim_cosim.bridge.zenoh.session import PORT, Query, listening
+from uuvsim_cosim.bridge.zenoh.joined_clients import MOST_BYTES, JoinedClients
+from uuvsim_cosim.bridge.zenoh.session import PORT, listening
 from uuvsim_cosim.bridge.zenoh.shared_memory import SharedMemory
 from uuvsim_cosim.bridge.zenoh.stream import Stream
-from uuvsim_cosim.closing import Closing
+from uuvsim_cosim.closing import Owner, close_at_exit
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.orchestrator.master.master import Master
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.system.system import System
+
+if TYPE_CHECKING:
+    import zenoh
 
 __all__ = ["Bridge", "free_port"]
 
@@ -60,7 +62,7 @@ _JSON, _BLOCK = "application/json", "application/octet-stream;uuvsim-state"
 
 
 @final
-class Bridge(Closing):
+class Bridge(Owner):
     """Server of a running co-simulation over Zenoh, by default on this machine only.
 
     Given a system, it runs a `Conductor` of its own and ends it on closing; a given `Conductor`
@@ -92,19 +94,18 @@ class Bridge(Closing):
         self.tls = rules is not None and rules.tls is not None
         self._guests: dict[Client, Client] = {}
         self._waiting: dict[str, Answer] = {}  # the last run or step call of each client
-        self._own: Conductor | None = None
         # The callbacks run in the opposite order, also if one of them raises: stream, token file,
         # session, co-simulation, lanes.
-        with contextlib.ExitStack() as ending:
+        with self.opening() as ending:
             ending.callback(self._joined.close)
-            ending.callback(self._end_own)
+            owned = ending.enter_context(contextlib.ExitStack())
             with guarded(rules, self._joined.reader) as settings:
                 settings = {"transport/shared_memory/enabled": shared_memory, **settings}
                 self._session = listening(self.port, self.hosts, settings, tls=self.tls)
             ending.callback(self._session.close)
             ending.callback(TokenFile(access, self.port).close)
             if not isinstance(system, Conductor):
-                system = self._own = Conductor(system, **conducting)
+                system = owned.enter_context(Conductor(system, **conducting))
             self.conductor = system
             self.stream = Stream(
                 lambda path: self._session.publisher(state_key(self._name, path), _BLOCK),
@@ -112,18 +113,9 @@ class Bridge(Closing):
             )
             ending.callback(self._end_stream)
             self._serve()
-            self._ending = ending.pop_all()
         close_at_exit(self)
 
-    def close(self) -> None:
-        """Disconnect all clients; end the co-simulation if the bridge started it."""
-        self._ending.close()
-
     # ---- inside ---------------------------------------------------------------------------
-
-    def _end_own(self) -> None:
-        if self._own is not None:
-            self._own.close()
 
     def _end_stream(self) -> None:
         with contextlib.suppress(InputInvalid):  # the co-simulation has ended already
@@ -140,7 +132,7 @@ class Bridge(Closing):
         self.conductor.watch(self.stream)
         self._answering = [
             session.answer(call_key(self._name), self._asked),
-            session.answer(certificate_key(self._name), self._asked_by_certificate),
+            session.answer(certificate_key(self._name), self._asked),
         ]
         self._watching = session.watch(client_key(self._name), self._lives)
         paths = [c["path"] for c in described["components"]]
@@ -159,18 +151,15 @@ class Bridge(Closing):
             with contextlib.suppress(InputInvalid):  # the co-simulation has ended already
                 self.conductor.ask("lost", client)
 
-    def _asked(self, query: Query) -> None:
-        self._begin(query, str(query.key_expr).rpartition("/")[2], None)
-
-    def _asked_by_certificate(self, query: Query) -> None:
-        """Join a client by its certificate: Zenoh lets only its owner send queries to this key."""
-        self._begin(query, "join", str(query.key_expr).rpartition("/")[2])
-
-    def _begin(self, query: Query, call: str, certificate: str | None) -> None:
+    def _asked(self, query: zenoh.Query) -> None:
         """Start a call, or refuse it; every answer is sent in the client's lane.
 
         It runs in Zenoh's thread, and must not wait: other queries would wait, too.
         """
+        *_, way, name = str(query.key_expr).split("/")
+        # A client joins with its certificate by the key of that name: Zenoh lets only the owner of
+        # the certificate send queries to it.
+        call, certificate = ("join", name) if way == "certificate" else (name, None)
         wrong: Exception | None = None
         message: dict[str, Any] = {}
         begun = time.thread_time()
@@ -196,7 +185,10 @@ class Bridge(Closing):
             if call == "join":
                 lane.put(lambda: self._join(query, message, certificate))
                 return
-            client = self._client(call, message)
+            client = self._joined.client(call, message)
+            if client.answer_bytes is None:  # all that have not joined are one client
+                client = replace(client, answer_bytes=_ANSWER)
+                client = self._guests.setdefault(client, client)
             turn = self.conductor.share.turn(client) if call in READS else None
             if turn is not None:
                 lane.put(lambda: self._delayed(client, query, call, message, block, turn))
@@ -208,7 +200,13 @@ class Bridge(Closing):
         finally:
             spent = time.thread_time() - begun
         reply = partial(self._reply, query, call, message, client, spent)
-        answer.add_done_callback(lambda done: self._answered(lane, reply, done))
+
+        def answered(done: Answer) -> None:
+            """Let the lane send it: the conductor's thread, which runs this, must not wait."""
+            moment = self.conductor.moment()
+            lane.put(lambda: reply(moment, done))
+
+        answer.add_done_callback(answered)
 
     def _asking(
         self, client: Client, call: str, message: Mapping[str, object], block: bytes
@@ -223,20 +221,20 @@ class Bridge(Closing):
         if call == "leave":
             self._joined.leave(token)
         answer = self.conductor.ask(call, client, *given)
+
+        def release(done: Answer) -> None:  # it may be large
+            if self._waiting.get(token) is done:
+                self._waiting.pop(token, None)
+
         if call in ("run", "step"):
             self._waiting[token] = answer
-            answer.add_done_callback(partial(self._done, token))
+            answer.add_done_callback(release)
         return answer
-
-    def _done(self, token: str, answer: Answer) -> None:
-        """Release an answer, which may be large."""
-        if self._waiting.get(token) is answer:
-            self._waiting.pop(token, None)
 
     def _delayed(
         self,
         client: Client,
-        query: Query,
+        query: zenoh.Query,
         call: str,
         message: Mapping[str, object],
         block: bytes,
@@ -252,15 +250,9 @@ class Bridge(Closing):
         else:
             self._reply(query, call, message, client, 0.0, self.conductor.moment(), answer)
 
-    def _client(self, call: str, message: Mapping[str, object]) -> Client:
-        """Return the client of a message; all that have not joined are one client."""
-        client = self._joined.client(call, message)
-        if client.answer_bytes is None:
-            client = replace(client, answer_bytes=_ANSWER)
-            client = self._guests.setdefault(client, client)
-        return client
-
-    def _join(self, query: Query, message: Mapping[str, object], certificate: str | None) -> None:
+    def _join(
+        self, query: zenoh.Query, message: Mapping[str, object], certificate: str | None
+    ) -> None:
         """Add a client; this runs in the lane for joining, as checking a password takes 40 ms."""
         try:
             theirs, version = message.get("protocol", PROTOCOL), message.get("version", "unknown")
@@ -285,14 +277,9 @@ class Bridge(Closing):
         finally:
             query.drop()
 
-    def _answered(self, lane: Lane, reply: Callable[[Moment, Answer], None], done: Answer) -> None:
-        """Pass an answer to a lane: the conductor's thread, which runs this, must not wait."""
-        moment = self.conductor.moment()
-        lane.put(lambda: reply(moment, done))
-
     def _reply(
         self,
-        query: Query,
+        query: zenoh.Query,
         call: str,
         message: Mapping[str, object],
         client: Client,
@@ -323,7 +310,14 @@ class Bridge(Closing):
     ) -> tuple[str, bytes]:
         """Return the answer in JSON, and the block of its numbers."""
         if call == "schema":
-            return self._schema_text(result), b""
+            known, layout, text = self._schema
+            if known is not result or layout != self.stream.layout:  # built once per replacement
+                layout = self.stream.layout
+                blocks = {p: list(one.names) for p, one in self.stream.layouts.items()}
+                rest = json.dumps({"layout": layout, "blocks": blocks})
+                text = f'{{"signals": {result.text}, {rest[1:]}'
+                self._schema = (result, layout, text)
+            return text, b""
         if call == "step":
             at, result = result
         if isinstance(result, Moment):
@@ -335,22 +329,11 @@ class Bridge(Closing):
         elif message.get("binary"):
             answer["values"], block = packed(result)
         else:
-            answer["values"] = plain(result)
+            answer["values"] = json_of(result)
         return json.dumps(answer), block
 
-    def _schema_text(self, schema: Schema) -> str:
-        """Return the answer of `schema`, built once for each replacement."""
-        known, layout, text = self._schema
-        if known is not schema or layout != self.stream.layout:
-            layout = self.stream.layout
-            blocks = {p: list(one.names) for p, one in self.stream.layouts.items()}
-            rest = json.dumps({"layout": layout, "blocks": blocks})
-            text = f'{{"signals": {schema.text}, {rest[1:]}'
-            self._schema = (schema, layout, text)
-        return text
 
-
-def _refuse(query: Query, error: BaseException) -> None:
+def _refuse(query: zenoh.Query, error: BaseException) -> None:
     with contextlib.suppress(Exception):  # the client has disconnected
         query.reply_err(json.dumps(message_of(error)), encoding=_JSON)
         query.drop()

@@ -7,7 +7,6 @@ stands for numbers in the attachment, from byte `at` on, little-endian.
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from math import prod
 from typing import Any
@@ -18,7 +17,7 @@ from uuvsim_cosim import errors
 from uuvsim_cosim.bridge.calls.values import array_of
 from uuvsim_cosim.errors import ComponentFailed, InputInvalid, UuvsimError
 
-__all__ = ["PROTOCOL", "error_of", "message_of", "packed", "plain", "read_message", "unpacked"]
+__all__ = ["PROTOCOL", "error_of", "message_of", "packed", "read_message", "unpacked"]
 
 PROTOCOL = 1  # of messages; processes with different numbers do not understand each other
 _TYPES = ("f8", "i8", "u8", "?")
@@ -40,17 +39,6 @@ def packed(values: Mapping[str, object]) -> tuple[dict[str, object], bytes]:
         parts.append(data)
         at += len(data)
     return encoded, b"".join(parts)
-
-
-def plain(values: Mapping[str, object]) -> dict[str, object]:
-    """Return values for JSON without a block; NaN and infinite numbers become null."""
-    return {name: _plain(np.asarray(value).tolist()) for name, value in values.items()}
-
-
-def _plain(value: object) -> object:
-    if isinstance(value, list):
-        return [_plain(v) for v in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def unpacked(encoded: object, block: bytes) -> dict[str, Any]:

@@ -20,9 +20,10 @@ from typing import final
 from uuvsim_cosim.bridge.access.authentication import Authenticator, everybody
 from uuvsim_cosim.bridge.access.zenoh_permissions import READER, reader_password
 from uuvsim_cosim.bridge.calls.service import Client
+from uuvsim_cosim.closing import started
 from uuvsim_cosim.errors import InputInvalid
 
-__all__ = ["MOST_BYTES", "JoinedClients", "Lane"]
+__all__ = ["MOST_BYTES", "AnswerQueue", "JoinedClients"]
 
 MOST_BYTES = {"message": 1 << 20, "block of numbers": 8 << 20}  # the limits of the TCP server
 _CLIENTS = 64
@@ -32,7 +33,7 @@ _PATIENCE = 5.0  # [s] that closing waits for the lanes; a client that does not 
 
 
 @final
-class Lane:
+class AnswerQueue:
     """The queue and the thread that sends the answers of one client, one after another."""
 
     def __init__(self, name: str) -> None:
@@ -57,10 +58,7 @@ class Lane:
             if self._closed:
                 return
             if self._thread is None:
-                self._thread = threading.Thread(
-                    target=self._run, name=f"uuvsim-zenoh-{self._name}", daemon=True
-                )
-                self._thread.start()
+                self._thread = started(f"uuvsim-zenoh-{self._name}", self._run)
             self._work.put(work)
 
     def close(self) -> None:
@@ -87,7 +85,7 @@ class Lane:
 @dataclass(frozen=True)
 class _Joined:
     client: Client
-    lane: Lane
+    lane: AnswerQueue
     proof: str
 
 
@@ -99,12 +97,12 @@ class JoinedClients:
         self._authenticator = authenticator
         self._admit = authenticator or everybody
         self._joined: dict[str, _Joined] = {}
-        self._ending: list[Lane] = []  # of clients that have left; they may still be working
+        self._ending: list[AnswerQueue] = []  # of clients that have left; they may still be working
         self._lock = threading.Lock()
-        self.guests, self._joining = Lane("guests"), Lane("joining")
+        self.guests, self._joining = AnswerQueue("guests"), AnswerQueue("joining")
         self.reader = reader_password()
 
-    def lane(self, call: str, message: Mapping[str, object]) -> Lane:
+    def lane(self, call: str, message: Mapping[str, object]) -> AnswerQueue:
         """Return the lane of a call; joining, which takes long, has one for all clients."""
         if call in ("join", "leave"):
             return self._joining
@@ -117,7 +115,7 @@ class JoinedClients:
         with self._lock:
             joined = self._joined.get(token)
         if joined is None and token:
-            raise InputInvalid(call, "this client has not joined, or was let go", "to join first")
+            raise InputInvalid(call, "this client has not joined, or was removed", "to join first")
         if joined is None:
             shown = _text(call, message, "token")
             return Client("zenoh", "zenoh", self._admit(None, None, self._shown, shown))
@@ -142,7 +140,7 @@ class JoinedClients:
         """Add a client that the service has joined; return the fields of its answer."""
         token, proof = str(message["client"]), secrets.token_urlsafe(24)
         joined = _Joined(
-            client, Lane(client.name), proof if self._authenticator is not None else ""
+            client, AnswerQueue(client.name), proof if self._authenticator is not None else ""
         )
         with self._lock:
             self._joined[token] = joined

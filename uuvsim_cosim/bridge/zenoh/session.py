@@ -10,20 +10,18 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Protocol, final
+from typing import TYPE_CHECKING, Any, final
 
 from uuvsim_cosim.bridge.access.zenoh_permissions import endpoints as endpoints_of
-from uuvsim_cosim.bridge.calls.at_exit import close_at_exit
 from uuvsim_cosim.bridge.zenoh.shared_memory import LARGE
-from uuvsim_cosim.closing import Closing
+from uuvsim_cosim.closing import Closing, close_at_exit
 from uuvsim_cosim.errors import InputInvalid, UuvsimError
 
 if TYPE_CHECKING:
     import zenoh
 
 __all__ = [
-    "PORT", "Disconnected", "NoSession", "Querier", "Query", "WrappedSession", "connecting",
-    "listening",
+    "PORT", "Disconnected", "NoSession", "WrappedSession", "connecting", "listening",
 ]  # fmt: skip
 
 PORT = 7470
@@ -50,66 +48,6 @@ class NoSession(Disconnected):
     """A server listens there, but opens no session to this client."""
 
 
-# Zenoh's stubs leave the methods below without types.
-
-
-class Query(Protocol):
-    """The part of a `zenoh.Query` that a server uses; `drop` ends it, answered or not."""
-
-    @property
-    def key_expr(self) -> zenoh.KeyExpr:
-        """Key that the query was sent to."""
-
-    @property
-    def payload(self) -> zenoh.ZBytes | None:
-        """The message."""
-
-    @property
-    def attachment(self) -> zenoh.ZBytes | None:
-        """The block of numbers."""
-
-    def reply(
-        self,
-        key: zenoh.KeyExpr,
-        payload: str,
-        /,
-        *,
-        attachment: bytes | None = None,
-        express: bool = False,
-        encoding: str,
-    ) -> None:
-        """Answer the query."""
-
-    def reply_err(self, payload: str, /, *, encoding: str) -> None:
-        """Answer the query with an error."""
-
-    def drop(self) -> None:
-        """End the query; its client then waits no longer."""
-
-
-class Querier(Protocol):
-    """The part of a `zenoh.Querier` that a client uses."""
-
-    def get(
-        self, *, payload: str, attachment: bytes | None, encoding: str
-    ) -> Iterator[zenoh.Reply]:
-        """Send a query; return its replies."""
-
-    def undeclare(self) -> None:
-        """Free the querier."""
-
-
-class Subscriber(Protocol):
-    """The part of a `zenoh.Subscriber` that a client uses."""
-
-    @property
-    def handler(self) -> zenoh.handlers.Handler[zenoh.Sample]:
-        """The queue of received messages."""
-
-    def undeclare(self) -> None:
-        """End the subscription."""
-
-
 @final
 class WrappedSession(Closing):
     """An open session; `close_at_exit` closes it when the program ends.
@@ -118,19 +56,14 @@ class WrappedSession(Closing):
     when they wait for its lock; inside Zenoh, that aborts the program ("exception not rethrown").
     """
 
-    def __init__(self, session: Any) -> None:
-        self._session = session
+    def __init__(self, session: zenoh.Session) -> None:
+        self.raw = session
         self._idle = threading.Condition()
         self._inside = 0  # threads that wait within a call of Zenoh
         self._callbacks = 0  # threads of Zenoh, each of which ends with its callback
         self._ended: queue.SimpleQueue[threading.Thread] = queue.SimpleQueue()
         self._open = True
         close_at_exit(self)
-
-    @property
-    def raw(self) -> Any:
-        """Return Zenoh's own session."""
-        return self._session
 
     @property
     def is_open(self) -> bool:
@@ -140,7 +73,7 @@ class WrappedSession(Closing):
     @property
     def is_connected(self) -> bool:
         """Whether another process is connected."""
-        info = self._session.info
+        info = self.raw.info
         return bool(info.routers_zid() or info.peers_zid())
 
     @contextlib.contextmanager
@@ -157,52 +90,50 @@ class WrappedSession(Closing):
                 self._inside -= 1
                 self._idle.notify_all()
 
-    def answer(self, key: str, answer: Callable[[Query], None]) -> object:
+    def answer(self, key: str, answer: Callable[[zenoh.Query], None]) -> object:
         """Answer the queries on a key by a function, one after another in a thread.
 
         As for `token` and `watch`, the result must be kept: Zenoh ends with it.
         """
-        return self._session.declare_queryable(key, self._callback(answer))
+        return self.raw.declare_queryable(key, self._callback(answer))
 
-    def asker(self, key: str, timeout: float = _FOREVER) -> Querier:
+    def asker(self, key: str, timeout: float = _FOREVER) -> zenoh.Querier:
         """Return a querier of a key, which waits for `timeout` s, by default without limit.
 
         It returns the only answer immediately: consolidation would wait for others.
         """
         import zenoh
 
-        querier: Querier = self._session.declare_querier(
+        return self.raw.declare_querier(
             key, timeout=timeout, consolidation=zenoh.ConsolidationMode.NONE, express=True
         )
-        return querier
 
     def publisher(self, key: str, encoding: str = "zenoh/bytes") -> zenoh.Publisher:
         """Return a publisher of states: messages that cannot be sent immediately are dropped."""
         import zenoh
 
-        publisher: zenoh.Publisher = self._session.declare_publisher(
+        return self.raw.declare_publisher(
             key,
             encoding=encoding,
             congestion_control=zenoh.CongestionControl.DROP,
             priority=zenoh.Priority.DATA_LOW,
         )
-        return publisher
 
-    def subscribe(self, key: str, keep: int) -> Subscriber:
+    def subscribe(
+        self, key: str, keep: int
+    ) -> zenoh.Subscriber[zenoh.handlers.Handler[zenoh.Sample]]:
         """Subscribe to a key; the newest `keep` messages wait to be received."""
         import zenoh
 
-        channel: object = zenoh.handlers.RingChannel(keep)
-        subscriber: Subscriber = self._session.declare_subscriber(key, channel)
-        return subscriber
+        return self.raw.declare_subscriber(key, zenoh.handlers.RingChannel(keep))
 
     def token(self, key: str) -> object:
         """Declare that a key is alive, until this session ends."""
-        return self._session.liveliness().declare_token(key)
+        return self.raw.liveliness().declare_token(key)
 
     def alive(self, key: str) -> list[str]:
         """List the keys that are alive now."""
-        replies = self._session.liveliness().get(key, timeout=5.0)
+        replies = self.raw.liveliness().get(key, timeout=5.0)
         return [str(r.ok.key_expr) for r in replies if r.ok is not None]
 
     def watch(self, key: str, changed: Callable[[str, bool], None]) -> object:
@@ -212,9 +143,7 @@ class WrappedSession(Closing):
         def received(sample: zenoh.Sample) -> None:
             changed(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
-        return self._session.liveliness().declare_subscriber(
-            key, self._callback(received), history=True
-        )
+        return self.raw.liveliness().declare_subscriber(key, self._callback(received), history=True)
 
     def close(self) -> None:
         """Close the session; threads that wait for a message stop waiting."""
@@ -223,7 +152,7 @@ class WrappedSession(Closing):
         if not was:
             return
         with contextlib.suppress(Exception):  # the other end may be gone already
-            self._session.close()
+            self.raw.close()
         latest = time.monotonic() + _PATIENCE
         with self._idle:
             self._idle.wait_for(lambda: not self._inside, _PATIENCE)
@@ -233,7 +162,7 @@ class WrappedSession(Closing):
                 if thread is not threading.current_thread():
                     thread.join(max(0.0, latest - time.monotonic()))
 
-    def _callback(self, call: Callable[[Any], None]) -> object:
+    def _callback(self, call: Callable[[Any], None]) -> zenoh.handlers.Callback[Any]:
         """Return a callback that Zenoh runs in its own thread; the thread's end is reported."""
         import zenoh
 
@@ -254,7 +183,7 @@ def listening(
     endpoints = endpoints_of(hosts, port, tls=tls)
     pending = {"transport/unicast/accept_pending": _half_open()}
     try:
-        config = _config("router", listen=endpoints, settings={**_LISTENING, **pending, **settings})
+        config = _config("router", endpoints, {**_LISTENING, **pending, **settings})
         return WrappedSession(zenoh.open(config))
     except zenoh.ZError as error:
         if "in use" in str(error):
@@ -273,7 +202,7 @@ def connecting(
     import zenoh
 
     try:
-        config = _config("client", connect=endpoints_of([host], port, tls=tls), settings=settings)
+        config = _config("client", endpoints_of([host], port, tls=tls), settings)
         return WrappedSession(zenoh.open(config))
     except zenoh.ZError:
         try:
@@ -289,12 +218,8 @@ def connecting(
         ) from None
 
 
-def _config(
-    mode: str,
-    listen: Sequence[str] = (),
-    connect: Sequence[str] = (),
-    settings: Mapping[str, object] = _NONE,
-) -> zenoh.Config:
+def _config(mode: str, endpoints: Sequence[str], settings: Mapping[str, object]) -> zenoh.Config:
+    """Return the settings of a "router", which listens, or of a "client", which connects."""
     import zenoh
 
     # Zenoh closes silent connections one after another, in 4 ms each, in the threads that open
@@ -303,8 +228,8 @@ def _config(
     config = zenoh.Config()
     every: dict[str, object] = {
         "mode": mode,
-        "listen/endpoints": list(listen),
-        "connect/endpoints": list(connect),
+        "listen/endpoints": list(endpoints) if mode == "router" else [],
+        "connect/endpoints": list(endpoints) if mode == "client" else [],
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
         "scouting/delay": 0,

@@ -36,26 +36,19 @@ class SharedMemory:
         if size < LARGE or not self._wanted:
             return header + values.tobytes()
         try:
-            provider, policy = self._opened()
-            memory = provider.alloc(size, policy)
+            if self._pool is None:
+                self._wanted = False  # if this fails, it is not tried again
+                from zenoh import shm
+
+                provider = shm.ShmProvider.default_backend(_pool_size())
+                self._pool, self._wanted = (provider, shm.GarbageCollect()), True
+            memory = self._pool[0].alloc(size, self._pool[1])
         except Exception:  # full at the moment, or not available
             return header + values.tobytes()
         memory[0 : len(header)] = header
         memory[len(header) : size] = values.tobytes()
         self.used += 1
         return memory
-
-    def _opened(self) -> tuple[shm.ShmProvider, shm.GarbageCollect]:
-        if self._pool is None:
-            try:
-                from zenoh import shm
-
-                provider = shm.ShmProvider.default_backend(_pool_size())
-                self._pool = provider, shm.GarbageCollect()
-            except BaseException:
-                self._wanted = False  # do not try again
-                raise
-        return self._pool
 
 
 def _pool_size() -> int:

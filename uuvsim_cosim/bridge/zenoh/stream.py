@@ -22,6 +22,7 @@ import numpy as np
 
 from uuvsim_cosim.bridge.calls.values import format_of
 from uuvsim_cosim.bridge.zenoh.shared_memory import SharedMemory
+from uuvsim_cosim.closing import started
 from uuvsim_cosim.orchestrator.master.observer import Chunk, Column, seconds
 from uuvsim_cosim.orchestrator.plan.plan import Plan
 
@@ -73,8 +74,7 @@ class Stream:
         self.layouts: Mapping[str, Layout] = {}
         self.dropped = 0
         self.memory = memory or SharedMemory()
-        self._thread = threading.Thread(target=self._drain, name="uuvsim-stream", daemon=True)
-        self._thread.start()
+        self._thread = started("uuvsim-stream", self._drain)
 
     # ---- the observer, in the conductor's thread ------------------------------------------
 

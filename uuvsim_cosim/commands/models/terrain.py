@@ -76,7 +76,7 @@ def terrain_command(
     """
     from uuvsim_cosim.models.worlds.scene import Scene
     from uuvsim_cosim.scene.terrain.grid import TooManyNodes
-    from uuvsim_cosim.scene.terrain.make import Wishes, make_large, make_terrain
+    from uuvsim_cosim.scene.terrain.make import TerrainOptions, make_large, make_terrain
     from uuvsim_cosim.scene.terrain.write import check_target, write_terrain
 
     if not fill >= 0:
@@ -85,7 +85,7 @@ def terrain_command(
         raise InputInvalid(f"--relief {relief}", "a seed of 0 or more")
     if out is not None:
         check_target(out)
-    wishes = Wishes(
+    options = TerrainOptions(
         resolution,
         around,
         size,
@@ -99,12 +99,12 @@ def terrain_command(
         local,
     )
     try:
-        made = make_terrain(chart, wishes)
+        made = make_terrain(chart, options)
     except OSError as error:
         raise InputInvalid(f"{chart}: cannot be read: {error.strerror or error}") from None
     except TooManyNodes as many:
         try:
-            large = make_large(chart, out, wishes) if out is not None else None
+            large = make_large(chart, out, options) if out is not None else None
         except OSError as error:
             raise InputInvalid(f"{out}: cannot be written: {error.strerror or error}") from None
         if large is not None and out is not None:
@@ -119,7 +119,7 @@ def terrain_command(
             f"note: at {many.fits:g} m, because the default resolution has too many nodes (of a "
             "chart, -o FILE.tif has them all)"
         )
-        made = make_terrain(chart, replace(wishes, resolution=many.fits))
+        made = make_terrain(chart, replace(options, resolution=many.fits))
     table(("", ""), made.facts.items(), key="facts")
     for note in made.notes:
         remark("note", note)

@@ -35,8 +35,13 @@ def map_command(
     """Map the seabed that a run surveyed, and write the map or its points."""
     from uuvsim_cosim.scene.mapping.map_files import check_target
     from uuvsim_cosim.scene.mapping.mapping import read_map, write_map
-    from uuvsim_cosim.scene.mapping.survey import FORMATS, survey_of
-    from uuvsim_cosim.scene.mapping.survey_settings import FILE, keep_settings, read_settings
+    from uuvsim_cosim.scene.mapping.survey import (
+        FILE,
+        FORMATS,
+        keep_settings,
+        read_settings,
+        survey_of,
+    )
     from uuvsim_cosim.view.reports.survey_map import map_figures
 
     if every < 1:

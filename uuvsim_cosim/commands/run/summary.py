@@ -23,8 +23,7 @@ def summary(run: Run, surveyed: SeabedMap | None = None) -> tuple[list[Figure], 
     """Return the figures of a run and its map, and warnings on terrain and contact."""
     import numpy as np
 
-    from uuvsim_cosim.scene.contact_report import contact_warnings
-    from uuvsim_cosim.scene.outside_terrain import left_terrain
+    from uuvsim_cosim.scene.run_warnings import contact_warnings, terrain_warnings
     from uuvsim_cosim.view.recorded.metrics import Figure, figures
     from uuvsim_cosim.view.recorded.run_folder import traces_of
 
@@ -32,7 +31,7 @@ def summary(run: Run, surveyed: SeabedMap | None = None) -> tuple[list[Figure], 
     traces = traces_of(run.folder)
     found = figures(traces, path)
     ssd = run.folder / "system.ssd"
-    warnings = left_terrain(ssd, traces.time, traces.values)
+    warnings = terrain_warnings(ssd, traces.time, traces.values)
     warnings += contact_warnings(ssd, run.tick, traces.values)
     if surveyed is not None:
         from uuvsim_cosim.view.reports.survey_map import map_figures

@@ -20,7 +20,7 @@ def mapped(system: str, folder: Path, progress: RunProgress) -> SeabedMap | None
 
     If no map can be made, a notice on stderr gives the reason: the run itself succeeded.
     """
-    from uuvsim_cosim.scene.mapping.survey_settings import keep_settings, settings_of_system
+    from uuvsim_cosim.scene.mapping.survey import keep_settings, settings_of_system
 
     settings = settings_of_system(system)
     if settings is None:

@@ -80,7 +80,7 @@ def certificates_command(
 @app.command("check")
 def check_command(file: Annotated[Path, typer.Argument(help="An access file.")]) -> None:
     """Say who may do what, or every mistake with its line."""
-    from uuvsim_cosim.bridge.access.access_text import read_access
+    from uuvsim_cosim.bridge.access.access_file import read_access
     from uuvsim_cosim.bridge.access.roles import permissions
 
     access = read_access(file)

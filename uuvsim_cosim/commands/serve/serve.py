@@ -6,10 +6,9 @@ import errno
 import signal
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -23,7 +22,7 @@ from uuvsim_cosim.commands.shared.terminal import line, notice, put, tilde
 from uuvsim_cosim.errors import InputInvalid
 
 if TYPE_CHECKING:
-    from uuvsim_cosim.bridge.access.transports import Opening
+    from uuvsim_cosim.bridge.access.transports import ServerSettings
     from uuvsim_cosim.bridge.server.conductor import Conductor
     from uuvsim_cosim.orchestrator.system.system import System
 
@@ -113,18 +112,25 @@ def serve_command(
     Python: uuvsim_cosim.connect(). MATLAB and Octave: uuvsim.connect(). Clients need the server's
     token, which programs of the same user find; --access lets others in, --anyone everybody.
     """
-    from uuvsim_cosim.bridge.access.transports import opening
+    from uuvsim_cosim.bridge.access.transports import server_settings
     from uuvsim_cosim.bridge.http.keyboard import with_keyboards
     from uuvsim_cosim.bridge.server.conductor import Conductor
     from uuvsim_cosim.bridge.server.playback import is_recording
+    from uuvsim_cosim.bridge.tcp.framing import HTTP_PORT, TCP_PORT
+    from uuvsim_cosim.bridge.zenoh.session import PORT
 
     if until is not None and not 0.0 < until < float("inf"):
         raise InputInvalid(f"--until {until:g}: expected more than 0 seconds")
     if not 0.0 < real_time < float("inf"):
         raise InputInvalid(f"--real-time {real_time:g}: expected a factor of more than 0")
     _raise_limit_of_files()
-    opened = opening(access, host or (), anyone=anyone)
-    _check_ports(opened.hosts, port, tcp_port, http_port)
+    opened = server_settings(access, host or (), anyone=anyone)
+    ports = (
+        PORT if port is None else port,
+        TCP_PORT if tcp_port is None else tcp_port,
+        HTTP_PORT if http_port is None else http_port,
+    )
+    _check_ports(opened.hosts, *ports)
     changes = {
         "replace": assignments("--replace", replace or [], "component=source", dotted=False),
         "map": assignments("--map", map_ or [], MAP, dotted=False),
@@ -134,7 +140,11 @@ def serve_command(
     served: System | str = system
     folder = None
     if is_recording(system):
-        _refuse_changes(system, changes, fmu=fmu, seed=seed, out=out, loops=loops)
+        others = {"fmu": fmu, "seed": seed, "out": out, "loops": loops}
+        if given := [f"--{name}" for name, value in {**changes, **others}.items() if value]:
+            raise InputInvalid(
+                system, "is a recording, which nothing can change", f"it without {', '.join(given)}"
+            )
     else:
         with_keyboards(system, changes["replace"])
         served = edited_system(system, None, changes, loops)
@@ -144,14 +154,23 @@ def serve_command(
         served, seed, "fmu" if fmu else "native", record=folder,
         fail_safe=fail_safe, loads_code=not no_code,  # type: ignore[arg-type]
     )  # fmt: skip
-    before = signal.signal(signal.SIGTERM, _interrupt)
+
+    def print_rest(warned: Sequence[str]) -> None:
+        """Print the warnings that came up during the run, and the folders of its recordings."""
+        for warning in conductor.warnings:
+            if warning not in warned:
+                line(f"warning: {warning}")
+        for recorded in conductor.folders:
+            line(f"recording  {tilde(recorded)}")
+
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         with ExitStack() as stack:
             for warning in conductor.warnings:
                 line(f"warning: {warning}")
-            stack.callback(_print_rest, conductor, conductor.warnings)
+            stack.callback(print_rest, conductor.warnings)
             stack.callback(conductor.close)
-            _open_servers(stack, conductor, opened, port, tcp_port, http_port)
+            _open_servers(stack, conductor, opened, *ports)
             _wait(conductor, real_time, paused, until)
     finally:
         signal.signal(signal.SIGTERM, before)
@@ -160,27 +179,26 @@ def serve_command(
 def _open_servers(
     stack: ExitStack,
     conductor: Conductor,
-    opened: Opening,
-    port: int | None,
-    tcp: int | None,
-    http: int | None,
+    opened: ServerSettings,
+    port: int,
+    tcp: int,
+    http: int,
 ) -> None:
     """Open the servers, and print their addresses once all are open."""
     from uuvsim_cosim.bridge.access.token import token_file
     from uuvsim_cosim.bridge.http.server import HttpServer
-    from uuvsim_cosim.bridge.tcp.framing import HTTP_PORT, TCP_PORT
+    from uuvsim_cosim.bridge.tcp.framing import HTTP_PORT
     from uuvsim_cosim.bridge.tcp.server import TcpServer
     from uuvsim_cosim.bridge.zenoh.bridge import Bridge
     from uuvsim_cosim.bridge.zenoh.session import PORT
 
-    number = PORT if port is None else port
     bridge = stack.enter_context(
         Bridge(
-            conductor, port=number, host=opened.zenoh_hosts, access=opened.authenticator,
+            conductor, port=port, host=opened.zenoh_hosts, access=opened.authenticator,
             anyone=opened.authenticator is None,
         )
     )  # fmt: skip
-    lines = [f"{conductor.describe()['system']} is served {opened.words}:"]
+    lines = [f"{conductor.describe()['system']} is served {opened.summary}:"]
     if opened.authenticator is None:
         sys.stderr.write(
             "uuvsim: --anyone: everybody who reaches these ports may do everything, which includes "
@@ -194,17 +212,12 @@ def _open_servers(
     lines.append(f"  Zenoh  {where}  Python: uuvsim_cosim.connect({', '.join(arguments)})")
     admit, tls = opened.admit, opened.tls
     if tcp != -1:
-        number = TCP_PORT if tcp is None else tcp
-        server = stack.enter_context(
-            TcpServer(conductor, number, opened.hosts, admit=admit, tls=tls)
-        )
+        server = stack.enter_context(TcpServer(conductor, tcp, opened.hosts, admit=admit, tls=tls))
         endpoints["tcp"] = list(server.addresses)
         whom = "TLS" if bridge.tls else "MATLAB, Octave: uuvsim.connect()"
         lines.append(f"  TCP    {', '.join(server.addresses)}  {whom}")
     if http != -1:
-        number = HTTP_PORT if http is None else http
-        page = HttpServer(conductor, number, opened.hosts, admit=admit, tls=tls)
-        stack.callback(page.close)
+        page = stack.enter_context(HttpServer(conductor, http, opened.hosts, admit=admit, tls=tls))
         endpoints["http"] = list(page.addresses)
         token = None if opened.authenticator is None else opened.authenticator.access.token
         # Other users may read a log: the token is printed to a terminal only.
@@ -221,21 +234,13 @@ def _open_servers(
     put("endpoints", endpoints)
 
 
-def _check_ports(hosts: Sequence[str], port: int | None, tcp: int | None, http: int | None) -> None:
+def _check_ports(hosts: Sequence[str], port: int, tcp: int, http: int) -> None:
     """Raise InputInvalid for ports in use, before anything is built or recorded."""
     import socket
 
-    from uuvsim_cosim.bridge.tcp.framing import HTTP_PORT, TCP_PORT
-    from uuvsim_cosim.bridge.zenoh.session import PORT
-
-    wanted = {
-        "--port": (port, PORT),
-        "--tcp-port": (tcp, TCP_PORT),
-        "--http-port": (http, HTTP_PORT),
-    }
+    wanted = {"--port": port, "--tcp-port": tcp, "--http-port": http}
     options: dict[int, str] = {}  # by port
-    for option, (given, usual) in wanted.items():
-        number = usual if given is None else given
+    for option, number in wanted.items():
         if number == 0 or (number == -1 and option != "--port"):
             continue
         if not 0 < number < 1 << 16:
@@ -252,10 +257,7 @@ def _check_ports(hosts: Sequence[str], port: int | None, tcp: int | None, http: 
                     if error.errno == errno.EADDRINUSE:
                         raise InputInvalid(
                             f"port {number} on {host} is in use",
-                            (
-                                f"a free one, such as by {option} {number % 65435 + 100}, or 0 for "
-                                "any"
-                            ),
+                            f"a free one, such as by {option} {number % 65435 + 100}, or 0 for any",
                         ) from None
 
 
@@ -299,25 +301,3 @@ def _raise_limit_of_files() -> None:
     most = 8192 if hard == resource.RLIM_INFINITY else min(hard, 8192)
     if soft != resource.RLIM_INFINITY and soft < most:
         resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
-
-
-def _refuse_changes(system: str, changes: Mapping[str, object], **others: object) -> None:
-    """Raise InputInvalid for options that would change a recording."""
-    given = [f"--{name}" for name, value in {**changes, **others}.items() if value]
-    if given:
-        raise InputInvalid(
-            system, "is a recording, which nothing can change", f"it without {', '.join(given)}"
-        )
-
-
-def _print_rest(conductor: Conductor, warned: Sequence[str]) -> None:
-    """Print the warnings that came up during the run, and the folders of its recordings."""
-    for warning in conductor.warnings:
-        if warning not in warned:
-            line(f"warning: {warning}")
-    for folder in conductor.folders:
-        line(f"recording  {tilde(folder)}")
-
-
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt

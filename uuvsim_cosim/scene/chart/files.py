@@ -1,26 +1,35 @@
 """Files of a chart: the base cell, and its updates in their sequence.
 
-An S-57 file is ISO 8211: a leader, a directory, and fields. Only the first data record is read
-here. It identifies the file: purpose, name, edition, update number, dates (S-57 part 3,
-7.3.1.1 "Data set identification field").
+An S-57 file is ISO 8211: records of a leader, a directory, and fields. The first data record
+identifies the file: purpose, name, edition, update number, dates (S-57 part 3, 7.3.1.1 "Data set
+identification field"). All records are checked, as some damaged files make GDAL end the process.
 """
 
 from __future__ import annotations
 
 import re
 import struct
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.scene.chart.records import check_records
 
-__all__ = ["ChartFiles", "Identification", "chart_files", "identification", "in_sequence"]
+__all__ = [
+    "ChartFiles",
+    "Identification",
+    "chart_files",
+    "identification",
+    "in_sequence",
+]
 
 FIELD_END, UNIT_END = b"\x1e", b"\x1f"
 _REVISION = 2  # EXPP of a file that updates another
+_COORDINATES = (b"SG2D", b"SG3D")
+_DSSI = struct.Struct("<3B8I")
+_KINDS = {b"FRID": "feature", b"VRID": "spatial"}
 
 
 @dataclass(frozen=True)
@@ -31,7 +40,6 @@ class Identification:
     edition: str
     update: int  # the last update that it holds, or that it is
     is_update: bool
-    updated: str  # date as YYYYMMDD up to which updates are in it
     issued: str  # date as YYYYMMDD
 
 
@@ -65,8 +73,17 @@ def identification(file: Path) -> Identification:
                 head = opened.read(start + (1 << 13))
         if len(head) <= start:
             raise InputInvalid(f"{file}: an S-57 file that ends after its description; it is empty")
-        return _read(head[start:])
-    except (ValueError, IndexError, struct.error):
+        record = head[start:]
+        begin, length = next(f[1:] for f in _directory(record) if f[0] == b"DSID")
+        field = record[begin : begin + length].rstrip(FIELD_END)
+        # RCNM (1 byte), RCID (4), EXPP: the purpose (1), INTU (1), and texts
+        name, edition, update, rest = field[7:].split(UNIT_END, 3)
+        dates = rest[:16].decode("latin-1")
+        return Identification(
+            name.decode("latin-1").strip(), edition.decode("latin-1").strip(), int(update or b"0"),
+            field[5] == _REVISION, dates[8:16].strip(),
+        )  # fmt: skip
+    except (ValueError, IndexError, StopIteration):
         raise InputInvalid(
             file,
             "not an S-57 chart: it does not begin with the leader and DSID record of one",
@@ -75,32 +92,6 @@ def identification(file: Path) -> Identification:
                 "have to be decrypted first)"
             ),
         ) from None
-
-
-def _read(record: bytes) -> Identification:
-    base = int(record[12:17])
-    size_length, size_position = int(record[20:21]), int(record[21:22])
-    size_tag = int(record[23:24])
-    entry = size_tag + size_length + size_position
-    for at in range(24, base - 1, entry):
-        tag = record[at : at + size_tag]
-        length = int(record[at + size_tag : at + size_tag + size_length])
-        position = int(record[at + size_tag + size_length : at + entry])
-        if tag != b"DSID":
-            continue
-        field = record[base + position : base + position + length].rstrip(FIELD_END)
-        purpose = field[5]  # after RCNM (1 byte) and RCID (4 bytes); then INTU (1 byte)
-        name, edition, update, rest = field[7:].split(UNIT_END, 3)
-        dates = rest[:16].decode("latin-1")
-        return Identification(
-            name.decode("latin-1").strip(),
-            edition.decode("latin-1").strip(),
-            int(update or b"0"),
-            purpose == _REVISION,
-            dates[:8].strip(),
-            dates[8:16].strip(),
-        )
-    raise ValueError("no DSID")
 
 
 def chart_files(file: Path) -> ChartFiles:
@@ -193,3 +184,73 @@ def in_sequence(files: ChartFiles) -> Iterator[Path]:
 
                 copyfile(target.resolve(), link)
         yield folder / f"{files.base.stem}.000"
+
+
+def check_records(file: Path) -> None:
+    """Check the ISO 8211 records up to the end of the file.
+
+    The numbers of feature and spatial records are compared with those that the file states in its
+    field DSSI (S-57 part 3, 7.3.1.2), so that a file cut between two records is found. Raises
+    `InputInvalid` with the place of the first record that is damaged, or with the numbers.
+    """
+    data = file.read_bytes()
+    at, number = 0, 0
+    records: Counter[bytes] = Counter()
+    stated: dict[bytes, int] = {}  # numbers of records by the tag of their first field
+    while at < len(data):
+        leader = data[at : at + 24]
+        if not leader.strip(b"\0 \r\n\x1a"):  # padding at the end
+            break
+        number += 1
+        try:
+            if len(leader) < 24:
+                raise ValueError("its leader is cut")
+            length, base = int(leader[:5]), int(leader[12:17])
+            if length == 0:  # longer than five digits can say: GDAL finds its end
+                return
+            if at + length > len(data):
+                raise ValueError(f"it ends {at + length - len(data):,} bytes behind the file")
+            if not 24 < base <= length:
+                raise ValueError(f"its data begin at {base} of {length} bytes")
+            if number > 1:  # the first describes the others
+                record = data[at : at + length]
+                entry = sum(int(leader[k : k + 1]) for k in (20, 21, 23))
+                if not entry or (base - 25) % entry:
+                    raise ValueError("its directory does not fit")
+                for tag, begin, size in _directory(record):
+                    if size < 1 or begin + size > length:
+                        raise ValueError("its fields reach beyond it")
+                    if size == 1 and tag in _COORDINATES:
+                        raise ValueError("it has no coordinates")
+                    records[tag] += 1
+                    if tag == b"DSSI":
+                        if size < _DSSI.size:
+                            raise ValueError("its counts are cut")
+                        # Counts follow three levels of text and structure. Some producers count
+                        # connected nodes as isolated, so only the sums are compared.
+                        counts = _DSSI.unpack_from(record, begin)[3:]
+                        stated = {b"FRID": sum(counts[:4]), b"VRID": sum(counts[4:])}
+        except ValueError as reason:
+            what = str(reason) if str(reason).startswith("it") else "its leader is no leader"
+            raise InputInvalid(
+                f"{file}: damaged at byte {at:,}, record {number}: {what}; fetch it again"
+            ) from None
+        at += length
+    for tag, expected in stated.items():
+        if records[tag] < expected:
+            raise InputInvalid(
+                f"{file}: incomplete: its DSSI field states {expected:,} {_KINDS[tag]} records "
+                f"and the file has {records[tag]:,}; fetch it again"
+            )
+
+
+def _directory(record: bytes) -> Iterator[tuple[bytes, int, int]]:
+    """Yield tag, begin and length of each field of a record; raises ValueError if damaged."""
+    base = int(record[12:17])
+    size_length, size_position, size_tag = (int(record[k : k + 1]) for k in (20, 21, 23))
+    entry = size_tag + size_length + size_position
+    for k in range(24, base - 1, entry):
+        length_at = k + size_tag
+        position_at = length_at + size_length
+        position = int(record[position_at : k + entry])
+        yield record[k:length_at], base + position, int(record[length_at:position_at])

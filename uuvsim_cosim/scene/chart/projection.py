@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.scene.shared.extra import wanted
+from uuvsim_cosim.scene.shared.extra import import_extra
 
 if TYPE_CHECKING:
     from pyproj import Transformer
@@ -49,7 +49,7 @@ def projection_at(degrees: Floats) -> Projection:
     middle = 0.5 * (longitude.min() + longitude.max())
     height = 0.5 * (degrees[:, 1].min() + degrees[:, 1].max())
     code = utm_code((middle + 180) % 360 - 180, height)
-    pyproj = wanted("pyproj", "placing a chart on Earth")
+    pyproj = import_extra("pyproj", "placing a chart on Earth")
     return Projection(code, pyproj.Transformer.from_crs("EPSG:4326", code, always_xy=True))
 
 

@@ -15,7 +15,7 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.scene.chart.codes import UNITS, VERTICAL_DATUMS
 from uuvsim_cosim.scene.chart.files import ChartFiles, chart_files, in_sequence
 from uuvsim_cosim.scene.chart.projection import Projection, projection_at
-from uuvsim_cosim.scene.shared.extra import wanted
+from uuvsim_cosim.scene.shared.extra import import_extra
 
 __all__ = ["Areas", "Chart", "Features", "Shapes", "read_chart"]
 
@@ -87,8 +87,8 @@ class _Cell:
 
     def __init__(self, path: Path, name: Path) -> None:
         self.path, self.name = path, name
-        self.gdal = wanted("pyogrio", "reading a chart")
-        self.shapely = wanted("shapely", "reading a chart")
+        self.gdal = import_extra("pyogrio", "reading a chart")
+        self.shapely = import_extra("shapely", "reading a chart")
         # None until the extent is known; up to then layers are read in degrees.
         self.projection: Projection | None = None
         self.warnings: dict[str, None] = {}  # of GDAL, each once, in their order
@@ -100,10 +100,10 @@ class _Cell:
 
     @contextmanager
     def _listening(self) -> Iterator[None]:
-        with warnings.catch_warnings(record=True) as heard:
+        with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             yield
-        self.warnings.update(dict.fromkeys(" ".join(str(w.message).split()) for w in heard))
+        self.warnings.update(dict.fromkeys(" ".join(str(w.message).split()) for w in caught))
 
     def read(self, layer: str, columns: Sequence[str] = ()) -> tuple[Shapes, dict[str, Column]]:
         """Return (geometries, columns): empty without the layer, NaN without the column."""
@@ -137,63 +137,72 @@ class _Cell:
 def read_chart(file: Path) -> Chart:
     """Read a base cell and the updates beside it; raises `InputInvalid` with the reason."""
     files = chart_files(file)
-    with in_sequence(files) as path:
-        return _chart(_Cell(path, file), files)
-
-
-def _chart(cell: _Cell, files: ChartFiles) -> Chart:
     notes = list(files.notes)
-    metre, datum, scale = _parameters(cell, notes)
-    shapely = cell.shapely
-    found = [cell.read(name)[0] for name in ("M_COVR", "DEPARE", "SOUNDG")]
-    corners = np.concatenate([shapely.get_coordinates(f) for f in found])
-    if not len(corners):
-        raise InputInvalid(f"{cell.name}: the cell is empty: no coverage, depth area or sounding")
-    cell.projection = projection_at(corners)
+    with in_sequence(files) as path:
+        cell = _Cell(path, file)
+        metre, datum, scale = _parameters(cell, notes)
+        shapely = cell.shapely
+        found = [cell.read(name)[0] for name in ("M_COVR", "DEPARE", "SOUNDG")]
+        corners = np.concatenate([shapely.get_coordinates(f) for f in found])
+        if not len(corners):
+            raise InputInvalid(
+                f"{cell.name}: the cell is empty: no coverage, depth area or sounding"
+            )
+        cell.projection = projection_at(corners)
 
-    soundings, values = cell.read("SOUNDG", ("DEPTH", "QUASOU"))
-    xyz = np.column_stack([shapely.get_coordinates(soundings), _number(values["DEPTH"]) * metre])
-    bottomless = np.array([5 in _codes(q) for q in values["QUASOU"]], bool)
-    if bottomless.any():
-        notes.append(f"{bottomless.sum()} soundings found no bottom at their depth: left out")
-    xyz = xyz[~bottomless & np.isfinite(xyz).all(axis=1)]
-    lines, values = cell.read("DEPCNT", ("VALDCO",))
-    known = np.isfinite(_number(values["VALDCO"]))
-    if not len(xyz) and not known.any():
-        raise InputInvalid(
-            f"{cell.name}: no soundings and no depth contours; there is no seabed to make"
+        soundings, values = cell.read("SOUNDG", ("DEPTH", "QUASOU"))
+        xyz = np.column_stack(
+            [shapely.get_coordinates(soundings), _number(values["DEPTH"]) * metre]
         )
-    if not len(xyz):
-        notes.append("no soundings: the uncertainty is that of the charted bands alone")
-    # GDAL's warnings are reported in the order of these reads.
-    areas = _areas(cell, metre, notes)
-    floating = [_polygons(cell.read(n)[0]) for n in ("PONTON", "HULKES", "FLODOC")]
-    land, coast, unsurveyed = (cell.read(n)[0] for n in ("LNDARE", "COALNE", "UNSARE"))
-    quality, zones = cell.read("M_QUAL", ("CATZOC",))
-    nature, natures = cell.read("SBDARE", ("NATSUR",))
-    codes = [_codes(v) for v in natures["NATSUR"]]
-    chart = Chart(
-        files=files,
-        projection=cell.projection,
-        scale=scale,
-        vertical_datum=datum,
-        soundings=xyz,
-        contours=lines[known],
-        contour_depths=_number(values["VALDCO"])[known] * metre,
-        depth_areas=areas,
-        floating=np.concatenate(floating),
-        land=land,
-        coast=coast,
-        unsurveyed=_polygons(unsurveyed),
-        quality=quality,
-        zones=np.nan_to_num(_number(zones["CATZOC"]), nan=6).astype(np.int64),
-        nature=nature[np.array([bool(c) for c in codes], bool)],
-        natures=[c for c in codes if c],
-        features=tuple(_features(cell, metre)),
-    )
-    warned = [f"GDAL: {w}" for w in cell.warnings]
-    more = [f"GDAL: {len(warned) - 3} more warnings"] if len(warned) > 3 else []
-    return replace(chart, notes=(*notes, *warned[:3], *more))
+        bottomless = np.array([5 in _codes(q) for q in values["QUASOU"]], bool)
+        if bottomless.any():
+            notes.append(f"{bottomless.sum()} soundings found no bottom at their depth: left out")
+        xyz = xyz[~bottomless & np.isfinite(xyz).all(axis=1)]
+        lines, values = cell.read("DEPCNT", ("VALDCO",))
+        known = np.isfinite(_number(values["VALDCO"]))
+        if not len(xyz) and not known.any():
+            raise InputInvalid(
+                f"{cell.name}: no soundings and no depth contours; there is no seabed to make"
+            )
+        if not len(xyz):
+            notes.append("no soundings: the uncertainty is that of the charted bands alone")
+        # GDAL's warnings are reported in the order of these reads.
+        areas = _areas(cell, metre, notes)
+        floating = [_polygons(cell.read(n)[0]) for n in ("PONTON", "HULKES", "FLODOC")]
+        land, coast, unsurveyed = (cell.read(n)[0] for n in ("LNDARE", "COALNE", "UNSARE"))
+        quality, zones = cell.read("M_QUAL", ("CATZOC",))
+        nature, natures = cell.read("SBDARE", ("NATSUR",))
+        codes = [_codes(v) for v in natures["NATSUR"]]
+        features = []
+        for object_class in _OBJECTS:
+            shapes, attributes = cell.read(object_class, _ATTRIBUTES)
+            if len(shapes):
+                names = [v if isinstance(v, str) else "" for v in attributes.pop("OBJNAM")]
+                read = {name: _number(column) for name, column in attributes.items()}
+                read["VALSOU"] = read["VALSOU"] * metre
+                features.append(Features(object_class, shapes, read, names))
+        chart = Chart(
+            files=files,
+            projection=cell.projection,
+            scale=scale,
+            vertical_datum=datum,
+            soundings=xyz,
+            contours=lines[known],
+            contour_depths=_number(values["VALDCO"])[known] * metre,
+            depth_areas=areas,
+            floating=np.concatenate(floating),
+            land=land,
+            coast=coast,
+            unsurveyed=_polygons(unsurveyed),
+            quality=quality,
+            zones=np.nan_to_num(_number(zones["CATZOC"]), nan=6).astype(np.int64),
+            nature=nature[np.array([bool(c) for c in codes], bool)],
+            natures=[c for c in codes if c],
+            features=tuple(features),
+        )
+        warned = [f"GDAL: {w}" for w in cell.warnings]
+        more = [f"GDAL: {len(warned) - 3} more warnings"] if len(warned) > 3 else []
+        return replace(chart, notes=(*notes, *warned[:3], *more))
 
 
 def _parameters(cell: _Cell, notes: list[str]) -> tuple[float, str, int]:
@@ -248,20 +257,8 @@ def _areas(cell: _Cell, metre: float, notes: list[str]) -> Areas:
     )
 
 
-def _features(cell: _Cell, metre: float) -> list[Features]:
-    found = []
-    for kind in _OBJECTS:
-        shapes, values = cell.read(kind, _ATTRIBUTES)
-        if len(shapes):
-            names = [v if isinstance(v, str) else "" for v in values.pop("OBJNAM")]
-            read = {name: _number(column) for name, column in values.items()}
-            read["VALSOU"] = read["VALSOU"] * metre
-            found.append(Features(kind, shapes, read, names))
-    return found
-
-
 def _polygons(shapes: Shapes) -> Shapes:
-    shapely = wanted("shapely", "reading a chart")
+    shapely = import_extra("shapely", "reading a chart")
     return shapes[np.isin(shapely.get_type_id(shapes), (3, 6))] if len(shapes) else shapes
 
 

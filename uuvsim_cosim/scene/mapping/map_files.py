@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from uuvsim_cosim.cache import whole_file, write_whole
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.scene.mapping.mapping import SeabedMap
-from uuvsim_cosim.scene.shared.extra import wanted
+from uuvsim_cosim.scene.shared.extra import import_extra
 
 __all__ = ["check_target", "write_geotiff", "write_las", "write_ply"]
 
@@ -29,15 +29,15 @@ def check_target(file: Path, crs: str = "") -> None:
     """
     if not file.absolute().parent.is_dir():
         raise InputInvalid(file, "its folder does not exist", "a file in a folder")
-    kind = file.suffix.lower()
-    if kind in (".tif", ".tiff"):
-        wanted("rasterio", f"{file}: writing a GeoTIFF")
-    if kind in (".las", ".laz"):
-        wanted("laspy", f"{file}: writing points")
-        if kind == ".laz":
-            wanted("lazrs", f"{file}: compressing points (.las needs nothing more)")
+    ending = file.suffix.lower()
+    if ending in (".tif", ".tiff"):
+        import_extra("rasterio", f"{file}: writing a GeoTIFF")
+    if ending in (".las", ".laz"):
+        import_extra("laspy", f"{file}: writing points")
+        if ending == ".laz":
+            import_extra("lazrs", f"{file}: compressing points (.las needs nothing more)")
         if crs:
-            wanted("pyproj", f"{file}: a CRS")
+            import_extra("pyproj", f"{file}: a CRS")
 
 
 def write_geotiff(made: SeabedMap, file: Path, pose: str = "true") -> Path:
@@ -45,7 +45,7 @@ def write_geotiff(made: SeabedMap, file: Path, pose: str = "true") -> Path:
 
     Its CRS is the scene's; without one, coordinates are metres of the local frame.
     """
-    rasterio = wanted("rasterio", f"{file}: writing a GeoTIFF")
+    rasterio = import_extra("rasterio", f"{file}: writing a GeoTIFF")
     if pose not in made.depth:
         raise InputInvalid(f"pose {pose!r}", f"one of {', '.join(made.depth)}")
     w = made.window
@@ -81,16 +81,16 @@ def write_las(batches: Iterable[Array], file: Path, crs: str = "",
 
     `origin` is northing and easting of the local frame in `crs`. Returns the number of points.
     """
-    laspy = wanted("laspy", f"{file}: writing points")
+    laspy = import_extra("laspy", f"{file}: writing points")
     failures: tuple[type[Exception], ...] = (OSError,)
     if file.suffix.lower() == ".laz":
-        lazrs = wanted("lazrs", f"{file}: compressing points (.las needs nothing more)")
+        lazrs = import_extra("lazrs", f"{file}: compressing points (.las needs nothing more)")
         failures = (OSError, lazrs.LazrsError)
     header = laspy.LasHeader(point_format=6, version="1.4")
     header.scales = np.full(3, 0.001)
     header.offsets = np.array([np.floor(origin[1]), np.floor(origin[0]), 0.0])
     if crs:
-        pyproj = wanted("pyproj", f"{file}: a CRS")
+        pyproj = import_extra("pyproj", f"{file}: a CRS")
         header.add_crs(pyproj.CRS.from_user_input(crs))
     total = 0
     try:

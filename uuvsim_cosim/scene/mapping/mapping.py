@@ -11,22 +11,105 @@ import json
 import time as clock
 import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.cache import whole_file
 from uuvsim_cosim.errors import InputInvalid, RecordingError
-from uuvsim_cosim.scene.mapping.height_grid import HeightGrid, Window
-from uuvsim_cosim.scene.mapping.scans import Sonde, frames, points
+from uuvsim_cosim.scene.mapping.scans import RangeSensor, frames, points
 from uuvsim_cosim.scene.shared.ray_casting import SEABED, SOLID, Caster
 
-__all__ = ["Figures", "SeabedMap", "Track", "map_seabed", "read_map", "run_points", "track_of_run",
-           "write_map"]  # fmt: skip
+__all__ = [
+    "Figures",
+    "HeightGrid",
+    "SeabedMap",
+    "Track",
+    "Window",
+    "map_seabed",
+    "read_map",
+    "run_points",
+    "track_of_run",
+    "write_map",
+]
 
 Array = NDArray[np.float64]
+MOST_CELLS = 40_000_000
+
+
+@dataclass(frozen=True)
+class Window:
+    """Cells of `cell` [m]; the corner of the first is at (north, east) [m] in `n`."""
+
+    north: float
+    east: float
+    cell: float
+    rows: int
+    columns: int
+
+    @staticmethod
+    def around(lowest: Array, highest: Array, margin: float, cell: float) -> Window:
+        """Return the window, on whole cells, of places (N, E) and a margin [m]."""
+        if not (np.isfinite(cell) and cell > 0):
+            raise InputInvalid(f"cell {cell} m", "more than 0")
+        first = np.floor((lowest - margin) / cell) * cell
+        n = np.ceil((highest + margin - first) / cell).astype(int)
+        if int(n[0]) * int(n[1]) > MOST_CELLS:
+            raise InputInvalid(
+                f"a map of {n[0]:,} x {n[1]:,} cells of {cell:g} m",
+                f"at most {MOST_CELLS:,} cells: give a larger one",
+            )
+        return Window(float(first[0]), float(first[1]), cell, int(n[0]), int(n[1]))
+
+    @property
+    def centres(self) -> tuple[Array, Array]:
+        """Return N (rows,) and E (columns,) of the cells' centres [m]."""
+        north: Array = self.north + (np.arange(self.rows, dtype=np.float64) + 0.5) * self.cell
+        east: Array = self.east + (np.arange(self.columns, dtype=np.float64) + 0.5) * self.cell
+        return north, east
+
+
+@final
+@dataclass(eq=False)
+class HeightGrid:
+    """Sums over the cells of a window; points are added batch by batch."""
+
+    window: Window
+    total: Array = field(init=False)
+    count: NDArray[np.int64] = field(init=False)
+
+    def __post_init__(self) -> None:
+        size = self.window.rows * self.window.columns
+        self.total, self.count = np.zeros(size), np.zeros(size, np.int64)
+
+    def add(self, north: Array, east: Array, depth: Array) -> None:
+        """Add points (n,) each [m]; points outside of the window are ignored."""
+        w = self.window
+        i = np.floor((north - w.north) * (1.0 / w.cell)).astype(np.int64)
+        j = np.floor((east - w.east) * (1.0 / w.cell)).astype(np.int64)
+        inside = (i >= 0) & (i < w.rows) & (j >= 0) & (j < w.columns)
+        if not inside.all():
+            i, j, depth = i[inside], j[inside], depth[inside]
+        if len(i) == 0:
+            return
+        # Only the rows that the batch reaches: a batch is a small part of a large map.
+        low, high = int(i.min()), int(i.max()) + 1
+        flat = (i - low) * w.columns + j
+        size = (high - low) * w.columns
+        part = slice(low * w.columns, high * w.columns)
+        self.total[part] += np.bincount(flat, weights=depth, minlength=size)
+        self.count[part] += np.bincount(flat, minlength=size)
+
+    def mean(self) -> Array:
+        """Return the mean depth (rows, columns) [m]; NaN without points."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            z = np.where(self.count > 0, self.total / self.count, np.nan)
+        return z.reshape(self.window.rows, self.window.columns)
+
+
 Progress = Callable[[str, float, float], None]
 POSES = {"true": "hull.eta", "navigation": "navigation.eta"}
 FILE, BATCH = "map.npz", 400_000
@@ -61,6 +144,17 @@ class Figures:
     p95: float  # of |error|
     cells: int
     covered: float  # share of the window
+
+    @staticmethod
+    def of(pose: str, z: Array, truth: Array) -> Figures:
+        """Compare mapped and true depths (rows, columns) [m]; NaN where one is unknown."""
+        error = (z - truth)[np.isfinite(z) & np.isfinite(truth)]
+        if error.size == 0:
+            return Figures(pose, np.nan, np.nan, np.nan, 0, 0.0)
+        return Figures(
+            pose, float(np.sqrt(np.mean(error**2))), float(error.mean()),
+            float(np.percentile(np.abs(error), 95)), int(error.size), error.size / z.size,
+        )  # fmt: skip
 
     def __str__(self) -> str:
         """Return one line."""
@@ -106,25 +200,24 @@ def track_of_run(folder: Path) -> Track:
 
 
 def map_seabed(
-    track: Track, caster: Caster, sondes: Sequence[Sonde], cell: float = 0.1,
-    scene: str = "", progress: Progress | None = None, least: int = 1,
+    track: Track, caster: Caster, sensors: Sequence[RangeSensor], cell: float = 0.1,
+    scene: str = "", progress: Progress | None = None,
 ) -> SeabedMap:  # fmt: skip
     """Map the seabed along a track by all sensors, in cells of `cell` [m].
 
-    A cell needs at least `least` points. Raises InputInvalid if no ray meets the seabed: the track
+    Raises InputInvalid if no ray meets the seabed: the track
     is then outside of the terrain, or too high above it.
     """
     begun = clock.process_time()
-    window = _window(track, caster, sondes, cell)
+    window = _window(track, caster, sensors, cell)
     grids = {pose: HeightGrid(window) for pose in track.poses}
     n_frames = n_points = 0
-    for sonde, pose, xyz, made in _placed(track, caster, sondes, progress):
+    for pose, xyz, made in _placed(track, caster, sensors, progress):
         grids[pose].add(xyz[:, 0], xyz[:, 1], xyz[:, 2])
         if pose == "true":
             n_frames, n_points = n_frames + made, n_points + len(xyz)
-        del sonde
     if n_points == 0:
-        ranges = ", ".join(f"{s.name} {s.near:g} to {s.far:g} m" for s in sondes)
+        ranges = ", ".join(f"{s.name} {s.near:g} to {s.far:g} m" for s in sensors)
         raise InputInvalid(
             f"nothing of the seabed was seen ({ranges})",
             f"a track above the terrain{f' of scene {scene}' if scene else ''}, within reach",
@@ -138,28 +231,28 @@ def map_seabed(
     far, kind = caster.cast(from_surface, down)
     met = (kind == SEABED) | (kind >= SOLID)
     truth: Array = np.where(met, at + far, np.nan).reshape(window.rows, window.columns)
-    depth = {pose: grid.mean(least) for pose, grid in grids.items()}
-    figures = tuple(_figures(pose, z, truth) for pose, z in depth.items())
+    depth = {pose: grid.mean() for pose, grid in grids.items()}
+    figures = tuple(Figures.of(pose, z, truth) for pose, z in depth.items())
     return SeabedMap(
         window, depth, truth, figures, n_frames, n_points, clock.process_time() - begun,
-        tuple(f"{s.name}: {len(s.directions):,} beams at {1 / s.period:g} Hz" for s in sondes),
+        tuple(f"{s.name}: {len(s.directions):,} beams at {1 / s.period:g} Hz" for s in sensors),
         scene,
     )  # fmt: skip
 
 
 def run_points(
-    track: Track, caster: Caster, sondes: Sequence[Sonde], pose: str = "true", every: int = 1
+    track: Track, caster: Caster, sensors: Sequence[RangeSensor], pose: str = "true", every: int = 1
 ) -> Iterator[Array]:
     """Yield the points (n, 3) N E D [m] of every n-th frame of a run, batch by batch."""
     if pose not in track.poses:
         raise InputInvalid(f"pose {pose!r}", f"one of {', '.join(track.poses)}")
     one = Track(track.time, {"true": track.poses["true"], pose: track.poses[pose]}, track.seed)
-    for _, which, xyz, _ in _placed(one, caster, sondes, None, every):
+    for which, xyz, _ in _placed(one, caster, sensors, None, every):
         if which == pose:
             yield xyz
 
 
-def _window(track: Track, caster: Caster, sondes: Sequence[Sonde], cell: float) -> Window:
+def _window(track: Track, caster: Caster, sensors: Sequence[RangeSensor], cell: float) -> Window:
     """Return the area that the sensors may reach: the track, and the reach of the widest beam."""
     places = np.concatenate([eta[:, :2] for eta in track.poses.values()])
     true = track.poses["true"]
@@ -176,7 +269,7 @@ def _window(track: Track, caster: Caster, sondes: Sequence[Sonde], cell: float) 
         )
     high = float(np.nanmax(altitude[altitude > 0]))
     aside = 0.0
-    for s in sondes:
+    for s in sensors:
         d = s.in_body
         level = np.hypot(d[:, 0], d[:, 1])
         reach = level * np.minimum(s.far, 1.3 * high / np.maximum(d[:, 2], 1e-3))
@@ -185,41 +278,31 @@ def _window(track: Track, caster: Caster, sondes: Sequence[Sonde], cell: float) 
 
 
 def _placed(
-    track: Track, caster: Caster, sondes: Sequence[Sonde], progress: Progress | None,
+    track: Track, caster: Caster, sensors: Sequence[RangeSensor], progress: Progress | None,
     every: int = 1,
-) -> Iterator[tuple[Sonde, str, Array, int]]:  # fmt: skip
-    """Yield points in batches: sensor, pose, (n, 3), and the number of their frames."""
+) -> Iterator[tuple[str, Array, int]]:  # fmt: skip
+    """Yield points in batches: pose, (n, 3), and the number of their frames."""
     true = track.poses["true"]
-    end = float(track.time[-1]) * len(sondes)
-    for number, sonde in enumerate(sondes):
-        in_body = sonde.in_body
+    end = float(track.time[-1]) * len(sensors)
+    for number, range_sensor in enumerate(sensors):
+        in_body = range_sensor.in_body
         waiting: dict[str, list[Array]] = {pose: [] for pose in track.poses}
         size = made = 0
-        seen = frames(sonde, track.time, true, caster, track.seed, every)
+        seen = frames(range_sensor, track.time, true, caster, track.seed, every)
         for k, frame in enumerate(seen):
-            heard = np.isfinite(frame.range)
-            r, beams = frame.range[heard], in_body[heard]
+            echoes = np.isfinite(frame.range)
+            r, beams = frame.range[echoes], in_body[echoes]
             for pose, eta in track.poses.items():
-                waiting[pose].append(points(sonde, beams, r, eta[frame.row]))
+                waiting[pose].append(points(range_sensor, beams, r, eta[frame.row]))
             size, made = size + len(r), made + 1
             if size >= BATCH:
-                yield from ((sonde, p, np.concatenate(w), made) for p, w in waiting.items())
+                yield from ((p, np.concatenate(w), made) for p, w in waiting.items())
                 waiting, size, made = {pose: [] for pose in track.poses}, 0, 0
             if progress is not None and k % 64 == 0:
                 done = float(track.time[frame.row]) + number * float(track.time[-1])
                 progress("mapping", done, end)
         if made:
-            yield from ((sonde, p, np.concatenate(w), made) for p, w in waiting.items())
-
-
-def _figures(pose: str, z: Array, truth: Array) -> Figures:
-    error = (z - truth)[np.isfinite(z) & np.isfinite(truth)]
-    if error.size == 0:
-        return Figures(pose, np.nan, np.nan, np.nan, 0, 0.0)
-    return Figures(
-        pose, float(np.sqrt(np.mean(error**2))), float(error.mean()),
-        float(np.percentile(np.abs(error), 95)), int(error.size), error.size / z.size,
-    )  # fmt: skip
+            yield from ((p, np.concatenate(w), made) for p, w in waiting.items())
 
 
 def write_map(made: SeabedMap, folder: Path) -> Path:

@@ -11,9 +11,11 @@ with the unit direction d in the sensor's axes, r_s and R_bs its place and attit
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import exp, sqrt
+from pathlib import Path
 from typing import Any
+from urllib.parse import parse_qsl
 from zlib import crc32
 
 import numpy as np
@@ -21,16 +23,27 @@ from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.preset import preset
-from uuvsim_cosim.models.sensors.multibeam_and_camera import beams_of
+from uuvsim_cosim.models.sensors.multibeam_and_camera import PRESETS, beams_of
+from uuvsim_cosim.orchestrator.recording.signals import Signals
 from uuvsim_cosim.scene.shared.ray_casting import SEABED, SOLID, Caster
 
-__all__ = ["Frame", "Sonde", "Taken", "frames", "points", "rotation", "sonde"]
+__all__ = [
+    "Frame",
+    "RangeSensor",
+    "RecordedFrames",
+    "frames",
+    "points",
+    "range_sensor",
+    "recorded_sensor",
+    "rotation",
+]
 
 Array = NDArray[np.float64]
+OUTPUTS = {"multibeam": "range", "depth_camera": "image"}
 
 
 @dataclass(frozen=True, eq=False)
-class Taken:
+class RecordedFrames:
     """Frames of a component: samples at t (k,) [s], ranges (k, n) [m], NaN without an echo."""
 
     t: Array
@@ -38,13 +51,13 @@ class Taken:
 
 
 @dataclass(frozen=True, eq=False)
-class Sonde:
+class RangeSensor:
     """A range sensor: beams (n, 3) in its axes, place r_s (3,) [m] and attitude R_bs in `b`.
 
     `period` [s] between frames; echoes from `near` to `far` [m]. A range r reads
     r + b_k + sqrt(sigma² + (sigma_relative r)²) w, and is lost by chance (`dropout`); b_k is of
     all beams of a frame, a Gauss-Markov process of `bias_sigma` [m] and `bias_tau` [s]. Where
-    frames were `taken` in the loop, they are given as they are.
+    frames were `recorded` in the loop, they are given as they are.
     """
 
     name: str
@@ -59,7 +72,7 @@ class Sonde:
     dropout: float = 0.0
     r_s: Array = field(default_factory=lambda: np.zeros(3))
     R_bs: Array = field(default_factory=lambda: np.eye(3))
-    taken: Taken | None = None
+    recorded: RecordedFrames | None = None
 
     def __post_init__(self) -> None:
         if not self.period > 0:
@@ -83,7 +96,7 @@ class Sonde:
         return self.bias_sigma * b
 
 
-def sonde(kind: str, preset_id: str, period: float, **options: Any) -> Sonde:
+def range_sensor(kind: str, preset_id: str, period: float, **options: Any) -> RangeSensor:
     """Return the `multibeam` or `depth_camera` of a preset (models/sensors), by its figures.
 
     `options` are `beams`, or `columns` and `rows`. The preset's figures of incidence are ignored,
@@ -91,12 +104,53 @@ def sonde(kind: str, preset_id: str, period: float, **options: Any) -> Sonde:
     """
     rays = beams_of(kind, preset_id, **options)
     p = preset("sensors", preset_id, kind)
-    return Sonde(
+    return RangeSensor(
         f"{kind}@{preset_id}", rays.directions, period, p.number("range_min", "m"),
         p.number("range_max", "m"), p.number("sigma_range", "m"),
         p.number("sigma_range_relative", "1"), p.number("bias_sigma", "m"),
         p.number("bias_tau", "s"), p.number("dropout", "1"), rays.r_s, rays.R_bs,
     )  # fmt: skip
+
+
+def recorded_sensor(run: Path, component: str, signals: Signals) -> RangeSensor:
+    """Return a multibeam or depth camera of a run's system, with its recorded frames.
+
+    The directions of its beams follow from its source and its mounting in the run's `system.ssd`.
+    Raises InputInvalid if there is no such instrument, or its readings were not recorded.
+    """
+    from uuvsim_cosim.orchestrator.plan.flatten import flatten
+    from uuvsim_cosim.orchestrator.running.library import load
+
+    components = {c.path: c for c in flatten(load(run / "system.ssd"), loops="delay").components}
+    planned = components.get(component)
+    if planned is None:
+        known = ", ".join(components)
+        raise InputInvalid(run, f"its system has no component {component!r}", f"one of {known}")
+    name, _, query = planned.source.removeprefix("model:").partition("?")
+    kind, _, preset = name.partition("@")
+    options = dict(parse_qsl(query))
+    if kind not in OUTPUTS:
+        raise InputInvalid(
+            run, f"{component} is {planned.source}", f"model:{' or model:'.join(OUTPUTS)}"
+        )
+    size = {k: options[k] for k in ("beams", "columns", "rows") if k in options}
+    found = range_sensor(kind, preset or options.get("id", PRESETS[kind]), 1.0, **size)
+    if "r_s" in planned.start:
+        found = replace(found, r_s=np.array(planned.start["r_s"], float))
+    if "Theta_s" in planned.start:
+        found = replace(found, R_bs=rotation(*np.array(planned.start["Theta_s"], float)))
+    reading, sample = f"{component}.{OUTPUTS[kind]}", f"{component}.t_sample"
+    if reading not in signals or sample not in signals:
+        raise InputInvalid(run, f"{reading} was not recorded", "a run of this system")
+    t, first = np.unique(signals[sample], return_index=True)
+    first, t = first[t >= 0], t[t >= 0]  # before the first sample it is -1
+    ranges = np.asarray(signals[reading], float)[first]
+    ranges = np.where(ranges > 0, ranges, np.nan)  # NaN without an echo
+    if kind == "depth_camera" and options.get("reading", "depth") == "depth":
+        ranges = ranges / found.directions[:, 2]
+    period = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
+    recorded = RecordedFrames(t, ranges)
+    return replace(found, name=f"{component}, in the loop", period=period, recorded=recorded)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,56 +174,56 @@ def rotation(phi: float, theta: float, psi: float) -> Array:
 
 
 def frames(
-    sonde: Sonde, time: Array, eta: Array, caster: Caster, seed: int = 0, every: int = 1
+    sensor: RangeSensor,
+    time: Array,
+    eta: Array,
+    caster: Caster,
+    seed: int = 0,
+    every: int = 1,
 ) -> Iterator[Frame]:
     """Yield every n-th frame of a sensor along a track: eta (T, 6) at `time` (T,) [s].
 
     Its error is drawn from `seed` and the number of the frame: a frame alone has the same bits.
     """
-    if sonde.taken is not None:
-        yield from _taken(sonde, sonde.taken, time, every)
+    if (recorded := sensor.recorded) is not None:
+        rows = np.clip(np.searchsorted(time, recorded.t - 1e-9), 0, len(time) - 1)
+        seen = np.abs(time[rows] - recorded.t) < 1e-6
+        if len(recorded.t) and not seen.any():
+            raise InputInvalid(
+                sensor.name,
+                f"no pose was recorded when it took a sample (every {sensor.period:g} s)",
+                "a run without --record-every",
+            )
+        for k in np.flatnonzero(seen)[::every].tolist():
+            yield Frame(int(rows[k]), recorded.range[k])
         return
-    wanted = np.arange(0.0, time[-1] + 1e-9, sonde.period)
-    rows = np.clip(np.searchsorted(time, wanted - 1e-9), 0, len(time) - 1)
-    in_body, biases = sonde.in_body, sonde.biases(len(rows), seed)
+    sample_times = np.arange(0.0, time[-1] + 1e-9, sensor.period)
+    rows = np.clip(np.searchsorted(time, sample_times - 1e-9), 0, len(time) - 1)
+    in_body, biases = sensor.in_body, sensor.biases(len(rows), seed)
     n = len(in_body)
     out = (np.empty(n), np.empty(n, np.int32))
     for k, row in list(enumerate(rows.tolist()))[::every]:
         R = rotation(*eta[row, 3:])
-        caster.cast(eta[row, :3] + R @ sonde.r_s, in_body @ R.T, sonde.far, out)
+        caster.cast(eta[row, :3] + R @ sensor.r_s, in_body @ R.T, sensor.far, out)
         r = np.where((out[1] == SEABED) | (out[1] >= SOLID), out[0], np.nan)
-        random = _random(seed, sonde.name, k)
+        random = _random(seed, sensor.name, k)
         w = random.standard_normal(n, np.float32)
-        if sonde.sigma_relative > 0:
-            r += biases[k] + np.hypot(sonde.sigma, sonde.sigma_relative * r) * w
+        if sensor.sigma_relative > 0:
+            r += biases[k] + np.hypot(sensor.sigma, sensor.sigma_relative * r) * w
         else:
-            r += biases[k] + sonde.sigma * w
-        if sonde.dropout > 0:
-            r[random.random(n, np.float32) < sonde.dropout] = np.nan
-        r[~((r >= sonde.near) & (r <= sonde.far))] = np.nan
+            r += biases[k] + sensor.sigma * w
+        if sensor.dropout > 0:
+            r[random.random(n, np.float32) < sensor.dropout] = np.nan
+        r[~((r >= sensor.near) & (r <= sensor.far))] = np.nan
         yield Frame(row, r)
-
-
-def _taken(sonde: Sonde, taken: Taken, time: Array, every: int) -> Iterator[Frame]:
-    """Yield every n-th frame of a component, with its row of the recording."""
-    rows = np.clip(np.searchsorted(time, taken.t - 1e-9), 0, len(time) - 1)
-    seen = np.abs(time[rows] - taken.t) < 1e-6
-    if len(taken.t) and not seen.any():
-        raise InputInvalid(
-            sonde.name,
-            f"no pose was recorded when it took a sample (every {sonde.period:g} s)",
-            "a run without --record-every",
-        )
-    for k in np.flatnonzero(seen)[::every].tolist():
-        yield Frame(int(rows[k]), taken.range[k])
 
 
 def _random(seed: int, name: str, k: int) -> np.random.Generator:
     return np.random.default_rng((seed & 0xFFFFFFFF, crc32(name.encode()), k + 1))
 
 
-def points(sonde: Sonde, in_body: Array, r: Array, eta: Array) -> Array:
+def points(sensor: RangeSensor, in_body: Array, r: Array, eta: Array) -> Array:
     """Return the points (n, 3) N E D [m] of ranges at a pose; `in_body` are the beams in `b`."""
     R = rotation(*eta[3:])
-    world: Array = r[:, None] * (in_body @ R.T) + (eta[:3] + R @ sonde.r_s)
+    world: Array = r[:, None] * (in_body @ R.T) + (eta[:3] + R @ sensor.r_s)
     return world

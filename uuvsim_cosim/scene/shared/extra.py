@@ -7,10 +7,10 @@ from types import ModuleType
 
 from uuvsim_cosim.errors import InputInvalid
 
-__all__ = ["wanted"]
+__all__ = ["import_extra"]
 
 
-def wanted(library: str, what: str) -> ModuleType:
+def import_extra(library: str, what: str) -> ModuleType:
     """Import a library of the extra `scene`, which `what` needs.
 
     Raises InputInvalid with the command that installs it.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,19 +11,22 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.models.declaration.near_names import did_you_mean
 from uuvsim_cosim.models.worlds.scene import load_scene, scene_ids
 from uuvsim_cosim.models.worlds.terrain import Terrain, load_terrain
-from uuvsim_cosim.scene.terrain.chart import Made, chart_terrain
-from uuvsim_cosim.scene.terrain.large_charts import Large, write_large
-from uuvsim_cosim.scene.terrain.piece import piece_of
+from uuvsim_cosim.scene.terrain.chart import (
+    DescribedTerrain,
+    TiledTerrain,
+    chart_terrain,
+    write_large,
+)
+from uuvsim_cosim.scene.terrain.grid import piece_of
 from uuvsim_cosim.scene.terrain.raster import raster_terrain
 
-__all__ = ["Wishes", "make_large", "make_terrain"]
-
+__all__ = ["TerrainOptions", "make_large", "make_terrain"]
 
 CHART_RESOLUTION = 10.0  # m
 
 
 @dataclass(frozen=True)
-class Wishes:
+class TerrainOptions:
     """Options of a terrain; with None, the file decides."""
 
     resolution: float | None = None  # m; None: 10 m of a chart, a grid's own cells
@@ -38,14 +41,34 @@ class Wishes:
     crs: str | None = None  # of a grid that states none
     local: bool = False  # a grid's x and y are E and N of the local frame
 
+    @property
+    def chart_resolution(self) -> float:
+        """The spacing of nodes of a chart [m]."""
+        return CHART_RESOLUTION if self.resolution is None else self.resolution
 
-def make_terrain(file: Path, wishes: Wishes) -> Made:
+    @property
+    def land_height(self) -> float | None:
+        """The height of land above the datum [m], NaN if unknown; raises InputInvalid."""
+        if self.land is None or self.land == "unknown":
+            return None if self.land is None else float("nan")
+        try:
+            height = float(self.land)
+            if not (np.isfinite(height) and 0 < height < 9000):
+                raise ValueError
+        except ValueError:
+            raise InputInvalid(
+                f"--land {self.land}", "metres above the datum, more than 0, or unknown"
+            ) from None
+        return height
+
+
+def make_terrain(file: Path, options: TerrainOptions) -> DescribedTerrain:
     """Read a file and make its terrain; raises `InputInvalid`."""
     if not file.exists() and str(file) not in scene_ids():
         beside = file.parent.iterdir() if file.parent.is_dir() else ()
         hint = did_you_mean(file.name, [p.name for p in beside])
         raise InputInvalid(file, f"no such file{hint}", "a chart (.000) or a grid")
-    placing: dict[str, object] = {"--crs": wishes.crs, "--local": wishes.local or None}
+    placing: dict[str, object] = {"--crs": options.crs, "--local": options.local or None}
     if str(file) in scene_ids() or (file / "scene.yaml").is_file() or file.name == "scene.yaml":
         _refuse_for(file, "a scene", placing)
         scene = load_scene(str(file) if str(file) in scene_ids() else file)
@@ -54,7 +77,9 @@ def make_terrain(file: Path, wishes: Wishes) -> Made:
         facts = {"scene": scene.description, **_terrain_facts(scene.terrain),
                  "obstacles": str(len(scene.obstacles))}  # fmt: skip
         facts |= {f"mesh {m.name or m.file.name}": m.facts for m in scene.meshes}
-        return _checked(Made(scene.terrain, scene.obstacles, facts, meshes=scene.meshes), wishes)
+        return _checked(
+            DescribedTerrain(scene.terrain, scene.obstacles, facts, meshes=scene.meshes), options
+        )
     if file.is_dir():
         cells = sorted(file.rglob("*.000"))
         if len(cells) != 1:
@@ -66,32 +91,34 @@ def make_terrain(file: Path, wishes: Wishes) -> Made:
     if file.suffix == ".npz":
         _refuse_for(file, "a terrain", placing)
         terrain = load_terrain(file)
-        return _checked(Made(terrain, (), _terrain_facts(terrain)), wishes)
+        return _checked(DescribedTerrain(terrain, (), _terrain_facts(terrain)), options)
     if file.suffix == ".zip":
         raise InputInvalid(f"{file}: unpack it first; the updates lie beside the base cell (.000)")
-    piece = piece_of(wishes.around, wishes.size)
+    piece = piece_of(options.around, options.size)
     if _is_chart(file):
-        _refuse_for(file, "a chart", {"--unit": wishes.unit, "--positive": wishes.positive,
-                                      "--fill": wishes.fill or None, **placing})  # fmt: skip
-        made = chart_terrain(file, _of_chart(wishes), piece, _height(wishes.land), wishes.relief)
+        _refuse_for(file, "a chart", {"--unit": options.unit, "--positive": options.positive,
+                                      "--fill": options.fill or None, **placing})  # fmt: skip
+        made = chart_terrain(
+            file, options.chart_resolution, piece, options.land_height, options.relief
+        )
     else:
-        _refuse_for(file, "a grid", {"--land": wishes.land, "--relief": wishes.relief})
+        _refuse_for(file, "a grid", {"--land": options.land, "--relief": options.relief})
         made = raster_terrain(
-            file, wishes.resolution, piece,
-            unit=wishes.unit, positive=wishes.positive, fill=wishes.fill, crs=wishes.crs,
-            local=wishes.local,
+            file, options.resolution, piece,
+            unit=options.unit, positive=options.positive, fill=options.fill, crs=options.crs,
+            local=options.local,
         )  # fmt: skip
-    return _checked(made, wishes)
+    return _checked(made, options)
 
 
-def make_large(file: Path, target: Path, wishes: Wishes) -> Large | None:
+def make_large(file: Path, target: Path, options: TerrainOptions) -> TiledTerrain | None:
     """Write a chart's GeoTIFF in tiles if it has too many nodes; else return None."""
     if target.suffix.lower() not in (".tif", ".tiff") or not file.is_file() or not _is_chart(file):
         return None
-    if wishes.relief is not None or wishes.datum is not None:
+    if options.relief is not None or options.datum is not None:
         return None  # of a terrain as a whole
-    piece = piece_of(wishes.around, wishes.size)
-    return write_large(file, target, _of_chart(wishes), piece, _height(wishes.land))
+    piece = piece_of(options.around, options.size)
+    return write_large(file, target, options.chart_resolution, piece, options.land_height)
 
 
 def _is_chart(file: Path) -> bool:
@@ -102,40 +129,18 @@ def _is_chart(file: Path) -> bool:
     return len(head) == 24 and head[:5].isdigit() and head[6:7] == b"L"
 
 
-def _of_chart(wishes: Wishes) -> float:
-    return CHART_RESOLUTION if wishes.resolution is None else wishes.resolution
-
-
-def _height(land: str | None) -> float | None:
-    if land is None:
-        return None
-    if land == "unknown":
-        return float("nan")
-    try:
-        height = float(land)
-        if not (np.isfinite(height) and 0 < height < 9000):
-            raise ValueError
-    except ValueError:
-        raise InputInvalid(
-            f"--land {land}", "metres above the datum, more than 0, or unknown"
-        ) from None
-    return height
-
-
 def _refuse_for(file: Path, what: str, options: dict[str, object]) -> None:
     for name, given in options.items():
         if given is not None:
             raise InputInvalid(f"{name} {given}: not for {what}, which {file.name} is")
 
 
-def _checked(made: Made, wishes: Wishes) -> Made:
+def _checked(made: DescribedTerrain, options: TerrainOptions) -> DescribedTerrain:
     """Refuse depths from another datum than the option's: heights are not converted."""
-    found, expected = made.terrain.vertical_datum, wishes.datum
+    found, expected = made.terrain.vertical_datum, options.datum
     if expected is None or found.lower() == expected.lower():
         return made
     if not found:
-        from dataclasses import replace
-
         return replace(
             made,
             terrain=replace(made.terrain, vertical_datum=expected),

@@ -6,11 +6,11 @@ size: the sizes in `_SIZES` are assumptions, and every obstacle's name ends in i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import atan2, hypot, isfinite
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, overload
 
 import numpy as np
 
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 __all__ = ["obstacles_of"]
 
 Place = tuple[float, float]
-Body = Callable[[float], tuple[float, float]]  # depth of the seabed -> of the top and the bottom
 
 _LENGTH = 0.05  # m; thinner or lower features are left out
 _FOUL = (6, 7, 8, 9)  # CATOBS: foul area, foul ground, ice boom, ground tackle: no solid body
@@ -68,21 +67,22 @@ class _Ground:
             np.isnan(terrain.sigma), np.nan, terrain.z
         )  # fmt: skip
 
-    def at(self, place: Place) -> float:
-        """Depth (m) of the nearest node; NaN on land and outside."""
-        t = self.terrain
-        i, j = (round((place[k] - t.origin[k]) / t.spacing) for k in (0, 1))
-        inside = 0 <= i < t.z.shape[0] and 0 <= j < t.z.shape[1]
-        return float(self.wet[i, j]) if inside else float("nan")
+    def depth(self, place: Place, reach: int = 0) -> float:
+        """Return the depth (m) of the deepest node at most `reach` nodes from the nearest one.
 
-    def near(self, place: Place) -> float:
-        """Depth (m) of the deepest of the nine nodes around: things stand beside the shore."""
+        NaN on land and outside. With a reach of 1, a place beside the shore has the depth of the
+        water there.
+        """
         t = self.terrain
         i, j = (round((place[k] - t.origin[k]) / t.spacing) for k in (0, 1))
         if not (0 <= i < t.z.shape[0] and 0 <= j < t.z.shape[1]):
             return float("nan")
-        around = self.wet[max(i - 1, 0) : i + 2, max(j - 1, 0) : j + 2]
+        around = self.wet[max(i - reach, 0) : i + reach + 1, max(j - reach, 0) : j + reach + 1]
         return float(np.nanmax(around)) if np.isfinite(around).any() else float("nan")
+
+    def local(self, point: Sequence[float]) -> Place:
+        """Return N, E in the local frame of a point E, N of the projection."""
+        return float(point[1]) - self.terrain.northing, float(point[0]) - self.terrain.easting
 
 
 def obstacles_of(chart: Chart, terrain: Terrain) -> tuple[tuple[Obstacle, ...], list[str]]:
@@ -96,132 +96,96 @@ def obstacles_of(chart: Chart, terrain: Terrain) -> tuple[tuple[Obstacle, ...], 
                 foul += 1
                 continue
             for part in getattr(shape, "geoms", [shape]):
-                found += _made(features, index, part, ground)
+                found += _bodies(features, index, part, ground)
     notes = [f"{foul} foul areas and grounds are no bodies: left out"] if foul else []
     return tuple(found), notes
 
 
-def _made(features: Features, index: int, shape: Geometry, ground: _Ground) -> Iterator[Obstacle]:
-    kind = features.kind
-    name = f"{features.names[index]} {kind}".strip()
-    if kind.startswith("BOY") or kind in ("LITFLT", "LITVES"):
-        yield from _buoy(shape, ground, name)
-    elif kind in ("PIPSOL", "CBLSUB"):
-        yield from _laid(shape, ground, _SIZES[kind].radius, name)
-    else:
-        top_of = _top(features, index)
-        size = _SIZES[kind]
-        if shape.geom_type == "Point":
-            yield from _upright(shape, ground, size.radius, top_of, name)
-        elif shape.geom_type == "LineString":
-            yield from _walls(shape, ground, size.radius, top_of, name)
-        elif shape.geom_type == "Polygon":
-            yield from _block(shape, ground, top_of, name)
+def _bodies(features: Features, index: int, shape: Geometry, ground: _Ground) -> Iterator[Obstacle]:
+    object_class = features.kind
+    name = f"{features.names[index]} {object_class}".strip()
+    if object_class.startswith("BOY") or object_class in ("LITFLT", "LITVES"):
+        if shape.geom_type != "Point":
+            return
+        place = ground.local(shape.coords[0])
+        seabed = ground.depth(place, 1)
+        if isfinite(seabed):
+            n, e = _centimetres(*place)
+            yield Sphere((n, e, 0.0), _BUOY, name)
+            if seabed > _BUOY + _LENGTH:
+                anchor = (n, e, *_centimetres(seabed))
+                yield Capsule((n, e, _BUOY), anchor, _CHAIN, f"mooring of {name}")
+        return
+    size = _SIZES[object_class]
+    if object_class in ("PIPSOL", "CBLSUB"):
+        if shape.geom_type != "LineString":
+            return
+        # A line on the seabed as capsules, short enough to follow it.
+        line = shape.segmentize(2 * ground.terrain.spacing).coords
+        places = [ground.local(p) for p in line]
+        ends = [_centimetres(*place, ground.depth(place)) for place in places]
+        for start, end in pairwise(ends):
+            if isfinite(start[2]) and isfinite(end[2]):
+                yield Capsule(start, end, size.radius, name)
+        return
+    for middle, half, yaw in _footprints(shape, ground, size.radius):
+        seabed = ground.depth(middle, 1)
+        if not isfinite(seabed):
+            continue
+        top, bottom = _top_and_bottom(features, index, seabed)
+        if bottom - top <= _LENGTH:
+            continue
+        centre = _centimetres(*middle, (top + bottom) / 2)
+        if half is None:
+            yield Cylinder(centre, size.radius, *_centimetres((bottom - top) / 2), name)
+        else:
+            yield Box(centre, _centimetres(*half, (bottom - top) / 2), round(yaw, 4), name)
 
 
-def _top(features: Features, index: int) -> Body:
-    """Return the function from the seabed's depth to depths of the body's top and bottom."""
+def _footprints(
+    shape: Geometry, ground: _Ground, radius: float
+) -> Iterator[tuple[Place, Place | None, float]]:
+    """Yield middle, half length and width (None: round), and yaw of the bodies of a shape."""
+    if shape.geom_type == "Point":
+        yield ground.local(shape.coords[0]), None, 0.0
+    elif shape.geom_type == "LineString":
+        for a, b in pairwise(ground.local(p) for p in shape.simplify(_THIN).coords):
+            length = hypot(b[0] - a[0], b[1] - a[1])
+            if length >= _LENGTH:
+                middle = ((a[0] + b[0]) / 2, (a[1] + b[1]) / 2)
+                yield middle, (length / 2, radius), atan2(b[1] - a[1], b[0] - a[0])
+    elif shape.geom_type == "Polygon":
+        around = shape.minimum_rotated_rectangle
+        if around.geom_type != "Polygon":
+            return
+        a, b, c = (ground.local(p) for p in list(around.exterior.coords)[:3])
+        half = hypot(b[0] - a[0], b[1] - a[1]) / 2, hypot(c[0] - b[0], c[1] - b[1]) / 2
+        if min(half) >= _LENGTH:
+            middle = ((a[0] + c[0]) / 2, (a[1] + c[1]) / 2)
+            yield middle, half, atan2(b[1] - a[1], b[0] - a[0])
+
+
+def _top_and_bottom(features: Features, index: int, seabed: float) -> tuple[float, float]:
+    """Return the depths of a body's top and bottom."""
     size = _SIZES[features.kind]
     charted, level = (float(features.values[n][index]) for n in ("VALSOU", "WATLEV"))
-
-    def body(seabed: float) -> tuple[float, float]:
-        if size.draught is not None or level == _FLOATS:
-            return -_FREEBOARD, size.draught or 1.0
-        if isfinite(charted):
-            return charted, max(seabed, charted + 2 * _LENGTH)
-        if size.top is not None:
-            return size.top, seabed
-        if isfinite(level) and int(level) in _ABOVE:
-            return _ABOVE[int(level)], max(seabed, 2 * _LENGTH)
-        return seabed - size.over_bottom, seabed
-
-    return body
+    if size.draught is not None or level == _FLOATS:
+        return -_FREEBOARD, size.draught or 1.0
+    if isfinite(charted):
+        return charted, max(seabed, charted + 2 * _LENGTH)
+    if size.top is not None:
+        return size.top, seabed
+    if isfinite(level) and int(level) in _ABOVE:
+        return _ABOVE[int(level)], max(seabed, 2 * _LENGTH)
+    return seabed - size.over_bottom, seabed
 
 
-def _local(ground: _Ground, point: Sequence[float]) -> Place:
-    t = ground.terrain
-    return float(point[1]) - t.northing, float(point[0]) - t.easting
-
-
-def _upright(
-    shape: Geometry, ground: _Ground, radius: float, body: Body, name: str
-) -> Iterator[Obstacle]:
-    place = _local(ground, shape.coords[0])
-    seabed = ground.near(place)
-    if isfinite(seabed):
-        top, bottom = body(seabed)
-        if bottom - top > _LENGTH:
-            centre = (*_rounded(*place), _centimetre((top + bottom) / 2))
-            yield Cylinder(centre, radius, _centimetre((bottom - top) / 2), name)
-
-
-def _buoy(shape: Geometry, ground: _Ground, name: str) -> Iterator[Obstacle]:
-    if shape.geom_type != "Point":
-        return
-    place = _local(ground, shape.coords[0])
-    seabed = ground.near(place)
-    if isfinite(seabed):
-        n, e = _rounded(*place)
-        yield Sphere((n, e, 0.0), _BUOY, name)
-        if seabed > _BUOY + _LENGTH:
-            yield Capsule((n, e, _BUOY), (n, e, _centimetre(seabed)), _CHAIN, f"mooring of {name}")
-
-
-def _laid(shape: Geometry, ground: _Ground, radius: float, name: str) -> Iterator[Obstacle]:
-    """Yield a line on the seabed as capsules, short enough to follow it."""
-    if shape.geom_type != "LineString":
-        return
-    step = 2 * ground.terrain.spacing
-    ends = [_local(ground, p) for p in shape.segmentize(step).coords]
-    depths = [ground.at(p) for p in ends]
-    for a, b, za, zb in zip(ends[:-1], ends[1:], depths[:-1], depths[1:], strict=True):
-        if isfinite(za) and isfinite(zb):
-            start, end = (*_rounded(*a), _centimetre(za)), (*_rounded(*b), _centimetre(zb))
-            yield Capsule(start, end, radius, name)
-
-
-def _walls(
-    shape: Geometry, ground: _Ground, half: float, body: Body, name: str
-) -> Iterator[Obstacle]:
-    ends = [_local(ground, p) for p in shape.simplify(_THIN).coords]
-    for a, b in pairwise(ends):
-        length = hypot(b[0] - a[0], b[1] - a[1])
-        middle = ((a[0] + b[0]) / 2, (a[1] + b[1]) / 2)
-        seabed = ground.near(middle)
-        if not isfinite(seabed) or length < _LENGTH:
-            continue
-        top, bottom = body(seabed)
-        if bottom - top > _LENGTH:
-            yaw = atan2(b[1] - a[1], b[0] - a[0])
-            yield _box(middle, top, bottom, length / 2, half, yaw, name)
-
-
-def _block(shape: Geometry, ground: _Ground, body: Body, name: str) -> Iterator[Obstacle]:
-    """Yield the smallest rectangle around an outline as a box."""
-    around = shape.minimum_rotated_rectangle
-    if around.geom_type != "Polygon":
-        return
-    a, b, c = (_local(ground, p) for p in list(around.exterior.coords)[:3])
-    middle = ((a[0] + c[0]) / 2, (a[1] + c[1]) / 2)
-    seabed = ground.near(middle)
-    half = hypot(b[0] - a[0], b[1] - a[1]) / 2, hypot(c[0] - b[0], c[1] - b[1]) / 2
-    if not isfinite(seabed) or min(half) < _LENGTH:
-        return
-    top, bottom = body(seabed)
-    if bottom - top > _LENGTH:
-        yield _box(middle, top, bottom, *half, atan2(b[1] - a[1], b[0] - a[0]), name)
-
-
-def _box(
-    middle: Place, top: float, bottom: float, long: float, wide: float, yaw: float, name: str
-) -> Box:
-    half = (_centimetre(long), _centimetre(wide), _centimetre((bottom - top) / 2))
-    return Box((*_rounded(*middle), _centimetre((top + bottom) / 2)), half, round(yaw, 4), name)
-
-
-def _rounded(n: float, e: float) -> Place:
-    return _centimetre(n), _centimetre(e)
-
-
-def _centimetre(length: float) -> float:
-    return round(length, 2) + 0.0
+@overload
+def _centimetres(x: float, /) -> tuple[float]: ...
+@overload
+def _centimetres(x: float, y: float, /) -> tuple[float, float]: ...
+@overload
+def _centimetres(x: float, y: float, z: float, /) -> tuple[float, float, float]: ...
+def _centimetres(*lengths: float) -> tuple[float, ...]:
+    """Round lengths [m] to whole centimetres, without -0.0."""
+    return tuple(round(length, 2) + 0.0 for length in lengths)

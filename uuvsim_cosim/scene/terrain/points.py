@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.scene.chart.read import Areas, Chart
-from uuvsim_cosim.scene.shared.extra import wanted
+from uuvsim_cosim.scene.shared.extra import import_extra
 
 __all__ = ["KnownPoints", "known_points"]
 
@@ -37,7 +37,7 @@ def known_points(chart: Chart, spacing: float) -> KnownPoints:
     """Return the points to triangulate; lines get a point at least every two spacings."""
     from scipy.spatial import cKDTree
 
-    shapely = wanted("shapely", "gridding a chart")
+    shapely = import_extra("shapely", "gridding a chart")
     step = 2 * spacing
     thinned = shapely.segmentize(shapely.simplify(chart.contours, 0.1 * spacing), step)
     contour, owner = shapely.get_coordinates(thinned, return_index=True)

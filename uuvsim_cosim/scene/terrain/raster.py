@@ -6,6 +6,7 @@ GDAL's warper reads the file piece by piece, so that only the terrain itself is 
 from __future__ import annotations
 
 import re
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,13 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.models.worlds.terrain import Terrain
 from uuvsim_cosim.scene.chart.projection import Projection, utm_code
-from uuvsim_cosim.scene.shared.extra import wanted
-from uuvsim_cosim.scene.terrain.chart import Made
-from uuvsim_cosim.scene.terrain.grid import Grid, grid_over
-from uuvsim_cosim.scene.terrain.piece import Piece, shrunk
-from uuvsim_cosim.scene.terrain.relief_lost import Lost, place, relief_lost
+from uuvsim_cosim.scene.shared.extra import import_extra
+from uuvsim_cosim.scene.terrain.chart import DescribedTerrain
+from uuvsim_cosim.scene.terrain.grid import Bounds, Grid, Piece, cropped_terrain, grid_over
+from uuvsim_cosim.scene.terrain.relief_lost import place, relief_lost
 
 if TYPE_CHECKING:
     from rasterio import DatasetReader
@@ -68,7 +67,7 @@ def raster_terrain(
     fill: float = 0.0,
     crs: str | None = None,
     local: bool = False,
-) -> Made:
+) -> DescribedTerrain:
     """Make a terrain of the first band of a grid that GDAL reads.
 
     Without `resolution` [m], the nodes are the centres of the grid's own cells. Relief that is lost
@@ -77,31 +76,19 @@ def raster_terrain(
     A grid without a coordinate reference system needs `crs` ("EPSG:32632") or `local`: x is east
     and y is north [m] in the local frame. Raises `InputInvalid`.
     """
-    rasterio = wanted("rasterio", "reading a grid")
-    wanted("rasterio.warp", "reading a grid")
+    rasterio = import_extra("rasterio", "reading a grid")
+    import_extra("rasterio.warp", "reading a grid")
     notes: list[str] = []
-    try:
-        opened = _refined(rasterio.open(file), resolution, notes)
-    except Exception as reason:
-        bare = file.suffix.lower() in (".h5", ".hdf5") and "not recognized" in str(reason)
-        hint = "; of S-102, GDAL 3.10 reads files with an uncertainty only" if bare else ""
-        raise InputInvalid(
-            f"{file}: neither an S-57 chart nor a grid that GDAL reads (BAG, GeoTIFF, S-102): "
-            f"{reason}{hint}"
-        ) from None
-    with opened as source:
-        _check(file, source)
+    with _opened(file, resolution, notes) as source:
         reference = _reference(file, source, crs, local, notes)
         convention = _convention(file, source, reference, unit, positive, notes)
-        code = _code(source, reference)
-        bounds = rasterio.warp.transform_bounds(reference, code, *_inner(source), densify_pts=21)
+        code, bounds, own, first = _placement(source, reference)
         if not np.isfinite(bounds).all():
             raise InputInvalid(f"{file}: its corners cannot be placed in {code}")
-        own, first = _cells(source, reference, code)
         if piece is not None:
             if local:
                 raise InputInvalid("--around with --local; a local grid has no latitude, longitude")
-            pyproj = wanted("pyproj", "placing a grid on Earth")
+            pyproj = import_extra("pyproj", "placing a grid on Earth")
             to = pyproj.Transformer.from_crs("EPSG:4326", code, always_xy=True)
             bounds = piece.within(Projection(code, to), bounds)
         spacing = own if resolution is None else resolution
@@ -109,7 +96,7 @@ def raster_terrain(
         same = first is not None and abs(spacing / own - 1) < 1e-9  # nothing is resampled
         way = rasterio.enums.Resampling
         finer = spacing < own * (1 + 1e-9)
-        layers = _layers(
+        elevation, sigma = _layers(
             file, source, reference, code, grid, way.nearest if same else way.bilinear if finer else
             way.average, convention,
         )  # fmt: skip
@@ -118,10 +105,18 @@ def raster_terrain(
                 f"the grid's cells are about {own:.3g} m: {spacing:g} m interpolates between them "
                 "and adds no detail"
             )
+        lost = None
         if not same:
-            lost = relief_lost(source, reference, code, grid, layers[0], convention.metres(1))
-            layers = layers[0], _with_lost(layers[1], lost, spacing, notes)
-    elevation, sigma = layers
+            lost = relief_lost(source, reference, code, grid, elevation, convention.metres(1))
+        if lost is not None:
+            part = "" if lost.compared == 1 else f", from {100 * lost.compared:.2g} % of the cells"
+            notes.append(
+                f"resampled to nodes at {spacing:.6g} m: relief of {lost.rms:.3g} m RMS, "
+                f"{100 * lost.share:.2g} % of the grid's variance, lies between them{part}; "
+                f"sigma {'includes it' if sigma is not None else 'is this relief alone'}"
+            )
+            spread: Floats = lost.sigma.astype(np.float32)
+            sigma = spread if sigma is None else np.hypot(sigma, spread)
     z = elevation if convention.down else -elevation
     sense = z[np.isfinite(z)]
     if not len(sense):
@@ -139,34 +134,71 @@ def raster_terrain(
         )
     z, sigma = _without_holes(z, sigma, grid.spacing, fill, notes)
     origin_note = f"{file.name}; not for navigation"
-    terrain = shrunk(z, sigma, None, (), grid, code, convention.datum, origin_note)
+    terrain = cropped_terrain(z, sigma, None, (), grid, code, convention.datum, origin_note)
     if local:
         origin = terrain.northing + terrain.origin[0], terrain.easting + terrain.origin[1]
         terrain = replace(terrain, origin=origin, crs="", northing=0.0, easting=0.0)
-    return Made(terrain, (), _facts(file, terrain, convention), tuple(notes))
+    z = terrain.z[np.isfinite(terrain.z)] + 0.0  # no -0.0
+    doubt = "not stated"
+    if terrain.sigma is not None and np.isfinite(terrain.sigma).any():
+        doubt = f"{np.nanmedian(terrain.sigma):.2f} m, the median"
+    facts = {
+        "grid": f"{file.name}: {terrain.z.shape[0]} x {terrain.z.shape[1]} nodes at "
+        f"{terrain.spacing:g} m, {terrain.crs or 'local frame'}, origin N {terrain.northing:.9g} "
+        f"E {terrain.easting:.9g}",
+        "datum": convention.datum or "not stated",
+        "depth": f"{z.min():.2f} to {z.max():.2f} m",
+        "known": f"{100 * len(z) / terrain.z.size:.1f} % of nodes",
+        "uncertainty": doubt,
+    }
+    return DescribedTerrain(terrain, (), facts, tuple(notes))
 
 
-def _with_lost(
-    sigma: Floats | None, lost: Lost | None, spacing: float, notes: list[str]
-) -> Floats | None:
-    """Return sigma with the relief that the terrain's nodes miss, and report it."""
-    if lost is None:
-        return sigma
-    part = "" if lost.compared == 1 else f", from {100 * lost.compared:.2g} % of the cells"
-    notes.append(
-        f"resampled to nodes at {spacing:.6g} m: relief of {lost.rms:.3g} m RMS, "
-        f"{100 * lost.share:.2g} % of the grid's variance, lies between them{part}; "
-        f"sigma {'includes it' if sigma is not None else 'is this relief alone'}"
-    )
-    spread: Floats = lost.sigma.astype(np.float32)
-    return spread if sigma is None else np.hypot(sigma, spread)
+def _opened(file: Path, resolution: float | None, notes: list[str]) -> DatasetReader:
+    """Open a grid; a BAG of variable resolution with refined cells, not their coarse summary."""
+    rasterio = import_extra("rasterio", "reading a grid")
+    try:
+        source: DatasetReader = rasterio.open(file)
+        tags = source.tags()
+        if source.driver == "BAG" and tags.get("HAS_SUPERGRIDS") == "TRUE":
+            finest, coarsest = (float(tags[f"{m}_RESOLUTION_X"]) for m in ("MIN", "MAX"))
+            step = min(max(resolution or finest, finest), coarsest)
+            notes.append(f"variable resolution: cells of {finest:.3g} to {coarsest:.3g} m")
+            with source:
+                source = rasterio.open(
+                    source.name, MODE="RESAMPLED_GRID", RESX=step, RESY=step,
+                    VALUE_POPULATION="MEAN",
+                )  # fmt: skip
+    except Exception as reason:
+        bare = file.suffix.lower() in (".h5", ".hdf5") and "not recognized" in str(reason)
+        hint = "; of S-102, GDAL 3.10 reads files with an uncertainty only" if bare else ""
+        raise InputInvalid(
+            f"{file}: neither an S-57 chart nor a grid that GDAL reads (BAG, GeoTIFF, S-102): "
+            f"{reason}{hint}"
+        ) from None
+    with ExitStack() as ending:
+        ending.push(source)
+        if source.count < 1:
+            subs = ", ".join(source.subdatasets[:3])
+            raise InputInvalid(f"{file}: no band in it" + (f"; it holds {subs}" if subs else ""))
+        if np.dtype(source.dtypes[0]).kind not in "iuf":
+            raise InputInvalid(file, f"band 1 is {source.dtypes[0]}", "numbers")
+        for band, scale, offset in zip(source.indexes, source.scales, source.offsets, strict=True):
+            if not (np.isfinite([scale, offset]).all() and scale):
+                raise InputInvalid(
+                    file,
+                    f"band {band} has the scale {scale:g} and the offset {offset:g}",
+                    "a scale that is finite and not 0, and a finite offset",
+                )
+        ending.pop_all()
+    return source
 
 
 def _reference(
     file: Path, source: DatasetReader, crs: str | None, local: bool, notes: list[str]
 ) -> CRS:
     """Return the coordinate reference system that the file or the user states."""
-    rasterio = wanted("rasterio", "reading a grid")
+    rasterio = import_extra("rasterio", "reading a grid")
     if crs is not None and local:
         raise InputInvalid(f"--crs {crs} with --local", "one of the two")
     given = _LOCAL if local else crs
@@ -196,71 +228,41 @@ def _reference(
     return chosen
 
 
-def _cells(source: DatasetReader, crs: CRS, code: str) -> tuple[float, tuple[float, float] | None]:
-    """Return the size of the cells [m], and the centre of one if all of them can be nodes."""
-    rasterio = wanted("rasterio", "reading a grid")
-    t = source.transform
-    if crs.to_string() == code and t.b == t.d == 0:
-        square = abs(abs(t.e / t.a) - 1) < 1e-9
-        return min(abs(t.a), abs(t.e)), (place(t, 0.5, 0.5) if square else None)
-    west, south, east, north = rasterio.warp.transform_bounds(crs, code, *source.bounds)
-    cell = min((east - west) / source.width, (north - south) / source.height)
-    return float(f"{cell:.3g}"), None
+def _placement(
+    source: DatasetReader, crs: CRS
+) -> tuple[str, Bounds, float, tuple[float, float] | None]:
+    """Return the terrain's projection, bounds and size of cells there, and a first node.
 
-
-def _refined(source: DatasetReader, resolution: float | None, notes: list[str]) -> DatasetReader:
-    """Return a BAG of variable resolution with its refined cells, not their coarse summary."""
-    tags = source.tags()
-    if source.driver != "BAG" or tags.get("HAS_SUPERGRIDS") != "TRUE":
-        return source
-    finest, coarsest = (float(tags[f"{m}_RESOLUTION_X"]) for m in ("MIN", "MAX"))
-    step = min(max(resolution or finest, finest), coarsest)
-    notes.append(f"variable resolution: cells of {finest:.3g} to {coarsest:.3g} m")
-    rasterio = wanted("rasterio", "reading a grid")
-    with source:
-        return rasterio.open(
-            source.name, MODE="RESAMPLED_GRID", RESX=step, RESY=step, VALUE_POPULATION="MEAN"
-        )
-
-
-def _check(file: Path, source: DatasetReader) -> None:
-    if source.count < 1:
-        subs = ", ".join(source.subdatasets[:3])
-        raise InputInvalid(f"{file}: no band in it" + (f"; it holds {subs}" if subs else ""))
-    if np.dtype(source.dtypes[0]).kind not in "iuf":
-        raise InputInvalid(file, f"band 1 is {source.dtypes[0]}", "numbers")
-    for band, scale, offset in zip(source.indexes, source.scales, source.offsets, strict=True):
-        if not (np.isfinite([scale, offset]).all() and scale):
-            raise InputInvalid(
-                file,
-                f"band {band} has the scale {scale:g} and the offset {offset:g}",
-                "a scale that is finite and not 0, and a finite offset",
-            )
-
-
-def _inner(source: DatasetReader) -> tuple[float, float, float, float]:
-    """Return the bounds of the centres of the cells, between which nothing is extrapolated."""
-    west, south, east, north = source.bounds
-    south, north = min(south, north), max(south, north)
-    x, y = abs(source.transform.a) / 2, abs(source.transform.e) / 2
-    if source.width < 2 or source.height < 2:
-        x = y = 0
-    return west + x, south + y, east - x, north - y
-
-
-def _code(source: DatasetReader, crs: CRS) -> str:
-    """Return the projection of the terrain: the grid's own if it is in true metres, else UTM."""
-    rasterio = wanted("rasterio", "reading a grid")
+    The projection is the grid's own if it is in true metres, else UTM. The bounds are those of the
+    centres of the cells, between which nothing is extrapolated. The first node is the centre of a
+    cell if all of them can be nodes, else None.
+    """
+    warp = import_extra("rasterio.warp", "reading a grid")
     name = crs.to_wkt()[:200].lower()
     true = crs.is_projected and crs.linear_units_factor[1] == 1.0 and "mercator" not in (
         name.replace("transverse", "").replace("transverse_mercator", "")
     )  # fmt: skip
     epsg = crs.to_epsg()
     if true and epsg and epsg != 3857:
-        return f"EPSG:{epsg}"
-    west, south, east, north = rasterio.warp.transform_bounds(crs, "EPSG:4326", *source.bounds)
-    middle = 0.5 * (west + (east if east >= west else east + 360))
-    return utm_code((middle + 180) % 360 - 180, 0.5 * (south + north))
+        code = f"EPSG:{epsg}"
+    else:
+        west, south, east, north = warp.transform_bounds(crs, "EPSG:4326", *source.bounds)
+        middle = 0.5 * (west + (east if east >= west else east + 360))
+        code = utm_code((middle + 180) % 360 - 180, 0.5 * (south + north))
+    t = source.transform
+    west, south, east, north = source.bounds
+    south, north = min(south, north), max(south, north)
+    x, y = abs(t.a) / 2, abs(t.e) / 2
+    if source.width < 2 or source.height < 2:
+        x = y = 0
+    centres = (west + x, south + y, east - x, north - y)
+    bounds = warp.transform_bounds(crs, code, *centres, densify_pts=21)
+    if crs.to_string() == code and t.b == t.d == 0:
+        square = abs(abs(t.e / t.a) - 1) < 1e-9
+        return code, bounds, min(abs(t.a), abs(t.e)), place(t, 0.5, 0.5) if square else None
+    west, south, east, north = warp.transform_bounds(crs, code, *source.bounds)
+    cell = min((east - west) / source.width, (north - south) / source.height)
+    return code, bounds, float(f"{cell:.3g}"), None
 
 
 def _convention(
@@ -345,7 +347,7 @@ def _layers(
     way: Resampling,
     convention: _Convention,
 ) -> tuple[Floats, Floats | None]:
-    vrt = wanted("rasterio.vrt", "reading a grid")
+    vrt = import_extra("rasterio.vrt", "reading a grid")
     layers: list[Floats | None] = []
     try:
         with vrt.WarpedVRT(
@@ -382,7 +384,7 @@ def _without_holes(
     if fill > 0:
         distance, at = distance_transform_edt(~known, sampling=spacing, return_indices=True)
         bridged = holes & (distance <= fill)
-        filled = wanted("rasterio.fill", "filling holes").fillnodata(
+        filled = import_extra("rasterio.fill", "filling holes").fillnodata(
             np.where(known, z, 0).astype(np.float32), mask=known.astype(np.uint8),
             max_search_distance=fill / spacing + 1,
         )  # fmt: skip
@@ -398,19 +400,3 @@ def _without_holes(
             "unknown (--fill M bridges those up to M metres from data)"
         )
     return z, sigma
-
-
-def _facts(file: Path, terrain: Terrain, convention: _Convention) -> dict[str, str]:
-    z = terrain.z[np.isfinite(terrain.z)] + 0.0  # no -0.0
-    doubt = "not stated"
-    if terrain.sigma is not None and np.isfinite(terrain.sigma).any():
-        doubt = f"{np.nanmedian(terrain.sigma):.2f} m, the median"
-    return {
-        "grid": f"{file.name}: {terrain.z.shape[0]} x {terrain.z.shape[1]} nodes at "
-        f"{terrain.spacing:g} m, {terrain.crs or 'local frame'}, origin N {terrain.northing:.9g} "
-        f"E {terrain.easting:.9g}",
-        "datum": convention.datum or "not stated",
-        "depth": f"{z.min():.2f} to {z.max():.2f} m",
-        "known": f"{100 * len(z) / terrain.z.size:.1f} % of nodes",
-        "uncertainty": doubt,
-    }

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from uuvsim_cosim.scene.shared.extra import wanted
+from uuvsim_cosim.scene.shared.extra import import_extra
 from uuvsim_cosim.scene.terrain.grid import Grid
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rasterio.crs import CRS
     from rasterio.windows import Window
 
-__all__ = ["Lost", "place", "relief_lost"]
+__all__ = ["LostRelief", "place", "relief_lost"]
 
 Floats = NDArray[np.float64]
 Number = TypeVar("Number", float, Floats)
@@ -26,7 +26,7 @@ _MOST = 40_000_000  # cells; of a larger grid, evenly spaced windows are compare
 
 
 @dataclass(frozen=True, eq=False)
-class Lost:
+class LostRelief:
     """Difference between a grid's cells and the terrain's triangles at their centres."""
 
     rms: float  # m
@@ -42,7 +42,7 @@ def relief_lost(
     grid: Grid,
     z: NDArray[np.floating],
     metres: tuple[float, float],
-) -> Lost | None:
+) -> LostRelief | None:
     """Compare band 1 of an open rasterio dataset in `crs` with the terrain made of it.
 
     `z` (rows, columns) holds the terrain's elevations [m] at the nodes of `grid` in the projection
@@ -54,7 +54,7 @@ def relief_lost(
     compared_in = windows[:: max(1, -(-cells // _MOST))]
     to = None
     if crs.to_string() != code:
-        pyproj = wanted("pyproj", "placing a grid on Earth")
+        pyproj = import_extra("pyproj", "placing a grid on Earth")
         to = pyproj.Transformer.from_crs(crs, code, always_xy=True)
     squares, counts = np.zeros(grid.rows * grid.columns), np.zeros(grid.rows * grid.columns)
     total = squared = 0.0
@@ -82,7 +82,7 @@ def relief_lost(
     variance = squared / n - (total / n) ** 2
     with np.errstate(invalid="ignore", divide="ignore"):
         local = np.where(counts > 0, squares / counts, mean)
-    return Lost(
+    return LostRelief(
         rms=mean**0.5,
         share=mean / variance if variance > 0 else 0.0,
         sigma=np.sqrt(local).reshape(grid.shape),
@@ -98,8 +98,8 @@ def place(affine: Affine, column: Number, row: Number) -> tuple[Number, Number]:
 
 def _windows(source: DatasetReader, crs: CRS, code: str, grid: Grid) -> list[Window]:
     """Return the windows of the source that may hold cells within the grid."""
-    wanted("rasterio.warp", "reading a grid")
-    rasterio = wanted("rasterio", "reading a grid")
+    import_extra("rasterio.warp", "reading a grid")
+    rasterio = import_extra("rasterio", "reading a grid")
     west, south, east, north = grid.bounds
     if crs.to_string() != code:
         there = rasterio.warp.transform_bounds(code, crs, west, south, east, north)

@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uuvsim_cosim.scene.chart.codes import ZONES_OF_CONFIDENCE
-from uuvsim_cosim.scene.chart.read import Chart, Shapes
-from uuvsim_cosim.scene.shared.extra import wanted
+from uuvsim_cosim.scene.chart.read import Chart
+from uuvsim_cosim.scene.shared.extra import import_extra
 from uuvsim_cosim.scene.terrain.grid import Grid
 from uuvsim_cosim.scene.terrain.points import known_points
 from uuvsim_cosim.scene.terrain.tin import HoldOut, Triangulation
-
-if TYPE_CHECKING:
-    from shapely import Geometry
 
 __all__ = ["Prepared", "Surface", "prepared", "surface_on"]
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+_SHARE = 0.3  # of the interpolation's standard deviation that the relief takes up
+_SLOPE = 3.0  # of the power spectrum, k^-3: between sand and rock of published seabeds
+_LONGEST = 200.0  # m; of the relief's waves
 _LEAST_LAND = 2.0  # m above the datum, where no area dries higher
 _SLACK = 0.05  # m; half of the least step in which depths are charted
 _SQRT_12 = 12**0.5
@@ -47,7 +46,7 @@ class Prepared:
         if against := int((self.beyond > 0).sum()):
             notes += (
                 f"{against} soundings lie outside the depths charted for their area, by up to "
-                f"{self.beyond.max():.1f} m: clipped like the rest, and sigma says so",
+                f"{self.beyond.max():.1f} m: clipped like the rest, and included in sigma",
             )
         return notes
 
@@ -106,13 +105,18 @@ def surface_on(of: Prepared, grid: Grid, relief: int | None = None) -> Surface:
         spread = np.fmax(spread, mesh.over(grid, of.beyond)[0])
     note = ""
     if relief is not None and np.isfinite(z).any():
-        from uuvsim_cosim.scene.terrain.relief import add_relief
-
-        z, note = add_relief(z, distance, spread, grid.spacing, relief, band)
-    sigma = np.hypot(np.where(np.isfinite(spread), spread, 0.0), _zone_sigma(chart, grid, z))
-    land = grid.burn(*_numbered(chart.land), touched=False) >= 0
+        z, note = _with_relief(z, distance, spread, grid.spacing, relief, band)
+    # The standard deviation of soundings in the charted zones of confidence.
+    order = np.argsort(-chart.zones, kind="stable")  # the best last, so that it wins
+    zone = grid.burn(chart.quality[order], chart.zones[order])
+    zone = np.clip(np.where(zone < 0, 6, zone), 0, 7)
+    accuracy = [ZONES_OF_CONFIDENCE.get(n, ZONES_OF_CONFIDENCE[6])[1:] for n in range(8)]
+    a, b = np.array(accuracy).T
+    of_zone = (a[zone] + b[zone] * np.abs(z)) / 1.96
+    sigma = np.hypot(np.where(np.isfinite(spread), spread, 0.0), of_zone)
+    land = grid.burn(chart.land) >= 0
     small = [s for s in chart.land if s.geom_type not in ("Polygon", "MultiPolygon")]
-    land |= grid.burn(*_numbered(small), touched=True) >= 0
+    land |= grid.burn(small, touched=True) >= 0
     # rounded so that files compress well; a chart resolves 0.1 m
     z, sigma = np.clip(np.rint(256 * z) / 256, *band), np.rint(64 * sigma) / 64
     z[land] = -of.height
@@ -120,18 +124,46 @@ def surface_on(of: Prepared, grid: Grid, relief: int | None = None) -> Surface:
     return Surface(z, sigma, land, charted, held, note)
 
 
-def _numbered(shapes: Shapes | list[Geometry]) -> tuple[Shapes | list[Geometry], range]:
-    return shapes, range(len(shapes))
+def _with_relief(
+    z: Floats, distance: Floats, spread: Floats, spacing: float, seed: int,
+    band: tuple[Floats, Floats],
+) -> tuple[Floats, str]:  # fmt: skip
+    """Add noise with a power-law spectrum to depths z; return the depths and a note on them.
+
+    Nothing is added at the data; away from them the standard deviation is a share of that of the
+    interpolation. Waves are longer than two spacings and shorter than the soundings' distance.
+    The result stays within the charted band.
+    """
+    near = distance[np.isfinite(z)]
+    longest = float(np.clip(2 * np.quantile(near, 0.9), 4 * spacing, max(_LONGEST, 4 * spacing)))
+    # Gaussian noise with a power-law spectrum, band-limited, of unit variance.
+    draws = np.random.Generator(np.random.Philox(key=seed)).standard_normal(z.shape)
+    k = np.hypot(
+        np.fft.fftfreq(z.shape[0], spacing)[:, None], np.fft.rfftfreq(z.shape[1], spacing)[None, :]
+    )
+    with np.errstate(divide="ignore"):
+        gain = np.where((k > 1 / longest) & (k < 0.5 / spacing), k ** (-_SLOPE / 2), 0.0)
+    noise = np.fft.irfft2(np.fft.rfft2(draws) * gain, s=z.shape)
+    deviation = float(noise.std())
+    noise = noise / deviation if deviation > 0 else noise
+    room = np.where(np.isfinite(spread), spread, 0.0)
+    taper = np.clip(distance / longest, 0.0, 1.0)
+    added = np.clip(z + _SHARE * room * taper * noise, band[0], band[1])
+    rms = float(np.sqrt(np.nanmean((added - z) ** 2)))
+    return added, (
+        f"relief shorter than {longest:.0f} m is invented (seed {seed}, {rms:.2f} m root mean "
+        "square): no sounding saw it"
+    )
 
 
 def _bands(chart: Chart, grid: Grid) -> tuple[NDArray[np.int32], tuple[Floats, Floats]]:
     """Return each node's depth area (-1: none), its least and greatest depth (inf, -inf: dry)."""
     areas = chart.depth_areas
-    area = grid.burn(*_numbered(areas.shapes))
-    area[grid.burn(*_numbered(chart.unsurveyed)) >= 0] = -1
+    area = grid.burn(areas.shapes)
+    area[grid.burn(chart.unsurveyed) >= 0] = -1
     low = np.append(areas.low, np.inf)[area]
     high = np.append(areas.high, -np.inf)[area]
-    hidden = (area < 0) & (grid.burn(*_numbered(chart.floating)) >= 0)
+    hidden = (area < 0) & (grid.burn(chart.floating) >= 0)
     low[hidden], high[hidden] = -np.inf, np.inf
     return area, (low, high)
 
@@ -159,22 +191,10 @@ def _distance_and_filled(grid: Grid, xy: Floats, raw: Floats, wet: Mask) -> tupl
 
 def _charted(chart: Chart, xy: Floats) -> tuple[Floats, Floats]:
     """Return the least and greatest depth charted at places (inf, -inf: nothing is)."""
-    shapely = wanted("shapely", "gridding a chart")
+    shapely = import_extra("shapely", "gridding a chart")
     areas = chart.depth_areas
     at, area = shapely.STRtree(areas.shapes).query(shapely.points(xy), predicate="intersects")
     low, high = np.full(len(xy), np.inf), np.full(len(xy), -np.inf)
     np.minimum.at(low, at, areas.low[area])
     np.maximum.at(high, at, areas.high[area])
     return low, high
-
-
-def _zone_sigma(chart: Chart, grid: Grid, z: Floats) -> Floats:
-    """Return the standard deviation (m) of soundings in the charted zones of confidence."""
-    order = np.argsort(-chart.zones, kind="stable")  # the best last, so that it wins
-    zone = grid.burn(chart.quality[order], chart.zones[order])
-    a, b = np.zeros(8), np.zeros(8)
-    for number in range(8):
-        _, a[number], b[number] = ZONES_OF_CONFIDENCE.get(number, ZONES_OF_CONFIDENCE[6])
-    zone = np.clip(np.where(zone < 0, 6, zone), 0, 7)
-    sigma: Floats = (a[zone] + b[zone] * np.abs(z)) / 1.96
-    return sigma

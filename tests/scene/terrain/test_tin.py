@@ -4,8 +4,7 @@ from hypothesis import strategies as st
 from scipy.spatial import Delaunay
 
 from uuvsim_cosim.scene.terrain.points import KnownPoints
-from uuvsim_cosim.scene.terrain.scan_lines import scan
-from uuvsim_cosim.scene.terrain.tin import Triangulation
+from uuvsim_cosim.scene.terrain.tin import Triangulation, scan
 
 
 @settings(max_examples=8, deadline=None)

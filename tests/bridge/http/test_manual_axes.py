@@ -11,10 +11,21 @@ import pytest
 
 from tests.bridge.peer import bearer
 from uuvsim_cosim.bridge.calls.service import Client
-from uuvsim_cosim.bridge.http.keyboard import Piloted, piloted, source, with_keyboards
-from uuvsim_cosim.bridge.http.keyboard_pilot import Over
-from uuvsim_cosim.bridge.http.manual_axes import HELD, LASTS, ManualAxes, manual_axes_of
-from uuvsim_cosim.bridge.http.pilot_page import pilot_page, steered
+from uuvsim_cosim.bridge.http import manual_axes
+from uuvsim_cosim.bridge.http.keyboard import (
+    ManualOverlay,
+    Piloted,
+    piloted,
+    source,
+    with_keyboards,
+)
+from uuvsim_cosim.bridge.http.manual_axes import (
+    HELD,
+    LASTS,
+    ManualAxes,
+    manual_axes_of,
+    steer,
+)
 from uuvsim_cosim.bridge.http.server import HttpServer
 from uuvsim_cosim.bridge.server.conductor import Conductor
 from uuvsim_cosim.errors import InputInvalid
@@ -24,6 +35,7 @@ from uuvsim_cosim.orchestrator.system.resolve import register
 from uuvsim_cosim.orchestrator.system.system import System
 
 PARTS = Path(__file__).parents[1] / "parts.py"
+PAGE = Path(manual_axes.__file__).with_name("pilot.html")
 ME = Client("me", "local")
 POSE = (6, ("m",) * 3 + ("rad",) * 3)
 VELOCITY = (6, ("m/s",) * 3 + ("rad/s",) * 3)
@@ -152,7 +164,7 @@ def test_keys_move_a_vehicle_and_let_it_brake() -> None:
 
     clock, inner = Clock(), PythonComponent(Speed, "pilot")
     manual_axes = ManualAxes("pilot", clock)
-    over = Over(inner, manual_axes)
+    over = ManualOverlay(inner, manual_axes)
     nu_d = over.description.variables["nu_d"]
     manual_axes.update("page", {"surge": 1.0, "yaw": 0.5})
     for _ in range(30):
@@ -215,7 +227,7 @@ def test_a_page_pilots_and_a_second_one_is_told() -> None:
             link.close()
             return data
 
-        assert ask("GET", "/pilot").decode() == pilot_page()
+        assert ask("GET", "/pilot").decode() == PAGE.read_text(encoding="utf-8")
         assert json.loads(ask("GET", "/pilots"))["pilots"] == [
             {"component": "guidance", "held": False}
         ]
@@ -238,11 +250,11 @@ def test_what_a_page_says_wrongly_is_refused_in_words() -> None:
             ({"page": "first", "keys": {}}, "field 'keys'"),
         ):
             with pytest.raises(InputInvalid, match=words):
-                steered(service, ME, said)
+                steer(service, ME, said)
         with pytest.raises(InputInvalid, match="this needs 'set'"):
-            steered(service, Client("eyes", "http", frozenset({"read"})), {"page": "first"})
+            steer(service, Client("eyes", "http", frozenset({"read"})), {"page": "first"})
     with (
         Conductor(System("sums", "0.1").add("sum", f"{PARTS}:Sum")) as service,
         pytest.raises(InputInvalid, match="nothing here takes a pilot"),
     ):
-        steered(service, ME, {"page": "first"})
+        steer(service, ME, {"page": "first"})

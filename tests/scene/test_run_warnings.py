@@ -1,7 +1,8 @@
-"""What a run reports of contact: starts inside something, and steps that are too long."""
+"""Warnings of a run about contact, and about hulls outside of the terrain."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +10,10 @@ import pytest
 
 from uuvsim_cosim.models.worlds.obstacles import Cylinder, Sphere
 from uuvsim_cosim.models.worlds.scene import Scene, save_scene
+from uuvsim_cosim.models.worlds.terrain import Terrain, save_terrain
 from uuvsim_cosim.orchestrator.running.run import run
 from uuvsim_cosim.orchestrator.system.system import System
-from uuvsim_cosim.scene.contact_report import contact_warnings
+from uuvsim_cosim.scene.run_warnings import contact_warnings, terrain_warnings
 
 
 @pytest.fixture
@@ -76,3 +78,51 @@ def test_a_run_records_what_is_reported(ssd: Path, tmp_path: Path) -> None:
     assert len(said) == 2
     assert "at most 0.01 s" in said[0]
     assert "0.5 m deep in obstacle 2 of the scene (pile)" in said[1]
+
+
+@pytest.fixture
+def ssd_of_terrain(tmp_path: Path) -> Path:
+    z = np.full((11, 11), 20.0, np.float32)
+    z[4:6, 4:6] = np.nan
+    save_terrain(Terrain(z, 10.0, (0.0, 0.0)), tmp_path / "t.npz")
+    file = tmp_path / "system.ssd"
+    file.write_text(
+        f'<c source="model:dvl?id=a50&amp;scene={tmp_path}/t.npz"/><c s="?scene=flat"/>'
+    )
+    return file
+
+
+def track(*places: tuple[float, float, float]) -> np.ndarray:
+    return np.array([[*p, 0.0, 0.0, 0.0] for p in places])
+
+
+@pytest.mark.parametrize(
+    ("places", "words"),
+    [
+        (((5, 5, 3), (5, 9, 3), (5, 8, 3), (5, 7, 3)), ""),
+        (((5, 5, 3), (5, 9, 3), (-1, 8, 3), (-2, 7, 3)),
+         "left the terrain of .* 0 to 100 m.* 50 % of the time, first at t = 2 s"),
+        (((5, 5, 3), (45, 45, 3), (45, 45, 3), (45, 45, 3)), "over a hole .* 75 %.* at t = 1 s"),
+        (((5, 5, 3), (5, 9, 3), (5, 8, 3), (5, 7, 23)), "below the seabed .* 25 %.* t = 3 s"),
+    ],
+)  # fmt: skip
+def test_a_hull_beside_its_terrain_over_a_hole_and_below_the_bed_is_said(
+    ssd_of_terrain: Path, places: tuple[tuple[float, float, float], ...], words: str
+) -> None:
+    signals = {"vessel.hull.eta": track(*places), "navigation.eta": track((1e5, 0, 0))}
+    said = terrain_warnings(ssd_of_terrain, np.arange(4.0), signals)
+    if not words:
+        assert said == []
+        return
+    (one,) = said
+    assert one.startswith("vessel.hull ")
+    assert re.search(words, one)
+
+
+def test_systems_without_a_scene_and_runs_without_a_hull_say_nothing(ssd_of_terrain: Path) -> None:
+    assert (
+        terrain_warnings(ssd_of_terrain, np.arange(1.0), {"target.position": track((1e5, 0, 0))})
+        == []
+    )
+    ssd_of_terrain.write_text('<c source="model:dvl"/>')
+    assert terrain_warnings(ssd_of_terrain, np.arange(1.0), {"hull.eta": track((1e5, 0, 0))}) == []

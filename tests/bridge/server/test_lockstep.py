@@ -5,7 +5,7 @@ from __future__ import annotations
 from concurrent.futures import Future
 
 from uuvsim_cosim.bridge.calls.service import Client
-from uuvsim_cosim.bridge.server.barrier import Barrier, Request
+from uuvsim_cosim.bridge.server.lockstep import Barrier, Request
 
 A, B = Client("a", "local"), Client("b", "local")
 

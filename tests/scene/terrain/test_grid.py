@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from uuvsim_cosim.scene.terrain.piece import _at_least_two
+from uuvsim_cosim.scene.terrain.grid import _at_least_two
 
 
 @pytest.mark.parametrize(

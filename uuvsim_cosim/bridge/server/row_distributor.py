@@ -16,11 +16,11 @@ from uuvsim_cosim.orchestrator.plan.plan import Plan
 from uuvsim_cosim.orchestrator.recording.recorder import Recorder
 from uuvsim_cosim.orchestrator.running.run_folder import lock_run_folder
 
-__all__ = ["Tap"]
+__all__ = ["RowDistributor"]
 
 
 @final
-class Tap:
+class RowDistributor:
     """The only observer of each master in turn, which passes rows to other observers.
 
     `record` is the folder for recordings: each gets the first of NAME, NAME-2, … that is free.
@@ -29,28 +29,23 @@ class Tap:
     def __init__(self, record: Path | None, provenance: Mapping[str, object]) -> None:
         self._record = record
         self._provenance = dict(provenance)
-        self._listeners: list[Observer] = []
+        self._observers: list[Observer] = []
         self._recorder: Recorder | None = None
         self._plan: Plan | None = None
-        self._columns: Sequence[Column] = ()
+        self.columns: Sequence[Column] = ()
         self.folders: list[Path] = []
 
-    def listen(self, observer: Observer) -> None:
+    def add(self, observer: Observer) -> None:
         """Pass rows to an observer from now on."""
         if self._plan is not None:
-            observer.begin(self._plan, self._columns)
-        self._listeners.append(observer)
+            observer.begin(self._plan, self.columns)
+        self._observers.append(observer)
 
-    def leave(self, observer: Observer) -> None:
+    def remove(self, observer: Observer) -> None:
         """Stop passing rows to an observer, and end it."""
-        if observer in self._listeners:
-            self._listeners.remove(observer)
+        if observer in self._observers:
+            self._observers.remove(observer)
             observer.end()
-
-    @property
-    def columns(self) -> Sequence[Column]:
-        """The columns of the rows."""
-        return self._columns
 
     def fresh(self) -> None:
         """Complete the recording, and begin the next one in its own folder."""
@@ -60,7 +55,7 @@ class Tap:
         folder = lock_run_folder(self._record)
         self.folders.append(folder.path)
         self._recorder = Recorder(folder.path, provenance=self._provenance)
-        self._recorder.begin(self._plan, self._columns)
+        self._recorder.begin(self._plan, self.columns)
 
     def close(self) -> None:
         """Complete the recording."""
@@ -72,10 +67,10 @@ class Tap:
 
     def begin(self, plan: Plan, columns: Sequence[Column]) -> None:
         """Keep the columns of a new master's rows, and begin a new recording."""
-        self._plan, self._columns = plan, columns
+        self._plan, self.columns = plan, columns
         self.fresh()
-        for listener in self._listeners:
-            listener.begin(plan, columns)
+        for observer in self._observers:
+            observer.begin(plan, columns)
 
     def observe(self, chunk: Chunk) -> None:
         """Pass the rows on, to the recording first."""
@@ -85,8 +80,8 @@ class Tap:
             except RecordingError:
                 self._recorder = None  # a full disk, for example: it is reported only once
                 raise
-        for listener in self._listeners:
-            listener.observe(chunk)
+        for observer in self._observers:
+            observer.observe(chunk)
 
     def end(self) -> None:
         """Do nothing: `close` completes the recording."""

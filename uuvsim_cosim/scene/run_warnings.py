@@ -1,0 +1,140 @@
+"""Warnings in the summary of a run: hulls outside of the terrain, and contacts that go wrong."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from contextlib import suppress
+from html import unescape
+from pathlib import Path
+from urllib.parse import parse_qs, unquote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uuvsim_cosim.errors import UuvsimError
+from uuvsim_cosim.models.declaration.parameter_files import split_address, vehicle_size
+from uuvsim_cosim.models.worlds.ground import ground_named, scene_named
+from uuvsim_cosim.scene.shared.ray_casting import Caster
+
+__all__ = ["contact_warnings", "terrain_warnings"]
+
+Array = NDArray[np.float64]
+
+
+DEEP = 0.01  # m, from which a start inside something is reported
+
+
+def terrain_warnings(ssd: Path, time: Array, signals: Mapping[str, Array]) -> list[str]:
+    """Return a warning for each hull outside of the terrain of a scene that `ssd` names.
+
+    Sensors get no echo there. A hull is a signal `hull.eta` (T, 6), below any path; `time` is
+    (T,) [s].
+    """
+    named = re.findall(r"[?&]scene=([^&\"'\s<]+)", _text_of(ssd))
+    scenes = [s for s in dict.fromkeys(unquote(n) for n in named) if s != "flat"]
+    hulls = [n for n in signals if n == "hull.eta" or n.endswith(".hull.eta")]
+    found = [
+        _outside(scene, hull.removesuffix(".eta"), time, signals[hull])
+        for scene in scenes
+        for hull in hulls
+    ]
+    return [warning for warning in found if warning]
+
+
+def _outside(scene: str, hull: str, time: Array, eta: Array) -> str:
+    """Return the warning on a hull outside of the terrain of a scene; empty without."""
+    try:
+        terrain = scene_named(scene).terrain
+    except UuvsimError:  # the file was deleted since it was compiled
+        return ""
+    if terrain is None or not len(time):
+        return ""
+    z = Caster(terrain).height(eta[:, 0], eta[:, 1])
+    unknown = np.isnan(z)
+    under = eta[:, 2] > z
+    if not (unknown | under).any():
+        return ""
+    if not unknown.any():
+        share, first = float(np.mean(under)), float(time[np.argmax(under)])
+        return (
+            f"{hull} was below the seabed of scene {scene} for {100 * share:.0f} % of the time, "
+            f"first at t = {first:g} s: sensors hear nothing there"
+        )
+    low = np.array(terrain.origin)
+    high = low + terrain.spacing * (np.array(terrain.z.shape) - 1)
+    share, first = float(np.mean(unknown)), float(time[np.argmax(unknown)])
+    beside = np.any((eta[:, :2] < low) | (eta[:, :2] > high))
+    where = "left the terrain" if beside else "was over a hole in the terrain"
+    return (
+        f"{hull} {where} of scene {scene} (N {low[0]:.0f} to {high[0]:.0f} m, E {low[1]:.0f} to "
+        f"{high[1]:.0f} m) for {100 * share:.0f} % of the time, first at t = {first:g} s: sensors "
+        "hear nothing there, and there is no bed to touch"
+    )
+
+
+def contact_warnings(ssd: Path, tick: float, signals: Mapping[str, Array]) -> list[str]:
+    """Return a message for each hull deep inside something and each step that is too long.
+
+    `ssd` names the scenes and steps of the contacts; `tick` is the system's step [s]; `signals`
+    hold `<contact>.depth` (T,) [m] and `<contact>.touched` (T,).
+    """
+    queries = re.findall(r"model:contact(?:\?([^\"'\s<]*))?", _text_of(ssd))
+    sources = [parse_qs(query) for query in queries]
+    scenes = {source.get("scene", ["flat"])[0] for source in sources}
+    long_steps = [
+        f"contact is declared for steps of at most {step:g} s, and the system's is {tick:g} s: "
+        f"its forces are too stiff and can add energy; expected model:contact?step={tick:g}"
+        for step in sorted({float(source.get("step", ["0.01"])[0]) for source in sources})
+        if tick > step * (1.0 + 1e-9)
+    ]
+    half = np.inf  # of the smallest dimension of all hulls [m]
+    for vehicle in {source.get("vehicle", ["bluerov2_heavy"])[0] for source in sources}:
+        with suppress(UuvsimError):  # the file was deleted since it was compiled
+            if (size := vehicle_size(split_address(vehicle)[0])) is not None:
+                half = min(half, min(size.length, size.breadth, size.height) / 2)
+    starts_inside, deep = [], []
+    for name, touched in signals.items():
+        path, _, signal = name.rpartition(".")
+        depth = signals.get(f"{path}.depth")
+        if signal != "touched" or depth is None or not len(touched):
+            continue
+        if depth[0] > DEEP:
+            if touched[0] >= 0:
+                starts_inside.append(
+                    f"the hull of {path} starts {depth[0]:.2g} m deep in "
+                    f"{_named(scenes, int(touched[0]))}: contact pushes it out at up to 1 m/s"
+                )
+            continue
+        at = int(np.argmax(depth))
+        if depth[at] > half:
+            deep.append(
+                f"the hull of {path} comes {depth[at]:.2g} m deep into "
+                f"{_named(scenes, int(touched[at]))}, more than half its smallest dimension: "
+                f"contact is softer the longer the step; expected a step of at most "
+                f"{tick * (half / depth[at]) ** 0.5:.2g} s instead of {tick:g} s"
+            )
+    return [*long_steps, *starts_inside, *deep]
+
+
+def _text_of(ssd: Path) -> str:
+    try:
+        return unescape(ssd.read_text(encoding="utf-8"))
+    except OSError:
+        return ""
+
+
+def _named(scenes: set[str], number: int) -> str:
+    if number == 0:
+        return "the seabed"
+    names: tuple[str, ...] = ()
+    try:
+        if len(scenes) == 1:
+            ground = ground_named(next(iter(scenes)))
+            names = ground.names[: len(ground.solids)]
+            if number > len(names):
+                return "another vehicle"
+    except UuvsimError:  # the file was deleted since it was compiled
+        pass
+    name = names[number - 1] if names else ""
+    return f"obstacle {number} of the scene" + (f" ({name})" if name else "")
