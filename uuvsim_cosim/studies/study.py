@@ -33,12 +33,10 @@ from uuvsim_cosim.orchestrator.plan.algebraic_loops import hops_of
 from uuvsim_cosim.orchestrator.plan.loop_gain import delay_remark, estimated_gain
 from uuvsim_cosim.orchestrator.system.elements import Loops
 from uuvsim_cosim.orchestrator.system.system import System
-from uuvsim_cosim.studies.folder import StudyFolder
 from uuvsim_cosim.studies.metric import Metric, read_metric
-from uuvsim_cosim.studies.result import StudyResult, result_of
-from uuvsim_cosim.studies.run_table import Runs
+from uuvsim_cosim.studies.result import StudyFolder, StudyResult, result_of
+from uuvsim_cosim.studies.run_table import Runs, check_samples, check_seeds
 from uuvsim_cosim.studies.simulate_runs import KernelRuns, MasterRuns, Script, Simulated
-from uuvsim_cosim.studies.size import check_samples, check_seeds
 from uuvsim_cosim.studies.yaml_file import read_study
 
 if TYPE_CHECKING:

@@ -23,8 +23,7 @@ from uuvsim_cosim.orchestrator.running.library import load
 from uuvsim_cosim.orchestrator.system.elements import Loops
 from uuvsim_cosim.orchestrator.system.system import System
 from uuvsim_cosim.studies.metric import Metric, read_metric
-from uuvsim_cosim.studies.run_table import Runs
-from uuvsim_cosim.studies.size import MOST_RUNS, check_runs, check_seeds
+from uuvsim_cosim.studies.run_table import MOST_RUNS, Runs, check_runs, check_seeds
 
 __all__ = ["StudyOptions", "read_study"]
 

@@ -117,7 +117,7 @@ def test_what_ppo_has_seen_is_kept_in_its_file() -> None:
 
 def test_after_a_switch_nobody_acts_at_random_again() -> None:
     from uuvsim_cosim.learn.training.curriculum import Curriculum, Stage
-    from uuvsim_cosim.learn.training.curriculum_stage import settings_of
+    from uuvsim_cosim.learn.training.train_curriculum import settings_of
 
     stages = (Stage("source", 64), Stage("transition_1", 64, settings={"epsilon": 0.3}))
     dqn = Curriculum("x", (stages[0], stages[0], stages[1]), "idqn", {"epsilon_end": 0.1})

@@ -139,7 +139,7 @@ def test_the_same_as_behaviour_cloning_is_neither_better_nor_worse() -> None:
 
 
 def test_the_page_shows_every_way_and_condition(tmp_path: Path) -> None:
-    from uuvsim_cosim.commands.learn.reproduce_transfer import FOLDER, transfer_section
+    from uuvsim_cosim.commands.learn.reproduce_report import FOLDER, transfer_section
 
     for j in made_up():
         cells = {

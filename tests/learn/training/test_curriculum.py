@@ -15,13 +15,17 @@ from uuvsim_cosim.learn.algorithms.checkpoint import load_checkpoint
 from uuvsim_cosim.learn.algorithms.off_policy_learner import MasacLearner
 from uuvsim_cosim.learn.deployment.export import export_policy
 from uuvsim_cosim.learn.shared.task_ids import make_task
-from uuvsim_cosim.learn.training.curricula import CURRICULA, curriculum_of, read_curriculum
-from uuvsim_cosim.learn.training.curriculum import Curriculum, Promotion, Stage
-from uuvsim_cosim.learn.training.curriculum_folder import write_done
-from uuvsim_cosim.learn.training.curriculum_stage import learner_for, settings_of
-from uuvsim_cosim.learn.training.folder_lock import locked
+from uuvsim_cosim.learn.training.curriculum import (
+    CURRICULA,
+    Curriculum,
+    Promotion,
+    Stage,
+    curriculum_of,
+    read_curriculum,
+)
+from uuvsim_cosim.learn.training.folders import locked, write_done
 from uuvsim_cosim.learn.training.loading import load_policies
-from uuvsim_cosim.learn.training.train_curriculum import train_curriculum
+from uuvsim_cosim.learn.training.train_curriculum import learner_for, settings_of, train_curriculum
 
 SMALL = {"hidden": 16, "batch": 16, "buffer": 1000, "shared": True, "updates": 1.0}
 EASY = Promotion(share=None, least=-1e6, evaluations=2)

@@ -61,8 +61,7 @@ def evaluate_command(
     with StudyProgress("parts") as progress:
         progress.say("building, once")
         found = acting_of(list(dict.fromkeys(policies)), task, options, last=last)
-        from uuvsim_cosim.learn.training.evaluation_parts import evaluate_all
-        from uuvsim_cosim.learn.training.judging import judge_scripted, judged
+        from uuvsim_cosim.learn.training.judging import evaluate_all, judge_scripted, judged
 
         with clustered(ray) as cluster:
             given = evaluate_all(

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import copy
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from uuvsim_cosim.commands.learn.play_view import Page
 from uuvsim_cosim.commands.learn.policies import Acting, acting_of
 from uuvsim_cosim.commands.shared.completion import policies, tasks
 from uuvsim_cosim.commands.shared.nested_options import nested
@@ -20,8 +21,140 @@ from uuvsim_cosim.errors import InputInvalid
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+    from viser import ViserServer
 
-__all__ = ["play_command"]
+    from uuvsim_cosim.envs.pictures.drawn import View
+    from uuvsim_cosim.envs.task.task import Moment, Task, TeamTask
+    from uuvsim_cosim.orchestrator.plan.plan import Plan
+    from uuvsim_cosim.view.recorded.traces import Array, Traces
+    from uuvsim_cosim.view.scene3d.motion import Motion
+    from uuvsim_cosim.view.scene3d.scene import Solid, Stage
+
+__all__ = ["Page", "episode_of", "play_command"]
+
+GOAL = "goal"
+
+
+class Page:
+    """The page of an episode, if it was `asked` for; its port is opened at once."""
+
+    def __init__(self, port: int | None, asked: bool) -> None:
+        self._server: ViserServer | None = None
+        self._recorded: tuple[Stage, Motion, Traces] | None = None
+        if port is not None and not asked:
+            raise InputInvalid(f"--port {port}: is where --view shows it", "--view")
+        if asked:
+            from uuvsim_cosim.view.scene3d.viser_server import open_server
+
+            self._server = open_server(port)
+
+    def record(self, task: Task | TeamTask, policy: Any, seed: int, name: str) -> None:
+        """Play the episode, and record the motion."""
+        from uuvsim_cosim.learn.shared.task_ids import short_name
+
+        self._recorded = episode_of(task, policy, seed, short_name(name))
+
+    def serve(self, what: str, *, show: bool) -> None:
+        """Replay the recording until Ctrl-C; do nothing without a page."""
+        if self._server is None or self._recorded is None:
+            return
+        from uuvsim_cosim.commands.run.view import serve
+        from uuvsim_cosim.view.scene3d.viser_server import close_server
+
+        try:
+            serve(self._server, what, self._recorded, show=show)
+        finally:
+            close_server(self._server)
+
+
+def episode_of(
+    task: Task | TeamTask, policy: Any, seed: int, name: str
+) -> tuple[Stage, Motion, Traces]:
+    """Play episode 0 of a seed and return its motion; raises InputInvalid without a pose.
+
+    The task is not changed: a copy of it reads the signals that move its stage as well.
+    """
+    from uuvsim_cosim.learn.policies.playing import frames_of
+    from uuvsim_cosim.orchestrator.plan.flatten import flatten
+    from uuvsim_cosim.view.scene3d.motion import motion_of
+    from uuvsim_cosim.view.scene3d.scene import Marker
+    from uuvsim_cosim.view.scene3d.scene_of_plan import stage_of_plan
+
+    plan = flatten(task.system)
+    stage = stage_of_plan(plan, name)
+    if not stage.bodies:
+        raise InputInvalid(
+            f"--view: no component of {name} has a pose (eta) that tau moves",
+            "a task with a vehicle, or no --view",
+        )
+    watched: Any = copy.copy(task)  # its method `view` is replaced
+    watched.signals = tuple(dict.fromkeys((*task.signals, *stage.signals)))
+    seen = _Seen(task, stage)
+    watched.view = seen.view
+    for _ in frames_of(watched, policy, seed):
+        pass
+    if seen.goals:
+        stage = replace(stage, markers=(*stage.markers, Marker(GOAL, f"{GOAL}.position", 0.08)))
+    stage = replace(stage, solids=tuple(_solids(plan, seen.start, stage)))
+    units = {
+        f"{c.path}.{v.name}": ", ".join(dict.fromkeys(u or "1" for u in v.units))
+        for c in plan.components
+        for v in c.description.variables.values()
+    }
+    traces = seen.traces(units)
+    return stage, motion_of(stage, traces), traces
+
+
+class _Seen:
+    """Recorder of a task's moments while their pictures are drawn."""
+
+    def __init__(self, task: Task | TeamTask, stage: Stage) -> None:
+        self._task, self._names = task, stage.signals
+        self.time: list[float] = []
+        self.rows: dict[str, list[Array]] = {name: [] for name in self._names}
+        self.goals: list[Array] = []
+        self.start: dict[str, Array] = {}
+
+    def view(self, m: Moment, row: int) -> View | None:
+        """Record a moment, and return the task's view of it."""
+        import numpy as np
+
+        self.time.append(float(m.time[row]))
+        for name in self._names:
+            self.rows[name].append(np.array(m[name][row], float))
+        if not self.start:
+            self.start = {key: np.array(value[row]) for key, value in m.start.items()}
+        view = self._task.view(m, row)
+        if view is not None and view.goals and len(view.goals[0].position) == 3:
+            self.goals.append(np.array(view.goals[0].position))
+        return view
+
+    def traces(self, units: dict[str, str]) -> Traces:
+        """Return the recorded signals; a moment that was drawn twice counts once."""
+        import numpy as np
+
+        from uuvsim_cosim.view.recorded.traces import Traces
+
+        time, picks = np.unique(np.array(self.time), return_index=True)
+        values = {name: np.array(rows)[picks] for name, rows in self.rows.items()}
+        if len(self.goals) == len(self.time):
+            values[f"{GOAL}.position"] = np.array(self.goals)[picks]
+        return Traces(time, values, units)
+
+
+def _solids(plan: Plan, start: dict[str, Array], stage: Stage) -> Iterator[Solid]:
+    """Yield the still bodies of this episode: pools and obstacles may be random."""
+    from uuvsim_cosim.view.scene3d.scene_of_plan import pool_solids
+
+    found: dict[str, Solid] = {}
+    for c in plan.components:
+        if {"origin", "size", "obstacles"} & set(c.description.variables):
+            names = ("origin", "size", "obstacles")
+            keys = {n: f"{c.path}.{n}" for n in names if f"{c.path}.{n}" in start}
+            found |= {s.name: s for s in pool_solids(c, {n: start[k] for n, k in keys.items()})}
+    pools = list(found.values())
+    yield from pools or stage.solids
+
 
 SEED = 2_000_000
 

@@ -7,6 +7,7 @@ Mnih et al., "Human-level control through deep reinforcement learning", 2015, fo
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
@@ -18,7 +19,6 @@ from numpy.typing import NDArray
 from torch.nn.functional import smooth_l1_loss
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.learn.algorithms.action_grid import action_grid
 from uuvsim_cosim.learn.algorithms.checkpoint import State, unfit
 from uuvsim_cosim.learn.algorithms.gradients import check_gradients
 from uuvsim_cosim.learn.algorithms.off_policy_learner import _philox, _set_philox
@@ -27,7 +27,7 @@ from uuvsim_cosim.learn.algorithms.stacked import StackedMLP
 from uuvsim_cosim.learn.algorithms.transfer import pass_on
 from uuvsim_cosim.learn.shared.errors import LearningDiverged
 
-__all__ = ["DqnLearner", "DqnSettings"]
+__all__ = ["DqnLearner", "DqnSettings", "action_grid"]
 
 Array = NDArray[np.float32]
 
@@ -177,3 +177,19 @@ class DqnLearner:
             _set_philox(self._random, state["random"])
         except (KeyError, RuntimeError, ValueError, TypeError) as error:
             raise unfit(error) from error
+
+
+def action_grid(width: int) -> NDArray[np.float32]:
+    """Return the choices (k, width), in [-1, 1].
+
+    Two actions, such as (a, omega) of target tracking: a grid of 3 x 5. One action: 5 levels. More
+    actions: all 0, or one of them at -1 or 1, which are 2 width + 1 choices.
+    """
+    levels = np.linspace(-1.0, 1.0, 5)
+    if width == 1:
+        return levels[:, None].astype(np.float32)
+    if width == 2:
+        rows = list(itertools.product((-1.0, 0.0, 1.0), levels))
+        return np.array(rows, np.float32)
+    alone = np.eye(width)
+    return np.concatenate([np.zeros((1, width)), alone, -alone]).astype(np.float32)

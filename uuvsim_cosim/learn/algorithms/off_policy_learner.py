@@ -13,8 +13,7 @@ from uuvsim_cosim.envs.task.symmetry import Symmetry
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.algorithms.checkpoint import State, unfit
 from uuvsim_cosim.learn.algorithms.masac import Masac, MasacSettings
-from uuvsim_cosim.learn.algorithms.n_step import NStep
-from uuvsim_cosim.learn.algorithms.replay_buffer import Replay, Transitions
+from uuvsim_cosim.learn.algorithms.replay_buffer import NStep, Replay, Transitions
 from uuvsim_cosim.learn.algorithms.transfer import transfer
 
 __all__ = ["MasacLearner", "OffPolicySettings"]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, get_type_hints
 
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.learn.shared.extras import check_torch
+from uuvsim_cosim.learn.shared.errors import check_torch
 from uuvsim_cosim.models.declaration.near_names import expected_names
 
 if TYPE_CHECKING:

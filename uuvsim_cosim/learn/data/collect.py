@@ -15,8 +15,7 @@ from uuvsim_cosim.envs.tasks import scripted
 from uuvsim_cosim.envs.tasks.scripted import scripted_policy
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.data.dataset import Dataset, Episode
-from uuvsim_cosim.learn.policies.policy import Named, Policy
-from uuvsim_cosim.learn.policies.sequence_runner import begin
+from uuvsim_cosim.learn.policies.policy import Named, Policy, begin
 from uuvsim_cosim.learn.shared.task_ids import make_task
 from uuvsim_cosim.learn.training.agents import agents_of
 from uuvsim_cosim.learn.training.loading import acting_in, load_policies, random_policy

@@ -12,8 +12,7 @@ import numpy as np
 
 from uuvsim_cosim.cache import cache_dir, content_hash, write_whole
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.learn.policies.policy import Array, Named, Policy
-from uuvsim_cosim.learn.policies.sequence_runner import SequenceRunner
+from uuvsim_cosim.learn.policies.policy import Array, Named, Policy, SequenceRunner
 from uuvsim_cosim.learn.training.loading import load_policies, policy_path
 
 if TYPE_CHECKING:

@@ -18,8 +18,7 @@ from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.data.dataset import Dataset
 from uuvsim_cosim.learn.data.dataset_files import read_dataset
 from uuvsim_cosim.learn.policies.policy import Named, Policy
-from uuvsim_cosim.learn.shared.errors import LearningDiverged
-from uuvsim_cosim.learn.shared.extras import check_torch
+from uuvsim_cosim.learn.shared.errors import LearningDiverged, check_torch
 from uuvsim_cosim.learn.shared.task_ids import make_task, short_name
 from uuvsim_cosim.learn.training.rollout import Rollout
 from uuvsim_cosim.models.declaration.near_names import expected_names

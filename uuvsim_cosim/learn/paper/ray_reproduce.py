@@ -9,10 +9,8 @@ from pathlib import Path
 
 from uuvsim_cosim.cluster.ray_cluster import Cluster
 from uuvsim_cosim.errors import UuvsimError
-from uuvsim_cosim.learn.paper.reproduce import keys_of, lacking, reproduce_one
-from uuvsim_cosim.learn.paper.results import Key, is_kept
-from uuvsim_cosim.learn.paper.results_archive import kept
-from uuvsim_cosim.learn.paper.shared_beginnings import begun
+from uuvsim_cosim.learn.paper.reproduce import begun, keys_of, lacking, reproduce_one
+from uuvsim_cosim.learn.paper.results import Key, is_kept, kept
 from uuvsim_cosim.learn.paper.transfer_runs import (
     CONDITIONS,
     WAYS,

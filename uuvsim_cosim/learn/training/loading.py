@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 from uuvsim_cosim.content import content
 from uuvsim_cosim.envs.task.task import Task, TeamTask
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.learn.policies.policy import Policy
-from uuvsim_cosim.learn.policies.sequence_runner import SequenceRunner
+from uuvsim_cosim.learn.policies.policy import Policy, SequenceRunner
 from uuvsim_cosim.learn.shared.task_ids import TASKS, make_task
 from uuvsim_cosim.learn.training.agents import agents_of, widths
-from uuvsim_cosim.learn.training.curriculum_folder import ABOUT, last_done
+from uuvsim_cosim.learn.training.folders import CURRICULUM, last_done
 from uuvsim_cosim.models.declaration.near_names import expected_names
 
 if TYPE_CHECKING:
@@ -36,7 +35,7 @@ def policy_path(given: str | Path) -> Path:
     there is none of these.
     """
     path = Path(given).expanduser()
-    if (path / ABOUT).is_file():
+    if (path / CURRICULUM).is_file():
         return last_done(path)
     if path.exists():
         return path

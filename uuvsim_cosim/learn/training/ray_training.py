@@ -18,7 +18,7 @@ from uuvsim_cosim.errors import UuvsimError
 from uuvsim_cosim.learn.shared.files import read_files, write_files
 from uuvsim_cosim.learn.shared.task_ids import make_task
 from uuvsim_cosim.learn.training.config import TrainingConfig
-from uuvsim_cosim.learn.training.folder_lock import locked, refuse_other, write_owner
+from uuvsim_cosim.learn.training.folders import locked, refuse_other, write_owner
 from uuvsim_cosim.learn.training.interruption import TrainingInterrupted
 from uuvsim_cosim.learn.training.train import Trained, one_thread, resolved, training_of
 

@@ -15,7 +15,7 @@ from uuvsim_cosim.learn.shared.task_ids import make_task
 from uuvsim_cosim.learn.training.agents import agents_of, widths
 from uuvsim_cosim.learn.training.config import TrainingConfig, read_config
 from uuvsim_cosim.learn.training.events import Events
-from uuvsim_cosim.learn.training.folder_lock import locked, refuse_other, write_owner
+from uuvsim_cosim.learn.training.folders import locked, refuse_other, write_owner
 from uuvsim_cosim.learn.training.interruption import Interruption, TrainingInterrupted
 from uuvsim_cosim.learn.training.loading import load_policies
 

@@ -10,14 +10,21 @@ from __future__ import annotations
 
 import re
 import shutil
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import parse_qsl
+
+import numpy as np
 
 from uuvsim_cosim.cache import whole_file
 from uuvsim_cosim.errors import InputInvalid
+from uuvsim_cosim.models.actuators.thruster_geometry import OF_VEHICLE, thrusters_file
+from uuvsim_cosim.models.actuators.thruster_set import options_of
 from uuvsim_cosim.models.declaration.hull_parameters import meaning_of
+from uuvsim_cosim.models.declaration.library import declare
 from uuvsim_cosim.models.declaration.parameter_files import (
     Quantity,
     parameter_set,
@@ -27,11 +34,23 @@ from uuvsim_cosim.models.declaration.parameter_files import (
     vehicle_folder,
 )
 from uuvsim_cosim.models.importing.vehicle_draft import quoted, row_of
-from uuvsim_cosim.studies.identification.identify import Identified, Number
-from uuvsim_cosim.studies.identification.save_thrusters import thruster_set
-from uuvsim_cosim.studies.identification.vehicle_text import inserted, is_known, replaced, words_of
+from uuvsim_cosim.studies.identification.ambiguity import WEAK
+from uuvsim_cosim.studies.identification.identify import Actuator, Identified, Number
 
-__all__ = ["Saved", "address_of", "save_as"]
+if TYPE_CHECKING:
+    from ruamel.yaml.comments import CommentedMap
+
+__all__ = [
+    "Saved",
+    "ThrusterSet",
+    "address_of",
+    "inserted",
+    "is_known",
+    "replaced",
+    "save_as",
+    "thruster_set",
+    "words_of",
+]
 
 _COPIED = ("parameters.yaml", "thrusters.yaml", "fins.yaml", "propeller.yaml", "control.yaml",
            "published.yaml", "README.md")  # fmt: skip
@@ -226,3 +245,173 @@ def _copied(id: str, folder: Path) -> Path:
     except OSError as error:
         raise InputInvalid(f"{folder}: cannot be written ({error.strerror})") from None
     return folder
+
+
+@dataclass(frozen=True)
+class ThrusterSet:
+    """The set's component, and its text."""
+
+    model: str
+    text: str
+    count: int  # of the vehicle's thrusters
+
+    def names_in(self, folder: Path) -> set[str]:
+        """Return the names of the sets that the folder's thrusters have."""
+        return set(self._read(folder).get("sets", {}))
+
+    def written(self, folder: Path) -> Path:
+        """Write it into the folder's thrusters.yaml, and give that file."""
+        file = folder / "thrusters.yaml"
+        data = self._read(folder)
+        text = inserted(file.read_text(encoding="utf-8"), data, self.text)
+        replaced(file, text, lambda path: thrusters_file(Path(path)))
+        return file
+
+    def _read(self, folder: Path) -> CommentedMap:
+        file = folder / "thrusters.yaml"
+        if not file.is_file():
+            raise InputInvalid(
+                f"--save-as: {folder} has no thrusters.yaml",
+                "a vehicle with thrusters, as numbers of thrusters were fitted",
+            )
+        data: CommentedMap = thrusters_file(file)
+        if len(data["thrusters"]) != self.count:
+            raise InputInvalid(
+                file,
+                f"{len(data['thrusters'])} thrusters, and the system's wrench has {self.count}",
+                "the wrench of that vehicle",
+            )
+        return data
+
+
+def thruster_set(found: Identified, name: str, day: str) -> ThrusterSet | None:
+    """Return the set of the fitted parameters of thrusters; None if none of them is known.
+
+    A parameter that all thrusters share is one number. Else there is one for each thruster; those
+    that were not fitted keep the system's values.
+    """
+    if not found.actuators:
+        return None
+    sources = {a.source.partition("?")[0].removeprefix("model:") for a in found.actuators}
+    model = next(iter(sources))
+    if len(sources) > 1 or model not in OF_VEHICLE:
+        raise InputInvalid(
+            f"--save-as: numbers of {', '.join(sorted(sources))} were fitted",
+            f"those of one component among {', '.join(OF_VEHICLE)}",
+        )
+    query = found.actuators[0].source.partition("?")[2]
+    options = options_of(model, dict(parse_qsl(query)))
+    rows = []
+    for key, unit in _fitted(found.actuators, found.numbers):
+        rows.append(_row(found, key, unit, day))
+    rows = [r for r in rows if r]
+    if not rows:
+        return None
+    plain = declare(model, **options).variables
+    for key, value in found.actuators[0].held.items():
+        shared = all(a.held.get(key) == value for a in found.actuators)
+        if shared and value != float(np.ravel(plain[key].start)[0]):
+            rows.append(
+                f"      {key}: {{value: {value:.9g}, unit: {quoted(plain[key].unit)}, "
+                'source: "set for the fit, not identified"}\n'
+            )
+    residuals = ", ".join(f"{n} {s:.2g}" for n, s in found.residuals.items())
+    source = (
+        f"identified from {found.recording} on {day} by uuvsim identify: {found.samples} samples "
+        f"of {found.seconds:.4g} s; residuals (rms): {residuals}"
+    )
+    chosen = "".join(f"{k}: {quoted(v)}, " for k, v in options.items()).removesuffix(", ")
+    text = (
+        f"  {name}:\n    model: {model}\n"
+        + (f"    options: {{{chosen}}}\n" if chosen else "")
+        + f"    source: {quoted(source)}\n    parameters:\n"
+        + "".join(rows)
+    )
+    return ThrusterSet(model, text, found.actuators[0].of)
+
+
+def _fitted(actuators: Sequence[Actuator], numbers: Sequence[Number]) -> list[tuple[str, str]]:
+    """Return (parameter, unit) of each number that is a thruster's, once."""
+    paths = {a.path for a in actuators}
+    out: dict[str, str] = {}
+    for n in numbers:
+        for place in n.places:
+            path, _, key = place.rpartition(".")
+            if path in paths:
+                out.setdefault(key, n.unit)
+    return list(out.items())
+
+
+def _row(found: Identified, key: str, unit: str, day: str) -> str:
+    """Return the line of a parameter: one number, or one for each thruster."""
+    of: dict[int, Number] = {}
+    for a in found.actuators:
+        number = next((n for n in found.numbers if f"{a.path}.{key}" in n.places), None)
+        if number is not None and is_known(number):
+            of[a.number] = number
+    count = found.actuators[0].of
+    if not of:
+        return ""
+    shared = set(of) == set(range(1, count + 1)) and len({n.name for n in of.values()}) == 1
+    if shared:
+        n = of[1]
+        value, interval = f"{n.value:.9g}", f"{n.low:.6g}, {n.high:.6g}"
+        words = words_of(found, n, day)
+    else:
+        some = of[min(of)]
+        values = [of[k].value if k in of else some.start for k in range(1, count + 1)]
+        ends = [(of[k].low, of[k].high) if k in of else (some.start,) * 2
+                for k in range(1, count + 1)]  # fmt: skip
+        value = f"[{', '.join(f'{v:.9g}' for v in values)}]"
+        interval = ", ".join(f"[{low:.6g}, {high:.6g}]" for low, high in ends)
+        missing = [str(k) for k in range(1, count + 1) if k not in of]
+        words = f"identified from {found.recording} on {day}, 95 % intervals beside it"
+        if missing:
+            words += f"; not identified of thruster {', '.join(missing)}: as before"
+    return (
+        f"      {key}: {{value: {value}, unit: {quoted(unit)}, interval: [{interval}], "
+        f"source: {quoted(words)}}}\n"
+    )
+
+
+def is_known(number: Number) -> bool:
+    """Return whether a number's 95 % interval is within half of it."""
+    return bool(number.half_width < 2.0 * WEAK * abs(number.value))
+
+
+def words_of(found: Identified, number: Number, day: str) -> str:
+    """Return the source of a fitted number: the recording, the day, the interval."""
+    return (
+        f"identified from {found.recording} on {day}, 95 % interval {number.low:.6g} to "
+        f"{number.high:.6g}"
+    )
+
+
+def inserted(text: str, data: CommentedMap, block: str) -> str:
+    """Insert a set (indented by two) after the last one, or add `sets` at the file's end."""
+    lines = text.splitlines(keepends=True)
+    if lines and not lines[-1].endswith("\n"):
+        lines[-1] += "\n"
+    if "sets" not in data:
+        return "".join([*lines, "sets:\n", block])
+    keys = sorted(data.lc.key(k)[0] for k in data)
+    sets_at = data.lc.key("sets")[0]
+    end = next((k for k in keys if k > sets_at), len(lines))
+    indent = data["sets"].lc.key(next(iter(data["sets"])))[1]
+    if indent != 2:
+        block = "".join(" " * (indent - 2) + row for row in block.splitlines(keepends=True))
+    return "".join([*lines[:end], block, *lines[end:]])
+
+
+def replaced(file: Path, text: str, read: Callable[[str], object]) -> None:
+    """Write a parameter file if `read` accepts it; otherwise the old file stays."""
+    try:
+        with whole_file(file) as scratch:
+            scratch.write_text(text, encoding="utf-8")
+            read(str(scratch))
+    except OSError as error:
+        raise InputInvalid(
+            file,
+            f"cannot be written ({error.strerror})",
+            "a folder of your own, as --save-as my_rov@my_fit",
+        ) from None
