@@ -7,7 +7,7 @@ import io
 import json
 import os
 import shutil
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -23,7 +23,6 @@ from uuvsim_cosim.envs.tasks import scripted
 from uuvsim_cosim.envs.tasks.evaluation import evaluate
 from uuvsim_cosim.envs.tasks.scripted import scripted_policy
 from uuvsim_cosim.errors import InputInvalid
-from uuvsim_cosim.learn.policies.policy import Policy
 from uuvsim_cosim.learn.shared.task_ids import make_task
 from uuvsim_cosim.learn.training.loading import acting_in, load_policies
 from uuvsim_cosim.learn.training.training_seeds import JUDGING_SEED
@@ -193,7 +192,13 @@ def keep(
     stem = results / key.stem
     stem.parent.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(folder / "evaluations.csv", stem.with_name(f"{stem.name}.csv"))
-    for policy in _distinct(policies) if key.seed == 0 else ():
+    one = policies[0].tensors
+    if all(
+        p.tensors.keys() == one.keys() and all(np.array_equal(p.tensors[k], one[k]) for k in one)
+        for p in policies
+    ):
+        policies = [replace(policies[0], agent="")]  # equal ones are every agent's
+    for policy in policies if key.seed == 0 else ():
         name = f"{stem.name}{f'.{policy.agent}' if policy.agent else ''}.npz"
         replace(policy, options=dict(about["options"])).save(stem.with_name(name))
     if isinstance(task, TeamTask) and isinstance(acts, Mapping):
@@ -202,11 +207,14 @@ def keep(
         "uuvsim_result": 1,
         "version": __version__,
         **{k: about[k] for k in sorted(about)},
-        "episodes": {"return": _rounded(judged.returns),
-                     **{k: _rounded(judged.metrics[k]) for k in METRICS}},
-        "scripted": {"return": _rounded(yardstick.returns),
-                     **{k: _rounded(yardstick.metrics[k]) for k in METRICS}},
-    }  # fmt: skip
+        **{
+            name: {
+                k: [float(f"{v:.5g}") for v in values]
+                for k, values in (("return", e.returns), *((k, e.metrics[k]) for k in METRICS))
+            }
+            for name, e in (("episodes", judged), ("scripted", yardstick))
+        },
+    }
     # Last: `is_kept` takes this file as the sign that all others are there.
     write_whole(stem.with_name(f"{stem.name}.json"), (json.dumps(content) + "\n").encode())
     return read_result(results, key)
@@ -248,17 +256,6 @@ def read_episode(results: Path, key: Key) -> dict[str, NDArray[np.float64]]:
     return _columns(found.episode if found else None, f"{results / key.stem}: episode")
 
 
-def _distinct(policies: list[Policy]) -> Iterable[Policy]:
-    """Return the policies, or one for all agents if they are equal."""
-    first = policies[0]
-    same = all(
-        p.tensors.keys() == first.tensors.keys()
-        and all(np.array_equal(p.tensors[k], first.tensors[k]) for k in first.tensors)
-        for p in policies
-    )
-    return [replace(first, agent="")] if same else policies
-
-
 def _write_episode(path: Path, task: TeamTask, acts: Mapping[str, scripted.Policy]) -> None:
     """Write the first of the judged episodes: the state (5) after each action."""
     from uuvsim_cosim.envs.team_vector import CosimTeamVectorEnv
@@ -293,7 +290,3 @@ def _columns(text: str | None, place: str) -> dict[str, NDArray[np.float64]]:
             f"{type(error).__name__}: {error}",
             "a whole table, as `uuvsim reproduce` writes it",
         ) from None
-
-
-def _rounded(values: NDArray[np.float64]) -> list[float]:
-    return [float(f"{v:.5g}") for v in values]
