@@ -31,24 +31,14 @@ class Algorithm:
 
     name: str
     alone: bool
-    described: str
 
 
+# sac, ppo and dqn are for one agent; masac and mappo have central critics; in isac, ippo and idqn
+# each agent learns by itself.
 ALGORITHMS = {
-    a.name: a
-    for a in (
-        Algorithm("sac", True, "soft actor-critic, our own"),
-        Algorithm("masac", False, "multi-agent SAC, central critics, our own"),
-        Algorithm("isac", False, "SAC for each agent by itself, our own"),
-        Algorithm("ppo", True, "proximal policy optimisation, our own"),
-        Algorithm("ippo", False, "PPO for each agent by itself, our own"),
-        Algorithm("mappo", False, "PPO with central critics, our own"),
-        Algorithm("dqn", True, "deep Q-learning, our own"),
-        Algorithm("idqn", False, "DQN for each agent by itself, our own"),
-    )
+    name: Algorithm(name, name in ("sac", "ppo", "dqn"))
+    for name in ("sac", "masac", "isac", "ppo", "ippo", "mappo", "dqn", "idqn")
 }
-
-
 TRANSFERS = ("masac", "isac", "ippo", "mappo", "idqn")  # Transferable: for curricula
 
 
@@ -99,7 +89,7 @@ def learner_of(
         })
         for kind in makers.settings
     ]  # fmt: skip
-    return makers.make(agents, observed, acted, n, seed, made)
+    return makers.make(agents, observed, acted, seed, made)
 
 
 def check_settings(algorithm: Algorithm, settings: Mapping[str, object]) -> dict[str, float]:
@@ -139,7 +129,7 @@ def _makers(name: str, symmetries: Sequence[Symmetry] = ()) -> _Makers:
         return _Makers(
             (MasacSettings, OffPolicySettings),
             {"central": name != "isac"},
-            lambda N, d, a, n, seed, s: MasacLearner(
+            lambda N, d, a, seed, s: MasacLearner(
                 N, d, a, seed=seed, network=s[0], schedule=s[1], symmetries=symmetries
             ),
         )
@@ -148,7 +138,7 @@ def _makers(name: str, symmetries: Sequence[Symmetry] = ()) -> _Makers:
 
         return _Makers(
             (PpoSettings,), {},
-            lambda N, d, a, n, seed, s: PpoLearner(
+            lambda N, d, a, seed, s: PpoLearner(
                 N, d, a, seed=seed, settings=s[0], central=name == "mappo", name=name
             ),
         )  # fmt: skip
@@ -156,7 +146,7 @@ def _makers(name: str, symmetries: Sequence[Symmetry] = ()) -> _Makers:
 
     return _Makers(
         (DqnSettings,), {},
-        lambda N, d, a, n, seed, s: DqnLearner(N, d, a, seed=seed, settings=s[0], name=name),
+        lambda N, d, a, seed, s: DqnLearner(N, d, a, seed=seed, settings=s[0], name=name),
     )  # fmt: skip
 
 

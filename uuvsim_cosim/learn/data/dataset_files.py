@@ -196,7 +196,7 @@ def _named(space: object, what: str, about: dict[str, Any], path: Path) -> tuple
     if not isinstance(space, Box) or len(space.shape) != 1 or space.dtype.kind != "f":
         raise InputInvalid(path, f"an {what} space {space}", "a Box of one axis, of floats")
     units = about.get(what) or [(f"{what[0]}[{i + 1}]", "1") for i in range(space.shape[0])]
-    named = names_of([n for n, _ in units], space.low, space.high)
+    named = names_of(space.low, space.high, [n for n, _ in units])
     return tuple(Named(c.name, c.low, c.high, u) for c, (_, u) in zip(named, units, strict=True))
 
 

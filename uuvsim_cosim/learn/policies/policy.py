@@ -178,8 +178,9 @@ def network(
     return np.asarray(x, np.float32)
 
 
-def names_of(names: Sequence[str], low: Array, high: Array) -> tuple[Named, ...]:
-    """Pair names with limits."""
+def names_of(low: Array, high: Array, names: Sequence[str] = ()) -> tuple[Named, ...]:
+    """Pair names with limits; by default the names are "o[1]", "o[2]", …."""
+    names = names or [f"o[{i + 1}]" for i in range(len(low))]
     return tuple(Named(n, float(a), float(b)) for n, a, b in zip(names, low, high, strict=True))
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -71,13 +70,7 @@ def judged(evaluations: Sequence[Evaluation]) -> dict[str, Interval]:
 AT_ONCE = 256  # episodes side by side; fixed, as a matrix product's bits depend on its shape
 
 
-@dataclass(frozen=True)
-class _Part:
-    name: str
-    options: Mapping[str, object]
-    acts: Policies
-    seed: int
-    count: int
+_Part = tuple[str, Mapping[str, object], Policies, int, int]  # of task and policy, seed, episodes
 
 
 def evaluate_all(
@@ -98,7 +91,7 @@ def evaluate_all(
     for who, acts in policies.items():
         size = episodes if who == "random" else AT_ONCE
         for first in range(0, episodes, size):
-            parts.append(_Part(name, options, acts, seed + first, min(size, episodes - first)))
+            parts.append((name, options, acts, seed + first, min(size, episodes - first)))
             owners.append(who)
     came = cluster.spread(_evaluate, parts) if cluster else enumerate(map(_evaluate, parts))
     found: dict[int, Evaluation] = {}
@@ -118,4 +111,5 @@ def evaluate_all(
 
 
 def _evaluate(part: _Part) -> Evaluation:
-    return evaluate(make_task(part.name, part.options), part.acts, part.count, seed=part.seed)
+    name, options, acts, seed, episodes = part
+    return evaluate(make_task(name, options), acts, episodes, seed=seed)

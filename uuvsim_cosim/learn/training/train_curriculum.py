@@ -86,9 +86,7 @@ def train_curriculum(
     `first` is the first seed of the environments, see `Training`.
     """
     folder = Path(folder)
-    tasks = [_task(curriculum, k) for k in range(len(curriculum.stages))]  # all checks come first
-    _check_settings(curriculum, tasks)
-    _check_widths(curriculum, tasks)
+    tasks = _checked_tasks(curriculum)  # all checks come first
     done_in(folder, curriculum, seed, restart=restart)  # a refused folder gets no lock file
     results: list[StageTrained] = []
     with one_thread() as stack, locked(folder):
@@ -144,55 +142,44 @@ def _result(place: Path, stage: Stage, row: Mapping[str, Any]) -> StageTrained:
     )
 
 
-def _task(curriculum: Curriculum, k: int) -> Task | TeamTask:
-    stage = curriculum.stages[k]
-    try:
-        return make_task(stage.task, {**curriculum.options, **stage.options})
-    except InputInvalid as error:
-        raise InputInvalid(f"curriculum {curriculum.name}, stage {k + 1}: {error}") from None
-
-
-def _check_widths(curriculum: Curriculum, tasks: Sequence[Task | TeamTask]) -> None:
-    seen = [widths(task) for task in tasks]
-    for k, (width, acted) in enumerate(seen):
-        if (width, acted) != seen[0]:
-            raise InputInvalid(
-                f"curriculum {curriculum.name}, stage {k + 1}",
-                f"observes {width} numbers and acts on {acted}",
-                (
-                    f"{seen[0][0]} and {seen[0][1]}, as the first stage (target "
-                    "tracking has an option slots)"
-                ),
-            )
-
-
-def _check_settings(curriculum: Curriculum, tasks: Sequence[Task | TeamTask]) -> None:
-    """Check that all settings exist, and that no switch changes the networks' shapes."""
-    settings = []
-    for k in range(len(curriculum.stages)):
-        try:
-            given = check_settings(ALGORITHMS[curriculum.algorithm], settings_of(curriculum, k))
-        except InputInvalid as error:
-            raise InputInvalid(f"curriculum {curriculum.name}, stage {k + 1}: {error}") from None
-        if given.get("mirror") and not tasks[k].symmetries():
-            raise InputInvalid(
-                f"curriculum {curriculum.name}, stage {k + 1}",
-                f"mirror: {curriculum.stages[k].task} has no symmetry",
-                "mirror=false",
-            )
-        settings.append(given)
+def _checked_tasks(curriculum: Curriculum) -> list[Task | TeamTask]:
+    """Make the tasks; check that all settings exist, and that no switch changes the networks."""
     from uuvsim_cosim.learn.algorithms.transfer import SHAPES
 
+    tasks: list[Task | TeamTask] = []
+    shapes: list[dict[str, object]] = []
     defaults = default_settings(curriculum.algorithm)
-    for name in (n for n in SHAPES if n in defaults):
-        values = [s.get(name, defaults[name]) for s in settings]
-        for k, value in enumerate(values):
-            if value != values[0]:
-                raise InputInvalid(
-                    f"curriculum {curriculum.name}, stage {k + 1}",
-                    f"{name} {value!r}",
-                    f"{values[0]!r}, as in the first stage",
-                )
+    algorithm = ALGORITHMS[curriculum.algorithm]
+    places = [f"curriculum {curriculum.name}, stage {k + 1}" for k in range(len(curriculum.stages))]
+    for place, stage in zip(places, curriculum.stages, strict=True):
+        try:
+            tasks.append(make_task(stage.task, {**curriculum.options, **stage.options}))
+        except InputInvalid as error:
+            raise InputInvalid(f"{place}: {error}") from None
+    for k, (place, task) in enumerate(zip(places, tasks, strict=True)):
+        try:
+            settings = check_settings(algorithm, settings_of(curriculum, k))
+        except InputInvalid as error:
+            raise InputInvalid(f"{place}: {error}") from None
+        if settings.get("mirror") and not task.symmetries():
+            name = curriculum.stages[k].task
+            raise InputInvalid(place, f"mirror: {name} has no symmetry", "mirror=false")
+        shapes.append({n: settings.get(n, defaults[n]) for n in SHAPES if n in defaults})
+    for name in shapes[0]:
+        for place, shape in zip(places, shapes, strict=True):
+            if shape[name] != shapes[0][name]:
+                expected = f"{shapes[0][name]!r}, as in the first stage"
+                raise InputInvalid(place, f"{name} {shape[name]!r}", expected)
+    seen, acts = widths(tasks[0])
+    for place, task in zip(places, tasks, strict=True):
+        width, acted = widths(task)
+        if (width, acted) != (seen, acts):
+            raise InputInvalid(
+                place,
+                f"observes {width} numbers and acts on {acted}",
+                f"{seen} and {acts}, as the first stage (target tracking has an option slots)",
+            )
+    return tasks
 
 
 CRITIC_ONLY = 500  # updates of the critics alone after a switch, where there are critics

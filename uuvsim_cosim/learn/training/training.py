@@ -21,7 +21,7 @@ from uuvsim_cosim.learn.algorithms.checkpoint import load_checkpoint, save_check
 from uuvsim_cosim.learn.algorithms.learner import Learner
 from uuvsim_cosim.learn.policies.policy import Policy
 from uuvsim_cosim.learn.shared.errors import LearningDiverged
-from uuvsim_cosim.learn.training.rollout import Ended, Rollout
+from uuvsim_cosim.learn.training.rollout import Rollout
 from uuvsim_cosim.learn.training.training_seeds import EVALUATION_SEED, first_of_training
 
 __all__ = [
@@ -152,15 +152,40 @@ class Training:
         """Load the checkpoint, if there is one; a second call does nothing."""
         if self._resumed:
             return
-        if self.checkpoint.is_file():
-            self._resume()
-            self._resumed = True
-        elif _has_learned(self.folder / "evaluations.csv"):
+        if not self.checkpoint.is_file():
+            if _has_learned(self.folder / "evaluations.csv"):
+                raise InputInvalid(
+                    self.checkpoint,
+                    "no such file, beside curves of what was learned",
+                    "it, another folder, or to begin anew (--restart)",
+                )
+            return
+        read = load_checkpoint(self.checkpoint)
+        own = {"task": self.name, "options": self.options, "algorithm": self.learner.name,
+               "n": self.n, "seed": self.seed}  # fmt: skip
+        for what, expected in own.items():
+            if read.get(what) != expected:
+                raise InputInvalid(
+                    self.checkpoint,
+                    f"{what} {read.get(what)!r}",
+                    f"{expected!r}, or another folder",
+                )
+        try:
+            self.rollout.set_state(read["rollout"])
+            self.learner.set_state(read["learner"])
+        except InputInvalid as error:
+            raise InputInvalid(f"{self.checkpoint}: {error}") from None
+        counters = read["counters"]
+        self.step, self.episodes = int(counters["step"]), int(counters["episodes"])
+        self.best, self.updates = float(counters["best"]), counters.get("updates")
+        self._rows, self.evaluations = read["rows"], read["evaluations"]
+        if self.step - self.n >= self.steps:
             raise InputInvalid(
                 self.checkpoint,
-                "no such file, beside curves of what was learned",
-                "it, another folder, or to begin anew (--restart)",
+                f"of step {self.step}, {self.steps} asked for",
+                "at least as many steps, another folder, or to begin anew (--restart)",
             )
+        self._resumed = True
 
     def _one_step(self) -> None:
         actions = self.learner.act(self.rollout.observation)
@@ -172,20 +197,16 @@ class Training:
             one_more = None if self.updates is None else self.updates + 1
             self.updates = int(losses["updates"]) if "updates" in losses else one_more
         if ended is not None:
-            self._count(ended)
+            for i in range(len(ended.returns)):
+                row = {"step": float(self.step), "return": float(ended.returns[i])}
+                self._rows.append(row | {k: float(v[i]) for k, v in ended.metrics.items()})
+            self.episodes += len(ended.returns)
+            means = {"return": float(ended.returns.mean())}
+            self._tell("episodes", means | {k: float(v.mean()) for k, v in ended.metrics.items()})
         self._tell("step", losses)
 
     def _passed(self, every: int) -> bool:
         return self.step // every > (self.step - self.n) // every
-
-    def _count(self, ended: Ended) -> None:
-        for i in range(len(ended.returns)):
-            row = {"step": float(self.step), "return": float(ended.returns[i])}
-            row |= {k: float(v[i]) for k, v in ended.metrics.items()}
-            self._rows.append(row)
-        self.episodes += len(ended.returns)
-        means = {"return": float(ended.returns.mean())}
-        self._tell("episodes", means | {k: float(v.mean()) for k, v in ended.metrics.items()})
 
     def _evaluate(self) -> None:
         judged = evaluate(
@@ -267,35 +288,6 @@ class Training:
         except (OSError, UuvsimError):  # a full disk, or NaN in the networks
             return ""
         return f"; {beside} and policy.npz are of then"
-
-    def _resume(self) -> None:
-        read = load_checkpoint(self.checkpoint)
-        own = {"task": self.name, "options": self.options, "algorithm": self.learner.name,
-               "n": self.n, "seed": self.seed}  # fmt: skip
-        for what, expected in own.items():
-            if read.get(what) != expected:
-                raise InputInvalid(
-                    self.checkpoint,
-                    f"{what} {read.get(what)!r}",
-                    f"{expected!r}, or another folder",
-                )
-        try:
-            self.rollout.set_state(read["rollout"])
-            self.learner.set_state(read["learner"])
-        except InputInvalid as error:
-            raise InputInvalid(f"{self.checkpoint}: {error}") from None
-        counters = read["counters"]
-        self.step, self.episodes, self.best = (
-            int(counters["step"]), int(counters["episodes"]), float(counters["best"])
-        )  # fmt: skip
-        self.updates = counters.get("updates")
-        self._rows, self.evaluations = read["rows"], read["evaluations"]
-        if self.step - self.n >= self.steps:
-            raise InputInvalid(
-                self.checkpoint,
-                f"of step {self.step}, {self.steps} asked for",
-                "at least as many steps, another folder, or to begin anew (--restart)",
-            )
 
     def _write_curves(self) -> None:
         _write_csv(self.folder / "episodes.csv", self._rows)
