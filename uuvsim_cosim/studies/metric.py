@@ -1,4 +1,8 @@
-"""Metrics as text: ``rms(wrap(hull.eta[6] - navigation.eta[6]))`` is parsed into a tree."""
+"""Metrics as text: ``rms(wrap(hull.eta[6] - navigation.eta[6]))`` is parsed into a tree.
+
+Every operation is exact, or correctly rounded in one fixed order (sums by `math.fsum`). So a
+metric has the same bits whether a kernel or a master simulated its run.
+"""
 
 from __future__ import annotations
 
@@ -43,15 +47,11 @@ class Node(ABC):
     size: int
     course: bool
     unit: str | None  # None where units differ, or their combination has no name
+    parts: tuple[Node, ...] = ()  # that it is made of
 
     @abstractmethod
     def value(self, time: Array, courses: Courses) -> Array:
         """Return its value, of shape (T, size), or (size,) if it is no course."""
-
-    @property
-    def parts(self) -> tuple[Node, ...]:
-        """Return what it is made of."""
-        return ()
 
     def signals(self) -> Iterator[str]:
         """Return the variables that it reads."""
@@ -104,17 +104,10 @@ class Operation(Node):
     """Arithmetic or a comparison of two parts, element by element; a comparison gives 1 or 0."""
 
     sign: str = "+"
-    left: Node = Number(1, False, None)
-    right: Node = Number(1, False, None)
-
-    @property
-    def parts(self) -> tuple[Node, ...]:
-        """Return both."""
-        return self.left, self.right
 
     def value(self, time: Array, courses: Courses) -> Array:
         """Return the result."""
-        a, b = self.left.value(time, courses), self.right.value(time, courses)
+        a, b = (part.value(time, courses) for part in self.parts)
         with np.errstate(all="ignore"):
             return np.asarray(OPERATIONS[self.sign](a, b))
 
@@ -140,17 +133,11 @@ class Pointwise(Node):
     """A function of each instant: abs, sqrt, norm (over elements), wrap (an angle to ±pi)."""
 
     function: str = "abs"
-    of: Node = Number(1, False, None)
-
-    @property
-    def parts(self) -> tuple[Node, ...]:
-        """Its argument."""
-        return (self.of,)
 
     def value(self, time: Array, courses: Courses) -> Array:
         """Return the function's value."""
         with np.errstate(all="ignore"):
-            return POINTWISE[self.function](self.of.value(time, courses))
+            return POINTWISE[self.function](self.parts[0].value(time, courses))
 
 
 def _mean(t: Array, x: Array, q: float) -> float:
@@ -186,28 +173,23 @@ class Reduction(Node):
     """A course reduced to one number for each element, over the samples of its window."""
 
     function: str = "mean"
-    of: Node = Number(1, False, None)
     q: float = 0.5
-
-    @property
-    def parts(self) -> tuple[Node, ...]:
-        """Its argument."""
-        return (self.of,)
 
     def value(self, time: Array, courses: Courses) -> Array:
         """Return the numbers."""
-        x = np.broadcast_to(self.of.value(time, courses), (len(time), self.of.size))
-        columns = (np.ascontiguousarray(x[:, i]) for i in range(self.of.size))
+        x = np.broadcast_to(self.parts[0].value(time, courses), (len(time), self.size))
+        columns = (np.ascontiguousarray(x[:, i]) for i in range(self.size))
         try:
             return np.array([REDUCTIONS[self.function](time, c, self.q) for c in columns])
         except (OverflowError, ValueError):  # fsum raises them for infinities
-            return np.full(self.of.size, np.nan)
+            return np.full(self.size, np.nan)
 
 
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
     r"|(?P<name>[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*(?:\[[^\[\]]*\])?)|(?P<sign>[-+*/()<>,]))"
 )
+_LEVELS = (("<", ">"), ("+", "-"), ("*", "/"))  # operators, the weakest first
 FUNCTIONS = (*POINTWISE, *REDUCTIONS)
 
 
@@ -258,7 +240,7 @@ def read_metric(name: str, metric: Metric, descriptions: Mapping[str, Descriptio
 
 
 class _Parser:
-    """Recursive descent: sum, product, sign, atom; comparisons bind weakest."""
+    """Recursive descent: comparison, sum, product, sign, atom; comparisons bind weakest."""
 
     def __init__(self, text: str, descriptions: Mapping[str, Description]) -> None:
         self.text = text
@@ -277,33 +259,26 @@ class _Parser:
         self.at = 0
 
     def whole(self) -> Node:
-        node = self._comparison()
+        node = self._expression()
         if self._peek():
             raise self._wrong(f"{self._peek()!r}", "an operator, or the end")
         return node
 
-    def _comparison(self) -> Node:
-        left = self._sum()
-        if self._peek() in ("<", ">"):
-            return self._both(self._next(), left, self._sum())
-        return left
-
-    def _sum(self) -> Node:
-        node = self._product()
-        while self._peek() in ("+", "-"):
-            node = self._both(self._next(), node, self._product())
-        return node
-
-    def _product(self) -> Node:
-        node = self._signed()
-        while self._peek() in ("*", "/"):
-            node = self._both(self._next(), node, self._signed())
+    def _expression(self, level: int = 0) -> Node:
+        """Parse operations of this and the stronger levels; comparisons are not chained."""
+        if level == len(_LEVELS):
+            return self._signed()
+        node = self._expression(level + 1)
+        while self._peek() in _LEVELS[level]:
+            node = self._both(self._next(), node, self._expression(level + 1))
+            if level == 0:
+                break
         return node
 
     def _signed(self) -> Node:
         if self._peek() == "-":
             self._next()
-            return self._both("*", Number(1, False, "1", -1.0), self._signed())
+            return self._both("*", Number(1, False, "1", number=-1.0), self._signed())
         return self._atom()
 
     def _atom(self) -> Node:
@@ -312,10 +287,10 @@ class _Parser:
         kind, token, _ = self.tokens[self.at]
         if kind == "number":
             self._next()
-            return Number(1, False, "1", float(token))
+            return Number(1, False, "1", number=float(token))
         if token == "(":
             self._next()
-            node = self._comparison()
+            node = self._expression()
             self._must(")")
             return node
         if kind != "name":
@@ -329,7 +304,7 @@ class _Parser:
         begin = self.at
         self._next()
         self._must("(")
-        of = self._comparison()
+        of = self._expression()
         q = 0.5
         if name == "quantile":
             self._must(",")
@@ -340,11 +315,11 @@ class _Parser:
         self._must(")")
         if name in POINTWISE:
             unit = of.unit if name != "sqrt" else None
-            return Pointwise(1 if name == "norm" else of.size, of.course, unit, name, of)
+            return Pointwise(1 if name == "norm" else of.size, of.course, unit, (of,), name)
         if not of.course:
             raise self._wrong(f"{name} of a number", "a signal over time", begin)
         unit = None if name == "integral" else of.unit
-        return Reduction(of.size, False, "1" if name == "share" else unit, name, of, q)
+        return Reduction(of.size, False, "1" if name == "share" else unit, (of,), name, q)
 
     def _signal(self, text: str) -> Node:
         try:
@@ -358,7 +333,8 @@ class _Parser:
         units = {v.unit_of_element(i) for i in point.elements}
         self._next()
         unit = (units.pop() or "1") if len(units) == 1 else None
-        return Signal(len(point.elements), True, unit, f"{point.element}.{v.name}", point.elements)
+        name = f"{point.element}.{v.name}"
+        return Signal(len(point.elements), True, unit, (), name, point.elements)
 
     def _both(self, sign: str, a: Node, b: Node) -> Node:
         if 1 not in (a.size, b.size) and a.size != b.size:
@@ -369,7 +345,7 @@ class _Parser:
         elif sign in "*/":
             unit = a.unit if b.unit == "1" else b.unit if (a.unit, sign) == ("1", "*") else None
             unit = "1" if sign == "/" and a.unit == b.unit is not None else unit
-        return Operation(max(a.size, b.size), a.course or b.course, unit, sign, a, b)
+        return Operation(max(a.size, b.size), a.course or b.course, unit, (a, b), sign)
 
     def _peek(self) -> str:
         return self.tokens[self.at][1] if self.at < len(self.tokens) else ""

@@ -1,7 +1,8 @@
-"""Result of a study: a table with one row for each run, and intervals of means."""
+"""Folder and result of a study: settings, finished runs in parts, one table, intervals of means."""
 
 from __future__ import annotations
 
+import io
 import json
 import shutil
 from collections.abc import Mapping, Sequence
@@ -43,30 +44,36 @@ class StudyFolder:
             shutil.rmtree(self.parts, ignore_errors=True)
             for name in OWN:
                 (self.path / name).unlink(missing_ok=True)
+        file = self.path / "study.json"
         try:
-            self._check()
+            if file.is_file():
+                self._refuse_other(file)
+            elif self.path.is_dir() and any(self.path.iterdir()):
+                raise InputInvalid(
+                    self.path, "has something else in it", "a new folder, or a study's"
+                )
             self.parts.mkdir(parents=True, exist_ok=True)
-            if not (self.path / "study.json").is_file():
+            if not file.is_file():
                 self.write({})
         except OSError as error:
             raise InputInvalid(f"{self.path}: cannot be written ({error.strerror})") from None
 
-    def _check(self) -> None:
-        if not self.path.is_dir() or not any(self.path.iterdir()):
-            return
-        file = self.path / "study.json"
-        if not file.is_file():
-            raise InputInvalid(self.path, "has something else in it", "a new folder, or a study's")
+    def _refuse_other(self, file: Path) -> None:
         try:
             before = json.loads(file.read_text(encoding="utf-8"))["asked"]
         except (OSError, ValueError, KeyError, TypeError):
             raise InputInvalid(
                 f"{file}: cannot be read as a study; --restart begins it anew"
             ) from None
+
+        def short(value: object) -> str:
+            text = json.dumps(value, ensure_ascii=False)
+            return text if len(text) <= 60 else f"{text[:57]}..."
+
         changed = [k for k in self.asked if before.get(k) != self.asked[k]]
         if changed:
             changes = "; ".join(
-                f"{k} was {_short(before.get(k))}, now {_short(self.asked[k])}" for k in changed
+                f"{k} was {short(before.get(k))}, now {short(self.asked[k])}" for k in changed
             )
             raise InputInvalid(
                 self.path,
@@ -97,10 +104,7 @@ class StudyFolder:
 
     def keep(self, runs: Sequence[int], outcomes: Sequence[Outcome]) -> None:
         """Write finished runs as one more part."""
-        import io
-
         import pyarrow as pa
-        import pyarrow.parquet as pq
 
         table = pa.table(
             {
@@ -109,28 +113,22 @@ class StudyFolder:
                 "failure": pa.array([o.failure for o in outcomes], pa.string()),
             }
         )
-        sink = io.BytesIO()
-        pq.write_table(table, sink)
         # Named by its runs: the same part written twice is one file.
         name = f"{content_hash([json.dumps(list(map(int, runs)))])}.parquet"
-        write_whole(self.parts / name, sink.getvalue())
+        _write_table(self.parts / name, table)
 
-    def finish(self, table: Table, more: Mapping[str, object]) -> Path:
+    def finish(self, table: Table, more: Mapping[str, object]) -> None:
         """Write the table, and study.json with the fields of `more`."""
-        import io
-
-        import pyarrow.parquet as pq
-
-        sink = io.BytesIO()
-        pq.write_table(table, sink)
-        write_whole(self.path / "runs.parquet", sink.getvalue())
+        _write_table(self.path / "runs.parquet", table)
         self.write({**more, "finished": True})
-        return self.path / "runs.parquet"
 
 
-def _short(value: object) -> str:
-    text = json.dumps(value, ensure_ascii=False)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+def _write_table(path: Path, table: Table) -> None:
+    import pyarrow.parquet as pq
+
+    sink = io.BytesIO()
+    pq.write_table(table, sink)
+    write_whole(path, sink.getvalue())
 
 
 @dataclass(frozen=True)

@@ -104,7 +104,8 @@ class Runs:
         problems += resolved(places, [*grid, *drawn.parameters])[1]
         if problems:
             raise SystemInvalid(list(dict.fromkeys(problems)))
-        counts = [len(_choice(q).values) for q in self.grid]
+        choices = [q.targets[0].distribution for q in self.grid]
+        counts = [len(choice.values) for choice in choices if isinstance(choice, Choice)]
         check_runs(math.prod(counts), len(self.seeds))
         self.points = list(product(*(range(n) for n in counts)))
         self._axis_u = [(np.arange(n) + 0.5) / n for n in counts]
@@ -144,11 +145,8 @@ class Runs:
                 example = ", ".join(f"{k} = {float(c[at]):g}" for k, c in columns.items())
                 raise InputInvalid(
                     hull.path,
-                    (
-                        f"{len(wrong)} of {self.n} runs have no possible body (M not "
-                        "positive definite, or inertia against its triangle rule), the "
-                        f"first with {example}"
-                    ),
+                    f"{len(wrong)} of {self.n} runs have no possible body (M not positive "
+                    f"definite, or inertia against its triangle rule), the first with {example}",
                     "masses and inertia that agree with each other",
                 )
         return start
@@ -164,13 +162,13 @@ class Runs:
     def _places(self) -> list[tuple[Quantity, str, int, str]]:
         found: list[tuple[Quantity, str, int, str]] = []
         for q in [*self.grid, *(self.drawn.quantities if self.drawn.parameters else ())]:
-            alike = all(
+            first, *others = q.targets
+            if all(
                 (t.distribution, t.factor, t.offset)
-                == (q.targets[0].distribution, q.targets[0].factor, q.targets[0].offset)
-                for t in q.targets
-            )
-            if alike:
-                found.append((q, q.targets[0].name, q.targets[0].element, q.label))
+                == (first.distribution, first.factor, first.offset)
+                for t in others
+            ):
+                found.append((q, first.name, first.element, q.label))
                 continue
             for t in q.targets:
                 shape = self.places.variables[t.name].shape
@@ -190,9 +188,3 @@ class Runs:
             }
             for q, name, element, column in self._places()
         ]
-
-
-def _choice(q: Quantity) -> Choice:
-    found = q.targets[0].distribution
-    assert isinstance(found, Choice)
-    return found
