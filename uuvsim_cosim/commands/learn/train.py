@@ -109,7 +109,13 @@ def train_command(
             refused=[k for k, v in unused.items() if v is not None],
         )  # fmt: skip
         return
-    asked = _config(task, config, changes)
+    from uuvsim_cosim.learn.training.config import TrainingConfig, read_config
+
+    if task is not None:
+        changes["task"] = task
+    elif config is None:
+        raise InputInvalid("no task", "one, as in `uuvsim train transition_1`, or --config")
+    asked = TrainingConfig(**changes) if config is None else read_config(config, **changes)
     if seeds is not None or ray is not None:
         from uuvsim_cosim.learn.training.train import resolved, training_folder
 
@@ -137,24 +143,11 @@ def train_command(
                 report = write_training_report(done.folder)
         except KeyboardInterrupt as interrupted:
             progress.close()
-            message = str(interrupted) or "interrupted; the same command goes on"
-            notice(message)
+            notice(str(interrupted) or "interrupted; the same command goes on")
             raise typer.Exit(getattr(interrupted, "status", 130)) from None
     _show(done, report)
     if open_ and report is not None:
         typer.launch(str(report))
-
-
-def _config(task: str | None, file: Path | None, changes: dict[str, Any]) -> TrainingConfig:
-    from uuvsim_cosim.learn.training.config import TrainingConfig, read_config
-
-    if task is not None:
-        changes["task"] = task
-    if file is not None:
-        return read_config(file, **changes)
-    if task is None:
-        raise InputInvalid("no task", "one, as in `uuvsim train transition_1`, or --config")
-    return TrainingConfig(**changes)
 
 
 def _show(done: Trained, report: Path | None) -> None:
@@ -202,54 +195,35 @@ def train_seeds(
     ray: str | None,
 ) -> list[Trained]:  # fmt: skip
     """Train each in its folder; write a report of each, and a table of all."""
-    with Termination() as termination, StudyProgress("steps") as progress:
-        try:
-            progress.say("building, once")
-            done = _trained(configs, folders, restart, ray, progress)
-            from uuvsim_cosim.view.reports.training_report import write_training_report
+    from uuvsim_cosim.learn.training.ray_training import ALIKE, train_on
+    from uuvsim_cosim.learn.training.train import train
+    from uuvsim_cosim.view.reports.training_report import write_training_report
 
+    done: list[Trained] = []
+    with Termination() as termination, StudyProgress("steps") as bar:
+        try:
+            bar.say("building, once")
+            with clustered(ray, alike=ALIKE) as cluster:
+                if cluster is not None:
+                    done = train_on(cluster, configs, folders, restart=restart, progress=bar)
+            for config, folder in zip(configs, folders, strict=True) if ray is None else ():
+                before, total = sum(d.config.steps for d in done), sum(c.steps for c in configs)
+
+                def show(progress: Progress, before: int = before, total: int = total) -> None:
+                    bar("training", before + progress.step, total)
+
+                done.append(train(config, folder=folder, restart=restart, observers=(show,)))
             for k, each in enumerate(done if report else ()):
-                progress.say(f"judging the best policy of {k + 1} of {len(done)}, and drawing it")
+                bar.say(f"judging the best policy of {k + 1} of {len(done)}, and drawing it")
                 write_judged(each.folder)
                 write_training_report(each.folder)
         except KeyboardInterrupt as interrupted:
-            progress.close()
-            message = str(interrupted) or "interrupted; the same command goes on from there"
-            notice(message)
+            bar.close()
+            notice(str(interrupted) or "interrupted; the same command goes on from there")
             status = max(termination.status, getattr(interrupted, "status", 130))
             raise typer.Exit(status) from None
     _show_seeds(done)
     return done
-
-
-def _trained(
-    configs: Sequence[TrainingConfig], folders: Sequence[Path], restart: bool, ray: str | None,
-    progress: StudyProgress,
-) -> list[Trained]:  # fmt: skip
-    if ray is not None:
-        from uuvsim_cosim.learn.training.ray_training import ALIKE, train_on
-
-        with clustered(ray, alike=ALIKE) as cluster:
-            assert cluster is not None
-            return train_on(cluster, configs, folders, restart=restart, progress=progress)
-    from uuvsim_cosim.learn.training.train import train
-
-    total = sum(c.steps for c in configs)
-    done: list[Trained] = []
-    for config, folder in zip(configs, folders, strict=True):
-        seen = _Seen(progress, sum(d.config.steps for d in done), total)
-        done.append(train(config, folder=folder, restart=restart, observers=(seen,)))
-    return done
-
-
-class _Seen:
-    """A TrainingObserver that shows one training's part of the total progress."""
-
-    def __init__(self, progress: StudyProgress, before: float, total: float) -> None:
-        self._progress, self._before, self._total = progress, before, total
-
-    def __call__(self, progress: Progress) -> None:
-        self._progress("training", self._before + progress.step, self._total)
 
 
 def _show_seeds(done: Sequence[Trained]) -> None:
@@ -364,7 +338,7 @@ PICTURES = 4  # episodes drawn
 EPISODES = 100
 
 
-def write_judged(folder: Path, episodes: int = EPISODES) -> None:
+def write_judged(folder: Path) -> None:
     """Evaluate the best policy of a training; write judged.json and pictures/ into its folder."""
     from uuvsim_cosim.commands.learn.policies import acting_of
     from uuvsim_cosim.learn.policies.playing import frames_of
@@ -374,15 +348,15 @@ def write_judged(folder: Path, episodes: int = EPISODES) -> None:
 
     found = acting_of([str(folder)], None, {})
     (acts,) = found.policies.values()
-    rows: dict[str, Mapping[str, Interval]] = {"best": judge(found.task, [acts], episodes)}
-    if yardstick := judge_scripted(found.task, episodes):
+    rows: dict[str, Mapping[str, Interval]] = {"best": judge(found.task, [acts], EPISODES)}
+    if yardstick := judge_scripted(found.task, EPISODES):
         rows["scripted"] = yardstick
     (folder / "pictures").mkdir(exist_ok=True)
     for k in range(PICTURES):
         *_, last = frames_of(found.task, acts, JUDGING_SEED + k)
         write_whole(folder / "pictures" / f"{JUDGING_SEED + k}.png", png(last))
     content = {
-        "episodes": episodes,
+        "episodes": EPISODES,
         "seed": JUDGING_SEED,
         "figures": {who: {k: asdict(i) for k, i in r.items()} for who, r in rows.items()},
     }
