@@ -64,8 +64,8 @@ def episode_of(
 
     def watch(m: Moment, row: int) -> View | None:
         time.append(float(m.time[row]))
-        for name, values in rows.items():
-            values.append(np.array(m[name][row], float))
+        for signal, values in rows.items():
+            values.append(np.array(m[signal][row], float))
         if not start:
             start.update({key: np.array(value[row]) for key, value in m.start.items()})
         view = task.view(m, row)
