@@ -144,24 +144,15 @@ def _mean(t: Array, x: Array, q: float) -> float:
     return math.fsum(x.tolist()) / len(x)
 
 
-def _std(t: Array, x: Array, q: float) -> float:
-    middle = _mean(t, x, q)
-    return math.sqrt(math.fsum(((x - middle) ** 2).tolist()) / len(x))
-
-
-def _integral(t: Array, x: Array, q: float) -> float:
-    return math.fsum((0.5 * (x[1:] + x[:-1]) * (t[1:] - t[:-1])).tolist())
-
-
 REDUCTIONS: dict[str, Callable[[Array, Array, float], float]] = {
     "rms": lambda t, x, q: math.sqrt(math.fsum((x * x).tolist()) / len(x)),
     "mean": _mean,
-    "std": _std,
+    "std": lambda t, x, q: math.sqrt(math.fsum(((x - _mean(t, x, q)) ** 2).tolist()) / len(x)),
     "min": lambda t, x, q: float(np.min(x)),
     "max": lambda t, x, q: float(np.max(x)),
     "first": lambda t, x, q: float(x[0]),
     "final": lambda t, x, q: float(x[-1]),
-    "integral": _integral,
+    "integral": lambda t, x, q: math.fsum((0.5 * (x[1:] + x[:-1]) * (t[1:] - t[:-1])).tolist()),
     "share": _mean,
     "quantile": lambda t, x, q: float(np.quantile(x, q)),
 }

@@ -15,6 +15,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import final
 
 from uuvsim_cosim.errors import UuvsimError
@@ -80,8 +81,13 @@ class ProcessRuns:
 
 def main() -> None:
     """Answer requests until stdin closes."""
-    if len(sys.argv) > 1:
-        _end_with(int(sys.argv[1]))
+    if len(sys.argv) > 1 and sys.platform.startswith("linux"):
+        # Let Linux end this process with its parent, even while a component blocks Python.
+        PR_SET_PDEATHSIG = 1
+        with suppress(AttributeError, OSError):  # the end of stdin is noticed anyway
+            ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)
+            if os.getppid() != int(sys.argv[1]):
+                os._exit(0)  # it ended before this call
     # Assumptions about a system were reported by the parent process already.
     logging.getLogger("uuvsim_cosim").addHandler(logging.NullHandler())
     answers = os.fdopen(os.dup(1), "wb")
@@ -121,19 +127,6 @@ def _listen(requests: queue.SimpleQueue[Request | Exception]) -> None:
             os._exit(0)
         except Exception as error:
             requests.put(error)
-
-
-def _end_with(parent: int) -> None:
-    """Let Linux end this process with its parent, even while a component blocks Python."""
-    if not sys.platform.startswith("linux"):
-        return
-    PR_SET_PDEATHSIG = 1
-    try:
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)
-    except (AttributeError, OSError):
-        return  # the end of stdin is noticed anyway
-    if os.getppid() != parent:
-        os._exit(0)  # it ended before this call
 
 
 if __name__ == "__main__":

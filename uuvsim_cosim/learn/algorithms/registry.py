@@ -98,11 +98,29 @@ def check_settings(algorithm: Algorithm, settings: Mapping[str, object]) -> dict
     hints: dict[str, type] = {}
     for kind in makers.settings:
         hints |= {k: v for k, v in get_type_hints(kind).items() if k not in makers.fixed}
-    given = {}
+    given: dict[str, float] = {}
+    value: Any
     for name, value in settings.items():
         if name not in hints:
             raise InputInvalid(f"{algorithm.name}, setting {name!r}", expected_names(name, hints))
-        given[name] = _checked(algorithm.name, name, value, hints[name])
+        place = f"{algorithm.name}, {name} {value!r}"
+        if hints[name] is bool:
+            if not isinstance(value, bool):
+                raise InputInvalid(place, "true or false")
+            given[name] = value
+            continue
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if hints[name] is int:
+            least = 0 if name in _MAY_BE_0 else 2 if name in ("batch", "samples") else 1
+            if not number or value != int(value) or not least <= value <= 10**9:
+                raise InputInvalid(place, f"a whole number from {least}")
+            given[name] = int(value)
+            continue
+        low, high = _LIMITS.get(name, (1e-12, 1e6))
+        if not number or not low <= value <= high:
+            expected = "more than 0, at most 1e6" if low == 1e-12 else f"{low:g} … {high:g}"
+            raise InputInvalid(place, f"a number, {expected}")
+        given[name] = float(value)
     return given
 
 
@@ -157,23 +175,3 @@ _LIMITS = {  # (least, greatest) of some numbers; the others are positive
     "average": (1e-6, 1.0),
 }  # fmt: skip
 _MAY_BE_0 = ("warm_up", "critic_only", "epsilon_steps")
-
-
-def _checked(algorithm: str, name: str, value: Any, kind: type) -> float:
-    """Return a setting with its type; raises InputInvalid."""
-    place = f"{algorithm}, {name} {value!r}"
-    if kind is bool:
-        if not isinstance(value, bool):
-            raise InputInvalid(place, "true or false")
-        return value
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    if kind is int:
-        least = 0 if name in _MAY_BE_0 else 2 if name in ("batch", "samples") else 1
-        if not number or value != int(value) or not least <= value <= 10**9:
-            raise InputInvalid(place, f"a whole number from {least}")
-        return int(value)
-    low, high = _LIMITS.get(name, (1e-12, 1e6))
-    if not number or not low <= value <= high:
-        expected = "more than 0, at most 1e6" if low == 1e-12 else f"{low:g} … {high:g}"
-        raise InputInvalid(place, f"a number, {expected}")
-    return float(value)

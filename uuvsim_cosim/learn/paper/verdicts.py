@@ -86,7 +86,11 @@ def verdicts(results: Results) -> list[Verdict]:
 def _figure_7(results: Results) -> Iterator[Verdict]:
     def converges(runs: Sequence[Result]) -> tuple[str, str]:
         track, share = _mean_of(runs, "track"), _share(runs)
-        early = interval(np.array([[_reaches_last(r)] for r in runs]))
+        shares = []  # of the episodes after which 90 % of the rise to the last value is made
+        for step, curve in ((r.curve["step"], r.curve["return"]) for r in runs):
+            wanted = curve[0] + 0.9 * (curve[-1] - curve[0])
+            shares.append([float(step[int(np.argmax(curve >= wanted))] / step[-1])])
+        early = interval(np.array(shares))
         decision = together(track.at_least(0.95), share.at_least(0.9), early.at_most(0.3))
         return f"track {track}, return {share} of scripted, after {early} of the episodes", decision
 
@@ -225,14 +229,6 @@ def _share(runs: Sequence[Result]) -> Interval:
     """Return the return divided by that of the scripted controller."""
     scripted = float(runs[0].scripted.mean())
     return _mean(np.stack([r.returns / scripted for r in runs]))
-
-
-def _reaches_last(run: Result) -> float:
-    """Return the share of the episodes after which 90 % of the rise to the last value is made."""
-    curve = run.curve["return"]
-    wanted = curve[0] + 0.9 * (curve[-1] - curve[0])
-    at = int(np.argmax(curve >= wanted))
-    return float(run.curve["step"][at] / run.curve["step"][-1])
 
 
 def _steps_to(run: Result, share: float) -> float:

@@ -138,7 +138,12 @@ class Training:
             with suppress(OSError):  # the disk may be full: the first error is reported
                 self._write_curves()
             if isinstance(error, LearningDiverged):
-                raise error.saying(self.learner.name, f"{last}{self._diverged()}") from None
+                beside = self.folder / "diverged.pt"
+                with suppress(OSError, UuvsimError):  # a full disk, or NaN in the networks
+                    save_checkpoint(beside, self._content())
+                    self._write_policies("policy")
+                    last += f"; {beside} and policy.npz are of then"
+                raise error.saying(self.learner.name, last) from None
             error.add_note(last)
             raise
         finally:
@@ -278,16 +283,6 @@ class Training:
             "rollout": self.rollout.state(),
             "learner": self.learner.state(),
         }
-
-    def _diverged(self) -> str:
-        """Write the diverged state beside the checkpoint, which stays; returns a message of it."""
-        beside = self.folder / "diverged.pt"
-        try:
-            save_checkpoint(beside, self._content())
-            self._write_policies("policy")
-        except (OSError, UuvsimError):  # a full disk, or NaN in the networks
-            return ""
-        return f"; {beside} and policy.npz are of then"
 
     def _write_curves(self) -> None:
         _write_csv(self.folder / "episodes.csv", self._rows)

@@ -211,29 +211,7 @@ def _guess(box: GreyBox, grid: Grid, S: int, M: int) -> Array:
 
     n_x = box.x.numel()
     start = box.start()
-    y = _filled(grid)
-    step = box.step(grid.h, sloped=True)
-    theta = np.array([f.start for f in box.fitted])
-    euler = ca.SX.sym("e", 3)
-    q_of = ca.Function("q", [euler], [q_of_euler(euler[0], euler[1], euler[2])])
-    hull = box.hull
-    x = start.copy()
-    out = np.zeros((n_x, S))
-    for i in range(S):
-        k = i * M
-        x[box.x_places[hull, "p"]] = y[:3, k]
-        x[box.x_places[hull, "q_nb"]] = np.array(q_of(y[3:6, k])).ravel()
-        x[box.x_places[hull, "nu_b"]] = y[6:, k]
-        out[:, i] = x
-        for j in range(k, min(k + M, grid.w.shape[1])):
-            x = np.array(step(x, grid.w[:, j], theta)).ravel()
-        if not np.all(np.isfinite(x)):
-            x = start.copy()
-    return out
-
-
-def _filled(grid: Grid) -> Array:
-    """Return eta and nu at every grid point: interpolated; velocities by differences."""
+    # eta and nu at every grid point: interpolated; velocities by differences
     y = grid.y.copy()
     n = y.shape[1]
     for j in range(12):
@@ -254,4 +232,21 @@ def _filled(grid: Grid) -> Array:
         # u v w from positions and attitude, smoothed over five steps
         rates = uniform_filter1d(np.gradient(y[:3], grid.h, axis=1), 5, axis=1)
         y[6:9] = Rotation.from_euler("ZYX", y[[5, 4, 3]].T).inv().apply(rates.T).T
-    return y
+    step = box.step(grid.h, sloped=True)
+    theta = np.array([f.start for f in box.fitted])
+    euler = ca.SX.sym("e", 3)
+    q_of = ca.Function("q", [euler], [q_of_euler(euler[0], euler[1], euler[2])])
+    hull = box.hull
+    x = start.copy()
+    out = np.zeros((n_x, S))
+    for i in range(S):
+        k = i * M
+        x[box.x_places[hull, "p"]] = y[:3, k]
+        x[box.x_places[hull, "q_nb"]] = np.array(q_of(y[3:6, k])).ravel()
+        x[box.x_places[hull, "nu_b"]] = y[6:, k]
+        out[:, i] = x
+        for j in range(k, min(k + M, grid.w.shape[1])):
+            x = np.array(step(x, grid.w[:, j], theta)).ravel()
+        if not np.all(np.isfinite(x)):
+            x = start.copy()
+    return out

@@ -123,18 +123,6 @@ class GreyBox:
                 here = self.hops[here]
         return sorted(inside, key=lambda i: (i != self.hull, i))
 
-    def _delay(self, component: int) -> float:
-        """Return the delay [s] by communication steps, from a part's inputs to the hull's.
-
-        The output of a part with states is held for a step, which delays it by half a step on
-        average. A part without states passes on the inputs of the step before.
-        """
-        delay, here = 0.0, component
-        while (following := self.hops[here]) is not None and here in self.parts:
-            delay += 0.5 if self.parts[here].model.of_kind("state") else 1.0
-            here = following
-        return delay * self.tick
-
     # ---- expressions --------------------------------------------------------------------------
 
     def _closed(self, i: int, expression: Any) -> Any:
@@ -189,7 +177,13 @@ class GreyBox:
         if not feed.free and feed.component in self.parts:
             output = self._output(feed.component, feed.variable)
             return feed.factor * output[feed.element] + feed.offset
-        feed = replace(feed, delay=self._delay(i))
+        # The output of a part with states is held for a step, which delays it by half a step on
+        # average. A part without states passes on the inputs of the step before.
+        delay, here = 0.0, i
+        while (following := self.hops[here]) is not None and here in self.parts:
+            delay += 0.5 if self.parts[here].model.of_kind("state") else 1.0
+            here = following
+        feed = replace(feed, delay=delay * self.tick)
         if feed not in self.feeds:
             self.feeds.append(feed)
             self._w.append(ca.SX.sym(f"w_{len(self._w)}"))

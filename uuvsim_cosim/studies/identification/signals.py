@@ -110,7 +110,17 @@ def grid_of(
     # Delayed inputs of the first steps lie before the recording: the grid begins after them.
     begin = float(t[min(np.searchsorted(t, t[0] + max((f.delay for f in box.feeds), default=0.0)
                                         - 1e-9), len(t) - 1)])  # fmt: skip
-    step = _step(t, h)
+    if h is None:
+        usual = float(np.median(np.diff(t)))
+        # As fine as the samples, unless that takes too long: the error of integration is not noise,
+        # so intervals do not contain it.
+        least = max(usual, _FINEST, (t[-1] - t[0]) / _ENOUGH_STEPS)
+        coarser = max(1.0, float(np.floor(min(least, _FINE) / usual + 1e-9)))
+        step = usual if usual >= _FINE else usual * coarser
+    elif np.isfinite(h) and h > 0:
+        step = h
+    else:
+        raise InputInvalid(f"--step {h:g}: expected seconds above 0")
     K = int(np.floor((t[-1] - begin) / step + 1e-6))
     if not 20 <= K <= _MOST_STEPS:
         raise InputInvalid(
@@ -170,20 +180,6 @@ def _times(signals: Signals, first: float, last: float | None) -> tuple[Array, N
         raise InputInvalid(f"no samples from {first:g} s on; the recording holds {span}")
     place = np.flatnonzero(rising)
     return time[place], place
-
-
-def _step(t: Array, h: float | None) -> float:
-    if h is not None:
-        if not (np.isfinite(h) and h > 0):
-            raise InputInvalid(f"--step {h:g}: expected seconds above 0")
-        return h
-    usual = float(np.median(np.diff(t)))
-    if usual >= _FINE:
-        return usual
-    # As fine as the samples, unless that takes too long: the error of integration is not noise, so
-    # intervals do not contain it.
-    least = max(usual, _FINEST, (t[-1] - t[0]) / _ENOUGH_STEPS)
-    return usual * max(1.0, float(np.floor(min(least, _FINE) / usual + 1e-9)))
 
 
 def _moments(t: Array, values: Array, grid: Array, delay: float) -> Array:
