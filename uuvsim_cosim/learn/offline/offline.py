@@ -198,7 +198,7 @@ def _space(named: Sequence[Named]) -> str:
 
 def _described(learner: OfflineLearner, data: Dataset, chosen: Any, seed: int, done: int) -> Policy:
     """Return the policy, with the algorithm, settings and data that it was learned from."""
-    return learner.policy().told(
+    return learner.policy().with_training(
         algorithm=learner.name, seed=seed, updates=done, settings=asdict(chosen),
         dataset={"episodes": len(data.episodes), "return": float(data.returns.mean()),
                  **data.told},

@@ -117,7 +117,7 @@ class Policy:
             x = np.tanh(x)
         return np.asarray(np.clip(x, -1.0, 1.0), np.float64)
 
-    def told(self, **trained: object) -> Policy:
+    def with_training(self, **trained: object) -> Policy:
         """Return the same policy with more entries of `trained`."""
         return replace(self, trained={**self.trained, **trained})
 
