@@ -1,4 +1,7 @@
-"""The runs of a study as a table: grid points times seeds, each with all of its start values."""
+"""The runs of a study as a table: grid points times seeds, each with all of its start values.
+
+A study that would not fit into memory is refused before it begins.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Replay buffer: the last transitions of a team, drawn uniformly."""
+"""Replay buffer: the last transitions of a team, drawn uniformly; transitions over n actions."""
 
 from __future__ import annotations
 

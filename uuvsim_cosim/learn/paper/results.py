@@ -1,4 +1,9 @@
-"""Results of a run of the benchmark: numbers, the learning curve, an episode, policies."""
+"""Results of a run of the benchmark: numbers, the learning curve, an episode, policies.
+
+A run writes its results as files, each whole or not at all, so that several runs can work at the
+same time and any can be killed. `pack` moves them into an archive, one Parquet file. A file beside
+the archive takes precedence over its row there.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Errors of learning."""
+"""Errors of learning: divergence, and torch that is not installed."""
 
 from __future__ import annotations
 

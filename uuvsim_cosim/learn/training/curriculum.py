@@ -1,7 +1,7 @@
 """A curriculum: tasks one after the other, each begun with the networks of the last.
 
 Scenario transfer training (STT) of the UUVSim paper is one; at each switch the actions are exactly
-unchanged (see `transfer`).
+unchanged (see `transfer`). Curricula have names, or are read from YAML files.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Owner and lock of a training's folder: one training, and one process at a time."""
+"""Folders of trainings and curricula: owner, lock, and record of the finished stages.
+
+A folder belongs to one training or curriculum, and one process works in it at a time.
+"""
 
 from __future__ import annotations
 

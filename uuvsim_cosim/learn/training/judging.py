@@ -1,4 +1,7 @@
-"""Judgement of policies on seeds used for nothing else: means with bootstrap intervals."""
+"""Judgement of policies on seeds used for nothing else: means with bootstrap intervals.
+
+Several policies are evaluated in parts, in this process or, with equal bits, on a cluster.
+"""
 
 from __future__ import annotations
 

@@ -14,10 +14,8 @@ from uuvsim_cosim.envs.task.task import Task, TeamTask
 from uuvsim_cosim.errors import InputInvalid
 from uuvsim_cosim.learn.algorithms.registry import (
     ALGORITHMS,
-    algorithm_for,
     check_settings,
     default_settings,
-    learner_of,
 )
 from uuvsim_cosim.learn.shared.task_ids import make_task
 from uuvsim_cosim.learn.training.agents import agents_of, widths
@@ -32,7 +30,7 @@ from uuvsim_cosim.learn.training.folders import (
     stage_folder,
     write_done,
 )
-from uuvsim_cosim.learn.training.train import one_thread
+from uuvsim_cosim.learn.training.train import learner_in, one_thread
 from uuvsim_cosim.learn.training.training_seeds import EVALUATION_SEED
 
 if TYPE_CHECKING:
@@ -40,16 +38,7 @@ if TYPE_CHECKING:
     from uuvsim_cosim.learn.algorithms.learner import Transferable
     from uuvsim_cosim.learn.training.training import Training, TrainingObserver
 
-__all__ = [
-    "StageTrained",
-    "keep_switch",
-    "learner_for",
-    "settings_of",
-    "spent",
-    "switch_of",
-    "train_curriculum",
-    "train_stage",
-]
+__all__ = ["StageTrained", "learner_for", "settings_of", "spent", "train_curriculum"]
 
 
 @dataclass(frozen=True)
@@ -85,6 +74,8 @@ def train_curriculum(
     torch computes on one thread. With `restart`, another curriculum in the folder is replaced.
     `first` is the first seed of the environments, see `Training`.
     """
+    from uuvsim_cosim.learn.algorithms.checkpoint import save_checkpoint
+
     folder = Path(folder)
     tasks = _checked_tasks(curriculum)  # all checks come first
     done_in(folder, curriculum, seed, restart=restart)  # a refused folder gets no lock file
@@ -112,7 +103,11 @@ def train_curriculum(
             done = [*done[:k], row]
             results.append(_result(place, stage, row))
             if not last_one:  # before the record: a recorded stage has what the next one needs
-                keep_switch(curriculum, k + 1, tasks[k + 1], learner, folder, seed)
+                following = learner_for(curriculum, k + 1, tasks[k + 1], seed)
+                following.go_on_from(learner, seed)
+                path = switch_of(folder, curriculum, k + 1)
+                path.parent.mkdir(parents=True, exist_ok=True)
+                save_checkpoint(path, {"learner": following.state()})
             write_done(folder, curriculum, seed, done)
             if stage_ends is not None:
                 stage_ends(k, results[-1])
@@ -131,15 +126,8 @@ def _result(place: Path, stage: Stage, row: Mapping[str, Any]) -> StageTrained:
         raise InputInvalid(
             path, f"cannot be read ({error})", "what a stage that is done has left"
         ) from None
-    return StageTrained(
-        place,
-        stage.task,
-        rows,
-        row["scripted"],
-        bool(row["promoted"]),
-        float(row["cpu"]),
-        row.get("note"),
-    )
+    promoted, cpu = bool(row["promoted"]), float(row["cpu"])
+    return StageTrained(place, stage.task, rows, row["scripted"], promoted, cpu, row.get("note"))
 
 
 def _checked_tasks(curriculum: Curriculum) -> list[Task | TeamTask]:
@@ -235,10 +223,9 @@ def train_stage(
         training.close()
         place.mkdir(parents=True, exist_ok=True)
         write_whole(about, json.dumps({"cpu": before + training.cpu}).encode())
-    promoted = bool(rows[-1]["stopped"])
     return {
         "scripted": scripted,
-        "promoted": promoted,
+        "promoted": bool(rows[-1]["stopped"]),
         "cpu": before + training.cpu,
         "note": training.note,
     }, learner
@@ -246,13 +233,10 @@ def train_stage(
 
 def learner_for(curriculum: Curriculum, k: int, task: Task | TeamTask, seed: int) -> Transferable:
     """Make the new learner of a stage, without the networks of earlier stages."""
-    agents = len(agents_of(task))
-    observed, acted = widths(task)
-    name = "sac" if agents == 1 and curriculum.algorithm == "masac" else curriculum.algorithm
-    made: object = learner_of(
-        algorithm_for(name, agents), settings_of(curriculum, k), agents=agents, observed=observed,
-        acted=acted, n=curriculum.envs, seed=seed, symmetries=task.symmetries(),
-    )  # fmt: skip
+    alone = len(agents_of(task)) == 1 and curriculum.algorithm == "masac"
+    settings = settings_of(curriculum, k)
+    name = "sac" if alone else curriculum.algorithm
+    made: object = learner_in(task, name, settings, n=curriculum.envs, seed=seed)
     return cast("Transferable", made)
 
 
@@ -275,24 +259,6 @@ def settings_of(curriculum: Curriculum, k: int) -> dict[str, object]:
         end = settings.get("epsilon_end", default_settings(algorithm)["epsilon_end"])
         switched = {"warm_up": 0, "epsilon": end}
     return {**curriculum.settings, **switched, **own}
-
-
-def keep_switch(
-    curriculum: Curriculum,
-    k: int,
-    task: Task | TeamTask,
-    last: Transferable,
-    folder: Path,
-    seed: int,
-) -> None:
-    """Write the state with which stage k begins."""
-    from uuvsim_cosim.learn.algorithms.checkpoint import save_checkpoint
-
-    began = learner_for(curriculum, k, task, seed)
-    began.go_on_from(last, seed)
-    path = switch_of(folder, curriculum, k)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    save_checkpoint(path, {"learner": began.state()})
 
 
 def switch_of(folder: Path, curriculum: Curriculum, k: int) -> Path:
