@@ -242,7 +242,7 @@ class Study:
                     return [kernel], "kernel", ""
                 kernel.close()
         if cluster is not None:
-            from uuvsim_cosim.studies.ray_runs import ray_runs
+            from uuvsim_cosim.studies.worker import ray_runs
 
             used: Literal["kernel", "master"] = "master" if why or backend == "master" else "kernel"
             places = n if used == "master" else min(size, n)

@@ -1,11 +1,13 @@
-"""A process that simulates runs with a master: requests on stdin, answers on stdout.
+"""Simulation of runs elsewhere: in a process with a master, or by the workers of a Ray cluster.
 
-It exits as soon as the process that started it ends, for whatever reason: its stdin then closes.
+A process gets requests on stdin and answers on stdout. It exits as soon as the process that started
+it ends, for whatever reason: its stdin then closes.
 """
 
 from __future__ import annotations
 
 import ctypes
+import hashlib
 import logging
 import os
 import pickle
@@ -16,12 +18,24 @@ import sys
 import threading
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import final
+from typing import TYPE_CHECKING, Literal, final
 
 from uuvsim_cosim.errors import UuvsimError
-from uuvsim_cosim.studies.simulate_runs import MasterRuns, Outcome, Script, Starts
+from uuvsim_cosim.studies.simulate_runs import (
+    KernelRuns,
+    MasterRuns,
+    Outcome,
+    Script,
+    Simulated,
+    Starts,
+)
 
-__all__ = ["ProcessRuns", "main"]
+if TYPE_CHECKING:
+    from ray import ObjectRef
+
+    from uuvsim_cosim.cluster.ray_cluster import Cluster
+
+__all__ = ["ProcessRuns", "RayRuns", "main", "ray_runs"]
 
 Request = Script | tuple[list[int], Starts]  # the script first; then seeds and start values
 
@@ -127,6 +141,51 @@ def _listen(requests: queue.SimpleQueue[Request | Exception]) -> None:
             os._exit(0)
         except Exception as error:
             requests.put(error)
+
+
+IN_FLIGHT = 2  # requests for each CPU: one is worked on, one waits
+
+_made: dict[tuple[str, str, int], Simulated] = {}  # of a worker's process
+
+
+def ray_runs(
+    cluster: Cluster, script: Script, by: Literal["kernel", "master"], n: int
+) -> list[Simulated]:
+    """Return enough simulators to keep the cluster busy; a kernel's batch has `n` places."""
+    content = pickle.dumps(script)
+    key = (hashlib.blake2b(content, digest_size=16).hexdigest(), by, n)
+    kept = cluster.put(content)
+    return [RayRuns(cluster, key, kept) for _ in range(IN_FLIGHT * max(cluster.cpus, 1))]
+
+
+@final
+class RayRuns:
+    """One request at a time to the cluster; a run depends on seed and start values only."""
+
+    def __init__(self, cluster: Cluster, key: tuple[str, str, int], kept: ObjectRef) -> None:
+        self._cluster, self._key, self._kept = cluster, key, [kept]
+
+    def runs(self, seeds: Sequence[int], start: Starts) -> list[Outcome]:
+        """Simulate runs on the cluster."""
+        return self._cluster.call(_runs, self._key, self._kept, list(seeds), dict(start))
+
+    def close(self) -> None:
+        """Do nothing: the cluster ends its own work."""
+
+
+def _runs(
+    key: tuple[str, str, int], kept: list[ObjectRef], seeds: list[int], start: Starts
+) -> list[Outcome]:
+    """Simulate in a worker, which keeps its kernel or master for the next call."""
+    if key not in _made:
+        import ray
+
+        script: Script = pickle.loads(ray.get(kept[0]))
+        _, by, n = key
+        for other in list(_made):  # one at a time: a kernel's batch may fill the memory
+            _made.pop(other).close()
+        _made[key] = KernelRuns(script, n, 1) if by == "kernel" else MasterRuns(script)
+    return _made[key].runs(seeds, start)
 
 
 if __name__ == "__main__":

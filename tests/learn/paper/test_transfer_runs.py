@@ -19,7 +19,7 @@ from uuvsim_cosim.learn.paper.transfer_runs import (
     read_transfers,
     run_transfers,
 )
-from uuvsim_cosim.learn.paper.transfer_verdicts import cells_of, transfer_verdicts
+from uuvsim_cosim.learn.paper.verdicts import cells_of, transfer_verdicts
 from uuvsim_cosim.learn.policies.policy import Policy
 
 RNG = np.random.default_rng(0)

@@ -18,8 +18,13 @@ from uuvsim_cosim.learn.paper.transfer_runs import (
     run_transfer,
 )
 from uuvsim_cosim.learn.paper.ways import Budget, Chain, place_of
-from uuvsim_cosim.learn.shared.files import read_files, write_files
-from uuvsim_cosim.learn.training.ray_training import SECONDS, changed_files, clock
+from uuvsim_cosim.learn.training.ray_training import (
+    SECONDS,
+    changed_files,
+    clock,
+    read_files,
+    write_files,
+)
 from uuvsim_cosim.learn.training.train import one_thread
 
 __all__ = ["reproduce_on", "transfers_on"]
