@@ -94,7 +94,7 @@ def test_at_a_switch_each_acts_exactly_as_one_did_that_cannot_see_what_wakes_up(
     whole: Path,
 ) -> None:
     last, began = learner(whole, 0, "checkpoint.pt"), learner(whole, 1, "switch.pt")
-    awake = last.awake()
+    awake = last._replay.awake()
     assert 6 < awake.sum() < 14  # itself, and a target at rest
     seen = np.random.default_rng(0).normal(size=(20, 2, 31)).astype(np.float32)
     asleep = np.where(awake, seen, 0).astype(np.float32)
